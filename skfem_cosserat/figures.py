@@ -295,12 +295,13 @@ def _number_ticks(axis: Any, room: float) -> None:
     counts = [
         sum(low <= each * 10.0**k <= high for k in decades for each in within) for within in _WITHIN
     ]
-    fitting = [k for k, count in enumerate(counts) if count <= room]
-    # the fewest that number three ticks, else as many as there is room for
+    powers = low < 8e-4 or high > 2e4  # longer numbers
+    fitting = [k for k, count in enumerate(counts) if count <= (0.8 if powers else 1.0) * room]
+    # the fewest that number three ticks, else as many as there is room for; powers of ten alone
+    # only where there are many
     chosen = next(
-        (k for k in fitting if counts[k] >= (4 if k == 0 else 3)), max(fitting, default=0)
+        (k for k in fitting if counts[k] >= (7 if k == 0 else 3)), max(fitting, default=0)
     )
-    powers = low < 8e-4 or high > 2e4
     if counts[chosen] < 2:
         axis.set_major_locator(MaxNLocator(min(5, max(2, int(room))), steps=[1, 2, 5, 10]))
         powers = False

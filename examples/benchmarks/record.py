@@ -11,14 +11,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from skfem_cosserat import study
+import skfem_cosserat as sc
 
 HERE = Path(__file__).resolve().parent
 
 
 def main() -> dict[str, Any]:
     """Provenance of numbers made now: versions, machine, commit, threads of the linear algebra."""
-    return study.provenance(HERE)
+    return sc.study.provenance(HERE)
 
 
 class Record:
@@ -53,7 +53,7 @@ class Record:
     ) -> Path:
         """Table with comma separated values; lines in front of it that start with # say whence."""
         notes = self.provenance | {"run": self.runs[run - 1]}
-        return study.write_rows(path, notes, header, rows)
+        return sc.study.write_rows(path, notes, header, rows)
 
 
 def read_csv(path: Path) -> tuple[dict[str, Any], list[str], list[list[str]]]:

@@ -19,10 +19,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import adaptive_mesh
 import dynamic_report
 import element_orders
+import speed_accuracy_chart
 import theory_limits
 import theory_report
 
-from skfem_cosserat.study import ResultTable
+from skfem_cosserat.study import PrecisionTable, ResultTable
 
 STORED = Path(__file__).resolve().parents[1] / "pictures"
 Row = Mapping[str, Any]
@@ -101,12 +102,18 @@ def theories(path: Path) -> None:
     theory_report.chart({"rows": found, "ends": sorted({row["until_s"] for row in found})}, path)
 
 
+def speed(path: Path) -> None:
+    """Errors over costs of a scene, by steps and by whole process."""
+    speed_accuracy_chart.charts(PrecisionTable.read(STORED / f"{path.stem}.csv"), path)
+
+
 CHARTS = {
     "adaptive_mesh": adaptive,
     "dynamic_references": dynamic,
     "element_orders": elements,
     "theory_limits": limits,
     "theory_table": theories,
+    **{f"speed_accuracy_{name}": speed for name in speed_accuracy_chart.GRIDS},
 }
 
 

@@ -50,6 +50,8 @@ def _scene(until: float, sample: float, beam: dict[str, Any], **more: Any) -> di
 
 def _beam(start: Any, end: Any, elements: int, director: Any, numbers: Any) -> dict[str, Any]:
     """A straight beam; numbers: stiffness, mass, moments of inertia about d1, d2 and perhaps d3."""
+    if elements % len(numbers):
+        raise ValueError(f"{elements} elements are no multiple of {len(numbers)} sections")
     nodes = np.linspace(np.array(start, dtype=float), end, elements + 1)
     table = np.broadcast_to(np.array(numbers, dtype=float), (len(numbers), len(numbers[0])))
     table = np.repeat(table, elements // len(table), axis=0) if len(table) > 1 else table

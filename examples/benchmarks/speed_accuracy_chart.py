@@ -16,8 +16,9 @@ what has reached all errors already, or take longer than a run may, are not run.
 
 Cost of the steps: CPU time of the steps alone, without model, compilation and recording. Cost of
 the whole process: CPU time of a Python that starts, imports, builds, takes the steps and writes the
-positions, kernels compiled before; measured for the peers' runs and, in a process each, for the
-points of our front. Of what reaches an error cheapest the smallest of some repeats.
+positions, in plain numpy or by kernels compiled before, as simulate decides; measured for the
+peers' runs and, in a process each, for the points of our front. Of what reaches an error cheapest
+the smallest of some repeats.
 
 Run ``python examples/benchmarks/speed_accuracy_chart.py --help`` for the choices.
 """
@@ -51,6 +52,9 @@ from skfem_cosserat.study.precision import pareto
 from skfem_cosserat.study.setups import raised
 
 OURS, OWN = "skfem-cosserat", "own"
+#: single steps are timed as those of a run of so many, which has compiled kernels; a whole process
+#: has those that simulate takes for its own number of steps
+LONG = 10**7
 #: relative errors of the statements
 TARGETS = (1e-2, 1e-4, 1e-6)
 #: relative change of the error below which it is no matter of the step, or of the mesh
@@ -58,7 +62,9 @@ SETTLED = 0.1
 #: relative error of what is off altogether
 OFF = 0.1
 #: CPU time of the steps that a run may take (s): ours, a peer's
-PATIENCE = {True: (0.3, 0.3), False: (2.0, 3.0)}
+PATIENCE = {True: (0.3, 0.3), False: (6.0, 3.0)}
+#: how many times as long as a run of the classic integrators for the smallest error others may take
+DEARER = 3.0
 #: short runs are repeated for so long (s), at most so many times
 REPEATED = 0.015, 4
 #: options of the peers that are tried; of others those that they have by themselves
@@ -96,11 +102,13 @@ MESHES = {
 }
 BLADE = {order: [n for n in (8, 16, 32, 64, 128) if n * order <= 128] for order in (1, 2, 3, 4)}
 PEERS = (8, 16, 32, 64, 128, 256)
-QUICK = Grid({1: (8,), 3: (2,)}, (0, 1), (8,), (4, 6, 2))
+QUICK = Grid({1: (8,), 3: (8,)}, (0, 1), (8,), (8, 16, 2))  # the blade has eight sections
+#: the waves of the swing take finer meshes
+FINER = MESHES | {3: (4, 8, 16, 32, 64), 4: (4, 8, 16, 32)}
 GRIDS = {
     "rod": Grid(MESHES, range(15), PEERS, (40, 70, 8)),
     "spaghetti": Grid(MESHES, range(12), PEERS, (24, 36, 7)),
-    "swing": Grid(MESHES, range(12), PEERS, (64, 128, 10)),
+    "swing": Grid(FINER, range(13), PEERS, (64, 128, 10)),
     "four-bar": Grid(MESHES, range(12), PEERS, (12, 20, 8)),
     "blade": Grid(BLADE, range(12), PEERS, (48, 72, 9)),
 }
@@ -217,7 +225,10 @@ class Runner(NamedTuple):
         """Run it once more and keep the smaller cost; `key`: of the steps, or of the process."""
         setup = row["setup"]
         whole = key == "process_s" and setup.peer == OWN
-        answer = self.asks["process" if whole else setup.peer](setup.scene(self.name, self.until))
+        scene = setup.scene(self.name, self.until)
+        if whole:
+            del scene["options"]["planned"]
+        answer = self.asks["process" if whole else setup.peer](scene)
         for name, given in (("cost_s", "seconds"), ("process_s", "process_s")):
             if answer["status"] == "completed" and given in answer and (name == key or not whole):
                 row[name] = min(row[name] or inf, answer[given])
@@ -273,10 +284,10 @@ def reference(name: str, grid: Grid, until: float | None, kernels: str) -> tuple
     fine, other, halvings = grid.reference
     paths = []
     for integrator, order, n in (("energy-momentum", 4, fine), ("variational", 3, other)):
-        o = tuple({"integrator": integrator, "order": order, "kernels": kernels}.items())
+        steps = grid._replace(halvings=(halvings, halvings + 1))
         pair = [
-            np.array(own.run(Setup(OWN, "", n, k, o).scene(name, until))["positions"])
-            for k in (halvings, halvings + 1)
+            np.array(own.run(setup.scene(name, until))["positions"])
+            for setup in ours(steps, integrator, "null-space", [(order, n)], kernels)
         ]
         paths.append(pair[1] + (pair[1] - pair[0]) / 3)
     return paths[0], float(np.linalg.norm(paths[0] - paths[1], axis=1).max())
@@ -286,7 +297,7 @@ def ours(
     grid: Grid, integrator: str, treatment: str, meshes: Iterable[tuple[int, int]], kernels: str
 ) -> list[Setup]:
     """Setups of an integrator on meshes (order and elements)."""
-    o = {"integrator": integrator, "treatment": treatment, "kernels": kernels}
+    o = {"integrator": integrator, "treatment": treatment, "kernels": kernels, "planned": LONG}
     return [
         Setup(OWN, integrator, n, k, tuple((o | {"order": order}).items()))
         for (order, n), k in product(meshes, grid.halvings)
@@ -325,19 +336,19 @@ def compared(
     for each in (i for i in chosen if i in INTEGRATORS):
         rows += run.explored(ours(grid, each, "null-space", every, kernels), patience[0])
     best = [cheapest(rows, each) for each in (*TARGETS, 1e-1, 1e-3, 1e-5)]
-    few = list(dict.fromkeys((r["setup"].order, r["setup"].elements) for r in best if r)) or every
-    # what takes ten times as long as the classic ones for all errors is of no use
-    dearest = max((10 * r["cost_s"] for r in best[:3] if r), default=inf) if all(best[:3]) else inf
-    for each, treatment in product(chosen, measuring.TREATMENTS):
-        if (treatment == "multipliers") == (each in INTEGRATORS or each in EXPLICIT):
-            setups = ours(grid, each, treatment, few, kernels)
-            rows += run.explored(setups, min(patience[0], dearest))
     for key in (key for key in peers if key in asks):
         setups = [
             Setup(key, peers[key].name, n, k, tuple(o.items()))
             for n, k, o in product(grid.peer_meshes, grid.halvings, OPTIONS.get(key, [{}]))
         ]
         rows += run.explored(setups, patience[1])
+    few = list(dict.fromkeys((r["setup"].order, r["setup"].elements) for r in best if r)) or every
+    # what takes several times as long as the classic ones for all errors is of no use
+    costs = [DEARER * r["cost_s"] for r in best[:3] if r]
+    longest = min([patience[0], *([max(costs)] if len(costs) == 3 else [])])
+    for each, treatment in product(chosen, measuring.TREATMENTS):
+        if (treatment == "multipliers") == (each in INTEGRATORS or each in EXPLICIT):
+            rows += run.explored(ours(grid, each, treatment, few, kernels), longest)
     _timed_again(run, rows, repeats)
     reach = np.linalg.norm(path - _start(name), axis=1).max()
     rows += [_absent(peer, why) for peer, why in missing.items()]
@@ -502,18 +513,22 @@ def write(result: dict[str, Any], folder: Path, name: str) -> None:
     table = result["tables"][name]
     table.csv(folder / f"speed_accuracy_{name}.csv")
     measuring.write(folder / "speed_accuracy.csv", {**result, "rows": result["statements"]}, STATED)
-    whole = [{**row, "cost_s": row["process_s"]} for row in table.rows if row["process_s"]]
-    drawn = {"cost": "CPU seconds", "units": ""}
-    process = PrecisionTable(whole, table.reference_errors, table.notes)
     with suppress(ImportError):  # charts come with the extra "view"
-        path = folder / f"speed_accuracy_{name}.png"
-        kinds = {"kind": kind_of, "family": lambda row: family_of(kind_of(row))}
-        for figure, file, what in (
-            (table.chart(**kinds, **drawn), path, "steps"),
-            (process.chart(**drawn), path.with_suffix(".process.png"), "whole process"),
-        ):
-            figure.axes[0].set_xlabel(f"CPU time of the {what} in s")
-            write_figure(figure, file)
+        charts(table, folder / f"speed_accuracy_{name}.png")
+
+
+def charts(table: PrecisionTable, path: Path) -> None:
+    """Errors over the cost of the steps, and beside it over that of the whole process."""
+    whole = [{**row, "cost_s": row["process_s"]} for row in table.rows if row["process_s"]]
+    process = PrecisionTable(whole, table.reference_errors, table.notes)
+    drawn = {"cost": "CPU seconds", "units": ""}
+    kinds = {"kind": kind_of, "family": lambda row: family_of(kind_of(row))}
+    for figure, file, what in (
+        (table.chart(**kinds, **drawn), path, "steps"),
+        (process.chart(**drawn), path.with_suffix(".process.png"), "whole process"),
+    ):
+        figure.axes[0].set_xlabel(f"CPU time of the {what} in s")
+        write_figure(figure, file)
 
 
 def kind_of(row: Mapping[str, Any]) -> str:

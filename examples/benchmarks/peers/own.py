@@ -89,11 +89,11 @@ def run(scene: dict[str, Any]) -> dict[str, Any]:
     )
     built, place = system(text, o["order"], o["integrator"] in measuring.EXPLICIT)
     make, treatment = measuring.METHODS[o["integrator"]], measuring.TREATMENTS[o["treatment"]]
-    own, many = (
-        (built, make(), treatment(), scene["step"]),
-        {"kernels": o["kernels"], "steps": 10**7},
-    )
-    warm, stepper = Stepper(*own, **many), Stepper(*own, **many)
+    own = built, make(), treatment(), scene["step"]
+    # for so many steps kernels are chosen, as simulate does
+    ahead = {"steps": o.get("planned", round(scene["until"] / scene["step"]))}
+    ahead |= {"kernels": o["kernels"]}
+    warm, stepper = Stepper(*own, **ahead), Stepper(*own, **ahead)
     state, path, seconds, counted = sc.initial_state(built), [], 0.0, np.zeros(3)
     if scene["warm"]:
         measuring.advance(warm, state, scene["warm"])
