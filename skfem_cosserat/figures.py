@@ -39,7 +39,7 @@ PALETTE = {
     "ink": "#011b3e",
     "indigo": "#452fa1",
 }
-MARKS = "osD^v<>phX*P"
+MARKS = "osD^v<>phX*Pd"
 DASHES = ("-", "--", "-.", ":")
 
 

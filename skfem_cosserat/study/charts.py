@@ -246,7 +246,7 @@ def precision_chart(
             _failures(axis, rows, lines, drawn)
         own = reference_errors[name]
         if isfinite(own) and own > 0:
-            bottom = min(axis.get_ylim()[0], own)
+            bottom = min(axis.get_ylim()[0], own / 2)
             axis.axhspan(bottom, own, color="0.85", label="below the reference's error", zorder=0)
             axis.set_ylim(bottom=bottom)
     legend(figure)

@@ -10,9 +10,11 @@ REQUIREMENT = "exudyn==1.13.6"
 
 def build(mbs, scene, o):
     """All items; gives the number of the node that is watched."""
+    held = [(joint["kind"], joint["b"]) for joint in scene["joints"]]
+    other = scene["bodies"] + scene["points"] + scene["loads"]
+    if other or len(scene["beams"]) > 1 or held != [("revolute", ["beams", 0, 0])]:
+        raise common.Refused("anything but a cable on a hinge, under gravity")
     (beam,), (joint,) = scene["beams"], scene["joints"]
-    if scene["bodies"] + scene["points"] + scene["loads"] or joint["b"] != ["beams", 0, 0]:
-        raise common.Refused("more than one cable on a hinge")
     along, ground = common.frame(beam)[2], mbs.AddNode(items.NodePointGround())
     kind = items.NodePointSlope1
     nodes = [mbs.AddNode(kind(referenceCoordinates=[*x, *along])) for x in beam["nodes"]]
