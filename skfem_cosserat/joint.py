@@ -777,6 +777,11 @@ class JointDrive(Item):
         yield from (("joint", self.joint), ("motion", self._number))
         yield "coordinate", self.coordinate.name
 
+    @property
+    def motion(self) -> Callable[[float], float]:
+        """The function of time that it was given."""
+        return self._number.function
+
     def value(self, t: float) -> float:
         """Prescribed angle (rad) or displacement (m) at time `t` (s)."""
         try:

@@ -393,6 +393,19 @@ class FunctionOfTime(Frozen):
 Amplitude = float | TimeFunction | Callable[[float], float] | None
 
 
+def of_the_user(function: object) -> bool:
+    """Whether a function of time is the user's own: asked again later it may give other numbers.
+
+    Examples
+    --------
+    >>> of_the_user(RampSmooth(0, 1)), of_the_user(FunctionOfTime(lambda t: t))
+    (False, True)
+    """
+    while isinstance(function, FunctionOfTime | Component):
+        function = function.function
+    return not isinstance(function, Frozen)
+
+
 def time_function(item: str, value: Amplitude) -> TimeFunction:
     """A number, table or function of time as such; None: one."""
     if value is None:

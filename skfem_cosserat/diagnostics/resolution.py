@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..history import History
 from ..model import System
 from ..model.limits import owner
+from ..model.parts import separate_parts
 from ..types import Floats, IndexArray
 
 #: steps over which errors add up, and the part of a third difference that a step is off by
@@ -24,8 +25,8 @@ STEPS, SHARE = 50, 1 / 12
 WINDOWS, APART, STATES = 10, 100, 12
 #: states of a window that tell of an error, and the part of a scene that is no motion
 ENOUGH, NOISE = 8, 1e-7
-#: difference of two steps, relative, that is none
-SAME = 1e-6
+#: difference of two steps, and of neighbouring states, relative, that is none
+SAME, ROUNDING = 1e-6, 1e-12
 #: angle in a step from which on prescribed motion is a fast one
 FAST = 0.25
 
@@ -38,7 +39,7 @@ class Resolution:
     ----------
     error : float
         Estimate of the largest error of a position that fifty steps make, relative to the range of
-        the position that moves most.
+        the position that moves most in what it is connected with.
     turn : float
         Largest rotation of a frame in a step (rad), mean over a window: one jolt does not count.
     period : float
@@ -81,48 +82,52 @@ def resolution(system: System, history: History) -> Resolution | None:
     rows = _windows(history)
     if rows.shape[1] < 2:
         return None
-    if system.moving and _fast_ground(system, history.times[rows]):
+    told = rows.shape[1] >= ENOUGH
+    if system.moving and (not told or _fast_ground(system, history.times[rows])):
         return None
     y = history["q"].reshape(len(history), -1, 3)
     origins = np.asarray(system.origin_rows)
     places = y[rows[:, :, None], origins]  # (windows, states, vertices, 3)
     seen = y[np.unique(rows)][:, origins]
-    extent = float(np.linalg.norm(seen.max(0) - seen.min(0), axis=-1).max(initial=0.0))
-    first, third, angle = _differences(places)
+    # of each part of the scene, the way of the position that moves most
+    part = separate_parts(system).part[origins]
+    extent = np.zeros(part.max(initial=0) + 1)
+    np.maximum.at(extent, part, np.linalg.norm(seen.max(0) - seen.min(0), axis=-1))
+    third, angle = _differences(places)
     with np.errstate(all="ignore"):
-        most = 2 * first / np.minimum(angle, 2.0)
+        most = 2 * third / np.minimum(angle, 2.0) ** 3
         off = np.sqrt(2) * np.minimum(STEPS * SHARE * third, most)
-    off = np.nan_to_num(off)  # of what does not move, and of too few states
-    w, v = np.unravel_index(int(off.argmax()), off.shape)
     # a few steps do not tell how far a motion goes, and one of rounding goes nowhere
-    told = rows.shape[1] >= ENOUGH and extent > NOISE * system.length
-    error = off[w, v] / extent if told else 0.0
+    moves = told & (extent > NOISE * system.length)
+    off = np.where(moves[part], np.nan_to_num(off) / np.where(moves, extent, 1.0)[part], 0.0)
+    w, v = np.unravel_index(int(off.argmax()), off.shape)
     turn, turning = _turns(system, y, rows)
     return Resolution(
-        float(error),
+        float(off[w, v]),
         turn,
-        float(2 * np.pi / angle[w, v]) if off[w, v] > 0 else np.inf,
+        float(2 * np.pi / angle[w, v]) if angle[w, v] > 0 else np.inf,
         owner(system, int(origins[v])).label,
         turning,
         float(history.times[rows[w, -1]]),
     )
 
 
-def _differences(places: Floats) -> tuple[Floats, Floats, Floats]:
-    """First and third ones over windows (w, states, v, 3), and the angle of a vibration in a step.
+def _differences(places: Floats) -> tuple[Floats, Floats]:
+    """Third ones over windows (w, states, v, 3), and the angle in a step of what makes them.
 
-    A vibration that advances by an angle x in a step has third differences ``4 sin(x/2)^2`` times
-    the first ones.
+    A vibration that advances by an angle x in a step has differences ``(2 sin(x/2))^k`` times its
+    amplitude. The fifth tell the angle of what the third come from, whatever slow motion it is on.
     """
-    first, third = _spread(np.diff(places, axis=1)), _spread(np.diff(places, 3, axis=1))
+    third, fifth = _spread(np.diff(places, 3, axis=1)), _spread(np.diff(places, 5, axis=1))
+    some = third > ROUNDING * abs(places).max(initial=0.0)
     with np.errstate(all="ignore"):
-        return first, third, np.nan_to_num(np.sqrt(third / first))
+        return third, np.where(some, np.sqrt(fifth / third), 0.0)
 
 
 def _fast_ground(system: System, times: Floats) -> bool:
     """Whether what is prescribed in windows of times (w, states) is far from linear in a step."""
     ground = np.array([[system.ground(t) for t in each] for each in times.tolist()])
-    return bool(_differences(ground)[2].max(initial=0.0) > FAST)
+    return bool(_differences(ground)[1].max(initial=0.0) > FAST)
 
 
 def _spread(differences: Floats) -> Floats:

@@ -372,6 +372,10 @@ class _Available(Mapping[str, Array]):
     def __contains__(self, name: object) -> bool:
         return name in self._history
 
+    def __repr__(self) -> str:
+        of = "" if self._row is None else f" at state {self._row}"
+        return f"<series{of}: {', '.join(self._history)}>"
+
 
 # -- the container: constant arrays, series over the recorded states, and plain meta data ----------
 
@@ -458,7 +462,9 @@ class History:
                 f"series {name!r}",
                 f"got shape {array.shape}, expected a first axis of {self._length} states",
             )
-        self._series[name] = array
+        # not to be written to: what is derived later follows from what was recorded
+        self._series[name] = array.view()
+        self._series[name].flags.writeable = False
 
     @property
     def series(self) -> Mapping[str, Array]:

@@ -234,7 +234,7 @@ class HistoryWriter:
         }
         if self._fill or not parts:
             rest = {name: array[: self._fill] for name, array in self._buffer.items()}
-            if not self._closed:  # the memory is written to again
+            if self._file is not None and not self._closed:  # the next block goes there
                 rest = {name: array.copy() for name, array in rest.items()}
             parts = [*parts, rest]
         if not self._rows:

@@ -251,7 +251,7 @@ def choose(
 
 
 #: why a run goes without kernels
-LONGER = "compiling would take longer"
+LONGER = "compiled kernels would take longer to come by"
 
 
 class _Missed:

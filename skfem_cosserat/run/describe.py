@@ -39,6 +39,7 @@ from ..history import History
 from ..model import System, takes_scene
 from ..model.groups import lumped
 from ..model.theories import theory_of
+from ..time_function import of_the_user
 from ..types import Floats, IndexArray, check_kind, names_known
 from ..version import VERSION
 from ..warn import logger, warn
@@ -289,9 +290,16 @@ class SystemSeries:
     @property
     def _formulas(self) -> list[Formulas]:
         """Of each system; out of a pickle they are frozen again here."""
-        if self._packed:
-            self._systems, self._packed = pickle.loads(self._packed), b""
-            self._made = [self._kind(system) for system in self._systems]
+        packed = self._packed
+        if packed:
+            try:
+                systems = pickle.loads(packed)
+            except Exception as error:  # whatever modules of the user's raise
+                text = f"its scene cannot be read here ({error}): derive its series before pickling"
+                raise HistoryError("history", text) from error
+            # in this order, as others may be here at the same time
+            self._made, self._systems = [self._kind(system) for system in systems], systems
+            self._packed = b""
         return self._made
 
     def derive(self, history: History, name: str) -> dict[str, Floats]:
@@ -300,6 +308,8 @@ class SystemSeries:
         A series that a segment does not have, of a joint that is gone say, is NaN there.
         Multipliers are in the order of their own system's rows, behind them NaN.
         """
+        if not len(history):
+            raise HistoryError("history", f"has no state that {name!r} could follow from")
         first, *others = self._formulas
         if not others or name == BALANCE:
             together = next(names for names in first if name in names)
@@ -356,20 +366,33 @@ def finish(
 ) -> None:
     """Let a history derive its series, derive those asked for, and save it.
 
-    Nothing is lost by an interrupt: states are in the file already, series are derived later.
+    Nothing is lost by an interrupt: states are in the file already, series are derived later. What
+    depends on functions of the user's own is derived now, while they are as they were.
     """
     if derive is False:
         return
     history.derive_by(SystemSeries(systems, kind_of(history)))
     try:
-        if derive:
-            history.derive(None if derive is True else derive)
+        if derive is True or any(map(_moved_by_the_user, systems)):
+            history.derive()
+        elif derive:
+            history.derive(derive)
+        if any(of_the_user(time) for system in systems for time in system.loading.times):
+            history.derive([name for name in ("external",) if name in history])
         if path is not None:
             history.save(path)
     except KeyboardInterrupt:
         text = "interrupted: what is not there yet is derived when it is asked for"
         where = "" if path is None else f"; {os.fspath(path)!r} has the recorded states alone"
         warn("derived series", text + where, IncompleteWarning)
+
+
+def _moved_by_the_user(system: System) -> bool:
+    """Whether functions of the user's own move the ground: what they give later nobody knows."""
+    driven = {id(drive.place) for drive in system.drives}
+    places = [place for place in system.moving if id(place) not in driven]
+    own = [value for p in places for value in vars(p.motion).values() if callable(value)]
+    return any(map(of_the_user, [*own, *(drive.motion for drive in system.drives)]))
 
 
 def kind_of(history: History) -> Kind:

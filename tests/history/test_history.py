@@ -123,6 +123,19 @@ def test_rows_that_are_expected_are_written_to_one_array(make_scene):
     np.testing.assert_array_equal(writer.history()["q"][:11], first["q"])
 
 
+def test_a_history_of_an_open_writer_stays_as_it_is(make_scene, tmp_path):
+    """The memory of a streamed block is written to again."""
+    scene = make_scene()
+    writer = HistoryWriter(scene.meta, scene.static, path=tmp_path / "run.history", block=3)
+    for k in range(2):
+        writer.append(scene.row(k))
+    first = writer.history()
+    before = first["q"].copy()
+    for k in range(2, 6):
+        writer.append(scene.row(k))
+    np.testing.assert_array_equal(first["q"], before)
+
+
 def test_writer_refuses(make_scene, tmp_path):
     scene = make_scene()
     writer = HistoryWriter(scene.meta, scene.static)
@@ -207,7 +220,8 @@ def test_save_and_load_keep_everything(make_scene, tmp_path):
     assert loaded.meta["inf"] == [-np.inf]
     assert loaded.meta["tuple"] == [1, 0.5, [0, 1]]
     assert (loaded.meta["note"], loaded.status) == ("äöü ✓", "completed")
-    loaded["q"][0] = 1.0  # arrays can be changed
+    with pytest.raises(ValueError, match="read-only"):  # others follow from them
+        loaded["q"][0] = 1.0
     loaded.static["extra"][0] = 1
     assert os.listdir(tmp_path) == ["run.history"]
     loaded.truncated(0).save(tmp_path / "run.history")  # over an older one

@@ -93,6 +93,25 @@ def test_parts_of_a_composed_step_count():
         run(spinning(1.0), 1.0, integrator=scheme)
 
 
+def test_a_small_ripple_on_a_slow_motion_is_not_told():
+    """Its vibrations are not resolved, and do not matter."""
+    quiet = sc.Model()
+    ball = quiet.add("ball", sc.MassPoint(1.0, position=(1.0, 0, 0)))
+    place = sc.ground((0, 0, 0)), ball.place()
+    quiet.add("spring", sc.SpringDamper(*place, stiffness=4e4, length=1.0))
+    quiet.add("push", sc.LoadForce(ball.place(), (1.0, 0, 0), lambda t: np.sin(3 * t)))
+    history = run(quiet, 0.05, 100)
+    exact = np.sin(3 * history.times) / (4e4 - 9)  # but for the ripple
+    assert abs(history["q"][:, 0] - 1 - exact).max() < 0.1 * np.ptp(exact)
+    assert not steps_warned(history) and resolution(quiet.freeze(), history).error > 1e-3
+
+
+def test_what_flies_beside_it_does_not_hide_a_vibration():
+    model = spring()
+    model.add("bird", sc.MassPoint(1.0, position=(0, 5.0, 0), velocity=(30.0, 0, 0)))
+    assert any("mass point 'ball'" in text for text in steps_warned(run(model, 0.2)))
+
+
 def test_one_jolt_does_not_count():
     model = spinning(0.0)
     pulse = sc.Table([0.0, 0.001, 0.002], [0.0, 1.0, 0.0])
