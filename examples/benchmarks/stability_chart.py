@@ -53,8 +53,11 @@ LOOKS = 2000
 #: states are looked at
 FINE, SAMPLES = {True: 5e-3, False: 1e-3}, 200
 TITLE = "Three-bar swing: where the integrators fail"
-LABELS = {"factor": "stiffness of the strip over that of aluminium", "step": "step in s"}
-LABELS["error"] = "joint not closed"  # what ends explicit runs at once
+LABELS = {
+    "factor": "stiffness of the strip over that of aluminium",
+    "step": "step in s",
+    "error": "joint not closed",  # the only other failure: of explicit runs
+}
 #: one or two of each family: as many as a page can show
 SHOWN = (
     *("energy-momentum", "energy-momentum of order 4", "variational", "variational of order 4"),
