@@ -121,7 +121,7 @@ def test_halving_alone():
 TEN = (
     *(("bend", 1e-1, 1), ("bend", 1e-3, 2), ("bend", 1e-6, 2), ("frame", 1e-2, 1)),
     *(("frame", 1e-5, 3), ("lee", 1e-1, 1), ("lee", 1e-4, 2)),
-    *(("frame in time", 5e-3, 2), ("frame in time", 5e-4, 2), ("swing", 1e-3, 1)),
+    *(("frame in time", 5e-3, 2), ("frame in time", 5e-4, 2), ("swing", 1e-4, 1)),
 )
 
 
