@@ -188,7 +188,7 @@ def test_the_beam_in_the_plane_solves_the_same_scene(monkeypatch):
         assert peer_calls.ask(python, peer, scene)["status"].startswith("refused: ")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "adapter", "meshes", "halvings", "ratio"),
     [
