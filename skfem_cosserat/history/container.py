@@ -317,6 +317,8 @@ def _check_reference(
 
 # -- series that follow from what is recorded, made when somebody asks for them --------------------
 
+#: series that others follow from: not to be written to
+ORIGINS = ("t", "step", "q", "p", "carried", "constraint_force", "turns")
 #: how a history without its system gets more series
 ADVICE = "skfem_cosserat.run.derive_series(model, history) adds those that follow from the states"
 
@@ -462,9 +464,10 @@ class History:
                 f"series {name!r}",
                 f"got shape {array.shape}, expected a first axis of {self._length} states",
             )
-        # not to be written to: what is derived later follows from what was recorded
-        self._series[name] = array.view()
-        self._series[name].flags.writeable = False
+        self._series[name] = array
+        if name in ORIGINS:
+            self._series[name] = array.view()
+            self._series[name].flags.writeable = False
 
     @property
     def series(self) -> Mapping[str, Array]:
