@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..types import Array
-from ..warn import warn
+from ..warn import Notices, warn
 from .container import History
 from .file import SAVE_BYTES, FileWriter, check_basic, load_file, plain, series_numbers
 
@@ -226,6 +226,8 @@ class HistoryWriter:
         path = self._full if self._file is None else self._file.path
         if path is not None:
             done, sensors = self._read(path)
+            written = self._rows - self._fill - sum(len(part["t"]) for part in parts)
+            done = {name: array[:written] for name, array in done.items()}
             parts = [done, *parts] if len(done["t"]) else parts
             sensed = [sensors, *sensed] if sensors else sensed
         sensors = {
@@ -313,7 +315,9 @@ class HistoryWriter:
     def _read(self, path: Path) -> tuple[dict[str, Array], dict[str, Array]]:
         """What the file has: series, and arrays of sensors."""
         try:
-            return load_file(path)[2:]
+            # of a file that takes no more the last words may be cut off
+            with Notices(quiet=True, alone=True):  # what is missing there is in memory
+                return load_file(path, recover=self._full is not None)[2:]
         except HistoryError as error:
             if self._full is None:
                 raise
