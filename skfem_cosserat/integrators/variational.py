@@ -22,7 +22,7 @@ class Variational(Integrator):
     rotations that alternate from step to step grow where a beam is compressed by more than a strain
     of about ``0.4/(h omega)^2``, omega its highest frequency (``diagnostics.highest_frequency``).
     A step in which a free body turns by more than 1 rad has no solution: ``h Omega <= 1``.
-    Rotations of half a radian in a step are off by 2 % already.
+    Rotations of half a radian in a step are off by 5 % already.
 
     The source paper's other remedy, the mean effect of fast vibrations as a force on the slow
     motion, is not offered. It takes frequencies omega_k(q) far above all others, whose actions

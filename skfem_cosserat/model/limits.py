@@ -22,7 +22,8 @@ EARTH, LIMP = 9.81, 1e4
 
 # -- frames that turn far in a step ----------------------------------------------------------------
 
-#: rotation (rad) in a step above which no scheme follows it: those of second order are slow by 2 %
+#: rotation (rad) in a step above which no scheme follows it: at this one those of second order are
+#: off by 2 to 5 %
 FAR_TURN = 0.5
 
 

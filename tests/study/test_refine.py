@@ -241,7 +241,7 @@ def test_series_tell_each_other_what_they_hold():
 
 @pytest.mark.slow
 def test_bands_of_random_runs_hold():
-    """Runs and equilibria with mesh or step held; 98 of 100 do in ``problems.covered(100)``."""
+    """Runs and equilibria with mesh or step held: 86 of 87 bands did in 75 studies."""
     covered, count = problems.covered(16)
     assert count >= 10
     assert covered >= count - 1
