@@ -796,13 +796,15 @@ def calls(quick: bool) -> Iterator[Figure]:
     yield Figure("import for a beam scene, to import skfem", "s", import_scene, import_skfem)
     yield from derived(quick)
     name = "Beam with clamp and load, frozen, each of 1000"
-    yield Figure(name, "ms", partial(built, 40 if quick else 1000), import_skfem)
+    count = 40 if quick else 1000
+    yield Figure(name, "ms", partial(built, count), import_skfem, f"mean of {count}")
     yield first_run()
     yield Figure("save with the default set, a state", "us", saved(), import_skfem)
     name = "second scene of a known structure, to its first step"
     yield Figure(name, "ms", partial(second, counting()), import_skfem)
     name = "1000 runs of 100 steps of the swing, last state kept"
-    yield Figure(name, "s", partial(many, 20 if quick else 1000, counting()), import_skfem)
+    count = 20 if quick else 1000
+    yield Figure(name, "s", partial(many, count, counting()), import_skfem, f"from {count} runs")
     for elements, order in ((16, 1), (4, 4)):
         size = f"{elements} linear elements" if order == 1 else f"{elements} elements of order 4"
         yield Figure(
