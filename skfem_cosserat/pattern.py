@@ -127,8 +127,8 @@ def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:
 #
 # Which vertices, rows and unknowns are coupled is said by integers. What is made of nothing else,
 # such as patterns and orders of elimination, is the same for every scene with the same integers,
-# whatever its lengths, stiffnesses and positions are. The integers themselves are the key: scenes
-# that differ anywhere share nothing by mistake.
+# whatever its lengths, stiffnesses and positions are. A digest of all of these integers is the key:
+# scenes that differ anywhere share nothing by mistake.
 
 MadeT = TypeVar("MadeT")
 #: most memory (bytes) of all that is kept for scenes to come, and of a single one of them
@@ -197,7 +197,7 @@ def _digest(values: Any) -> bytes:
     digest = hashlib.blake2b(digest_size=32)
 
     def take(value: Any) -> None:
-        if isinstance(value, np.ndarray):
+        if isinstance(value, np.ndarray) and value.dtype.kind in "iub":
             digest.update(f"{value.dtype.str}{value.shape}".encode())
             digest.update(np.ascontiguousarray(value).data)
         elif isinstance(value, tuple) and not all(map(_is_whole, value)):

@@ -708,8 +708,12 @@ class _Adaptation:
         finer, change, error = self.run.finer(), 0.0, 0.0
         if finer is not None:
             run, order = finer
-            values = run.values(self.quantity, system, run.solve(system, None))
-            change = _size(values - level.value)
+            try:
+                solved = run.solve(system, None)
+            except Diverged as failed:  # the levels are kept
+                reason = f"the mesh is within the tolerance, half of the step fails: {failed}"
+                return self.ended(False, reason, system, history, best)
+            change = _size(run.values(self.quantity, system, solved) - level.value)
             error = change / (1 - 0.5**order)
         if (level.verified + error) * self.safety <= self.tolerance:
             done = self.ended(True, "within the tolerance", system, history, best)

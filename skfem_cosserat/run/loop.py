@@ -510,16 +510,16 @@ def _warn_of_resolution(system: System, history: History, h: float, integrator: 
         warn(
             "argument step",
             f"steps of {h:.3g} s do not resolve the motion: fifty of them put the {found.item} off"
-            f" by some {100 * min(found.error, 1.0):.0f} % of the way that the scene covers, as a"
-            f" period of what moves it has {found.period:.2g} steps; take smaller ones and compare",
+            f" by some {100 * min(found.error, 1.0):.0f} % of the range of its motion, as a period"
+            f" of what moves it has {found.period:.2g} steps; take smaller ones, and compare",
             AccuracyWarning,
             found.time,
         )
     elif turn > FAR_TURN:
         warn(
             "argument step",
-            f"the {found.turning} turns by {turn:.2g} rad in each {what}, which above"
-            f" {FAR_TURN:g} rad is bounded, but not accurate; take smaller steps, and compare",
+            f"the {found.turning} turns by {turn:.2g} rad in each {what}: above {FAR_TURN:g} rad"
+            " the motion stays bounded, but is not accurate; take smaller steps, and compare",
             AccuracyWarning,
             found.time,
         )

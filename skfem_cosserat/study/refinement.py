@@ -58,7 +58,7 @@ class Held:
         Of the quantity at the finest level, by half the step or twice the elements, in the norm of
         the study; NaN: not known.
     reason : str
-        Why it is not known.
+        Why it is not known, or where from if it was not probed.
 
     Examples
     --------
@@ -79,12 +79,11 @@ class Held:
     def __str__(self) -> str:
         if np.isnan(self.change):
             return f"{self.name} = {self.value} was held, its error is not known: {self.reason}"
-        finer = "half of it" if self.name == "step" else "twice as many"
-        finer = "one refinement more" if self.name == "mesh" else finer
-        return (
-            f"{self.error:.1e} of each band by {self.name} = {self.value}, held:"
-            f" {finer} changes the finest level by {self.change:.1e}"
-        )
+        start = f"{self.error:.1e} of each band by {self.name} = {self.value}, held"
+        if self.reason:
+            return f"{start}: {self.reason}"
+        finer = {"step": "half of it", "elements": "twice as many"}.get(self.name, "a finer one")
+        return f"{start}: {finer} changes the finest level by {self.change:.1e}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -674,7 +673,7 @@ class _Plan:
         if other is not None:  # held at the finest level of a series of its own
             found = orders[f"{name}, {other.label}" if other.label else name]
             last = np.add(found.errors, found.uncertainties)[-1]
-            reason = "" if np.isfinite(last) else f"see {other.label}"
+            reason = f"see the series {other.label!r}"
             return Held(argument, value, float(last) / HELD, reason)
         if probe.name not in self.probes:
             return Held(argument, value, np.nan, "it was not probed")
