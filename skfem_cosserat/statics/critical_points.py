@@ -326,7 +326,7 @@ LEVEL = 1e-2
 #: how exactly a critical point is found, and the distance for that slope, as a share of the step
 ROOT, NEAR = 1e-9, 1e-3
 #: eigenvalue, against those at the ends of the step, below which it counts as zero
-VANISHED = 1e-6
+VANISHED = 1e-5
 #: distances of the points, as shares of the step, between which one is interpolated, how often,
 #: and the eigenvalue, against those at the ends, that such a point may have
 AROUND, REFINED, SMALL = (0.02, 0.05, 0.09, 0.14, 0.2), 4, 1e-3

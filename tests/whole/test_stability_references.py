@@ -159,8 +159,7 @@ def test_strip(elements, order, treatment):
 def test_right_angle_frame(elements, order, treatment):
     load = bifurcation(scenes.right_angle(elements, order), 1.2, treatment)
     assert load == pytest.approx(DATA["S9b"]["critical"], rel=1e-6)
-    # where Newton's method does not come near enough, which rounding decides, it is interpolated
-    assert load == pytest.approx(DATA["S9b"]["again"]["critical"], rel=5e-8 if order == 3 else 1e-8)
+    assert load == pytest.approx(DATA["S9b"]["again"]["critical"], rel=1e-8)
 
 
 @pytest.mark.parametrize(
