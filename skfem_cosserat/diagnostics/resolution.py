@@ -96,7 +96,7 @@ def resolution(system: System, history: History) -> Resolution | None:
     third, angle = _differences(places)
     with np.errstate(all="ignore"):
         most = 2 * third / np.minimum(angle, 2.0) ** 3
-        off = np.sqrt(2) * np.minimum(STEPS * SHARE * third, most)
+        off = np.minimum(STEPS * SHARE * third, most)
     # a few steps do not tell how far a motion goes, and one of rounding goes nowhere
     moves = told & (extent > NOISE * system.length)
     off = np.where(moves[part], np.nan_to_num(off) / np.where(moves, extent, 1.0)[part], 0.0)
@@ -118,7 +118,7 @@ def _differences(places: Floats) -> tuple[Floats, Floats]:
     A vibration that advances by an angle x in a step has differences ``(2 sin(x/2))^k`` times its
     amplitude. The fifth tell the angle of what the third come from, whatever slow motion it is on.
     """
-    third, fifth = _spread(np.diff(places, 3, axis=1)), _spread(np.diff(places, 5, axis=1))
+    third, fifth = _largest(np.diff(places, 3, axis=1)), _largest(np.diff(places, 5, axis=1))
     some = third > ROUNDING * abs(places).max(initial=0.0)
     with np.errstate(all="ignore"):
         return third, np.where(some, np.sqrt(fifth / third), 0.0)
@@ -130,10 +130,9 @@ def _fast_ground(system: System, times: Floats) -> bool:
     return bool(_differences(ground)[1].max(initial=0.0) > FAST)
 
 
-def _spread(differences: Floats) -> Floats:
-    """Root of the mean square over a window, of each vertex."""
-    squares = (differences**2).sum(-1)
-    return np.asarray(np.sqrt(squares.sum(1) / max(squares.shape[1], 1)))
+def _largest(differences: Floats) -> Floats:
+    """The longest of a window, of each vertex."""
+    return np.asarray(np.sqrt((differences**2).sum(-1).max(1, initial=0.0)))
 
 
 def _neighbours(history: History) -> NDArray[np.bool_]:

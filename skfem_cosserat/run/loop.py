@@ -152,7 +152,7 @@ class RunLoop:
 LOOKS = 20
 #: error that fifty steps make, relative to the way that the scene covers, above which a run is
 #: doubtful
-MOST_OFF = 0.15
+MOST_OFF = 0.08
 #: parts of a step, and of a run, by which it may end before its time
 REST, ROUNDING = 1e-6, 1e-8
 
