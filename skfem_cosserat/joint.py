@@ -720,7 +720,7 @@ class JointDrive(Item):
     ----------
     joint : Joint
         Of the same model.
-    motion : callable
+    motion : callable or FunctionOfTime
         ``t -> float``: angle (rad) or displacement (m) from side a to side b, relative to the
         reference configuration, hence zero at the start.
     coordinate : str, optional
@@ -752,11 +752,14 @@ class JointDrive(Item):
     size = 1
 
     def __init__(
-        self, joint: Joint, motion: Callable[[float], float], coordinate: str | None = None
+        self,
+        joint: Joint,
+        motion: Callable[[float], float] | FunctionOfTime,
+        coordinate: str | None = None,
     ) -> None:
         if not isinstance(joint, Joint):
             raise InputError(self.label, f"joint is {joint!r}, expected a joint")
-        if not callable(motion):
+        if not (callable(motion) or isinstance(motion, FunctionOfTime)):
             raise InputError(self.label, f"motion = {motion!r}, expected a function of time")
         self.joint = joint
         self.coordinate: RelativeCoordinate = joint.coordinate(coordinate)
@@ -766,7 +769,9 @@ class JointDrive(Item):
                 f"cannot prescribe the {self.coordinate.name} of a {joint.type} joint: only angles"
                 " and displacements, or the Motion of a ground place",
             )
-        self._number = FunctionOfTime(motion)
+        if not isinstance(motion, FunctionOfTime):
+            motion = FunctionOfTime(motion)
+        self._number: FunctionOfTime = motion
         #: the ground frame that carries the number
         self.place = Place(
             None, -1, np.zeros(3), np.zeros(3), np.eye(3), _Prescribed(number=self.value)

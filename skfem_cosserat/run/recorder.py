@@ -25,7 +25,7 @@ from ..integrators import Integrator, State, Stepper, StepReport
 from ..model import System
 from ..types import Floats, IndexArray, numbers
 from ..warn import Notices, logger, warn
-from .describe import WORKS, describe, fingerprint
+from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
 from .sensors import Sensor, SensorBank, checked_sensors
 
 # -- work done since the start of a run, and the balance of energy at its end ----------------------
@@ -413,6 +413,13 @@ class Recorder:
             take_along(error, self._so_far)
 
     def _so_far(self) -> History:
+        """What there is, with what follows from it."""
+        history = self._ended()
+        systems = [segment.system for segment in self.segments]
+        history.derive_by(SystemSeries(systems, kind_of(history)))
+        return history
+
+    def _ended(self) -> History:
         if self.closed is not None:
             return self.closed
         if not self.writer.closed:

@@ -23,7 +23,9 @@ def driven(motion):
 
 def test_functions_of_the_user_are_asked_while_they_are_as_they_were():
     rates = [1.0]
-    history = sc.simulate(driven(lambda t: rates[0] * t**2), EM, NS, 0.05, until=1.0)
+    motion = sc.FunctionOfTime(lambda t: rates[0] * t**2)  # as it is, or in this way
+    assert driven(motion)["motor"].value(2.0) == driven(motion.function)["motor"].value(2.0) == 4.0
+    history = sc.simulate(driven(motion), EM, NS, 0.05, until=1.0)
     rates[0] = 3.0
     assert history["joint/pin/angle_rate"][-1] == pytest.approx(2.0, rel=1e-6)
     model = sc.Model()
@@ -39,6 +41,17 @@ def test_functions_of_the_package_are_asked_later():
     history = sc.simulate(driven(sc.RampSmooth(0, 1.0)), EM, NS, 0.05, until=1.0)
     assert "v" not in history.recorded
     assert history["joint/pin/angle"][-1] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_runs_that_a_callback_ends_have_their_series():
+    def stop(report):
+        if report.state.time > 0.45:
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError) as caught:
+        sc.simulate(driven(sc.RampSmooth(0, 1.0)), EM, NS, 0.05, until=1.0, callbacks=[stop])
+    history = caught.value.history
+    assert len(history) == 11 and np.isfinite(history["energy"][:-1]).all()
 
 
 def test_what_is_recorded_cannot_be_written_to():
