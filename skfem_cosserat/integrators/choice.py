@@ -251,7 +251,7 @@ def choose(
 
 
 #: why a run goes without kernels
-LONGER = "compiled kernels would take longer to come by"
+LONGER = "reading or compiling kernels would take longer"
 
 
 class _Missed:

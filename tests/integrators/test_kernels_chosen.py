@@ -32,7 +32,7 @@ def test_short_runs_take_numpy():
     system = tree(1)
     run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05, derive=False)
     assert run.meta["kernels"] == "numpy"
-    assert "compiled kernels would take longer to come by" in run.meta["kernels_why"]
+    assert "reading or compiling kernels would take longer" in run.meta["kernels_why"]
 
 
 def test_long_runs_take_numba():
@@ -76,7 +76,7 @@ def test_the_shortest_runs_take_kernels_of_this_process_but_read_none(monkeypatc
     monkeypatch.setattr(jit._Cache, "holds", None)  # is not asked
     meta = run(derive=False).meta
     assert held and meta["kernels"] == "numpy"
-    assert meta["kernels_why"].endswith("s of work, compiled kernels would take longer to come by")
+    assert meta["kernels_why"].endswith("s of work, reading or compiling kernels would take longer")
 
 
 def test_kernels_are_judged_by_what_they_save():

@@ -319,7 +319,7 @@ def test_forces_of_joints_are_known_at_the_start(treatment):
 def test_short_studies_take_numpy():
     path = sc.static(scenes.bend(4, 1).system, derive=False)
     assert path.meta["kernels"] == "numpy"
-    assert "compiled kernels would take longer to come by" in path.meta["kernels_why"]
+    assert "reading or compiling kernels would take longer" in path.meta["kernels_why"]
 
 
 # bent beyond what its elements follow
