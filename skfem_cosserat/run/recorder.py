@@ -316,11 +316,15 @@ class Segment(NamedTuple):
 _NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
 
 
-def take_along(error: BaseException, so_far: Callable[[], History]) -> None:
+def take_along(
+    error: BaseException, so_far: Callable[[], History], systems: Sequence[System]
+) -> None:
     """Give an error of the user's own code, or of a full disk, the history as ``error.history``.
 
-    `so_far` closes what is still open, which may meet a full disk in its turn.
+    `so_far` closes what is still open, which may meet a full disk in its turn; series follow from
+    the `systems`.
     """
+    history: History
     try:
         with Notices(quiet=True):  # the error is said, its history has the warnings
             history = so_far()
@@ -328,6 +332,7 @@ def take_along(error: BaseException, so_far: Callable[[], History]) -> None:
         history = full.history
         if full is not error:
             error.add_note(str(full))
+    history.derive_by(SystemSeries(systems, kind_of(history)))
     error.history = history  # type: ignore[attr-defined]
     if not isinstance(error, StorageError):
         error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
@@ -410,16 +415,9 @@ class Recorder:
     ) -> None:
         """An error of the user's own code takes the history so far along as ``error.history``."""
         if error is not None:
-            take_along(error, self._so_far)
+            take_along(error, self._so_far, [segment.system for segment in self.segments])
 
     def _so_far(self) -> History:
-        """What there is, with what follows from it."""
-        history = self._ended()
-        systems = [segment.system for segment in self.segments]
-        history.derive_by(SystemSeries(systems, kind_of(history)))
-        return history
-
-    def _ended(self) -> History:
         if self.closed is not None:
             return self.closed
         if not self.writer.closed:

@@ -365,7 +365,7 @@ class PathRecorder:
     ) -> None:
         """An error of the user's own code takes the path so far along as ``error.history``."""
         if error is not None and self.count:
-            take_along(error, self._so_far)
+            take_along(error, self._so_far, [self.system])
 
     def _so_far(self) -> History:
         if self.closed is not None:
