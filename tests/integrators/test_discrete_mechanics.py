@@ -708,5 +708,9 @@ def test_third_blocks_of_energy_momentum_are_zero():
     """Its momentum is M v: nothing is lost without the d3 blocks."""
     system, history = system_of("free"), run("free", "energy-momentum", "null space", 0.01, 0.4)
     q, p = history["q"], history["p"]
+    massless = system.mass.diagonal() == 0
+    assert massless.any() and not p.reshape(len(p), -1, 3)[:, massless].any()
     one = diagnostics.angular_momentum(system, q, p)
-    assert abs(one - diagnostics.angular_momentum(system, q, p, massive_only=True)).max() == 0
+    two = diagnostics.angular_momentum(system, q, p, massive_only=True)
+    # fewer rows are summed in another order
+    assert abs(one - two).max() < 1e-13 * np.linalg.norm(one[0])
