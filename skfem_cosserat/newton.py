@@ -215,7 +215,7 @@ def newton_loop(  # noqa: PLR0915
         record[KEPT] = 0.0
         record[FACTORED] = 0.0
         size = evaluate(c, not kept)
-        last, mixed, swept, doubted = np.inf, 0, 0.0, False
+        last, mixed, swept, doubted, first = np.inf, 0, 0.0, False, 0.0
         for count in range(1, int(limits.iterations) + 1):
             fresh = not kept
             if fresh:
@@ -227,6 +227,7 @@ def newton_loop(  # noqa: PLR0915
             record[ITERATIONS] = count
             length, turn, mixed = direct(c, kept)
             before, last = last, length
+            first = first if count > 1 else length
             done = False
             if not fresh:
                 if count > 1:
@@ -242,8 +243,11 @@ def newton_loop(  # noqa: PLR0915
                         continue
                 further = steps_left(length, rate, settled)
                 # a rate of steps before says nothing of factors that have grown old since, and that
-                # after an iteration with factors of its own is quadratic, once
+                # after an iteration with factors of its own is quadratic, once: new ones count as
+                # unknown then
                 done = done or (further <= 0.0 and (swept > 0.0 or length <= settled))
+                new = record[FACTORED] > 0.0
+                done = done or (new and steps_left(length, UNKNOWN, settled) <= 0.0)
                 swept += 1.0
                 kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
                 kept = kept and swept < reuse + 2.0
@@ -260,6 +264,9 @@ def newton_loop(  # noqa: PLR0915
                     limits.stagnation,
                     limits.mixed,
                 )
+                # the contraction by factors grows with the way from where they were made: that of
+                # the old ones, which are at least the first increment away, says what these leave
+                done = done or (swept > 1.0 and length * length * rate <= limits.increment * first)
                 kept = reuse > 0.0 and mixed == 0
                 rate, swept = 0.0, 0.0
             # of a scene at rest all terms may be rounding, and a residual as large as they are:

@@ -122,6 +122,21 @@ def test_worn_factors_are_made_anew():
     assert not newton.worn(5.0, record)
 
 
+@pytest.mark.parametrize(("last", "more"), [(4e-16, 0), (6e-16, 1)])
+def test_new_factors_contract_as_unknown_ones(last, more):
+    """What is left after one increment with them: a tenth is assumed before it is measured."""
+    code, did, _ = run(Script([1e-6], [last, 1e-22]), reuse=4.0)
+    assert code == newton.SETTLED and did == ["factorise", "fresh", *["kept"] * (1 + more)]
+
+
+@pytest.mark.parametrize(("last", "more"), [(2e-11, []), (1e-9, ["kept"])])
+def test_new_factors_after_old_ones(last, more):
+    """They leave the square of their increment, by the contraction and the way of the old ones."""
+    kept = [1e-4, 5e-8, 4e-9]  # the next ones by 0.08 each: too many
+    code, did, _ = run(Script([last], [*kept, 1e-16]), kept_record(1e-5))
+    assert code == newton.SETTLED and did == [*["kept"] * 3, "factorise", "fresh", *more]
+
+
 class Root:
     """``x^3 = 2`` from a start, as a problem in Python."""
 
