@@ -245,9 +245,11 @@ def newton_loop(  # noqa: PLR0915
                 # a rate of steps before says nothing of factors that have grown old since, and that
                 # after an iteration with factors of its own is quadratic, once: new ones count as
                 # unknown then
-                done = done or (further <= 0.0 and (swept > 0.0 or length <= settled))
-                new = record[FACTORED] > 0.0
-                done = done or (new and steps_left(length, UNKNOWN, settled) <= 0.0)
+                done = (
+                    done
+                    or (further <= 0.0 and (swept > 0.0 or length <= settled))
+                    or (record[FACTORED] > 0.0 and steps_left(length, UNKNOWN, settled) <= 0.0)
+                )
                 swept += 1.0
                 kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
                 kept = kept and swept < reuse + 2.0
