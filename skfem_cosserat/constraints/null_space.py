@@ -16,7 +16,7 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.closure import Selected, continued
 from ..model.groups import Blocks, Parts
-from ..model.kinematics import Located, Recursion
+from ..model.kinematics import Located, Recursion, TwistMap
 from ..model.loops import Passages, way_on
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, shared, sum_at
@@ -347,8 +347,6 @@ class BoundNullSpace(BoundTreatment):
         self.closure = system.closure
         self.unknowns = system.unknowns
         self.nodal = Reparametrisation(kin)
-        #: twists by the tree's coordinates
-        self._map = kin.recursion if kin.deep and not len(self.closure.rows) else kin.T
         number = np.zeros(len(system.origin_rows), dtype=np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
         rows = [kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups]
@@ -382,6 +380,12 @@ class BoundNullSpace(BoundTreatment):
             for k, g in enumerate(system.beam_groups)
             if id(each.elements[0].item) in g.slices
         ]
+
+    @cached_property
+    def _map(self) -> TwistMap | Recursion:
+        """Twists by the tree's coordinates: of no use to compiled steps either."""
+        kin = self.kin
+        return kin.recursion if kin.deep and not len(self.closure.rows) else kin.T
 
     @cached_property
     def solver(self) -> LinearSolver:  # type: ignore[override]
