@@ -637,11 +637,9 @@ class TwistMap:
         """Identity of free vertices, constant shifts, turning pairs, slides."""
         kin = self.kin
         tree, cs = kin.tree, kin.tree.coordinates
-        # translations of free vertices, then rotations
-        each = [tree.own[v] for v in tree.free]
-        first = [kin.twist_of[v] + 3 * (i >= len(tree.directions))
-                 for v, own in zip(tree.free, each, strict=True) for i in range(len(own))]  # fmt: skip
-        own = np.array([k for numbers in each for k in numbers], dtype=np.int64)
+        own = np.array([k for v in tree.free for k in tree.own[v]], dtype=np.int64)
+        turns = np.array([cs[k].kind == "rotation" for k in own], dtype=bool)
+        first = kin.twist_of[[cs[k].vertex for k in own]] + 3 * turns
         which, along = np.nonzero(kin.axis[own])
         shifted = np.array([p.vertex for p in shifting], dtype=np.int64)
         moved = np.array([p.number for p in shifting], dtype=np.int64)
@@ -651,7 +649,7 @@ class TwistMap:
         self._slide_twist = kin.twist_of[slide_vertex][:, None] + np.arange(3)
         self.rows = np.concatenate(
             [
-                np.array(first, dtype=np.int64)[which] + along,
+                first[which] + along,
                 (kin.twist_of[shifted][:, None] + np.arange(3)).ravel(),
                 base.ravel(),
                 (base[self.pair_rotates] + 3).ravel(),
