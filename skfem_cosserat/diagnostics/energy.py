@@ -51,9 +51,7 @@ def _mass_solver(system: System) -> Callable[[Floats], Floats]:
     A = parts.entries
     between = csc_matrix((entries[A.data], A.indices, A.indptr), shape=A.shape)
     factor = splu(between) if len(large) else None
-    blocks = [
-        (ids, np.linalg.pinv(entries[places], hermitian=True)) for ids, places in parts.small
-    ]
+    blocks = [(ids, np.linalg.pinv(entries[places], hermitian=True)) for ids, places in parts.small]
 
     def solve(rhs: Floats) -> Floats:
         out = np.zeros_like(rhs)
