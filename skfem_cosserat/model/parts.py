@@ -14,6 +14,7 @@ from ..body import MassPoint
 from ..coupling import Cable, SpringDamper
 from ..errors import ModelWarning
 from ..frames import is_beam
+from ..frozen import lock_arrays
 from ..pattern import shared
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
@@ -134,7 +135,9 @@ def _connected(edges: IndexArray, tied: IndexArray, rows: int, size: int) -> Con
     graph = csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
     _, label = connected_components(graph, directed=False)
     names, part = np.unique(label[:rows], return_inverse=True)
-    return Connected(part, ~np.isin(names, label[tied]))
+    out = Connected(part, ~np.isin(names, label[tied]))
+    lock_arrays(out)
+    return out
 
 
 def warn_of_loose_parts(system: System) -> None:
