@@ -208,10 +208,7 @@ class Beam(LineItem):
         return BeamElements.create(
             self.gather(self.reference),
             basis.lengths,
-            basis.tabulated.values,
-            basis.tabulated.slopes,
-            basis.points,
-            basis.weights,
+            basis.tabulated,
             stiffness,
             None if same else rotations,
             viscosity if viscosity.any() else None,

@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import InputError, failed
 from .frozen import Attached, Frozen, Replacements
-from .kernels import exp_quaternion, rotation_matrix
+from .kernels import cross, exp_quaternion, rotation_matrix
 from .types import ArrayLike, Floats, numbers, switch
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def triad(d3: ArrayLike, d1: ArrayLike | None = None) -> Floats:
     if length <= 1e-6 * np.linalg.norm(hint):
         raise InputError("triad", f"hint d1 = {hint.tolist()} is parallel to d3 = {third.tolist()}")
     first /= length
-    return np.array([first, np.cross(third, first), third])
+    return np.array([first, cross(third, first), third])
 
 
 def check_triad(item: str, value: ArrayLike) -> Floats:

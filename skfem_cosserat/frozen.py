@@ -29,6 +29,9 @@ class Freezing(ABCMeta):
         """Make an instance, and seal it."""
         return seal(super().__call__(*args, **kwargs))
 
+    #: that of any class: nothing is registered as one of these, and asking costs more than all else
+    __instancecheck__ = type.__instancecheck__
+
     def __setattr__(cls, name: str, value: Any) -> None:
         if not (name in _GENERATED and "__dataclass_params__" in vars(cls)):
             super().__setattr__(name, value)

@@ -9,11 +9,12 @@ two plain matrices the product is ``a.dot(b)``: for a few elements its call cost
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
 
+from .element import Tabulated
 from .law import Law
 from .strain import strain_table
 from .types import Array, Floats, IndexArray
@@ -119,10 +120,7 @@ class BeamElements:
         cls,
         q: Floats,
         lengths: Floats,
-        shape: Floats,
-        slope: Floats,
-        points: Floats,
-        weights: Floats,
+        tabulated: Tabulated,
         stiffness: Floats,
         rotations: Floats | None = None,
         viscosity: Floats | None = None,
@@ -130,11 +128,20 @@ class BeamElements:
         law_of: IndexArray | None = None,
     ) -> BeamElements:
         """Elements whose reference is the configuration ``q`` (ne, 12 nn)."""
-        table, zero = strain_table(shape, slope), np.zeros((len(lengths), len(points), 6))
-        arrays = lengths, points, weights, table, stiffness, zero, rotations, viscosity
+        points, zero = tabulated.points, np.zeros((len(lengths), len(tabulated.points), 6))
+        own = points, tabulated.weights, _table(tabulated)
+        arrays = lengths, *own, stiffness, zero, rotations, viscosity
         out = cls(*arrays, laws, law_of)
         out.reference, _ = _section_strain(out, q)
         return out
+
+
+@lru_cache(maxsize=16)
+def _table(tabulated: Tabulated) -> Floats:
+    """Coefficients of the strains, which all beams of an interpolation share."""
+    table = strain_table(tabulated.values, tabulated.slopes)
+    table.setflags(write=False)
+    return table
 
 
 def _where(law_of: IndexArray, number: int) -> IndexArray | slice:

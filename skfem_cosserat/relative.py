@@ -14,6 +14,7 @@ import numpy as np
 
 from .frames import Place, ground, vector
 from .frozen import Attached, Replacements
+from .kernels import cross
 from .types import Floats
 
 #: the ground at rest: its directors are the axes of space
@@ -68,9 +69,9 @@ def direction(place: Place, axis: Floats) -> Expression:
 
 def normals(axis: Floats) -> Floats:
     """Two unit vectors m_1, m_2 (2, 3) normal to `axis` and to each other, ``m_1 x m_2 = n``."""
-    first = np.cross(axis, np.eye(3)[np.argmin(abs(axis))])
+    first = cross(axis, np.eye(3)[np.argmin(abs(axis))])
     first /= np.linalg.norm(first)
-    return np.array([first, np.cross(axis, first)])
+    return np.array([first, cross(axis, first)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +147,7 @@ def angle(
     schemes depend on which one is picked.
     """
     first = normals(axis)[0] if across is None else across
-    second = np.cross(axis, first)
+    second = cross(axis, first)
     if side == "b":
         a, b, second = b, a, -second
     turned = direction(b, first)

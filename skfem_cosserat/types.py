@@ -42,9 +42,10 @@ def numbers(item: str, name: str, value: Any) -> Floats:
 
 def _floats(value: Any) -> Floats:
     """A fresh array; text, truth values and complex numbers are no real numbers (TypeError)."""
-    if np.asarray(value).dtype.kind not in "iufO":
+    array = np.asarray(value)
+    if array.dtype.kind not in "iufO":
         raise TypeError
-    return np.array(value, dtype=float)
+    return np.array(array, dtype=float)
 
 
 def shown(value: Any) -> str:

@@ -70,7 +70,7 @@ from .numbers import (
     TREE_PARTS,
 )
 from .plan import Plan, following
-from .structures import Groups, flags, integers, roomy
+from .structures import Groups, flags, integers, kind_of, room
 from .tree import AXIS, SLIDE, SPHERE
 from .tree import ROTATION as TURN
 from .warm import Source, cold, helped
@@ -267,7 +267,7 @@ def addresses(
     source : Source
         See :func:`.jit.ready`.
     """
-    kinds, beams = [*map(typeof, structures)], structures[-1]
+    kinds, beams = [*map(kind_of, structures)], structures[-1]
 
     def made(name: str, own: Sequence[Any]) -> int:
         kind = family
@@ -278,7 +278,7 @@ def addresses(
     found: dict[str, int] = {}
     for name in names:
         if name in BEAM_PARTS and isinstance(beams, Groups):
-            each = [made(name, [*kinds[:-1], typeof(one)]) for one in beams.members]
+            each = [made(name, [*kinds[:-1], kind_of(one)]) for one in beams.members]
             found[name] = beams.place(name, each)
         else:
             found[name] = made(name, kinds)
@@ -736,7 +736,7 @@ def bound_work(
         "followers": (len(following(system).vertices), 4, 4),
         "coupled": (system.couplings.count, COUPLED),
     }
-    return work_of(shapes, late, bound_flow(plan, separate))
+    return work_of(shapes, late, None if separate is None else bound_flow(plan, separate))
 
 
 def bound_flow(
@@ -792,6 +792,12 @@ def bound_flow(
     return structures.structure("flow", fields), fields
 
 
+@cache
+def _no_flow() -> tuple[Any, dict[str, Any]]:
+    """Where there are no such velocities: nothing is written there."""
+    return bound_flow()
+
+
 def work_of(
     shapes: dict[str, tuple[int, ...]],
     late: bool = False,
@@ -799,12 +805,11 @@ def work_of(
 ) -> tuple[Any, dict[str, Any]]:
     """Structure of arrays of these shapes, and these by name; see :func:`bound_work`."""
     if damped is None:
-        damped = bound_flow()
+        damped = _no_flow()
     of_dampers = ("earlier", "later", "rate0", "drift")
     shapes |= dict.fromkeys(of_dampers, shapes["y0"] if late else (0, 3))
     arrays: dict[str, Any] = {
-        name: damped[0] if name == "flow" else roomy(np.zeros(shapes[name]))
-        for name in structures.WORK
+        name: damped[0] if name == "flow" else room(shapes[name]) for name in structures.WORK
     }
     if not late:
         arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]

@@ -144,8 +144,10 @@ class Plan:
         KeyError
             If there is no such block.
         """
-        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.int64), np.asarray(v, dtype=np.int64))
+        u, v = np.asarray(u, dtype=np.int64), np.asarray(v, dtype=np.int64)
         asked, codes = (u >= 0) & (v >= 0), u * self._stride + v
+        if not codes.size:
+            return codes
         places = np.minimum(np.searchsorted(self._codes, codes), len(self._codes) - 1)
         if (asked & (self._codes[places] != codes)).any():
             raise KeyError("no such block")

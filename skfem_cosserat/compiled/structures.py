@@ -222,6 +222,11 @@ class Groups(Structure):
         return int(self._rows[name].ctypes.data)
 
 
+def kind_of(value: Any) -> Any:
+    """Numba's type; of structures without asking numba."""
+    return value._numba_type_ if isinstance(value, Structure) else typeof(value)
+
+
 def is_groups(kind: Any) -> bool:
     """Whether a type is that of :class:`Groups`."""
     return isinstance(kind, _Kind) and kind.family == "groups"
@@ -433,9 +438,14 @@ def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:
 
 def roomy(values: NDArray[Any]) -> Any:
     """The same, with zeros in memory for one row more: kernels put there what is nowhere else."""
-    out = np.zeros((len(values) + 1, *values.shape[1:]), dtype=values.dtype)[:-1]
+    out = room(values.shape, values.dtype)
     out[:] = values
     return out
+
+
+def room(shape: tuple[int, ...], kind: Any = float) -> Any:
+    """Zeros of this shape, and in memory for one row more; see :func:`roomy`."""
+    return np.zeros((shape[0] + 1, *shape[1:]), dtype=kind)[:-1]
 
 
 def flags(values: Sequence[bool] | NDArray[np.bool_]) -> Any:

@@ -16,7 +16,7 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.closure import Selected, continued
 from ..model.groups import Blocks, Parts
-from ..model.kinematics import Located, Recursion
+from ..model.kinematics import Located, Recursion, TwistMap
 from ..model.loops import Passages, way_on
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, shared, sum_at
@@ -346,9 +346,6 @@ class BoundNullSpace(BoundTreatment):
         kin = self.kin = system.kinematics
         self.closure = system.closure
         self.unknowns = system.unknowns
-        self.nodal = Reparametrisation(kin)
-        #: twists by the tree's coordinates
-        self._map = kin.recursion if kin.deep and not len(self.closure.rows) else kin.T
         number = np.zeros(len(system.origin_rows), dtype=np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
         rows = [kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups]
@@ -363,12 +360,6 @@ class BoundNullSpace(BoundTreatment):
         #: pairs of rows of y with 3x3 blocks: couplings, then curvature of loop rows
         self._row_pairs = np.vstack([system.coupled_rows, loop_pairs[: len(loop_pairs) * curved]])
         *self._Z, self._ones = self.closure.null_pattern()
-        turning = np.zeros(kin.unknowns, dtype=bool)
-        turning[self.nodal.rotating] = True
-        #: numbers of shifts, then of rotations, and where they begin
-        shifts = [*np.flatnonzero(~turning), kin.unknowns]
-        self._by_kind = np.array([*shifts, *np.flatnonzero(turning), kin.unknowns])
-        self._kinds = [0, len(shifts)]
         self.moved: Array = np.zeros(kin.unknowns)
         self._enough = QUADRATIC
         self._direction: list[Floats] | None = None
@@ -383,9 +374,31 @@ class BoundNullSpace(BoundTreatment):
             if id(each.elements[0].item) in g.slices
         ]
 
+    # compiled steps take none of what follows
+
+    @cached_property
+    def nodal(self) -> Reparametrisation:
+        """From increments to configurations."""
+        return Reparametrisation(self.kin)
+
+    @cached_property
+    def _kinds(self) -> tuple[IndexArray, list[int]]:
+        """Numbers of shifts, then of rotations, and where they begin."""
+        count = self.kin.unknowns
+        turning = np.zeros(count, dtype=bool)
+        turning[self.nodal.rotating] = True
+        shifts = [*np.flatnonzero(~turning), count]
+        return np.array([*shifts, *np.flatnonzero(turning), count]), [0, len(shifts)]
+
+    @cached_property
+    def _map(self) -> TwistMap | Recursion:
+        """Twists by the tree's coordinates."""
+        kin = self.kin
+        return kin.recursion if kin.deep and not len(self.closure.rows) else kin.T
+
     @cached_property
     def solver(self) -> LinearSolver:  # type: ignore[override]
-        """Made when it is first asked for: compiled steps take none, and it is full for chains."""
+        """Of the reduced matrix, which is full for chains."""
         pattern, kin = self._congruence.pattern, self.kin
         if isinstance(self._map, Recursion):
             return LinearSolver(pattern, self.asked, self.unknowns)
@@ -690,8 +703,9 @@ class BoundNullSpace(BoundTreatment):
 
     def _size(self, increment: Array) -> tuple[float, float]:
         # zeros at the end of both, so that there are some
-        d = abs(np.concatenate([increment, _ZERO])).take(self._by_kind)
-        shift, turn = np.maximum.reduceat(d, self._kinds).tolist()
+        numbers, starts = self._kinds
+        d = abs(np.concatenate([increment, _ZERO])).take(numbers)
+        shift, turn = np.maximum.reduceat(d, starts).tolist()
         return max(shift / self.system.length, turn), turn
 
     def sizes(self, increment: Floats, y1: Array) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
@@ -17,6 +18,7 @@ from ..kernels import BeamElements, beam_energy, beam_stress
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.theories import theory_of
+from ..pattern import shared
 from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
 from .stacked import as_floats, as_stack, as_times, step_size
@@ -43,16 +45,13 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
 
 def _mass_solver(system: System) -> Callable[[Floats], Floats]:
     mass = system.mass.tocsc()
-    count, label = connected_components(mass, directed=False)
-    massive = np.flatnonzero(mass.diagonal() > 0)
-    members = np.bincount(label, minlength=count)
-    small = massive[members[label[massive]] <= 8]
-    large = massive[members[label[massive]] > 8]
-    factor = splu(csc_matrix(mass[large][:, large])) if len(large) else None
-    blocks = []
-    for name in np.unique(label[small]):
-        ids = np.flatnonzero(label == name)
-        blocks.append((ids, np.linalg.pinv(mass[ids][:, ids].toarray(), hermitian=True)))
+    massive = mass.diagonal() > 0
+    parts = shared(_MassBlocks, mass.indptr, mass.indices, massive)
+    large, entries = parts.large, np.concatenate([[0.0], mass.data])
+    A = parts.entries
+    between = csc_matrix((entries[A.data], A.indices, A.indptr), shape=A.shape)
+    factor = splu(between) if len(large) else None
+    blocks = [(ids, np.linalg.pinv(entries[places], hermitian=True)) for ids, places in parts.small]
 
     def solve(rhs: Floats) -> Floats:
         out = np.zeros_like(rhs)
@@ -63,6 +62,30 @@ def _mass_solver(system: System) -> Callable[[Floats], Floats]:
         return out
 
     return solve
+
+
+class _MassBlocks:
+    """Rows of a mass matrix that hang together, by its pattern.
+
+    Attributes
+    ----------
+    large : (k,) int array
+        Rows with mass that hang together with more than seven others.
+    entries : (k, k) sparse matrix
+        Which entries of the whole matrix are between them, counted from 1.
+    small : list of ((r,) int array, (r, r) int array)
+        Rows of each other block, and its entries; 0: there is none.
+    """
+
+    def __init__(self, indptr: IndexArray, indices: IndexArray, massive: NDArray[np.bool_]) -> None:
+        size = len(indptr) - 1
+        each = csc_matrix((np.arange(1, len(indices) + 1), indices, indptr), shape=(size, size))
+        count, label = connected_components(each, directed=False)
+        few = np.bincount(label, minlength=count)[label] <= 8
+        self.large = np.flatnonzero(massive & ~few)
+        self.entries = csc_matrix(each[self.large][:, self.large])
+        rows = [np.flatnonzero(label == name) for name in np.unique(label[massive & few])]
+        self.small = [(ids, each[ids][:, ids].toarray()) for ids in rows]
 
 
 @takes_scene

@@ -16,7 +16,7 @@ from skfem.mapping import Mapping as SkfemMapping
 from ..errors import MeshError
 from ..frozen import Frozen
 from ..types import Array, Floats, IndexArray, VectorLike, check_kind, switch
-from . import files, topology
+from . import topology
 from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
 from .topology import (
     CurveChain,
@@ -552,6 +552,8 @@ class MeshCurve(Frozen, MeshLine1):
     @classmethod
     def load(cls, filename: str | PathLike[str], out: Any = None, **kwargs: Any) -> Self:
         """Mesh from a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
+        from . import files  # few scenes need it
+
         with files.read_errors(filename):
             lines = files.read_lines(filename)
             mesh = cls(
@@ -570,6 +572,8 @@ class MeshCurve(Frozen, MeshLine1):
         **kwargs: Any,
     ) -> None:
         """Write a file; see :func:`skfem_cosserat.mesh.write_mesh`."""
+        from . import files
+
         lines = files.LineData(self.p, self.t, self.beams, self.nodes)
         files.write_lines(filename, lines, point_data, cell_data, **kwargs)
 

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import InputError, MeshError
+from ..frozen import lock_arrays
+from ..pattern import shared
 from ..types import (
     Array,
     ArrayLike,
@@ -122,6 +124,20 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     MeshError
         If two elements of a beam point against each other where nothing else joins them.
     """
+    found = shared(_chained, t, owner)
+    if isinstance(found, ChainOrder):
+        return found
+    e, end, other = found
+    item = f"beam '{names[owner[e]]}'" if owner[e] >= 0 else "elements in no beam"
+    raise MeshError(
+        item,
+        f"elements {e} and {other} point against each other at node {t[end, e]}:"
+        " use mesh.directed() to turn one",
+    )
+
+
+def _chained(t: Array, owner: IndexArray) -> ChainOrder | tuple[int, int, int]:
+    """Chains, or an element, which of its ends meets another one's against it, and that one."""
     ne = t.shape[1]
     met = _neighbours(t, owner)
     against = (met >= 0) & (met % 2 == np.array([[0], [1]]))
@@ -129,12 +145,7 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
         which = np.flatnonzero(against.any(axis=0))
         e = int(which[np.argmin(owner[which])])
         end = int(np.argmax(against[:, e]))
-        item = f"beam '{names[owner[e]]}'" if owner[e] >= 0 else "elements in no beam"
-        raise MeshError(
-            item,
-            f"elements {e} and {met[end, e] // 2} point against each other at node {t[end, e]}:"
-            " use mesh.directed() to turn one",
-        )
+        return e, end, int(met[end, e]) // 2
     successor = np.where(met[1] >= 0, met[1] // 2, -1)
     leading = np.ones(ne, dtype=bool)
     leading[successor[successor >= 0]] = False
@@ -159,7 +170,9 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     every = every[np.repeat(starts[sort] - first[:-1], count) + np.arange(ne)]
     before = every[successor[every] >= 0]
     after = successor[before]
-    return ChainOrder(every, first, rings[sort], owner[heads][sort], before, after)
+    out = ChainOrder(every, first, rings[sort], owner[heads][sort], before, after)
+    lock_arrays(out)
+    return out
 
 
 def directed_flips(t: Array, owner: IndexArray) -> Array:

@@ -139,7 +139,9 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
             if worst >= 0:
                 own = tree.own[int(free[worst])]
                 _report(system, own[number], y, fixed)
-    if not tree.edges or (kin.elements is None and _clearly_inert(kin, inertia, y, fixed)):
+    if not any(tree.own.get(v) for v in linked):
+        return
+    if kin.elements is None and _clearly_inert(kin, inertia, y, fixed):
         return
     rows = closure()
     T = kin.T.matrix(kin.T.values(kin.T.locate(y, fixed)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -574,10 +575,15 @@ class Couplings:
         pairs = [*(g.pairs for g in self._groups), *(f.pairs for f in self.functions)]
         self.pairs: IndexArray = np.concatenate([none, *pairs])
         self.angles = [m for g in self._groups if g.kind.period for m in g.members]
-        rows = np.concatenate([none.ravel(), *(g.invariants.rows.ravel() for g in self._groups)])
-        self._scatter = csr_matrix(
-            (np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(len(reference), len(rows))
-        )
+        self._total = len(reference)
+
+    @cached_property
+    def _scatter(self) -> csr_matrix:
+        """From the rows of y that the invariants take to all of them."""
+        none = np.zeros(0, dtype=np.int64)
+        rows = np.concatenate([none, *(g.invariants.rows.ravel() for g in self._groups)])
+        entries = np.ones(len(rows)), (rows, np.arange(len(rows)))
+        return csr_matrix(entries, shape=(self._total, len(rows)))
 
     # -- a step ----------------------------------------------------------------------------------
 
@@ -649,7 +655,7 @@ class Couplings:
             nodal = [(r.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3) for r in responses]
             force = self._scatter @ np.concatenate(nodal)
         else:
-            force = np.zeros((self._scatter.shape[0], 3))
+            force = np.zeros((self._total, 3))
         for push in pushes:
             if force.dtype != push.force.dtype:
                 force = force.astype(np.result_type(force, push.force))

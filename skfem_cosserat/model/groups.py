@@ -310,17 +310,22 @@ class BeamGroup(Group):
             for (beam, _, _), (c, _, _), b in zip(beams, connectivity, stop, strict=True)
         }
         es = [beam.elements for beam, _, _ in beams]
+        damped = [beta.get(id(b), 0.0) for b, _, _ in beams]
         turned = any(e.rotations is not None for e in es)
-        self.elements = BeamElements(
-            np.concatenate([e.lengths for e in es]),
-            first.points,
-            first.weights,
-            first.table,
-            np.concatenate([e.stiffness for e in es]),
-            np.concatenate([e.reference for e in es]),
-            np.concatenate([beam.rotations for beam, _, _ in beams]) if turned else None,
-            _viscosity(es, [beta.get(id(b), 0.0) for b, _, _ in beams]),
-            *_laws(es),
+        self.elements = (
+            es[0]
+            if len(es) == 1 and not any(damped)
+            else BeamElements(
+                np.concatenate([e.lengths for e in es]),
+                first.points,
+                first.weights,
+                first.table,
+                np.concatenate([e.stiffness for e in es]),
+                np.concatenate([e.reference for e in es]),
+                np.concatenate([beam.rotations for beam, _, _ in beams]) if turned else None,
+                _viscosity(es, damped),
+                *_laws(es),
+            )
         )
         self._stiffness = _Multiple(self.elements.weighted_stiffness)
 

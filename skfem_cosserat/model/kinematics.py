@@ -637,25 +637,20 @@ class TwistMap:
         """Identity of free vertices, constant shifts, turning pairs, slides."""
         kin = self.kin
         tree, cs = kin.tree, kin.tree.coordinates
-        rows, cols, ones = [], [], []
-        for v in tree.free:
-            for k in tree.own[v]:
-                first = int(kin.twist_of[v]) + (3 if cs[k].kind == "rotation" else 0)
-                along = np.flatnonzero(cs[k].axis)
-                rows += (first + along).tolist()
-                cols += [k] * len(along)
-                ones += cs[k].axis[along].tolist()
-        for p in shifting:
-            rows += [int(kin.twist_of[p.vertex]) + i for i in range(3)]
-            cols += [p.number] * 3
-            ones += cs[p.number].axis.tolist()
+        own = np.array([k for v in tree.free for k in tree.own[v]], dtype=np.int64)
+        turns = np.array([cs[k].kind == "rotation" for k in own], dtype=bool)
+        first = kin.twist_of[[cs[k].vertex for k in own]] + 3 * turns
+        which, along = np.nonzero(kin.axis[own])
+        shifted = np.array([p.vertex for p in shifting], dtype=np.int64)
+        moved = np.array([p.number for p in shifting], dtype=np.int64)
         base = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
         number = np.repeat(self.pair_number[:, None], 3, axis=1)
         slide_vertex = np.array([p.vertex for p in slides], dtype=np.int64)
         self._slide_twist = kin.twist_of[slide_vertex][:, None] + np.arange(3)
         self.rows = np.concatenate(
             [
-                np.array(rows, dtype=np.int64),
+                first[which] + along,
+                (kin.twist_of[shifted][:, None] + np.arange(3)).ravel(),
                 base.ravel(),
                 (base[self.pair_rotates] + 3).ravel(),
                 self._slide_twist.ravel(),
@@ -663,7 +658,8 @@ class TwistMap:
         )
         self.cols = np.concatenate(
             [
-                np.array(cols, dtype=np.int64),
+                own[which],
+                np.repeat(moved, 3),
                 number.ravel(),
                 number[self.pair_rotates].ravel(),
                 np.repeat(self.slide_number, 3),
@@ -672,8 +668,8 @@ class TwistMap:
         if self.elements is not None:
             self.rows = np.concatenate([self.rows, self.elements.T_rows])
             self.cols = np.concatenate([self.cols, self.elements.T_cols])
-        self._constant = np.array(ones)
-        self.n_fixed = len(ones)
+        self._constant = np.concatenate([kin.axis[own][which, along], kin.axis[moved].ravel()])
+        self.n_fixed = len(self._constant)
         #: entries that are 1 at any configuration
         self.ones: IndexArray = np.flatnonzero(self._constant == 1)
         order = np.lexsort((self.cols, self.rows))
@@ -848,7 +844,6 @@ class Recursion:
         self._fulcrums = np.flatnonzero(at_parent), np.flatnonzero(~at_parent)
         self._on_frames = np.flatnonzero(~at_parent & frame[self.child[self.turns]])
         self._last: tuple[Array | None, Any] = None, None
-        self._prepare()
 
     # -- the same as those of a twist map, whose entries are those of S, then of X ---------------
 
@@ -887,10 +882,10 @@ class Recursion:
         out[self._order] = lu.solve(rhs[self._order].astype(out.dtype), trans)
         return out
 
-    def _prepare(self) -> None:
-        """``1 - X``: ones, what is passed on as it is, arms of rotations."""
-        kin, xyz = self.kin, np.arange(3)
-        twist, size = kin.twist_of, np.diff(kin.twist_of, append=kin.n_twist)
+    @cached_property
+    def transport(self) -> tuple[IndexArray, IndexArray]:
+        """Rows and columns of ``1 - X``: ones, what is passed on as it is, arms of rotations."""
+        kin, xyz, twist = self.kin, np.arange(3), self.kin.twist_of
         child, parent = twist[self.child[self.held]], twist[self.parent[self.held]]
         turned, turning = (twist[v[self.relative]] + 3 for v in (self.child, self.parent))
         ones = np.arange(kin.n_twist)
@@ -906,17 +901,39 @@ class Recursion:
             (np.broadcast_to(moved, shape), np.broadcast_to(by, shape)),
         ]
         i, j = (np.concatenate([each[k].ravel() for each in parts]) for k in (0, 1))
-        #: twists of vertices with a parent; rows and columns of the entries of ``1 - X``
-        self.below = np.isin(np.repeat(np.arange(len(twist)), size), self.child)
-        self.transport = i, j
-        passed = 3 * (len(child) + len(self.relative))
-        self._constant = np.concatenate([np.ones(len(ones)), -np.ones(passed)])
-        # of all vertices parents before children
-        depth = np.array([kin.tree.depth.get(v, 0) for v in range(len(twist))])
-        self._order = np.argsort(np.repeat(depth, size), kind="stable")
-        position = np.empty_like(self._order)
-        position[self._order] = ones
-        self._pattern = FrozenPattern(position[i], position[j], (kin.n_twist, kin.n_twist))
+        return i, j
+
+    @cached_property
+    def _constant(self) -> Floats:
+        """Entries of ``1 - X`` that are the same at any configuration, the first ones."""
+        passed = 3 * (int(self.held.sum()) + len(self.relative))
+        return np.concatenate([np.ones(self.kin.n_twist), -np.ones(passed)])
+
+    @cached_property
+    def _vertex(self) -> IndexArray:
+        """Vertex of each twist."""
+        twist = self.kin.twist_of
+        return np.repeat(np.arange(len(twist)), np.diff(twist, append=self.kin.n_twist))
+
+    @property
+    def below(self) -> NDArray[np.bool_]:
+        """Which twists are of vertices with a parent."""
+        return np.isin(self._vertex, self.child)
+
+    @cached_property
+    def _order(self) -> IndexArray:
+        """Twists of all vertices, parents before children."""
+        tree, count = self.kin.tree, len(self.kin.twist_of)
+        depth = np.array([tree.depth.get(v, 0) for v in range(count)])
+        return np.argsort(depth[self._vertex], kind="stable")
+
+    @cached_property
+    def _pattern(self) -> FrozenPattern:
+        """Of ``1 - X`` in this order."""
+        i, j = self.transport
+        position, size = np.empty_like(self._order), self.kin.n_twist
+        position[self._order] = np.arange(size)
+        return FrozenPattern(position[i], position[j], (size, size))
 
     def arms(self, y: Array) -> Array:
         """From the origins of parents that turn to what moves as if fixed to them (turns, 3)."""
@@ -971,18 +988,18 @@ class Recursion:
         """S (vertices, 6, 6), X (edges, 6, 6), and which columns of S there are (vertices, 6)."""
         values = self.own.values(self.locate(y, fixed))
         kin, own, tree = self.kin, self.own, self.kin.tree
-        vertex = np.repeat(np.arange(len(tree.is_frame)), np.where(tree.is_frame, 6, 3))
-        place, used = np.zeros(kin.unknowns, dtype=np.int64), np.zeros((len(vertex), 6), dtype=bool)
+        place = np.zeros(kin.unknowns, dtype=np.int64)
+        used = np.zeros((len(tree.is_frame), 6), dtype=bool)
         for w, numbers in tree.own.items():
             place[numbers], used[w, : len(numbers)] = np.arange(len(numbers)), True
-        v = vertex[own.rows]
+        v = self._vertex[own.rows]
         S = np.zeros((len(tree.is_frame), 6, 6), dtype=values.dtype)
         np.add.at(S, (v, own.rows - kin.twist_of[v], place[own.cols]), values)
         X = np.zeros((len(self.child), 6, 6), dtype=values.dtype)
         X[:, :3, :3] = np.eye(3)
         X[self.turns, :3, 3:] = -skew(self.arms(y))
         X[self.relative, 3:, 3:] = np.eye(3)
-        return S, X, used[: len(S)]
+        return S, X, used
 
 
 def unit_triangular(matrix: csc_matrix) -> Any:

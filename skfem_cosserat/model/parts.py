@@ -14,6 +14,8 @@ from ..body import MassPoint
 from ..coupling import Cable, SpringDamper
 from ..errors import ModelWarning
 from ..frames import is_beam
+from ..frozen import lock_arrays
+from ..pattern import shared
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
 
@@ -109,7 +111,7 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     2 separate parts, 1 of them tied to the ground
     """
     rows, g = system.rows, system.constraints
-    links = [group.rows[:, [0, k]] for group in system.groups for k in range(group.rows.shape[1])]
+    links = [_first_to_all(group.rows) for group in system.groups]
     own = g.inside
     links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
     joining = [c for c in system.couplings.items if lines or not isinstance(c, LINES)]
@@ -117,15 +119,25 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     ends += [pair for each in system.couplings.functions for pair in each.pairs.tolist()]
     pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
     inside = (pairs < rows).all(axis=1)
-    edges = np.concatenate([*links, pairs[inside]])
-    size = rows + system.m
-    graph = csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
-    _, label = connected_components(graph, directed=False)
     grounded = np.ones(len(g.cols), dtype=bool)
     grounded[own] = False
-    tied = [label[rows + g.rows[grounded]], label[pairs[~inside][pairs[~inside] < rows]]]
+    tied = np.concatenate([rows + g.rows[grounded], pairs[~inside][pairs[~inside] < rows]])
+    return shared(_connected, np.concatenate([*links, pairs[inside]]), tied, rows, rows + system.m)
+
+
+def _first_to_all(rows: IndexArray) -> IndexArray:
+    """Pairs (ne r, 2) of the first row of each element with its rows (ne, r)."""
+    return np.stack([np.broadcast_to(rows[:, :1], rows.shape), rows], axis=-1).reshape(-1, 2)
+
+
+def _connected(edges: IndexArray, tied: IndexArray, rows: int, size: int) -> Connected:
+    """Parts of the first `rows` of a graph's vertices, free without one that is `tied`."""
+    graph = csr_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(size, size))
+    _, label = connected_components(graph, directed=False)
     names, part = np.unique(label[:rows], return_inverse=True)
-    return Connected(part, ~np.isin(names, np.concatenate(tied)))
+    out = Connected(part, ~np.isin(names, label[tied]))
+    lock_arrays(out)
+    return out
 
 
 def warn_of_loose_parts(system: System) -> None:

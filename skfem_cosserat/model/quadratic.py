@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
-from ..pattern import FrozenPattern, sum_at
+from ..frozen import lock_arrays
+from ..pattern import FrozenPattern, shared, sum_at
 from ..types import Array, Floats, IndexArray
 
 #: states of a stack that are worked on together
@@ -121,6 +122,36 @@ class Terms(NamedTuple):
     constant: Floats
 
 
+class _Places:
+    """Where the contributions to the Jacobian and to its derivative are.
+
+    Parameters
+    ----------
+    linear : (3 l,) and (l,) int arrays
+        Rows of the linear terms, and their vectors.
+    products : (p,) int arrays
+        Rows of the products, and both vectors.
+    m, free : int
+        Constraint rows, and rows of y that are unknowns.
+    """
+
+    def __init__(
+        self, linear: tuple[IndexArray, ...], products: tuple[IndexArray, ...], m: int, free: int
+    ) -> None:
+        (lk, la), (pk, pa, pb), xyz = linear, products, np.arange(3)
+        self.rows = np.concatenate([lk, np.repeat(pk, 3), np.repeat(pk, 3)])
+        self.cols = (3 * np.concatenate([la, pa, pb])[:, None] + xyz).ravel()
+        self.inside = np.flatnonzero(self.cols < 3 * free)
+        self.G_rows, self.G_cols = self.rows[self.inside], self.cols[self.inside]
+        self.pattern = FrozenPattern(self.G_rows, self.G_cols, (m, 3 * free))
+        # curvature: both vectors unknown
+        self.curved = np.flatnonzero((pa < free) & (pb < free))
+        a, b = pa[self.curved], pb[self.curved]
+        self.curvature_rows = (3 * np.concatenate([a, b])[:, None] + xyz).ravel()
+        self.curvature_cols = (3 * np.concatenate([b, a])[:, None] + xyz).ravel()
+        lock_arrays(self)
+
+
 class QuadraticConstraints:
     """Constraints ``g(y)`` (m,) and their Jacobian by the n free coordinates.
 
@@ -148,26 +179,16 @@ class QuadraticConstraints:
         self._drive_component = np.array([w[1] for w in where], dtype=np.int64)
         dots = (self._factors(reference) * reference[self._pa] * reference[self._pb]).sum(1)
         self._constant = np.bincount(self._pk, dots, m)
-        # Jacobian contributions: rows and columns never change
-        xyz = np.arange(3)
-        three = np.ones(3, dtype=np.int64)
-        self.rows = np.concatenate([self._lk, np.kron(self._pk, three), np.kron(self._pk, three)])
-        self.cols = np.concatenate(
-            [(3 * index[:, None] + xyz).ravel() for index in (self._la, self._pa, self._pb)]
-        )
         self._other = np.concatenate([self._pb, self._pa])
         self._linear_values = np.repeat(lc, 3)
-        self.inside = np.flatnonzero(self.cols < n)
+        # rows and columns never change
+        places = shared(_Places, (self._lk, self._la), (self._pk, self._pa, self._pb), m, free)
+        self.rows, self.cols, self.inside = places.rows, places.cols, places.inside
         self._all_inside = len(self.inside) == len(self.cols)
         #: rows and columns of the contributions to G
-        self.G_rows, self.G_cols = self.rows[self.inside], self.cols[self.inside]
-        self._pattern = FrozenPattern(self.G_rows, self.G_cols, (m, n))
-        # curvature: both vectors unknown
-        both = (self._pa < free) & (self._pb < free)
-        a, b = self._pa[both], self._pb[both]
-        self._curved = np.flatnonzero(both)
-        self.curvature_rows = (3 * np.concatenate([a, b])[:, None] + xyz).ravel()
-        self.curvature_cols = (3 * np.concatenate([b, a])[:, None] + xyz).ravel()
+        self.G_rows, self.G_cols, self._pattern = places.G_rows, places.G_cols, places.pattern
+        self._curved = places.curved
+        self.curvature_rows, self.curvature_cols = places.curvature_rows, places.curvature_cols
 
     def terms(self) -> Terms:
         """All terms, for loops over them."""

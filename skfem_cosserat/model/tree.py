@@ -168,12 +168,12 @@ class Tree:
     elements: list[tuple[ConstrainedElement, int]] = field(default_factory=list)
     stretches: dict[int, list[int]] = field(default_factory=dict)  # numbers by ``id(element)``
 
-    @property
+    @cached_property
     def directions(self) -> Floats:
         """Unit vectors (3 or 2, 3) of free translations."""
         return np.eye(3) if self.plane is None else self.plane.axes
 
-    @property
+    @cached_property
     def axes(self) -> Floats:
         """Unit vectors (3 or 1, 3) about which free rotations are."""
         return np.eye(3) if self.plane is None else self.plane.normal[None]
@@ -346,9 +346,9 @@ class _Own:
         if edge is None:
             for axis in self.tree.directions:
                 self.add("translation", axis)
-            if self.frame:
-                for axis in self.tree.axes:
-                    self.add("rotation", axis, centre=Spot(self.v))
+            centre = Spot(self.v)
+            for axis in self.tree.axes if self.frame else ():
+                self.add("rotation", axis, centre=centre)
         elif isinstance(edge.joint, ConstrainedElement):
             if edge.joint.rigid:
                 return

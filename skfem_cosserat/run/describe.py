@@ -7,7 +7,7 @@ import pickle
 import platform
 from collections.abc import Callable, Sequence
 from copy import copy
-from functools import cache
+from functools import cache, cached_property
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -271,21 +271,28 @@ class SystemSeries:
         Of each segment.
     kind : callable
         The formulas of a system, for a history of this kind.
-
-    Attributes
-    ----------
-    names, saved : list of str
-        See :class:`skfem_cosserat.history.Derivation`.
     """
 
     def __init__(self, systems: Sequence[System], kind: Kind) -> None:
         self._systems, self._kind = list(systems), kind
         self._packed = b""
-        self._made = [kind(system) for system in systems]
+
+    @cached_property
+    def _made(self) -> list[Formulas]:
+        """Of each system, when a series is first asked for: many runs are not."""
+        return [self._kind(system) for system in self._systems]
+
+    @cached_property
+    def names(self) -> Sequence[str]:
+        """See :class:`skfem_cosserat.history.Derivation`."""
         every = [name for made in self._made for together in made for name in together]
-        self.names: Sequence[str] = list(dict.fromkeys(every))
+        return list(dict.fromkeys(every))
+
+    @property
+    def saved(self) -> Sequence[str]:
+        """See :class:`skfem_cosserat.history.Derivation`."""
         items = ("beam/", "joint/", "coupling/")
-        self.saved = [name for name in self.names if name in SAVED or name.startswith(items)]
+        return [name for name in self.names if name in SAVED or name.startswith(items)]
 
     @property
     def _formulas(self) -> list[Formulas]:
@@ -330,6 +337,7 @@ class SystemSeries:
 
     def packed(self) -> SystemSeries | None:
         """See :class:`skfem_cosserat.history.Derivation`."""
+        _ = self.names  # they are known where the systems are not read yet
         out = copy(self)
         out._systems, out._made = [], []
         try:

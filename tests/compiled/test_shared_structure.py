@@ -16,6 +16,7 @@ import skfem_cosserat as sc
 from skfem_cosserat import pattern
 from skfem_cosserat.compiled import plan
 from skfem_cosserat.constraints import null_space
+from skfem_cosserat.model.parts import connected_parts
 from skfem_cosserat.pattern import FrozenPattern, Shared, shared
 
 
@@ -108,6 +109,24 @@ def test_what_is_shared_cannot_be_written_to():
     u, v = np.array(list(known.slot)).T
     assert known.slots(u, v).tolist() == list(known.slot.values())
     assert known.slots([-1, 0], [0, -1]).tolist() == [-1, -1]
+
+
+def test_a_frozen_scene_takes_what_follows_from_its_integers_alone():
+    """Places of constraint terms, connected parts, chains of elements; not those of others."""
+
+    def shared_by(system):
+        (beam,) = system.structures
+        return system.constraints._pattern, connected_parts(system), beam.mesh.chain_order
+
+    first = shared_by(rod().freeze())
+    for options in SAME[:2]:  # away from the origin there are terms of the ground's directors, too
+        for one, other in zip(first, shared_by(rod(**options).freeze()), strict=True):
+            assert one is other
+    other = shared_by(rod(elements=7).freeze())
+    assert not any(one is two for one, two in zip(first, other, strict=True))
+    assert other[1].part.tolist() == [0] * 32 and other[2].elements.tolist() == list(range(7))
+    with pytest.raises(ValueError, match="read-only"):
+        first[1].part[0] = 1
 
 
 def test_what_is_kept_is_bounded():
