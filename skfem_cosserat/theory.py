@@ -93,8 +93,8 @@ class TheoryInextensible(Theory):
 
     Leaves out axial waves, too. Valid where no strain but that of bending and torsion matters: the
     errors are of the order of ``EI/(GA L^2)`` and ``EI/(EA L^2)``. A straight beam held at both
-    ends cannot bend at all, since its ends would have to approach each other: a singular position,
-    of which a warning tells; :class:`TheoryKirchhoff` is for that.
+    ends cannot bend at all, since its ends would have to approach each other: such scenes are
+    refused; :class:`TheoryKirchhoff` is for that.
 
     Examples
     --------
