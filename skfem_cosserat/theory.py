@@ -39,7 +39,7 @@ class Theory(Frozen):
         Whether the beam can be twisted. Without, K_3 keeps its reference value: for beams that
         nothing twists, such as those of a plane scene. Not for beams whose ends are both held
         against rotation about their line, nor for closed rings: there, no small motion out of the
-        plane leaves them untwisted, and scenes in the plane are in a singular position.
+        plane leaves them untwisted. They are refused, unless they are confined to the plane.
 
     Attributes
     ----------

@@ -104,7 +104,7 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     there = system.closure.decide(start, tree_values(system, start))
     redundant = _beside(system, start, there)
     doubt = almost_redundant(system)
-    if doubt:
+    if doubt and system.immovable is None:
         warn("model", doubt, ModelWarning)
     _check_motion(system)
     return system.closure, redundant
@@ -286,8 +286,8 @@ def violated(system: Scene, y: Floats) -> tuple[int, float]:
 def _beside(system: Scene, start: Floats, redundant: IndexArray) -> IndexArray:
     """Redundant rows beside the reference configuration, if they are fewer there.
 
-    Then the reference is a singular position: a warning says so, or an error if it is one of beams
-    alone, which no treatment can leave rightly. The mechanism is moved a
+    Then the reference is a singular position, and a warning says so. If it is one of beams alone,
+    which no treatment leaves rightly, the system is marked as immovable. The mechanism is moved a
     little along some of the directions that seem free (always the same ones), drives move on, and
     the loops are closed again.
     """
@@ -331,14 +331,15 @@ def _warn(system: Scene, before: Sequence[int], ranks: Sequence[int]) -> None:
         f" are independent there, {sum(ranks)} beside it"
     )
     if _beams_alone_move(loop_joints(system, rows)):
-        raise InputError(
-            item,
-            f"{text}. Its beams hold strains that no small motion from there leaves as they are: a"
+        text += (
+            ". Its beams hold strains that no small motion from there leaves as they are: a"
             " straight beam that is held at both ends cannot bend without extension, and neither"
             " it nor a ring stays untwisted out of its plane. Hold fewer strains:"
-            " theory=TheoryKirchhoff(), with torsion",
+            " theory=TheoryKirchhoff(), with torsion"
         )
-    warn(item, f"{text}, which is what counts", ModelWarning)
+        system.immovable = item, text
+    else:
+        warn(item, f"{text}, which is what counts", ModelWarning)
 
 
 def _beams_alone_move(around: Sequence[Item]) -> bool:

@@ -42,6 +42,7 @@ from .solver import UNMOVED, PathSolver
 from .static_checks import (
     check_growth,
     check_run,
+    described,
     first_point,
     held_start,
     prescribed_turn,
@@ -167,7 +168,8 @@ class Continuation:
                 self.rejected += 1
                 step /= 2
                 if step < 1e-4:
-                    raise self._failure(point, report, "the start is no equilibrium")
+                    what = "the start is no equilibrium"
+                    raise self._failure(point, report, what, relief=left * missing)
                 continue
             solver.accept()
             point, left, step = solution.point, left - step, 2 * step
@@ -479,18 +481,38 @@ class Continuation:
             f" {100 * share:.2g} % of that at the start"
         )
 
+    def _floating(self, point: Point, relief: Floats | None) -> str:
+        """What nothing holds where an iteration ended, or at the last point; empty if all is."""
+        y, t = self.solver.ended
+        for at in (Point(y, t, point.turns), point):
+            if not np.isfinite(at.y).all():
+                continue
+            stability = inspect(self.system, at, self.solver.schedule.at(at.t), relief)
+            try:
+                motions = stability.neutral_motions(self.system).motions
+            except ValueError:  # its stiffness is not finite
+                continue
+            if motions:
+                return described(self.system, at.y, motions)
+        return ""
+
     def _failure(
         self,
         point: Point,
         report: NewtonReport,
         what: str,
         residuals: list[list[float]] | None = None,
+        relief: Floats | None = None,
     ) -> Diverged:
         """Why the path ends, and what to try."""
         near = self._limit_near() if isinstance(self.control, LoadControl) else ""
+        floating = self._floating(point, relief)
         advice = f"{BEYOND}, or try a finer mesh"
         reason = f"{what}: {report.reason}"
-        if self.overstretched:
+        if floating:
+            advice = "hold it with joints or springs"
+            reason = f"{what}: nothing holds {floating}. Newton's method: {report.reason}"
+        elif self.overstretched:
             advice = "refine the beam whose elements are drawn too much"
         elif near:
             advice, reason = BEYOND, f"{what}: {near}. Newton's method: {report.reason}"
