@@ -39,7 +39,7 @@ class Theory(Frozen):
         Whether the beam can be twisted. Without, K_3 keeps its reference value: for beams that
         nothing twists, such as those of a plane scene. Not for beams whose ends are both held
         against rotation about their line, nor for closed rings: there, no small motion out of the
-        plane leaves them untwisted, and scenes in the plane are in a singular position.
+        plane leaves them untwisted. They are refused, unless they are confined to the plane.
 
     Attributes
     ----------
@@ -93,8 +93,8 @@ class TheoryInextensible(Theory):
 
     Leaves out axial waves, too. Valid where no strain but that of bending and torsion matters: the
     errors are of the order of ``EI/(GA L^2)`` and ``EI/(EA L^2)``. A straight beam held at both
-    ends cannot bend at all, since its ends would have to approach each other: a singular position,
-    of which a warning tells; :class:`TheoryKirchhoff` is for that.
+    ends cannot bend at all, since its ends would have to approach each other: such scenes are
+    refused; :class:`TheoryKirchhoff` is for that.
 
     Examples
     --------

@@ -51,6 +51,7 @@ class Scene(Protocol):
     constraints: QuadraticConstraints
     closure: Closure
     redundant: IndexArray
+    immovable: tuple[str, str] | None
     joint_rows: list[JointRows]
     branch_cosines: QuadraticConstraints
     of_cosine: list[Joint | JointDrive]

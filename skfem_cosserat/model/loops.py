@@ -12,6 +12,7 @@ from ..errors import InputError, ModelWarning
 from ..frames import Item, is_beam
 from ..joint import Joint, JointDrive
 from ..kernels import cross, null_space_blocks
+from ..theory import TheoryRigid
 from ..types import Floats, IndexArray
 from ..warn import warn
 from .checks import JointRows, Scene
@@ -35,11 +36,9 @@ BESIDE = 0.03
 #: violation there of rows that are redundant in the reference only; of the order of BESIDE^2
 STILL_REDUNDANT = 1e-9
 
-#: what is said of singular positions of beams
-STRAIGHT = (
-    " (a straight beam that is held at both ends can neither bend without extension nor stay"
-    " untwisted out of its plane: TheoryKirchhoff() leaves it both)"
-)
+#: freedoms of a loop's joints, and joints that have some, up to which links that are rigid cannot
+#: move: a triangle, and one link
+TRIANGLE, LINK = 3, 2
 
 
 def joint_of(jr: JointRows) -> Joint:
@@ -105,7 +104,7 @@ def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
     there = system.closure.decide(start, tree_values(system, start))
     redundant = _beside(system, start, there)
     doubt = almost_redundant(system)
-    if doubt:
+    if doubt and system.immovable is None:
         warn("model", doubt, ModelWarning)
     _check_motion(system)
     return system.closure, redundant
@@ -287,7 +286,8 @@ def violated(system: Scene, y: Floats) -> tuple[int, float]:
 def _beside(system: Scene, start: Floats, redundant: IndexArray) -> IndexArray:
     """Redundant rows beside the reference configuration, if they are fewer there.
 
-    Then the reference is a singular position, and a warning says so. The mechanism is moved a
+    Then the reference is a singular position, and a warning says so. If it is one of beams alone,
+    which no treatment leaves rightly, the system is marked as immovable. The mechanism is moved a
     little along some of the directions that seem free (always the same ones), drives move on, and
     the loops are closed again.
     """
@@ -325,14 +325,36 @@ def _warn(system: Scene, before: Sequence[int], ranks: Sequence[int]) -> None:
         if more > rank
     ]
     rows = np.concatenate(lost)
-    held = any(is_beam(item) for item in loop_joints(system, rows))
-    warn(
-        f"closed loop through the {names_of(system, rows)}",
+    item = f"closed loop through the {names_of(system, rows)}"
+    text = (
         f"the reference configuration is a singular position: {sum(before)} of its constraint rows"
-        f" are independent there, {sum(ranks)} beside it, which is what counts"
-        f"{STRAIGHT if held else ''}",
-        ModelWarning,
+        f" are independent there, {sum(ranks)} beside it"
     )
+    if _beams_alone_move(loop_joints(system, rows)):
+        text += (
+            ". Its beams hold strains that no small motion from there leaves as they are: a"
+            " straight beam that is held at both ends cannot bend without extension, and neither"
+            " it nor a ring stays untwisted out of its plane. Hold fewer strains:"
+            " theory=TheoryKirchhoff(), with torsion"
+        )
+        system.immovable = item, text
+    else:
+        warn(item, f"{text}, which is what counts", ModelWarning)
+
+
+def _beams_alone_move(around: Sequence[Item]) -> bool:
+    """Whether a loop of these joints and beams could not move if its beams were rigid."""
+    if not any(is_beam(item) and not isinstance(item.theory, TheoryRigid) for item in around):
+        return False
+    free = [_freedoms(joint) for joint in around if isinstance(joint, Joint)]
+    return sum(free) <= TRIANGLE or np.count_nonzero(free) <= LINK
+
+
+def _freedoms(joint: Joint) -> int:
+    """How many relative motions a joint leaves free."""
+    free = joint.freedom()
+    turns = 3 if free.turns is None else len(free.turns)
+    return turns + len(free.slides) + 2 * free.sphere
 
 
 def _small_move(system: Scene, chosen: Sequence[Selected], random: np.random.Generator) -> Floats:

@@ -14,7 +14,7 @@ import numpy as np
 from ..body import MassPoint, RigidBody
 from ..coupling import Coupling, Foundation
 from ..damping import RayleighDamping
-from ..errors import IncompatibleError, InputError
+from ..errors import IncompatibleError, InputError, ModelWarning
 from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
 from ..joint import Joint, JointDrive, JointLocked
@@ -26,7 +26,7 @@ from ..time_function import (
     time_function,
 )
 from ..types import ArrayLike, Floats, names_known
-from ..warn import Notices
+from ..warn import Notices, warn
 from .ground import Placed
 from .groups import Structure
 from .parts import warn_of_loose_parts
@@ -157,6 +157,8 @@ def _anew(
     with Notices(system.warnings) as notices:
         out = System(*items, placed)
         out = out if system.plane is None else out.within(system.plane)
+        if out.immovable is not None:  # a run goes on as far as it can
+            warn(*out.immovable, ModelWarning)
     out.warnings = notices.found
     return out
 
@@ -375,6 +377,8 @@ class Model:
                 scene=dict(self._items),
             )
             system = system if planar is None else confined(system, planar)
+            if system.immovable is not None:
+                raise InputError(*system.immovable)
             warn_of_loose_parts(system)
         system.warnings = notices.found
         return system

@@ -363,6 +363,8 @@ class System:
         frames, elements = self.is_frame.tolist(), constrained_elements(self.theory_rows)
         self.tree = build_tree(frames, ends, elements, self.plane)
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
+        #: what cannot leave the reference rightly, and why: of beams that hold too many strains
+        self.immovable: tuple[str, str] | None = None
         self.closure, self.redundant = close_loops(self)
         #: constraint rows that the tree's coordinates do not fulfil by themselves
         self.left_rows: IndexArray = self.closure.rows

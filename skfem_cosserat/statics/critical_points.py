@@ -178,9 +178,13 @@ def _start(n: int) -> Floats:
     return np.random.default_rng(0).standard_normal(n)
 
 
-def inspect(system: System, point: Point, amplitudes: Amplitudes) -> Stability:
-    """Stability of an equilibrium."""
+def inspect(
+    system: System, point: Point, amplitudes: Amplitudes, relief: Floats | None = None
+) -> Stability:
+    """Stability of an equilibrium, `relief` (rows, 3) are forces left out of the balance."""
     at = balance(system, point.y, amplitudes, turns=point.turns)
+    if relief is not None:
+        at.R = at.R - relief
     tangent = reduced_tangent(system, point.y, amplitudes, at)
     K = tangent.K
     size = float(abs(K.data).max(initial=0.0))

@@ -42,6 +42,7 @@ from .solver import UNMOVED, PathSolver
 from .static_checks import (
     check_growth,
     check_run,
+    described,
     first_point,
     held_start,
     prescribed_turn,
@@ -75,6 +76,8 @@ class _StepStability:
     end: Stability | None
     found: list[Critical]
     lost: bool = False
+    #: critical points were not searched for: they may be those of the mesh
+    unsought: bool = False
     #: iterations and solves of the step, if critical points were searched for after it
     effort: tuple[int, int] | None = None
 
@@ -140,6 +143,7 @@ class Continuation:
         # at a critical point the number of unstable motions is one or the other
         self._stability = stability if direction is None else None
         self._first = self._stability
+        self._warn_of_elements(point, force)
         self._record(point, stage.parameter, force, 0.0, effort=self._effort())
         if direction is None and isinstance(self.control, ArcLength):
             try:
@@ -164,7 +168,8 @@ class Continuation:
                 self.rejected += 1
                 step /= 2
                 if step < 1e-4:
-                    raise self._failure(point, report, "the start is no equilibrium")
+                    what = "the start is no equilibrium"
+                    raise self._failure(point, report, what, relief=left * missing)
                 continue
             solver.accept()
             point, left, step = solution.point, left - step, 2 * step
@@ -247,6 +252,8 @@ class Continuation:
         stability.unstable = stability.firmly_unstable
         if before is None or stability.unstable == before.unstable:
             return _StepStability(stability, [])
+        if self._drawn(solution):
+            return _StepStability(stability, [], unsought=True)
         effort = self._effort()
         found = self._locate(before, stability)
         if isinstance(self.control, LoadControl):
@@ -254,7 +261,12 @@ class Continuation:
             low, high = sorted((point.t, solution.point.t))
             found = [c for c in found if low <= c.stability.point.t <= high or c.kind == "limit"]
         last = found[-1].after if found else before
-        return _StepStability(stability, found, last.crossed(stability), effort)
+        return _StepStability(stability, found, last.crossed(stability), effort=effort)
+
+    def _drawn(self, solution: Solution) -> bool:
+        """Whether elements are, or were, drawn so much that motions of the mesh are unstable."""
+        point, force = solution.point, solution.constraint_force
+        return self.overstretched or overstretched_at(self.system, point.y, force) is not None
 
     def _before_crest(self, point: Point, solution: Solution, along: _StepStability) -> Solution:
         """The end of an arc length path, if it is crossed on the way to a critical point."""
@@ -302,12 +314,18 @@ class Continuation:
                 f" {solution.point.t:.6g} was not located"
             )
             warn("path", text, IncompleteWarning, solution.point.t)
+        if along.unsought:
+            text = (
+                f"critical points are not looked for from load factor {point.t:.6g} on: elements"
+                " are drawn so much that node rotations of this mesh are unstable as well; refine"
+            )
+            warn("path", text, IncompleteWarning, solution.point.t)
         self._stability = along.end
         if along.end is not None:
             solver.neutral = along.end.neutral_motions(self.system)
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - point.y[:rows]) / length
-        self._warn_of_elements(solution)
+        self._warn_of_elements(solution.point, solution.constraint_force)
         asked = stage.accept(point, solution.point, length)
         if asked or self.control.all_points:
             force, report = solution.constraint_force, solution.report
@@ -417,9 +435,8 @@ class Continuation:
         force, effort = found.constraint_force, self._effort()
         self._record(point, parameter, force, 0.0, found.kind, effort)
 
-    def _warn_of_elements(self, solution: Solution) -> None:
+    def _warn_of_elements(self, point: Point, force: Floats) -> None:
         """Say once that elements are bent or drawn farther than they can be on their own."""
-        point, force = solution.point, solution.constraint_force
         bent = None if self.over_rotated else over_rotated_beam(self.system, point.y)
         if bent is not None:
             self.over_rotated = True
@@ -464,18 +481,40 @@ class Continuation:
             f" {100 * share:.2g} % of that at the start"
         )
 
+    def _floating(self, point: Point, relief: Floats | None) -> str:
+        """What nothing holds where an iteration ended, or at the last point; empty if all is."""
+        y, t = self.solver.ended
+        for at in (Point(y, t, point.turns), point):
+            if not np.isfinite(at.y).all():
+                continue
+            stability = inspect(self.system, at, self.solver.schedule.at(at.t), relief)
+            try:
+                motions = stability.neutral_motions(self.system).motions
+            except ValueError:  # its stiffness is not finite
+                continue
+            if motions:
+                return described(self.system, at.y, motions)
+        return ""
+
     def _failure(
         self,
         point: Point,
         report: NewtonReport,
         what: str,
         residuals: list[list[float]] | None = None,
+        relief: Floats | None = None,
     ) -> Diverged:
         """Why the path ends, and what to try."""
         near = self._limit_near() if isinstance(self.control, LoadControl) else ""
+        floating = self._floating(point, relief)
         advice = f"{BEYOND}, or try a finer mesh"
         reason = f"{what}: {report.reason}"
-        if near:
+        if floating:
+            advice = "hold it with joints or springs"
+            reason = f"{what}: nothing holds {floating}. Newton's method: {report.reason}"
+        elif self.overstretched:
+            advice = "refine the beam whose elements are drawn too much"
+        elif near:
             advice, reason = BEYOND, f"{what}: {near}. Newton's method: {report.reason}"
         elif isinstance(self.control, ArcLength):
             advice = "try a shorter first step, then a finer mesh"

@@ -296,6 +296,23 @@ class Schedule:
             factors.append(self._given.get("spin"))
         return any(not isinstance(factor, Constant) for factor in factors)
 
+    @property
+    def growing(self) -> list[str]:
+        """Names of the loads and actuators that the load factor multiplies, and of a spin."""
+        own = self.system.loading, self.system.couplings
+        names = [
+            str(owner.name)
+            for each in own
+            for owner, time in zip(each.owners, each.times, strict=True)
+            if isinstance(time, Constant)
+        ]
+        names += ["spin"] if self.spin is not None else []
+        return [name for name in dict.fromkeys(names) if name not in self._given]
+
+    def holding(self, factors: Mapping[str, float]) -> Schedule:
+        """The same with these factors, too."""
+        return Schedule(self.system, {**self._given, **factors}, self.spin, self.time)
+
     def at(self, t: float) -> Amplitudes:
         """Amplitudes at load factor t."""
         if self._known is None or self._known[0] != t:

@@ -825,6 +825,12 @@ class PathSolver:
         """How linear systems are solved."""
         return self.bound.solver.method if self._fast is None else self._fast.method
 
+    @property
+    def ended(self) -> tuple[Floats, float]:
+        """All rows and the load factor where the last iteration ended."""
+        assert self._problem is not None
+        return self._problem.solution(), self._problem.t
+
     def begin(self, point: Point, relief: Floats | None = None) -> None:
         """Take the constraint forces at a point that was not solved here."""
         self.bound.begin(point.y, self.schedule.ground(point.t), 1.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import null_space, qr
 from scipy.sparse import bmat, csr_matrix, diags, vstack
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import lsqr, splu
 
 from ..constraints import Treatment
 from ..diagnostics.nearest import motions_out_of_plane, rigid_motions, rigid_pieces
@@ -25,7 +25,7 @@ from ..run.start import broken_constraint, checked_start
 from ..types import Floats, IndexArray, switch
 from .branch import Branch
 from .control import ArcLength, Control, DisplacementControl, LoadControl
-from .critical_points import LOOSE, inspect
+from .critical_points import LOOSE, Stability, inspect
 from .schedule import Point, Schedule, weights
 
 #: rigid pieces above which free motions are not sought: the search is dense
@@ -40,6 +40,8 @@ SETTLED = 1e-9
 WORKS = 1e-9
 #: first motion along free ones, relative to the scene
 NUDGE = 1e-6
+#: what is left of a motion without those of rigid pieces, relative to it, up to which it is rigid
+RIGID = 1e-6
 #: instants at which prescribed rotation is looked at within a step
 SAMPLES = 16
 
@@ -202,13 +204,35 @@ def held_start(system: System, schedule: Schedule, point: Point) -> Point:
     free = _free_motions(system, schedule, point)
     if free is None:
         return point
+    found = _held_by_loads(system, schedule, point)
+    if found is not None:
+        return found.point
+    raise _refused(system, schedule, point, free)
+
+
+def _held_by_loads(system: System, schedule: Schedule, point: Point) -> Stability | None:
+    """Of the equilibrium that loads acting at the start lead to, if no motion is free there."""
     loaded = _loaded(system, schedule, point) if _acts(schedule, point) else None
     if loaded is not None and _free_motions(system, schedule, loaded) is None:
         # bent beams may turn freely about their curved axes: that is no rigid motion
         stability = inspect(system, loaded, schedule.at(loaded.t))
         if stability.smallest > LOOSE * stability.floor:
-            return loaded
-    raise _refused(system, schedule, point, free)
+            return stability
+    return None
+
+
+def _holding(system: System, schedule: Schedule, point: Point) -> dict[str, float]:
+    """Factors with which loads that act from the start hold all motions stably; none if none do.
+
+    They are tried: each load that grows with the load factor alone, then all of them.
+    """
+    growing = schedule.growing
+    for names in [[name] for name in growing] + [growing] * (len(growing) > 1):
+        factors = dict.fromkeys(names, 1.0)
+        found = _held_by_loads(system, schedule.holding(factors), point)
+        if found is not None and not found.unstable:
+            return factors
+    return {}
 
 
 def _acts(schedule: Schedule, point: Point) -> bool:
@@ -293,10 +317,8 @@ def _refused(system: System, schedule: Schedule, point: Point, free: _Free) -> I
     k = int(works.argmax())
     worked = works[k] > 1e-9 * np.linalg.norm(force) * np.linalg.norm(E @ N[:, k])
     text = _described(N[:, k], free.names, free.centres, system.length)
-    # loads that act already do not hold it
-    others = (
-        "" if _acts(schedule, point) else "with loads that act from the start (factors={name: 1}), "
-    )
+    factors = _holding(system, schedule, point)
+    others = f"with loads that act from the start (factors={factors!r}), " if factors else ""
     return InputError(
         "static",
         f"{text} is free, {N.shape[1]} such motion(s) in all"
@@ -387,6 +409,24 @@ def _described(motion: Floats, names: list[str], centres: Floats, length: float)
     along = length * float(v @ axis) / turn
     text = f"rotation of {who}: {names[k]} about {_triple(axis)} through {_triple(through)}"
     return text if abs(along) < 1e-9 * length else f"{text}, with {along:.3g} m a rad along it"
+
+
+def described(system: System, y: Floats, motions: Sequence[Floats]) -> str:
+    """The first of some motions (rows, 3) that nothing holds in words, and how many they are."""
+    label, names = rigid_pieces(system)
+    E, centres = rigid_motions(system, y, label, len(names))
+    size = np.sqrt(weights(system)).repeat(3)
+    moved = np.column_stack([m.ravel() for m in motions]) * size[:, None]
+    weighted = diags(size) @ E
+    rigid = np.column_stack([lsqr(weighted, m, atol=1e-14, btol=1e-14)[0] for m in moved.T])
+    if np.linalg.norm(moved - weighted @ rigid) <= RIGID * np.linalg.norm(moved):
+        first = _described(_echelon(rigid)[:, 0], names, centres, system.length)
+        return f"a {first}, {len(motions)} such motion(s) in all"
+    vertex = np.searchsorted(system.origin_rows, np.arange(system.rows), side="right") - 1
+    shares = np.zeros(len(names))
+    np.add.at(shares, label[vertex].repeat(3), np.square(moved).sum(1))
+    who = " and ".join(names[k] for k in np.argsort(-shares)[:3] if shares[k] > 0.1 * shares.max())
+    return f"a motion of {who} in itself, {len(motions)} such motion(s) in all"
 
 
 def _triple(v: Floats) -> str:

@@ -203,6 +203,68 @@ def test_a_displacement_that_the_loads_do_not_move(treatment, turned):
     assert len(caught.value.history) == 1
 
 
+def cable(elements, EI):
+    """Of cubic elements, its own weight from the start, when it is straight; its end moves in."""
+    section = sc.Section.from_constants(
+        EA=1e3, GA=1e3, EI=(EI, EI), GJ=EI, mass=1.0, inertia=(1e-9, 1e-9)
+    )
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1.2, 0, 0), elements, name="line")
+    model = sc.Model()
+    beam = model.add("cable", sc.Beam(mesh, section, order=3, director=(0, 0, 1)))
+    slide = sc.Motion(displacement=lambda t: (-0.2 * t, 0, 0))
+    for end, place in (("start", sc.ground((0, 0, 0))), ("end", sc.ground((1.2, 0, 0), slide))):
+        joint = sc.JointRevolute(place, beam.node(f"line.{end}"), axis=(0, 0, 1))
+        model.add(end, joint)
+    model.add("weight", sc.LoadGravity((0, -1.0, 0)))
+    return model
+
+
+def hung(elements, EI, **options):
+    """Path of the cable, its sag in the end, what is warned of it."""
+    model = cable(elements, EI)
+    path = sc.static(model, factors={"weight": 1.0}, **options)
+    low = path["q"][-1].reshape(-1, 12)[:, 1].min()
+    return path, -low, [notice["text"] for notice in path.meta["warnings"]]
+
+
+taut = pytest.mark.filterwarnings(
+    "ignore::skfem_cosserat.AccuracyWarning", "ignore::skfem_cosserat.IncompleteWarning"
+)
+
+
+@taut
+@pytest.mark.parametrize("watch", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_cable_taut_beyond_its_elements_is_told_of(watch):
+    """From its start on. The motions of the mesh that lose their stiffness are not located.
+
+    With 24 elements these took 3374 factorisations, and the path failed.
+    """
+    path, _, texts = hung(4, 1e-3, watch=watch)
+    first = path.meta["warnings"][0]
+    assert first["time"] == 0.0 and "refine: it takes 9 elements in place of 4" in first["text"]
+    assert any("critical points are not looked for" in text for text in texts) == watch
+    assert path.meta["critical"] == [] and path.meta["factorisations"] < 300
+
+
+@taut
+@pytest.mark.slow
+def test_a_cable_has_the_elements_that_a_warning_advised():
+    """They are enough; what was warned of was wrong."""
+    _, fine, texts = hung(9, 1e-3)
+    exact = hung(18, 1e-3)[1]
+    assert texts == [] and fine == pytest.approx(exact, rel=1e-4)
+    assert abs(hung(4, 1e-3)[1] - exact) > 0.01 * exact
+
+
+@taut
+@pytest.mark.slow
+def test_a_cable_too_taut_to_go_on_is_to_be_refined():
+    """Negative: ArcLength() does not help, and is not advised."""
+    with pytest.raises(sc.Diverged, match="Refine the beam.*it takes 17 elements") as caught:
+        sc.static(cable(4, 3e-4), factors={"weight": 1.0})
+    assert "ArcLength" not in str(caught.value)
+
+
 def test_representations_are_short():
     model, _ = column()
     path = sc.static(model, control=sc.LoadControl(60.0), derive=False)

@@ -314,6 +314,74 @@ def test_spin_holds_a_blade(treatment):
         sc.static(model, treatment)
 
 
+def hanging_chain(on="universal", rod=False, off=0.0):
+    """Two links; with `rod` a body on a massless rod at its end, beside its middle by `off`."""
+    model = sc.Model()
+    below, axes = sc.ground((0, 0, 0)), ((1, 0, 0), (0, 1, 0))
+    for k in range(2):
+        link = model.add(f"link {k}", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, -k - 0.5)))
+        ends = below, link.at((0, 0, -k))
+        joint = {"ball": lambda a, b: sc.JointSpherical(a, b)}.get(
+            on, lambda a, b: sc.JointUniversal(a, b, *axes)
+        )
+        model.add(f"joint {k}", joint(*ends))
+        below = link.at((0, 0, -k - 1))
+    if rod:
+        last = model.add("last", sc.RigidBody.box(1.0, (0.2, 0.2, 0.2), position=(off, 0, -3.1)))
+        model.add("rod", sc.JointDistance(below, last.at((0, 0, -3))))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    model.add("push", sc.LoadForce(below, (1.0, 0, 0)))
+    return model
+
+
+@treatments
+def test_advice_is_tried(treatment):
+    """Of the loads that hold what is free the first is named; taken at its word, it is enough."""
+    for build in (hanging_chain, hanging_without_weight):
+        with pytest.raises(sc.InputError, match=r"\(factors=\{'weight': 1.0\}\)"):
+            sc.static(build(), treatment)
+        path = sc.static(build(), treatment, factors={"weight": 1.0})
+        assert path.status == "completed" and not path["unstable"].any()
+
+
+@treatments
+@pytest.mark.parametrize("rod", [False, True])
+def test_weight_is_not_advised_where_it_holds_not_all(rod, treatment):
+    """Negative: links on balls may spin about their axes, a body about its rod."""
+    model = hanging_chain("universal" if rod else "ball", rod)
+    with pytest.raises(sc.InputError, match="is free") as caught:
+        sc.static(model, treatment)
+    assert "factors" not in str(caught.value)
+    words = rf"rotation of rigid body '{'last' if rod else 'link .'}'.*about \(0, 0, 1\).* free"
+    with pytest.raises(sc.InputError, match=words):
+        sc.static(model, treatment, factors={"weight": 1.0})
+
+
+@treatments
+def test_weight_is_not_advised_where_it_tips_over(treatment):
+    """Negative: an arch that stands on two balls is in equilibrium, but falls."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_arc((0, 0, 0), (0, 0, 1), (1, 0, 0), 0.5, np.pi, 4, name="rod")
+    beam = model.add("arch", sc.Beam(mesh, stiff(), order=2, director=(0, 1, 0)))
+    for x, end in ((0, "start"), (1, "end")):
+        model.add(end, sc.JointSpherical(sc.ground((x, 0, 0)), beam.node(f"rod.{end}")))
+    model.add("weight", sc.LoadGravity((0, 0, -0.1)))
+    with pytest.raises(sc.InputError, match=r"about \(1, 0, 0\).* is free") as caught:
+        sc.static(model, treatment)
+    assert "factors" not in str(caught.value)
+    path = sc.static(model, treatment, factors={"weight": 1.0})
+    assert (path["unstable"] == 1).all()
+
+
+def test_a_failure_names_what_floats():
+    """A body that is not below its rod yet, so that its weight seems to hold it."""
+    words = r"nothing holds a translation of rigid body 'last'.*Hold it with joints"
+    with pytest.raises(sc.Diverged, match=words) as caught:
+        model = hanging_chain(rod=True, off=0.05)
+        sc.static(model, factors={"weight": 1.0}, kernels="numpy")
+    assert "ArcLength" not in str(caught.value)
+
+
 def _along_x():
     return sc.triad((1, 0, 0))
 
