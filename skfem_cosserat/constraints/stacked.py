@@ -315,7 +315,7 @@ class Stacked:
         position = np.argsort(order)
         self._constrained = position[first:]
         size = max(self.solver.slots, len(entries.powers))
-        self.chunk = int(np.clip(TOGETHER // size, 64, 256))
+        self.chunk = int(np.clip(TOGETHER // size, 32, 256))
 
     def solve(self, y: Floats, rhs: Floats, consistent: bool) -> Iterator[tuple[Any, ...]]:
         """Solutions for states y (N, total, 3) and right-hand sides (size, N), part by part.

@@ -21,11 +21,14 @@ from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
 from .stacked import as_floats, as_stack, as_times, step_size
 
-#: states, and coordinates of nodes, that are evaluated at once: they stay in the processor's cache
-_CHUNK, _TOGETHER = 256, 2**16
-
 if TYPE_CHECKING:
     from ..beam import Beam
+
+
+def _states(numbers: int) -> int:
+    """How many states of so many numbers each are evaluated at once, in the processor's cache."""
+    return int(np.clip(2**16 // max(1, numbers), 8, 256))
+
 
 #: of each system that somebody still has, as factors take longer than all else that needs them
 _SOLVERS: WeakKeyDictionary[System, Callable[[Floats], Floats]] = WeakKeyDictionary()
@@ -97,11 +100,12 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     """
     P, single = as_stack(system, "p", p)
     solve, out = mass_solver(system), np.empty(len(P))
-    for start in range(0, len(P), _CHUNK):
-        some = P[start : start + _CHUNK].reshape(-1, system.rows, 3)
+    size = _states(system.n)
+    for start in range(0, len(P), size):
+        some = P[start : start + size].reshape(-1, system.rows, 3)
         rows = some.transpose(1, 0, 2).reshape(system.rows, -1)
         products = (rows * solve(rows)).reshape(system.rows, -1, 3)
-        out[start : start + _CHUNK] = 0.5 * products.sum((0, 2))
+        out[start : start + size] = 0.5 * products.sum((0, 2))
     return out[0] if single else out
 
 
@@ -308,7 +312,9 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
         force = loading.dead_force(loading.values(0.0)).reshape(-1)
         out = -Q @ force
     else:
-        out = potential(system, Q, np.array([loading.values(float(s)) for s in times]))
+        last = loading.constant_after  # a pulse that is over, most of the time
+        each = {s: loading.values(s) for s in np.unique(np.minimum(times, last)).tolist()}
+        out = potential(system, Q, np.array([each[s] for s in np.minimum(times, last).tolist()]))
     return out[0] if single else out
 
 
@@ -421,7 +427,7 @@ def _at_gauss_points(system: System, beam: Beam, Q: Floats, V: Floats | None = N
     xyz = 3 * rows.reshape(len(rows), -1, 4).transpose(1, 2, 0)[:, :, None]
     xyz = xyz + np.arange(3)[:, None]
     out = np.empty((len(Q), len(rows), len(e.points), 6))
-    size = int(np.clip(_TOGETHER // xyz.size, 8, _CHUNK))
+    size = _states(xyz.size)
     for start in range(0, len(Q), size):
         some = slice(start, start + size)
         fields = _fields(e, Q[some], xyz)
