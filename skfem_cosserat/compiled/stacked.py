@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 from numba import types
+from numba.core.errors import NumbaError
 
 from ..types import Floats, IndexArray
 from .jit import jit, ready
-from .warm import Source
+from .warm import NotKept, Source
 
 __all__ = ["factors", "have", "solve"]
 
@@ -22,11 +23,14 @@ def have(source: Source) -> None:
     Raises
     ------
     NotKept
-        If they are in none of the places that they may come from.
+        If they are in none of the places that they may come from, or numba does not compile them.
     """
     states, places = types.float64[:, ::1], types.int64[::1]
-    ready(factors, (states, places, places), source)
-    ready(solve, (states, places, places, states), source)
+    try:
+        ready(factors, (states, places, places), source)
+        ready(solve, (states, places, places, states), source)
+    except NumbaError as error:
+        raise NotKept(__name__) from error
 
 
 @jit

@@ -106,25 +106,23 @@ class _Kernels:
     """The compiled elimination, which gives the same bits, in a process that has kernels."""
 
     module: Any = None
-    _looked = False
     #: columns that numpy has eliminated in the meantime
-    _columns = 0
+    columns = 0
+    #: after how many columns it is looked for, and where: it is compiled when that would have paid
+    tries = (0, Source.DISK), (COMPILING, Source.COMPILER)
 
     @classmethod
     def found(cls, columns: int) -> Any:
-        """The module that is to eliminate so many columns; None: numpy is.
-
-        It comes from the disk, or is compiled when it would have saved the time for that.
-        """
-        if cls.module is None and loaded():
-            cls._columns += columns
-            paid = cls._columns > COMPILING
-            if paid or not cls._looked:
+        """The module that is to eliminate so many columns; None: numpy is."""
+        if cls.module is None and cls.tries and loaded():
+            cls.columns += columns
+            (after, source), *others = cls.tries
+            if cls.columns >= after:
                 from ..compiled import stacked
 
-                cls._looked = True
+                cls.tries = tuple(others)
                 with suppress(NotKept):
-                    stacked.have(Source.COMPILER if paid else Source.DISK)
+                    stacked.have(source)
                     cls.module = stacked
         return cls.module
 
