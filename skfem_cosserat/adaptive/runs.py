@@ -218,7 +218,7 @@ def carry_history(source: Model | System, target: Model | System, history: Histo
     if difference:
         raise HistoryError("history", f"belongs to another model: {difference}")
     times = history.instants
-    v, _ = Projection(source).stack(history["q"], history["p"], times)
+    v = Projection(source).velocities(history["q"], history["p"], times)
     q, v = transfer(source, target, history["q"], v)
     if len(history):
         t, last = float(times[-1]), history["q"][-1]

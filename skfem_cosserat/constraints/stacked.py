@@ -18,6 +18,7 @@ from scipy.sparse import coo_matrix, csr_matrix, identity
 from scipy.sparse.csgraph import maximum_bipartite_matching
 from scipy.sparse.linalg import splu
 
+from ..compiled.warm import NotKept, Source, loaded
 from ..linear import SingularMatrixError
 from ..model import System
 from ..types import Floats, IndexArray
@@ -25,7 +26,9 @@ from .base import RowSpace, dependent_rows
 from .saddle import hidden_rate, saddle_point
 
 #: numbers in a matrix of all states that are worked on together
-TOGETHER = 2**18
+TOGETHER = 2**17
+#: columns of matrices whose elimination by numpy takes as long as compiling kernels for it
+COMPILING = 200_000
 #: residual, relative to its terms, above which a solution is improved, and above which it is none
 ROUGH, WRONG = 1e-13, 1e-11
 #: part that is left of pivots of constraint rows where others are chosen
@@ -99,6 +102,31 @@ class Entries:
         return np.asarray(self.sums @ out)
 
 
+class _Kernels:
+    """The compiled elimination, which gives the same bits, in a process that has kernels."""
+
+    module: Any = None
+    #: columns that numpy has eliminated in the meantime
+    columns = 0
+    #: after how many columns it is looked for, and where: it is compiled when that would have paid
+    tries = (0, Source.DISK), (COMPILING, Source.COMPILER)
+
+    @classmethod
+    def found(cls, columns: int) -> Any:
+        """The module that is to eliminate so many columns; None: numpy is."""
+        if cls.module is None and cls.tries and loaded():
+            cls.columns += columns
+            (after, source), *others = cls.tries
+            if cls.columns >= after:
+                from ..compiled import stacked
+
+                cls.tries = tuple(others)
+                with suppress(NotKept):
+                    stacked.have(source)
+                    cls.module = stacked
+        return cls.module
+
+
 class StackedSolver:
     """Symmetric matrices of one pattern: ``L D L^T`` in a given order, no pivot chosen.
 
@@ -147,6 +175,7 @@ class StackedSolver:
         every = slot(*(np.concatenate(each) for each in zip(*targets, strict=True)))
         parts = np.split(every, np.cumsum([len(a) for a, _ in ends])[:-1])
         self._updates = [(a, b, to) for (a, b), to in zip(ends, parts, strict=True)]
+        self._to, self._rows = every, np.concatenate([*self._below, order[:0]])
         sides = [(i, i != j), (j, np.ones(len(i), bool))]
         self._sides = [
             csr_matrix((np.ones(k.sum()), (to[k], np.flatnonzero(k))), shape=(size, len(i)))
@@ -157,6 +186,9 @@ class StackedSolver:
         """D and L (slots, N) of matrices with these entries (e, N)."""
         X = np.zeros((self.slots, values.shape[1]))
         X[self._slot] = values
+        if (kernels := _Kernels.found(self.size)) is not None:
+            kernels.factors(X, self._start, self._to)
+            return X
         for k, (a, b, to) in enumerate(self._updates):
             if len(to):
                 own = slice(self._start[k], self._start[k + 1])
@@ -168,6 +200,16 @@ class StackedSolver:
     def solve(self, X: Floats, rhs: Floats) -> Floats:
         """Solutions (size, N) for factors and right-hand sides (size, N)."""
         x = rhs[self._order]
+        if (kernels := _Kernels.found(self.size)) is not None:
+            kernels.solve(np.ascontiguousarray(X), self._start, self._rows, x)
+        else:
+            self._solve(X, x)
+        out = np.empty_like(x)
+        out[self._order] = x
+        return out
+
+    def _solve(self, X: Floats, x: Floats) -> None:
+        """Put solutions in the place of right-hand sides, both in the order of elimination."""
         for k, rows in enumerate(self._below):
             if len(rows):
                 x[rows] -= X[self._start[k] : self._start[k + 1]] * x[k]
@@ -176,9 +218,6 @@ class StackedSolver:
             rows = self._below[k]
             if len(rows):
                 x[k] -= (X[self._start[k] : self._start[k + 1]] * x[rows]).sum(0)
-        out = np.empty_like(x)
-        out[self._order] = x
-        return out
 
     def residual(self, values: Floats, x: Floats, rhs: Floats) -> tuple[Floats, Floats]:
         """``rhs - A x`` (size, N), and the sizes of its terms."""
@@ -274,7 +313,7 @@ class Stacked:
         position = np.argsort(order)
         self._constrained = position[first:]
         size = max(self.solver.slots, len(entries.powers))
-        self.chunk = int(np.clip(TOGETHER // size, 16, 256))
+        self.chunk = int(np.clip(TOGETHER // size, 32, 256))
 
     def solve(self, y: Floats, rhs: Floats, consistent: bool) -> Iterator[tuple[Any, ...]]:
         """Solutions for states y (N, total, 3) and right-hand sides (size, N), part by part.

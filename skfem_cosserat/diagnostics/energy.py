@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
@@ -23,10 +23,14 @@ from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
 from .stacked import as_floats, as_stack, as_times, step_size
 
-_CHUNK = 256  # states evaluated at once: bounds the memory
-
 if TYPE_CHECKING:
     from ..beam import Beam
+
+
+def _states(numbers: int) -> int:
+    """How many states of so many numbers each are evaluated at once, in the processor's cache."""
+    return int(np.clip(2**16 // max(1, numbers), 8, 256))
+
 
 #: of each system that somebody still has, as factors take longer than all else that needs them
 _SOLVERS: WeakKeyDictionary[System, Callable[[Floats], Floats]] = WeakKeyDictionary()
@@ -119,11 +123,12 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     """
     P, single = as_stack(system, "p", p)
     solve, out = mass_solver(system), np.empty(len(P))
-    for start in range(0, len(P), _CHUNK):
-        some = P[start : start + _CHUNK].reshape(-1, system.rows, 3)
+    size = _states(system.n)
+    for start in range(0, len(P), size):
+        some = P[start : start + size].reshape(-1, system.rows, 3)
         rows = some.transpose(1, 0, 2).reshape(system.rows, -1)
         products = (rows * solve(rows)).reshape(system.rows, -1, 3)
-        out[start : start + _CHUNK] = 0.5 * products.sum((0, 2))
+        out[start : start + size] = 0.5 * products.sum((0, 2))
     return out[0] if single else out
 
 
@@ -330,7 +335,9 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
         force = loading.dead_force(loading.values(0.0)).reshape(-1)
         out = -Q @ force
     else:
-        out = potential(system, Q, np.array([loading.values(float(s)) for s in times]))
+        last = loading.constant_after  # a pulse that is over, most of the time
+        each = {s: loading.values(s) for s in np.unique(np.minimum(times, last)).tolist()}
+        out = potential(system, Q, np.array([each[s] for s in np.minimum(times, last).tolist()]))
     return out[0] if single else out
 
 
@@ -440,33 +447,35 @@ def _at_gauss_points(system: System, beam: Beam, Q: Floats, V: Floats | None = N
     """Strains (N, ne, ng, 6) of a beam, or their rates if there are velocities."""
     group, e = group_of(system, beam), beam.elements
     rows = group.rows[group.slices[id(beam)]]
-    shape, slope = (each[:, :, None] for each in strain_factors(e.table))
+    xyz = 3 * rows.reshape(len(rows), -1, 4).transpose(1, 2, 0)[:, :, None]
+    xyz = xyz + np.arange(3)[:, None]
     out = np.empty((len(Q), len(rows), len(e.points), 6))
-    for start in range(0, len(Q), _CHUNK):
-        some = slice(start, start + _CHUNK)
-        x, xs = _fields(system, e, Q[some], rows, shape, slope)
+    size = _states(xyz.size)
+    for start in range(0, len(Q), size):
+        some = slice(start, start + size)
+        fields = _fields(e, Q[some], xyz)
         if V is None:
-            out[some] = strain_measures(x, xs) - e.reference
-        else:
-            v, vs = _fields(system, e, V[some], rows, shape, slope)
-            out[some] = strain_measures(v, xs) + strain_measures(x, vs)
+            for g, (x, xs) in enumerate(fields):
+                out[some, :, g] = (strain_measures(x, xs) - e.reference[:, None, g]).swapaxes(0, 1)
+            continue
+        for g, ((x, xs), (v, vs)) in enumerate(zip(fields, _fields(e, V[some], xyz), strict=True)):
+            out[some, :, g] = (strain_measures(v, xs) + strain_measures(x, vs)).swapaxes(0, 1)
     return out
 
 
-def _fields(
-    system: System, e: BeamElements, q: Floats, rows: IndexArray, shape: Floats, slope: Floats
-) -> tuple[Floats, Floats]:
-    """Fields (N, ne, ng, 4, 3) of sections at Gauss points, and their slopes."""
-    nodal = q.reshape(len(q), system.rows, 3)[:, rows].reshape(len(q), len(rows), -1, 4, 3)
+def _fields(e: BeamElements, q: Floats, xyz: IndexArray) -> Iterator[tuple[Floats, Floats]]:
+    """Fields (ne, N, 4, 3) of sections at each Gauss point, and their slopes.
+
+    In memory the states come last, so that all arithmetic is on long rows. `xyz` are the places
+    (nn, 4, 3, ne) of the nodes' coordinates.
+    """
+    nodal = np.ascontiguousarray(q.T)[xyz]
     if e.rotations is not None:
-        nodal[..., 1:, :] = e.rotations @ nodal[..., 1:, :]
-    flat = nodal.reshape(*nodal.shape[:3], 12)
-    each = [flat[:, :, None, k] for k in range(flat.shape[2])]
-    both = (np.sum([w[:, k] * y for k, y in enumerate(each)], axis=0) for w in (shape, slope))
-    x, xs = both
-    xs /= e.lengths[:, None, None]
-    size = (*x.shape[:-1], 4, 3)
-    return x.reshape(size), xs.reshape(size)
+        nodal[:, 1:] = np.einsum("ekij,kjcen->kicen", e.rotations, nodal[:, 1:])
+    for weights in zip(*strain_factors(e.table), strict=True):
+        x, xs = (sum(w * y for w, y in zip(each, nodal, strict=True)) for each in weights)
+        xs /= e.lengths[:, None]
+        yield x.transpose(2, 3, 0, 1), xs.transpose(2, 3, 0, 1)
 
 
 def held_forces(

@@ -545,11 +545,18 @@ class Projection:
 
         Rows of p that are NaN (not known) give NaN.
         """
+        v = self.velocities(q, p, t)
+        known = np.isfinite(v).all(axis=1, keepdims=True)
+        return v, np.where(known, momentum(self.system, v), np.nan)
+
+    def velocities(self, q: Floats, p: Floats, t: ArrayLike) -> Floats:
+        """Velocities (N, n) of :meth:`stack` alone."""
         q, _ = as_stack(self.system, "q", q)
         p, _ = as_stack(self.system, "p", p, q)
         v, known = np.full(p.shape, np.nan), np.asarray(np.isfinite(p).all(axis=1))
-        v[known] = self._rule.velocities(q[known], p[known], as_times(t, len(q))[known])
-        return v, np.where(known[:, None], momentum(self.system, v), np.nan)
+        some = slice(None) if known.all() else known
+        v[some] = self._rule.velocities(q[some], p[some], as_times(t, len(q))[some])
+        return v
 
 
 @takes_scene

@@ -20,8 +20,8 @@ from ..frozen import lock_arrays
 from ..pattern import FrozenPattern, shared, sum_at
 from ..types import Array, Floats, IndexArray
 
-#: states of a stack that are worked on together
-TOGETHER = 256
+#: numbers of a stack that are worked on together: they stay in the processor's cache
+TOGETHER = 2**16
 
 
 def _table(
@@ -256,8 +256,9 @@ class QuadraticConstraints:
     def stacked_values(self, y: Floats, rates: Floats | None = None) -> Floats:
         """``g(y)`` (N, m) of a stack y (N, total, 3); with `rates` of all its rows ``dg/dt``."""
         out = np.empty((len(y), self.size))
-        for first in range(0, len(y), TOGETHER):
-            some = slice(first, first + TOGETHER)
+        states = int(np.clip(TOGETHER // max(1, 3 * len(self._pa)), 32, 256))
+        for first in range(0, len(y), states):
+            some = slice(first, first + states)
             out[some] = self._values(y[some], None if rates is None else rates[some]).T
         return out
 

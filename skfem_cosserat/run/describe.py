@@ -426,7 +426,7 @@ def state_formulas(system: System) -> Formulas:
 def _momenta_formulas(system: System) -> Formulas:
     """What follows from configurations and momenta."""
     return {
-        ("v",): lambda h: Projection(system).stack(h["q"], h["p"], h.times)[:1],
+        ("v",): lambda h: [Projection(system).velocities(h["q"], h["p"], h.times)],
         ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
         ("kinetic",): lambda h: [kinetic_energy(system, h["p"])],
         ("strain_energy",): _strain_energy(system),

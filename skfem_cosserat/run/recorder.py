@@ -164,7 +164,7 @@ def energies(system: System, integrator: Integrator, part: History, rows: IndexA
             each = [nearest_velocity(system, system.extend(a, s), b, s) for a, b, s in states]
             v = np.array(each)
         else:
-            v = Projection(system).stack(q, p, t)[0]
+            v = Projection(system).velocities(q, p, t)
         kinetic = diagnostics.kinetic_energy_of_velocity(system, v)
     turns = part["turns"][rows] if "turns" in part else None
     coupled = diagnostics.coupling_energy(system, q, t, turns)

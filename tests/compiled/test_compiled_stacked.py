@@ -1,0 +1,86 @@
+"""Elimination for many states at once: compiled against plain numpy, bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+from skfem_cosserat.constraints import stacked
+from skfem_cosserat.diagnostics import Projection
+
+pytest.importorskip("numba")
+
+STATES = 20
+
+
+@pytest.fixture
+def system():
+    """A beam on a hinge, with a body at its end that a distance holds to the ground: a loop."""
+    section = sc.SectionCircle(0.05, sc.Material(5e6, 0.5, 1e3))
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.2, 0.3), position=(1.2, 0, 0)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
+    model.add("hinge", hinge)
+    model.add("fixed", sc.JointFixed(rod.node("rod.end"), body.at((1, 0, 0))))
+    rope = sc.JointDistance(sc.ground((1.2, 1.0, 0.3)), body.at((1.2, 0.1, 0)))
+    model.add("rope", rope)
+    return model.freeze()
+
+
+def eliminated(system, compiled, monkeypatch):
+    """Velocities and multipliers of many states, and whether kernels were asked for them."""
+    from skfem_cosserat.compiled import stacked as kernels
+
+    calls = []
+
+    class Counted:
+        factors = staticmethod(lambda *own: calls.append(1) or kernels.factors(*own))
+        solve = staticmethod(lambda *own: calls.append(2) or kernels.solve(*own))
+
+    monkeypatch.setattr(stacked._Kernels, "module", Counted if compiled else None)
+    monkeypatch.setattr(stacked._Kernels, "tries", ())
+    random = np.random.default_rng(3)
+    q = system.q0 + 1e-3 * random.standard_normal((STATES, system.n))
+    p, force = random.standard_normal((2, STATES, system.n))
+    v = Projection(system).velocities(q, p, np.zeros(STATES))
+    y = np.concatenate([q.reshape(STATES, -1, 3), [system.ground(0.0)] * STATES], axis=1)
+    lam = stacked.stacked_multipliers(system, y, force)
+    return v, lam, set(calls)
+
+
+def test_both_give_the_same_bits(system, monkeypatch):
+    v, lam, calls = eliminated(system, False, monkeypatch)
+    assert not calls
+    others = eliminated(system, True, monkeypatch)
+    assert others[2] == {1, 2}
+    assert np.isfinite(lam).all()
+    np.testing.assert_array_equal(others[0], v)
+    np.testing.assert_array_equal(others[1], lam)
+
+
+def test_it_is_compiled_when_that_would_have_paid(monkeypatch):
+    from skfem_cosserat.compiled import stacked as kernels
+
+    asked = []
+
+    def have(source):
+        asked.append(source)
+        if source < stacked.Source.COMPILER:
+            raise stacked.NotKept("factors")
+
+    monkeypatch.setattr(kernels, "have", have)
+    monkeypatch.setattr(stacked, "loaded", lambda: True)
+    own = stacked._Kernels
+    monkeypatch.setattr(own, "module", None)
+    monkeypatch.setattr(own, "columns", 0)
+    first = (0, stacked.Source.DISK), (stacked.COMPILING, stacked.Source.COMPILER)
+    monkeypatch.setattr(own, "tries", first)
+    assert own.found(10) is None
+    assert own.found(10) is None
+    assert asked == [stacked.Source.DISK]
+    assert own.found(stacked.COMPILING) is kernels
+    assert own.found(1) is kernels
+    assert asked == [stacked.Source.DISK, stacked.Source.COMPILER]
