@@ -340,9 +340,7 @@ def take_along(
         error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
 
 
-def extrapolated(
-    time: float, a: tuple[float, Floats], b: tuple[float, Floats]
-) -> Floats:
+def extrapolated(time: float, a: tuple[float, Floats], b: tuple[float, Floats]) -> Floats:
     """Value at a time on the straight line through two others, each with its time."""
     share = (time - a[0]) / (b[0] - a[0])
     return np.asarray((1 - share) * a[1] + share * b[1])
