@@ -178,7 +178,7 @@ def test_a_few_steps_give_forces_of_all_states(scheme, steps):
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
 def test_the_last_force_without_a_step_after_it(scheme):
-    """A load that is not known beyond the run: its force follows from those of the states before."""
+    """A load that is not known beyond the run: the force follows from those before."""
 
     def known(t):
         if t > 0.8001:
@@ -202,7 +202,7 @@ def test_the_last_force_without_a_step_after_it(scheme):
 
 def test_sensors_see_the_same_forces():
     """At the states, without the first and the last one of energy-momentum."""
-    system, exact = pendulum()
+    system, _ = pendulum()
     sensors = {"hinge": sc.SensorReaction(system.joints[0])}
     run = sc.simulate(system, sc.EnergyMomentum(), NULL, 0.01, 0.4, sensors=sensors)
     record = run.sensors["hinge"]
