@@ -209,3 +209,37 @@ def test_sensors_see_the_same_forces():
     assert record.times.tolist() == run.times[1:-1].tolist()
     both = np.concatenate([run["joint/hinge/force"], run["joint/hinge/moment"]], axis=1)
     assert abs(record.values - both[1:-1]).max() < 1e-12 * abs(both).max()
+
+
+def pushed(push, turn=None):
+    """A body on a hinge, with a function of time for a force or a drive."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(2.0, (0.2, 0.3, 0.25), position=(0.4, 0, 0)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (0, 1, 0))
+    model.add("hinge", hinge)
+    model.add("push", sc.LoadForce(body.at((0.4, 0, 0)), (0, 0, 9.0), push))
+    if turn is not None:
+        model.add("motor", sc.JointDrive(hinge, turn))
+    return model.freeze()
+
+
+SMOOTH = sc.RampSmooth(0.0, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("push", "turn", "times"),
+    [
+        (lambda t: 1.0 if t < 0.2345 else 0.5, None, [0.2345]),
+        (lambda t: np.sin(t) + (t > 0.1001) - (t > 0.307), None, [0.1001, 0.307]),
+        (SMOOTH, sc.RampLinear(0.123, 0.25, last=0.5), [0.123, 0.25]),  # its velocity jumps
+        (SMOOTH, lambda t: 4 * max(0.0, t - 0.1234) ** 2, [0.1234]),  # its acceleration jumps
+        (lambda t: np.sin(9 * t), lambda t: 1 - np.cos(5 * t), []),
+        (sc.Table([0, 0.1, 0.101, 0.4], [0, 1, -1, 0]), SMOOTH, []),  # steep, but no jump
+    ],
+)
+def test_states_beside_jumps_are_marked(push, turn, times):
+    system = pushed(push, turn)
+    run = sc.simulate(system, sc.EnergyMomentum(), NULL, 0.01, 0.4)
+    apart = abs(run.times[:, None] - np.array(times)).min(axis=1, initial=np.inf)
+    marked = run["at_jump"] > 0
+    assert marked[apart < 0.0095].all() and not marked[apart > 0.0125].any()
