@@ -16,6 +16,8 @@ LOOKS, MANY = 400, 20
 STAYS = 0.6
 #: part of a function's range, and of its size, that is no jump
 SMALL, NOISE = 1e-2, 1e-5
+#: of the size of what moves, in differences of it
+ROUNDING = 1e-14
 #: steps that differences of first and of second order in time take
 SHORT = 1e-3, 2e-2
 
@@ -56,7 +58,8 @@ def jumps(system: System, history: History) -> Floats:
                 rows = [system.ground(s - k * d).ravel() for k in range(order + 1)]
                 return np.asarray(np.diff(rows[::-1], order, axis=0)[0] / d**order)
 
-            found += _found(rate, times[times > t[0] + 3 * short * h], 10 * short * h)
+            rounding = ROUNDING * abs(system.ground(t[-1])).max() / (short * h) ** order
+            found += _found(rate, times[times > t[0] + 3 * short * h], 10 * short * h, rounding)
     return np.unique(found)
 
 
@@ -73,11 +76,14 @@ def _step(history: History) -> float:
     return float(history.meta["step"])
 
 
-def _found(function: Callable[[float], Floats], times: Floats, width: float) -> list[float]:
+def _found(
+    function: Callable[[float], Floats], times: Floats, width: float, rounding: float = 0.0
+) -> list[float]:
     """Times, to a width (s), at which a component of a function (k,) jumps."""
     values = np.array([function(t) for t in times.tolist()])
     changes = abs(np.diff(values, axis=0))
     least = np.maximum(SMALL * np.ptp(values, axis=0), NOISE * abs(values).max(axis=0))
+    least = np.maximum(least, rounding)
     share = np.divide(changes, least, out=np.zeros_like(changes), where=least > 0)
     out = []
     for k in np.argsort(-share.max(axis=1))[:MANY]:
