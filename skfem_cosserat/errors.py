@@ -145,22 +145,22 @@ class IncompatibleError(InputError):
 
     Examples
     --------
-    Multipliers of the variational scheme live at its nodes: halfway between them are the means of
-    neighbours, which a history of every fifth step does not have.
+    Discrete Legendre transforms compare a step with the next one, and a history of every fifth step
+    does not have both.
 
     >>> from skfem_cosserat import JointDistance, MassPoint, Model, NullSpace, Variational
     >>> from skfem_cosserat import ground, simulate
-    >>> from skfem_cosserat.diagnostics import multipliers_at
+    >>> from skfem_cosserat.diagnostics import legendre_transforms
     >>> model = Model()
     >>> bob = model.add("bob", MassPoint(1.0, position=(0, 0, -1)))
     >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
     >>> system = model.freeze()
     >>> history = simulate(system, Variational(), NullSpace(), 0.1, until=1.0, every=5)
     >>> try:
-    ...     values = multipliers_at(system, history, "midpoints")
+    ...     minus, plus = legendre_transforms(system, history)
     ... except IncompatibleError as error:
     ...     print(error.item)
-    multipliers at midpoints
+    discrete Legendre transforms
     """
 
 

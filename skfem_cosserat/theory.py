@@ -7,9 +7,7 @@ Each theory leaves out motions that a scene may not need, with their frequencies
 Strains are held at the Gauss points of each element, p of them for an element of order p: there are
 as many as the nodes can follow. With one point more elements lock, with one fewer they have motions
 that strain nothing. What holds them are constraint forces: their multipliers are the stress
-resultants. In histories of runs they are those of where constraint forces act, like reactions: at
-the midpoint of the step that follows with energy-momentum schemes, at the state itself with the
-variational one (:func:`skfem_cosserat.diagnostics.multipliers_at` gives either).
+resultants.
 
 Each takes both treatments. The null space method eliminates the lines of beams whose elements form
 trees: positions follow from rotations (and stretches), which leaves half of the unknowns or fewer

@@ -3,10 +3,9 @@
 The variational scheme (null space) is compared with energy-momentum in both treatments, at the
 same 25 instants for all steps: both with the same step, and each with the other one's trajectory of
 a much finer step. Errors are the largest difference of any component, relative to the largest
-component. Multipliers of energy-momentum belong to the midpoints of the steps: the mean of two
-neighbours is compared with that of the variational scheme at the node between them. Compared at
-different instants (node against the midpoint after it) the difference is of first order only,
-which is shown as such.
+component. A history has the multipliers of both at its states. Those of a step of energy-momentum
+belong to its midpoint: compared at different instants (a state against the midpoint after it) the
+difference is of first order only, which is shown as such.
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import skfem_cosserat as sc
 from paper import three_bar_swing as swing
 from skfem_cosserat import diagnostics
+from skfem_cosserat.integrators import StepReport
 
 Floats = NDArray[np.float64]
 
@@ -55,24 +55,29 @@ def trajectory(
     number = np.rint(times / step).astype(int)
     if abs(number * step - times).max() > 1e-9 * until:
         raise ValueError(f"step = {step!r} does not divide the instants up to {until!r} s")
-    wanted = np.union1d(number, number - 1)
+    steps: dict[int, tuple[Floats, Floats]] = {}
+    after = set(number.tolist())
+
+    def collect(report: StepReport) -> None:
+        if report.start.index in after:
+            steps[report.start.index] = report.constraint_point, report.constraint_force
+
     history = sc.simulate(
         system,
         swing.INTEGRATORS[integrator](),
         swing.TREATMENTS[treatment](),
         step,
-        until,
+        until + step,
         derive=False,
-        at=(wanted * step).tolist(),
+        at=times.tolist(),
+        callbacks=[collect],
     )
     row = np.searchsorted(history["step"], number)
-    before = np.searchsorted(history["step"], number - 1)
     q, p = history["q"][row], history["p"][row]
     v, projected = sc.Projection(system).stack(q, p, history.times[row])
-    points = diagnostics.constraint_points(system, history)
-    lam = diagnostics.multipliers(system, points, history["constraint_force"])
-    at_nodes = integrator == "variational"
-    same = lam[row] if at_nodes else 0.5 * (lam[before] + lam[row])
+    points = diagnostics.constraint_points(system, history)[row]
+    same = diagnostics.multipliers(system, points, history["constraint_force"][row])
+    points, force = (np.array(each) for each in zip(*(steps[k] for k in number), strict=True))
     return {
         "q": q,
         "v": v,
@@ -80,7 +85,7 @@ def trajectory(
         "Qp": projected,
         "internal multipliers": same[:, : system.internal],
         "external multipliers": same[:, system.internal :],
-        SHIFTED: lam[row],
+        SHIFTED: diagnostics.multipliers(system, points, force),
     }
 
 

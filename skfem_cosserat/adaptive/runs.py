@@ -241,8 +241,6 @@ def carry_history(source: Model | System, target: Model | System, history: Histo
     }
     nothing = np.full((count, target.n), np.nan)
     series |= {"q": q, "p": p, "carried": p, "fresh": np.ones(count), "constraint_force": nothing}
-    if "constraint_point" in history:
-        series["constraint_point"] = np.full((count, 3 * target.total), np.nan)
     return History(meta, static, series)
 
 

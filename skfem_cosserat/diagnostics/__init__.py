@@ -21,7 +21,6 @@ from .forces import (
     condition_number,
     constraint_points,
     multipliers,
-    multipliers_at,
     nodal_resultants,
     reactions,
 )
@@ -72,7 +71,6 @@ __all__ = [
     "momentum",
     "momentum_violation",
     "multipliers",
-    "multipliers_at",
     "nodal_resultants",
     "prescribed_velocity",
     "reactions",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import ArrayLike, Floats, check_kind, switch
 from .energy import group_of, held_forces
-from .stacked import all_rows, as_series, as_stack, as_times, check_consecutive
+from .stacked import all_rows, as_series, as_stack, as_times
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -200,10 +200,7 @@ def _forces(
 
 @takes_scene
 def constraint_points(system: System, history: History) -> Floats:
-    """Where the constraint forces of each recorded step act.
-
-    The nodes q_n with the variational scheme, generalized-alpha and compositions, the midpoints
-    with energy-momentum and schemes derived from it.
+    """Where the constraint forces of each recorded state act: its configuration, and the ground's.
 
     Parameters
     ----------
@@ -213,8 +210,7 @@ def constraint_points(system: System, history: History) -> Floats:
     Returns
     -------
     (N, total, 3) array
-        All rows of y: the coordinates, then the ground's frames (m, -). With energy-momentum the
-        last is NaN if the step after it could not be solved.
+        All rows of y: the coordinates, then the ground's frames (m, -).
 
     Examples
     --------
@@ -231,7 +227,7 @@ def constraint_points(system: System, history: History) -> Floats:
     (3, 5, 3)
     """
     check_kind("argument history", history, History)
-    if "constraint_point" in history:
+    if "constraint_point" in history:  # a file of version 0.1, with forces at midpoints
         return history["constraint_point"].reshape(len(history), system.total, 3)
     return all_rows(system, as_stack(system, "history", history["q"])[0], history.instants)
 
@@ -280,72 +276,6 @@ def overstretched_at(system: System, y: Floats, force: Floats) -> tuple[str, str
     if any(2 in theory.held for theory in system.theory_rows) and np.isfinite(force).all():
         lam = multipliers(system, y[None], force[None])[0]
     return overstretched_beam(system, y, lam)
-
-
-@takes_scene
-def multipliers_at(
-    system: System, history: History, where: Literal["nodes", "midpoints"]
-) -> Floats:
-    """Multipliers of a run at the nodes t_n, or halfway from there to the next ones.
-
-    Those of the variational scheme, generalized-alpha and compositions live at nodes, those of
-    energy-momentum and schemes derived from it at midpoints; at the other places the mean of both
-    neighbours is given, which is of second order too. Multipliers taken at different instants agree
-    to first order only.
-
-    Parameters
-    ----------
-    system : Model or System
-    history : History
-        Of a run of this system; each step recorded if the mean is asked for.
-    where : {"nodes", "midpoints"}
-        Row n is at ``t_n``, or at ``t_n + h/2``.
-
-    Returns
-    -------
-    (N, m) array
-        As :func:`multipliers`. NaN where a neighbour is missing: at midpoints the last row of the
-        variational scheme, at nodes the first row of energy-momentum. The first one of the
-        variational scheme, from a start with given momentum, is of first order only.
-
-    Raises
-    ------
-    InputError
-        For another `where`, or if the history does not fit the system.
-    IncompatibleError
-        If the mean is asked for and steps between the recorded states are missing.
-
-    Examples
-    --------
-    A weight of 20 N that hangs on a rod:
-
-    >>> from skfem_cosserat import JointDistance, LoadGravity, MassPoint, Model, ground
-    >>> model = Model()
-    >>> bob = model.add("bob", MassPoint(2.0, position=(0, 0, -1)))
-    >>> rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
-    >>> gravity = model.add("gravity", LoadGravity((0, 0, -10.0)))
-    >>> system = model.freeze()
-    >>> from skfem_cosserat import NullSpace, Variational, simulate
-    >>> history = simulate(system, Variational(), NullSpace(), 0.1, until=0.2)
-    >>> multipliers_at(system, history, "midpoints").round(9).ravel().tolist()
-    [20.0, 20.0, nan]
-    """
-    check_kind("argument history", history, History)
-    if not isinstance(where, str) or where not in ("nodes", "midpoints"):
-        raise InputError("argument where", f"{where!r}, expected 'nodes' or 'midpoints'")
-    force = as_stack(system, "history", history["constraint_force"])[0]
-    lam = multipliers(system, constraint_points(system, history), force)
-    found = "midpoints" if "constraint_point" in history else "nodes"
-    if where == found:
-        return lam
-    check_consecutive(history, f"multipliers at {where}")
-    out = np.full_like(lam, np.nan)
-    means = (lam[1:] + lam[:-1]) / 2
-    if where == "midpoints":
-        out[:-1] = means
-    else:
-        out[1:] = means
-    return out
 
 
 @takes_scene

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from ..constraints.base import RowSpace, massless, rows_touching
 from ..constraints.saddle import SaddlePoint, nearest_velocity
-from ..constraints.stacked import nearest_velocities
+from ..constraints.stacked import nearest_velocities, stacked_multipliers
 from ..errors import IncompatibleError, InputError
 from ..history import History
 from ..integrators import State, Variational
@@ -92,7 +92,7 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
     check_consecutive(history, item)
     q, _ = as_stack(system, "history", history["q"])
     times, h = history.times, float(history.meta["step"])
-    half = 0.5 * h * history["constraint_force"]
+    half = 0.5 * h * history["constraint_force"]  # with a given momentum not that of the equations
     minus, plus = np.full_like(q, np.nan), np.full_like(q, np.nan)
     if len(q) and not history["fresh"][0]:
         plus[0] = history["carried"][0]
@@ -106,6 +106,10 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
         evaluation = balance.evaluate(step, system.extend(q[n + 1], float(times[n + 1])))
         minus[n] = evaluation.R.reshape(-1)
         plus[n + 1] = balance.finish(step, evaluation).momentum.reshape(-1)
+        if history["fresh"][n]:
+            y = step.y0[None]
+            lam = stacked_multipliers(system, y, (history["p"][n] - minus[n])[None])[0]
+            half[n] = system.constraints.jacobian(step.y0).T @ lam
     return minus + half, plus - half
 
 

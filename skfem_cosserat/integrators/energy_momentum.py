@@ -26,10 +26,11 @@ class EnergyMomentum(Integrator):
         The velocities at the nodes fulfil the hidden constraints (46), too, as in the formulation
         of Gear, Gupta & Leimkuhler: at the end of each step the momentum is moved by a second
         constraint force ``G(q_{n+1})^T mu`` to the nearest one, in the kinetic energy, that does.
-        (Else ``G v_n`` alternates by O(h^2), and constraint forces, each of a midpoint, by O(h):
-        means of neighbours are of second order.) It is part of the step's constraint force. Momenta
-        are kept; the energy is not: without moving ground it falls by what the move takes,
-        ``history["dissipated"]``, of fourth order in a step.
+        (Else ``G v_n`` alternates by O(h^2), and the constraint forces of steps, each of a
+        midpoint, by O(h). A history has means of neighbours, which are of second order.) It is
+        part of the step's constraint force. Momenta are kept; the energy is not: without moving
+        ground it falls by what the move takes, ``history["dissipated"]``, of fourth order in a
+        step.
 
     Examples
     --------

@@ -88,6 +88,8 @@ class StepReport:
         Scaled residual at the solution.
     work : StepWork
         Of loads, actuators and dampers in the step.
+    start : State
+        That it started from; of several steps, that before the last one.
     stages : list of StepReport
         The steps that a composed one is made of, itself otherwise.
     code : Code
@@ -125,6 +127,11 @@ class StepReport:
     def step(self) -> float:
         """Its size (s)."""
         return self._solved.h
+
+    @property
+    def start(self) -> State:
+        """See the class."""
+        return self._solved.state
 
     @property
     def momentum(self) -> Floats:
@@ -239,6 +246,48 @@ class ComposedReport(StepReport):
         """See the base class: at the node."""
         system, _, _, state, _, _ = self._solved
         return system.extend(state.q, state.time)
+
+
+def force_of_state(
+    integrator: Integrator, before: StepReport | None, step: StepReport
+) -> tuple[State, Floats] | None:
+    """A state at an end of a step, and its constraint force (n,) of the order of the scheme.
+
+    The end of the step, if forces act there, else its start. There the force is the step's own, or
+    follows from those of the steps before and after, if these act at midpoints.
+
+    Momenta p of such schemes are off the hidden constraints by ``j = p - Q p``, which changes sign
+    from step to step. It makes the forces F of the steps alternate by first order. Without it,
+    ``F_before + 2 j / h_before`` and ``F_after - 2 j / h_after`` lie on a straight line through the
+    force of the state, up to second order. If the steps are equal that force is the mean of F.
+
+    Parameters
+    ----------
+    before : StepReport or None
+        The step that led to the start of `step`; None: there is none.
+
+    Returns
+    -------
+    (State, array) or None
+        None: at a start whose force neither step tells. With a momentum that was given the force of
+        the first step is of first order only.
+    """
+    weight, state = integrator.constraint_weight, step.start
+    if weight == 1:
+        return step.state, step.constraint_force
+    if weight == 0:
+        exact = not state.fresh or isinstance(step, ComposedReport)
+        return (state, step.constraint_force) if exact else None
+    if before is None:
+        return None
+    h, k = before.step, step.step
+    if h == k:
+        return state, 0.5 * (before.constraint_force + step.constraint_force)
+    system = step._solved.system
+    v = nearest_velocity(system, system.extend(state.q, state.time), state.p, state.time)
+    off = state.p - (system.mass @ v.reshape(-1, 3)).reshape(-1)
+    mean = (k * before.constraint_force + h * step.constraint_force) / (h + k)
+    return state, np.asarray(mean + (2 / h - 2 / k) * off)
 
 
 class Solved(NamedTuple):

@@ -32,6 +32,7 @@ from ..diagnostics import (
 )
 from ..diagnostics.energy import potential, resultants, stored_energy
 from ..diagnostics.joint_motion import relative_names, relative_series
+from ..diagnostics.jumps import at_jumps
 from ..diagnostics.stacked import all_rows
 from ..errors import HistoryError, IncompleteWarning, InputError
 from ..frames import Place, is_beam
@@ -218,6 +219,12 @@ def derive_series(system: System, history: History) -> None:
     ``diagnostics.section_forces``), for each joint ``position``, ``force`` and ``moment``, its
     relative coordinates and their rates, for each spring, damper, cable and bushing
     ``coordinate``, ``force`` and ``ends``. Of a path: the same without momenta.
+
+    Forces and moments of joints, ``multipliers`` and resultants of strains that a beam's theory
+    holds belong to the states, like all series, and are of the order of the scheme up to the second
+    (``simulate`` says how). They are not where a load, or the velocity or acceleration of a
+    prescribed motion, jumps: next to it they mix both sides. ``at_jump`` (of runs) is 1 for the
+    states within a step of a jump, 0 for all others.
 
     ``energy_balance`` is ``energy - work_loads - work_actuators - work_drives + dissipated`` less
     its first value: zero up to the solver's tolerance with energy-momentum, where all terms
@@ -415,7 +422,8 @@ def kind_of(history: History) -> Kind:
 def run_formulas(system: System) -> Formulas:
     """Of a run, which has recorded works."""
     own = _momenta_formulas(system)
-    return own | {(BALANCE,): _balance} | configuration_formulas(system)
+    jumped = {("at_jump",): lambda h: [at_jumps(system, h)]}
+    return own | {(BALANCE,): _balance} | jumped | configuration_formulas(system)
 
 
 def state_formulas(system: System) -> Formulas:

@@ -306,6 +306,11 @@ def simulate(
     Returns
     -------
     History
+        All series belong to ``history.times``. Of schemes whose constraint forces act at midpoints
+        (energy-momentum, energy-decaying) ``history["constraint_force"]``, and what follows from
+        it, is the mean of both steps around a state, which is of second order; those of the steps
+        themselves, which callbacks get, alternate by an error of first order. The first state, and
+        a last one without a step after it, have values that are extrapolated from two others.
         ``history.meta["status"]`` says whether it ran to the end, was interrupted (Ctrl-C) or
         stopped by a callback; ``history.meta["warnings"]`` what is doubtful about it, as the
         warnings that it gives (:class:`CosseratWarning`), each once;

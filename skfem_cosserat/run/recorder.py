@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ from ..errors import (
 )
 from ..history import EventRecord, History, HistoryWriter
 from ..integrators import Integrator, State, Stepper, StepReport
+from ..integrators.stepper import force_of_state
 from ..model import System
 from ..types import Floats, IndexArray, numbers
 from ..warn import Notices, logger, warn
@@ -338,6 +340,12 @@ def take_along(
         error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
 
 
+def extrapolated(time: float, a: tuple[float, Floats], b: tuple[float, Floats]) -> Floats:
+    """Value at a time on the straight line through two others, each with its time."""
+    share = (time - a[0]) / (b[0] - a[0])
+    return np.asarray((1 - share) * a[1] + share * b[1])
+
+
 class Recorder:
     """Decides what is recorded and writes it."""
 
@@ -386,6 +394,8 @@ class Recorder:
         self.bank = SensorBank(bank, system, stepper, self.writer)
         self.bank.begin(state)
         self._rows = 0
+        #: rows that wait for the force of the state the run started from
+        self._held: list[dict[str, Any]] = []
         #: what the scheme took up to each row
         self._taken: list[float] = []
         #: constraint force of a recent state
@@ -395,16 +405,18 @@ class Recorder:
     def _start(self, state: State) -> None:
         """Begin with a state that no step led to, which is recorded."""
         integrator = self.stepper.integrator
-        weight = integrator.constraint_weight
-        #: whether a step's constraint force acts at its end, between both
-        self._at_end, self._between = weight == 1, 0 < weight < 1
+        #: whether a step's constraint force acts at its end
+        self._at_end = integrator.constraint_weight == 1
         self._carries, self._remembered = integrator.carries_node_momentum, integrator.remembered
         self._nan = np.full(self.system.n, np.nan)
-        self._nowhere = np.full(3 * self.system.total, np.nan)
         self._before = state
+        self._steps: deque[StepReport] = deque(maxlen=3)
+        #: the force of this state waits for those of the two states after it, from which it follows
+        self._late, self._known = False, list[tuple[float, Floats]]()
         #: the row of the present state, and whether it is to be recorded: it is written when the
         #: step after it has completed it
         self._row = self._row_of(state, 0, 1, 0.0, self.stepper.start_force(state, self.h))
+        self._first = self._row
         self._kept = True
 
     def __enter__(self) -> Recorder:
@@ -465,37 +477,67 @@ class Recorder:
         if self._remembered:
             none = np.full((self._remembered, self.system.n), np.nan)
             row["rates"] = none if state.rates is None else state.rates
-        if self._between:
-            row["constraint_point"] = self._nowhere
         self._numerical = works.numerical
         return row
 
-    def _append(self) -> None:
-        """Record the present state, if that is wanted."""
+    def _append_last(self) -> None:
+        """Record the present state, and what waits for steps that will not come.
+
+        Without a step after it its constraint force follows from those of the two states before.
+        """
         row, self._row = self._row, {}
-        self._record(row, self._numerical, self._kept)
+        if row and not self._late and not np.isfinite(row["constraint_force"]).all():
+            before, known = None, list[tuple[float, Floats]]()
+            for step in self._steps:
+                before = before if step.steps == 1 else None
+                found = force_of_state(self.stepper.integrator, before, step)
+                known += [] if found is None else [(found[0].time, found[1])]
+                before = step
+            if len(known) > 1:
+                row["constraint_force"] = self._force = extrapolated(row["t"], *known[-2:])
+        self._late = False
+        self._record(row, self._numerical, kept=True)
 
     def _record(self, row: dict[str, Any], numerical: float, kept: bool) -> None:
         if not (row and kept):
             return
         self._taken.append(numerical)
         self._rows += 1
-        self.writer.append(row)
+        self._held.append(row)
+        if self._late:
+            return
+        rows, self._held = self._held, []
+        for each in rows:
+            self.writer.append(each)
         if self._rows % SEEN == 0:
             self.bank.flush()
 
     def _complete_row(self, report: StepReport) -> None:
         """What a step says of the state that it starts from."""
         self.works.finish(report)
-        if self._at_end or not self._kept:  # nothing is missing
-            return
         row = self._row
-        if not self._carries:
-            row["p"] = report.momentum
-        row["constraint_force"] = self._force = report.constraint_force
-        row["work_drives"] = self.works.drives
-        if self._between:
-            row["constraint_point"] = report.constraint_point.ravel()
+        if not self._at_end and (self._kept or self._late):
+            row["constraint_force"] = self._force_before(report)
+        if not self._at_end and self._kept:
+            if not self._carries:
+                row["p"] = report.momentum
+            row["work_drives"] = self.works.drives
+        self._steps.append(report)
+
+    def _force_before(self, report: StepReport) -> Floats:
+        """Constraint force (n,) of the state that a step starts from; NaN at a start that waits."""
+        before = self._steps[-1] if self._steps else None
+        found = force_of_state(self.stepper.integrator, before, report)
+        if found is None:
+            self._late = True
+            return self._nan
+        if self._late:
+            self._known.append((found[0].time, found[1]))
+            if len(self._known) == 2:
+                self._first["constraint_force"] = extrapolated(self._first["t"], *self._known)
+                self._late = False
+        self._force = found[1]
+        return self._force
 
     def take(self, report: StepReport) -> None:
         """A step is done: write the row of its start, and make that of its end."""
@@ -522,7 +564,7 @@ class Recorder:
     ) -> None:
         """Go on with another state, and perhaps another system, by steps of a size (s)."""
         self.look_ahead(end, h)
-        self._append()
+        self._append_last()
         if system is not self.system:
             self.segments.append(Segment(self._rows, system))
         self.note()
@@ -541,13 +583,18 @@ class Recorder:
         if self._at_end:
             return
         try:
-            self._complete_row(self.stepper.advance(state, state.time + h, h))
+            report = self.stepper.advance(state, state.time + h, h)
+            self._complete_row(report)
+            while self._late:
+                report = self.stepper.advance(report.state, report.state.time + h, h)
+                self._force_before(report)
+                self._steps.append(report)
         except Diverged as error:
             logger.info("no step after t = %.6g s, momentum projected: %s", state.time, error)
         except _NO_STEP as error:  # loads and motions that are not known beyond the run
             text = (
                 f"the step after it, which completes the last momentum, failed ({error!r}): the"
-                " momentum is projected, the last multipliers are NaN"
+                " momentum is projected, the last constraint force extrapolated"
             )
             warn("last state", text, IncompleteWarning, state.time)
 
@@ -588,8 +635,7 @@ class Recorder:
             except CosseratError as error:  # a singular configuration: p stays NaN
                 text = f"its momentum could not be projected: {error}"
                 warn("last state", text, IncompleteWarning, row["t"])
-        self._kept = True
-        self._append()
+        self._append_last()
         self._complete = self.writer.history()
         return self._complete
 
@@ -680,10 +726,10 @@ class Numbered:
     def ahead(self, state: State) -> int:
         """Steps to the next state that is recorded, or the last one; one from such a state.
 
-        The step that follows a recorded state completes its row.
+        The step that follows a recorded state completes its row, the first three that of the start.
         """
         k = state.index - self._first
-        if k == 0 or self(state, 0.0):
+        if k < 3 or self(state, 0.0):
             return 1
         if self._at is None:
             return min(self._every - k % self._every, self._count - k)

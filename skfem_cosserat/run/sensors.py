@@ -20,6 +20,7 @@ from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
 from ..integrators import State, Stepper, StepReport
+from ..integrators.stepper import force_of_state
 from ..joint import Joint
 from ..model import Model, System, system_of
 from ..model.force_elements import Invariants, kind_of
@@ -254,11 +255,11 @@ class Window(NamedTuple):
     q : (k, n) array
         Configuration of each state.
     step_t : (j,) array
-        Instants (s) at which the constraint forces of steps act.
+        Instants (s) of the states whose constraint forces are known.
     points : (j, total, 3) array
-        Configurations at which these forces act; only for sensors that ask for forces.
+        All rows of these states; only for sensors that ask for forces.
     force : (j, n) array
-        Constraint forces of the steps; only for sensors that ask for them.
+        Constraint forces of these states; only for sensors that ask for them.
     """
 
     t: Floats
@@ -281,7 +282,9 @@ class Sensor(Attached):
     derivative : int
         How often the record is differentiated in time, by differences of second order.
     forces : bool
-        Whether it needs the constraint forces of steps.
+        Whether it needs constraint forces. Its instants are then those of ``step_t`` of a
+        :class:`Window`: a start, or an end, whose force only others than its neighbours tell, is
+        left out.
 
     Examples
     --------
@@ -320,7 +323,7 @@ class Sensor(Attached):
 
     @abstractmethod
     def values(self, system: System, window: Window) -> Floats:
-        """Values (k, ...) at the window's states; with `forces`, (j, ...) of its steps."""
+        """Values (k, ...) at the window's states; with `forces`, (j, ...) where these are known."""
 
 
 class SensorPosition(Sensor):
@@ -476,8 +479,8 @@ class SensorForce(SensorStrain):
     """Section forces ``(N, M)`` (N, N m) at a point of a beam, in the section's triad.
 
     On the face with outward normal +d3; the elastic part, as in ``diagnostics.evaluate``. For the
-    arguments see :class:`SensorStrain`. Of a beam whose theory holds strains they are taken where
-    constraint forces act, as those of :class:`SensorReaction`.
+    arguments see :class:`SensorStrain`. Of a beam whose theory holds strains the first or the last
+    state is left out, as by :class:`SensorReaction`.
     """
 
     unit = "N, N m"
@@ -504,8 +507,9 @@ class SensorReaction(Sensor):
 
     Notes
     -----
-    ``(N, 6)``, in space. At the nodes t_n with the variational integrator, at the midpoints of
-    steps with energy-momentum: ``record.times`` says which.
+    ``(N, 6)``, in space, at the states of ``record.times``: without the last one, or the first one
+    with generalized-alpha, and without the first one where only a history, which looks at several
+    steps, has its force (``joint/NAME/force``).
     """
 
     unit = "N, N m"
@@ -661,14 +665,16 @@ class SensorBank:
         self, sensors: Mapping[str, Sensor], system: System, stepper: Stepper, writer: HistoryWriter
     ) -> None:
         self.sensors, self.system, self.writer = sensors, system, writer
-        self._weight = stepper.integrator.constraint_weight
+        self._integrator = stepper.integrator
+        self._before: StepReport | None = None
         self._forces = any(sensor.forces for sensor in sensors.values())
         self._states: list[State] = []
         self._shapes: dict[str, Floats] = {}
         self._steps: list[tuple[float, Floats, Floats]] = []
 
     def go_on(self, system: System) -> None:
-        """The scene has changed; what its sensors saw before is written."""
+        """State or scene have changed; what sensors saw before in another scene is written."""
+        self._before = None
         if system is not self.system:
             self.flush()
             self.system = system
@@ -684,8 +690,12 @@ class SensorBank:
             return
         self._states.append(report.state)
         if self._forces:
-            point = start.time + self._weight * report.step
-            self._steps.append((point, report.constraint_point, report.constraint_force))
+            found = force_of_state(self._integrator, self._before, report)
+            self._before = report
+            if found is not None:
+                state, force = found
+                y = self.system.extend(state.q, state.time)
+                self._steps.append((state.time, y, force))
         if len(self._states) >= BLOCK:
             self.flush()
 
@@ -737,7 +747,7 @@ def seen(name: str, sensor: Sensor, system: System, window: Window) -> Floats:
 def window_of(
     system: System, states: Sequence[State], steps: Sequence[tuple[float, Floats, Floats]]
 ) -> Window:
-    """What has been collected: states, and of steps instants, points and forces."""
+    """What has been collected: states, and instants, rows and forces of those that have forces."""
     return Window(
         np.array([state.time for state in states]),
         np.array([state.q for state in states]).reshape(-1, system.n),

@@ -1,0 +1,245 @@
+"""Constraint forces of a history: at its states, of the order of the scheme, in every state."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import skfem_cosserat as sc
+from skfem_cosserat.integrators import stepper
+
+NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
+WEIGHT = (0, 0, -10.0)
+TURN = 3.0  # of the motor, rad/s
+
+
+def pendulum():
+    """A body on a hinge: angle from the closed equation of motion, force and moment from it."""
+    mass, inertia, arm = 2.0, 0.3, np.array((0.4, 0.1, -0.3))
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(mass, (0.2, inertia, 0.25), position=arm))
+    model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (0, 1, 0)))
+    model.add("weight", sc.LoadGravity(WEIGHT))
+    about = inertia + mass * (arm[0] ** 2 + arm[2] ** 2)
+
+    def place(angle):
+        c, s = np.cos(angle), np.sin(angle)
+        return np.array([c * arm[0] + s * arm[2], arm[1] + 0 * c, c * arm[2] - s * arm[0]])
+
+    def faster(angle):
+        return mass * 10.0 * place(angle)[0] / about
+
+    def exact(t):
+        motion = solve_ivp(
+            lambda _, y: [y[1], faster(y[0])], (0, 1), [0, 0], t_eval=t, rtol=1e-11, atol=1e-12
+        )
+        angle, rate = motion.y
+        x, z = place(angle)[[0, 2]]
+        a = faster(angle) * np.array([z, 0 * z, -x]) - rate**2 * np.array([x, 0 * x, z])
+        force = mass * (a.T - WEIGHT)
+        moment = np.cross(place(angle).T, force) + np.outer(inertia * faster(angle), (0, 1, 0))
+        return {"joint/hinge/force": force, "joint/hinge/moment": moment}
+
+    return model.freeze(), exact
+
+
+def motor():
+    """A crank that a motor turns to and fro: its torque in closed form."""
+    mass, inertia, arm = 2.0, 0.3, 0.5
+    model = sc.Model()
+    crank = model.add("crank", sc.RigidBody(mass, (0.2, inertia, 0.25), position=(arm, 0, 0)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), crank.at((0, 0, 0)), (0, 1, 0))
+    model.add("hinge", hinge)
+    model.add("motor", sc.JointDrive(hinge, lambda t: 1 - np.cos(TURN * t)))
+    model.add("weight", sc.LoadGravity(WEIGHT))
+
+    def exact(t):
+        angle, faster = 1 - np.cos(TURN * t), TURN**2 * np.cos(TURN * t)
+        torque = (inertia + mass * arm**2) * faster - mass * 10.0 * arm * np.cos(angle)
+        return {"joint/motor/moment": np.outer(torque, (0, 1, 0))}
+
+    return model.freeze(), exact
+
+
+def fine(system, names):
+    """Of a run of fourth order."""
+    run = sc.simulate(system, sc.Composition(sc.Variational()), NULL, 1 / 480, 0.8)
+    return lambda t: {name: CubicSpline(run.times, run[name])(t) for name in names}
+
+
+def four_bar():
+    """A loop that a motor drives."""
+    points = np.array([(0, 0, 0), (0, 0, 0.3), (0.8, 0, 0.6), (0.9, 0, 0)])
+    model, ends = sc.Model(), [sc.ground(points[0])]
+    for name, a, b in zip("abc", points, points[1:], strict=False):
+        size = (0.05, 0.05, float(np.linalg.norm(b - a)))
+        triad = sc.triad(b - a)
+        bar = model.add(name, sc.RigidBody.box(1.0, size, position=(a + b) / 2, triad=triad))
+        ends += [bar.at(a), bar.at(b)]
+    ends.append(sc.ground(points[3]))
+    pins = [sc.JointRevolute(a, b, (0, 1, 0)) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+    for k, pin in enumerate(pins):
+        model.add(f"pin {k}", pin)
+    model.add("motor", sc.JointDrive(pins[0], lambda t: 0.4 * (1 - np.cos(TURN * t))))
+    model.add("weight", sc.LoadGravity(WEIGHT))
+    system = model.freeze()
+    return system, fine(system, ["joint/motor/moment", "joint/pin 3/force"])
+
+
+def swing():
+    """A flexible beam between two bodies that hang on the ground."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "beam")
+    section = sc.Section([40, 40, 60, 6, 6, 5], mass=1.0, inertia=(0.1, 0.08))
+    model = sc.Model()
+    beam = model.add("beam", sc.Beam(mesh, section, director=(0, 0, 1)))
+    for name, x, turn in (("start", 0.0, (0, 1, 0)), ("end", 1.0, (0, 0.6, 0.8))):
+        body = model.add(name, sc.RigidBody(0.5, (0.1, 0.1, 0.1), position=(x, 0, 0.5)))
+        top, bottom = (x, 0, 1), (x, 0, 0)
+        model.add(f"top {name}", sc.JointSpherical(sc.ground(top), body.at(top)))
+        joint = sc.JointRevolute(body.at(bottom), beam.node(f"beam.{name}"), turn)
+        model.add(f"bottom {name}", joint)
+    model.add("weight", sc.LoadGravity((1.0, 0.5, -10)))
+    system = model.freeze()
+    return system, fine(system, ["joint/top start/force", "joint/bottom start/moment"])
+
+
+def errors(scene, scheme, treatment, n, every=3, kernels="numpy"):
+    """Of the first, the last and all other states, of a run and of one that goes on from it."""
+    system, exact = scene
+    run = system, scheme, treatment, 0.8 / n
+    first = sc.simulate(*run, 0.4, every=every, kernels=kernels)
+    start = sc.restart(system, first, scheme, 0.8 / n)
+    second = sc.simulate(*run, 0.8, every=every, start=start, kernels=kernels)
+    found = []
+    for history in (first, second):
+        for name, values in exact(history.times).items():
+            error = abs(history[name] - values).max(1) / abs(values).max()
+            found += [error[0], error[1:-1].max(), error[-1]]
+    return np.array(found)
+
+
+SCHEMES = sc.EnergyMomentum(), sc.Variational(), sc.EnergyMomentum(stabilized=True)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+@pytest.mark.parametrize("scene", [pendulum, motor])
+def test_second_order_against_closed_forms(scene, scheme):
+    coarse, half = (errors(scene(), scheme, NULL, n) for n in (96, 192))
+    orders = np.log2(coarse / half)
+    assert abs(orders - 2).max() < 0.2, orders
+    assert half.max() < 1e-2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
+@pytest.mark.parametrize(("scene", "steps"), [(four_bar, 96), (swing, 384)])
+def test_second_order_against_fine_runs(scene, steps, treatment):
+    found = scene()
+    coarse, half = (errors(found, sc.EnergyMomentum(), treatment, n) for n in (steps, 2 * steps))
+    orders = np.log2(coarse / half)
+    assert abs(orders - 2).max() < 0.2, orders
+
+
+def at_events(n):
+    """Errors at the states where steps change in size, and next to them."""
+    system, exact = pendulum()
+    times = (0.2371, 0.5555)
+    events = [sc.Event(sc.ConditionTime(t), name=f"{t}") for t in times]
+    run = sc.simulate(system, sc.EnergyMomentum(), NULL, 0.8 / n, 0.8, events=events)
+    error = abs(run["joint/hinge/force"] - exact(run.times)["joint/hinge/force"]).max(1)
+    rows = np.array([event.row for event in run.events])
+    assert abs(np.diff(run.times)[rows] / np.diff(run.times)[rows - 1] - 1).min() > 0.2
+    return np.concatenate([error[rows], error[rows + 1]])
+
+
+def test_second_order_where_steps_change_in_size(monkeypatch):
+    """Events in the midst of steps; without what alternates of the momentum it is first order."""
+    right = at_events(60), at_events(240)
+    assert abs(np.log2(right[0].max() / right[1].max()) / 2 - 2) < 0.3
+    monkeypatch.setattr(stepper, "nearest_velocity", own_velocity)
+    assert at_events(240).max() > 5 * right[1].max()
+
+
+def own_velocity(system, y, p, t):
+    """With p = M v as it is, so that nothing of it counts as off the hidden constraints."""
+    return np.linalg.solve(system.mass.toarray(), p.reshape(-1, 3)).ravel()
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3])
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_a_few_steps_give_forces_of_all_states(scheme, steps):
+    """The run looks ahead for as many steps as the first state needs."""
+    system, exact = pendulum()
+    run = sc.simulate(system, scheme, NULL, 0.01, 0.01 * steps)
+    assert len(run) == steps + 1
+    wanted = exact(run.times)["joint/hinge/force"]
+    assert abs(run["joint/hinge/force"] - wanted).max() < 2e-3 * abs(wanted).max()
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+def test_the_last_force_without_a_step_after_it(scheme):
+    """A load that is not known beyond the run: the force follows from those before."""
+
+    def known(t):
+        if t > 0.8001:
+            raise ValueError("unknown")
+        return np.sin(t)
+
+    scene = sc.Model()
+    body = scene.add("body", sc.RigidBody(2.0, (0.2, 0.3, 0.25), position=(0.4, 0, 0)))
+    scene.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (0, 1, 0)))
+    scene.add("push", sc.LoadForce(body.at((0.4, 0, 0)), (0, 0, 9.0), known))
+    scene.add("weight", sc.LoadGravity(WEIGHT))
+    system, found = scene.freeze(), []
+    for n in (40, 80, 640):
+        with pytest.warns(sc.IncompleteWarning, match="the last constraint force extrapolated"):
+            run = sc.simulate(system, scheme, NULL, 0.8 / n, 0.8)
+        found.append(run["joint/hinge/force"][-1])
+    one, two = (np.linalg.norm(force - found[-1]) for force in found[:2])
+    assert abs(np.log2(one / two) - 2) < 0.2
+    assert two < 1e-2 * np.linalg.norm(found[-1])
+
+
+def test_sensors_see_the_same_forces():
+    """At the states, without the first and the last one of energy-momentum."""
+    system, _ = pendulum()
+    sensors = {"hinge": sc.SensorReaction(system.joints[0])}
+    run = sc.simulate(system, sc.EnergyMomentum(), NULL, 0.01, 0.4, sensors=sensors)
+    record = run.sensors["hinge"]
+    assert record.times.tolist() == run.times[1:-1].tolist()
+    both = np.concatenate([run["joint/hinge/force"], run["joint/hinge/moment"]], axis=1)
+    assert abs(record.values - both[1:-1]).max() < 1e-12 * abs(both).max()
+
+
+def pushed(push, turn=None):
+    """A body on a hinge, with a function of time for a force or a drive."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(2.0, (0.2, 0.3, 0.25), position=(0.4, 0, 0)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (0, 1, 0))
+    model.add("hinge", hinge)
+    model.add("push", sc.LoadForce(body.at((0.4, 0, 0)), (0, 0, 9.0), push))
+    if turn is not None:
+        model.add("motor", sc.JointDrive(hinge, turn))
+    return model.freeze()
+
+
+SMOOTH = sc.RampSmooth(0.0, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("push", "turn", "times"),
+    [
+        (lambda t: 1.0 if t < 0.2345 else 0.5, None, [0.2345]),
+        (lambda t: np.sin(t) + (t > 0.1001) - (t > 0.307), None, [0.1001, 0.307]),
+        (SMOOTH, sc.RampLinear(0.123, 0.25, last=0.5), [0.123, 0.25]),  # its velocity jumps
+        (SMOOTH, lambda t: 4 * max(0.0, t - 0.1234) ** 2, [0.1234]),  # its acceleration jumps
+        (lambda t: np.sin(9 * t), lambda t: 1 - np.cos(5 * t), []),
+        (sc.Table([0, 0.1, 0.101, 0.4], [0, 1, -1, 0]), SMOOTH, []),  # steep, but no jump
+    ],
+)
+def test_states_beside_jumps_are_marked(push, turn, times):
+    system = pushed(push, turn)
+    run = sc.simulate(system, sc.EnergyMomentum(), NULL, 0.01, 0.4)
+    apart = abs(run.times[:, None] - np.array(times)).min(axis=1, initial=np.inf)
+    marked = run["at_jump"] > 0
+    assert marked[apart < 0.0095].all() and not marked[apart > 0.0125].any()
