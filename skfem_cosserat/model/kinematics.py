@@ -18,7 +18,7 @@ from ..pattern import FrozenPattern, sum_at
 from ..relative import normals
 from ..strain import strain_measures
 from ..types import Array, Floats, IndexArray
-from .tree import ConstrainedElement, Coordinate, Pair, Spot, Tree
+from .tree import KINDS, ConstrainedElement, Coordinate, Pair, Spot, Tree
 
 # -- lines of elements that hold shear strains, from their directors: what they add to the tree ----
 #
@@ -457,12 +457,15 @@ class Kinematics:
             if e.joint.freedom().sphere and tree.plane is None
         ]
         cs = [*tree.coordinates, *tree.driven]
-        constant = np.array([c.kind not in ("axis", "slide") for c in cs], dtype=bool)
-        self.axis = np.array([c.axis for c in cs]).reshape(len(cs), 3) * constant[:, None]
-        self.guided = [c for c in cs if c.kind == "axis"]
-        self.sliding = [c for c in cs if c.kind == "slide"]
-        self.hinges = np.array([c.number for c in self.guided], dtype=np.int64)
-        self.tracks = np.array([c.number for c in self.sliding], dtype=np.int64)
+        #: vertex of each coordinate; numbers of those of each kind, driven ones behind the others
+        self.vertex = np.array([c.vertex for c in cs], dtype=np.int64)
+        kinds = np.array([KINDS.index(c.kind) for c in cs], dtype=np.int8)
+        self.numbers = {kind: np.flatnonzero(kinds == k) for k, kind in enumerate(KINDS)}
+        self.hinges, self.tracks = self.numbers["axis"], self.numbers["slide"]
+        self.axis = np.array([c.axis for c in cs]).reshape(len(cs), 3)
+        self.axis[self.hinges] = self.axis[self.tracks] = 0.0
+        self.guided = [cs[k] for k in self.hinges]
+        self.sliding = [cs[k] for k in self.tracks]
         #: material axes: one product gives all of them at a configuration
         self.axis_terms = [
             *[self._axis_terms(c, c.axis) for c in self.guided],
@@ -636,26 +639,22 @@ class TwistMap:
     def _number(self, shifting: Sequence[Pair], slides: Sequence[Pair]) -> None:
         """Identity of free vertices, constant shifts, turning pairs, slides."""
         kin = self.kin
-        tree, cs = kin.tree, kin.tree.coordinates
-        rows, cols, ones = [], [], []
-        for v in tree.free:
-            for k in tree.own[v]:
-                first = int(kin.twist_of[v]) + (3 if cs[k].kind == "rotation" else 0)
-                along = np.flatnonzero(cs[k].axis)
-                rows += (first + along).tolist()
-                cols += [k] * len(along)
-                ones += cs[k].axis[along].tolist()
-        for p in shifting:
-            rows += [int(kin.twist_of[p.vertex]) + i for i in range(3)]
-            cols += [p.number] * 3
-            ones += cs[p.number].axis.tolist()
+        tree = kin.tree
+        own = np.array([k for v in tree.free for k in tree.own[v]], dtype=np.int64)
+        first = kin.twist_of[kin.vertex[own]] + 3 * np.isin(own, kin.numbers["rotation"])
+        which, along = np.nonzero(kin.axis[own])
+        shifted = np.array([(p.vertex, p.number) for p in shifting], dtype=np.int64).reshape(-1, 2)
+        base = kin.twist_of[shifted[:, :1]] + np.arange(3)
+        free_rows = np.concatenate([first[which] + along, base.ravel()])
+        free_cols = np.concatenate([own[which], np.repeat(shifted[:, 1], 3)])
+        self._constant = np.concatenate([kin.axis[own][which, along], kin.axis[shifted[:, 1]].ravel()])
         base = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
         number = np.repeat(self.pair_number[:, None], 3, axis=1)
         slide_vertex = np.array([p.vertex for p in slides], dtype=np.int64)
         self._slide_twist = kin.twist_of[slide_vertex][:, None] + np.arange(3)
         self.rows = np.concatenate(
             [
-                np.array(rows, dtype=np.int64),
+                free_rows,
                 base.ravel(),
                 (base[self.pair_rotates] + 3).ravel(),
                 self._slide_twist.ravel(),
@@ -663,7 +662,7 @@ class TwistMap:
         )
         self.cols = np.concatenate(
             [
-                np.array(cols, dtype=np.int64),
+                free_cols,
                 number.ravel(),
                 number[self.pair_rotates].ravel(),
                 np.repeat(self.slide_number, 3),
@@ -672,8 +671,7 @@ class TwistMap:
         if self.elements is not None:
             self.rows = np.concatenate([self.rows, self.elements.T_rows])
             self.cols = np.concatenate([self.cols, self.elements.T_cols])
-        self._constant = np.array(ones)
-        self.n_fixed = len(ones)
+        self.n_fixed = len(self._constant)
         #: entries that are 1 at any configuration
         self.ones: IndexArray = np.flatnonzero(self._constant == 1)
         order = np.lexsort((self.cols, self.rows))

@@ -120,7 +120,11 @@ class Edge:
         return self.end.a.vertex
 
 
-@dataclass
+#: of coordinates
+KINDS = "translation", "rotation", "axis", "slide", "sphere", "stretch"
+
+
+@dataclass(slots=True)
 class Coordinate:
     """One coordinate of the tree: an unknown of the null space, or driven.
 
@@ -247,8 +251,9 @@ def build_tree(
     tree = Tree(is_frame, plane)
     edges = _connect(nv, ends, tree, elements, roots or range(nv))
     by_child = {edge.child: edge for edge in edges}
+    adding = _Adding(tree)
     for v in range(nv):  # numbering in vertex order keeps neighbours close
-        _Own(tree, v, is_frame[v], by_child.get(v)).add_all()
+        adding.vertex(v, by_child.get(v))
     for k, coordinate in enumerate(tree.driven):
         coordinate.number = len(tree.coordinates) + k
     tree.edges = edges
@@ -324,12 +329,12 @@ class _OpenElements:
         return out
 
 
-class _Own:
-    """Adds the coordinates of one vertex."""
+class _Adding:
+    """Adds the coordinates of vertices, one vertex after the other."""
 
-    def __init__(self, tree: Tree, v: int, frame: bool, edge: Edge | None) -> None:
-        self.tree, self.v, self.frame, self.edge = tree, v, frame, edge
-        tree.own[v] = []
+    def __init__(self, tree: Tree) -> None:
+        self.tree, self.v = tree, -1
+        self.directions, self.axes = list(tree.directions), list(tree.axes)
 
     def add(self, kind: str, axis: Floats, drive: int | None = None, **more: object) -> Coordinate:
         tree = self.tree
@@ -341,22 +346,24 @@ class _Own:
             tree.driven.append(new)
         return new
 
-    def add_all(self) -> None:
-        edge = self.edge
+    def vertex(self, v: int, edge: Edge | None) -> None:
+        self.v, self.tree.own[v] = v, []
         if edge is None:
-            for axis in self.tree.directions:
+            for axis in self.directions:
                 self.add("translation", axis)
-            if self.frame:
-                for axis in self.tree.axes:
-                    self.add("rotation", axis, centre=Spot(self.v))
+            if self.tree.is_frame[v]:
+                self._turns(Spot(v))
         elif isinstance(edge.joint, ConstrainedElement):
             if edge.joint.rigid:
                 return
             self._stretches(edge.joint)
-            for axis in self.tree.axes:
-                self.add("rotation", axis, centre=edge.child_spot)
+            self._turns(edge.child_spot)
         else:
             self._joint(edge, edge.joint)
+
+    def _turns(self, centre: Spot) -> None:
+        for axis in self.axes:
+            self.add("rotation", axis, centre=centre)
 
     def _joint(self, edge: Edge, joint: Joint) -> None:
         freedom, a, b = self.tree.freedom(joint), joint.a, joint.b
@@ -369,12 +376,11 @@ class _Own:
             left, right = edge.sign * a.material(slide.left), a.material(slide.right)
             new = self.add("slide", left, driven.get(slide.name), guide=edge.guide, right=right)
             self.tree.slides.setdefault(self.v, []).append(new)
-        if not self.frame:
+        if not self.tree.is_frame[self.v]:
             return
         centre = edge.end.b if freedom.slides else edge.child_spot
         if freedom.turns is None:
-            for axis in self.tree.axes:
-                self.add("rotation", axis, centre=centre)
+            self._turns(centre)
             return
         # relative rotations are composed from the parent outwards
         for turn in freedom.turns if edge.sign > 0 else reversed(freedom.turns):
