@@ -242,7 +242,7 @@ def _trees(system: Scene, closure: Floats) -> list[tuple[list[int], list[int]]]:
 
 
 def _vertex_inertia(system: Scene, y: Floats) -> Floats:
-    """``P_int^T M P_int`` of each vertex alone (nv, 6, 6); of points, which turn nothing, 3x3 of it."""
+    """``P_int^T M P_int`` of each vertex alone (nv, 6, 6); of points only 3x3 of it."""
     kin = system.kinematics
     number = np.full(len(system.origin_rows), -1)
     number[kin.frames] = np.arange(len(kin.frames))

@@ -647,7 +647,9 @@ class TwistMap:
         base = kin.twist_of[shifted[:, :1]] + np.arange(3)
         free_rows = np.concatenate([first[which] + along, base.ravel()])
         free_cols = np.concatenate([own[which], np.repeat(shifted[:, 1], 3)])
-        self._constant = np.concatenate([kin.axis[own][which, along], kin.axis[shifted[:, 1]].ravel()])
+        self._constant = np.concatenate(
+            [kin.axis[own][which, along], kin.axis[shifted[:, 1]].ravel()]
+        )
         base = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
         number = np.repeat(self.pair_number[:, None], 3, axis=1)
         slide_vertex = np.array([p.vertex for p in slides], dtype=np.int64)

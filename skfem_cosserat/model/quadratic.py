@@ -159,15 +159,26 @@ class QuadraticConstraints:
         self._linear_values = np.repeat(lc, 3)
         self.inside = np.flatnonzero(self.cols < n)
         self._all_inside = len(self.inside) == len(self.cols)
+        every = slice(None) if self._all_inside else self.inside
         #: rows and columns of the contributions to G
-        self.G_rows, self.G_cols = self.rows[self.inside], self.cols[self.inside]
-        self._pattern = FrozenPattern(self.G_rows, self.G_cols, (m, n))
-        # curvature: both vectors unknown
-        both = (self._pa < free) & (self._pb < free)
-        a, b = self._pa[both], self._pb[both]
-        self._curved = np.flatnonzero(both)
-        self.curvature_rows = (3 * np.concatenate([a, b])[:, None] + xyz).ravel()
-        self.curvature_cols = (3 * np.concatenate([b, a])[:, None] + xyz).ravel()
+        self.G_rows, self.G_cols = self.rows[every], self.cols[every]
+        #: products with curvature: both vectors unknown
+        self._curved = np.flatnonzero((self._pa < free) & (self._pb < free))
+
+    @cached_property
+    def _pattern(self) -> FrozenPattern:
+        return FrozenPattern(self.G_rows, self.G_cols, (self.size, self.n))
+
+    @cached_property
+    def curvature_rows(self) -> IndexArray:
+        """Rows of y by component, of :meth:`curvature_values`."""
+        a, b = self._pa[self._curved], self._pb[self._curved]
+        return (3 * np.concatenate([a, b])[:, None] + np.arange(3)).ravel()
+
+    @cached_property
+    def curvature_cols(self) -> IndexArray:
+        """Their columns."""
+        return np.concatenate(np.split(self.curvature_rows, 2)[::-1])
 
     def terms(self) -> Terms:
         """All terms, for loops over them."""
