@@ -145,15 +145,15 @@ def of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats)
     for k in np.flatnonzero(weight.any(1)).tolist():
         own = [v for v in plan.rows[k].vertices if v < count]
         weighted += [(k, u, v) for u in own for v in own]
-    k, u, v = np.array(weighted, dtype=np.int64).reshape(-1, 3).T
-    slots = plan.slots(u, count + k), plan.slots(count + k, v), plan.slots(u, v)
+    of, u, v = np.array(weighted, dtype=np.int64).reshape(-1, 3).T
+    slots = of, plan.slots(u, count + of), plan.slots(count + of, v), plan.slots(u, v)
     return {
         "row_constant": np.where(none, 0.0, constant[numbers]) if numbers.size else 0.0 * numbers,
         "row_size": np.where(none, 1.0, size[numbers]) if numbers.size else 0.0 * numbers,
         "row_on": roomy((~none & ~np.isin(numbers, system.closure.rows)).astype(float)),
         "row_weight": roomy(weight),
         "row_kept": roomy(numbers >= first_held(system)),
-        "row_weighted": np.stack([k, *slots], axis=-1),
+        "row_weighted": np.stack(slots, axis=-1),
         "row_triple": np.full(len(plan.rows), -1),
         "row_owner": integers([own[0] if own else -1 for own in framed]),
         "row_numbers": numbers,

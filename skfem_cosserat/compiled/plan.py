@@ -304,7 +304,7 @@ class _Graph:
     def __init__(
         self,
         count: int,
-        pairs: Iterable[tuple[int, int]],
+        pairs: Iterable[Sequence[int]],
         parent: Sequence[int],
         held: Collection[int],
         waits: Mapping[int, Collection[int]],

@@ -671,10 +671,13 @@ class TwistMap:
         self.n_fixed = len(self._constant)
         #: entries that are 1 at any configuration
         self.ones: IndexArray = np.flatnonzero(self._constant == 1)
+
+    @cached_property
+    def _structure(self) -> tuple[IndexArray, Array, Array]:
+        """Of :meth:`matrix`: the order of its entries, their columns, where rows begin."""
         order = np.lexsort((self.cols, self.rows))
-        self._order = order
         indptr = np.searchsorted(self.rows[order], np.arange(self.shape[0] + 1))
-        self._structure = (self.cols[order].astype(np.int32), indptr.astype(np.int32))
+        return order, self.cols[order].astype(np.int32), indptr.astype(np.int32)
 
     def _prepare_curvature(self) -> None:
         """Which pairs have an axis or a point that moves with a vertex, and its twist."""
@@ -747,8 +750,8 @@ class TwistMap:
 
     def matrix(self, values: Array) -> csr_matrix:
         """T (n_twist, unknowns) from its entries."""
-        indices, indptr = self._structure
-        return csr_matrix((values[self._order], indices, indptr), shape=self.shape)
+        order, indices, indptr = self._structure
+        return csr_matrix((values[order], indices, indptr), shape=self.shape)
 
     # -- derivative of T^T f by the configuration, for schemes that evaluate T at midpoints ------
 

@@ -164,8 +164,8 @@ class Pairs(NamedTuple):
     @classmethod
     def of(cls, each: Sequence[tuple[int, int, int, bool]]) -> Pairs:
         """From one after the other."""
-        *ints, rotates = np.array(each, dtype=np.int64).reshape(-1, 4).T
-        return cls(*ints, rotates.astype(bool))
+        vertex, number, target, rotates = np.array(each, dtype=np.int64).reshape(-1, 4).T
+        return cls(vertex, number, target, rotates.astype(bool))
 
     @classmethod
     def joined(cls, parts: Sequence[Pairs]) -> Pairs:
@@ -174,7 +174,8 @@ class Pairs(NamedTuple):
 
     def some(self, which: Array) -> Pairs:
         """Those that are chosen by an index or a mask."""
-        return Pairs(*(column[which] for column in self))
+        chosen = self.vertex[which], self.number[which], self.target[which]
+        return Pairs(*chosen, self.rotates[which])
 
 
 @dataclass

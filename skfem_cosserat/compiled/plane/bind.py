@@ -284,17 +284,19 @@ def bound_rows(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
             constants[0][k + component] -= c * frames.height[a] * frames.plane.normal[component]
             linear.append((e, int(place[k + component]), v, int(frames.place[a] > 0)))
             directions.append(c * frames.factor(a).conjugate() * axes[component])
-    products, held = (
-        np.array(t, dtype=np.int64).reshape(-1, n) for t, n in ((tables[0], 6), (linear, 4))
-    )
-    e, u, v = products[:, 0], products[:, 2], products[:, 4]
-    u, v = np.where(u < count, u, -1), np.where(v < count, v, -1)
-    of_products = plan.slots(*np.stack([(u, v), (v, u), (e, u), (u, e), (e, v), (v, e)], axis=-1))
-    e, v = held[:, 0], np.where(held[:, 2] < count, held[:, 2], -1)
+    products = np.array(tables[0], dtype=np.int64).reshape(-1, 6)
+    held = np.array(linear, dtype=np.int64).reshape(-1, 4)
+    of, *ends_of = products[:, ::2].T
+    one, two = (np.where(each < count, each, -1) for each in ends_of)  # not those of the ground
+    rows = np.stack([one, two, of, one, of, two], axis=-1)
+    cols = np.stack([two, one, one, of, two, of], axis=-1)
+    of_held = np.where(held[:, 2] < count, held[:, 2], -1)
     return {
-        "products": np.column_stack([products, of_products]),
+        "products": np.column_stack([products, plan.slots(rows, cols)]),
         "factors": pairs(factors[0]).reshape(-1, 2),
-        "linear": np.column_stack([held, plan.slots(e, v), plan.slots(v, e)]),
+        "linear": np.column_stack(
+            [held, plan.slots(held[:, 0], of_held), plan.slots(of_held, held[:, 0])]
+        ),
         "directions": pairs(directions).reshape(-1, 2),
         **of_blocks(system, plan, numbers, constants[0]),
         "cosines": np.array(tables[1], dtype=np.int64).reshape(-1, 6),
