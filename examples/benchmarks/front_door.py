@@ -653,7 +653,7 @@ def alone_gmsh(lines: int) -> dict[str, float]:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "rod.msh"
         end = (0.01 * lines, 0, 0)
-        sc.write_mesh(sc.MeshCurve.init_line((0, 0, 0), end, lines, name="rod"), path)
+        sc.write_mesh(path, sc.MeshCurve.init_line((0, 0, 0), end, lines, name="rod"))
         memory.forget_peak()
         begun = time.process_time()
         model = sc.Model()

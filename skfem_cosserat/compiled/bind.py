@@ -155,14 +155,11 @@ def _place(
     """Slots and rows of the one or two vertices, which it gives."""
     vertices = np.unique(_vertices(system, rows)).tolist()
     assert len(vertices) <= 2, item.label
-    known = [v < len(system.origin_rows) for v in vertices]
-    out[SLOT:ROW], out[ROW:] = -1, rows[0]
+    known = np.array([v if v < len(system.origin_rows) else -1 for v in [*vertices, -1][:2]])
+    out[SLOT:ROW], out[ROW:] = plan.slots(known[:, None], known).ravel(), rows[0]
     for one, v in enumerate(vertices):
         own = rows[_vertices(system, rows) == v]
         out[ROW + SIDE * one + own - system.vertex_rows[v]] = own
-        for two, u in enumerate(vertices):
-            if known[one] and known[two]:
-                out[SLOT + 2 * one + two] = plan.slot[v, u]
     return vertices
 
 
@@ -723,7 +720,7 @@ def bound_work(
         **dict.fromkeys(("b", "x", "total", "last", "before", "extra", "twist"), (each, 6)),
         "found": (3,),
         "frames": (rows, 3),
-        "A": (len(plan.slot), 6, 6),
+        "A": (len(plan.ends), 6, 6),
         "inverse": (each, 6, 6),
         **dict.fromkeys(
             ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 6, 6)
@@ -760,9 +757,8 @@ def bound_flow(
         slot = plan.slots(of_row, vertex[mass.indices])
         holder = np.full(each, -1)
         holder[:count] = owner[first]
-        for u, v in plan.slot:  # blocks of constraint rows go with what they hold
-            if u >= count > v:
-                holder[u] = holder[v]
+        rows, held = plan.ends[(plan.ends[:, 0] >= count) & (plan.ends[:, 1] < count)].T
+        holder[rows] = holder[held]  # blocks of constraint rows go with what they hold
     rows, parts = len(owner), len(free)
     shapes: dict[str, tuple[int, ...]] = {
         "scheme": (2,),

@@ -94,7 +94,7 @@ def bound_held(
     # the stride of b and of a row of a block in A; the one behind each array is for what is not
     stride = 6 if width == 6 else 4
     held, on = np.full(shape, stride * len(plan.diag)), np.full(shape, width * len(blocks))
-    last = stride * width * len(plan.slot)
+    last = stride * width * len(plan.ends)
     down, up = np.full((*shape, nodes), last), np.full((*shape, nodes), last)
     for each in theories:
         assert group is not None
@@ -144,16 +144,16 @@ def of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats)
     weight, weighted = _weights(system, numbers, plan.rows), []
     for k in np.flatnonzero(weight.any(1)).tolist():
         own = [v for v in plan.rows[k].vertices if v < count]
-        both = [(plan.slot[u, count + k], plan.slot[count + k, v], plan.slot[u, v])
-                for u in own for v in own]  # fmt: skip
-        weighted += [(k, *slots) for slots in both]
+        weighted += [(k, u, v) for u in own for v in own]
+    of, u, v = np.array(weighted, dtype=np.int64).reshape(-1, 3).T
+    slots = of, plan.slots(u, count + of), plan.slots(count + of, v), plan.slots(u, v)
     return {
         "row_constant": np.where(none, 0.0, constant[numbers]) if numbers.size else 0.0 * numbers,
         "row_size": np.where(none, 1.0, size[numbers]) if numbers.size else 0.0 * numbers,
         "row_on": roomy((~none & ~np.isin(numbers, system.closure.rows)).astype(float)),
         "row_weight": roomy(weight),
         "row_kept": roomy(numbers >= first_held(system)),
-        "row_weighted": np.array(weighted, dtype=np.int64).reshape(-1, 4),
+        "row_weighted": np.stack(slots, axis=-1),
         "row_triple": np.full(len(plan.rows), -1),
         "row_owner": integers([own[0] if own else -1 for own in framed]),
         "row_numbers": numbers,

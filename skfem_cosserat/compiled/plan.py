@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from copy import copy
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -63,8 +65,8 @@ class Plan:
         How many of them, the first ones, are eliminated in blocks.
     rest : (count - blocks,) int array
         The others, those that hang on joints first.
-    slot : dict
-        (row vertex, column vertex) -> number of the block, those that fill in included.
+    ends : (slots, 2) int array
+        Row and column vertex of each block, those that fill in included; :meth:`slots` finds them.
     ptr, neighbour : int arrays
         Neighbours of the k-th pivot that are eliminated after it. Of one that is left to the sparse
         solver: all that are left too, if it hangs on a joint, as its blocks are turned into the
@@ -98,43 +100,73 @@ class Plan:
         rows: tuple[RowBlock, ...] = (),
         limits: tuple[int, int] = (THIN, FILLED),
     ) -> None:
-        links: list[tuple[int, int]] = [(a, b) for a, b in np.asarray(pairs).tolist()]
-        above: list[int] = np.asarray(parent).tolist()
+        links = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
+        above = np.asarray(parent, dtype=np.int64)
         self.rows = rows
         waits = {count - len(rows) + k: block.waits for k, block in enumerate(rows)}
         degree, filled = limits
-        graph = _Graph(count, links, above, held, waits)
+        graph = _Graph(count, links.tolist(), above.tolist(), held, waits)
         graph.eliminate(degree)
         left = count - len(graph.order)
-        if not thin and not graph.eliminate(count, filled * left):
-            graph = _Graph(count, links, above, held, waits)
-            graph.eliminate(degree)
+        whole = graph.copy()
+        if left and not thin and whole.eliminate(count, filled * left):
+            graph = whole
         self.blocks = len(graph.order)
-        updates: list[list[tuple[int, int] | None]] = [
-            [(a, b) for a in ws for b in ws] for ws in graph.sorted_later()
-        ]
-        self.work = sum(map(len, updates))
-        updates += graph.turn(grounded)
-        order, later = graph.order, graph.sorted_later()
-        self.order: IndexArray = _ints(order)
+        graph.turn(grounded)
+        self.order: IndexArray = np.array(graph.order, dtype=np.int64)
         self.rest: IndexArray = self.order[self.blocks :]
-        self.slot = slot = _slots(order, later, self.blocks, graph.around, links)
-        self.ptr = _starts(later)
-        self.update_ptr = _starts(updates)
-        both = list(zip(order, later, strict=True))
-        self.neighbour = _ints(w for _, ws in both for w in ws)
-        self.right = _ints(slot[v, w] for v, ws in both for w in ws)
-        self.down = _ints(slot[w, v] for v, ws in both for w in ws)
-        self.update = _ints(-1 if ab is None else slot[ab] for each in updates for ab in each)
-        self.diag = _ints(slot[v, v] for v in range(count))
-        self.parent_at = _ints(ws.index(above[v]) if above[v] >= 0 else -1 for v, ws in both)
-        # every block by one number, in order: to find many at once
+        self.ptr, self.neighbour = _sorted_lists(graph.later)
         self._stride = count
-        ends = np.array(list(slot), dtype=np.int64).reshape(-1, 2)
-        codes = ends[:, 0] * count + ends[:, 1]
-        self._order = np.argsort(codes)
-        self._codes = codes[self._order]
+        near = [graph.around[v] for v in graph.order[self.blocks :]]
+        self.ends = self._number(*_sorted_lists([*graph.later[: self.blocks], *near]), links)
+        pivot = np.repeat(self.order, np.diff(self.ptr))
+        self.right = self.slots(pivot, self.neighbour)
+        self.down = self.slots(self.neighbour, pivot)
+        self.diag = self.slots(np.arange(count), np.arange(count))
+        is_parent = self.neighbour == above[pivot]
+        self.parent_at: IndexArray = np.full(count, -1)
+        t = np.repeat(np.arange(count), np.diff(self.ptr))[is_parent]
+        self.parent_at[t] = np.flatnonzero(is_parent) - self.ptr[t]
+        self._find_updates()
         lock_arrays(self)
+
+    def _number(self, ptr: IndexArray, near: IndexArray, links: IndexArray) -> IndexArray:
+        """Number the blocks in the order of their elimination, then those never looked at."""
+        count, total = self._stride, len(self.order) + 2 * len(near)
+        pivot = np.repeat(self.order, np.diff(ptr))
+        on_diagonal = np.zeros(total, dtype=bool)
+        on_diagonal[np.arange(count) + 2 * ptr[:-1]] = True
+        codes = np.empty(total, dtype=np.int64)
+        codes[on_diagonal] = (count + 1) * self.order
+        codes[~on_diagonal] = np.stack([pivot, near, near, pivot], -1).reshape(-1, 2) @ [count, 1]
+        codes = np.concatenate(
+            [codes, np.stack([links, links[:, ::-1]], 1).reshape(-1, 2) @ [count, 1]]
+        )
+        # every block by one number, in order: to find many at once
+        self._codes, first = np.unique(codes, return_index=True)
+        by_number = np.argsort(first)
+        self._order = np.empty_like(first)
+        self._order[by_number] = np.arange(len(first))
+        return np.stack(np.divmod(self._codes[by_number], count), -1)
+
+    def _find_updates(self) -> None:
+        """Slots of pairs of neighbours, from pivots of equally many of them at once."""
+        degree = np.diff(self.ptr)
+        behind = np.arange(len(degree)) >= self.blocks
+        asked = np.where(behind & (self.parent_at < 0), 0, degree)
+        self.work = int((degree[: self.blocks] ** 2).sum())
+        self.update_ptr: IndexArray = np.concatenate([[0], np.cumsum(asked**2)])
+        self.update: IndexArray = np.empty(self.update_ptr[-1], dtype=np.int64)
+        for d in np.unique(asked[asked > 0]):
+            pivots = np.flatnonzero(asked == d)
+            k = np.arange(d)
+            near = self.neighbour[self.ptr[pivots, None] + k]
+            # what is turned into a joint's coordinates adds to the parent alone
+            own = (self.parent_at[pivots, None] == k) | ~behind[pivots, None]
+            row = np.where(own[:, :, None] | own[:, None], near[:, :, None], -1)
+            found = self.slots(row, near[:, None])
+            to = self.update_ptr[pivots, None] + np.arange(d * d)
+            self.update[to] = found.reshape(len(pivots), -1)
 
     def slots(self, u: ArrayLike, v: ArrayLike) -> IndexArray:
         """Numbers of the blocks (u, v), of any shape; -1 where u or v is negative.
@@ -259,32 +291,13 @@ def _coupled(system: System) -> IndexArray:
     return np.unique(both, axis=0) if len(both) else both
 
 
-def _ints(numbers: Iterable[int]) -> IndexArray:
-    return np.array(list(numbers), dtype=np.int64)
-
-
-def _starts(lists: Sequence[Sequence[object]]) -> IndexArray:
-    return np.concatenate([[0], np.cumsum([len(each) for each in lists])]).astype(np.int64)
-
-
-def _slots(
-    order: list[int],
-    later: list[list[int]],
-    blocks: int,
-    around: list[set[int]],
-    pairs: Iterable[tuple[int, int]],
-) -> dict[tuple[int, int], int]:
-    """Numbers of blocks, in the order of their elimination; then those that are never looked at."""
-    slot: dict[tuple[int, int], int] = {}
-    for k, (v, ws) in enumerate(zip(order, later, strict=True)):
-        slot[v, v] = len(slot)
-        for w in ws if k < blocks else sorted(around[v]):
-            slot.setdefault((v, w), len(slot))
-            slot.setdefault((w, v), len(slot))
-    for a, b in pairs:
-        slot.setdefault((a, b), len(slot))
-        slot.setdefault((b, a), len(slot))
-    return slot
+def _sorted_lists(sets: Sequence[Collection[int]]) -> tuple[IndexArray, IndexArray]:
+    """Members of sets, each in order, one set after the other; where those of each begin."""
+    sizes = np.fromiter(map(len, sets), dtype=np.int64, count=len(sets))
+    ptr = np.concatenate([[0], np.cumsum(sizes)])
+    members = np.fromiter(chain.from_iterable(sets), dtype=np.int64, count=ptr[-1])
+    owner = np.repeat(np.arange(len(sets)), sizes)
+    return ptr, members[np.lexsort((members, owner))]
 
 
 class _Graph:
@@ -293,7 +306,7 @@ class _Graph:
     def __init__(
         self,
         count: int,
-        pairs: Iterable[tuple[int, int]],
+        pairs: Iterable[Sequence[int]],
         parent: Sequence[int],
         held: Collection[int],
         waits: Mapping[int, Collection[int]],
@@ -318,35 +331,49 @@ class _Graph:
                 self._behind.setdefault(u, []).append(v)
         self._done = [False] * count
 
+    def copy(self) -> _Graph:
+        """One to try an elimination with: sets of what is eliminated do not change any more."""
+        out = copy(self)
+        out.around = [
+            set(near) if not done else near
+            for near, done in zip(self.around, self._done, strict=True)
+        ]
+        for name in ("order", "later", "_waiting", "_done"):
+            setattr(out, name, getattr(self, name).copy())
+        return out
+
     def eliminate(self, largest: int, most: int | None = None) -> bool:
         """Eliminate by degree, up to a largest one; False if it takes more than `most` products."""
-        around, waiting = self.around, self._waiting
-        ready = (v for v, done in enumerate(self._done) if not (done or waiting[v]))
-        heap = [(len(around[v]), v) for v in ready]
+        around, waiting, done, count = self.around, self._waiting, self._done, len(self.around)
+        # degree and vertex as one number
+        heap = [len(around[v]) * count + v for v in range(count) if not (done[v] or waiting[v])]
         heapq.heapify(heap)
         work = 0
         while heap:
-            degree, v = heapq.heappop(heap)
-            if self._done[v]:
+            degree, v = divmod(heapq.heappop(heap), count)
+            if done[v]:
                 continue
-            if degree != len(around[v]):  # it has changed since
-                heapq.heappush(heap, (len(around[v]), v))
+            near = around[v]
+            if degree != len(near):  # it has changed since
+                heapq.heappush(heap, len(near) * count + v)
                 continue
             if degree > largest:
                 break
             work += degree**2
             if most is not None and work > most:
                 return False
-            self._done[v] = True
+            done[v] = True
             self.order.append(v)
-            self.later.append(around[v])
-            for w in around[v]:
-                around[w] |= around[v]
-                around[w] -= {v, w}
+            self.later.append(near)
+            for w in near:
+                other = around[w]
+                other |= near
+                other.discard(v)
+                other.discard(w)
                 if not waiting[w]:
-                    heapq.heappush(heap, (len(around[w]), w))
+                    heapq.heappush(heap, len(other) * count + w)
             for p in self._released(v):
-                heapq.heappush(heap, (len(around[p]), p))
+                heapq.heappush(heap, len(around[p]) * count + p)
         return True
 
     def _released(self, v: int) -> list[int]:
@@ -357,16 +384,13 @@ class _Graph:
             self._waiting[w] -= 1
         return [w for w in waiting if not self._waiting[w]]
 
-    def turn(self, grounded: Collection[int]) -> list[list[tuple[int, int] | None]]:
+    def turn(self, grounded: Collection[int]) -> None:
         """Put the others in order, those that hang on joints first, children before parents.
 
-        Returns
-        -------
-        For each the pairs of its neighbours that change when its blocks are turned into its
-        joint's coordinates: what its parent carries along goes to the parent.
+        What a parent carries along goes to it when the blocks of a child are turned into its
+        joint's coordinates: its neighbours become neighbours of the parent.
         """
         around, parent = self.around, self.parent
-        updates: list[list[tuple[int, int] | None]] = []
         left = [v for v, done in enumerate(self._done) if not done]
         ground = set(grounded)
         hung = {v for v in left if parent[v] >= 0 or v in ground}
@@ -380,19 +404,10 @@ class _Graph:
                     around[w].add(p)
                     around[p].add(w)
             self.later.append(set(around[v]))
-            near = sorted(around[v]) if p >= 0 else []
-            updates.append([(a, b) if p in (a, b) else None for a in near for b in near])
             ready += [w for w in self._released(v) if w in hung]
-        for v in left:
-            if v not in hung:
-                self.order.append(v)
-                self.later.append(set())
-                updates.append([])
-        return updates
-
-    def sorted_later(self) -> list[list[int]]:
-        """Neighbours of each pivot still to come, always in the same order."""
-        return [sorted(ws) for ws in self.later]
+        rest = [v for v in left if v not in hung]
+        self.order += rest
+        self.later += [set() for _ in rest]
 
 
 # -- forces that are linear in the configuration, pair by pair of vertices, for compiled kernels ---

@@ -23,6 +23,7 @@ from ..compiled.numbers import (
     MODULI_BY_LAW,
     STRESSES_BY_LAW,
 )
+from ..compiled.plan import Plan
 from ..kernels import BeamElements, skew
 from ..model import System
 from ..model.balance import Amplitudes
@@ -201,8 +202,8 @@ class RowBlocks:
     system : System
     pairs : (k, 2) int array
         Rows (a, b) of y.
-    slot : dict
-        Number of the block of two vertices.
+    plan : Plan
+        Of the elimination: it numbers the blocks.
     arrays : namespace
         Arrays of the compiled steps: y1, A.
     """
@@ -211,17 +212,16 @@ class RowBlocks:
         self,
         system: System,
         pairs: IndexArray,
-        slot: dict[tuple[int, int], int],
+        plan: Plan,
         arrays: SimpleNamespace,
     ) -> None:
         self._pairs, self._arrays = pairs, arrays
         sizes = np.where(system.is_frame, 4, 1)
         first = np.array(system.origin_rows)
-        vertex, local = np.zeros(system.rows, dtype=np.int64), np.zeros(system.rows, dtype=np.int64)
-        for v, (r, size) in enumerate(zip(first, sizes, strict=True)):
-            vertex[r : r + size], local[r : r + size] = v, np.arange(size)
+        vertex = np.repeat(np.argsort(first), sizes[np.argsort(first)])
+        local = np.arange(system.rows) - first[vertex]
         a, b = pairs.T
-        slots = np.array([slot[u, v] for u, v in zip(vertex[a], vertex[b], strict=True)], dtype=int)
+        slots = plan.slots(vertex[a], vertex[b])
         self._turned = np.flatnonzero(local[a] > 0), np.flatnonzero(local[b] > 0)
         local = np.minimum(local, 1)
         i = 3 * local[a][:, None, None] + np.arange(3)[:, None]
@@ -248,13 +248,11 @@ class CalledAtRest(Called):
     system : System
     spin : bool
         Whether everything is seen from a turning frame.
-    slot, arrays
+    plan, arrays
         See :class:`RowBlocks`; of the arrays also external.
     """
 
-    def __init__(
-        self, system: System, spin: bool, slot: dict[tuple[int, int], int], arrays: SimpleNamespace
-    ) -> None:
+    def __init__(self, system: System, spin: bool, plan: Plan, arrays: SimpleNamespace) -> None:
         stages: dict[int, Callable[[], None]] = {
             AT_BEGIN: lambda: None,
             AT_FORCE: self._add_force,
@@ -267,7 +265,7 @@ class CalledAtRest(Called):
         self._mass = system.mass.tocoo()
         mass = np.stack([self._mass.row, self._mass.col], -1)[: self._mass.nnz * spin]
         self._blocks = RowBlocks(
-            system, np.concatenate([self._functions.pairs, mass]), slot, arrays
+            system, np.concatenate([self._functions.pairs, mass]), plan, arrays
         )
 
     def take(self, amplitudes: Amplitudes) -> None:
@@ -301,8 +299,8 @@ class CalledBack:
     system : System
     couplings : Couplings
         Of these alone.
-    slot : dict
-        Number of the block of two vertices.
+    plan : Plan
+        Of the elimination: it numbers the blocks.
     arrays : namespace
         Arrays of the compiled steps: y0, y1, mid, internal, R_mixed, A.
 
@@ -316,12 +314,12 @@ class CalledBack:
         self,
         system: System,
         couplings: Couplings,
-        slot: dict[tuple[int, int], int],
+        plan: Plan,
         arrays: SimpleNamespace,
     ) -> None:
         self.system, self.couplings, self._arrays = system, couplings, arrays
         self._scheme: Scheme | None = None
-        self._blocks = RowBlocks(system, couplings.pairs, slot, arrays)
+        self._blocks = RowBlocks(system, couplings.pairs, plan, arrays)
         stages: dict[int, Callable[[], None]] = {
             AT_BEGIN: self._begin,
             AT_FORCE: self._add_force,

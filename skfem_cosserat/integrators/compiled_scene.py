@@ -60,9 +60,8 @@ class Rest:
     ) -> None:
         left = np.zeros(len(size), dtype=bool)
         left[plan.rest] = True
-        ends = np.array(list(plan.slot), dtype=np.int64)  # in the order of the slots
-        slots = np.flatnonzero(left[ends].all(axis=1))
-        ends = ends[slots]
+        slots = np.flatnonzero(left[plan.ends].all(axis=1))
+        ends = plan.ends[slots]
         each = np.where(left, size, 0)
         first = np.cumsum(each) - each
         k = np.arange(6)

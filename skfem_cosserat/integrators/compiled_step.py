@@ -343,7 +343,7 @@ class CompiledStep(CompiledScene):
         if not functions:
             return
         own = system.couplings_of([], functions)
-        self._called_back = CalledBack(system, own, self.plan.slot, self._a)
+        self._called_back = CalledBack(system, own, self.plan, self._a)
         self._all[0][CALLED_BACK] = self._called_back.address
 
     def _resist(self, h: float) -> None:

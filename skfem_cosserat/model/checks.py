@@ -136,7 +136,8 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
     for vertices in (kin.frames, kin.points):
         free = np.intersect1d(vertices, alone)
         if len(free):
-            worst, number = _weakest(np.array([inertia[int(v)] for v in free]))
+            size = 6 if vertices is kin.frames else 3
+            worst, number = _weakest(inertia[free, :size, :size])
             if worst >= 0:
                 own = tree.own[int(free[worst])]
                 _report(system, own[number], y, fixed)
@@ -151,25 +152,22 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
             continue
         A = np.zeros((len(coordinates),) * 2)
         for v in members:
-            start = int(kin.twist_of[v])
-            local = T[start : start + len(inertia[v])][:, coordinates].toarray()
-            A += local.T @ inertia[v] @ local
+            start, size = int(kin.twist_of[v]), 6 if tree.is_frame[v] else 3
+            local = T[start : start + size][:, coordinates].toarray()
+            A += local.T @ inertia[v, :size, :size] @ local
         worst, number = _weakest(A[None], rows[:, coordinates])
         if worst >= 0:
             _report(system, coordinates[number], y, fixed)
 
 
-def _clearly_inert(kin: Kinematics, inertia: dict[int, Floats], y: Floats, fixed: Floats) -> bool:
+def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -> bool:
     """Whether all pivots are far from zero where joints are eliminated from the leaves on.
 
     Each against what it would be if the joints next to it were locked.
     """
     maps = kin.recursion
     S, X, used = maps.blocks(y, fixed)
-    free, locked = np.zeros((2, len(S), 6, 6))
-    for vertex, own in inertia.items():
-        free[vertex, : len(own), : len(own)] = own
-    locked += free
+    free, locked = inertia.copy(), inertia.copy()
     unused = np.eye(6) * ~used[:, None]
     pivots, sizes = np.empty_like(S), np.empty(S.shape[:2])
 
@@ -246,24 +244,22 @@ def _trees(system: Scene, closure: Floats) -> list[tuple[list[int], list[int]]]:
     return [(vs, [k for v in vs for k in tree.own[v]]) for vs in together]
 
 
-def _vertex_inertia(system: Scene, y: Floats) -> dict[int, Floats]:
-    """``P_int^T M P_int`` of each vertex alone: (6, 6) of frames, (3, 3) of points."""
+def _vertex_inertia(system: Scene, y: Floats) -> Floats:
+    """``P_int^T M P_int`` of each vertex alone (nv, 6, 6); of points only 3x3 of it."""
     kin = system.kinematics
     number = np.full(len(system.origin_rows), -1)
     number[kin.frames] = np.arange(len(kin.frames))
     scalar = np.zeros((len(kin.frames), 4, 4))
-    out = {}
+    out = np.zeros((len(number), 6, 6))
     for group in system.groups:
         if group.framed:
             ne, nn = group.vertices.shape
             blocks = np.einsum("eaiaj->eaij", group.scalar_mass.reshape(ne, nn, 4, nn, 4))
             np.add.at(scalar, number[group.vertices], blocks)
         else:
-            masses = mass_blocks(group.scalar_mass)
-            out.update({int(v): masses[e] for e, v in enumerate(group.vertices[:, 0])})
+            out[group.vertices[:, 0], :3, :3] = mass_blocks(group.scalar_mass)
     P = null_space_blocks(kin.directors(y))
-    twists = P.transpose(0, 2, 1) @ mass_blocks(scalar) @ P
-    out.update({int(v): twists[k] for k, v in enumerate(kin.frames)})
+    out[kin.frames] = P.transpose(0, 2, 1) @ mass_blocks(scalar) @ P
     return out
 
 

@@ -189,17 +189,16 @@ class Closure:
         self._director = y_row[self._turning]
         self._component = component[self._turning]
         #: translations count relative to the scene's extent
-        scale = np.ones(kinematics.unknowns)
-        for c in kinematics.tree.coordinates:
-            if c.kind in ("translation", "slide"):
-                scale[c.number] = length
+        scale = np.ones(len(kinematics.vertex))
+        for kind in ("translation", "slide"):
+            scale[kinematics.numbers[kind]] = length
         self.components: list[CoupledLoops] = []
         self._stacks: list[_Stack] = []
         self.magnitude: Floats = np.ones(len(rows))
         self._length = length
         if len(rows):
             row = np.concatenate([row[self._plain], np.repeat(row[self._turning], 3)])
-            self._split(row, np.concatenate(twist), scale)
+            self._split(row, np.concatenate(twist), scale[: kinematics.unknowns])
 
     def _split(self, row: IndexArray, twist: IndexArray, scale: Floats) -> None:
         """Into components, from the rows and twists of the entries of ``G_loop P_int``."""
@@ -275,9 +274,8 @@ class Closure:
         of_twist = np.repeat(
             np.arange(len(kin.twist_of)), np.diff(kin.twist_of, append=kin.n_twist)
         )
-        of_column = np.array([c.vertex for c in kin.tree.coordinates], dtype=np.int64)
         self._vertices = [
-            np.union1d(of_twist[c.twists], of_column[c.columns]) for c in self.components
+            np.union1d(of_twist[c.twists], kin.vertex[c.columns]) for c in self.components
         ]
         self._every = np.concatenate(self._vertices)
         self._first = np.cumsum([0, *map(len, self._vertices)])[:-1]

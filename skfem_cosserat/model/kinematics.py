@@ -18,7 +18,7 @@ from ..pattern import FrozenPattern, sum_at
 from ..relative import normals
 from ..strain import strain_measures
 from ..types import Array, Floats, IndexArray
-from .tree import ConstrainedElement, Coordinate, Pair, Spot, Tree
+from .tree import KINDS, ConstrainedElement, Coordinate, Pairs, Spot, Tree
 
 # -- lines of elements that hold shear strains, from their directors: what they add to the tree ----
 #
@@ -457,12 +457,15 @@ class Kinematics:
             if e.joint.freedom().sphere and tree.plane is None
         ]
         cs = [*tree.coordinates, *tree.driven]
-        constant = np.array([c.kind not in ("axis", "slide") for c in cs], dtype=bool)
-        self.axis = np.array([c.axis for c in cs]).reshape(len(cs), 3) * constant[:, None]
-        self.guided = [c for c in cs if c.kind == "axis"]
-        self.sliding = [c for c in cs if c.kind == "slide"]
-        self.hinges = np.array([c.number for c in self.guided], dtype=np.int64)
-        self.tracks = np.array([c.number for c in self.sliding], dtype=np.int64)
+        #: vertex of each coordinate; numbers of those of each kind, driven ones behind the others
+        self.vertex = np.array([c.vertex for c in cs], dtype=np.int64)
+        kinds = np.array([KINDS.index(c.kind) for c in cs], dtype=np.int8)
+        self.numbers = {kind: np.flatnonzero(kinds == k) for k, kind in enumerate(KINDS)}
+        self.hinges, self.tracks = self.numbers["axis"], self.numbers["slide"]
+        self.axis = np.array([c.axis for c in cs]).reshape(len(cs), 3)
+        self.axis[self.hinges] = self.axis[self.tracks] = 0.0
+        self.guided = [cs[k] for k in self.hinges]
+        self.sliding = [cs[k] for k in self.tracks]
         #: material axes: one product gives all of them at a configuration
         self.axis_terms = [
             *[self._axis_terms(c, c.axis) for c in self.guided],
@@ -498,9 +501,10 @@ class Kinematics:
         if all(element.rigid for element, _ in self.tree.elements):
             return None
         turning: dict[int, list[tuple[int, int]]] = {}
-        for k, p in enumerate(p for p in self.tree.pairs if p.target is not None):
-            if p.rotates:
-                turning.setdefault(p.vertex, []).append((p.number, k))
+        pairs = self.tree.pairs
+        pairs = pairs.some(pairs.target >= 0)
+        for k in np.flatnonzero(pairs.rotates).tolist():
+            turning.setdefault(int(pairs.vertex[k]), []).append((int(pairs.number[k]), k))
         return ConstrainedElements(self.tree, self.row, self.twist_of, turning)
 
     def _axis_terms(self, c: Coordinate, axis: Floats) -> list[tuple[int, float]]:
@@ -578,7 +582,7 @@ class TwistMap:
     Parameters
     ----------
     kinematics : Kinematics
-    pairs : sequence of Pair
+    pairs : Pairs
         Which coordinate moves which vertex.
     elements : ConstrainedElements, optional
         What moves vertices besides.
@@ -587,70 +591,67 @@ class TwistMap:
     def __init__(
         self,
         kinematics: Kinematics,
-        pairs: Sequence[Pair],
+        pairs: Pairs,
         elements: ConstrainedElements | None = None,
     ) -> None:
         kin = self.kin = kinematics
-        cs = kin.tree.coordinates
         self.shape = kin.n_twist, kin.unknowns
-        turning = [p for p in pairs if p.target is not None]
-        shifting = [p for p in pairs if p.target is None and cs[p.number].kind != "slide"]
-        slides = [p for p in pairs if p.target is None and cs[p.number].kind == "slide"]
-        numbers: dict[Spot, int] = {}
-
-        def places(spots: Sequence[Spot]) -> IndexArray:
-            found = [numbers.setdefault(spot, len(numbers)) for spot in spots]
-            return np.array(found, dtype=np.int64)
-
-        self.pair_vertex = np.array([p.vertex for p in turning], dtype=np.int64)
-        self.pair_number = np.array([p.number for p in turning], dtype=np.int64)
-        self.pair_target = places([p.target for p in turning])  # type: ignore[misc]
-        self.pair_centre = places([cs[p.number].centre for p in turning])  # type: ignore[misc]
-        slide_of = {c.number: i for i, c in enumerate(kin.sliding)}
-        self.slide_number = np.array([p.number for p in slides], dtype=np.int64)
-        self._slide_of = np.array([slide_of[p.number] for p in slides], dtype=np.int64)
-        frame = kin.frame_row[self.pair_vertex] >= 0 if turning else np.zeros(0, dtype=bool)
-        rotates = np.array([p.rotates for p in turning], dtype=bool) & frame
-        self.pair_rotates = np.flatnonzero(rotates)
-        self.spots = list(numbers)
+        place = np.full(len(kin.vertex), -1)  # among hinges, or slides
+        for numbers in (kin.hinges, kin.tracks):
+            place[numbers] = np.arange(len(numbers))
+        sliding = np.isin(pairs.number, kin.tracks)
+        turning = pairs.some(pairs.target >= 0)
+        shifting = pairs.some((pairs.target < 0) & ~sliding)
+        slides = pairs.some((pairs.target < 0) & sliding)
+        self.pair_vertex, self.pair_number = turning.vertex, turning.number
+        self.slide_number = slides.number
+        self._slide_of = place[slides.number]
+        self.pair_rotates = np.flatnonzero(turning.rotates & (kin.frame_row[turning.vertex] >= 0))
+        # targets, then centres: numbers in the order in which they come first
+        both = np.concatenate([turning.target, kin.tree.centres[turning.number]])
+        known = list(kin.tree.spots)
+        first = np.full(len(known), len(both))
+        first[both[::-1]] = np.arange(len(both))[::-1]  # what is written last stays
+        order = np.argsort(first, kind="stable")
+        self.spots = [known[k] for k in order[: (first < len(both)).sum()]]
+        self.pair_target, self.pair_centre = np.split(np.argsort(order)[both], 2)
         # spots, then material axes: one product gives all points and axes of a configuration
         spot_terms = [kin.spot_terms(s) for s in self.spots]
         self._combine = combination(spot_terms + kin.axis_terms)
-        hinge_of = {number: i for i, number in enumerate(kin.hinges.tolist())}
-        of_pair = self.pair_number.tolist()
+        on_hinge = np.isin(turning.number, kin.hinges)
         #: where axes of pairs are: among those that are fixed, then those of hinges
-        self._axis_of = np.array(
-            [len(kin.axis) + hinge_of[k] if k in hinge_of else k for k in of_pair], dtype=np.int64
-        )
+        self._axis_of = np.where(on_hinge, len(kin.axis) + place[turning.number], turning.number)
         # few pairs, all on hinges: spots, then axes and arms of pairs, in one product
-        self._few = not slides and len(turning) <= len(self.spots) and hinge_of.keys() >= {*of_pair}
+        few = len(turning.number) <= len(self.spots) and not len(slides.number)
+        self._few = few and bool(on_hinge.all())
         if self._few:
-            hinge_terms = [kin.axis_terms[hinge_of[k]] for k in of_pair]
+            hinge_terms = [kin.axis_terms[k] for k in place[turning.number]]
             ends = zip(self.pair_target.tolist(), self.pair_centre.tolist(), strict=True)
             arms = [[*spot_terms[a], *((r, -f) for r, f in spot_terms[b])] for a, b in ends]
             self._combine_few = combination(spot_terms + hinge_terms + arms)
         self.elements = elements
-        self._number(shifting, slides)
+        self._number(shifting, slides.vertex)
         self._prepare_curvature()
 
-    def _number(self, shifting: Sequence[Pair], slides: Sequence[Pair]) -> None:
+    def _number(self, shifting: Pairs, slide_vertex: IndexArray) -> None:
         """Identity of free vertices, constant shifts, turning pairs, slides."""
         kin = self.kin
-        tree, cs = kin.tree, kin.tree.coordinates
+        tree = kin.tree
         own = np.array([k for v in tree.free for k in tree.own[v]], dtype=np.int64)
-        turns = np.array([cs[k].kind == "rotation" for k in own], dtype=bool)
-        first = kin.twist_of[[cs[k].vertex for k in own]] + 3 * turns
+        first = kin.twist_of[kin.vertex[own]] + 3 * np.isin(own, kin.numbers["rotation"])
         which, along = np.nonzero(kin.axis[own])
-        shifted = np.array([p.vertex for p in shifting], dtype=np.int64)
-        moved = np.array([p.number for p in shifting], dtype=np.int64)
+        base = kin.twist_of[shifting.vertex][:, None] + np.arange(3)
+        free_rows = np.concatenate([first[which] + along, base.ravel()])
+        free_cols = np.concatenate([own[which], np.repeat(shifting.number, 3)])
+        self._constant = np.concatenate(
+            [kin.axis[own][which, along], kin.axis[shifting.number].ravel()]
+        )
         base = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
         number = np.repeat(self.pair_number[:, None], 3, axis=1)
-        slide_vertex = np.array([p.vertex for p in slides], dtype=np.int64)
         self._slide_twist = kin.twist_of[slide_vertex][:, None] + np.arange(3)
         self.rows = np.concatenate(
             [
-                first[which] + along,
-                (kin.twist_of[shifted][:, None] + np.arange(3)).ravel(),
+                free_rows,
                 base.ravel(),
                 (base[self.pair_rotates] + 3).ravel(),
                 self._slide_twist.ravel(),
@@ -658,8 +659,7 @@ class TwistMap:
         )
         self.cols = np.concatenate(
             [
-                own[which],
-                np.repeat(moved, 3),
+                free_cols,
                 number.ravel(),
                 number[self.pair_rotates].ravel(),
                 np.repeat(self.slide_number, 3),
@@ -668,14 +668,16 @@ class TwistMap:
         if self.elements is not None:
             self.rows = np.concatenate([self.rows, self.elements.T_rows])
             self.cols = np.concatenate([self.cols, self.elements.T_cols])
-        self._constant = np.concatenate([kin.axis[own][which, along], kin.axis[moved].ravel()])
         self.n_fixed = len(self._constant)
         #: entries that are 1 at any configuration
         self.ones: IndexArray = np.flatnonzero(self._constant == 1)
+
+    @cached_property
+    def _structure(self) -> tuple[IndexArray, Array, Array]:
+        """Of :meth:`matrix`: the order of its entries, their columns, where rows begin."""
         order = np.lexsort((self.cols, self.rows))
-        self._order = order
         indptr = np.searchsorted(self.rows[order], np.arange(self.shape[0] + 1))
-        self._structure = (self.cols[order].astype(np.int32), indptr.astype(np.int32))
+        return order, self.cols[order].astype(np.int32), indptr.astype(np.int32)
 
     def _prepare_curvature(self) -> None:
         """Which pairs have an axis or a point that moves with a vertex, and its twist."""
@@ -748,8 +750,8 @@ class TwistMap:
 
     def matrix(self, values: Array) -> csr_matrix:
         """T (n_twist, unknowns) from its entries."""
-        indices, indptr = self._structure
-        return csr_matrix((values[self._order], indices, indptr), shape=self.shape)
+        order, indices, indptr = self._structure
+        return csr_matrix((values[order], indices, indptr), shape=self.shape)
 
     # -- derivative of T^T f by the configuration, for schemes that evaluate T at midpoints ------
 
@@ -824,7 +826,7 @@ class Recursion:
         kin = self.kin = kinematics
         tree, nv = kin.tree, len(kin.twist_of)
         edges = tree.edges
-        self.own = TwistMap(kin, [pair for e in edges for pair in tree.own_pairs(e)])
+        self.own = TwistMap(kin, Pairs.of([pair for e in edges for pair in tree.own_pairs(e)]))
         self.child = np.array([e.child for e in edges], dtype=np.int64)
         self.parent = np.array([e.parent for e in edges], dtype=np.int64)
         self.held = self.parent < nv

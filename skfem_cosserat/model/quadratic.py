@@ -143,13 +143,25 @@ class _Places:
         self.cols = (3 * np.concatenate([la, pa, pb])[:, None] + xyz).ravel()
         self.inside = np.flatnonzero(self.cols < 3 * free)
         self.G_rows, self.G_cols = self.rows[self.inside], self.cols[self.inside]
-        self.pattern = FrozenPattern(self.G_rows, self.G_cols, (m, 3 * free))
+        self.shape = m, 3 * free
         # curvature: both vectors unknown
         self.curved = np.flatnonzero((pa < free) & (pb < free))
-        a, b = pa[self.curved], pb[self.curved]
-        self.curvature_rows = (3 * np.concatenate([a, b])[:, None] + xyz).ravel()
-        self.curvature_cols = (3 * np.concatenate([b, a])[:, None] + xyz).ravel()
+        self.both = pa[self.curved], pb[self.curved]
         lock_arrays(self)
+
+    @cached_property
+    def pattern(self) -> FrozenPattern:
+        """Of the Jacobian by the unknowns."""
+        return FrozenPattern(self.G_rows, self.G_cols, self.shape)
+
+    @cached_property
+    def curvature(self) -> tuple[IndexArray, IndexArray]:
+        """Rows and columns of the derivative, by components."""
+        a, b = self.both
+        rows, cols = (
+            (3 * np.concatenate(each)[:, None] + np.arange(3)) for each in ((a, b), (b, a))
+        )
+        return rows.ravel(), cols.ravel()
 
 
 class QuadraticConstraints:
@@ -186,9 +198,22 @@ class QuadraticConstraints:
         self.rows, self.cols, self.inside = places.rows, places.cols, places.inside
         self._all_inside = len(self.inside) == len(self.cols)
         #: rows and columns of the contributions to G
-        self.G_rows, self.G_cols, self._pattern = places.G_rows, places.G_cols, places.pattern
-        self._curved = places.curved
-        self.curvature_rows, self.curvature_cols = places.curvature_rows, places.curvature_cols
+        self.G_rows, self.G_cols = places.G_rows, places.G_cols
+        self._curved, self._places = places.curved, places
+
+    @property
+    def _pattern(self) -> FrozenPattern:
+        return self._places.pattern
+
+    @property
+    def curvature_rows(self) -> IndexArray:
+        """Rows of y by component, of :meth:`curvature_values`."""
+        return self._places.curvature[0]
+
+    @property
+    def curvature_cols(self) -> IndexArray:
+        """Their columns."""
+        return self._places.curvature[1]
 
     def terms(self) -> Terms:
         """All terms, for loops over them."""

@@ -76,10 +76,8 @@ class Reparametrisation:
         self._grounds = np.arange(nv, len(kinematics.row))
 
         def pick(kind: str, size: int) -> tuple[IndexArray, IndexArray]:
-            cs = [c for c in tree.coordinates if c.kind == kind]
-            numbers = np.array([c.number for c in cs], dtype=np.int64).reshape(-1, size)
-            vertices = np.array([c.vertex for c in cs], dtype=np.int64).reshape(-1, size)[:, 0]
-            return numbers, vertices
+            numbers = kinematics.numbers[kind].reshape(-1, size)
+            return numbers, kinematics.vertex[numbers[:, 0]]
 
         self._directions, self._axes = tree.directions, tree.axes
         self._flat = tree.plane is not None

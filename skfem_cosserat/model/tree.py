@@ -30,12 +30,13 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..joint import Freedom, Joint
-from ..types import Floats
+from ..types import Array, Floats, IndexArray
 from .plane import Plane
 
 if TYPE_CHECKING:
@@ -120,7 +121,11 @@ class Edge:
         return self.end.a.vertex
 
 
-@dataclass
+#: of coordinates
+KINDS = "translation", "rotation", "axis", "slide", "sphere", "stretch"
+
+
+@dataclass(slots=True)
 class Coordinate:
     """One coordinate of the tree: an unknown of the null space, or driven.
 
@@ -139,14 +144,38 @@ class Coordinate:
     drive: int | None = None  # ground frame whose position prescribes it
 
 
-@dataclass
-class Pair:
-    """Coordinate `number` moves `vertex`."""
+class Pairs(NamedTuple):
+    """Which coordinates move which vertices.
 
-    vertex: int
-    number: int
-    target: Spot | None  # None: a translation
-    rotates: bool
+    Attributes
+    ----------
+    vertex, number : (k,) int array
+        Coordinate `number` moves `vertex`.
+    target : (k,) int array
+        Among :attr:`Tree.spots`; -1: a translation.
+    rotates : (k,) bool array
+    """
+
+    vertex: IndexArray
+    number: IndexArray
+    target: IndexArray
+    rotates: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, each: Sequence[tuple[int, int, int, bool]]) -> Pairs:
+        """From one after the other."""
+        vertex, number, target, rotates = np.array(each, dtype=np.int64).reshape(-1, 4).T
+        return cls(vertex, number, target, rotates.astype(bool))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Pairs]) -> Pairs:
+        """All of them."""
+        return cls(*map(np.concatenate, zip(cls.of([]), *parts, strict=True)))
+
+    def some(self, which: Array) -> Pairs:
+        """Those that are chosen by an index or a mask."""
+        chosen = self.vertex[which], self.number[which], self.target[which]
+        return Pairs(*chosen, self.rotates[which])
 
 
 @dataclass
@@ -167,6 +196,7 @@ class Tree:
     #: each with the vertex at which the tree enters it
     elements: list[tuple[ConstrainedElement, int]] = field(default_factory=list)
     stretches: dict[int, list[int]] = field(default_factory=dict)  # numbers by ``id(element)``
+    spots: dict[Spot, int] = field(default_factory=dict)  # numbers of points of pairs
 
     @cached_property
     def directions(self) -> Floats:
@@ -178,21 +208,55 @@ class Tree:
         """Unit vectors (3 or 1, 3) about which free rotations are."""
         return np.eye(3) if self.plane is None else self.plane.normal[None]
 
+    def spot_number(self, spot: Spot | None) -> int:
+        """Number of a point in :attr:`spots`, -1 for none."""
+        return -1 if spot is None else self.spots.setdefault(spot, len(self.spots))
+
     @cached_property
-    def pairs(self) -> list[Pair]:
+    def centres(self) -> IndexArray:
+        """Centres (K,) of coordinates of vertices with joints among :attr:`spots`, else -1."""
+        out = np.full(len(self.coordinates), -1)
+        for v in {v for edge in self.edges for v in (edge.child, edge.parent)}:
+            for k in self.own.get(v, ()):
+                out[k] = self.spot_number(self.coordinates[k].centre)
+        return out
+
+    @cached_property
+    def pairs(self) -> Pairs:
         """Of vertices with a parent, by all coordinates above: the square of a chain's length."""
         children = {edge.parent for edge in self.edges}
-        moving: dict[int, list[Pair]] = {}
+        moving: dict[int, Pairs] = {}
         for v in self.free:
             if v in children:
-                moving[v] = [
-                    Pair(v, k, None if self.coordinates[k].kind == "translation" else Spot(v), True)
-                    for k in self.own[v]
+                kinds = [self.coordinates[k].kind for k in self.own[v]]
+                targets = [
+                    -1 if kind == "translation" else self.spot_number(Spot(v)) for kind in kinds
                 ]
+                moving[v] = Pairs.of(
+                    [(v, k, at, True) for k, at in zip(self.own[v], targets, strict=True)]
+                )
         for edge in self.edges:
-            passed = _passed_on(self, edge, moving.get(edge.parent, []))
-            moving[edge.child] = passed + self.own_pairs(edge)
-        return [pair for edge in self.edges for pair in moving[edge.child]]
+            own = Pairs.of(self.own_pairs(edge))
+            above = moving.get(edge.parent)
+            moving[edge.child] = (
+                own if above is None else Pairs.joined([self._passed_on(edge, above), own])
+            )
+        return Pairs.joined([moving[edge.child] for edge in self.edges])
+
+    def _passed_on(self, edge: Edge, above: Pairs) -> Pairs:
+        """A child, by what moves its parent."""
+        fulcrum = self.spot_number(self.fulcrum(edge))
+        turned = (above.target >= 0) & above.rotates & self.is_frame[edge.parent]
+        passed = Pairs(
+            np.full(len(turned), edge.child),
+            above.number,
+            np.where(turned, fulcrum, above.target),
+            turned & self.relative(edge),
+        )
+        if not edge.in_element:
+            return passed
+        # a turn about the origin of a node moves the next one by its directors only
+        return passed.some(~turned | (self.centres[above.number] != fulcrum))
 
     def relative(self, edge: Edge) -> bool:
         """Whether a child's rotation is relative to its parent's."""
@@ -204,16 +268,17 @@ class Tree:
             return Spot(edge.child)
         return edge.end.b if self.freedom(edge.joint).slides else edge.parent_spot
 
-    def own_pairs(self, edge: Edge) -> list[Pair]:
-        """A child, by the coordinates of its joint."""
+    def own_pairs(self, edge: Edge) -> list[tuple[int, int, int, bool]]:
+        """A child, by the coordinates of its joint: rows of :class:`Pairs`."""
         c, pairs = edge.child, []
         for k in self.own[c]:
             kind = self.coordinates[k].kind
             if kind == "slide":
-                pairs.append(Pair(c, k, None, False))
+                pairs.append((c, k, -1, False))
             elif kind != "stretch":
                 sphere = kind == "sphere"
-                pairs.append(Pair(c, k, edge.child_spot if sphere else Spot(c), not sphere))
+                target = self.spot_number(edge.child_spot if sphere else Spot(c))
+                pairs.append((c, k, target, not sphere))
         return pairs
 
     def freedom(self, joint: Joint | ConstrainedElement) -> Freedom:
@@ -247,8 +312,9 @@ def build_tree(
     tree = Tree(is_frame, plane)
     edges = _connect(nv, ends, tree, elements, roots or range(nv))
     by_child = {edge.child: edge for edge in edges}
+    adding = _Adding(tree)
     for v in range(nv):  # numbering in vertex order keeps neighbours close
-        _Own(tree, v, is_frame[v], by_child.get(v)).add_all()
+        adding.vertex(v, by_child.get(v))
     for k, coordinate in enumerate(tree.driven):
         coordinate.number = len(tree.coordinates) + k
     tree.edges = edges
@@ -324,12 +390,12 @@ class _OpenElements:
         return out
 
 
-class _Own:
-    """Adds the coordinates of one vertex."""
+class _Adding:
+    """Adds the coordinates of vertices, one vertex after the other."""
 
-    def __init__(self, tree: Tree, v: int, frame: bool, edge: Edge | None) -> None:
-        self.tree, self.v, self.frame, self.edge = tree, v, frame, edge
-        tree.own[v] = []
+    def __init__(self, tree: Tree) -> None:
+        self.tree, self.v = tree, -1
+        self.directions, self.axes = list(tree.directions), list(tree.axes)
 
     def add(self, kind: str, axis: Floats, drive: int | None = None, **more: object) -> Coordinate:
         tree = self.tree
@@ -341,22 +407,24 @@ class _Own:
             tree.driven.append(new)
         return new
 
-    def add_all(self) -> None:
-        edge = self.edge
+    def vertex(self, v: int, edge: Edge | None) -> None:
+        self.v, self.tree.own[v] = v, []
         if edge is None:
-            for axis in self.tree.directions:
+            for axis in self.directions:
                 self.add("translation", axis)
-            centre = Spot(self.v)
-            for axis in self.tree.axes if self.frame else ():
-                self.add("rotation", axis, centre=centre)
+            if self.tree.is_frame[v]:
+                self._turns(Spot(v))
         elif isinstance(edge.joint, ConstrainedElement):
             if edge.joint.rigid:
                 return
             self._stretches(edge.joint)
-            for axis in self.tree.axes:
-                self.add("rotation", axis, centre=edge.child_spot)
+            self._turns(edge.child_spot)
         else:
             self._joint(edge, edge.joint)
+
+    def _turns(self, centre: Spot) -> None:
+        for axis in self.axes:
+            self.add("rotation", axis, centre=centre)
 
     def _joint(self, edge: Edge, joint: Joint) -> None:
         freedom, a, b = self.tree.freedom(joint), joint.a, joint.b
@@ -369,12 +437,11 @@ class _Own:
             left, right = edge.sign * a.material(slide.left), a.material(slide.right)
             new = self.add("slide", left, driven.get(slide.name), guide=edge.guide, right=right)
             self.tree.slides.setdefault(self.v, []).append(new)
-        if not self.frame:
+        if not self.tree.is_frame[self.v]:
             return
         centre = edge.end.b if freedom.slides else edge.child_spot
         if freedom.turns is None:
-            for axis in self.tree.axes:
-                self.add("rotation", axis, centre=centre)
+            self._turns(centre)
             return
         # relative rotations are composed from the parent outwards
         for turn in freedom.turns if edge.sign > 0 else reversed(freedom.turns):
@@ -388,18 +455,3 @@ class _Own:
         if id(element) not in self.tree.stretches:
             new = [self.add("stretch", np.zeros(3)) for _ in range(element.stretches)]
             self.tree.stretches[id(element)] = [c.number for c in new]
-
-
-def _passed_on(tree: Tree, edge: Edge, parent: list[Pair]) -> list[Pair]:
-    """A child, by what moves its parent."""
-    relative, fulcrum, c = tree.relative(edge), tree.fulcrum(edge), edge.child
-    pairs: list[Pair] = []
-    for pair in parent:
-        if pair.target is None:
-            pairs.append(Pair(c, pair.number, None, False))
-        elif not pair.rotates or not tree.is_frame[edge.parent]:
-            pairs.append(Pair(c, pair.number, pair.target, False))
-        # a turn about the origin of a node moves the next one by its directors only
-        elif not edge.in_element or tree.coordinates[pair.number].centre != fulcrum:
-            pairs.append(Pair(c, pair.number, fulcrum, relative))
-    return pairs

@@ -459,7 +459,7 @@ class CompiledBalance(CompiledScene):
         )
         self._called: CalledAtRest | None = None
         if system.couplings.functions or spin:
-            self._called = CalledAtRest(system, spin, self.plan.slot, self._a)
+            self._called = CalledAtRest(system, spin, self.plan, self._a)
             self._all[0][CALLED_BACK] = self._called.address
         self.exact = self._called is None and not system.couplings.times
         tied = system.tied

@@ -131,10 +131,10 @@ def null_space(y: np.ndarray) -> np.ndarray:
     return null_space_blocks(triads[None])[0]
 
 
-def assert_blocks(A: np.ndarray, slot: Any, K: np.ndarray, size: int) -> None:
+def assert_blocks(A: np.ndarray, ends: np.ndarray, K: np.ndarray, size: int) -> None:
     """Blocks at their slots, and nothing elsewhere."""
     found = np.zeros_like(K)
-    for (u, v), k in slot.items():
+    for k, (u, v) in enumerate(ends):
         rows, cols = (slice(size * w, size * (w + 1)) for w in (u, v))
         found[rows, cols] = A[k][:size, :size]
     assert_near(found, K)
@@ -166,7 +166,7 @@ def test_in_space(order):
     assert_near(beams["predicted"], expected.predicted)
     called(elements.beam_tangent)(g, w, numbers(), 0)
     K = null_space(states[1]).T @ expected.tangent @ null_space(states[2])
-    assert_blocks(work["A"], plan.slot, K, 6)
+    assert_blocks(work["A"], plan.ends, K, 6)
 
 
 def flat_rows(frames: Any, y: np.ndarray) -> np.ndarray:
@@ -211,4 +211,4 @@ def test_in_a_plane(order):
     Z[:3, :2], Z[3:, 2] = system.plane.axes.T, system.plane.normal
     Z = np.kron(np.eye(frames.count), Z)
     K = Z.T @ null_space(states[1]).T @ expected.tangent @ null_space(states[2]) @ Z
-    assert_blocks(work["A"].reshape(-1, 3, 4), plan.slot, K, 3)
+    assert_blocks(work["A"].reshape(-1, 3, 4), plan.ends, K, 3)

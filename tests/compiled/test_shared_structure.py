@@ -106,8 +106,8 @@ def test_what_is_shared_cannot_be_written_to():
         known.order[0] = 1
     with pytest.raises(KeyError, match="no such block"):
         known.slots([0], [6])
-    u, v = np.array(list(known.slot)).T
-    assert known.slots(u, v).tolist() == list(known.slot.values())
+    u, v = known.ends.T
+    assert known.slots(u, v).tolist() == list(range(len(known.ends)))
     assert known.slots([-1, 0], [0, -1]).tolist() == [-1, -1]
 
 

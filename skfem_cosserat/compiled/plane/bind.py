@@ -271,12 +271,7 @@ def bound_rows(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
             if e < 0 or (which == 0 and k >= joints):
                 continue
             ends = e, n, u, int(frames.place[a] > 0), v, int(frames.place[b] > 0)
-            slots = [-1] * 6
-            if which == 0:
-                of = [(u, v), (v, u), (e, u), (u, e), (e, v), (v, e)]
-                inside = [u < count and v < count] * 2 + [u < count] * 2 + [v < count] * 2
-                slots = [plan.slot[x] if y else -1 for x, y in zip(of, inside, strict=True)]
-            tables[which].append((*ends, *slots))
+            tables[which].append(ends)
             factors[which].append(c * frames.factor(a).conjugate() * frames.factor(b))
     linear, directions = [], []
     axes = frames.flat(np.eye(3))
@@ -287,16 +282,24 @@ def bound_rows(system: System, plan: Plan, frames: Frames) -> dict[str, Any]:
             if e < 0:
                 continue
             constants[0][k + component] -= c * frames.height[a] * frames.plane.normal[component]
-            slots = [plan.slot[x] if v < count else -1 for x in ((e, v), (v, e))]
-            linear.append((e, int(place[k + component]), v, int(frames.place[a] > 0), *slots))
+            linear.append((e, int(place[k + component]), v, int(frames.place[a] > 0)))
             directions.append(c * frames.factor(a).conjugate() * axes[component])
+    products = np.array(tables[0], dtype=np.int64).reshape(-1, 6)
+    held = np.array(linear, dtype=np.int64).reshape(-1, 4)
+    of, *ends_of = products[:, ::2].T
+    one, two = (np.where(each < count, each, -1) for each in ends_of)  # not those of the ground
+    rows = np.stack([one, two, of, one, of, two], axis=-1)
+    cols = np.stack([two, one, one, of, two, of], axis=-1)
+    of_held = np.where(held[:, 2] < count, held[:, 2], -1)
     return {
-        "products": np.array(tables[0], dtype=np.int64).reshape(-1, 12),
+        "products": np.column_stack([products, plan.slots(rows, cols)]),
         "factors": pairs(factors[0]).reshape(-1, 2),
-        "linear": np.array(linear, dtype=np.int64).reshape(-1, 6),
+        "linear": np.column_stack(
+            [held, plan.slots(held[:, 0], of_held), plan.slots(of_held, held[:, 0])]
+        ),
         "directions": pairs(directions).reshape(-1, 2),
         **of_blocks(system, plan, numbers, constants[0]),
-        "cosines": np.array(tables[1], dtype=np.int64).reshape(-1, 12),
+        "cosines": np.array(tables[1], dtype=np.int64).reshape(-1, 6),
         "cosine_factors": pairs(factors[1]).reshape(-1, 2),
         "cosine_constant": constants[1],
         "cosine": np.zeros(len(constants[1])),
@@ -445,7 +448,7 @@ def bound_work(system: System, plan: Plan, frames: Frames) -> tuple[Any, dict[st
         **dict.fromkeys(("F", "F_mixed"), (count, 4)),
         **dict.fromkeys(("b", "x", "total", "last", "before", "extra", "twist"), (each, 4)),
         "found": (3,),
-        "A": (len(plan.slot), 12),
+        "A": (len(plan.ends), 12),
         "inverse": (each, 12),
         **dict.fromkeys(
             ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 12)
