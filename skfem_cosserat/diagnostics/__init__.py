@@ -40,7 +40,7 @@ from .momenta import (
     reduced_momentum,
     velocity_from_reduced,
 )
-from .resolution import Resolution, resolution
+from .resolution import Resolution, doubtful_steps, resolution
 from .stacked import ReducedTangent, constraint_frequency, highest_frequency, reduced_tangent
 
 __all__ = [
@@ -55,6 +55,7 @@ __all__ = [
     "constraint_violation",
     "coupling_energy",
     "coupling_forces",
+    "doubtful_steps",
     "evaluate",
     "external_energy",
     "goal_shares",

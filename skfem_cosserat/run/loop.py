@@ -12,6 +12,7 @@ from ..constraints import Treatment
 from ..diagnostics import (
     Projection,
     constraint_points,
+    doubtful_steps,
     highest_frequency,
     multipliers,
     resolution,
@@ -153,6 +154,8 @@ LOOKS = 20
 #: error that fifty steps make, relative to the way that the scene covers, above which a run is
 #: doubtful
 MOST_OFF = 0.08
+#: steps, those with the most iterations, that are looked at for other solutions
+HARDEST = 20
 #: parts of a step, and of a run, by which it may end before its time
 REST, ROUNDING = 1e-6, 1e-8
 
@@ -501,6 +504,16 @@ def _warn_of_resolution(system: System, history: History, h: float, integrator: 
 
     Of higher orders the parts of a step count, and only by how far frames turn in them.
     """
+    doubtful = doubtful_steps(system, history, HARDEST)
+    if doubtful.any():
+        warn(
+            "argument step",
+            f"a step of {h:.3g} s may have several solutions, each with its energy in balance: it"
+            " was found after many iterations, and the steps around it do not lead there"
+            ' (history["doubtful_step"] marks all such steps); take smaller ones, and compare',
+            AccuracyWarning,
+            float(history.times[doubtful.argmax()]),
+        )
     found = resolution(system, history)
     if found is None:
         return

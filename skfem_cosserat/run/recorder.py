@@ -367,6 +367,7 @@ class Recorder:
             "integrator": stepper.integrator.name,
             "treatment": stepper.treatment.name,
             "step": stepper.h,
+            "shares": list(stepper.integrator.shares),
             "solver": stepper.method,
             "unknowns": stepper.bound.unknowns,
             "kernels": stepper.choice.name,
