@@ -252,7 +252,7 @@ def _so_far(*arguments: Any, **options: Any) -> sc.History:
 
 
 def counted(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Shares of wrong runs and of right ones that were warned, and of parted ones that were doubted.
+    """Shares of wrong and of right runs that were warned, and of parted ones that were doubted.
 
     Of those in which both treatments have parted the step where they did counts.
     """

@@ -40,14 +40,16 @@ from .momenta import (
     reduced_momentum,
     velocity_from_reduced,
 )
-from .resolution import Resolution, doubtful_steps, resolution
+from .resolution import Alternation, Resolution, alternation, doubtful_steps, resolution
 from .stacked import ReducedTangent, constraint_frequency, highest_frequency, reduced_tangent
 
 __all__ = [
+    "Alternation",
     "Projection",
     "ReducedTangent",
     "Resolution",
     "SectionValues",
+    "alternation",
     "angular_momentum",
     "condition_number",
     "constraint_frequency",

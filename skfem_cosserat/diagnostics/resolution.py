@@ -17,6 +17,7 @@ from ..model import System
 from ..model.limits import owner
 from ..model.parts import separate_parts
 from ..types import Floats, IndexArray
+from .stacked import driven_alternation
 
 #: steps over which errors add up, and the part of a third difference that a step is off by
 STEPS, SHARE = 50, 1 / 12
@@ -34,7 +35,10 @@ FAST = 0.25
 #: off (rad, or relative to the range of its motion) is what neighbouring steps lead to
 MANY, USUAL, FAR = 6, 4, 0.25
 #: states, evenly spread, that tell the range of a motion
-SPREAD = 100
+SPREAD = 50
+#: states at which compression is looked at; step times the frequency with which it drives rotations
+#: that alternate from step to step, above which these grow
+LOOKS, ALTERNATES = 20, 2.0
 
 
 @dataclass(frozen=True)
@@ -114,9 +118,7 @@ def resolution(system: System, history: History) -> Resolution | None:
     )
 
 
-def doubtful_steps(
-    system: System, history: History, most: int | None = None
-) -> NDArray[np.bool_]:
+def doubtful_steps(system: System, history: History, most: int | None = None) -> NDArray[np.bool_]:
     """Whether the step that led to each state may be one of several solutions of its equations.
 
     A step that is too long for its motion may have several solutions, each with its energy in
@@ -166,7 +168,7 @@ def doubtful_steps(
         return out
     y = history["q"].reshape(len(history), -1, 3)
     third = y[starts + 3] - y[starts] - 3 * (y[starts + 2] - y[starts + 1])
-    third = np.sqrt((third**2).sum(-1))
+    third = _largest(third[:, None])
     origins = np.asarray(system.origin_rows)
     part, extent = _extents(system, y[:: -(-len(y) // SPREAD), origins])
     moves = extent > NOISE * system.length
@@ -175,6 +177,59 @@ def doubtful_steps(
     far[starts + 3] = third.max(1) * shares.max() ** 3 > FAR
     out[steps] = far[steps[:, None] + np.arange(3)].any(1)
     return out
+
+
+@dataclass(frozen=True)
+class Alternation:
+    """Rotations of nodes that alternate from step to step and grow.
+
+    Attributes
+    ----------
+    ratio : float
+        Step times the frequency omega_c with which compression drives them: they grow above 2.
+    item : str
+        Label of what they turn most.
+    time : float
+        When the ratio is that large (s).
+
+    Examples
+    --------
+    >>> Alternation(3.0, "beam 'strut'", 0.5).ratio
+    3.0
+    """
+
+    ratio: float
+    item: str
+    time: float
+
+
+def alternation(system: System, history: History, h: float) -> Alternation | None:
+    """The first of some states of a variational run in which alternating rotations grow, or None.
+
+    See :func:`constraint_frequency`; up to twenty states are looked at.
+
+    Parameters
+    ----------
+    system : System
+    history : History
+        With the series "constraint_force".
+    h : float
+        Step (s), of composed steps the longest part of it.
+    """
+    known = np.flatnonzero(
+        np.isfinite(history["constraint_force"]).all(1) & ~history["fresh"].astype(bool)
+    )
+    if not len(known) or not system.beam_groups:
+        return None
+    looks = np.unique(np.linspace(0, len(known) - 1, LOOKS).round().astype(int))
+    for k in known[looks]:
+        state = history["q"][k], history["constraint_force"][k]
+        if not np.isfinite(state[0]).all():
+            break
+        omega, row = driven_alternation(system, *state)
+        if h * omega > ALTERNATES:
+            return Alternation(h * omega, owner(system, row).label, float(history.times[k]))
+    return None
 
 
 def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
@@ -191,7 +246,8 @@ def _differences(places: Floats) -> tuple[Floats, Floats]:
     A vibration that advances by an angle x in a step has differences ``(2 sin(x/2))^k`` times its
     amplitude. The fifth tell the angle of what the third come from, whatever slow motion it is on.
     """
-    third, fifth = _largest(np.diff(places, 3, axis=1)), _largest(np.diff(places, 5, axis=1))
+    differences = np.diff(places, 3, axis=1)
+    third, fifth = _largest(differences), _largest(np.diff(differences, 2, axis=1))
     some = third > ROUNDING * abs(places).max(initial=0.0)
     with np.errstate(all="ignore"):
         return third, np.where(some, np.sqrt(fifth / third), 0.0)
@@ -208,7 +264,8 @@ def _fast_ground(system: System, times: Floats, part: float = 1.0) -> NDArray[np
 
 def _largest(differences: Floats) -> Floats:
     """The longest of a window, of each vertex."""
-    return np.asarray(np.sqrt((differences**2).sum(-1).max(1, initial=0.0)))
+    squares = np.einsum("...c,...c->...", differences, differences)
+    return np.asarray(np.sqrt(squares.max(1, initial=0.0)))
 
 
 def _neighbours(history: History) -> NDArray[np.bool_]:
@@ -238,7 +295,7 @@ def _turns(system: System, y: Floats, rows: IndexArray) -> tuple[float, str]:
     if not len(origins):
         return 0.0, ""
     triads = y[rows[:, :, None, None], origins[:, None] + np.arange(1, 4)]
-    cosines = (triads[:, :-1] * triads[:, 1:]).sum((-1, -2))
-    angles = np.arccos(np.clip((cosines - 1) / 2, -1, 1)).mean(1)
+    traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
+    angles = np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1)
     k = np.unravel_index(int(angles.argmax()), angles.shape)
     return float(angles[k]), owner(system, int(origins[k[-1]])).label
