@@ -21,6 +21,8 @@ from .stacked import driven_alternation
 
 #: steps over which errors add up, and the part of a third difference that a step is off by
 STEPS, SHARE = 50, 1 / 12
+#: error that these make, relative to the way that the scene covers, above which a run is doubtful
+MOST_OFF = 0.08
 #: windows of neighbouring states that are looked at at most, evenly spread, one for so many
 #: recorded states, and the states of each
 WINDOWS, APART, STATES = 10, 100, 12

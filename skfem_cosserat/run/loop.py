@@ -17,6 +17,7 @@ from ..diagnostics import (
     multipliers,
     resolution,
 )
+from ..diagnostics.resolution import MOST_OFF
 from ..errors import AccuracyWarning, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
@@ -156,9 +157,6 @@ class RunLoop:
 
 #: recorded states, evenly spread, at which the tension of elements is looked at
 LOOKS = 20
-#: error that fifty steps make, relative to the way that the scene covers, above which a run is
-#: doubtful
-MOST_OFF = 0.08
 #: steps, those with the most iterations, that are looked at for other solutions
 HARDEST = 20
 #: parts of a step, and of a run, by which it may end before its time
