@@ -373,11 +373,13 @@ def simulate(
             recorder.tell(plan.summary() | {"steps": why.numbers})
             if failure is None and status == "completed":
                 _warn_of_rest(state, run.state, None if eventful else h, until)
-            _warn_of_motion(why, recorder.complete(), h is not None, failure)
             if failure is not None:
                 notices.tell(failure)  # from here on no warning takes its place
             recorder.h = plan.h
-            history = recorder.close(status, failure, None if failure else why.alternation)
+            try:
+                _warn_of_motion(why, recorder.complete(), h is not None, failure)
+            finally:  # a warning may be an error: the file is whole all the same
+                history = recorder.close(status, failure, why.alternation)
             if failure is not None:
                 notices.tell(failure)  # now with the balance of energy
                 failure.history = history
@@ -531,10 +533,9 @@ class StepNumbers:
         if doubtful.any():
             warn(
                 "argument step",
-                f"a step of {self.h:.3g} s may have several solutions, each with its energy in"
-                " balance: it was found after many iterations, and the steps around it do not lead"
-                ' there (history["doubtful_step"] marks all such steps); take smaller ones, and'
-                " compare",
+                f"a step of {self.h:.3g} s may have several solutions: this one was found after many"
+                " iterations, and the steps around it do not lead there"
+                ' (history["doubtful_step"] marks all of them); take smaller steps, and compare',
                 AccuracyWarning,
                 float(history.times[doubtful.argmax()]),
             )
