@@ -143,7 +143,7 @@ def first_over_rotated(system: System, states: Floats) -> int | None:
         then = turns(np.eye(3), _steps(beam.triads[inner])).sum(1)
         least = np.clip((kind.turn_limit - then) / kind.order, 0, np.pi).repeat(kind.order)
         doubtful = np.flatnonzero((trace < 1 + 2 * np.cos(least) + 1e-9).any(1))
-        bent = (_rotated(beam, nodal[doubtful]) > kind.turn_limit + 1e-9).any(1)
+        bent = (_rotated(beam, nodal[doubtful]) / kind.turn_limit > 1.0).any(1)
         found += doubtful[bent][:1].tolist()
     return min(found, default=None)
 

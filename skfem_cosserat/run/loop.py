@@ -18,13 +18,14 @@ from ..diagnostics import (
     resolution,
 )
 from ..diagnostics.resolution import MOST_OFF
-from ..errors import AccuracyWarning, Diverged, InputError
+from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..linear import Solver
 from ..model import System, takes_scene
 from ..model.limits import (
     FAR_TURN,
+    fastest_turn,
     first_over_rotated,
     over_rotated_beam,
     overstretched_beam,
@@ -403,6 +404,7 @@ def _warn_of_motion(
         why.warn(recorded)
     if failure is not None:
         failure.hint = why.alternation(recorded)
+        why.turn_at_end(recorded)
         return
     _warn_of_elements(why.system, recorded)
     _warn_of_functions(why.system, recorded)
@@ -513,7 +515,8 @@ class StepNumbers:
     ----------
     numbers : dict
         What is known of ``off`` and ``turn``, the error and the rotation in a step (in the longest
-        part of a composed one) of :class:`skfem_cosserat.diagnostics.Resolution`; ``doubtful``,
+        part of a composed one) of :class:`skfem_cosserat.diagnostics.Resolution`, or in a step that
+        failed; ``doubtful``,
         whether a step may have several solutions; ``h_omega_c``, see
         :class:`skfem_cosserat.diagnostics.Alternation`.
     """
@@ -533,8 +536,8 @@ class StepNumbers:
         if doubtful.any():
             warn(
                 "argument step",
-                f"a step of {self.h:.3g} s may have several solutions: this one was found after many"
-                " iterations, and the steps around it do not lead there"
+                f"a step of {self.h:.3g} s may have several solutions: the one that was found took"
+                " many iterations, and the steps around it do not lead there"
                 ' (history["doubtful_step"] marks all of them); take smaller steps, and compare',
                 AccuracyWarning,
                 float(history.times[doubtful.argmax()]),
@@ -564,6 +567,15 @@ class StepNumbers:
                 AccuracyWarning,
                 found.time,
             )
+
+    def turn_at_end(self, history: History) -> None:
+        """Count how far a frame turns in the step that failed, by its velocity at the start."""
+        try:
+            v = Projection(self.system)(history["q"][-1], history["carried"][-1], history.times[-1])
+        except (CosseratError, ArithmeticError, ValueError):
+            return
+        turn = fastest_turn(self.system, v[0])[1] * self.longest * self.h
+        self.numbers["turn"] = max(turn, self.numbers.get("turn", 0.0))
 
     def alternation(self, history: History) -> str:
         """Why a variational run fails, or gains energy, if it is by alternating rotations."""
