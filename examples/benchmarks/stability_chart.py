@@ -7,6 +7,9 @@ changed by more than 1 %, *newton* if a step could not be solved in four attempt
 iterations each, *timeout* if it took too long. One second, in which the right link
 reverses (event X, 0.66 s).
 
+Why a cell has failed its `mechanism` tells, as far as the steps of the run do: see
+:data:`skfem_cosserat.study.verdict.MECHANISMS`.
+
 Theory's lines: ``h omega = 2``, the limit of explicit methods for the highest frequency of the
 beam; and ``h omega_c = 2``, with the frequency of the constraint force of compressed beams (see
 paper/failure_mechanism.py), the largest one over the motion with energy-momentum: to the right of
@@ -65,8 +68,8 @@ SHOWN = (
     "explicit",
 )
 COLUMNS = (
-    *("integrator", "factor", "step", "status", "time_s", "energy_error", "newton_residual"),
-    *("seconds", "kernels"),
+    *("integrator", "factor", "step", "status", "mechanism", "time_s", "energy_error"),
+    *("newton_residual", "seconds", "kernels"),
 )
 
 

@@ -6,7 +6,11 @@ that its steps are too long (others, about energies or bent elements, do not cou
 step could not be solved are counted apart: they end with an error.
 
 The limits of the warnings were set on the first ten, the third ten scenes, and so on; the others
-count.
+count. The runs behind the map of stability (see stability_chart.py) count, too, each for its first
+fifty steps; no limit was set on them.
+
+Where a step has several solutions both treatments of the constraints may part: a run by multipliers
+tells where they do, and whether that step was *doubted*.
 
 Run ``python examples/benchmarks/warned_runs.py --help`` for the choices.
 """
@@ -24,17 +28,20 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import measuring  # before numpy: one thread
 import numpy as np
+import stability_chart
 
 import skfem_cosserat as sc
-from skfem_cosserat.diagnostics import resolution
+from skfem_cosserat.diagnostics import doubtful_steps, resolution
 
 COUNT, WRONG = 50, 0.1
+#: distance of states by both treatments, relative, above which they have parted
+PARTED = 1e-6
 #: steps in the characteristic time of a scene
 PARTS = (200, 60, 24, 10, 4, 1.5)
 INTEGRATORS = (sc.EnergyMomentum(), sc.Variational(), sc.GeneralizedAlpha(0.8))
 COLUMNS = (
     *("scene", "number", "integrator", "step_s", "parts", "status", "off", "estimate", "turn"),
-    *("wrong", "warned", "what"),
+    *("wrong", "warned", "parted", "doubted", "what"),
 )
 G = 9.81
 
@@ -190,43 +197,69 @@ def off(model: sc.System, rough: sc.History, fine: sc.History) -> float:
 
 
 def case(number: int, parts: float) -> dict[str, Any]:
-    """One run and the one with a quarter of its step."""
+    """A random scene, with so many steps in its characteristic time."""
     random = np.random.default_rng(number)
     build = SCENES[number % len(SCENES)]
     model, time = build(random)
     integrator = INTEGRATORS[int(random.integers(len(INTEGRATORS)))]
-    system, h = model.freeze(), time / parts
-    row = {"scene": build.__name__, "number": number, "integrator": integrator.name}
-    row |= dict.fromkeys(COLUMNS[5:]) | {"step_s": h, "parts": parts, "status": "completed"}
-    row |= {"wrong": False, "warned": False, "what": ""}
+    about = {"scene": build.__name__, "number": number, "parts": parts}
+    return about | compared(model.freeze(), integrator, time / parts)
+
+
+def swing(factor: float, integrator: sc.Integrator, step: float) -> dict[str, Any]:
+    """A cell of the map of stability."""
+    about = {"scene": f"swing {factor:g}", "number": None, "parts": None}
+    return about | compared(stability_chart.system(factor), integrator, step)
+
+
+def compared(system: sc.System, integrator: sc.Integrator, h: float) -> dict[str, Any]:
+    """One run, that with a quarter of its step, and that by the other treatment."""
+    row: dict[str, Any] = dict.fromkeys(COLUMNS[3:])
+    row |= {"integrator": integrator.name, "step_s": h, "status": "completed"}
+    del row["parts"]
+    row |= {"wrong": False, "warned": False, "doubted": False, "what": ""}
     own = {"kernels": "numpy", "derive": False}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", sc.CosseratWarning)
             rough = sc.simulate(system, integrator, sc.NullSpace(), h, COUNT * h, **own)
             fine = sc.simulate(system, integrator, sc.NullSpace(), h / 4, COUNT * h, every=4, **own)
+            other = _so_far(system, integrator, sc.Multipliers(), h, COUNT * h, **own)
     except sc.Diverged as error:
         return row | {"status": "not solved", "what": str(error)[:200]}
     said = [n["text"] for n in rough.meta["warnings"] if n["item"] == "argument step"]
-    found, distance = resolution(system, rough), off(system, rough, fine)
-    seen = {} if found is None else {"estimate": found.error, "turn": found.turn}
-    return (
-        row
-        | seen
-        | {
-            "off": distance,
-            "wrong": distance > WRONG,
-            "warned": bool(said),
-            "what": said[0][:200] if said else "",
-        }
-    )
+    if (found := resolution(system, rough)) is not None:
+        row |= {"estimate": found.error, "turn": found.turn}
+    distance = off(system, rough, fine)
+    apart = abs(rough["q"][: len(other)] - other["q"]).max(1) / abs(rough["q"]).max()
+    if (apart > PARTED).any():
+        row["parted"] = parted = int(np.argmax(apart > PARTED))
+        row["doubted"] = bool(doubtful_steps(system, rough)[parted])
+    return row | {
+        "off": distance,
+        "wrong": distance > WRONG,
+        "warned": bool(said),
+        "what": said[0][:200] if said else "",
+    }
+
+
+def _so_far(*arguments: Any, **options: Any) -> sc.History:
+    """A run, up to a step that could not be solved."""
+    try:
+        return sc.simulate(*arguments, **options)
+    except sc.Diverged as error:
+        return error.history
 
 
 def counted(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Shares of wrong runs and of right ones that were warned."""
+    """Shares of wrong and of right runs that were warned, and of parted ones that were doubted.
+
+    Of those in which both treatments have parted the step where they did counts.
+    """
     solved = [row for row in rows if row["status"] == "completed"]
     wrong = [row["warned"] for row in solved if row["wrong"]]
     right = [row["warned"] for row in solved if not row["wrong"]]
+    parted = [row["doubted"] for row in solved if row["parted"] is not None]
     return {
         "runs": len(rows),
         "not_solved": len(rows) - len(solved),
@@ -234,6 +267,8 @@ def counted(rows: list[dict[str, Any]]) -> dict[str, float]:
         "wrong_warned": float(np.mean(wrong)) if wrong else np.nan,
         "right": len(right),
         "right_warned": float(np.mean(right)) if right else np.nan,
+        "parted": len(parted),
+        "parted_doubted": float(np.mean(parted)) if parted else np.nan,
     }
 
 
@@ -245,7 +280,7 @@ def main(
     Parameters
     ----------
     quick : bool
-        Twenty scenes, otherwise a hundred.
+        Twenty scenes and one swing, otherwise a hundred and six.
     numbers : int, optional
         So many instead.
     out : path, optional
@@ -254,15 +289,23 @@ def main(
     Returns
     -------
     dict
-        ``rows``, ``set`` and ``counted``: what was found on either half of the scenes; and where it
-        was measured.
+        ``rows``, ``set`` and ``counted``: what was found on either half of the scenes, ``swings``:
+        on the runs behind the map of stability; and where it was measured.
     """
     count = numbers or (20 if quick else 100)
     rows = [case(number, parts) for number in range(count) for parts in PARTS]
+    factors = stability_chart.FACTORS[:1] if quick else stability_chart.FACTORS
+    swings = [
+        swing(factor, integrator, step)
+        for factor in factors
+        for integrator in INTEGRATORS
+        for step in stability_chart.STEPS
+    ]
     path = None if out is None else Path(out) / "warned_runs.csv"
-    result = measuring.collected(rows, path, COLUMNS)
+    result = measuring.collected([*rows, *swings], path, COLUMNS)
     halves = [[row for row in rows if row["number"] // len(SCENES) % 2 == k] for k in (0, 1)]
-    return result | {"set": counted(halves[0]), "counted": counted(halves[1])}
+    found = {"set": counted(halves[0]), "counted": counted(halves[1]), "swings": counted(swings)}
+    return result | found
 
 
 def missed(result: dict[str, Any]) -> list[str]:
@@ -279,7 +322,7 @@ def missed(result: dict[str, Any]) -> list[str]:
 def report(result: dict[str, Any]) -> str:
     """Counts, by scene too."""
     lines = []
-    for half in ("set", "counted"):
+    for half in ("set", "counted", "swings"):
         lines.append(f"{half}: " + ", ".join(f"{k} {v:.3g}" for k, v in result[half].items()))
     silent = Counter(r["scene"] for r in result["rows"] if r["wrong"] and not r["warned"])
     false = Counter(r["scene"] for r in result["rows"] if r["warned"] and not r["wrong"])

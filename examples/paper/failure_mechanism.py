@@ -10,7 +10,7 @@ energy of the midpoints does not see it; that of the nodes does. When the triads
 turned so far that their mean is noticeably shorter than 1, steps cannot be solved any more.
 
 With a slender solid section shear gives the highest frequency omega, and ``h omega_c = 2`` is a
-compressive strain of ``0.4/(h omega)^2``: 0.4 % for h omega = 10, above which `simulate` warns.
+compressive strain of ``0.4/(h omega)^2``: 0.4 % for h omega = 10, up to which `advise_step` goes.
 """
 
 from __future__ import annotations
@@ -165,14 +165,15 @@ SCENES = (
 
 
 def judge(build: Callable[[], sc.System], step: float, until: float) -> dict[str, Any]:
-    """Whether the variational scheme fails, and whether `simulate` would have warned.
+    """Whether the variational scheme fails, and whether its step is above what is advised.
 
     Returns
     -------
     dict
-        ``h_omega``, ``warned``, ``failed_at`` (s or None: the energy exceeds ten times the largest
-        one with energy-momentum, or a step cannot be solved), ``h_omega_c`` (largest of 200
-        states) and ``compression``, the largest compressive strain with energy-momentum until then.
+        ``h_omega``, ``warned`` (it is above the limit of `advise_step`), ``failed_at`` (s or None:
+        the energy exceeds ten times the largest one with energy-momentum, or a step cannot be
+        solved), ``h_omega_c`` (largest of 200 states) and ``compression``, the largest compressive
+        strain with energy-momentum until then.
     """
     system = build()
     beam: Any = system.structures[0]

@@ -39,14 +39,16 @@ from .momenta import (
     reduced_momentum,
     velocity_from_reduced,
 )
-from .resolution import Resolution, resolution
+from .resolution import Alternation, Resolution, alternation, doubtful_steps, resolution
 from .stacked import ReducedTangent, constraint_frequency, highest_frequency, reduced_tangent
 
 __all__ = [
+    "Alternation",
     "Projection",
     "ReducedTangent",
     "Resolution",
     "SectionValues",
+    "alternation",
     "angular_momentum",
     "condition_number",
     "constraint_frequency",
@@ -54,6 +56,7 @@ __all__ = [
     "constraint_violation",
     "coupling_energy",
     "coupling_forces",
+    "doubtful_steps",
     "evaluate",
     "external_energy",
     "goal_shares",

@@ -17,9 +17,12 @@ from ..model import System
 from ..model.limits import owner
 from ..model.parts import separate_parts
 from ..types import Floats, IndexArray
+from .stacked import driven_alternation
 
 #: steps over which errors add up, and the part of a third difference that a step is off by
 STEPS, SHARE = 50, 1 / 12
+#: error that these make, relative to the way that the scene covers, above which a run is doubtful
+MOST_OFF = 0.08
 #: windows of neighbouring states that are looked at at most, evenly spread, one for so many
 #: recorded states, and the states of each
 WINDOWS, APART, STATES = 10, 100, 12
@@ -29,6 +32,15 @@ ENOUGH, NOISE = 8, 1e-7
 SAME, ROUNDING = 1e-6, 1e-12
 #: angle in a step from which on prescribed motion is a fast one
 FAST = 0.25
+#: Newton iterations of a step that is looked at for other solutions (most take two to five, some
+#: with kept factors up to eight), those that each other part of a composed step takes, and how far
+#: off (rad, or relative to the range of its motion) is what neighbouring steps lead to
+MANY, USUAL, FAR = 6, 4, 0.25
+#: states, evenly spread, that tell the range of a motion
+SPREAD = 50
+#: states at which compression is looked at; step times the frequency with which it drives rotations
+#: that alternate from step to step, above which these grow
+LOOKS, ALTERNATES = 20, 2.0
 
 
 @dataclass(frozen=True)
@@ -83,16 +95,12 @@ def resolution(system: System, history: History) -> Resolution | None:
     if rows.shape[1] < 2:
         return None
     told = rows.shape[1] >= ENOUGH
-    if system.moving and (not told or _fast_ground(system, history.times[rows])):
+    if system.moving and (not told or _fast_ground(system, history.times[rows]).any()):
         return None
     y = history["q"].reshape(len(history), -1, 3)
     origins = np.asarray(system.origin_rows)
     places = y[rows[:, :, None], origins]  # (windows, states, vertices, 3)
-    seen = y[np.unique(rows)][:, origins]
-    # of each part of the scene, the way of the position that moves most
-    part = separate_parts(system).part[origins]
-    extent = np.zeros(part.max(initial=0) + 1)
-    np.maximum.at(extent, part, np.linalg.norm(seen.max(0) - seen.min(0), axis=-1))
+    part, extent = _extents(system, y[np.unique(rows)][:, origins])
     third, angle = _differences(places)
     with np.errstate(all="ignore"):
         most = 2 * third / np.minimum(angle, 2.0) ** 3
@@ -112,27 +120,154 @@ def resolution(system: System, history: History) -> Resolution | None:
     )
 
 
+def doubtful_steps(system: System, history: History, most: int | None = None) -> NDArray[np.bool_]:
+    """Whether the step that led to each state may be one of several solutions of its equations.
+
+    A step that is too long for its motion may have several solutions, each with its energy in
+    balance: which one is found depends on where the iterations begin. Such a step takes many
+    iterations, or more than one attempt, and ends where its neighbours do not lead to: third
+    differences with them are large. Which solution is the right one is not known.
+
+    Steps between states that are not recorded one by one, and those in which prescribed motion is
+    fast, are not looked at.
+
+    Parameters
+    ----------
+    system : System
+    history : History
+        With the series "newton_iterations" and "attempts" of a run.
+    most : int, optional
+        Look only at so many steps, those with the most iterations.
+
+    Returns
+    -------
+    (N,) array of bool
+
+    Examples
+    --------
+    >>> from skfem_cosserat import EnergyMomentum, MassPoint, Model, NullSpace, simulate
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(1.0, velocity=(1.0, 0, 0)))
+    >>> history = simulate(model, EnergyMomentum(), NullSpace(), 0.1, until=0.5)
+    >>> doubtful_steps(model.freeze(), history).tolist()
+    [False, False, False, False, False, False]
+    """
+    out = np.zeros(len(history), dtype=bool)
+    shares = np.abs(history.meta.get("shares") or (1.0,))
+    iterations = history["newton_iterations"]
+    hard = iterations >= MANY + USUAL * (len(shares) - 1)
+    steps = np.flatnonzero(hard | (history["attempts"] > 1))
+    steps = steps[np.argsort(-iterations[steps], kind="stable")[:most]]
+    # of four states, those in which a step is the first, second or third one
+    starts = np.unique(steps[:, None] - np.arange(1, 4))
+    starts = starts[(starts >= 0) & (starts < len(history) - 3)]
+    next_to = _neighbours(history)
+    starts = starts[next_to[starts[:, None] + np.arange(3)].all(1)]
+    if system.moving and len(starts):
+        ends = history.times[starts], history.times[starts + 3]
+        starts = starts[~_fast_ground(system, np.linspace(*ends, 7, axis=1), 0.5)]
+    if not len(starts):
+        return out
+    y = history["q"].reshape(len(history), -1, 3)
+    third = y[starts + 3] - y[starts] - 3 * (y[starts + 2] - y[starts + 1])
+    third = _largest(third[:, None])
+    origins = np.asarray(system.origin_rows)
+    part, extent = _extents(system, y[:: -(-len(y) // SPREAD), origins])
+    moves = extent > NOISE * system.length
+    third[:, origins] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part]
+    far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
+    far[starts + 3] = third.max(1) * shares.max() ** 3 > FAR
+    out[steps] = far[steps[:, None] + np.arange(3)].any(1)
+    return out
+
+
+@dataclass(frozen=True)
+class Alternation:
+    """Rotations of nodes that alternate from step to step and grow.
+
+    Attributes
+    ----------
+    ratio : float
+        Step times the frequency omega_c with which compression drives them: they grow above 2.
+    item : str
+        Label of what they turn most.
+    time : float
+        When the ratio is that large (s).
+
+    Examples
+    --------
+    >>> Alternation(3.0, "beam 'strut'", 0.5).ratio
+    3.0
+    """
+
+    ratio: float
+    item: str
+    time: float
+
+
+def alternation(system: System, history: History, h: float) -> Alternation | None:
+    """The first of some states of a variational run in which alternating rotations grow, or None.
+
+    See :func:`constraint_frequency`; up to twenty states are looked at.
+
+    Parameters
+    ----------
+    system : System
+    history : History
+        With the series "constraint_force".
+    h : float
+        Step (s), of composed steps the longest part of it.
+    """
+    known = np.flatnonzero(
+        np.isfinite(history["constraint_force"]).all(1) & ~history["fresh"].astype(bool)
+    )
+    if not len(known) or not system.beam_groups:
+        return None
+    looks = np.unique(np.linspace(0, len(known) - 1, LOOKS).round().astype(int))
+    for k in known[looks]:
+        state = history["q"][k], history["constraint_force"][k]
+        if not np.isfinite(state[0]).all():
+            break
+        omega, row = driven_alternation(system, *state)
+        if h * omega > ALTERNATES:
+            return Alternation(h * omega, owner(system, row).label, float(history.times[k]))
+    return None
+
+
+def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
+    """The separate part that each vertex is of, and of each part the way of what moves most."""
+    part = separate_parts(system).part[np.asarray(system.origin_rows)]
+    extent = np.zeros(part.max(initial=0) + 1)
+    np.maximum.at(extent, part, np.linalg.norm(places.max(0) - places.min(0), axis=-1))
+    return part, extent
+
+
 def _differences(places: Floats) -> tuple[Floats, Floats]:
     """Third ones over windows (w, states, v, 3), and the angle in a step of what makes them.
 
     A vibration that advances by an angle x in a step has differences ``(2 sin(x/2))^k`` times its
     amplitude. The fifth tell the angle of what the third come from, whatever slow motion it is on.
     """
-    third, fifth = _largest(np.diff(places, 3, axis=1)), _largest(np.diff(places, 5, axis=1))
+    differences = np.diff(places, 3, axis=1)
+    third, fifth = _largest(differences), _largest(np.diff(differences, 2, axis=1))
     some = third > ROUNDING * abs(places).max(initial=0.0)
     with np.errstate(all="ignore"):
         return third, np.where(some, np.sqrt(fifth / third), 0.0)
 
 
-def _fast_ground(system: System, times: Floats) -> bool:
-    """Whether what is prescribed in windows of times (w, states) is far from linear in a step."""
+def _fast_ground(system: System, times: Floats, part: float = 1.0) -> NDArray[np.bool_]:
+    """Whether what is prescribed in windows of times (w, n) is far from linear in a step.
+
+    `part`: of a step from time to time.
+    """
     ground = np.array([[system.ground(t) for t in each] for each in times.tolist()])
-    return bool(_differences(ground)[1].max(initial=0.0) > FAST)
+    return np.asarray(_differences(ground)[1].max(1, initial=0.0) > part * FAST)
 
 
 def _largest(differences: Floats) -> Floats:
     """The longest of a window, of each vertex."""
-    return np.asarray(np.sqrt((differences**2).sum(-1).max(1, initial=0.0)))
+    squares = np.einsum("...c,...c->...", differences, differences)
+    return np.asarray(np.sqrt(squares.max(1, initial=0.0)))
 
 
 def _neighbours(history: History) -> NDArray[np.bool_]:
@@ -162,7 +297,7 @@ def _turns(system: System, y: Floats, rows: IndexArray) -> tuple[float, str]:
     if not len(origins):
         return 0.0, ""
     triads = y[rows[:, :, None, None], origins[:, None] + np.arange(1, 4)]
-    cosines = (triads[:, :-1] * triads[:, 1:]).sum((-1, -2))
-    angles = np.arccos(np.clip((cosines - 1) / 2, -1, 1)).mean(1)
+    traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
+    angles = np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1)
     k = np.unravel_index(int(angles.argmax()), angles.shape)
     return float(angles[k]), owner(system, int(origins[k[-1]])).label

@@ -377,6 +377,11 @@ def constraint_frequency(system: System, q: Floats, constraint_force: Floats) ->
     """
     q = as_one(system, "q", q, finite=True)
     constraint_force = as_one(system, "constraint_force", constraint_force, finite=True)
+    return driven_alternation(system, q, constraint_force)[0]
+
+
+def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> tuple[float, int]:
+    """The frequency of :func:`constraint_frequency`, and the row of the frame that turns most."""
     rows = system.kinematics.director_rows
     d, f = q.reshape(-1, 3)[rows], -constraint_force.reshape(-1, 3)[rows]
     A = np.einsum("nia,nib->nab", f, d)
@@ -387,5 +392,6 @@ def constraint_frequency(system: System, q: Floats, constraint_force: Floats) ->
     M -= np.einsum("kilj,lja,kib->kalb", m, d, d, optimize=True)
     M = M.reshape(3 * len(rows), -1)
     top = len(M) - 1
-    value = eigh(block_diag(*blocks), M, eigvals_only=True, subset_by_index=[top, top])
-    return float(np.sqrt(max(value[0], 0.0)))
+    value, shape = eigh(block_diag(*blocks), M, subset_by_index=[top, top])
+    most = int(np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax())
+    return float(np.sqrt(max(value[0], 0.0))), int(rows[most, 0]) - 1

@@ -105,18 +105,12 @@ def over_rotated(system: System, y: Floats) -> str | None:
 
 def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
     """Which beam :func:`over_rotated` is about, and what it says."""
-    beams = [item for item in system.structures if is_beam(item)]
-    if not beams:
-        return None
-    from ..mesh.bends import gives_way, turns
+    from ..mesh.bends import gives_way
 
     worst, found = 1.0, None
-    for beam in beams:
+    for beam in (item for item in system.structures if is_beam(item)):
         basis = beam.basis
-        row = system.first[id(beam)][1]
-        nodal = y[row : row + 4 * basis.n_nodes].reshape(-1, 4, 3)[:, 1:]
-        now, then = (_steps(triads[basis.connectivity]) for triads in (nodal, beam.triads))
-        angle = turns(then, now).sum(axis=1).round(9)
+        angle = _rotated(beam, _nodal(system, beam, y))
         ratio = float(angle.max()) / basis.interpolation.turn_limit
         if ratio > worst:
             a, b = basis.connectivity[int(angle.argmax())][[0, -1]]
@@ -127,6 +121,50 @@ def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
                 f" {gives_way(basis.interpolation, angle)}{_limp(beam)}",
             )
     return found
+
+
+def first_over_rotated(system: System, states: Floats) -> int | None:
+    """The first of some states (N, rows, 3) in which :func:`over_rotated` finds an element.
+
+    Most states are ruled out by one product each: where the angles between the p + 1 nodes of an
+    element add up to more than its limit one of them is above a p-th of it.
+    """
+    from ..mesh.bends import turns
+
+    found = []
+    for beam in (item for item in system.structures if is_beam(item)):
+        basis, kind = beam.basis, beam.basis.interpolation
+        nodal, inner = _nodal(system, beam, states), basis.connectivity
+        a, b = inner[:, :-1].ravel(), inner[:, 1:].ravel()
+        in_a_row = (a == np.arange(len(a))).all() and (b == a + 1).all()
+        ends = (nodal[:, :-1], nodal[:, 1:]) if in_a_row else (nodal[:, a], nodal[:, b])
+        # 1 + 2 cos of the angles now; in the reference there may be some already
+        trace = np.einsum("neij,neij->ne", *ends)
+        then = turns(np.eye(3), _steps(beam.triads[inner])).sum(1)
+        least = np.clip((kind.turn_limit - then) / kind.order, 0, np.pi).repeat(kind.order)
+        doubtful = np.flatnonzero((trace < 1 + 2 * np.cos(least) + 1e-9).any(1))
+        bent = (_rotated(beam, nodal[doubtful]) / kind.turn_limit > 1.0).any(1)
+        found += doubtful[bent][:1].tolist()
+    return min(found, default=None)
+
+
+def _nodal(system: System, beam: Beam, y: Floats) -> Floats:
+    """Triads (..., nodes, 3, 3) of a beam's nodes at configurations (..., rows, 3)."""
+    row = system.first[id(beam)][1]
+    own = y[..., row : row + 4 * beam.basis.n_nodes, :]
+    return own.reshape(*y.shape[:-2], -1, 4, 3)[..., 1:, :]
+
+
+def _rotated(beam: Beam, nodal: Floats) -> Floats:
+    """Angles (..., ne) that elements turn by, against the reference; rounded, so equal are equal.
+
+    `nodal`: triads (..., nodes, 3, 3).
+    """
+    from ..mesh.bends import turns
+
+    inner = beam.basis.connectivity
+    now, then = _steps(nodal[..., inner, :, :]), _steps(beam.triads[inner])
+    return np.asarray(turns(then, now).sum(axis=-1).round(9))
 
 
 def _limp(beam: Beam) -> str:
@@ -144,8 +182,8 @@ def _limp(beam: Beam) -> str:
 
 
 def _steps(triads: Floats) -> Floats:
-    """Rotations from node to node (ne, p, 3, 3) in the nodes' own frames: (ne, p + 1, 3, 3)."""
-    return np.asarray(triads[:, 1:] @ np.swapaxes(triads[:, :-1], -1, -2))
+    """Rotations from node to node (..., p, 3, 3) in the nodes' own frames: (..., p + 1, 3, 3)."""
+    return np.asarray(triads[..., 1:, :, :] @ np.swapaxes(triads[..., :-1, :, :], -1, -2))
 
 
 # -- elements drawn so much that node rotations their Gauss points do not see grow -----------------
@@ -242,21 +280,13 @@ def overstretched_beam(
         for found in [_tension(group, y)]
         for beam, which in group.slices.items()
     }
-    for beam in (s for s in system.structures if is_beam(s)):
-        kind = beam.basis.interpolation
-        if kind.points > kind.order:
-            continue
+    for beam, factor, soft in _bending_of_beams(system):
         force, stretch, present = drawn[id(beam)]
         held = None if multipliers is None else theory_of(system.theory_rows, beam)
         if held is not None and multipliers is not None and held.can_bend:
             force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
-        factor = tension_factor(kind)
-        sections = beam.sections.values()
-        soft = np.array([_bending(s.stiffness, beam.theory.held) for s in sections])[
-            beam.section_id
-        ]
-        soft = np.where(np.isnan(present), soft, present)
-        limit = factor * soft / (beam.basis.lengths**2 * stretch.clip(1e-300))
+        bending = np.where(np.isnan(present), soft, present)
+        limit = factor * bending / (beam.basis.lengths**2 * stretch.clip(1e-300))
         ratio = (force / limit).round(9)  # of equal ones the first is named
         if ratio.max() > worst:
             e, worst = int(ratio.argmax()), float(ratio.max())
@@ -274,6 +304,18 @@ def overstretched_beam(
                 f" in place of {count}",
             )
     return about
+
+
+@lru_cache(maxsize=8)
+def _bending_of_beams(system: System) -> list[tuple[Beam, float, Floats]]:
+    """Beams that tension can fold up, with their factors and bending stiffnesses (ne,)."""
+    out = []
+    for beam in (s for s in system.structures if is_beam(s)):
+        kind, sections = beam.basis.interpolation, beam.sections.values()
+        if kind.points <= kind.order:
+            soft = np.array([_bending(s.stiffness, beam.theory.held) for s in sections])
+            out.append((beam, tension_factor(kind), soft[beam.section_id]))
+    return out
 
 
 @cache

@@ -21,6 +21,7 @@ from ..diagnostics import (
     constraint_points,
     constraint_violation,
     coupling_energy,
+    doubtful_steps,
     external_energy,
     hidden_violation,
     kinetic_energy,
@@ -421,9 +422,12 @@ def kind_of(history: History) -> Kind:
 
 def run_formulas(system: System) -> Formulas:
     """Of a run, which has recorded works."""
-    own = _momenta_formulas(system)
-    jumped = {("at_jump",): lambda h: [at_jumps(system, h)]}
-    return own | {(BALANCE,): _balance} | jumped | configuration_formulas(system)
+    own = _momenta_formulas(system) | {
+        (BALANCE,): _balance,
+        ("at_jump",): lambda h: [at_jumps(system, h)],
+        ("doubtful_step",): lambda h: [doubtful_steps(system, h).astype(float)],
+    }
+    return own | configuration_formulas(system)
 
 
 def state_formulas(system: System) -> Formulas:

@@ -11,17 +11,25 @@ import numpy as np
 from ..constraints import Treatment
 from ..diagnostics import (
     Projection,
+    alternation,
     constraint_points,
-    highest_frequency,
+    doubtful_steps,
     multipliers,
     resolution,
 )
+from ..diagnostics.resolution import MOST_OFF
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..linear import Solver
 from ..model import System, takes_scene
-from ..model.limits import FAR_TURN, over_rotated_beam, overstretched_beam
+from ..model.limits import (
+    FAR_TURN,
+    fastest_turn,
+    first_over_rotated,
+    over_rotated_beam,
+    overstretched_beam,
+)
 from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
 from ..types import MOST, Floats, real, whole
@@ -150,9 +158,8 @@ class RunLoop:
 
 #: recorded states, evenly spread, at which the tension of elements is looked at
 LOOKS = 20
-#: error that fifty steps make, relative to the way that the scene covers, above which a run is
-#: doubtful
-MOST_OFF = 0.08
+#: steps, those with the most iterations, that are looked at for other solutions
+HARDEST = 20
 #: parts of a step, and of a run, by which it may end before its time
 REST, ROUNDING = 1e-6, 1e-8
 
@@ -361,8 +368,6 @@ def simulate(
         expected = wanted.rows if isinstance(wanted, Numbered) else None
         about = path, sensors, varying, notices, expected
         recorder = Recorder(system, stepper, state, wanted, *about)
-        highest = _highest_needed(stepper)
-        _log_if_unresolved(integrator, stepper.h, highest)
         with recorder, Interrupt() as interrupt:
             watch = EventMonitor(found, factory, system, state) if found else None
             run = RunLoop(
@@ -370,17 +375,17 @@ def simulate(
             )
             with show:
                 status, failure = run.go(state)
-            recorder.tell(plan.summary())
-            if failure is None:
-                if status == "completed":
-                    _warn_of_rest(state, run.state, None if eventful else h, until)
-                _warn_of_motion(system, recorder.complete(), h, integrator)
-            else:
-                failure.hint = _unresolved(integrator, plan.h, highest)
+            why = StepNumbers(system, integrator, plan.h)
+            recorder.tell(plan.summary() | {"steps": why.numbers})
+            if failure is None and status == "completed":
+                _warn_of_rest(state, run.state, None if eventful else h, until)
+            if failure is not None:
                 notices.tell(failure)  # from here on no warning takes its place
-            hint = _unresolved(integrator, plan.h, highest)
             recorder.h = plan.h
-            history = recorder.close(status, failure, hint)
+            try:
+                _warn_of_motion(why, recorder.complete(), h is not None, failure)
+            finally:  # a warning may be an error: the file is whole all the same
+                history = recorder.close(status, failure, why.alternation)
             if failure is not None:
                 notices.tell(failure)  # now with the balance of energy
                 failure.history = history
@@ -394,21 +399,20 @@ def simulate(
 
 
 def _warn_of_motion(
-    system: System, recorded: History, h: float | None, integrator: Integrator
+    why: StepNumbers, recorded: History, equal: bool, failure: Diverged | None
 ) -> None:
-    """Warn of what the states of a run show.
+    """Warn of what the states of a run show, `equal`: one step apart; a failure has its own text.
 
-    Parameters
-    ----------
-    h : float or None
-        Of equal steps (s), else a tolerance is kept.
-    integrator : Integrator
-        Explicit ones have steps within steps.
+    Explicit integrators have steps within steps.
     """
-    _warn_of_elements(system, recorded)
-    if h is not None and integrator.solves:
-        _warn_of_resolution(system, recorded, h, integrator)
-    _warn_of_functions(system, recorded)
+    if equal and why.integrator.solves:
+        why.warn(recorded)
+    if failure is not None:
+        failure.hint = why.alternation(recorded)
+        why.turn_at_end(recorded)
+        return
+    _warn_of_elements(why.system, recorded)
+    _warn_of_functions(why.system, recorded)
 
 
 def _intended(step: float, until: float, start: State | None) -> int | None:
@@ -478,15 +482,16 @@ def _warn_of_rest(start: State, end: State, step: float | None, until: float) ->
 
 
 def _warn_of_elements(system: System, history: History) -> None:
-    """Say what elements are bent too far at the end, or were drawn too much on the way.
+    """Say what elements are bent too far, or drawn too much, and since when.
 
     What is drawn too much folds up: of the end nothing may be seen any more.
     """
     if not system.beam_groups:
         return
     states = history["q"].reshape(len(history), -1, 3)
-    if bent := over_rotated_beam(system, states[-1]):
-        warn(*bent, AccuracyWarning, float(history.times[-1]))
+    first = first_over_rotated(system, states)
+    if first is not None and (bent := over_rotated_beam(system, states[first])):
+        warn(*bent, AccuracyWarning, float(history.times[first]))
     looks = np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int))
     points: Floats = states[looks]
     tension: list[Floats | None] = [None] * len(looks)
@@ -501,32 +506,94 @@ def _warn_of_elements(system: System, history: History) -> None:
             break
 
 
-def _warn_of_resolution(system: System, history: History, h: float, integrator: Integrator) -> None:
-    """Say that steps are too long for the motion: bounded and balanced in energy, but wrong.
+class StepNumbers:
+    """What the steps of a run do to its motion, as ``history.meta["steps"]`` tells; and warnings.
 
-    Of higher orders the parts of a step count, and only by how far frames turn in them.
+    Parameters
+    ----------
+    system : System
+    integrator : Integrator
+    h : float
+        Step (s).
+
+    Attributes
+    ----------
+    numbers : dict
+        What is known of ``off`` and ``turn``, the error and the rotation in a step (in the longest
+        part of a composed one) of :class:`skfem_cosserat.diagnostics.Resolution`, or in a step that
+        failed; ``doubtful``,
+        whether a step may have several solutions; ``h_omega_c``, see
+        :class:`skfem_cosserat.diagnostics.Alternation`.
     """
-    found = resolution(system, history)
-    if found is None:
-        return
-    what = "part of a step" if integrator.shares else "step"
-    turn = found.turn * max(map(abs, integrator.shares), default=1.0)
-    if found.error > MOST_OFF and integrator.order <= 2:
-        warn(
-            "argument step",
-            f"steps of {h:.3g} s do not resolve the motion: fifty of them put the {found.item} off"
-            f" by some {100 * min(found.error, 1.0):.0f} % of the range of its motion, as a period"
-            f" of what moves it has {found.period:.2g} steps; take smaller ones, and compare",
-            AccuracyWarning,
-            found.time,
-        )
-    elif turn > FAR_TURN:
-        warn(
-            "argument step",
-            f"the {found.turning} turns by {turn:.2g} rad in each {what}: above {FAR_TURN:g} rad"
-            " the motion stays bounded, but is not accurate; take smaller steps, and compare",
-            AccuracyWarning,
-            found.time,
+
+    def __init__(self, system: System, integrator: Integrator, h: float) -> None:
+        self.system, self.integrator, self.h = system, integrator, h
+        self.longest = max(map(abs, integrator.shares), default=1.0)
+        self.numbers: dict[str, float] = {}
+
+    def warn(self, history: History) -> None:
+        """Say that steps are too long: the motion may be bounded, balanced in energy, and wrong.
+
+        Of higher orders the parts of a step count, and only by how far frames turn in them.
+        """
+        doubtful = doubtful_steps(self.system, history, HARDEST)
+        self.numbers["doubtful"] = float(doubtful.any())
+        if doubtful.any():
+            warn(
+                "argument step",
+                f"a step of {self.h:.3g} s may have several solutions: the one that was found took"
+                " many iterations, and the steps around it do not lead there"
+                ' (history["doubtful_step"] marks all of them); take smaller steps, and compare',
+                AccuracyWarning,
+                float(history.times[doubtful.argmax()]),
+            )
+        found = resolution(self.system, history)
+        if found is None:
+            return
+        turn = found.turn * self.longest
+        self.numbers |= {"off": found.error, "turn": turn}
+        if found.error > MOST_OFF and self.integrator.order <= 2:
+            warn(
+                "argument step",
+                f"steps of {self.h:.3g} s do not resolve the motion: fifty of them put the"
+                f" {found.item} off by some {100 * min(found.error, 1.0):.0f} % of the range of its"
+                f" motion, as a period of what moves it has {found.period:.2g} steps; take smaller"
+                " ones, and compare",
+                AccuracyWarning,
+                found.time,
+            )
+        elif turn > FAR_TURN:
+            what = "part of a step" if self.integrator.shares else "step"
+            warn(
+                "argument step",
+                f"the {found.turning} turns by {turn:.2g} rad in each {what}: above {FAR_TURN:g}"
+                " rad the motion stays bounded, but is not accurate; take smaller steps, and"
+                " compare",
+                AccuracyWarning,
+                found.time,
+            )
+
+    def turn_at_end(self, history: History) -> None:
+        """Count how far a frame turns in the step that failed, by its velocity at the start."""
+        try:
+            v = Projection(self.system)(history["q"][-1], history["carried"][-1], history.times[-1])
+        except (CosseratError, ArithmeticError, ValueError):
+            return
+        turn = fastest_turn(self.system, v[0])[1] * self.longest * self.h
+        self.numbers["turn"] = max(turn, self.numbers.get("turn", 0.0))
+
+    def alternation(self, history: History) -> str:
+        """Why a variational run fails, or gains energy, if it is by alternating rotations."""
+        if self.integrator.frequency_limit is None:
+            return ""
+        found = alternation(self.system, history, self.longest * self.h)
+        if found is None:
+            return ""
+        self.numbers["h_omega_c"] = found.ratio
+        return (
+            f"compression drives node rotations of {found.item} that alternate from step to step:"
+            f" at t = {found.time:.6g} s the step times their frequency is {found.ratio:.3g}, and"
+            " they grow above 2"
         )
 
 
@@ -538,35 +605,6 @@ def _warn_of_functions(system: System, history: History) -> None:
     if found := functions_off_plane(system, history.times[k], history["q"][k]):
         label, text, time = found
         warn(label, text, AccuracyWarning, time)
-
-
-def _highest_needed(stepper: Stepper) -> float | None:
-    """Highest frequency (rad/s) of the beams, where the integrator has a limit for it."""
-    if stepper.integrator.frequency_limit is None or not stepper.system.beam_groups:
-        return None
-    try:
-        return float(highest_frequency(stepper.system))
-    except (CosseratError, ArithmeticError, ValueError) as error:  # never stops a run
-        logger.debug("the highest frequency could not be estimated: %s", error)
-        return None
-
-
-def _unresolved(integrator: Integrator, h: float, highest: float | None) -> str:
-    """That the step leaves frequencies unresolved which the integrator needs, or nothing."""
-    limit = integrator.frequency_limit
-    if limit is None or highest is None or h * highest <= limit:
-        return ""
-    return (
-        f"the step of {h:.3g} s times the highest frequency of the beams,"
-        f" {highest:.3g} rad/s, is {h * highest:.3g}, above {limit:.3g}: steps below"
-        f" {limit / highest:.2g} s resolve it (sc.advise_step)"
-    )
-
-
-def _log_if_unresolved(integrator: Integrator, h: float, highest: float | None) -> None:
-    """Log it: as a warning it would be a false alarm on many right runs."""
-    if hint := _unresolved(integrator, h, highest):
-        logger.info("the %s integrator is likely to fail: %s", integrator.name, hint)
 
 
 def _check_run(

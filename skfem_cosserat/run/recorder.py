@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -76,7 +77,12 @@ class EnergyBalance(NamedTuple):
     scale: float
 
     def check(
-        self, integrator: Integrator, h: float, time: float, between: Between, hint: str = ""
+        self,
+        integrator: Integrator,
+        h: float,
+        time: float,
+        between: Between,
+        hint: Callable[[], str],
     ) -> None:
         """Warn if it is off by more than the scheme is allowed to, at the end or in between.
 
@@ -86,8 +92,8 @@ class EnergyBalance(NamedTuple):
             Step size, and end of the run (s).
         between : Between
             What was lost up to recorded states: the worst of them counts if the end is in order.
-        hint : str
-            What else is known about the step.
+        hint : callable
+            Gives what else is known about the step.
         """
         if not self.scale > 0:
             return
@@ -111,7 +117,7 @@ class EnergyBalance(NamedTuple):
             "balance of energy",
             f"{amount}; no load, drive, damper or event explains this, {integrator!r} does not"
             f" follow the motion in steps of {h:.3g} s: take smaller ones{integrator.keeping}"
-            + (f"; {hint}" if hint else ""),
+            + (f"; {more}" if (more := hint()) else ""),
             AccuracyWarning,
             time=time,
         )
@@ -375,6 +381,7 @@ class Recorder:
             "integrator": stepper.integrator.name,
             "treatment": stepper.treatment.name,
             "step": stepper.h,
+            "shares": list(stepper.integrator.shares),
             "solver": stepper.method,
             "unknowns": stepper.bound.unknowns,
             "kernels": stepper.choice.name,
@@ -664,8 +671,10 @@ class Recorder:
         largest = float(abs(found[sound]).max(initial=0.0))
         return Between(history.times[rows][sound], lost[sound], largest)
 
-    def close(self, status: str, failure: Diverged | None, hint: str = "") -> History:
-        """Close the file and give the history; `hint` is for the warning about its balance."""
+    def close(
+        self, status: str, failure: Diverged | None, hint: Callable[[History], str] | None = None
+    ) -> History:
+        """Close the file and give the history; `hint` tells more where energy is out of balance."""
         history = self.complete()
         extra: dict[str, Any] = {
             "factorisations": self.stepper.factorisations,
@@ -680,7 +689,8 @@ class Recorder:
             if balance is not None:
                 extra["energy_balance"] = balance._asdict()
                 run = self.stepper.integrator, self.h, self._before.time
-                balance.check(*run, self._between_ends(history), hint)
+                more = partial(hint, history) if hint is not None else str
+                balance.check(*run, self._between_ends(history), more)
         finally:  # a warning is an error, if the user wants it so
             self.writer.close(status, **extra, warnings=self.notices.kept())
             history.meta = self.writer.meta

@@ -29,6 +29,9 @@ from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: what a verdict says in words
+WORDS = "reason", "warnings", "kernels", "mechanism"
+
 # -- what came of a stability map: arrays over the axes, table, chart ------------------------------
 
 
@@ -82,7 +85,7 @@ class Map(Report):
         found = {}
         for row in stored.rows:
             about = {name: row[name] for name in known if row.get(name) is not None}
-            about |= {name: str(about.get(name, "")) for name in ("reason", "warnings", "kernels")}
+            about |= {name: str(about.get(name, "")) for name in WORDS}
             number = {
                 name: row[name] for name in names if name not in own and row[name] is not None
             }
@@ -129,6 +132,11 @@ class Map(Report):
         return self._array("reason", str)
 
     @property
+    def mechanism(self) -> Array:
+        """Why each failed cell has failed, see :class:`~skfem_cosserat.study.Verdict`."""
+        return self._array("mechanism", str)
+
+    @property
     def numbers(self) -> dict[str, Floats]:
         """What the judge gave beside it, by name; NaN where it did not."""
         names = dict.fromkeys(name for cell in self.cells.flat for name in cell.numbers)
@@ -146,7 +154,8 @@ class Map(Report):
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """One row a cell: parameters, verdict, seconds."""
+        """One row a cell: parameters, verdict, seconds; a number that a cell lacks is NaN."""
+        names, nan = list(self.numbers), float("nan")
         choices = product(*self.axes.values())
         return [
             {
@@ -155,9 +164,10 @@ class Map(Report):
                 "time_s": cell.time,
                 "energy_error": cell.energy_error,
                 "newton_residual": cell.newton_residual,
-                **cell.numbers,
+                **{name: cell.numbers.get(name, nan) for name in names},
                 "seconds": float(seconds),
                 "kernels": cell.kernels,
+                "mechanism": cell.mechanism,
                 "reason": cell.reason,
                 "warnings": cell.warnings,
             }
@@ -266,6 +276,9 @@ class Map(Report):
     def __str__(self) -> str:
         over = " x ".join(f"{name} ({len(values)})" for name, values in self.axes.items())
         found = ", ".join(f"{count} {name}" for name, count in self.counts().items())
+        causes = Counter(cell.mechanism for cell in self.cells.flat if cell.mechanism)
+        if causes:
+            found += f" (by {', '.join(f'{name}: {n}' for name, n in causes.most_common())})"
         warned = sum(bool(cell.warnings) for cell in self.cells.flat)
         doubt = f", {warned} with warnings" if warned else ""
         return f"stability map over {over}: {found}{doubt}"

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from ..diagnostics.resolution import ALTERNATES, MOST_OFF
 from ..errors import Diverged, InputError
 from ..history import History
+from ..model.limits import FAR_TURN
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray, positive
 from .cases import LATE
@@ -19,10 +21,40 @@ from .cases import LATE
 FULL_PROTOCOL = NewtonSettings(iterations=100, damped_iterations=100)
 #: attempts of the protocol
 ATTEMPTS = 4
+#: status of runs that have a mechanism
+FAILED = ("blowup", "drift", "newton")
 #: series that the energy is made of, unless a judge is told otherwise
 DERIVED = {"energy", "external"}
 #: an energy that is so small beside the work of loads is zero by the choice of a height
 NOTHING = 1e-9
+
+
+#: mechanisms of failures, the surest one first: the number of ``history.meta["steps"]`` that tells
+#: each, and above which value
+MECHANISMS: Mapping[str, tuple[str, float]] = {
+    "compression": ("h_omega_c", ALTERNATES),
+    "rotation": ("turn", FAR_TURN),
+    "branch": ("doubtful", 0.0),
+    "unresolved": ("off", MOST_OFF),
+}
+
+
+def mechanism(status: str, numbers: Mapping[str, float]) -> str:
+    """Why a run has failed, by what its steps do to its motion.
+
+    Where none of :data:`MECHANISMS` shows, an energy that has grown is all that is known.
+
+    Examples
+    --------
+    >>> mechanism("newton", {"turn": 0.8, "doubtful": 1.0}), mechanism("ok", {"turn": 0.8})
+    ('rotation', '')
+    """
+    if status not in FAILED:
+        return ""
+    for name, (number, limit) in MECHANISMS.items():
+        if numbers.get(number, 0.0) > limit:
+            return name
+    return "energy" if status == "blowup" else ""
 
 
 @dataclass(frozen=True)
@@ -48,6 +80,9 @@ class Verdict:
         Those that ran, as the history tells: ``numpy`` or ``numba``; empty if none came.
     warnings : str
         Those of the run in words; empty if it gave none.
+    mechanism : str
+        Why it failed, as far as the steps of the run tell (:data:`MECHANISMS`); empty if it did
+        not, or if they do not tell.
 
     Examples
     --------
@@ -63,6 +98,7 @@ class Verdict:
     numbers: Mapping[str, float] = field(default_factory=dict)
     kernels: str = ""
     warnings: str = ""
+    mechanism: str = ""
 
 
 class JudgeEnergy:
@@ -120,9 +156,17 @@ class JudgeEnergy:
         self.blowup = positive(item, "blowup", blowup)
 
     def __call__(self, result: Any) -> Verdict:
-        """The verdict on a History, or on an exception."""
+        """The verdict on a History, or on an exception; with the numbers of its steps."""
         if isinstance(result, Exception):
-            return self._failed(result)
+            found, history = self._failed(result), getattr(result, "history", None)
+        else:
+            found, history = self._judged(result), result
+        if not isinstance(history, History):
+            return found
+        steps = history.meta.get("steps") or {}
+        return replace(found, numbers=steps, mechanism=mechanism(found.status, steps))
+
+    def _judged(self, result: Any) -> Verdict:
         if not isinstance(result, History):
             raise InputError(
                 "argument problem",

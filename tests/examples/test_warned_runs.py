@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import warned_runs
 
+import skfem_cosserat as sc
+
 
 @pytest.mark.parametrize("number", range(len(warned_runs.SCENES)))
 def test_scenes_with_short_steps_are_right_and_not_warned(number):
@@ -19,11 +21,25 @@ def test_a_pendulum_with_long_steps_is_wrong_and_warned():
     assert row["wrong"] and row["warned"] and "do not resolve the motion" in row["what"]
 
 
-def test_counts():
-    def row(wrong, warned, status="completed"):
-        return {"wrong": wrong, "warned": warned, "status": status}
+def test_a_step_at_which_the_treatments_part_is_doubted():
+    """Its positions are right: elements fold, in another way with each treatment."""
+    row = warned_runs.case(2, 24)
+    assert row["parted"] == 23 and row["doubted"] and row["warned"] and not row["wrong"]
 
-    rows = [row(True, True), row(True, False), row(False, False), row(False, False, "not solved")]
+
+def test_cells_of_the_map_of_stability():
+    row = warned_runs.swing(1.0, sc.EnergyMomentum(), 1e-3)
+    assert row["scene"] == "swing 1" and not (row["wrong"] or row["warned"] or row["parted"])
+
+
+def test_counts():
+    def row(wrong, warned, status="completed", parted=None, doubted=False):
+        found = {"wrong": wrong, "warned": warned, "status": status}
+        return found | {"parted": parted, "doubted": doubted}
+
+    rows = [row(True, True, parted=3, doubted=True), row(True, False, parted=4)]
+    rows += [row(False, False), row(False, False, "not solved")]
     found = warned_runs.counted(rows)
     assert (found["wrong_warned"], found["right_warned"], found["not_solved"]) == (0.5, 0.0, 1)
+    assert (found["parted"], found["parted_doubted"]) == (2, 0.5)
     assert np.isnan(warned_runs.counted(rows[3:])["wrong_warned"])

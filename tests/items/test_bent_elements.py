@@ -26,7 +26,7 @@ from skfem_cosserat.diagnostics import strain_energy
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 from skfem_cosserat.mesh import CurveSpline
 from skfem_cosserat.mesh.bends import turns
-from skfem_cosserat.model.limits import over_rotated
+from skfem_cosserat.model.limits import first_over_rotated, over_rotated
 
 ORDERS = (1, 2, 3, 4)
 SECTION = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
@@ -174,6 +174,26 @@ def test_bent_elements_are_named(p, axis):
         f"relative rotation between nodes 1 and 2 of beam 'boom' is {shown} degrees, beyond the"
         f" {bound} that a {NAMES[p - 1]} element can be bent by: refine"
     )
+
+
+@pytest.mark.parametrize("p", ORDERS)
+def test_the_first_of_many_states_is_found(p):
+    """The same as one by one; in a curved and twisted reference, too."""
+    arc = MeshCurve.init_arc((0, 0, 0), (0, 0, 1), (0, -1, 0), 1.0, np.radians(70), 3)
+    model = Model()
+    curved = model.add("arc", Beam(arc, SECTION, order=p, twist=0.3))
+    straight = scene(p)
+    for system, beam in (straight, (model.freeze(), curved)):
+        limit = beam.basis.interpolation.turn_limit
+        for axis in ((1.0, 0, 0), (-0.6, 0, 0.8)):
+            states = [
+                bent(system, beam, lambda s, turn=turn: 3 * s / s.max() * turn)
+                for turn in limit * np.linspace(0, 1.6, 18)[:, None] * np.array(axis)
+            ]
+            each = [over_rotated(system, y) is not None for y in states]
+            assert any(each) and not each[0]
+            assert first_over_rotated(system, np.array(states)) == each.index(True)
+            assert first_over_rotated(system, np.array(states[: each.index(True)])) is None
 
 
 def rolled_up(order: int, elements: int):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+import warnings
 
 import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat.diagnostics import resolution
+from skfem_cosserat.diagnostics import doubtful_steps, resolution
 
 STEP = "do not resolve the motion|turns by"
 
@@ -132,3 +133,123 @@ def test_a_body_that_turns_too_fast_is_named_where_its_step_fails():
     assert "the rigid body 'wheel' turns by 1.2 rad in a step" in text
     assert "mesh" not in text
     assert "try a smaller step than 1 s, then EnergyMomentum()" in text.replace("Try", "try")
+
+
+# -- steps that have several solutions -------------------------------------------------------------
+
+SEVERAL = "may have several solutions"
+
+
+def soft_ring(E, radius, seed):
+    """Five linear elements that fly, and a random start."""
+    tube = sc.SectionTube(radius, radius / 2, sc.Material(E=E, nu=0.3, rho=1000))
+    angle = 2 * np.pi * np.arange(6) / 5
+    points = 0.3 * np.c_[np.cos(angle), np.sin(angle), 0 * angle]
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_polyline(points, [1] * 5, "ring")
+    model.add("ring", sc.Beam(mesh, tube, director=(0, 0, 1)))
+    system, random = model.freeze(), np.random.default_rng(seed)
+    spin, way, q = 3 * random.normal(size=3), random.normal(size=3), system.q0.reshape(-1, 3)
+    rate = np.cross(spin, q)
+    rate[system.origin_rows] += way
+    rate[system.origin_rows] += 0.5 * random.normal(size=(len(system.origin_rows), 3))
+    return system, sc.initial_state(system, v=sc.project(system, system.q0, rate.ravel()))
+
+
+def by_both(system, h, count, **options):
+    """The same run by both treatments of the constraints."""
+    until, more = count * h, {"kernels": "numpy"} | options
+    scheme = sc.EnergyMomentum()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sc.CosseratWarning)
+        return [
+            sc.simulate(system, scheme, treatment, h, until, **more)
+            for treatment in (sc.NullSpace(), sc.Multipliers())
+        ]
+
+
+def said(history):
+    return [each for each in history.meta["warnings"] if SEVERAL in each["text"]]
+
+
+@pytest.mark.parametrize(
+    ("E", "radius", "seed", "h"),
+    [(1e5, 0.01, 1, 0.036), (1e5, 0.01, 5, 0.036), (1e5, 0.03, 4, 0.036), (1e6, 0.01, 4, 0.02)],
+)
+def test_a_step_with_two_solutions_is_told(E, radius, seed, h):
+    """Each treatment finds another one, each with its energy in balance: both runs tell."""
+    system, start = soft_ring(E, radius, seed)
+    runs = by_both(system, h, 8, start=start)
+    apart = abs(runs[0]["q"] - runs[1]["q"]).max(1)
+    first = int(np.argmax(apart > 1e-6))
+    assert apart[first - 1] < 1e-9 and apart[first] > 0.1
+    for run in runs:
+        np.testing.assert_allclose(run["energy"], run["energy"][0], rtol=1e-12)
+        assert run["doubtful_step"][first] == 1
+        (notice,) = said(run)
+        assert notice["item"] == "argument step" and notice["category"] == "AccuracyWarning"
+        assert notice["time"] == run.times[run["doubtful_step"] == 1][0]
+
+
+def test_with_short_steps_the_same_ring_has_one_solution():
+    system, start = soft_ring(1e5, 0.01, 1)
+    runs = by_both(system, 0.002, 30, start=start)
+    assert abs(runs[0]["q"] - runs[1]["q"]).max() < 1e-9
+    for run in runs:
+        assert not run["doubtful_step"].any() and not said(run)
+
+
+def test_two_halves_of_a_step_do_not_tell():
+    """An ordinary rod at 0.04 s: halves are far off, yet there is one solution only."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    rubber = sc.SectionCircle(0.02, sc.Material(E=1e7, nu=0.4, rho=1200.0))
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, rubber, director=(0, 0, 1)))
+    place = sc.ground((0, 0, 0)), rod.node("rod.start")
+    model.add("hinge", sc.JointRevolute(*place, axis=(0, 0, 1)))
+    model.add("weight", sc.LoadGravity((0, -9.81, 0)))
+    a, b = by_both(model, 0.04, 15)
+    halves, _ = by_both(model, 0.02, 30, every=2)
+    assert abs(a["q"] - b["q"]).max() < 1e-10 and abs(a["q"] - halves["q"]).max() > 1e-2
+    assert not a["doubtful_step"].any() and not said(a)
+
+
+def test_states_that_are_not_neighbours_tell_no_step():
+    """Nor do steps in which the ground moves fast, however many iterations they take."""
+    system, start = soft_ring(1e5, 0.01, 1)
+    run, _ = by_both(system, 0.036, 8, start=start, every=2)
+    assert (run["newton_iterations"] > 7).any() and not run["doubtful_step"].any()
+
+
+def with_iterations(history, count):
+    """The history, as if its steps had taken so many."""
+    series = {name: history[name] for name in history.recorded}
+    series["newton_iterations"] = np.r_[0, np.full(len(history) - 1, count)]
+    return sc.History(dict(history.meta), {}, series)
+
+
+def test_only_hard_steps_are_doubted_and_none_that_are_prescribed():
+    model = spinning(1.0)
+    history = with_iterations(run(model, 1.0, 10), 9)
+    assert doubtful_steps(model.freeze(), history)[1:].all()
+    assert doubtful_steps(model.freeze(), history, 4).sum() == 4
+    assert not doubtful_steps(model.freeze(), with_iterations(history, 5)).any()
+    place = sc.ground((0, 0, 0)), model["wheel"].at((0, 0, 0))
+    model.add("axle", sc.JointRevolute(*place, axis=(0, 0, 1)))
+    model.add("drive", sc.JointDrive(model["axle"], lambda t: 1.0 * t))
+    driven = with_iterations(run(model, 1.0, 10), 9)
+    assert not doubtful_steps(model.freeze(), driven).any()
+
+
+def test_parts_of_composed_steps_have_iterations_of_their_own():
+    """Three usual ones and a hard one; the angle that counts is that of the longest part."""
+    scheme = sc.Composition(sc.EnergyMomentum())
+    model = spinning(1.0)
+    history = run(model, 1.0, 10, integrator=scheme)
+    parts = len(scheme.shares)
+    assert history.meta["shares"] == list(scheme.shares) and parts > 1
+    usual = 4 * (parts - 1)
+    found = [doubtful_steps(model.freeze(), with_iterations(history, usual + k)) for k in (5, 6)]
+    assert not found[0].any()
+    third = (2 * np.sin(0.5)) ** 3 * max(map(abs, scheme.shares)) ** 3
+    assert found[1][1:].all() == (third > 0.25)

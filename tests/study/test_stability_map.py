@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import warnings
 from functools import partial
 
 import helpers_precision as helpers
@@ -13,7 +14,7 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat import InputError, stability_map
 from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut, Verdict
-from skfem_cosserat.study.verdict import full_protocol
+from skfem_cosserat.study.verdict import full_protocol, mechanism
 
 KINDS = ("ok", "drift", "blowup", "newton", "half-hearted", "timeout", "error")
 OMEGAS, STEPS = (0.5, 1.9, 2.1, 30.0), (0.05, 0.5, 1.0)
@@ -407,3 +408,41 @@ def test_what_cannot_be_judged_ends_the_map():
         with pytest.raises(InputError, match="JudgeEnergy"):
             JudgeEnergy(**bad)
     assert Verdict("ok").numbers == {}
+
+
+# -- mechanisms ------------------------------------------------------------------------------------
+
+
+def test_failed_cells_have_a_mechanism(tmp_path):
+    """A wheel that turns too fast in a step, and others that turn less."""
+
+    def wheel(kind, rate):
+        model = sc.Model()
+        model.add("wheel", sc.RigidBody(1.0, (1.0, 1.0, 2.0), angular_velocity=(0, 0, rate)))
+        options = {"settings": FULL_PROTOCOL, "kernels": "numpy"}
+        return sc.simulate(model, sc.Variational(), sc.NullSpace(), 1.0, 20.0, **options)
+
+    axes = {"kind": ["wheel"], "rate": [0.2, 0.9, 1.2]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sc.CosseratWarning)
+        found = stability_map(wheel, axes)
+    assert found.status.ravel().tolist() == ["ok", "ok", "newton"]
+    # the variational scheme turns by arcsin(h Omega) in a step
+    turns = [np.arcsin(0.2), np.arcsin(0.9), 1.2]
+    assert found.numbers["turn"].ravel() == pytest.approx(turns, rel=1e-3)
+    assert found.mechanism.ravel().tolist() == ["", "", "rotation"]
+    found.csv(tmp_path / "map.csv")
+    again = Map.read(tmp_path / "map.csv")
+    assert again.mechanism.tolist() == found.mechanism.tolist()
+    assert "mechanism" in found.rows[0] and "turn" in found.rows[2]
+
+
+def test_the_surest_mechanism_is_named():
+    numbers = {"h_omega_c": 2.1, "turn": 0.6, "doubtful": 1.0, "off": 0.2}
+    names = []
+    for number in ("h_omega_c", "turn", "doubtful", "off"):
+        names.append(mechanism("blowup", numbers))
+        numbers[number] = float("nan")
+    assert names == ["compression", "rotation", "branch", "unresolved"]
+    assert mechanism("blowup", numbers) == "energy" and mechanism("newton", numbers) == ""
+    assert mechanism("ok", {"h_omega_c": 3.0}) == ""
