@@ -77,19 +77,29 @@ class _MassBlocks:
         Rows with mass that hang together with more than seven others.
     entries : (k, k) sparse matrix
         Which entries of the whole matrix are between them, counted from 1.
-    small : list of ((r,) int array, (r, r) int array)
-        Rows of each other block, and its entries; 0: there is none.
+    small : list of ((b, r) int array, (b, r, r) int array)
+        Rows of all other blocks of one size, and their entries; 0: there is none.
     """
 
     def __init__(self, indptr: IndexArray, indices: IndexArray, massive: NDArray[np.bool_]) -> None:
         size = len(indptr) - 1
         each = csc_matrix((np.arange(1, len(indices) + 1), indices, indptr), shape=(size, size))
         count, label = connected_components(each, directed=False)
-        few = np.bincount(label, minlength=count)[label] <= 8
-        self.large = np.flatnonzero(massive & ~few)
+        members, present = np.bincount(label, minlength=count), np.zeros(count, dtype=bool)
+        present[label[massive]] = True
+        self.large = np.flatnonzero(massive & (members[label] > 8))
         self.entries = csc_matrix(each[self.large][:, self.large])
-        rows = [np.flatnonzero(label == name) for name in np.unique(label[massive & few])]
-        self.small = [(ids, each[ids][:, ids].toarray()) for ids in rows]
+        column = np.repeat(np.arange(size), np.diff(indptr))
+        self.small = []
+        for r in np.unique(members[present & (members <= 8)]).tolist():
+            own = np.flatnonzero((present & (members == r))[label])
+            rows = own[np.argsort(label[own], kind="stable")].reshape(-1, r)
+            place = np.full(size, -1)
+            place[rows] = np.arange(rows.size).reshape(rows.shape)
+            inside = np.flatnonzero(place[column] >= 0)
+            entries = np.zeros((rows.size, r), dtype=np.int64)
+            entries[place[indices[inside]], place[column[inside]] % r] = 1 + inside
+            self.small.append((rows, entries.reshape(-1, r, r)))
 
 
 @takes_scene
