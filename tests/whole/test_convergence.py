@@ -115,10 +115,3 @@ def test_reactions_have_second_order_at_the_states(scene, integrator, treatment,
         if abs(series[-1][-1]).max() < 1e-9:
             continue  # a moment that the joint does not take
         assert abs(order([s[-1] for s in series]) - 2) < 0.1
-
-
-def test_midpoint_reactions_are_first_order_at_step_ends():
-    """Negative: those of energy-momentum assigned to the start of a step."""
-    _, runs = levels("cantilever", "energy-momentum", "null space")
-    values = [run["joint/clamp/force"][-1] for run in runs]
-    assert abs(order(values) - 1) < 0.1
