@@ -282,7 +282,8 @@ def force_of_state(
         return None
     h, k = before.step, step.step
     if h == k:
-        return state, 0.5 * (before.constraint_force + step.constraint_force)
+        both = before._solved.impulse + step._solved.impulse
+        return state, (0.5 / h * both).reshape(-1)
     system = step._solved.system
     v = nearest_velocity(system, system.extend(state.q, state.time), state.p, state.time)
     off = state.p - (system.mass @ v.reshape(-1, 3)).reshape(-1)

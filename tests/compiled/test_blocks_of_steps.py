@@ -262,7 +262,7 @@ def test_a_number_of_steps_is_a_positive_integer(kernels, steps):
 def test_what_is_recorded_costs_no_memory_of_all_steps():
     state = sc.State(0.0, 7, np.zeros(3), np.zeros(3))
     wanted = Numbered(state, 1e-3, 10**12, 1000, None)
-    ahead = {0: 1, 1: 999, 999: 1, 1000: 1, 1001: 999, 10**12 - 1: 1}
+    ahead = {0: 1, 1: 1, 2: 1, 3: 997, 999: 1, 1000: 1, 1001: 999, 10**12 - 1: 1}
     for k, expected in ahead.items():
         assert wanted.ahead(sc.State(0.0, 7 + k, state.q, state.p)) == expected
     taken = [k for k in (*range(2001), 10**12) if wanted(sc.State(0.0, 7 + k, state.q, state.p), 1)]

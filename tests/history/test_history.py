@@ -793,7 +793,8 @@ def test_a_history_of_version_0_1_is_read_and_gone_on_with():
     old = History.load(Path(__file__).parents[1] / "data" / "run_of_0.1.history")
     assert old.meta["versions"]["skfem_cosserat"] == "0.1.0" and len(old) == 6
     new = sc.simulate(system, *scheme, 0.05, kernels="numpy")
-    assert list(new.series) == list(old.series)
+    before = [name for name in old.series if name != "constraint_point"]  # forces at midpoints
+    assert [name for name in new.series if name != "at_jump"] == before
     assert np.allclose(new["q"], old["q"], rtol=0, atol=1e-12)
     end = rod.node("rod.end")
     assert np.allclose(new.position(end), old.position(end), rtol=0, atol=1e-12)
