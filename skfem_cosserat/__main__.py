@@ -23,7 +23,6 @@ def _changes(arguments: argparse.Namespace) -> str:
 
 def _warm(arguments: argparse.Namespace) -> str:
     """Compile the kernels of runs and equilibria, which takes minutes; runs find them on disk."""
-    from .compiled.stacked import have
     from .compiled.warm import Source
     from .constraints import Multipliers, NullSpace
     from .integrators import EnergyDecaying, EnergyMomentum, GeneralizedAlpha, Stepper
@@ -39,6 +38,8 @@ def _warm(arguments: argparse.Namespace) -> str:
                     plane = model.freeze(planar=Planar(normal=(0, 0, 1)))
                     Stepper(plane, EnergyMomentum(), treatment, 1e-3, kernels="numba")
                 static(model, treatment, kernels="numba", derive=False)
+    from .compiled.stacked import have  # needs numba: the steps above say so where it is not there
+
     have(Source.COMPILER)
     return "kernels are compiled\n"
 

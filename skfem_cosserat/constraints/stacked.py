@@ -109,7 +109,7 @@ class _Kernels:
     #: columns that numpy has eliminated in the meantime
     columns = 0
     #: after how many columns it is looked for, and where: it is compiled when that would have paid
-    tries = (0, Source.DISK), (COMPILING, Source.COMPILER)
+    tries: tuple[tuple[int, Source], ...] = (0, Source.DISK), (COMPILING, Source.COMPILER)
 
     @classmethod
     def found(cls, columns: int) -> Any:
