@@ -242,6 +242,7 @@ def test_a_time_that_is_no_multiple_of_the_step():
     assert study.rows[0]["warnings"].startswith("argument until")
 
 
+@pytest.mark.filterwarnings("ignore:.*may have several solutions")
 def test_frames_that_turn_far_in_a_step():
     """Bounded, but nothing that follows the motion; twenty steps a turn are none of these."""
     model = sc.Model()
