@@ -280,7 +280,7 @@ def main(
     Parameters
     ----------
     quick : bool
-        Twenty scenes and one swing, otherwise a hundred and six.
+        Twenty scenes and one swing, otherwise sixty and six.
     numbers : int, optional
         So many instead.
     out : path, optional
@@ -292,7 +292,7 @@ def main(
         ``rows``, ``set`` and ``counted``: what was found on either half of the scenes, ``swings``:
         on the runs behind the map of stability; and where it was measured.
     """
-    count = numbers or (20 if quick else 100)
+    count = numbers or (20 if quick else 60)
     rows = [case(number, parts) for number in range(count) for parts in PARTS]
     factors = stability_chart.FACTORS[:1] if quick else stability_chart.FACTORS
     swings = [

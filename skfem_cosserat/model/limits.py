@@ -280,8 +280,10 @@ def overstretched_beam(
         for found in [_tension(group, y)]
         for beam, which in group.slices.items()
     }
-    for beam, factor, soft in _bending_of_beams(system):
+    for beam, factor, soft, least in _bending_of_beams(system):
         force, stretch, present = drawn[id(beam)]
+        if multipliers is None and force.max() * stretch.max() <= least:
+            continue  # most of all that is looked at
         held = None if multipliers is None else theory_of(system.theory_rows, beam)
         if held is not None and multipliers is not None and held.can_bend:
             force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
@@ -307,14 +309,19 @@ def overstretched_beam(
 
 
 @lru_cache(maxsize=8)
-def _bending_of_beams(system: System) -> list[tuple[Beam, float, Floats]]:
-    """Beams that tension can fold up, with their factors and bending stiffnesses (ne,)."""
+def _bending_of_beams(system: System) -> list[tuple[Beam, float, Floats, float]]:
+    """Beams that tension can fold up, with factor and bending stiffness (ne,), and a safe tension.
+
+    That is infinitely small where stiffnesses follow the strains.
+    """
     out = []
     for beam in (s for s in system.structures if is_beam(s)):
         kind, sections = beam.basis.interpolation, beam.sections.values()
         if kind.points <= kind.order:
             soft = np.array([_bending(s.stiffness, beam.theory.held) for s in sections])
-            out.append((beam, tension_factor(kind), soft[beam.section_id]))
+            limits = tension_factor(kind) * soft[beam.section_id] / beam.basis.lengths**2
+            least = -np.inf if beam.elements.stored else float(limits.min())
+            out.append((beam, tension_factor(kind), soft[beam.section_id], least))
     return out
 
 

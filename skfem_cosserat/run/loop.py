@@ -580,7 +580,8 @@ class StepNumbers:
         except (CosseratError, ArithmeticError, ValueError):
             return
         turn = fastest_turn(self.system, v[0])[1] * self.longest * self.h
-        self.numbers["turn"] = max(turn, self.numbers.get("turn", 0.0))
+        if turn > self.numbers.get("turn", 0.0) and np.isfinite(turn):
+            self.numbers["turn"] = turn
 
     def alternation(self, history: History) -> str:
         """Why a variational run fails, or gains energy, if it is by alternating rotations."""

@@ -278,7 +278,7 @@ class Map(Report):
         found = ", ".join(f"{count} {name}" for name, count in self.counts().items())
         causes = Counter(cell.mechanism for cell in self.cells.flat if cell.mechanism)
         if causes:
-            found += f" (by {', '.join(f'{name}: {n}' for name, n in causes.most_common())})"
+            found += f"; failed by {', '.join(f'{k} ({n})' for k, n in causes.most_common())}"
         warned = sum(bool(cell.warnings) for cell in self.cells.flat)
         doubt = f", {warned} with warnings" if warned else ""
         return f"stability map over {over}: {found}{doubt}"
@@ -358,7 +358,7 @@ def stability_map(
     >>> found.status.tolist()
     [['ok', 'ok'], ['blowup', 'ok']]
     >>> print(found)
-    stability map over omega (2) x step (2): 1 blowup, 3 ok
+    stability map over omega (2) x step (2): 1 blowup, 3 ok; failed by energy (1)
     """
     values = _axes(axes)
     judge = JudgeEnergy() if outcome is None else outcome
