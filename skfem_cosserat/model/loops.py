@@ -347,7 +347,7 @@ def _beams_alone_move(around: Sequence[Item]) -> bool:
     if not any(is_beam(item) and not isinstance(item.theory, TheoryRigid) for item in around):
         return False
     free = [_freedoms(joint) for joint in around if isinstance(joint, Joint)]
-    return sum(free) <= TRIANGLE or np.count_nonzero(free) <= LINK
+    return sum(free) <= TRIANGLE or sum(map(bool, free)) <= LINK
 
 
 def _freedoms(joint: Joint) -> int:

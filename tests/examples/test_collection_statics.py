@@ -220,6 +220,18 @@ def test_toggle_at_other_displacements():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("treatment", ["null-space", "multipliers"])
+def test_toggle_without_shear(treatment):
+    """Against shooting (DOP853, rtol 1e-13) with the same GA: two limit points, w and P."""
+    found = s07.main("limit_points", {"GA": 1e12}, order=4, elements=14, treatment=treatment)
+    reference = [
+        [0.23205486225042085, 33.861233002664086],
+        [0.3916895711912225, 31.26258310941577],
+    ]
+    assert np.array(found["limit_points"]) == pytest.approx(np.array(reference), rel=2e-9)
+
+
+@pytest.mark.slow
 def test_arch_of_another_size_and_of_little_compliance():
     """Loads go with EI/R^2; what small compliances change goes with them."""
     options = {"order": 4, "elements": 24, "treatment": "multipliers"}

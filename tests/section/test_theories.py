@@ -581,13 +581,14 @@ def test_stiffer_beams_converge_to_the_rigid_one_in_first_order():
 # -- the tree --------------------------------------------------------------------------------------
 
 
-# a closed ring is singular in its reference
+# an inextensible ring without torsion is refused, see below
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 @pytest.mark.parametrize(
     ("scene", "theory"),
     [
         *[(branched, theory) for theory in (*THEORIES, *UNTWISTED)],
-        *[(scene, theory) for theory in (*THEORIES[:2], *UNTWISTED) for scene in (looped, ring)],
+        *[(looped, theory) for theory in (*THEORIES[:2], *UNTWISTED)],
+        *[(ring, theory) for theory in (*THEORIES[:2], UNTWISTED[0])],
     ],
 )
 def test_null_space_annihilates_the_jacobian_at_nodes_and_midpoints(scene, theory):

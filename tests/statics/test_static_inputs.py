@@ -319,12 +319,12 @@ def hanging_chain(on="universal", rod=False, off=0.0):
     model = sc.Model()
     below, axes = sc.ground((0, 0, 0)), ((1, 0, 0), (0, 1, 0))
     for k in range(2):
-        link = model.add(f"link {k}", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, -k - 0.5)))
+        body = sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, -k - 0.5))
+        link = model.add(f"link {k}", body)
         ends = below, link.at((0, 0, -k))
-        joint = {"ball": lambda a, b: sc.JointSpherical(a, b)}.get(
-            on, lambda a, b: sc.JointUniversal(a, b, *axes)
-        )
-        model.add(f"joint {k}", joint(*ends))
+        ball = on == "ball"
+        joint = sc.JointSpherical(*ends) if ball else sc.JointUniversal(*ends, *axes)
+        model.add(f"joint {k}", joint)
         below = link.at((0, 0, -k - 1))
     if rod:
         last = model.add("last", sc.RigidBody.box(1.0, (0.2, 0.2, 0.2), position=(off, 0, -3.1)))
@@ -376,8 +376,8 @@ def test_weight_is_not_advised_where_it_tips_over(treatment):
 def test_a_failure_names_what_floats():
     """A body that is not below its rod yet, so that its weight seems to hold it."""
     words = r"nothing holds a translation of rigid body 'last'.*Hold it with joints"
+    model = hanging_chain(rod=True, off=0.05)
     with pytest.raises(sc.Diverged, match=words) as caught:
-        model = hanging_chain(rod=True, off=0.05)
         sc.static(model, factors={"weight": 1.0}, kernels="numpy")
     assert "ArcLength" not in str(caught.value)
 
