@@ -487,10 +487,10 @@ class Continuation:
         for at in (Point(y, t, point.turns), point):
             if not np.isfinite(at.y).all():
                 continue
-            stability = inspect(self.system, at, self.solver.schedule.at(at.t), relief)
-            try:
+            try:  # ValueError: its stiffness is not finite
+                stability = inspect(self.system, at, self.solver.schedule.at(at.t), relief)
                 motions = stability.neutral_motions(self.system).motions
-            except ValueError:  # its stiffness is not finite
+            except ValueError:
                 continue
             if motions:
                 return described(self.system, at.y, motions)
