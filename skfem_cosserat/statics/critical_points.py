@@ -334,6 +334,9 @@ VANISHED = 1e-5
 #: distances of the points, as shares of the step, between which one is interpolated, how often,
 #: and the eigenvalue, against those at the ends, that such a point may have
 AROUND, REFINED, SMALL = (0.02, 0.05, 0.09, 0.14, 0.2), 4, 1e-3
+#: how much farther away from a root than by an eigenvalue that cannot be told from zero the load
+#: factor may be level: for a toggle without shear it was about as far (measured)
+BLURRED = 100.0
 #: weight of the load factor against motions: it leads where nothing moves
 RIGID = 1e-12
 
@@ -422,10 +425,35 @@ class _Between:
         count = max(1, abs(self.last.unstable - self.first.unstable))
         return float(abs(stability.nearest(count)[0]).mean())
 
+    @property
+    def blur(self) -> float:
+        """What rounding of eigenvalues, which comes from the stiffest parts, leaves open of s.
+
+        Zero if that is so much that no point is told from others.
+        """
+        ends = max(self.first.smallest, self.last.smallest)
+        blur = BLURRED * max(self.first.floor, self.last.floor) / ends
+        return blur if blur < AROUND[2] else 0.0
+
+    def levelled(self, s: float) -> float:
+        """Where the load factor, which has no such rounding, is level if that is s by all we know.
+
+        Else s: a bifurcation, or eigenvalues without much rounding.
+        """
+        if self.blur <= ROOT or not (self.first.symmetric and self.last.symmetric):
+            return s
+        shares = np.array([s + side * d for d in AROUND for side in (-1, 1)])
+        times = np.array([self.at(k).point.t for k in shares.tolist()])
+        x = (shares - s) / AROUND[-1]
+        roots = np.roots(np.polyder(np.polyfit(x, times - times.mean(), len(x) - 1)))
+        real = np.real(roots[abs(np.imag(roots)) < 1e-9])
+        found = s + AROUND[-1] * real[abs(real).argmin()] if len(real) else s
+        return float(found if abs(found - s) <= self.blur else s)
+
     def sound(self, s: float) -> bool:
         """Whether an eigenvalue vanishes there, and not only the number changes."""
         ends = max(self.first.smallest, self.last.smallest)
-        return self.at(s).smallest <= VANISHED * ends or self.at(s).neutral
+        return self.at(s).smallest <= max(VANISHED, self.blur) * ends or self.at(s).neutral
 
 
 def locate(
@@ -447,11 +475,13 @@ def locate(
     between = _Between(system, solve, schedule, weights, ends)
     try:
         s = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT, maxiter=60))
+        s = between.levelled(s)
         if between.sound(s):
-            before, after = between.at(s - NEAR), between.at(s + NEAR)
+            near = max(NEAR, between.blur)
+            before, after = between.at(s - near), between.at(s + near)
             # a point that has slipped onto a branch may have a neutral motion
             if before.crossed(after) and not (before.neutral or after.neutral):
-                slope = (after.point.t - before.point.t) / (2 * NEAR)
+                slope = (after.point.t - before.point.t) / (2 * near)
                 sides = before, after
                 return _classified(between, between.at(s), between.force(s), slope, sides)
     except _LostError as lost:

@@ -22,9 +22,9 @@ def test_a_pendulum_with_long_steps_is_wrong_and_warned():
 
 
 def test_a_step_at_which_the_treatments_part_is_doubted():
-    """Its positions are right: elements fold, in another way with each treatment."""
-    row = warned_runs.case(2, 24)
-    assert row["parted"] == 23 and row["doubted"] and row["warned"] and not row["wrong"]
+    """Whatever rounding is: of other scenes it decides whether they part."""
+    row = warned_runs.case(18, 10)
+    assert row["parted"] and row["doubted"] and row["warned"]
 
 
 def test_cells_of_the_map_of_stability():

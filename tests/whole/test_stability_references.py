@@ -94,6 +94,30 @@ def test_toggle_limit_points(treatment):
         assert -scene.displacement(history, entry["state"])[1] == pytest.approx(w, rel=1e-8)
 
 
+#: the same members without shear, GA = 1e12: shooting with DOP853, rtol 1e-13
+WITHOUT_SHEAR = [(0.23205486225, 33.861233003), (0.39168957119, 31.262583109)]
+
+
+@pytest.mark.parametrize(
+    ("treatment", "arc"),
+    [
+        (sc.NullSpace, False),
+        pytest.param(sc.NullSpace, True, marks=pytest.mark.slow),
+        *(pytest.param(sc.Multipliers, arc, marks=pytest.mark.slow) for arc in (False, True)),
+    ],
+)
+def test_toggle_limit_points_beside_a_far_stiffer_motion(treatment, arc):
+    """Rounding of its stiffness hides where the small eigenvalue vanishes, not where P is level."""
+    scene = scenes.toggle(8, 4, section=scenes.plane_section(9270.0, 1885000.0, 1e12))
+    down = sc.DisplacementControl(scene.point, (0, -1, 0), 0.6)
+    control = sc.ArcLength(60, until=60.0, first=5.0) if arc else down
+    history = follow(scene, treatment, control, derive=False)
+    limits = criticals(history, "limit")
+    for entry, (w, P) in zip(limits, WITHOUT_SHEAR, strict=True):
+        assert entry["load_factor"] == pytest.approx(P, rel=2e-9)
+        assert -scene.displacement(history, entry["state"])[1] == pytest.approx(w, rel=1e-8)
+
+
 @pytest.mark.parametrize("half", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_toggle_curve(half):
     """By displacement control; with both members the symmetric path is kept."""
