@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag, eigh
-from scipy.sparse import coo_matrix, csr_matrix, diags, identity, kron, spmatrix
-from scipy.sparse.linalg import splu
+from scipy.linalg import eigh
+from scipy.sparse import block_diag, coo_matrix, csr_matrix, diags, identity, kron, spmatrix
+from scipy.sparse.linalg import eigsh, splu
 
 from ..constraints.base import RowSpace
 from ..errors import IncompatibleError, InputError
@@ -17,6 +17,9 @@ from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Balance, balance, balance_tangent
 from ..model.loops import null_space_matrix
 from ..types import Array, ArrayLike, Floats, check_kind, numbers, real
+
+#: rotations up to which an eigenvalue is computed dense
+DENSE = 300
 
 # -- states one by one or stacked: (n,) or (N, n) --------------------------------------------------
 
@@ -387,11 +390,27 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     A = np.einsum("nia,nib->nab", f, d)
     blocks = (A + A.transpose(0, 2, 1)) / 2 - np.trace(A, 0, 1, 2)[:, None, None] * np.eye(3)
     # (omega x d).(eta x e) = (omega.eta)(d.e) - (omega.e)(eta.d)
-    m = system.mass.toarray()[rows[:, :, None, None], rows]
-    M = np.einsum("kilj,kic,ljc,ab->kalb", m, d, d, np.eye(3), optimize=True)
-    M -= np.einsum("kilj,lja,kib->kalb", m, d, d, optimize=True)
-    M = M.reshape(3 * len(rows), -1)
-    top = len(M) - 1
-    value, shape = eigh(block_diag(*blocks), M, subset_by_index=[top, top])
+    count, place = len(rows), np.full(len(q) // 3, -1)
+    place[rows.ravel()] = np.arange(rows.size)
+    mass = system.mass.tocoo()
+    k, j = place[mass.row], place[mass.col]
+    both = (k >= 0) & (j >= 0)
+    k, j, m = k[both], j[both], mass.data[both, None, None]
+    left, right = d.reshape(-1, 3)[k], d.reshape(-1, 3)[j]
+    entries = m * (left * right).sum(1)[:, None, None] * np.eye(3)
+    entries -= m * right[:, :, None] * left[:, None, :]
+    at = np.broadcast_arrays(
+        3 * (k // 3)[:, None, None] + np.arange(3)[:, None],
+        3 * (j // 3)[:, None, None] + np.arange(3),
+    )
+    shape_of = (3 * count, 3 * count)
+    M = coo_matrix((entries.ravel(), [each.ravel() for each in at]), shape_of).tocsc()
+    K = block_diag(blocks, format="csc")
+    if 3 * count <= DENSE:
+        top = 3 * count - 1
+        value, shape = eigh(K.toarray(), M.toarray(), subset_by_index=[top, top])
+    else:
+        start = np.random.default_rng(0).normal(size=3 * count)
+        value, shape = eigsh(K, 1, M, which="LA", tol=1e-6, v0=start)
     most = int(np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax())
     return float(np.sqrt(max(value[0], 0.0))), int(rows[most, 0]) - 1

@@ -248,6 +248,10 @@ class ComposedReport(StepReport):
         return system.extend(state.q, state.time)
 
 
+#: a step against its neighbour, below which its constraint force is nothing but rounding
+TINY = 1e-5
+
+
 def force_of_state(
     integrator: Integrator, before: StepReport | None, step: StepReport
 ) -> tuple[State, Floats] | None:
@@ -257,9 +261,11 @@ def force_of_state(
     follows from those of the steps before and after, if these act at midpoints.
 
     Momenta p of such schemes are off the hidden constraints by ``j = p - Q p``, which changes sign
-    from step to step. It makes the forces F of the steps alternate by first order. Without it,
-    ``F_before + 2 j / h_before`` and ``F_after - 2 j / h_after`` lie on a straight line through the
-    force of the state, up to second order. If the steps are equal that force is the mean of F.
+    from step to step and makes the forces F of the steps alternate by first order. Without it,
+    ``F_before + (j_n - j_{n-1}) / h_before`` and ``F_after - (j_n - j_{n+1}) / h_after`` lie on a
+    straight line through the force of the state, up to second order. If the steps are equal, and no
+    energy is taken, that force is the mean of F. Beside a step that is smaller by far rounding of
+    j counts too much: the force of the longer one is taken, of first order.
 
     Parameters
     ----------
@@ -276,19 +282,33 @@ def force_of_state(
     if weight == 1:
         return step.state, step.constraint_force
     if weight == 0:
-        exact = not state.fresh or isinstance(step, ComposedReport)
-        return (state, step.constraint_force) if exact else None
+        if isinstance(step, ComposedReport):
+            return state, step.constraint_force
+        if state.fresh:
+            return None
+        # its impulse is over half of the step before it, too
+        made, k = state.made_by, step.step
+        h = before.step if before is not None else k if made is None else made.step
+        return state, step.constraint_force * (2 * k / (h + k))
     if before is None:
         return None
     h, k = before.step, step.step
-    if h == k:
+    if h == k and not integrator.loses:
         both = before._solved.impulse + step._solved.impulse
         return state, (0.5 / h * both).reshape(-1)
+    one, other = before.constraint_force, step.constraint_force
+    if min(h, k) < TINY * max(h, k):
+        return state, one if h > k else other
     system = step._solved.system
+    last, own, following = (_off(system, at) for at in (before.start, state, step.state))
+    one, other = one + (own - last) / h, other - (own - following) / k
+    return state, np.asarray((k * one + h * other) / (h + k))
+
+
+def _off(system: System, state: State) -> Floats:
+    """What a state's momentum is off the hidden constraints by (n,)."""
     v = nearest_velocity(system, system.extend(state.q, state.time), state.p, state.time)
-    off = state.p - (system.mass @ v.reshape(-1, 3)).reshape(-1)
-    mean = (k * before.constraint_force + h * step.constraint_force) / (h + k)
-    return state, np.asarray(mean + (2 / h - 2 / k) * off)
+    return np.asarray(state.p - (system.mass @ v.reshape(-1, 3)).reshape(-1))
 
 
 class Solved(NamedTuple):

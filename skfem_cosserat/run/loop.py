@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse.linalg import ArpackError
 
 from ..constraints import Treatment
 from ..diagnostics import (
@@ -375,7 +376,8 @@ def simulate(
             )
             with show:
                 status, failure = run.go(state)
-            why = StepNumbers(system, integrator, plan.h)
+            # events shorten steps: what is said is of those that were asked for
+            why = StepNumbers(recorder.segments[-1].system, integrator, h or plan.h)
             recorder.tell(plan.summary() | {"steps": why.numbers})
             if failure is None and status == "completed":
                 _warn_of_rest(state, run.state, None if eventful else h, until)
@@ -521,8 +523,7 @@ class StepNumbers:
     numbers : dict
         What is known of ``off`` and ``turn``, the error and the rotation in a step (in the longest
         part of a composed one) of :class:`skfem_cosserat.diagnostics.Resolution`, or in a step that
-        failed; ``doubtful``,
-        whether a step may have several solutions; ``h_omega_c``, see
+        failed; ``doubtful``, whether a step may have several solutions; ``h_omega_c``, see
         :class:`skfem_cosserat.diagnostics.Alternation`.
     """
 
@@ -537,7 +538,11 @@ class StepNumbers:
         Of higher orders the parts of a step count, and only by how far frames turn in them.
         """
         doubtful = doubtful_steps(self.system, history, HARDEST)
-        self.numbers["doubtful"] = float(doubtful.any())
+        found = resolution(self.system, history)
+        if found is not None:
+            self.numbers |= {"off": found.error, "turn": found.turn * self.longest}
+        if found is not None or doubtful.any():  # else none was looked at
+            self.numbers["doubtful"] = float(doubtful.any())
         if doubtful.any():
             warn(
                 "argument step",
@@ -547,11 +552,9 @@ class StepNumbers:
                 AccuracyWarning,
                 float(history.times[doubtful.argmax()]),
             )
-        found = resolution(self.system, history)
         if found is None:
             return
-        turn = found.turn * self.longest
-        self.numbers |= {"off": found.error, "turn": turn}
+        turn = self.numbers["turn"]
         if found.error > MOST_OFF and self.integrator.order <= 2:
             warn(
                 "argument step",
@@ -580,14 +583,17 @@ class StepNumbers:
         except (CosseratError, ArithmeticError, ValueError):
             return
         turn = fastest_turn(self.system, v[0])[1] * self.longest * self.h
-        if turn > self.numbers.get("turn", 0.0) and np.isfinite(turn):
+        if self.numbers.get("turn", 0.0) < turn < np.pi:  # more is of a run that has blown up
             self.numbers["turn"] = turn
 
     def alternation(self, history: History) -> str:
         """Why a variational run fails, or gains energy, if it is by alternating rotations."""
         if self.integrator.frequency_limit is None:
             return ""
-        found = alternation(self.system, history, self.longest * self.h)
+        try:
+            found = alternation(self.system, history, self.longest * self.h)
+        except ArpackError:  # not found: nothing is claimed
+            return ""
         if found is None:
             return ""
         self.numbers["h_omega_c"] = found.ratio

@@ -346,6 +346,10 @@ def take_along(
         error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
 
 
+#: way to the second state, against that to the first one, from which on a value is extrapolated
+FURTHER = 0.4
+
+
 def extrapolated(time: float, a: tuple[float, Floats], b: tuple[float, Floats]) -> Floats:
     """Value at a time on the straight line through two others, each with its time."""
     share = (time - a[0]) / (b[0] - a[0])
@@ -493,15 +497,21 @@ class Recorder:
         Without a step after it its constraint force follows from those of the two states before.
         """
         row, self._row = self._row, {}
-        if row and not self._late and not np.isfinite(row["constraint_force"]).all():
+        alone = self._steps[-1].constraint_force if self._steps else self._nan
+        if self._late:  # too few steps: the force of a neighbour, or of a step itself
+            force = self._known[-1][1] if self._known else alone
+            self._first["constraint_force"] = force
+        if row and not np.isfinite(row["constraint_force"]).all() and row is not self._first:
             before, known = None, list[tuple[float, Floats]]()
             for step in self._steps:
                 before = before if step.steps == 1 else None
                 found = force_of_state(self.stepper.integrator, before, step)
                 known += [] if found is None else [(found[0].time, found[1])]
                 before = step
+            force = known[-1][1] if known else alone
             if len(known) > 1:
-                row["constraint_force"] = self._force = extrapolated(row["t"], *known[-2:])
+                force = extrapolated(row["t"], *known[-2:])
+            row["constraint_force"] = self._force = force
         self._late = False
         self._record(row, self._numerical, kept=True)
 
@@ -539,9 +549,10 @@ class Recorder:
             self._late = True
             return self._nan
         if self._late:
-            self._known.append((found[0].time, found[1]))
-            if len(self._known) == 2:
-                self._first["constraint_force"] = extrapolated(self._first["t"], *self._known)
+            self._known = [*self._known[:1], (found[0].time, found[1])]
+            start, (one, *_), (other, *_) = self._first["t"], self._known[0], self._known[-1]
+            if abs(other - one) > FURTHER * abs(one - start):
+                self._first["constraint_force"] = extrapolated(start, *self._known)
                 self._late = False
         self._force = found[1]
         return self._force

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
-from ..errors import AccuracyWarning, Diverged, IncompleteWarning
+from ..errors import AccuracyWarning, CosseratError, Diverged, IncompleteWarning
 from ..history import History
 from ..integrators import State
 from ..integrators.choice import choose, estimated_seconds, static_refusal
@@ -487,11 +487,11 @@ class Continuation:
         for at in (Point(y, t, point.turns), point):
             if not np.isfinite(at.y).all():
                 continue
-            try:  # ValueError: its stiffness is not finite
+            try:
                 stability = inspect(self.system, at, self.solver.schedule.at(at.t), relief)
                 motions = stability.neutral_motions(self.system).motions
-            except ValueError:
-                continue
+            except (CosseratError, ArithmeticError, ValueError, RuntimeError):
+                continue  # its stiffness is not finite or singular: nothing is known of it
             if motions:
                 return described(self.system, at.y, motions)
         return ""

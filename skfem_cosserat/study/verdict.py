@@ -163,7 +163,7 @@ class JudgeEnergy:
             found, history = self._judged(result), result
         if not isinstance(history, History):
             return found
-        steps = history.meta.get("steps") or {}
+        steps = dict(history.meta.get("steps") or {})
         return replace(found, numbers=steps, mechanism=mechanism(found.status, steps))
 
     def _judged(self, result: Any) -> Verdict:

@@ -160,6 +160,41 @@ def test_second_order_where_steps_change_in_size(monkeypatch):
     assert at_events(240).max() > 5 * right[1].max()
 
 
+@pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.EnergyDecaying(chi=0.05)], ids=repr)
+@pytest.mark.parametrize("part", [0.5, 1e-2, 1e-4, 1e-6])
+def test_forces_beside_short_steps(part, scheme):
+    """No worse than of states between equal steps; of far shorter ones of first order."""
+    system, exact = motor()
+    event = sc.Event(sc.ConditionTime(0.4 + 0.01 * part), name="look")
+    run = sc.simulate(system, scheme, NULL, 0.01, 0.8, events=[event])
+    error = abs(run["joint/motor/moment"] - exact(run.times)["joint/motor/moment"]).max(1)
+    row = run.events[0].row
+    assert error[[row - 1, row, row + 1]].max() < (0.4 if part < 1e-5 else 8e-3)
+    assert np.delete(error, [row - 1, row, row + 1]).max() < 8e-3
+
+
+@pytest.mark.parametrize("at", [0.0101, 0.2371, 0.3995])
+@pytest.mark.parametrize(
+    "scheme", [sc.Variational(), sc.EnergyMomentum(), sc.Composition(sc.Variational())], ids=repr
+)
+def test_forces_beside_an_event(scheme, at):
+    """Far from the start, next to it, and before the end, each with a short step on one side."""
+    system, exact = pendulum()
+    event = sc.Event(sc.ConditionTime(at), name="look")
+    run = sc.simulate(system, scheme, NULL, 0.01, 0.4, events=[event])
+    error = abs(run["joint/hinge/force"] - exact(run.times)["joint/hinge/force"]).max()
+    assert error < 0.15  # N of 29
+
+
+@pytest.mark.parametrize("h", [0.01, 0.005])
+def test_second_order_where_energy_is_taken(h):
+    """By a share that does not depend on the step; motion is prescribed, so only forces are off."""
+    system, exact = motor()
+    run = sc.simulate(system, sc.EnergyDecaying(chi=0.05), NULL, h, 0.2)
+    error = abs(run["joint/motor/moment"] - exact(run.times)["joint/motor/moment"]).max()
+    assert error < 0.01 * (h / 0.01) ** 2
+
+
 def own_velocity(system, y, p, t):
     """With p = M v as it is, so that nothing of it counts as off the hidden constraints."""
     return np.linalg.solve(system.mass.toarray(), p.reshape(-1, 3)).ravel()
