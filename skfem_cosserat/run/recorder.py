@@ -612,7 +612,7 @@ class Recorder:
         except _NO_STEP as error:  # loads and motions that are not known beyond the run
             text = (
                 f"the step after it, which completes the last momentum, failed ({error!r}): the"
-                " momentum is projected, the last constraint force extrapolated"
+                " momentum is projected, the last constraint force follows from the steps before"
             )
             warn("last state", text, IncompleteWarning, state.time)
 
