@@ -23,11 +23,13 @@ def _changes(arguments: argparse.Namespace) -> str:
 
 def _warm(arguments: argparse.Namespace) -> str:
     """Compile the kernels of runs and equilibria, which takes minutes; runs find them on disk."""
-    from .compiled.warm import Source
+    from .compiled.warm import NotKept, Source
     from .constraints import Multipliers, NullSpace
+    from .errors import PerformanceWarning
     from .integrators import EnergyDecaying, EnergyMomentum, GeneralizedAlpha, Stepper
     from .model import Planar
     from .statics import static
+    from .warn import warn
 
     for order in sorted(set(arguments.orders)):
         for model, flat in _models(order):
@@ -40,7 +42,11 @@ def _warm(arguments: argparse.Namespace) -> str:
                 static(model, treatment, kernels="numba", derive=False)
     from .compiled.stacked import have  # needs numba: the steps above say so where it is not there
 
-    have(Source.COMPILER)
+    try:
+        have(Source.COMPILER)
+    except NotKept as error:  # runs do without
+        text = f"numba does not compile those of velocities and multipliers: {error.__cause__}"
+        warn("kernels", text, PerformanceWarning)
     return "kernels are compiled\n"
 
 

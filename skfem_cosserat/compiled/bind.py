@@ -70,7 +70,7 @@ from .numbers import (
     TREE_PARTS,
 )
 from .plan import Plan, following
-from .structures import Groups, flags, integers, kind_of, room
+from .structures import Groups, flags, integers, numba_type_of, room
 from .tree import AXIS, SLIDE, SPHERE
 from .tree import ROTATION as TURN
 from .warm import Source, cold, helped
@@ -264,7 +264,7 @@ def addresses(
     source : Source
         See :func:`.jit.ready`.
     """
-    kinds, beams = [*map(kind_of, structures)], structures[-1]
+    kinds, beams = [*map(numba_type_of, structures)], structures[-1]
 
     def made(name: str, own: Sequence[Any]) -> int:
         kind = family
@@ -275,7 +275,7 @@ def addresses(
     found: dict[str, int] = {}
     for name in names:
         if name in BEAM_PARTS and isinstance(beams, Groups):
-            each = [made(name, [*kinds[:-1], kind_of(one)]) for one in beams.members]
+            each = [made(name, [*kinds[:-1], numba_type_of(one)]) for one in beams.members]
             found[name] = beams.place(name, each)
         else:
             found[name] = made(name, kinds)

@@ -222,7 +222,7 @@ class Groups(Structure):
         return int(self._rows[name].ctypes.data)
 
 
-def kind_of(value: Any) -> Any:
+def numba_type_of(value: Any) -> Any:
     """Numba's type; of structures without asking numba."""
     return value._numba_type_ if isinstance(value, Structure) else typeof(value)
 

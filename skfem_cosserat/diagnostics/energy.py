@@ -14,6 +14,7 @@ from scipy.sparse.linalg import splu
 
 from ..errors import InputError
 from ..frames import is_beam
+from ..frozen import lock_arrays
 from ..kernels import BeamElements, beam_energy, beam_stress
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
@@ -89,6 +90,7 @@ class _MassBlocks:
         present[label[massive]] = True
         self.large = np.flatnonzero(massive & (members[label] > 8))
         self.entries = csc_matrix(each[self.large][:, self.large])
+        self.entries.sort_indices()  # nobody can later
         column = np.repeat(np.arange(size), np.diff(indptr))
         self.small = []
         for r in np.unique(members[present & (members <= 8)]).tolist():
@@ -100,6 +102,10 @@ class _MassBlocks:
             entries = np.zeros((rows.size, r), dtype=np.int64)
             entries[place[indices[inside]], place[column[inside]] % r] = 1 + inside
             self.small.append((rows, entries.reshape(-1, r, r)))
+        lock_arrays(self)
+        lock_arrays(self.entries)
+        for array in (each for pair in self.small for each in pair):
+            array.flags.writeable = False
 
 
 @takes_scene

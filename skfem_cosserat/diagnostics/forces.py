@@ -243,9 +243,11 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     Parameters
     ----------
     y : (N, total, 3) array
-        Where the forces act, :func:`constraint_points`.
+        Where the forces act: those of states at :func:`constraint_points`, those of steps, which
+        callbacks get, at ``report.constraint_point``.
     force : (N, n) array
-        ``history["constraint_force"]``, in either treatment (N, N m). NaN rows give NaN.
+        ``history["constraint_force"]``, or ``report.constraint_force`` of steps, in either
+        treatment (N, N m). NaN rows give NaN.
 
     Returns
     -------
@@ -287,7 +289,7 @@ def reactions(system: System, y: Floats, lam: Floats) -> dict[str, tuple[Floats,
     Parameters
     ----------
     y : (N, total, 3) array
-        As for :func:`multipliers`.
+        As for :func:`multipliers`: for forces of steps ``report.constraint_point``.
     lam : (N, m) array
         Its result.
 

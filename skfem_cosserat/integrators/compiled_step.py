@@ -359,7 +359,9 @@ class CompiledStep(CompiledScene):
         """The compiled loop for these structures: called as it is, it asks for no types again."""
         from ..compiled import bind, jit
 
-        kinds = tuple(bind.kind_of(each) for each in (*self._all, self._record, self._carried))
+        kinds = tuple(
+            bind.numba_type_of(each) for each in (*self._all, self._record, self._carried)
+        )
         entry: Callable[..., bool] = jit.ready(self._step.solve, kinds, self._source).entry_point
         return entry
 

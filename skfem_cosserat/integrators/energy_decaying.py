@@ -291,8 +291,8 @@ class EnergyDecaying(EnergyMomentum):
     ``history.meta["energy_balance"]["lost"]``; above a tenth of the largest energy or work there is
     a warning.
 
-    Not symmetric: constraint forces are of the order of the scheme, at midpoints, once their first
-    errors have died away (stabilized: at once).
+    Not symmetric: constraint forces, of steps at midpoints and of histories at states, are of the
+    order of the scheme, once their first errors have died away (stabilized: at once).
 
     Examples
     --------

@@ -313,7 +313,7 @@ class BeamGroup(Group):
         damped = [beta.get(id(b), 0.0) for b, _, _ in beams]
         turned = any(e.rotations is not None for e in es)
         self.elements = (
-            es[0]
+            es[0]  # that of the beam itself, which nobody changes
             if len(es) == 1 and not any(damped)
             else BeamElements(
                 np.concatenate([e.lengths for e in es]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -308,13 +309,18 @@ def overstretched_beam(
     return about
 
 
-@lru_cache(maxsize=8)
+#: of each system that somebody still has
+_BENDING: WeakKeyDictionary[System, list[tuple[Beam, float, Floats, float]]] = WeakKeyDictionary()
+
+
 def _bending_of_beams(system: System) -> list[tuple[Beam, float, Floats, float]]:
     """Beams that tension can fold up, with factor and bending stiffness (ne,), and a safe tension.
 
     That is infinitely small where stiffnesses follow the strains.
     """
-    out = []
+    if system in _BENDING:
+        return _BENDING[system]
+    out = _BENDING[system] = []
     for beam in (s for s in system.structures if is_beam(s)):
         kind, sections = beam.basis.interpolation, beam.sections.values()
         if kind.points <= kind.order:

@@ -12,7 +12,7 @@ from ..errors import InputError, ModelWarning
 from ..frames import Item, is_beam
 from ..joint import Joint, JointDrive
 from ..kernels import cross, null_space_blocks
-from ..theory import TheoryRigid
+from ..theory import TheoryInextensible, TheoryRigid
 from ..types import Floats, IndexArray
 from ..warn import warn
 from .checks import JointRows, Scene
@@ -325,18 +325,21 @@ def _warn(system: Scene, before: Sequence[int], ranks: Sequence[int]) -> None:
         if more > rank
     ]
     rows = np.concatenate(lost)
-    item = f"closed loop through the {names_of(system, rows)}"
+    around, item = loop_joints(system, rows), f"closed loop through the {names_of(system, rows)}"
     text = (
         f"the reference configuration is a singular position: {sum(before)} of its constraint rows"
         f" are independent there, {sum(ranks)} beside it"
     )
-    if _beams_alone_move(loop_joints(system, rows)):
+    if _beams_alone_move(around):
         text += (
             ". Its beams hold strains that no small motion from there leaves as they are: a"
             " straight beam that is held at both ends cannot bend without extension, and neither"
-            " it nor a ring stays untwisted out of its plane. Hold fewer strains:"
-            " theory=TheoryKirchhoff(), with torsion"
+            " it nor a ring stays untwisted out of its plane. "
         )
+        if any(is_beam(each) and isinstance(each.theory, TheoryInextensible) for each in around):
+            text += "Hold fewer strains: theory=TheoryKirchhoff(), with torsion"
+        else:
+            text += "Take a theory with torsion"
         system.immovable = item, text
     else:
         warn(item, f"{text}, which is what counts", ModelWarning)

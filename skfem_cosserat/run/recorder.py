@@ -562,7 +562,7 @@ class Recorder:
         self._complete_row(report)
         start = self._row, self._numerical, self._kept
         self.works.add(report)
-        self.bank.take(self._before, report)
+        self.bank.take(report)
         self.iterations += report.all_iterations
         state = self._before = report.state
         force = None

@@ -684,7 +684,7 @@ class SensorBank:
         if self.sensors:
             self._states.append(state)
 
-    def take(self, start: State, report: StepReport) -> None:
+    def take(self, report: StepReport) -> None:
         """A step is done."""
         if not self.sensors:
             return

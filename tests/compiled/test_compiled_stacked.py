@@ -84,3 +84,16 @@ def test_it_is_compiled_when_that_would_have_paid(monkeypatch):
     assert own.found(stacked.COMPILING) is kernels
     assert own.found(1) is kernels
     assert asked == [stacked.Source.DISK, stacked.Source.COMPILER]
+
+
+def test_what_numba_does_not_compile_is_said(monkeypatch, capsys):
+    from skfem_cosserat import __main__ as command
+    from skfem_cosserat.compiled import stacked as kernels
+
+    def have(source):
+        raise stacked.NotKept("factors") from TypeError("no such type")
+
+    monkeypatch.setattr(command, "_models", lambda order: ())
+    monkeypatch.setattr(kernels, "have", have)
+    with pytest.warns(sc.PerformanceWarning, match="does not compile those .* no such type"):
+        assert command.main(["warm"]) == 0
