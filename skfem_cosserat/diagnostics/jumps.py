@@ -75,7 +75,7 @@ def jumps(system: System, history: History) -> Floats:
                 return np.asarray(np.diff(rows[::-1], order, axis=0)[0] / d**order)
 
             rounding = ROUNDING * abs(system.ground(t[-1])).max() / (short * h) ** order
-            later = times[times > t[0] + 3 * short * h]
+            later = np.maximum(times, t[0] + 3 * short * h)
             found += _found(rate, later, 10 * short * h, rounding=rounding)
     instants = np.unique(found)
     return instants[np.diff(instants, prepend=-np.inf) > 2 * narrow]  # several may find the same
@@ -106,34 +106,33 @@ def _found(
     least = np.maximum(SMALL * np.ptp(values, axis=0), NOISE * abs(values).max(axis=0))
     least = np.maximum(least, rounding)
 
-    def jump(a: float, b: float, u: Floats, w: Floats, usual: Floats) -> float | None:
-        """When one component jumps between values u and w; without a jump they change as usual."""
-        apart = abs(w - u - usual)
-        c = int((apart / least).argmax())
-        start, end, change, whole = u[c], w[c], usual[c], apart[c]
-        while whole > least[c] and abs(end - start - change) > STAYS * whole:
-            if b - a <= width:
-                return (a + b) / 2
-            middle, change = (a + b) / 2, change / 2
+    def jump(a: float, b: float, u: Floats, w: Floats, beside: Floats) -> float | None:
+        """When one component jumps between values u and w, by the changes before and after."""
+        usual = beside.mean(axis=0)
+        c = int((abs(w - u - usual) / least).argmax())
+        start, end, change, bend = u[c], w[c], usual[c], abs(np.diff(beside[:, c])[0]) / 2
+        whole = left = abs(end - start - change)
+        while b - a > width and left > STAYS * whole:
+            middle, change, bend = (a + b) / 2, change / 2, bend / 2
             x = function(middle)[c]
             if abs(x - start - change) >= abs(end - x - change):
                 b, end = middle, x
             else:
                 a, start = middle, x
-        return None
+            left = abs(end - start - change)
+        return (a + b) / 2 if whole > least[c] and left > STAYS * whole + bend else None
 
-    none = np.zeros(len(least))
+    none = np.zeros((2, len(least)))
     declared = [(kink - width, kink + width) for kink in kinks]
     at = [jump(a, b, function(a), function(b), none) for a, b in declared]
     changes = np.diff(values, axis=0)
-    beside = np.pad(changes, ((1, 1), (0, 0)))
-    usual = (beside[:-2] + beside[2:]) / 2
-    share = (abs(changes - usual) / least).max(axis=1)
+    beside = np.pad(changes, ((1, 1), (0, 0)), "reflect" if len(changes) > 1 else "constant")
+    share = (abs(changes - (beside[:-2] + beside[2:]) / 2) / least).max(axis=1)
     misses = 0
     for k in np.argsort(-share):
         if share[k] <= 1 or misses == MANY:
             break
         a, b = times[k : k + 2].tolist()
-        at.append(jump(a, b, values[k], values[k + 1], usual[k]))
+        at.append(jump(a, b, values[k], values[k + 1], beside[[k, k + 2]]))
         misses += at[-1] is None
     return [each for each in at if each is not None]
