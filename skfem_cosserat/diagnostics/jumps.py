@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..history import History
 from ..model import System
+from ..time_function import Constant
 from ..types import Floats
 
-#: instants at which functions are looked at, and the largest changes that are looked into
+#: instants at which functions are looked at, and how many changes without a jump are looked into
 LOOKS, MANY = 400, 20
-#: of a change: the part that stays in a smaller interval if it is a jump
+#: of what sticks out: the part that stays in a smaller interval if it is a jump
 STAYS = 0.6
 #: part of a function's range, and of its size, that is no jump
 SMALL, NOISE = 1e-2, 1e-5
-#: of the size of what moves, in differences of it
-ROUNDING = 1e-14
+#: of the size of what moves, in differences of it; and of what is zero
+ROUNDING, NOTHING = 1e-14, 1e-200
 #: steps that differences of first and of second order in time take
 SHORT = 1e-3, 2e-2
 
@@ -25,9 +26,23 @@ SHORT = 1e-3, 2e-2
 def jumps(system: System, history: History) -> Floats:
     """Times (s) at which a load, or velocity or acceleration of prescribed motion, jumps in a run.
 
-    The largest changes between instants of the run are halved down to a small part of a step: a
-    jump stays as it is. What comes and goes between two of 400 instants is found if it is declared,
-    see :class:`skfem_cosserat.FunctionOfTime`.
+    Loads are all functions of time that drive the scene: those of actuators, and the amplitudes of
+    loads that are functions of the motion. The changes between up to 400 instants of the run that
+    differ most from the changes beside them are halved down to a small part of a step: a jump stays
+    as it is. A jump of a load that does not stick out like this is found if it is declared, see
+    :class:`skfem_cosserat.FunctionOfTime`. Jumps below a hundredth of a function's range are none.
+
+    Parameters
+    ----------
+    system : System
+        The scene.
+    history : History
+        Its run.
+
+    Returns
+    -------
+    (k,) array
+        Times of the jumps (s), ascending.
 
     Examples
     --------
@@ -45,12 +60,13 @@ def jumps(system: System, history: History) -> Floats:
         return np.zeros(0)
     times = np.linspace(t[0], t[-1], min(LOOKS, 1 + max(1, int((t[-1] - t[0]) / h))))
     found: list[float] = []
-    if not system.loading.constant:
-        known = [getattr(time, "kinks", ()) for time in system.loading.times]
-        kinks = np.concatenate([np.zeros(0), *known])
+    narrow = SHORT[0] * h
+    for loads in (system.loading, system.couplings):
+        if all(isinstance(time, Constant) for time in loads.times):
+            continue
+        kinks = np.concatenate([getattr(time, "kinks", ()) for time in loads.times])
         kinks = kinks[(kinks > t[0]) & (kinks < t[-1])]
-        beside = np.concatenate([kinks - SHORT[0] * h, kinks + SHORT[0] * h])
-        found += _found(system.loading.values, np.union1d(times, beside), SHORT[0] * h)
+        found += _found(loads.values, times, narrow, np.unique(kinks).tolist())
     if system.moving:
         for order, short in enumerate(SHORT, 1):
 
@@ -59,14 +75,16 @@ def jumps(system: System, history: History) -> Floats:
                 return np.asarray(np.diff(rows[::-1], order, axis=0)[0] / d**order)
 
             rounding = ROUNDING * abs(system.ground(t[-1])).max() / (short * h) ** order
-            found += _found(rate, times[times > t[0] + 3 * short * h], 10 * short * h, rounding)
-    return np.unique(found)
+            later = np.maximum(times, t[0] + 3 * short * h)
+            found += _found(rate, later, 10 * short * h, rounding=rounding)
+    instants = np.unique(found)
+    return instants[np.diff(instants, prepend=-np.inf) > 2 * narrow]  # several may find the same
 
 
 def at_jumps(system: System, history: History) -> Floats:
     """One for each recorded state within a step of a jump, zero for all others (N,)."""
     apart = abs(history.times[:, None] - jumps(system, history))
-    return (apart <= _step(history) * (1 + 1e-9)).any(axis=1).astype(float)
+    return (apart <= _step(history) * (1 + SHORT[0])).any(axis=1).astype(float)
 
 
 def _step(history: History) -> float:
@@ -77,25 +95,44 @@ def _step(history: History) -> float:
 
 
 def _found(
-    function: Callable[[float], Floats], times: Floats, width: float, rounding: float = 0.0
+    function: Callable[[float], Floats],
+    times: Floats,
+    width: float,
+    kinks: Sequence[float] = (),
+    rounding: float = NOTHING,
 ) -> list[float]:
     """Times, to a width (s), at which a component of a function (k,) jumps."""
     values = np.array([function(t) for t in times.tolist()])
-    changes = abs(np.diff(values, axis=0))
     least = np.maximum(SMALL * np.ptp(values, axis=0), NOISE * abs(values).max(axis=0))
     least = np.maximum(least, rounding)
-    share = np.divide(changes, least, out=np.zeros_like(changes), where=least > 0)
-    out = []
-    for k in np.argsort(-share.max(axis=1))[:MANY]:
-        c = int(share[k].argmax())
-        if not share[k, c] > 1:
-            break
-        (a, b), (u, w), whole = times[k : k + 2].tolist(), values[k : k + 2, c], changes[k, c]
-        while b - a > width and abs(w - u) > STAYS * whole:
-            middle = (a + b) / 2
+
+    def jump(a: float, b: float, u: Floats, w: Floats, beside: Floats) -> float | None:
+        """When one component jumps between values u and w, by the changes before and after."""
+        usual = beside.mean(axis=0)
+        c = int((abs(w - u - usual) / least).argmax())
+        start, end, change, bend = u[c], w[c], usual[c], abs(np.diff(beside[:, c])[0]) / 2
+        whole = left = abs(end - start - change)
+        while b - a > width and left > STAYS * whole:
+            middle, change, bend = (a + b) / 2, change / 2, bend / 2
             x = function(middle)[c]
-            left = abs(x - u) >= abs(w - x)
-            (a, b), (u, w) = ((a, middle), (u, x)) if left else ((middle, b), (x, w))
-        if abs(w - u) > STAYS * whole:
-            out.append((a + b) / 2)
-    return out
+            if abs(x - start - change) >= abs(end - x - change):
+                b, end = middle, x
+            else:
+                a, start = middle, x
+            left = abs(end - start - change)
+        return (a + b) / 2 if whole > least[c] and left > STAYS * whole + bend else None
+
+    none = np.zeros((2, len(least)))
+    declared = [(kink - width, kink + width) for kink in kinks]
+    at = [jump(a, b, function(a), function(b), none) for a, b in declared]
+    changes = np.diff(values, axis=0)
+    beside = np.pad(changes, ((1, 1), (0, 0)), "reflect" if len(changes) > 1 else "constant")
+    share = (abs(changes - (beside[:-2] + beside[2:]) / 2) / least).max(axis=1)
+    misses = 0
+    for k in np.argsort(-share):
+        if share[k] <= 1 or misses == MANY:
+            break
+        a, b = times[k : k + 2].tolist()
+        at.append(jump(a, b, values[k], values[k + 1], beside[[k, k + 2]]))
+        misses += at[-1] is None
+    return [each for each in at if each is not None]

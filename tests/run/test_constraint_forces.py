@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import skfem_cosserat as sc
+from skfem_cosserat.diagnostics.jumps import jumps
 from skfem_cosserat.integrators import stepper
 
 NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
@@ -278,3 +279,52 @@ def test_states_beside_jumps_are_marked(push, turn, times):
     apart = abs(run.times[:, None] - np.array(times)).min(axis=1, initial=np.inf)
     marked = run["at_jump"] > 0
     assert marked[apart < 0.0095].all() and not marked[apart > 0.0125].any()
+
+
+@pytest.mark.parametrize(
+    ("size", "kinks"), [(0.5, ()), (-0.5, ()), (0.5, [0.5]), (0.05, [0.5]), (-0.6, [0.5])]
+)
+def test_jumps_in_fast_vibrations_are_found(size, kinks):
+    """Where each step changes the load by more than the jump does; all sizes if it is declared."""
+    load = sc.FunctionOfTime(lambda t: np.sin(20 * np.pi * t) + size * (t > 0.5), kinks)
+    system = pushed(load)
+    run = sc.simulate(system, sc.EnergyMomentum(), NULL, 0.01, 1.0)
+    assert jumps(system, run) == pytest.approx([0.5], abs=1e-4)
+    assert run.times[run["at_jump"] > 0] == pytest.approx([0.49, 0.5, 0.51])
+
+
+def test_all_of_many_jumps_are_found():
+    times = np.arange(0.51, 30) / 100
+
+    def push(t):
+        return float(np.searchsorted(times, t) % 2)
+
+    run = sc.simulate(
+        pushed(sc.FunctionOfTime(push, times)), sc.EnergyMomentum(), NULL, 2.5e-3, 0.3
+    )
+    for load in (push, sc.FunctionOfTime(push, times)):
+        assert jumps(pushed(load), run) == pytest.approx(times, abs=5e-6)
+
+
+class LoadBrake(sc.Load):
+    """A force against the velocity of a place, times a function of time."""
+
+    def __init__(self, place, amplitude):
+        super().__init__(amplitude=amplitude)
+        self.place = place
+
+    def terms(self):
+        return [sc.TermFunction([self.place], lambda x, v, t: -v, self.time)]
+
+
+@pytest.mark.parametrize("kinks", [(), [0.1234]])
+@pytest.mark.parametrize("kind", [sc.JointActuator, LoadBrake])
+def test_states_beside_jumps_of_actuators_and_functions_are_marked(kind, kinks):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(2.0, (0.2, 0.3, 0.25), position=(0.4, 0, 0)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (0, 1, 0))
+    model.add("hinge", hinge)
+    on = hinge if kind is sc.JointActuator else body.at((0.4, 0, 0))
+    model.add("drop", kind(on, sc.FunctionOfTime(lambda t: 3.0 if t < 0.1234 else 0.0, kinks)))
+    run = sc.simulate(model, sc.EnergyMomentum(), NULL, 0.01, 0.2)
+    assert run.times[run["at_jump"] > 0] == pytest.approx([0.12, 0.13])
