@@ -26,6 +26,8 @@ SHORT = 1e-3, 2e-2
 def jumps(system: System, history: History) -> Floats:
     """Times (s) at which a load, or velocity or acceleration of prescribed motion, jumps in a run.
 
+    Or in the step after it, which the constraint force of the last state takes part of.
+
     Loads are all functions of time that drive the scene: those of actuators, and the amplitudes of
     loads that are functions of the motion. The changes between up to 400 instants of the run that
     differ most from the changes beside them are halved down to a small part of a step: a jump stays
@@ -55,17 +57,18 @@ def jumps(system: System, history: History) -> Floats:
     >>> jumps(model.freeze(), run).round(4).tolist()
     [0.25]
     """
-    h, t = _step(history), history.times
-    if len(t) < 2:
+    if len(history) < 2:
         return np.zeros(0)
-    times = np.linspace(t[0], t[-1], min(LOOKS, 1 + max(1, int((t[-1] - t[0]) / h))))
+    h, start = _step(history), history.times[0]
+    end = _end(system, history.times[-1], h)
+    times = np.linspace(start, end, min(LOOKS, 1 + max(1, int((end - start) / h))))
     found: list[float] = []
     narrow = SHORT[0] * h
     for loads in (system.loading, system.couplings):
         if all(isinstance(time, Constant) for time in loads.times):
             continue
         kinks = np.concatenate([getattr(time, "kinks", ()) for time in loads.times])
-        kinks = kinks[(kinks > t[0]) & (kinks < t[-1])]
+        kinks = kinks[(kinks > start) & (kinks < end)]
         found += _found(loads.values, times, narrow, np.unique(kinks).tolist())
     if system.moving:
         for order, short in enumerate(SHORT, 1):
@@ -74,17 +77,33 @@ def jumps(system: System, history: History) -> Floats:
                 rows = [system.ground(s - k * d).ravel() for k in range(order + 1)]
                 return np.asarray(np.diff(rows[::-1], order, axis=0)[0] / d**order)
 
-            rounding = ROUNDING * abs(system.ground(t[-1])).max() / (short * h) ** order
-            later = np.maximum(times, t[0] + 3 * short * h)
+            rounding = ROUNDING * abs(system.ground(end)).max() / (short * h) ** order
+            later = np.maximum(times, start + 3 * short * h)
             found += _found(rate, later, 10 * short * h, rounding=rounding)
     instants = np.unique(found)
     return instants[np.diff(instants, prepend=-np.inf) > 2 * narrow]  # several may find the same
 
 
 def at_jumps(system: System, history: History) -> Floats:
-    """One for each recorded state within a step of a jump, zero for all others (N,)."""
+    """One for each recorded state within a step of a jump, zero for all others (N,).
+
+    The force of a start follows from those of the two states after it.
+    """
+    reach = np.full(len(history), _step(history) * (1 + SHORT[0]))
+    reach[:1] *= 3 if history["fresh"][0] else 1
     apart = abs(history.times[:, None] - jumps(system, history))
-    return (apart <= _step(history) * (1 + SHORT[0])).any(axis=1).astype(float)
+    return (apart <= reach[:, None]).any(axis=1).astype(float)
+
+
+def _end(system: System, time: float, h: float) -> float:
+    """Until when jumps are looked for (s): a step further, if loads and motions are known there."""
+    try:
+        for loads in (system.loading, system.couplings):
+            loads.values(time + h)
+        system.ground(time + h)
+    except Exception:  # noqa: BLE001, functions of the user's own
+        return time
+    return time + h
 
 
 def _step(history: History) -> float:

@@ -282,6 +282,17 @@ def test_states_beside_jumps_are_marked(push, turn, times):
 
 
 @pytest.mark.parametrize(
+    ("until", "marked"), [(0.015, [0, 1, 2]), (0.4, [39, 40]), (0.404, [40]), (0.42, [])]
+)
+def test_jumps_that_forces_at_the_ends_of_a_run_mix(until, marked):
+    """The first one follows from three steps, the last one from the step after it, too."""
+    run = sc.simulate(
+        pushed(lambda t: 1.0 * (t <= until + 1e-9)), sc.EnergyMomentum(), NULL, 0.01, 0.4
+    )
+    assert np.flatnonzero(run["at_jump"]).tolist() == marked
+
+
+@pytest.mark.parametrize(
     ("size", "kinks"), [(0.5, ()), (-0.5, ()), (0.5, [0.5]), (0.05, [0.5]), (-0.6, [0.5])]
 )
 def test_jumps_in_fast_vibrations_are_found(size, kinks):
