@@ -33,6 +33,7 @@ def jumps(system: System, history: History) -> Floats:
     differ most from the changes beside them are halved down to a small part of a step: a jump stays
     as it is. A jump of a load that does not stick out like this is found if it is declared, see
     :class:`skfem_cosserat.FunctionOfTime`. Jumps below a hundredth of a function's range are none.
+    What jumps within the function of a :class:`skfem_cosserat.TermFunction` is not seen.
 
     Parameters
     ----------

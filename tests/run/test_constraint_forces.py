@@ -269,6 +269,7 @@ SMOOTH = sc.RampSmooth(0.0, 0.3)
         (lambda t: np.sin(t) + (t > 0.1001) - (t > 0.307), None, [0.1001, 0.307]),
         (SMOOTH, sc.RampLinear(0.123, 0.25, last=0.5), [0.123, 0.25]),  # its velocity jumps
         (SMOOTH, lambda t: 4 * max(0.0, t - 0.1234) ** 2, [0.1234]),  # its acceleration jumps
+        (SMOOTH, lambda t: max(0.0, t - 0.0063), [0.0063]),  # in the first step
         (lambda t: np.sin(9 * t), lambda t: 1 - np.cos(5 * t), []),
         (sc.Table([0, 0.1, 0.101, 0.4], [0, 1, -1, 0]), SMOOTH, []),  # steep, but no jump
     ],
@@ -315,6 +316,15 @@ def test_all_of_many_jumps_are_found():
     )
     for load in (push, sc.FunctionOfTime(push, times)):
         assert jumps(pushed(load), run) == pytest.approx(times, abs=5e-6)
+
+
+@pytest.mark.parametrize("phase", [1.4, 2.8])
+def test_smooth_motion_of_few_steps_has_no_jumps(phase):
+    """Its acceleration bends by more in a step than it sticks out of those beside it."""
+    at, rate = np.sin(phase), 10 * np.cos(phase)
+    system = pushed(SMOOTH, lambda t: np.sin(10 * t + phase) - at - rate * t)
+    run = sc.simulate(system, sc.EnergyMomentum(), NULL, 0.01, 0.05)
+    assert not len(jumps(system, run))
 
 
 class LoadBrake(sc.Load):
