@@ -10,14 +10,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from functools import cache, lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .element import Tabulated
 from .law import Law
 from .strain import strain_table
 from .types import Array, Floats, IndexArray
+
+if TYPE_CHECKING:
+    from .element import Tabulated
 
 
 @dataclass(eq=False)

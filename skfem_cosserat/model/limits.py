@@ -106,10 +106,13 @@ def over_rotated(system: System, y: Floats) -> str | None:
 
 def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
     """Which beam :func:`over_rotated` is about, and what it says."""
+    beams = [item for item in system.structures if is_beam(item)]
+    if not beams:  # a scene without beams imports no meshes
+        return None
     from ..mesh.bends import gives_way
 
     worst, found = 1.0, None
-    for beam in (item for item in system.structures if is_beam(item)):
+    for beam in beams:
         basis = beam.basis
         angle = _rotated(beam, _nodal(system, beam, y))
         ratio = float(angle.max()) / basis.interpolation.turn_limit

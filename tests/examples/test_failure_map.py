@@ -333,6 +333,7 @@ def plain_run(mixed: float) -> sc.History:
     return sc.simulate(swing.build("stiff"), *arguments, derive=False, settings=settings)
 
 
+@pytest.mark.filterwarnings("ignore:.*may have several solutions")
 @pytest.mark.plain
 def test_mixed_iteration_solves_steps_that_newton_alone_cannot():
     """And takes half the iterations where both succeed."""
@@ -349,6 +350,7 @@ def test_mixed_iteration_solves_steps_that_newton_alone_cannot():
     assert min(map(min, residuals)) == caught.value.residual
 
 
+@pytest.mark.filterwarnings("ignore:.*may have several solutions")
 @pytest.mark.slow
 @pytest.mark.parametrize(("step", "stops"), [(1e-1, 0.2), (3e-2, 0.69), (1e-2, 0.85)])
 def test_newton_alone_stops_where_the_mixed_iteration_passes_event_x(step, stops):

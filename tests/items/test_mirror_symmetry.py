@@ -78,7 +78,9 @@ def test_half_an_arch_moves_as_the_whole(theory, treatment):
     for name in ("energy", "strain_energy", "work_loads"):
         assert 2 * halved[name] == pytest.approx(run[name], abs=1e-9)
     reaction = "joint/clamp start/moment"
-    assert abs(run[reaction] - halved[reaction])[1:-1].max() < 1e-8 * abs(run[reaction]).max()
+    # of means of two midpoints each mesh gives its nearest multipliers, held strains' among them
+    limit = 1e-8 if theory is None else 1e-5
+    assert abs(run[reaction] - halved[reaction])[1:-1].max() < limit * abs(run[reaction]).max()
 
 
 @pytest.mark.filterwarnings("ignore:path, load factor")  # one large step

@@ -12,14 +12,6 @@ integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 treatments = pytest.mark.parametrize("treatment", TREATMENTS)
 
 
-def at_nodes(history, name, integrator):
-    """A reaction at the inner nodes: with energy-momentum the mean of both midpoints."""
-    values = history[name]
-    if integrator is sc.EnergyMomentum:
-        return (values[:-2] + values[1:-1]) / 2
-    return values[1:-1]
-
-
 def inner(history, name):
     """A reaction at all steps that have one (the last state may not)."""
     values = history[name]
@@ -101,10 +93,8 @@ def test_steady_rotation_of_a_driven_body(integrator, treatment):
     x = np.c_[c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], 0 * c]
     assert abs(history["q"][:, :3] - x).max() < 1e-13
     assert abs(history["v"][:, :3] - np.cross((0, 0, w), x)).max() < 1e-9  # rate by differences
-    # of a driven coordinate the energy-momentum scheme's v, and with it the reaction, alternates
-    # by O(h): the mean of neighbouring midpoints, which belongs to the node, does not
     discrete = (2 - 2 * np.cos(w * h)) / h**2
-    force, moment = (at_nodes(history, f"joint/drive/{k}", integrator) for k in ("force", "moment"))
+    force, moment = (history[f"joint/drive/{k}"][1:-1] for k in ("force", "moment"))
     assert abs(force + 1.4 * discrete * x[1:-1]).max() < 1e-9
     assert abs(force + 1.4 * w**2 * x[1:-1]).max() < 5 * h**2
     # dL/dt = w x L about the centre, carried by the force's lever and the moment about the pin
@@ -127,7 +117,7 @@ def test_driven_angular_acceleration(integrator, treatment):
         system, arm = carousel(0.0, lambda t: alpha * t**2 / 2, sc.JointFixed)
         history = sc.simulate(system, integrator(), treatment(), 1 / steps, 1.0)
         J = TENSOR[2, 2] + 1.4 * arm @ arm
-        moment = at_nodes(history, "joint/drive/moment", integrator)
+        moment = history["joint/drive/moment"][1:-1]
         errors.append(abs(moment[:, 2] - J * alpha).max())
     assert errors[-1] < 1e-2 * J * alpha
     assert 3.5 < errors[0] / errors[1] < 4.5
@@ -221,13 +211,12 @@ def test_work_of_the_drive_is_the_energy_gained(integrator, treatment):
         h = 1 / steps
         history = sc.simulate(model.freeze(), integrator(), treatment(), h, 1.0 + h)
         total = history["energy_projected"] + history["external"]
-        mid = 0.5 * h if integrator is sc.EnergyMomentum else 0.0
-        t = history.times[: steps + 1] + mid
+        t = history.times[: steps + 1]
         velocity = np.c_[0.6 * t, 0.6 * t**2, 0 * t]
         omega = np.outer(3 * t, axis)
         force, moment = (history[f"joint/drive/{k}"][: steps + 1] for k in ("force", "moment"))
         power = (force * velocity + moment * omega).sum(1)
-        work = h * power[:-1].sum() if mid else np.trapezoid(power, dx=h)
+        work = np.trapezoid(power, dx=h)
         gained = total[steps] - total[0]
         errors.append(abs(work - gained))
         assert abs(gained) > 1.0

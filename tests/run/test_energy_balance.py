@@ -173,6 +173,7 @@ def check_that_what_is_taken_is_kept_and_told(scheme):
 
 
 @pytest.mark.filterwarnings("ignore:.*do not resolve the motion")
+@pytest.mark.filterwarnings("ignore:.*may have several solutions")
 @pytest.mark.parametrize("until", [4.0, 20.0])
 def test_a_blow_up_is_told(until):
     """The variational scheme on a compressed column, above the limit of its alternating nodes.

@@ -458,6 +458,7 @@ def axial(force, energy=None):
 
 
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # few elements under tension
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
 def test_axial_bar():
     """N = W'(Gamma_3), to rounding: the field is linear."""
     stretch = 0.3
@@ -507,6 +508,7 @@ def test_frequencies_of_a_stretched_bar_follow_the_present_stiffness():
 
 
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # few elements under tension
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
 def test_linear_buckling_and_highest_frequency_take_the_stiffness_where_they_are():
     plain = sc.Section(DIAGONAL, MASS, INERTIA)
     made = sc.SectionHyperelastic(Quartic(DIAGONAL), MASS, INERTIA)

@@ -494,6 +494,7 @@ def flying(theory, order=2, elements=3):
     return model
 
 
+@pytest.mark.filterwarnings("ignore:.*may have several solutions")
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("theory", [*THEORIES, *UNTWISTED])
 @pytest.mark.parametrize("treatment", TREATMENTS)

@@ -130,12 +130,10 @@ def test_frequencies_of_order_two_p(order, levels):
 
 @pytest.mark.parametrize("integrator", problems.INTEGRATORS)
 def test_steps_of_second_order(integrator):
-    """Also constraint forces, where they belong; assigned to the end of a step they are of first
-    order with energy-momentum."""
+    """Constraint forces, too, which belong to the states."""
     problem = partial(problems.in_time, integrator=integrator)
     study = refine(problem, step=[0.02, 0.01, 0.005, 0.0025])
-    expected = dict.fromkeys(("q", "v", "reaction", "reaction of the step"), 2)
-    expected["reaction of the step"] = 1 if integrator == "energy-momentum" else 2
+    expected = dict.fromkeys(("q", "v", "reaction"), 2)
     assert list(study.orders) == list(expected)
     for name, order in expected.items():
         assert abs(study.orders[name].order - order) < 0.1, study.verdicts[name]

@@ -263,7 +263,8 @@ def test_kernels_that_ran_are_told(scheme, tmp_path):
     assert found.status.tolist() == [["ok", "error"]]
     assert [row["kernels"] for row in found.rows] == ["numpy", "numpy"]
     text = found.csv(tmp_path / "map.csv").read_text()
-    assert ",seconds,kernels,reason,warnings\n" in text and ",numpy,RuntimeError: enough," in text
+    assert ",seconds,kernels,mechanism,reason,warnings\n" in text
+    assert ",numpy,,RuntimeError: enough," in text
     setups = [(str(k), partial(run, 0.01)) for k in (1.0, 100.0)]
     setups += [("peer", lambda k: {"x": k, "cost_s": 1.0, "kernels": "other"})]
     setups += [("mute", lambda k: {"x": k, "cost_s": 1.0}), ("raises", lambda k: 1 / 0)]

@@ -7,7 +7,6 @@ examples/benchmarks/dynamic_references.py.
 
 import importlib
 import json
-import logging
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -250,12 +249,13 @@ def test_multipliers_give_the_same(name, integrator):
 @pytest.mark.parametrize(
     ("name", "step", "until"), [("D1", 0.02, 0.6), ("D2", 0.4, 20.0), ("D3", 0.2, 10.0)]
 )
-def test_variational_blows_up_at_large_steps(name, step, until, caplog):
-    """Negative, and announced: the step is above 10 over the highest frequency."""
+def test_variational_blows_up_at_large_steps(name, step, until):
+    """Negative, and told with the failure: the step is too long, and the run gained energy."""
     system = dynamic.SCENES[name](8, 2).system
-    with caplog.at_level(logging.INFO), pytest.raises(sc.Diverged):
+    with pytest.raises(sc.Diverged) as caught:
         sc.simulate(system, sc.Variational(), sc.NullSpace(), step, until, derive=False)
-    assert "frequency" in caplog.text
+    told = {notice["item"] for notice in caught.value.history.meta["warnings"]}
+    assert {"argument step", "balance of energy"} <= told
     sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), step, until, derive=False)
 
 
