@@ -664,9 +664,9 @@ def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
     for name in ("q", "carried", "constraint_force"):
         size = np.nanmax(abs(whole[name]))
         # the force of the first state follows from the steps after it alone
-        first = 1 if name == "constraint_force" else 0
-        wanted = whole[name][5 + first : -1]
-        assert again[name][first:-1] == pytest.approx(wanted, abs=1e-9 * size), name
+        skip = 1 if name == "constraint_force" else 0
+        wanted = whole[name][5 + skip : -1]
+        assert again[name][skip:-1] == pytest.approx(wanted, abs=1e-9 * size), name
     # with another step it starts anew from (q, p)
     other = sc.restart(system, first, scheme, 0.01)
     assert other.rates is None

@@ -275,6 +275,6 @@ def test_a_path_warns_once(treatment):
     unlooked = pytest.warns(IncompleteWarning, match="critical points are not looked for")
     with pytest.warns(AccuracyWarning, match="beam 'wire', load factor .*: tension"), unlooked:
         path = static(model, treatment, derive=False)
-    said, missing = path.meta["warnings"]
+    missing, said = path.meta["warnings"]
     assert missing["item"] == "path"
     assert said["when"] == f"load factor {said['time']:.6g}" and "tension" in said["text"]
