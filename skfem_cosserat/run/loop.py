@@ -410,11 +410,15 @@ def _warn_of_motion(
     """
     if equal and why.integrator.solves:
         why.warn(recorded)
+    with np.errstate(all="ignore" if failure is not None else None):  # it may have blown up
+        strained = _strained_elements(why.system, recorded)
+    why.numbers["elements"] = float(bool(strained))
     if failure is not None:
         failure.hint = why.alternation(recorded)
         why.turn_at_end(recorded)
         return
-    _warn_of_elements(why.system, recorded)
+    for (item, text), time in strained:
+        warn(item, text, AccuracyWarning, time)
     _warn_of_functions(why.system, recorded)
 
 
@@ -484,29 +488,30 @@ def _warn_of_rest(start: State, end: State, step: float | None, until: float) ->
     )
 
 
-def _warn_of_elements(system: System, history: History) -> None:
-    """Say what elements are bent too far, or drawn too much, and since when.
+def _strained_elements(system: System, history: History) -> list[tuple[tuple[str, str], float]]:
+    """What elements are bent too far, or drawn too much: item and text, and since when (s).
 
     What is drawn too much folds up: of the end nothing may be seen any more.
     """
+    found: list[tuple[tuple[str, str], float]] = []
     if not system.beam_groups:
-        return
+        return found
     states = history["q"].reshape(len(history), -1, 3)
     first = first_over_rotated(system, states)
     if first is not None and (bent := over_rotated_beam(system, states[first])):
-        warn(*bent, AccuracyWarning, float(history.times[first]))
+        found.append((bent, float(history.times[first])))
     looks = np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int))
     points: Floats = states[looks]
     tension: list[Floats | None] = [None] * len(looks)
     if system.theory_rows:
         points = constraint_points(system, history)[looks]
     if any(2 in theory.held for theory in system.theory_rows):
-        found = multipliers(system, points, history["constraint_force"][looks])
-        tension = [lam if np.isfinite(lam).all() else None for lam in found]
+        lams = multipliers(system, points, history["constraint_force"][looks])
+        tension = [lam if np.isfinite(lam).all() else None for lam in lams]
     for k, y, lam in zip(looks, points, tension, strict=True):
         if drawn := overstretched_beam(system, y, lam):
-            warn(*drawn, AccuracyWarning, float(history.times[k]))
-            break
+            return [*found, (drawn, float(history.times[k]))]
+    return found
 
 
 class StepNumbers:
@@ -524,7 +529,8 @@ class StepNumbers:
     numbers : dict
         What is known of ``off`` and ``turn``, the error and the rotation in a step (in the longest
         part of a composed one) of :class:`skfem_cosserat.diagnostics.Resolution`, or in a step that
-        failed; ``doubtful``, whether a step may have several solutions; ``h_omega_c``, see
+        failed; ``doubtful``, whether a step may have several solutions; ``elements``, whether
+        some are bent or drawn too far in a recorded state; ``h_omega_c``, see
         :class:`skfem_cosserat.diagnostics.Alternation`.
     """
 

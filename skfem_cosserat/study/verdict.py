@@ -22,39 +22,56 @@ FULL_PROTOCOL = NewtonSettings(iterations=100, damped_iterations=100)
 #: attempts of the protocol
 ATTEMPTS = 4
 #: status of runs that have a mechanism
-FAILED = ("blowup", "drift", "newton")
+FAILED = ("blowup", "drift", "newton", "error")
 #: series that the energy is made of, unless a judge is told otherwise
 DERIVED = {"energy", "external"}
 #: an energy that is so small beside the work of loads is zero by the choice of a height
 NOTHING = 1e-9
 
 
-#: mechanisms of failures, the surest one first: the number of ``history.meta["steps"]`` that tells
-#: each, and above which value
+#: mechanisms of failures, the surest one first: the number of a run that tells each, and above
+#: which value
 MECHANISMS: Mapping[str, tuple[str, float]] = {
     "compression": ("h_omega_c", ALTERNATES),
     "rotation": ("turn", FAR_TURN),
     "branch": ("doubtful", 0.0),
     "unresolved": ("off", MOST_OFF),
+    "elements": ("elements", 0.0),
 }
+#: shares of the largest energy or work of a run: gained, it has grown tenfold; lost, it has drifted
+GREW, DAMPED = 0.9, 0.01
 
 
 def mechanism(status: str, numbers: Mapping[str, float]) -> str:
     """Why a run has failed, by what its steps do to its motion.
 
-    Where none of :data:`MECHANISMS` shows, an energy that has grown is all that is known.
+    Where none of :data:`MECHANISMS` shows, energy that the scheme itself has added or taken is all
+    that is known.
+
+    Parameters
+    ----------
+    status : str
+        See :class:`Verdict`.
+    numbers : mapping of str to float
+        ``history.meta["steps"]``; and `lost`, the part of the largest energy or work that the
+        scheme has taken (negative: added), by ``history.meta["energy_balance"]``.
 
     Examples
     --------
     >>> mechanism("newton", {"turn": 0.8, "doubtful": 1.0}), mechanism("ok", {"turn": 0.8})
     ('rotation', '')
+    >>> mechanism("drift", {"turn": 0.1, "lost": 0.2})
+    'damping'
     """
     if status not in FAILED:
         return ""
     for name, (number, limit) in MECHANISMS.items():
         if numbers.get(number, 0.0) > limit:
             return name
-    return "energy" if status == "blowup" else ""
+    lost = numbers.get("lost", 0.0)
+    if status == "blowup" or lost < -GREW:
+        return "energy"
+    return "damping" if status == "drift" and lost > DAMPED else ""
 
 
 @dataclass(frozen=True)
@@ -81,8 +98,8 @@ class Verdict:
     warnings : str
         Those of the run in words; empty if it gave none.
     mechanism : str
-        Why it failed, as far as the steps of the run tell (:data:`MECHANISMS`); empty if it did
-        not, or if they do not tell.
+        Why it failed, as far as the run tells (:func:`mechanism`); empty if it did not, or if it
+        does not tell.
 
     Examples
     --------
@@ -163,8 +180,11 @@ class JudgeEnergy:
             found, history = self._judged(result), result
         if not isinstance(history, History):
             return found
-        steps = dict(history.meta.get("steps") or {})
-        return replace(found, numbers=steps, mechanism=mechanism(found.status, steps))
+        numbers = dict(history.meta.get("steps") or {})
+        balance = history.meta.get("energy_balance") or {}
+        if balance.get("scale", 0.0) > 0:
+            numbers["lost"] = balance["lost"] / balance["scale"]
+        return replace(found, numbers=numbers, mechanism=mechanism(found.status, numbers))
 
     def _judged(self, result: Any) -> Verdict:
         if not isinstance(result, History):

@@ -439,11 +439,37 @@ def test_failed_cells_have_a_mechanism(tmp_path):
 
 
 def test_the_surest_mechanism_is_named():
-    numbers = {"h_omega_c": 2.1, "turn": 0.6, "doubtful": 1.0, "off": 0.2}
+    numbers = {"h_omega_c": 2.1, "turn": 0.6, "doubtful": 1.0, "off": 0.2, "elements": 1.0}
     names = []
-    for number in ("h_omega_c", "turn", "doubtful", "off"):
+    for number in tuple(numbers):
         names.append(mechanism("blowup", numbers))
         numbers[number] = float("nan")
-    assert names == ["compression", "rotation", "branch", "unresolved"]
+    assert names == ["compression", "rotation", "branch", "unresolved", "elements"]
     assert mechanism("blowup", numbers) == "energy" and mechanism("newton", numbers) == ""
     assert mechanism("ok", {"h_omega_c": 3.0}) == ""
+
+
+def test_what_the_scheme_took_or_added_is_named_last():
+    assert mechanism("drift", {"lost": 0.02}) == mechanism("drift", {"lost": 0.5}) == "damping"
+    assert mechanism("drift", {"lost": 0.002}) == mechanism("newton", {"lost": 0.5}) == ""
+    assert mechanism("error", {"lost": -1.0}) == "energy" == mechanism("blowup", {})
+    assert mechanism("drift", {"lost": 0.5, "elements": 1.0}) == "elements"
+
+
+@pytest.mark.parametrize(("bending", "expected"), [(40.0, "damping"), (0.004, "elements")])
+def test_cells_tell_of_damping_and_of_bent_elements(bending, expected):
+    """A scheme takes the energy of a fast vibration; a limp cantilever folds up in its fall."""
+    section = sc.Section((2e4, 2e4, 5e4, bending, bending, bending), mass=1.0, inertia=(1e-4, 1e-4))
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    beam = model.add("beam", sc.Beam(mesh, section, director=(0, 1, 0)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("rod.start")))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    options = {"settings": FULL_PROTOCOL, "kernels": "numpy"}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sc.CosseratWarning)
+        found = sc.simulate(model, sc.GeneralizedAlpha(0.0), sc.NullSpace(), 0.01, 0.6, **options)
+        verdict = JudgeEnergy(scale=0.01)(found)
+    assert (verdict.status, verdict.mechanism) == ("drift", expected)
+    balance = found.meta["energy_balance"]
+    assert verdict.numbers["lost"] == balance["lost"] / balance["scale"]
