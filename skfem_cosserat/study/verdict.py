@@ -36,7 +36,6 @@ MECHANISMS: Mapping[str, tuple[str, float]] = {
     "rotation": ("turn", FAR_TURN),
     "branch": ("doubtful", 0.0),
     "unresolved": ("off", MOST_OFF),
-    "elements": ("elements", 0.0),
 }
 #: shares of the largest energy or work of a run: gained, it has grown tenfold; lost, it has drifted
 GREW, DAMPED = 0.9, 0.01
@@ -45,8 +44,8 @@ GREW, DAMPED = 0.9, 0.01
 def mechanism(status: str, numbers: Mapping[str, float]) -> str:
     """Why a run has failed, by what its steps do to its motion.
 
-    Where none of :data:`MECHANISMS` shows, energy that the scheme itself has added or taken is all
-    that is known.
+    Where none of :data:`MECHANISMS` shows, an energy that has grown tenfold is all that is known,
+    then elements that are bent or drawn too far, then energy that the scheme has taken.
 
     Parameters
     ----------
@@ -71,6 +70,8 @@ def mechanism(status: str, numbers: Mapping[str, float]) -> str:
     lost = numbers.get("lost", 0.0)
     if status == "blowup" or lost < -GREW:
         return "energy"
+    if numbers.get("elements", 0.0) > 0:
+        return "elements"
     return "damping" if status == "drift" and lost > DAMPED else ""
 
 

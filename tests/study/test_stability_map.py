@@ -442,7 +442,7 @@ def test_the_surest_mechanism_is_named():
     numbers = {"h_omega_c": 2.1, "turn": 0.6, "doubtful": 1.0, "off": 0.2, "elements": 1.0}
     names = []
     for number in tuple(numbers):
-        names.append(mechanism("blowup", numbers))
+        names.append(mechanism("newton", numbers))
         numbers[number] = float("nan")
     assert names == ["compression", "rotation", "branch", "unresolved", "elements"]
     assert mechanism("blowup", numbers) == "energy" and mechanism("newton", numbers) == ""
@@ -452,7 +452,8 @@ def test_the_surest_mechanism_is_named():
 def test_what_the_scheme_took_or_added_is_named_last():
     assert mechanism("drift", {"lost": 0.02}) == mechanism("drift", {"lost": 0.5}) == "damping"
     assert mechanism("drift", {"lost": 0.002}) == mechanism("newton", {"lost": 0.5}) == ""
-    assert mechanism("error", {"lost": -1.0}) == "energy" == mechanism("blowup", {})
+    assert mechanism("error", {"lost": -1.0}) == "energy"
+    assert mechanism("blowup", {"elements": 1.0}) == mechanism("blowup", {}) == "energy"
     assert mechanism("drift", {"lost": 0.5, "elements": 1.0}) == "elements"
 
 
