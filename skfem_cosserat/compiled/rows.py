@@ -72,17 +72,17 @@ def add_forces(s: Any, y: Floats, mu: Floats, f: Floats) -> None:
 
 
 @inlined
-def start_gaps(s: Any, b: Floats, first: int) -> None:
+def start_gaps(s: Any, m: Any, b: Floats, first: int) -> None:
     """Minus what rows are to be, in blocks from `first` on; not those that beams have there."""
     constant, kept = s.row_constant, s.row_kept
     for k in range(constant.shape[0]):
-        for c in range(constant.shape[1]):
+        for c in range(m.size[first + k]):
             if not kept[k, c]:
                 b[first + k, c] = -constant[k, c]
 
 
 @inlined
-def push(s: Any, w: Any, numbers: Floats, first: int) -> float:
+def push(s: Any, m: Any, w: Any, numbers: Floats, first: int) -> float:
     """Of blocks from `first` on: the impulses that act, ``mu + W g``; the largest gap, relative.
 
     Of the gaps in ``w.b`` those of rows that are not chosen are switched off; ``w.found`` has the
@@ -92,7 +92,7 @@ def push(s: Any, w: Any, numbers: Floats, first: int) -> float:
     mass, largest, found, sum_of_all = numbers[MASS], 0.0, w.found, 0.0
     found[2] = 0.0
     for k in range(on.shape[0]):
-        for c in range(on.shape[1]):
+        for c in range(m.size[first + k]):
             if on[k, c] == 0.0:
                 found[2] = max(found[2], abs(b[first + k, c]) / size[k, c])
             b[first + k, c] *= on[k, c]
@@ -113,7 +113,7 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     y = w.y0
     if numbers[WEIGHT] != 0.0:
         y = w.mid
-    start_gaps(s, b, len(s.row))
+    start_gaps(s, m, b, len(s.row))
     table, linear = s.row_products, s.row_linear
     for t in range(table.shape[0]):
         product = dot(row(y1, table[t, LEFT]), row(y1, table[t, RIGHT]))
@@ -122,7 +122,7 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for t in range(linear.shape[0]):
         value = y1[linear[t, TERM], linear[t, TERM_COMPONENT]]
         b[linear[t, BLOCK], linear[t, PLACE]] += s.row_linear_factors[t] * value
-    gap = push(s, w, numbers, len(s.row))
+    gap = push(s, m, w, numbers, len(s.row))
     add_forces(s, y, w.extra, w.closing)
     return gap
 

@@ -56,7 +56,7 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     if numbers[WEIGHT] != 0.0:
         y = w.mid
     table, factors, linear, directions = s.products, s.factors, s.linear, s.directions
-    start_gaps(s, b, len(s.framed))
+    start_gaps(s, m, b, len(s.framed))
     for t in range(len(table)):
         u, i, v, j = table[t, LEFT], table[t, LEFT_PLACE], table[t, RIGHT], table[t, RIGHT_PLACE]
         value = inner(half(y1, u, i), product(complex_at(factors, t, 0), half(y1, v, j)))
@@ -64,7 +64,7 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     for t in range(len(linear)):
         v, i, z = linear[t, TERM], linear[t, TERM_PLACE], complex_at(directions, t, 0)
         b[linear[t, BLOCK], linear[t, PLACE]] += inner(z, half(y1, v, i))
-    gap = push(s, w, numbers, len(s.framed))
+    gap = push(s, m, w, numbers, len(s.framed))
     for t in range(len(table)):
         u, i, v, j = table[t, LEFT], table[t, LEFT_PLACE], table[t, RIGHT], table[t, RIGHT_PLACE]
         f, c = complex_at(factors, t, 0), acting[table[t, BLOCK], table[t, PLACE]]
