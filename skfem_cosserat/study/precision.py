@@ -59,7 +59,8 @@ class PrecisionTable(Report):
         (time of all its runs), ``kernels`` (that ran, empty: not told),
         ``warnings`` (in words, empty without any).
     reference_errors : dict
-        Error of the reference itself by quantity; NaN if not known.
+        Error of the reference itself by quantity; NaN if not known. What all setups and the
+        reference share, such as a mesh where steps are compared, is in no error of the table.
     notes : dict
         For the head of the table.
 
@@ -72,6 +73,7 @@ class PrecisionTable(Report):
     ...     raise ZeroDivisionError("no step left")
     >>> table = work_precision(2.0, [("crude", crude), ("fails", fails)], {"x": 2.0}, ["x"])
     >>> print(table)
+    x: errors to a reference whose own error is not known; what all setups share is not in them
     x: for 1e+00 in x the cheapest is crude: 1.0e-01 in 1 s
     failed: fails: diverged (ZeroDivisionError: no step left)
     """
@@ -162,7 +164,7 @@ class PrecisionTable(Report):
             several = [errors] if isinstance(errors, str | bytes | int | float) else errors
             levels = [positive("argument errors", "error", each) for each in several]
         found = {level: _cheapest(points, quantity, level) for level in levels}
-        return Front(quantity, found, pareto(points, quantity))
+        return Front(quantity, found, pareto(points, quantity), self.reference_errors[quantity])
 
     def standing(self, quantity: str, ours: str | Callable[[Row], bool]) -> Standing:
         """Whether our front lies below that of each other group at every error that it reaches.
@@ -277,7 +279,12 @@ class PrecisionTable(Report):
         return precision_chart(self.rows, drawn, limits, path, cost, units, most)
 
     def __str__(self) -> str:
-        lines = [f"{name}: {line}" for name in self.quantities for line in self.front(name).lines]
+        lines = []
+        for name, own in self.reference_errors.items():
+            known = f"known to {own:.1e}" if isfinite(own) else "whose own error is not known"
+            about = f"errors to a reference {known}; what all setups share is not in them"
+            if found := self.front(name).lines:
+                lines += [f"{name}: {line}" for line in (about, *found)]
         lines += [f"failed: {label}: {why}" for label, why in self.failed.items()]
         warned = [row for row in self.rows if row.get("warnings")]
         return "\n".join(lines + [f"warned: {row['label']}: {row['warnings']}" for row in warned])
@@ -299,11 +306,14 @@ class Front:
         Row by error; None where nothing reaches it.
     points : list of dict
         Rows that no other one beats in both error and cost, cheapest first.
+    floor : float
+        Error of the reference; NaN if not known.
     """
 
     quantity: str
     cheapest: dict[float, dict[str, Any] | None]
     points: list[dict[str, Any]]
+    floor: float
 
     @property
     def lines(self) -> list[str]:
@@ -316,7 +326,10 @@ class Front:
                 continue
             error = row[f"error_{self.quantity}"]
             what = f"{row['group']}: {row['label']}" if row["group"] else row["label"]
-            lines.append(f"{start} the cheapest is {what}: {error:.1e} in {row['cost_s']:.3g} s")
+            line = f"{start} the cheapest is {what}: {error:.1e} in {row['cost_s']:.3g} s"
+            if error < 2 * self.floor:
+                line += f", as far as the reference tells, known to {self.floor:.1e}"
+            lines.append(line)
         return lines
 
     def __str__(self) -> str:

@@ -163,6 +163,17 @@ def test_reference_with_its_own_error():
     ]
 
 
+def test_errors_near_that_of_the_reference_are_told():
+    """A setup that shares the mesh of the reference is no better than the reference is known."""
+    setups = [("near", lambda problem: {"x": 1.0 + 1e-9}), ("far", lambda problem: {"x": 1.1})]
+    found = work_precision(None, setups, ReferenceKnown(1.0, errors=1e-3), ["x"], repeats=1)
+    (line,) = found.front("x", 1e-4).lines
+    assert line.endswith("s, as far as the reference tells, known to 1.0e-03")
+    assert str(found).startswith("x: errors to a reference known to 1.0e-03; what all setups share")
+    alone = work_precision(None, setups[1:], ReferenceKnown(1.0, errors=1e-3), ["x"], repeats=1)
+    assert "as far as" not in alone.front("x", 0.5).lines[0]
+
+
 def test_reference_from_two_runs():
     """Richardson's limit of the midpoint rule, and how far the finer run is from it."""
     fine, coarse = (partial(helpers.midpoint, step=h) for h in (1 / 200, 1 / 100))
@@ -225,6 +236,7 @@ def test_front_in_words(table):
     ]
     assert str(front) == "\n".join(front.lines)
     assert list(table.front("x").cheapest) == [1e-2, 1e-3, 1e-4, 1e-5]
+    assert str(table).startswith("x: errors to a reference whose own error is not known; what all")
     only = table.front("x", [1e-2], group="explicit").cheapest[1e-2]
     assert only["label"] == "Euler, step = 0.05"
 
