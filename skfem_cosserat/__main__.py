@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib.resources import files
@@ -118,7 +119,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         text = VERBS[own.verb](own)
     except ImportError as error:
         parser.error(str(error))
-    sys.stdout.write(text)
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except (
+        BrokenPipeError
+    ):  # who reads has enough, as head has; Python flushes once more at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0
 
 

@@ -103,6 +103,16 @@ def test_installed_wheel_shows_its_changes(python: Path, tmp_path: Path):
     assert wrong.returncode == 2 and b"choose from" in wrong.stderr
 
 
+def test_a_reader_that_has_enough_ends_the_command_line_quietly():
+    """As ``head`` does."""
+    run = [sys.executable, "-m", "skfem_cosserat", "changes"]
+    with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
 def test_minimum_versions_are_pinned():
     """What .ci/minimum-versions can read: each of the hard dependencies and tools has one."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
