@@ -384,7 +384,7 @@ def simulate(
                 _warn_of_rest(state, run.state, None if eventful else h, until)
             if failure is not None:
                 notices.tell(failure)  # from here on no warning takes its place
-            recorder.h = plan.h
+            recorder.h = h or plan.h
             try:
                 _warn_of_motion(why, recorder.complete(), h is not None, failure)
             finally:  # a warning may be an error: the file is whole all the same

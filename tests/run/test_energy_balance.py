@@ -156,6 +156,16 @@ def spring(stiffness):
     return model.freeze()
 
 
+def test_an_event_does_not_change_the_step_that_is_named():
+    """The last step is shorter than the one asked for, which has lost the energy."""
+    events = [sc.Event(sc.ConditionTime(1.97), sc.ActionStop(), name="end")]
+    with pytest.warns(sc.AccuracyWarning, match=r"in steps of 0\.1 s"):
+        history = sc.simulate(
+            spring(100.0), sc.GeneralizedAlpha(0.0), NULL, 0.1, 2.0, events=events
+        )
+    assert history.times[-1] == pytest.approx(1.97)
+
+
 def test_what_a_scheme_is_meant_to_take_is_kept_and_told_above_a_tenth(silent):
     check_that_what_is_taken_is_kept_and_told(sc.GeneralizedAlpha(0.5))
 
