@@ -44,7 +44,7 @@ def pendulum():
     return model.freeze(), exact
 
 
-def motor():
+def motor(planar=None):
     """A crank that a motor turns to and fro: its torque in closed form."""
     mass, inertia, arm = 2.0, 0.3, 0.5
     model = sc.Model()
@@ -59,7 +59,12 @@ def motor():
         torque = (inertia + mass * arm**2) * faster - mass * 10.0 * arm * np.cos(angle)
         return {"joint/motor/moment": np.outer(torque, (0, 1, 0))}
 
-    return model.freeze(), exact
+    return model.freeze(planar=planar), exact
+
+
+def motor_in_its_plane():
+    """The same by three unknowns a frame."""
+    return motor(sc.Planar(normal=(0, 1, 0)))
 
 
 def fine(system, names):
@@ -123,7 +128,7 @@ SCHEMES = sc.EnergyMomentum(), sc.Variational(), sc.EnergyMomentum(stabilized=Tr
 
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
-@pytest.mark.parametrize("scene", [pendulum, motor])
+@pytest.mark.parametrize("scene", [pendulum, motor, motor_in_its_plane])
 def test_second_order_against_closed_forms(scene, scheme):
     coarse, half = (errors(scene(), scheme, NULL, n) for n in (96, 192))
     orders = np.log2(coarse / half)
