@@ -159,9 +159,10 @@ class RunLoop:
 
 #: recorded states, evenly spread, at which the tension of elements is looked at
 LOOKS = 20
-#: steps, those with the most iterations, that are looked at for other solutions; all of them where
-#: the error of fifty steps, or the rotation in one (rad), is larger than this
-HARDEST, ROUGH = 20, 0.02
+#: steps, those with the most iterations, that are looked at for other solutions
+HARDEST = 20
+#: error of fifty steps, or rotation in one (rad), above which it is this many, or one of so many
+ROUGH, MORE, EACH = 0.02, 50, 40
 #: parts of a step, and of a run, by which it may end before its time
 REST, ROUNDING = 1e-6, 1e-8
 
@@ -546,7 +547,8 @@ class StepNumbers:
         """
         found = resolution(self.system, history)
         rough = found is None or found.error > ROUGH or found.turn > ROUGH
-        doubtful = doubtful_steps(self.system, history, None if rough else HARDEST)
+        most = max(MORE, len(history) // EACH) if rough else HARDEST
+        doubtful = doubtful_steps(self.system, history, most)
         if found is not None:
             self.numbers |= {"off": found.error, "turn": found.turn * self.longest}
         if found is not None or doubtful.any():  # else none was looked at
