@@ -16,7 +16,7 @@ from . import numbers as n
 from .flow import flow_velocity
 from .jit import call_with, inlined
 
-__all__ = ["begin_rates", "finish_rates", "go_on", "stay_in_plane"]
+__all__ = ["begin_rates", "finish_rates", "go_on", "keep", "stay_in_plane"]
 
 #: what leads out of a plane, against the size of its terms, up to which it is nothing but rounding
 LEAST = 4 * np.finfo(np.float64).eps
@@ -138,6 +138,32 @@ def stay_in_plane(o: Any) -> None:
         for c in range(3):
             largest = max(largest, abs(after[r, c]))
     flatten(normal, after, LEAST * largest)
+
+
+@inlined
+def keep(o: Any, numbers: Floats, record: Floats) -> None:
+    """Keep what a step has found: the state at its end, and the impulse of its constraints.
+
+    ``h G^T lambda`` is what balances the step, and what moved its velocities: at the node of the
+    start that is what the step before has left.
+    """
+    k, early, moved = int(record[n.DONE]) - 1, numbers[n.WEIGHT] == 0.0, len(o.moved) > 0
+    for i in range(len(n.LOGGED)):
+        o.log_numbers[k, i] = record[n.LOGGED[i]]
+    R, closing, change, rates, after = o.R, o.closing, o.change, o.rates, o.after
+    q, p, impulse, log_rates = o.log_q, o.log_p, o.log_impulse, o.log_rates
+    for r in range(R.shape[0]):
+        for c in range(3):
+            q[k, r, c], p[k, r, c] = o.y1[r, c], o.carried[r, c]
+            total = -R[r, c]
+            if len(closing) > 0:
+                total += closing[r, c]
+            if moved and record[n.UNMOVED] == 0.0:
+                total += rates[r, c] if early else -o.moved_force[0] * change[r, c]
+            impulse[k, r, c] = total
+    for r in range(after.shape[0]):
+        for c in range(3):
+            log_rates[k, r, c] = after[r, c]
 
 
 @inlined
