@@ -215,7 +215,7 @@ STRIDE, KEPT_UNKNOWNS = 128, 10**5
 
 
 class BlockOfSteps(NamedTuple):
-    """Steps that were solved in one go, one after the other.
+    """Steps that were solved in one go, one after the other; the next ones overwrite its arrays.
 
     Attributes
     ----------
@@ -486,10 +486,10 @@ class CompiledStep(CompiledScene):
         iterations, residual, loads, taken = o.log_numbers[:done].T.copy()
         return BlockOfSteps(
             not solved,
-            o.log_q[:done].reshape(done, n).copy(),
-            o.log_p[:done].reshape(done, n).copy(),
-            o.log_rates[:done].reshape(done, len(o.table), n).copy(),
-            o.log_impulse[:done].copy(),
+            o.log_q[:done].reshape(done, n),
+            o.log_p[:done].reshape(done, n),
+            o.log_rates[:done].reshape(done, len(o.table), n),
+            o.log_impulse[:done],
             *(iterations.astype(np.int64), residual, loads, taken),
         )
 

@@ -124,7 +124,7 @@ class StepReport:
         return self.iterations
 
     def part(self, k: int) -> StepReport:
-        """The k-th of them, as if it were alone."""
+        """The k-th of them, as if it were alone, until the stepper takes the next ones."""
         return self
 
     @property
@@ -174,7 +174,7 @@ class BlockReport(StepReport):
     Attributes
     ----------
     block : BlockOfSteps
-        All of them.
+        All of them, until the stepper takes the next ones.
     times : (steps,) array
         Of their ends (s).
     """
@@ -192,13 +192,9 @@ class BlockReport(StepReport):
         work = StepWork(float(block.loads.sum()), dissipated=taken, numerical=taken)
         own = int(block.iterations[-1]), 1, float(block.residual[-1])
         out = cls(state, *own, work, made, block, times, state)
-        last, index = block.steps - 1, state.index + block.steps
-        q, p = block.q[last].copy(), block.p[last].copy()
-        carried, plain = carried_rates(block.rates[last]), block.stuck
-        out.state = State(
-            float(times[last]), index, q, p, False, None, carried, origin, plain=plain
-        )
-        out._solved = made._replace(state=out._start(last))
+        out.state = replace(state, made_by=origin)
+        out.state = replace(out._start(block.steps), plain=block.stuck)
+        out._solved = made._replace(state=out._start(block.steps - 1))
         return out
 
     @property
@@ -218,7 +214,7 @@ class BlockReport(StepReport):
         ground = self._solved.y1[self._solved.system.rows :]  # nothing moves by prescription
         y1 = np.concatenate([b.q[k].reshape(-1, 3), ground])
         end = self.state if k == self.steps - 1 else self._start(k + 1)
-        solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[k])
+        solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[k].copy())
         return StepReport(end, int(b.iterations[k]), 1, float(b.residual[k]), work, solved)
 
     def _start(self, k: int) -> State:
@@ -226,7 +222,7 @@ class BlockReport(StepReport):
         if not k:
             return self._first
         b, index = self.block, self._first.index + k
-        own = b.q[k - 1], b.p[k - 1], False, None, carried_rates(b.rates[k - 1])
+        own = b.q[k - 1].copy(), b.p[k - 1].copy(), False, None, carried_rates(b.rates[k - 1])
         return State(float(self.times[k - 1]), index, *own, self.state.made_by)
 
 
@@ -802,7 +798,7 @@ class Stepper:
         after = np.arange(1.0, block.steps + 1)
         times = state.time + self.h * after if time is None else time(state.index + after)
         y1 = self.system.extend(block.q[-1], float(times[-1]))
-        made = Solved(self.system, self.integrator, self.h, state, y1, block.impulse[-1])
+        made = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
         return BlockReport.of(block, times, state, made, origin)
 
     def own(self, state: State, varying: bool = False) -> State:
