@@ -71,6 +71,7 @@ from .numbers import (
     TREE_PARTS,
 )
 from .plan import Plan, following
+from .simd import WIDTH
 from .structures import Groups, flags, integers, numba_type_of, room
 from .tree import AXIS, SLIDE, SPHERE
 from .tree import ROTATION as TURN
@@ -866,7 +867,11 @@ def bound_carried(
         # where the iteration has impulses of constraint rows in R
         "closing": arrays["closing"] if len(system.left_rows) and system.plane is None else none,
         "moved_force": np.zeros(1),
-        **{f"log_{name}": np.empty((most, rows, 3)) for name in ("q", "p", "impulse")},
+        # each step begins at a whole vector
+        **{
+            f"log_{name}": np.empty((most, -(-rows // WIDTH) * WIDTH, 3))
+            for name in ("q", "p", "impulse")
+        },
         "log_rates": np.empty((most, count * rows, 3)),
         "log_numbers": np.empty((most, len(LOGGED))),
     }

@@ -15,6 +15,7 @@ from ..types import Floats
 from . import numbers as n
 from .flow import flow_velocity
 from .jit import call_with, inlined
+from .simd import WIDTH, load, store
 
 __all__ = ["begin_rates", "finish_rates", "go_on", "keep", "stay_in_plane"]
 
@@ -151,16 +152,30 @@ def keep(o: Any, numbers: Floats, record: Floats) -> None:
     for i in range(len(n.LOGGED)):
         o.log_numbers[k, i] = record[n.LOGGED[i]]
     R, closing, change, rates, after = o.R, o.closing, o.change, o.rates, o.after
-    q, p, impulse, log_rates = o.log_q, o.log_p, o.log_impulse, o.log_rates
-    for r in range(R.shape[0]):
+    q, p, impulse, log_rates, y1, carried = (
+        o.log_q,
+        o.log_p,
+        o.log_impulse,
+        o.log_rates,
+        o.y1,
+        o.carried,
+    )
+    rows, begin = R.shape[0], k * q.shape[1] * 3 // WIDTH
+    for i in range(3 * rows // WIDTH):
+        store(q, begin + i, load(y1, i))
+        store(p, begin + i, load(carried, i))
+        store(impulse, begin + i, -1.0 * load(R, i))
+    for r in range(max(rows - 1, 0), rows):  # what may be left
         for c in range(3):
-            q[k, r, c], p[k, r, c] = o.y1[r, c], o.carried[r, c]
-            total = -R[r, c]
-            if len(closing) > 0:
-                total += closing[r, c]
-            if moved and record[n.UNMOVED] == 0.0:
-                total += rates[r, c] if early else -o.moved_force[0] * change[r, c]
-            impulse[k, r, c] = total
+            q[k, r, c], p[k, r, c], impulse[k, r, c] = y1[r, c], carried[r, c], -R[r, c]
+    for r in range(closing.shape[0]):
+        for c in range(3):
+            impulse[k, r, c] += closing[r, c]
+    if moved and record[n.UNMOVED] == 0.0:
+        for r in range(rows):
+            for c in range(3):
+                more = rates[r, c] if early else -o.moved_force[0] * change[r, c]
+                impulse[k, r, c] += more
     for r in range(after.shape[0]):
         for c in range(3):
             log_rates[k, r, c] = after[r, c]

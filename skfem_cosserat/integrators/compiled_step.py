@@ -482,14 +482,14 @@ class CompiledStep(CompiledScene):
     def advance_block(self, state: State, steps: int) -> BlockOfSteps:
         """Solve up to `steps` steps in one go, and no more than are kept."""
         solved = self._solved(state, min(steps, self._most))
-        done, o, n = int(self._record[DONE]), self._o, self.system.n
+        done, o, n, rows = int(self._record[DONE]), self._o, self.system.n, self.system.rows
         iterations, residual, loads, taken = o.log_numbers[:done].T.copy()
         return BlockOfSteps(
             not solved,
-            o.log_q[:done].reshape(done, n),
-            o.log_p[:done].reshape(done, n),
+            o.log_q[:done, :rows].reshape(done, n),
+            o.log_p[:done, :rows].reshape(done, n),
             o.log_rates[:done].reshape(done, len(o.table), n),
-            o.log_impulse[:done],
+            o.log_impulse[:done, :rows],
             *(iterations.astype(np.int64), residual, loads, taken),
         )
 
@@ -553,7 +553,7 @@ class CompiledStep(CompiledScene):
     @property
     def impulse(self) -> Floats:
         """``h G^T lambda`` (rows, 3) of the step."""
-        return self._o.log_impulse[int(self._record[DONE]) - 1].copy()
+        return self._o.log_impulse[int(self._record[DONE]) - 1, : self.system.rows].copy()
 
     def carried(self) -> Floats:
         """Momentum (rows, 3) carried on."""
