@@ -66,10 +66,12 @@ from .numbers import (
     ENERGY,
     GRADIENT,
     HESSIAN,
+    LOGGED,
     NUMBERS,
     TREE_PARTS,
 )
 from .plan import Plan, following
+from .simd import WIDTH
 from .structures import Groups, flags, integers, numba_type_of, room
 from .tree import AXIS, SLIDE, SPHERE
 from .tree import ROTATION as TURN
@@ -820,6 +822,7 @@ def bound_carried(
     rates: tuple[int, int, int] = (0, 0, 0),
     nearest: Sequence[Any] | None = None,
     normal: Floats | None = None,
+    most: int = 1,
 ) -> tuple[Any, dict[str, Any]]:
     """What steps carry on, by rows in space; the structure, and its arrays by name.
 
@@ -834,6 +837,8 @@ def bound_carried(
         momentum (rows, 3) that it takes, the velocity (rows, 3) that it gives.
     normal : (3,) array, optional
         Of the plane in which all stays.
+    most : int
+        Steps in one go that are kept.
     """
     rows, mass = system.rows, system.mass.tocsr()
     count, before, moved = rates
@@ -858,6 +863,17 @@ def bound_carried(
         "flow": arrays["flow"].structure,
         "normal": np.zeros(0) if normal is None else np.array(normal),
         "limit": np.zeros(1),
+        "R": arrays["R"],
+        # where the iteration has impulses of constraint rows in R
+        "closing": arrays["closing"] if len(system.left_rows) and system.plane is None else none,
+        "moved_force": np.zeros(1),
+        # each step begins at a whole vector
+        **{
+            f"log_{name}": np.empty((most, -(-rows // WIDTH) * WIDTH, 3))
+            for name in ("q", "p", "impulse")
+        },
+        "log_rates": np.empty((most, count * rows, 3)),
+        "log_numbers": np.empty((most, len(LOGGED))),
     }
     return structures.structure("carried", fields), fields
 

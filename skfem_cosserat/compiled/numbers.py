@@ -23,16 +23,18 @@ SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(19, 25)
 #: what the loop over the iterations leaves behind for the next step, see
 #: :data:`skfem_cosserat.newton.RECORD`; how to start: from no increment, the last one or both
 #: extrapolated (0, 1, 2), and how many are known; work of the loads (J). Of several steps in one
-#: go: how many are asked for and done, and what all took and gave; how far coordinates of closed
+#: go: how many are asked for and done, and matrices factored in all; how far coordinates of closed
 #: loops may go before their rows are looked at, and how far they went since. Energy that moved
-#: velocities took in a step and in all (J), and whether velocities are still to be moved
+#: velocities took in a step (J), and whether velocities are still to be moved
 RECORD = (
     *LOOP,
-    *("start", "known", "work", "asked", "done", "all_iterations", "all_factored", "all_work"),
-    *("all_taken", "clearance", "travelled", "taken", "unmoved"),
+    *("start", "known", "work", "asked", "done", "all_factored"),
+    *("clearance", "travelled", "taken", "unmoved"),
 )
-GUESS, KNOWN, WORK, ASKED, DONE, ALL_ITERATIONS, ALL_FACTORED, ALL_WORK = range(8, 16)
-ALL_TAKEN, CLEARANCE, TRAVELLED, TAKEN, UNMOVED = range(16, 21)
+GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(8, 14)
+CLEARANCE, TRAVELLED, TAKEN, UNMOVED = range(14, 18)
+#: what is kept of these numbers for each of the steps in one go
+LOGGED = ITERATIONS, RESIDUAL, WORK, TAKEN
 
 #: iterations up to which no frame can have got to half a turn, where there are no closed loops
 SHORT = 8

@@ -15,8 +15,9 @@ from ..types import Floats
 from . import numbers as n
 from .flow import flow_velocity
 from .jit import call_with, inlined
+from .simd import WIDTH, load, store
 
-__all__ = ["begin_rates", "finish_rates", "go_on", "stay_in_plane"]
+__all__ = ["begin_rates", "finish_rates", "go_on", "keep", "stay_in_plane"]
 
 #: what leads out of a plane, against the size of its terms, up to which it is nothing but rounding
 LEAST = 4 * np.finfo(np.float64).eps
@@ -138,6 +139,46 @@ def stay_in_plane(o: Any) -> None:
         for c in range(3):
             largest = max(largest, abs(after[r, c]))
     flatten(normal, after, LEAST * largest)
+
+
+@inlined
+def keep(o: Any, numbers: Floats, record: Floats) -> None:
+    """Keep what a step has found: the state at its end, and the impulse of its constraints.
+
+    ``h G^T lambda`` is what balances the step, and what moved its velocities: at the node of the
+    start that is what the step before has left.
+    """
+    k, early, moved = int(record[n.DONE]) - 1, numbers[n.WEIGHT] == 0.0, len(o.moved) > 0
+    for i in range(len(n.LOGGED)):
+        o.log_numbers[k, i] = record[n.LOGGED[i]]
+    R, closing, change, rates, after = o.R, o.closing, o.change, o.rates, o.after
+    q, p, impulse, log_rates, y1, carried = (
+        o.log_q,
+        o.log_p,
+        o.log_impulse,
+        o.log_rates,
+        o.y1,
+        o.carried,
+    )
+    rows, begin = R.shape[0], k * q.shape[1] * 3 // WIDTH
+    for i in range(3 * rows // WIDTH):
+        store(q, begin + i, load(y1, i))
+        store(p, begin + i, load(carried, i))
+        store(impulse, begin + i, -1.0 * load(R, i))
+    for r in range(max(rows - 1, 0), rows):  # what may be left
+        for c in range(3):
+            q[k, r, c], p[k, r, c], impulse[k, r, c] = y1[r, c], carried[r, c], -R[r, c]
+    for r in range(closing.shape[0]):
+        for c in range(3):
+            impulse[k, r, c] += closing[r, c]
+    if moved and record[n.UNMOVED] == 0.0:
+        for r in range(rows):
+            for c in range(3):
+                more = rates[r, c] if early else -o.moved_force[0] * change[r, c]
+                impulse[k, r, c] += more
+    for r in range(after.shape[0]):
+        for c in range(3):
+            log_rates[k, r, c] = after[r, c]
 
 
 @inlined

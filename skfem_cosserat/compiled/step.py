@@ -11,7 +11,7 @@ from ..types import Floats, IndexArray
 from . import numbers as n
 from .flow import BORDER
 from .jit import call, call_back, call_beams, inlined, jit
-from .rates import begin_rates, finish_rates, go_on, stay_in_plane
+from .rates import begin_rates, finish_rates, go_on, keep, stay_in_plane
 from .simd import WIDTH, load, store
 
 __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
@@ -270,7 +270,7 @@ def solve_one(
 def solve(
     p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats, o: Any
 ) -> bool:
-    """Solve as many steps as are asked for, each from where the last one ended.
+    """Solve as many steps as are asked for, each from where the last one ended, and keep them.
 
     It ends early where the caller has to look: after a step that takes many iterations, after
     motions of closed loops, or where velocities are left to be moved. False: the last one tried was
@@ -297,11 +297,9 @@ def solve(
         if not solved:
             return False
         record[n.DONE] += 1.0
-        record[n.ALL_ITERATIONS] += record[n.ITERATIONS]
-        record[n.ALL_WORK] += record[n.WORK]
         finish_rates(o, numbers, record)
-        record[n.ALL_TAKEN] += record[n.TAKEN]
         stay_in_plane(o)
+        keep(o, numbers, record)
         if record[n.DONE] >= record[n.ASKED] or record[n.ITERATIONS] > n.SHORT:
             return True
         if record[n.UNMOVED] > 0.0:

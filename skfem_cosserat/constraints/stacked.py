@@ -93,12 +93,23 @@ class Entries:
     powers: IndexArray
     one: int
 
+    def __post_init__(self) -> None:
+        # products of many variables come first: each factor is that of a slice of them
+        powers, none = self.powers, self.powers == self.one
+        order = np.argsort(none.sum(axis=1), kind="stable")
+        shift = np.argsort(none[order], axis=1, kind="stable")
+        self.powers = np.take_along_axis(powers[order], shift, axis=1)
+        place = np.argsort(order).astype(self.sums.indices.dtype)
+        self.sums = csr_matrix(
+            (self.sums.data, place[self.sums.indices], self.sums.indptr), shape=self.sums.shape
+        )
+
     def values(self, variables: Floats) -> Floats:
-        """Entries (e, N) for variables (k, N), the last of which is one."""
+        """Entries (e, N) for variables (k, N), one of which is one."""
         out = variables[self.powers[:, 0]]
-        for k in range(1, 4):
-            more = np.flatnonzero(self.powers[:, k] != self.one)
-            out[more] *= variables[self.powers[more, k]]
+        for factors in self.powers.T[1:]:
+            some = int((factors != self.one).sum())
+            out[:some] *= variables[factors[:some]]
         return np.asarray(self.sums @ out)
 
 

@@ -178,8 +178,12 @@ def momentum(system: System, v: ArrayLike) -> Floats:
     [6.0, 0.0, 0.0]
     """
     V, single = as_stack(system, "v", v)
-    rows = V.reshape(len(V), system.rows, 3).transpose(1, 0, 2).reshape(system.rows, -1)
-    out = (system.mass @ rows).reshape(system.rows, len(V), 3).transpose(1, 0, 2)
+    out, size = np.empty((len(V), system.rows, 3)), _states(system.n)
+    for start in range(0, len(V), size):
+        some = V[start : start + size].reshape(-1, system.rows, 3)
+        rows = some.transpose(1, 0, 2).reshape(system.rows, -1)
+        found = (system.mass @ rows).reshape(system.rows, -1, 3)
+        out[start : start + size] = found.transpose(1, 0, 2)
     return out[0].reshape(-1) if single else out.reshape(len(V), system.n)
 
 

@@ -155,13 +155,9 @@ class HistoryWriter:
                 self._names = tuple(row)
                 if all(map(_is_plain, row.values())):  # else no row is as the first without a look
                     self._types = tuple(map(type, row.values()))
-            if values.keys() != self._buffer.keys():
-                odd = sorted(values.keys() ^ self._buffer.keys())
-                found = "is new" if odd[0] in values else "is missing"
-                text = f"{found}; all rows have the same entries"
-                raise InputError(f"row entry {odd[0]!r}", text)
+            self._check_names(values)
             for name, value in values.items():
-                self._check(name, value)
+                self._check(name, value.shape, value.dtype)
         if self._fill == self._block:
             self._flush()
         k, buffer = self._fill, self._buffer
@@ -170,6 +166,37 @@ class HistoryWriter:
             buffer[name][k] = values[name]
         self._fill += 1
         self._rows += 1
+        if self._failure is not None:
+            self._say()
+
+    def extend(self, rows: Mapping[str, Array]) -> None:
+        """Record several states, after a first one (copied).
+
+        Parameters
+        ----------
+        rows : mapping of str to array
+            As for :meth:`append`, with an axis for the states before all others.
+
+        Raises
+        ------
+        InputError
+            Naming the entry that does not fit the first row, or if the writer is closed.
+        """
+        self._check_open()
+        self._check_names(rows)
+        for name, values in rows.items():
+            self._check(name, values.shape[1:], values.dtype)
+        done, count = 0, len(rows["t"])
+        while done < count:
+            if self._fill == self._block:
+                self._flush()
+            taken = min(count - done, self._block - self._fill)
+            here, there = slice(self._fill, self._fill + taken), slice(done, done + taken)
+            for name, values in rows.items():
+                self._buffer[name][here] = values[there]
+            self._fill += taken
+            self._rows += taken
+            done += taken
         if self._failure is not None:
             self._say()
 
@@ -339,17 +366,24 @@ class HistoryWriter:
                 return False
         return True
 
-    def _check(self, name: str, value: Array) -> None:
+    def _check_names(self, values: Mapping[str, Array]) -> None:
+        if values.keys() != self._buffer.keys():
+            odd = sorted(values.keys() ^ self._buffer.keys())
+            found = "is new" if odd[0] in values else "is missing"
+            text = f"{found}; all rows have the same entries"
+            raise InputError(f"row entry {odd[0]!r}", text)
+
+    def _check(self, name: str, shape: tuple[int, ...], dtype: Any) -> None:
         model = self._buffer[name]
-        if value.shape != model.shape[1:]:
+        if shape != model.shape[1:]:
             raise InputError(
                 f"row entry {name!r}",
-                f"got shape {value.shape}, expected {model.shape[1:]} as in the first row",
+                f"got shape {shape}, expected {model.shape[1:]} as in the first row",
             )
-        if value.dtype != model.dtype:
+        if dtype != model.dtype:
             raise InputError(
                 f"row entry {name!r}",
-                f"got data type {value.dtype}, expected {model.dtype} as in the first row",
+                f"got data type {dtype}, expected {model.dtype} as in the first row",
             )
 
     def _begin(self, values: Mapping[str, Array]) -> None:

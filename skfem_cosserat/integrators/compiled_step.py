@@ -10,9 +10,6 @@ import numpy as np
 
 from ..compiled.numbers import (
     ALL_FACTORED,
-    ALL_ITERATIONS,
-    ALL_TAKEN,
-    ALL_WORK,
     AMPLITUDE,
     AMPLITUDE0,
     ASKED,
@@ -212,32 +209,40 @@ class Viscous:
 # -- steps: the same iteration as that of the stepper, in a few compiled calls ---------------------
 
 
+#: most steps in one go, and most unknowns in all of them together: what is kept of them is small,
+#: and takes less than a second, as Ctrl-C waits for it
+STRIDE, KEPT_UNKNOWNS = 128, 10**5
+
+
 class BlockOfSteps(NamedTuple):
-    """Steps that were solved in one go.
+    """Steps that were solved in one go, one after the other; the next ones overwrite its arrays.
 
     Attributes
     ----------
-    steps, iterations : int
-        How many, and the Newton iterations of all of them.
-    last : int
-        Iterations of the last one.
     stuck : bool
-        Whether the step after it was tried, and not solved.
-    work : StepWork
-        Of all steps.
-    before, after : (array, array, array or None)
-        q, p and what else is carried at the start and the end of the last one; at its end both, if
-        the step after
-        it was tried.
+        Whether the step after them was tried, and not solved.
+    q, p, rates : (steps, n), (steps, n), (steps, k, n) arrays
+        States at their ends; k = 0 where no rates are carried.
+    impulse : (steps, rows, 3) array
+        ``h G^T lambda``.
+    iterations, residual, loads, taken : (steps,) arrays
+        Newton iterations, scaled residual, work of the loads, and what the scheme took (J).
     """
 
-    steps: int
-    iterations: int
-    last: int
     stuck: bool
-    work: StepWork
-    before: tuple[Floats, Floats, dict[str, Floats]]
-    after: tuple[Floats, Floats, dict[str, Floats]]
+    q: Floats
+    p: Floats
+    rates: Floats
+    impulse: Floats
+    iterations: IndexArray
+    residual: Floats
+    loads: Floats
+    taken: Floats
+
+    @property
+    def steps(self) -> int:
+        """How many."""
+        return len(self.q)
 
 
 class CompiledStep(CompiledScene):
@@ -304,6 +309,7 @@ class CompiledStep(CompiledScene):
             or (self._moves and self._nearest is None)
             or (scheme.at_end and not system.loading.dead_only)
             or scheme.decay
+            or (integrator.loses and 0 < scheme.weight < 1)  # forces at states take more than means
         )
         self._solve = self._entry()
 
@@ -313,8 +319,9 @@ class CompiledStep(CompiledScene):
 
         self._moves = bool(scheme.moved) and self.system.m > 0
         counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
+        self._most = max(1, min(STRIDE, KEPT_UNKNOWNS // max(1, self.system.n)))
         nearest = None if self._nearest is None else self._nearest.bound
-        own = counts, nearest, self._normal
+        own = counts, nearest, self._normal, self._most
         self._carried, arrays = bind.bound_carried(self.system, self._arrays, *own)
         self._o = SimpleNamespace(**arrays)
         self._set_rates(scheme)
@@ -332,6 +339,7 @@ class CompiledStep(CompiledScene):
         self._of_drift = np.array(scheme.rates)
         if self.late:
             o.of_drift[:] = scheme.rates if scheme.rates else 0.0
+        o.moved_force[:] = scheme.moved_force
         if len(o.moved):
             o.moved[:] = scheme.moved
 
@@ -472,25 +480,18 @@ class CompiledStep(CompiledScene):
         return self._alike and (loading.constant or time >= loading.constant_after)
 
     def advance_block(self, state: State, steps: int) -> BlockOfSteps:
-        """Solve up to `steps` steps in one go."""
-        solved = self._solved(state, steps)
-        record, a, rows = self._record, self._a, self.system.rows
-        done, spent = int(record[DONE]), int(record[ALL_ITERATIONS])
-        p0 = a.p0
-        if self.scheme.before:  # what rates take off the balance is in its place
-            p0 = self.system.inertia.dot(self._o.rates[:rows])
-        before = (
-            a.y0[:rows].flatten(),
-            p0.flatten(),
-            carried_rates(self._o.rates, len(self._o.table)),
+        """Solve up to `steps` steps in one go, and no more than are kept."""
+        solved = self._solved(state, min(steps, self._most))
+        done, o, n, rows = int(self._record[DONE]), self._o, self.system.n, self.system.rows
+        iterations, residual, loads, taken = o.log_numbers[:done].T.copy()
+        return BlockOfSteps(
+            not solved,
+            o.log_q[:done, :rows].reshape(done, n),
+            o.log_p[:done, :rows].reshape(done, n),
+            o.log_rates[:done].reshape(done, len(o.table), n),
+            o.log_impulse[:done, :rows],
+            *(iterations.astype(np.int64), residual, loads, taken),
         )
-        # of a step that was not solved nothing is left of how the one before came about
-        after = before
-        if solved:
-            after = a.y1[:rows].flatten(), a.carried.flatten(), self.handed_on
-        taken = float(record[ALL_TAKEN])
-        work = StepWork(float(record[ALL_WORK]), dissipated=taken, numerical=taken)
-        return BlockOfSteps(done, spent, int(record[ITERATIONS]), not solved, work, before, after)
 
     @property
     def handed_on(self) -> dict[str, Floats]:
@@ -521,9 +522,6 @@ class CompiledStep(CompiledScene):
             self.resume(a.before.ravel()[self._numbering] if known else None)
             record[KEPT] = 0.0
             record[DONE] -= 1
-            record[ALL_ITERATIONS] -= record[ITERATIONS]
-            record[ALL_WORK] -= record[WORK]
-            record[ALL_TAKEN] -= record[TAKEN]
             solved = False
         if not solved:
             self._travelled = np.inf
@@ -553,21 +551,9 @@ class CompiledStep(CompiledScene):
         return self._a.y1.copy()
 
     @property
-    def balance(self) -> Floats:
-        """R (rows, 3) of the step."""
-        if len(self.system.left_rows):  # the iteration has the impulses of constraint rows in it
-            return self._a.R - self._a.closing
-        return self._a.R
-
-    @property
     def impulse(self) -> Floats:
-        """``h G^T lambda`` (rows, 3) of the step: what balances it, and what moved velocities."""
-        impulse = -self.balance
-        if not self._moves or self.unmoved:
-            return impulse
-        if self.scheme.weight == 0:  # of this node, as the step before has left it
-            return impulse + self._o.rates
-        return impulse - self.scheme.moved_force * self._o.change
+        """``h G^T lambda`` (rows, 3) of the step."""
+        return self._o.log_impulse[int(self._record[DONE]) - 1, : self.system.rows].copy()
 
     def carried(self) -> Floats:
         """Momentum (rows, 3) carried on."""
@@ -704,8 +690,3 @@ class CompiledPlane(CompiledStep):
         self._arrays = arrays | {name: outside[name] for name in own}
         self._number()
         return table, s, m, w, g
-
-    @property
-    def balance(self) -> Floats:
-        """See the base class: made where a step ends, without the impulses of closed loops."""
-        return self._a.R

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator, March
 from .choice import FACTOR, WORTHWHILE, built, choose_kernels
-from .compiled_step import CompiledStep, compiled_step
+from .compiled_step import BlockOfSteps, CompiledStep, compiled_step
 from .scheme import State, StepOrigin, StepWork, carried_rates
 from .step_balance import Evaluation, StepBalance, StepData
 
@@ -123,6 +123,10 @@ class StepReport:
         """Newton iterations of all of them."""
         return self.iterations
 
+    def part(self, k: int) -> StepReport:
+        """The k-th of them, as if it were alone, until the stepper takes the next ones."""
+        return self
+
     @property
     def step(self) -> float:
         """Its size (s)."""
@@ -167,21 +171,59 @@ class StepReport:
 class BlockReport(StepReport):
     """Report of the last of several steps that were solved in one go, with the work of all.
 
-    Where the step after it was tried and not solved, there are no momentum and constraint force.
+    Attributes
+    ----------
+    block : BlockOfSteps
+        All of them, until the stepper takes the next ones.
+    times : (steps,) array
+        Of their ends (s).
     """
 
-    _steps: int
-    _all_iterations: int
+    block: BlockOfSteps
+    times: Floats
+    _first: State
+
+    @classmethod
+    def of(
+        cls, block: BlockOfSteps, times: Floats, state: State, made: Solved, origin: StepOrigin
+    ) -> BlockReport:
+        """Report of steps from a state on; `made` is of the last of them, but for its start."""
+        taken = float(block.taken.sum())
+        work = StepWork(float(block.loads.sum()), dissipated=taken, numerical=taken)
+        own = int(block.iterations[-1]), 1, float(block.residual[-1])
+        out = cls(state, *own, work, made, block, times, state)
+        out.state = replace(state, made_by=origin)
+        out.state = replace(out._start(block.steps), plain=block.stuck)
+        out._solved = made._replace(state=out._start(block.steps - 1))
+        return out
 
     @property
     def steps(self) -> int:
         """See the base class."""
-        return self._steps
+        return self.block.steps
 
     @property
     def all_iterations(self) -> int:
         """See the base class."""
-        return self._all_iterations
+        return int(self.block.iterations.sum())
+
+    def part(self, k: int) -> StepReport:
+        """See the base class."""
+        b = self.block
+        work = StepWork(float(b.loads[k]), dissipated=b.taken[k], numerical=b.taken[k])
+        ground = self._solved.y1[self._solved.system.rows :]  # nothing moves by prescription
+        y1 = np.concatenate([b.q[k].reshape(-1, 3), ground])
+        end = self.state if k == self.steps - 1 else self._start(k + 1)
+        solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[k].copy())
+        return StepReport(end, int(b.iterations[k]), 1, float(b.residual[k]), work, solved)
+
+    def _start(self, k: int) -> State:
+        """Where the k-th step starts."""
+        if not k:
+            return self._first
+        b, index = self.block, self._first.index + k
+        own = b.q[k - 1].copy(), b.p[k - 1].copy(), False, None, carried_rates(b.rates[k - 1])
+        return State(float(self.times[k - 1]), index, *own, self.state.made_by)
 
 
 @dataclass(eq=False, repr=False)
@@ -303,6 +345,20 @@ def force_of_state(
     last, own, following = (_off(system, at) for at in (before.start, state, step.state))
     one, other = one + (own - last) / h, other - (own - following) / k
     return state, np.asarray((k * one + h * other) / (h + k))
+
+
+def forces_of_states(integrator: Integrator, h: float, before: Floats, after: Floats) -> Floats:
+    """The same of many states between equal steps, of schemes that take no energy at midpoints.
+
+    Parameters
+    ----------
+    before, after : (N, n) arrays
+        Impulses ``h G^T lambda`` of the steps that lead to each, and of those that follow.
+    """
+    weight = integrator.constraint_weight
+    if weight in (0, 1):
+        return (before if weight else after) / h
+    return 0.5 / h * (before + after)
 
 
 def _off(system: System, state: State) -> Floats:
@@ -684,7 +740,7 @@ class Stepper:
         return fast is not None and fast.takes_blocks(state.time)
 
     def advance_block(
-        self, state: State, steps: int, time: Callable[[int], float] | None = None
+        self, state: State, steps: int, time: Callable[[Any], Any] | None = None
     ) -> StepReport:
         """Solve up to so many steps in one go, at least one: the same ones, for less.
 
@@ -695,7 +751,8 @@ class Stepper:
         steps : int
             How many at most; fewer are taken where something has to be looked at.
         time : callable, optional
-            Time (s) of the new state by its index; default: that of `state` and the steps.
+            Times (s) of states by their indices, one or an array; default: that of `state` and the
+            steps.
 
         Returns
         -------
@@ -738,18 +795,11 @@ class Stepper:
         if not block.steps:
             return self.advance(replace(state, plain=True), next_time)
         self._first, self._left_in_a_row = False, 0
-        k, index = block.steps, state.index + block.steps
-        fresh, where = state.fresh and k == 1, (state.time + (k - 1) * self.h, index - 1)
-        before = State(*where, *block.before[:2], fresh, None, block.before[2], origin)
-        end = state.time + k * self.h if time is None else time(index)
-        q, p, carried = block.after
-        new = State(end, index, q, p, False, None, carried, origin, plain=block.stuck)
-        y1, impulse = fast.y1, fast.impulse
-        if block.stuck:
-            y1, impulse = self.system.extend(new.q, new.time), np.full_like(impulse, np.nan)
-        solved = Solved(self.system, self.integrator, self.h, before, y1, impulse)
-        given = new, block.last, 1, fast.residual, block.work, solved
-        return BlockReport(*given, k, block.iterations)
+        after = np.arange(1.0, block.steps + 1)
+        times = state.time + self.h * after if time is None else time(state.index + after)
+        y1 = self.system.extend(block.q[-1], float(times[-1]))
+        made = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
+        return BlockReport.of(block, times, state, made, origin)
 
     def own(self, state: State, varying: bool = False) -> State:
         """The state, if this scheme and step made it; else a start from its q and p.

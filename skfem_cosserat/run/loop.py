@@ -270,10 +270,10 @@ def simulate(
         time that is not a multiple of the step is an :class:`AccuracyWarning`, which says where the
         run ended.
     every : int
-        Record every k-th step (the first and the last state always). What lies between compiled
-        kernels take in one go, where loads are constant and there are no force elements, damping
-        and prescribed motion: the same steps for less, unless callbacks, sensors or a function for
-        `progress` look at each.
+        Record every k-th step (the first and the last state always). Compiled kernels take many
+        steps in one go, recorded ones too, where loads are constant and there are no force
+        elements, damping and prescribed motion: the same steps for less, unless callbacks, sensors
+        or a function for `progress` look at each.
     at : sequence of float, optional
         Record the states nearest to these times instead, beside the first and the last.
     callbacks : sequence of callable
@@ -462,7 +462,7 @@ def _planned(
 ) -> tuple[SteppingPlan, Wanted]:
     """How a run goes on in time, and which of its states are recorded.
 
-    Steps in between are taken in one go, unless something looks at each (`looked`).
+    Steps are taken in one go, unless something looks at each (`looked`).
     """
     if isinstance(step, StepControl):
         wanted = timed(state, until, every, at, exact=True)

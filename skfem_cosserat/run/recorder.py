@@ -24,7 +24,7 @@ from ..errors import (
 )
 from ..history import EventRecord, History, HistoryWriter
 from ..integrators import Integrator, State, Stepper, StepReport
-from ..integrators.stepper import force_of_state
+from ..integrators.stepper import BlockReport, force_of_state, forces_of_states
 from ..model import System
 from ..types import Floats, IndexArray, numbers
 from ..warn import Notices, logger, warn
@@ -227,6 +227,22 @@ class Works:
         sums = abs(self.loads), abs(self.actuators), abs(self.drives), abs(self.dissipated)
         self._largest = max(self._largest, *sums)
 
+    def add_block(self, report: BlockReport) -> tuple[Floats, Floats, Floats]:
+        """Steps in one go are done, in which neither drives nor actuators work.
+
+        Returns
+        -------
+        (steps,) arrays
+            After each of them: work of the loads, what is dissipated, and the scheme's part of it.
+        """
+        begun, block = (self.loads, self.dissipated, self._numerical), report.block
+        added = block.loads, block.taken, block.taken
+        sums = np.cumsum(np.c_[begun, added], axis=1)[:, 1:]
+        self.loads, self.dissipated, self._numerical = sums[:, -1].tolist()
+        self._largest = max(self._largest, float(abs(sums[:2]).max()))
+        self._q, self._now = report.state.q, (*self._now[:2], report.state)
+        return sums[0], sums[1], sums[2]
+
     def _force(self, report: StepReport, before: StepReport | None) -> Floats:
         """Constraint force of a step; at a node it is over half of the step before it, too."""
         force = report.constraint_force
@@ -309,8 +325,9 @@ MANY = 40
 #: recorded states after which what sensors saw is written, so that a killed run keeps it, too
 SEEN = 50
 
-#: whether a state is to be recorded, by the state and the size of the step that led to it
-Wanted = Callable[[State, float], bool]
+#: whether states are to be recorded, by indices and times, one or an array of each, and by the size
+#: of the step that led to it
+Wanted = Callable[[Any, Any, float], Any]
 
 
 class Segment(NamedTuple):
@@ -516,12 +533,11 @@ class Recorder:
         self._record(row, self._numerical, kept=True)
 
     def _record(self, row: dict[str, Any], numerical: float, kept: bool) -> None:
-        if not (row and kept):
-            return
-        self._taken.append(numerical)
-        self._rows += 1
-        self._held.append(row)
-        if self._late:
+        if row and kept:
+            self._taken.append(numerical)
+            self._rows += 1
+            self._held.append(row)
+        if self._late or not self._held:
             return
         rows, self._held = self._held, []
         for each in rows:
@@ -558,10 +574,13 @@ class Recorder:
         return self._force
 
     def take(self, report: StepReport) -> None:
-        """A step is done: write the row of its start, and make that of its end."""
-        self._complete_row(report)
-        start = self._row, self._numerical, self._kept
-        self.works.add(report)
+        """Steps are done: write rows of their start and in between, and make that of their end."""
+        self._complete_row(report.part(0))
+        start, between = (self._row, self._numerical, self._kept), None
+        if isinstance(report, BlockReport):
+            between = self._between(report, *self.works.add_block(report))
+        else:
+            self.works.add(report)
         self.bank.take(report)
         self.iterations += report.all_iterations
         state = self._before = report.state
@@ -569,8 +588,56 @@ class Recorder:
         if self._at_end:
             force = self._force = report.constraint_force
         self._row = self._row_of(state, report.iterations, report.attempts, report.residual, force)
-        self._kept = self.wanted(state, report.step)
+        self._kept = bool(self.wanted(state.index, state.time, report.step))
         self._record(*start)
+        if between is not None:
+            self._taken.extend(between.pop("taken").tolist())
+            self._rows += len(between["t"])
+            self.writer.extend(between)
+
+    def _between(
+        self, report: BlockReport, loads: Floats, dissipated: Floats, numerical: Floats
+    ) -> dict[str, Any] | None:
+        """Rows of the states between steps that were solved in one go, by arrays; None: no rows.
+
+        The same as of single steps: see :meth:`_row_of` for what is in a row, and
+        :meth:`_complete_row` for what the step after a state says of it.
+        """
+        self._steps.extend(report.part(k) for k in range(max(1, report.steps - 3), report.steps))
+        first = report.part(0).state.index
+        index = np.arange(first, first + report.steps - 1)
+        k = np.flatnonzero(self.wanted(index, report.times[:-1], report.step))
+        if not len(k):
+            return None
+        block, works, integrator = report.block, self.works, self.stepper.integrator
+        # as slices: no copies
+        own, after = (slice(0, -1), slice(1, None)) if len(k) == len(index) else (k, k + 1)
+        h, impulse = report.step, block.impulse.reshape(report.steps, -1)
+        p = block.p[own]
+        force = forces_of_states(integrator, h, impulse[own], impulse[after])
+        count = len(k)
+        rows = {
+            "t": report.times[own],
+            "step": index[k],
+            "q": block.q[own],
+            "p": p if self._carries else p - 0.5 * impulse[after],
+            "carried": p,
+            "fresh": np.zeros(count),
+            "constraint_force": force,
+            "newton_iterations": block.iterations[own],
+            "attempts": np.ones(count, dtype=np.int64),
+            "residual": block.residual[own],
+            "work_loads": loads[own],
+            "work_actuators": np.full(count, works.actuators),
+            "work_drives": np.full(count, works.drives),
+            "dissipated": dissipated[own],
+            "taken": numerical[own],
+        }
+        if self._angles:
+            rows["turns"] = np.zeros((count, len(self._angles)), dtype=np.int64)
+        if self._remembered:
+            rows["rates"] = block.rates[own]
+        return rows
 
     def row_of_event(self) -> int:
         """Number of the row of the present state, which is recorded."""
@@ -736,26 +803,17 @@ class Numbered:
         """How many states are recorded, if all steps are solved; some more at most."""
         return (self._count // self._every if self._at is None else len(self._at)) + 2
 
-    def __call__(self, state: State, h: float) -> bool:
-        """Whether a state is to be recorded."""
-        k = state.index - self._first
+    def __call__(self, index: Any, time: Any, h: float) -> Any:
+        """Whether states are to be recorded."""
+        k = index - self._first
         if self._at is None:
-            return k % self._every == 0 or k == self._count
-        place = int(np.searchsorted(self._at, k))
-        return place < len(self._at) and int(self._at[place]) == k
+            return (k % self._every == 0) | (k == self._count)
+        return np.isin(k, self._at)
 
     def ahead(self, state: State) -> int:
-        """Steps to the next state that is recorded, or the last one; one from such a state.
-
-        The step that follows a recorded state completes its row, the first three that of the start.
-        """
+        """Steps that may be taken in one go; the first three, which complete the start, are not."""
         k = state.index - self._first
-        if k < 3 or self(state, 0.0):
-            return 1
-        if self._at is None:
-            return min(self._every - k % self._every, self._count - k)
-        left = self._at[np.searchsorted(self._at, k) :]
-        return int(left[0] if len(left) else self._count) - k
+        return 1 if k < 3 else self._count - k
 
 
 def timed(
@@ -764,12 +822,13 @@ def timed(
     """The same where steps may differ; `exact`: steps end at the given times."""
     first = state.index
     if at is None:
-        return lambda state, h: (state.index - first) % every == 0
+        return lambda index, time, h: (index - first) % every == 0
     times = np.sort(_times(at, state.time, until, every))
 
-    def wanted(state: State, h: float) -> bool:
+    def wanted(index: Any, time: Any, h: float) -> Any:
         half = 1e-9 * h if exact else 0.5 * h
-        return bool(((times > state.time - half) & (times <= state.time + half)).any())
+        upto = np.searchsorted(times, time + half, "right")
+        return upto > np.searchsorted(times, time - half, "right")
 
     return wanted
 

@@ -23,10 +23,6 @@ from ..warn import logger
 
 # -- how a run goes on in time: steps of one size, or others that a controller chooses -------------
 
-#: most steps in one go, and most unknowns moved in all of them together: for less than a second,
-#: as Ctrl-C waits for them
-STRIDE, MOVED = 256, 10**6
-
 
 @dataclass
 class StepperFactory:
@@ -108,7 +104,6 @@ class FixedSteps(SteppingPlan):
     ) -> None:
         self.stepper, self._ahead = stepper, ahead
         self.h = self._size = stepper.h
-        self._most = max(1, min(STRIDE, MOVED // max(1, stepper.system.n)))
         self._origin, self._first, self._count = state.time, state.index, count
         self._end = until
         if until is not None:
@@ -119,14 +114,14 @@ class FixedSteps(SteppingPlan):
         k = state.index + 1 - self._first
         if k > self._count:
             return []
-        ahead = 1 if self._ahead is None else min(self._ahead(state), self._most)
+        ahead = 1 if self._ahead is None else self._ahead(state)
         if ahead > 1 and self.stepper.takes_blocks(state):
             return [self.stepper.advance_block(state, ahead, self._time)]
         h = None if self._end is None else self.h
         return [self.stepper.advance(state, self._time(state.index + 1), h)]
 
-    def _time(self, index: int) -> float:
-        """Of the state with this index: t_n = t_0 + n h, no rounding adds up over many steps."""
+    def _time(self, index: Any) -> Any:
+        """Of states with these indices: t_n = t_0 + n h, no rounding adds up over many steps."""
         return self._origin + (index - self._first) * self.h
 
     def begin(self, stepper: Stepper, state: State) -> None:

@@ -13,8 +13,8 @@ import test_closed_loops
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper
 from skfem_cosserat.compiled.numbers import DONE
+from skfem_cosserat.integrators import compiled_step
 from skfem_cosserat.integrators.compiled_step import CompiledStep
-from skfem_cosserat.run import step_size
 from skfem_cosserat.run.recorder import Numbered
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
@@ -24,10 +24,6 @@ from paper import three_bar_swing as swing
 pytest.importorskip("numba")
 
 SLOW = pytest.mark.slow
-SERIES = (
-    *("step", "q", "p", "carried", "constraint_force", "newton_iterations", "attempts"),
-    "residual",
-)
 
 
 @pytest.fixture
@@ -54,13 +50,16 @@ def run(system, integrator, treatment, step, until, **options):
 
 
 def assert_the_same(a, b):
-    for name in SERIES:
+    """All that was recorded, to the last bit."""
+    assert sorted(a) == sorted(b) and {"q", "constraint_force", "work_loads", "fresh"} < set(a)
+    for name in a:
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+        assert a[name].dtype == b[name].dtype, name
     np.testing.assert_array_equal(a.times, b.times)
-    # summed up in another order
-    np.testing.assert_allclose(a["work_loads"], b["work_loads"], rtol=1e-13, atol=1e-15)
-    for name in ("newton_iterations", "factorisations", "status"):
+    assert a.meta.keys() == b.meta.keys()
+    for name in a.meta.keys() - {"energy_balance"}:
         assert a.meta[name] == b.meta[name], name
+    assert a.meta.get("energy_balance") == pytest.approx(b.meta.get("energy_balance"), rel=1e-12)
 
 
 SCENES = [
@@ -80,14 +79,16 @@ def test_the_same_states_to_the_last_bit(blocks, where, integrator, treatment, t
     system = swing.scene("published", theory=theory)
     system = system.freeze(planar=sc.Planar() if where == "plane" else None)
     given = system, integrator, treatment, 1e-2, 2.0
-    seen = []
-    one, _ = run(*given, every=10, callbacks=[lambda report: seen.append(report.steps)])
-    assert not blocks and seen == [1] * 200
-    many, _ = run(*given, every=10)
-    assert_the_same(one, many)
-    looped = isinstance(theory, sc.TheoryInextensible)  # its rows are looked at now and then
-    assert 8 <= max(blocks) <= 9
-    assert sum(blocks) > (50 if looped else 85)  # of a hundred without a pulse
+    for every in (1, 3):
+        blocks.clear()
+        seen = []
+        one, _ = run(*given, every=every, callbacks=[lambda r, seen=seen: seen.append(r.steps)])
+        assert not blocks and seen == [1] * 200
+        many, _ = run(*given, every=every)
+        assert_the_same(one, many)
+        looped = isinstance(theory, sc.TheoryInextensible)  # its rows are looked at now and then
+        assert sum(blocks) > (50 if looped else 85)  # of a hundred without a pulse
+        assert looped or max(blocks) > 80
 
 
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # fails
@@ -96,11 +97,12 @@ def test_a_failing_run_fails_at_the_same_step(blocks, planar):
     """The stiff swing with the variational scheme; with all that its attempts at steps say."""
     system = swing.scene("stiff").freeze(planar=planar)
     given = system, sc.Variational(), sc.NullSpace(), 1e-3, 1.0
-    one, error = run(*given, every=50, callbacks=[lambda report: None])
-    many, other = run(*given, every=50)
-    assert_the_same(one, many)
-    assert str(error) == str(other) and error.residuals == other.residuals
-    assert blocks.count(49) > 4
+    for every in (50, 1):
+        one, error = run(*given, every=every, callbacks=[lambda report: None])
+        many, other = run(*given, every=every)
+        assert_the_same(one, many)
+        assert str(error) == str(other) and error.residuals == other.residuals
+    assert sum(blocks) > 1000 and many.meta["status"] == "diverged"
 
 
 def test_steps_of_the_general_way_in_between(blocks):
@@ -188,11 +190,11 @@ def test_states_that_are_asked_for_end_blocks(blocks):
         system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 2.0, at=[0.5, 1.2, 1.21, 1.5]
     )
     assert history["step"].tolist() == [0, 50, 120, 121, 150, 200]
-    assert blocks[-2:] == [28, 49]  # each row is completed by the step after it
+    assert max(blocks) > 80
 
 
 def test_ctrl_c_waits_for_a_few_steps_only(blocks, monkeypatch):
-    monkeypatch.setattr(step_size, "STRIDE", 32)
+    monkeypatch.setattr(compiled_step, "STRIDE", 32)
     system = swing.scene("published").freeze(planar=sc.Planar())
     run(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 3.0, every=10**6)
     assert max(blocks) == 32
@@ -209,6 +211,34 @@ def scene(add):
     model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
     add(model, rod, pin, end)
     return model.freeze()
+
+
+EVERY_SCHEME = (
+    *(sc.EnergyMomentum(), sc.EnergyMomentum(stabilized=True), sc.EnergyDecaying()),
+    *(sc.Variational(), sc.Variational(stabilized=True), sc.Composition(sc.EnergyMomentum())),
+    *(sc.GeneralizedAlpha(0.8), sc.GeneralizedAlpha(0.8, stabilized=False)),
+)
+
+
+@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
+@pytest.mark.parametrize("integrator", EVERY_SCHEME, ids=repr)
+def test_every_scheme_records_the_same(blocks, integrator, treatment, tmp_path):
+    """In memory, in a file, and where a run goes on from a state of another one."""
+    given = scene(MORE["nothing"][0]), integrator, treatment, 6e-4
+    one, _ = run(*given, 0.12, callbacks=[lambda report: None])
+    assert not blocks
+    many, _ = run(*given, 0.12)
+    filed, _ = run(*given, 0.12, path=tmp_path / "run.history")
+    assert_the_same(one, many)
+    assert_the_same(one, filed)
+    assert_the_same(one, sc.History.load(tmp_path / "run.history"))
+    decaying = isinstance(integrator, sc.EnergyDecaying | sc.Composition)
+    assert decaying == (not blocks) and len(one) == 201
+    start = sc.restart(given[0], one.truncated(51), integrator, 6e-4)
+    on = [
+        run(*given, 0.12, start=start, **more)[0] for more in ({"callbacks": [lambda r: None]}, {})
+    ]
+    assert_the_same(*on)
 
 
 MORE = {
@@ -262,11 +292,9 @@ def test_a_number_of_steps_is_a_positive_integer(kernels, steps):
 def test_what_is_recorded_costs_no_memory_of_all_steps():
     state = sc.State(0.0, 7, np.zeros(3), np.zeros(3))
     wanted = Numbered(state, 1e-3, 10**12, 1000, None)
-    ahead = {0: 1, 1: 1, 2: 1, 3: 997, 999: 1, 1000: 1, 1001: 999, 10**12 - 1: 1}
-    for k, expected in ahead.items():
-        assert wanted.ahead(sc.State(0.0, 7 + k, state.q, state.p)) == expected
-    taken = [k for k in (*range(2001), 10**12) if wanted(sc.State(0.0, 7 + k, state.q, state.p), 1)]
-    assert taken == [0, 1000, 2000, 10**12]
+    steps = np.array([*range(2001), 10**12])
+    assert steps[wanted(7 + steps, None, 1e-3)].tolist() == [0, 1000, 2000, 10**12]
+    assert [k for k in steps if wanted(7 + k, None, 1e-3)] == [0, 1000, 2000, 10**12]
 
 
 def test_plain_kernels_take_one_step():
@@ -290,6 +318,9 @@ def test_a_report_is_that_of_the_last_step():
         states[0], work = one.state, work + one.work.loads
     many = steppers[1].advance_block(states[1], 7)
     assert many.steps == 7 and many.work.loads == pytest.approx(work, rel=1e-12)
-    for name in ("momentum", "constraint_force", "constraint_point", "iterations", "step"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(many, name))
+    for other in (many, many.part(6)):
+        for name in ("momentum", "constraint_force", "constraint_point", "iterations", "step"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert many.part(0).start.index == 120 and many.part(3).state.index == 124
+    np.testing.assert_array_equal(many.part(3).state.q, many.part(4).start.q)
     assert many.state.time == pytest.approx(one.state.time, rel=1e-14)

@@ -612,6 +612,35 @@ def disk(monkeypatch):
     return lambda size: left.__setitem__(0, np.inf if size is None else size)
 
 
+@pytest.mark.parametrize("room", [None, 0, 10_000, 30_000, 60_000])
+@pytest.mark.parametrize("streamed", [False, True])
+def test_several_states_at_once_are_the_same_ones(make_scene, tmp_path, disk, streamed, room):
+    """Across blocks; a disk that gets full in their midst is told after all are recorded."""
+    scene, path = make_scene(), tmp_path / "run.history"
+    writer = HistoryWriter(scene.meta, scene.static, path if streamed else None, 10)
+    rows = [scene.row(k) for k in range(25)]
+    disk(room)
+    writer.append(rows[0])
+    for part in (rows[1:8], rows[8:24]):
+        arrays = {name: np.array([row[name] for row in part]) for name in part[0]}
+        try:
+            writer.extend(arrays)
+        except StorageError as error:
+            assert streamed and room is not None
+            assert_equal(scene.history(part[-1]["step"] + 1), error.history)
+    for odd in ({**arrays, "q": arrays["q"][:, 1:]}, {**arrays, "t": arrays["step"]}):
+        with pytest.raises(InputError, match="as in the first row"):
+            writer.extend(odd)
+    with pytest.raises(InputError, match="row entry 'q': is missing"):
+        writer.extend({name: array for name, array in arrays.items() if name != "q"})
+    try:
+        writer.append(rows[24])
+    except StorageError:
+        assert streamed and room is not None
+    assert len(writer) == 25
+    assert_equal(scene.history(25), writer.history())
+
+
 @pytest.mark.parametrize("room", [0, 10_000, 30_000, 60_000, 68_500])
 def test_a_full_disk_loses_nothing(make_scene, tmp_path, disk, room):
     scene, path = make_scene(), tmp_path / "run.history"
