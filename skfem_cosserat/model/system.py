@@ -276,7 +276,7 @@ class System:
 
     def spot(self, place: Place) -> Spot:
         """Number of a place's vertex, with its material coordinates."""
-        offset = tuple(float(X) for X in place.offset)
+        offset = tuple(place.offset.tolist())
         if place.item is not None:
             if id(place.item) not in self.first:
                 known = listed([i.label for i in self.structures])

@@ -410,10 +410,7 @@ class _Adding:
     def vertex(self, v: int, edge: Edge | None) -> None:
         self.v, self.tree.own[v] = v, []
         if edge is None:
-            for axis in self.directions:
-                self.add("translation", axis)
-            if self.tree.is_frame[v]:
-                self._turns(Spot(v))
+            self._free(v)
         elif isinstance(edge.joint, ConstrainedElement):
             if edge.joint.rigid:
                 return
@@ -421,6 +418,19 @@ class _Adding:
             self._turns(edge.child_spot)
         else:
             self._joint(edge, edge.joint)
+
+    def _free(self, v: int) -> None:
+        """Of most vertices of beams: all at once."""
+        coordinates, own, centre = self.tree.coordinates, self.tree.own[v], Spot(v)
+        number = len(coordinates)
+        for axis in self.directions:
+            own.append(number)
+            coordinates.append(Coordinate("translation", v, number, axis))
+            number += 1
+        for axis in self.axes if self.tree.is_frame[v] else ():
+            own.append(number)
+            coordinates.append(Coordinate("rotation", v, number, axis, -1, centre))
+            number += 1
 
     def _turns(self, centre: Spot) -> None:
         for axis in self.axes:
