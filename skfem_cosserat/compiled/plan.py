@@ -16,7 +16,7 @@ from ..joint import JointDrive
 from ..model import System
 from ..model.loading import Followers
 from ..model.plane_rows import acting_rows
-from ..pattern import shared
+from ..pattern import order_by, shared
 from ..types import ArrayLike, Floats, IndexArray
 
 __all__ = ["Plan", "RowBlock", "following", "plan_of", "row_blocks"]
@@ -297,7 +297,7 @@ def _sorted_lists(sets: Sequence[Collection[int]]) -> tuple[IndexArray, IndexArr
     ptr = np.concatenate([[0], np.cumsum(sizes)])
     members = np.fromiter(chain.from_iterable(sets), dtype=np.int64, count=ptr[-1])
     owner = np.repeat(np.arange(len(sets)), sizes)
-    return ptr, members[np.lexsort((members, owner))]
+    return ptr, members[order_by(members, owner)]
 
 
 class _Graph:
