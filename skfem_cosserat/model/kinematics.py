@@ -454,7 +454,7 @@ class Kinematics:
                 (e.parent_spot, e.child_spot),
             )
             for e in tree.edges
-            if e.joint.freedom().sphere and tree.plane is None
+            if e.freedom.sphere and tree.plane is None
         ]
         cs = [*tree.coordinates, *tree.driven]
         #: vertex of each coordinate; numbers of those of each kind, driven ones behind the others

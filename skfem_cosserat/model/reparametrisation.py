@@ -122,7 +122,7 @@ class Reparametrisation:
         kin, tree = self.kin, self.kin.tree
         frame = set(kin.frames.tolist())
         self._relative = [
-            e for e in tree.edges if e.child in frame and e.joint.freedom().turns is not None
+            e for e in tree.edges if e.child in frame and e.freedom.turns is not None
         ]
         number = {c.number: i for i, c in enumerate(kin.guided)}
         self._layers = _layers([tree.turns.get(e.child, []) for e in self._relative], number)
