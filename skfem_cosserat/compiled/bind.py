@@ -572,9 +572,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
 def _edges(system: System) -> dict[str, Any]:
     row, tree = system.kinematics.row, system.tree
     edges, count = tree.edges, len(system.origin_rows)
-    relative = [
-        e.freedom.turns is not None and bool(system.is_frame[e.child]) for e in edges
-    ]
+    relative = [e.freedom.turns is not None and bool(system.is_frame[e.child]) for e in edges]
     fulcrums = [fulcrum_of(e, r) for e, r in zip(edges, relative, strict=True)]
     return {
         "swing": np.zeros((len(edges), 4)),

@@ -281,8 +281,8 @@ class System:
             if id(place.item) not in self.first:
                 known = listed([i.label for i in self.structures])
                 raise InputError("place", f"{place.label} is not in this system, which has {known}")
-            return Spot(self.first[id(place.item)][0] + place.vertex, offset)  # type: ignore[arg-type]
-        return Spot(len(self.origin_rows) + self.grounds.number(place), offset)  # type: ignore[arg-type]
+            return Spot(self.first[id(place.item)][0] + place.vertex, offset)
+        return Spot(len(self.origin_rows) + self.grounds.number(place), offset)
 
     def row_of(self, place: Place) -> int:
         """First row of y of a place's vertex."""
