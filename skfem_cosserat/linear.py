@@ -654,11 +654,12 @@ class LinearSolver:
         band = Band(pattern)
         if band.lower + band.upper <= BAND:
             return SolverBanded().bind(pattern, band)
-        others: list[tuple[str, Solver]] = [("pypardiso", SolverPardiso())]
-        if balanced(pattern):
-            others.append(("pymetis", SolverMetis()))
+        others: list[tuple[str, Solver]] = [
+            ("pypardiso", SolverPardiso()),
+            ("pymetis", SolverMetis()),
+        ]
         for package, solver in others if n >= OPTIONAL else []:
-            if find_spec(package) is None:
+            if find_spec(package) is None or (package == "pymetis" and not balanced(pattern)):
                 continue
             try:
                 return solver.bind(pattern)

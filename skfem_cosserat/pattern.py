@@ -61,15 +61,18 @@ class FrozenPattern:
             raise InputError(
                 "argument cols", f"has shape {np.shape(cols)}, rows have {np.shape(rows)}"
             )
-        keys, slot = np.unique(j * self.shape[0] + i, return_inverse=True)
-        column = keys // max(self.shape[0], 1)
-        counts = np.bincount(column, minlength=self.shape[1])
-        small = max(len(keys), *self.shape) < np.iinfo(np.int32).max
+        order = order_by(i, j)
+        key = (j * self.shape[0] + i)[order]
+        new = np.concatenate([[True], key[1:] != key[:-1]])[: len(key)]
+        first = order[new]
+        self.nnz = len(first)
+        small = max(self.nnz, *self.shape) < np.iinfo(np.int32).max
         kind = np.int32 if small else np.int64
-        self.slot: IndexArray = slot.reshape(-1).astype(np.int64)
-        self.indices: Array = (keys - column * self.shape[0]).astype(kind)
+        self.slot: IndexArray = np.empty(len(key), dtype=np.int64)
+        self.slot[order] = np.cumsum(new) - 1
+        self.indices: Array = i[first].astype(kind)
+        counts = np.bincount(j[first], minlength=self.shape[1])
         self.indptr: Array = np.concatenate([[0], np.cumsum(counts)]).astype(kind)
-        self.nnz = len(keys)
         for array in (self.slot, self.indices, self.indptr):
             array.setflags(write=False)
 
@@ -95,6 +98,23 @@ class FrozenPattern:
         out.has_sorted_indices = True
         out.has_canonical_format = True
         return out
+
+
+def order_by(*keys: IndexArray) -> IndexArray:
+    """Order of whole numbers from 0 on, as `np.lexsort` gives it: by the last key first of all.
+
+    Numpy sorts 16 bits by counting, and longer ones by comparison: they are taken in pieces.
+    """
+    order: IndexArray | None = None
+    for key in keys:
+        for shift in range(0, max(int(key.max(initial=0)).bit_length(), 1), 16):
+            piece = (key >> shift).astype(np.uint16)
+            if order is None:
+                order = np.argsort(piece, kind="stable")
+            else:
+                order = order[np.argsort(piece[order], kind="stable")]
+    assert order is not None
+    return order
 
 
 def sum_at(index: IndexArray, values: Array, size: int) -> Array:

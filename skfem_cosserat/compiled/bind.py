@@ -574,9 +574,7 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
 def _edges(system: System) -> dict[str, Any]:
     row, tree = system.kinematics.row, system.tree
     edges, count = tree.edges, len(system.origin_rows)
-    relative = [
-        e.joint.freedom().turns is not None and bool(system.is_frame[e.child]) for e in edges
-    ]
+    relative = [e.freedom.turns is not None and bool(system.is_frame[e.child]) for e in edges]
     fulcrums = [fulcrum_of(e, r) for e, r in zip(edges, relative, strict=True)]
     return {
         "swing": np.zeros((len(edges), 4)),
@@ -588,7 +586,7 @@ def _edges(system: System) -> dict[str, Any]:
         "parent_frame": integers([e.parent for e in edges]),
         "guide_frame": integers([e.guide for e in edges]),
         "relative": flags(relative),
-        "sphere": flags([e.joint.freedom().sphere for e in edges]),
+        "sphere": flags([e.freedom.sphere for e in edges]),
         "open": flags([bool(tree.slides.get(e.child)) for e in edges]),
         "child_offset": _vectors([e.child_spot.offset for e in edges]),
         "parent_offset": _vectors([e.parent_spot.offset for e in edges]),
@@ -610,7 +608,7 @@ def fulcrum_of(edge: Edge, relative: bool) -> Spot:
     """The point of a child that moves as if fixed to its parent."""
     if relative:
         return Spot(edge.child)
-    return edge.end.b if edge.joint.freedom().slides else edge.parent_spot
+    return edge.end.b if edge.freedom.slides else edge.parent_spot
 
 
 def _coordinates(system: System) -> dict[str, Any]:

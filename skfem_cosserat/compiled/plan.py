@@ -16,7 +16,7 @@ from ..joint import JointDrive
 from ..model import System
 from ..model.loading import Followers
 from ..model.plane_rows import acting_rows
-from ..pattern import shared
+from ..pattern import order_by, shared
 from ..types import ArrayLike, Floats, IndexArray
 
 __all__ = ["Plan", "RowBlock", "following", "plan_of", "row_blocks"]
@@ -297,7 +297,7 @@ def _sorted_lists(sets: Sequence[Collection[int]]) -> tuple[IndexArray, IndexArr
     ptr = np.concatenate([[0], np.cumsum(sizes)])
     members = np.fromiter(chain.from_iterable(sets), dtype=np.int64, count=ptr[-1])
     owner = np.repeat(np.arange(len(sets)), sizes)
-    return ptr, members[np.lexsort((members, owner))]
+    return ptr, members[order_by(members, owner)]
 
 
 class _Graph:
@@ -345,17 +345,19 @@ class _Graph:
     def eliminate(self, largest: int, most: int | None = None) -> bool:
         """Eliminate by degree, up to a largest one; False if it takes more than `most` products."""
         around, waiting, done, count = self.around, self._waiting, self._done, len(self.around)
-        # degree and vertex as one number
+        # degree and vertex as one number; a degree that has grown is found out when it is its turn
         heap = [len(around[v]) * count + v for v in range(count) if not (done[v] or waiting[v])]
         heapq.heapify(heap)
+        known = [len(near) for near in around]  # degree in the heap
         work = 0
         while heap:
             degree, v = divmod(heapq.heappop(heap), count)
-            if done[v]:
+            if done[v] or degree != known[v]:
                 continue
             near = around[v]
-            if degree != len(near):  # it has changed since
-                heapq.heappush(heap, len(near) * count + v)
+            if degree != len(near):
+                known[v] = len(near)
+                heapq.heappush(heap, known[v] * count + v)
                 continue
             if degree > largest:
                 break
@@ -370,10 +372,12 @@ class _Graph:
                 other |= near
                 other.discard(v)
                 other.discard(w)
-                if not waiting[w]:
-                    heapq.heappush(heap, len(other) * count + w)
+                if len(other) < known[w] and not waiting[w]:
+                    known[w] = len(other)
+                    heapq.heappush(heap, known[w] * count + w)
             for p in self._released(v):
-                heapq.heappush(heap, len(around[p]) * count + p)
+                known[p] = len(around[p])
+                heapq.heappush(heap, known[p] * count + p)
         return True
 
     def _released(self, v: int) -> list[int]:

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import csr_matrix
 
 from ..body import MassPoint, RigidBody
 from ..damping import RayleighDamping
@@ -32,6 +32,7 @@ from ..kernels import (
     bilinear,
 )
 from ..law import Law
+from ..pattern import FrozenPattern, shared
 from ..types import Array, Floats, IndexArray
 
 if TYPE_CHECKING:
@@ -86,10 +87,12 @@ def assemble_mass(
         nodal_masses.append((vertex + node, mass_of_item, framed))
         step = 4 if framed or is_beam(host) or isinstance(host, RigidBody) else 1
         add(row + step * node + np.arange(len(mass_of_item))[None], mass_of_item[None])
-    ij = (np.concatenate(i), np.concatenate(j))
-    mass = coo_matrix((np.concatenate(c), ij), shape=(size, size)).tocsr()
-    mass.eliminate_zeros()
-    return mass, nodal_masses
+    entries = np.concatenate(c)
+    present = np.flatnonzero(entries)
+    columns, rows = np.concatenate(j)[present], np.concatenate(i)[present]
+    turned = shared(FrozenPattern, columns, rows, (size, size))  # its columns are the rows
+    compressed = turned.data(entries[present]), turned.indices, turned.indptr
+    return csr_matrix(compressed, shape=(size, size)), nodal_masses
 
 
 def _rows(nodes: IndexArray, first: int) -> IndexArray:

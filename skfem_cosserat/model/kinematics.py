@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -454,7 +454,7 @@ class Kinematics:
                 (e.parent_spot, e.child_spot),
             )
             for e in tree.edges
-            if e.joint.freedom().sphere and tree.plane is None
+            if e.freedom.sphere and tree.plane is None
         ]
         cs = [*tree.coordinates, *tree.driven]
         #: vertex of each coordinate; numbers of those of each kind, driven ones behind the others
@@ -576,6 +576,39 @@ class Kinematics:
         return fixed
 
 
+class _Moved(NamedTuple):
+    """Which pairs have an axis or a point that moves with a vertex, and its twist.
+
+    Attributes
+    ----------
+    track, track_twist : int arrays
+        Slides whose guides move, and the rotations of these.
+    guided, guide_twist : int arrays
+        Pairs whose axes move with a guide, and the rotations of these.
+    pair_twist, rotated_twist : (pairs, 3) and (rotated pairs, 3) int array
+        Translations of the vertices, and rotations of those that are turned.
+    spot_twist, spot_pair : int arrays
+        Of targets, then centres, that move: their vertices' translations, and the pairs.
+    spot_sign : (k, 1) array
+        1 for targets, -1 for centres.
+    turning, spot, spot_row : int arrays
+        Those of them that a rotation moves, their spots, and first rows of the vertices.
+    """
+
+    track: IndexArray
+    track_twist: IndexArray
+    guided: IndexArray
+    guide_twist: IndexArray
+    pair_twist: IndexArray
+    rotated_twist: IndexArray
+    spot_twist: IndexArray
+    spot_pair: IndexArray
+    spot_sign: Floats
+    turning: IndexArray
+    spot: IndexArray
+    spot_row: IndexArray
+
+
 class TwistMap:
     """Twists of all vertices by the tree's coordinates, ``t = T(y) nu``, entry by entry.
 
@@ -631,7 +664,6 @@ class TwistMap:
             self._combine_few = combination(spot_terms + hinge_terms + arms)
         self.elements = elements
         self._number(shifting, slides.vertex)
-        self._prepare_curvature()
 
     def _number(self, shifting: Pairs, slide_vertex: IndexArray) -> None:
         """Identity of free vertices, constant shifts, turning pairs, slides."""
@@ -679,31 +711,37 @@ class TwistMap:
         indptr = np.searchsorted(self.rows[order], np.arange(self.shape[0] + 1))
         return order, self.cols[order].astype(np.int32), indptr.astype(np.int32)
 
-    def _prepare_curvature(self) -> None:
-        """Which pairs have an axis or a point that moves with a vertex, and its twist."""
-        kin = self.kin
+    @cached_property
+    def _moved(self) -> _Moved:
+        """Made when first asked for: the full map of a chain has the square of its pairs."""
+        kin, number = self.kin, self.pair_number
         nv = len(kin.twist_of)
         track = np.array([c.guide for c in kin.sliding], dtype=np.int64)[self._slide_of]
-        self._on_track = np.flatnonzero(track < nv)
-        self._track_twist = kin.twist_of[track[self._on_track]] + 3
-        guide = np.array([c.guide for c in kin.tree.coordinates], dtype=np.int64)
-        which = guide[self.pair_number]
-        self._guided = np.flatnonzero((which >= 0) & (which < nv))
-        self._guide_twist = kin.twist_of[which[self._guided]] + 3
-        self._spot_vertex = np.array([s.vertex for s in self.spots], dtype=np.int64)
-        self._spot_base = kin.row[self._spot_vertex]
-        self._spot_turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
-        self._pair_twist = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        self._rotated_twist = self._pair_twist[self.pair_rotates] + 3
+        on_track = np.flatnonzero(track < nv)
+        guide = np.array([c.guide for c in kin.tree.coordinates], dtype=np.int64)[number]
+        guided = np.flatnonzero((guide >= 0) & (guide < nv))
+        pair_twist = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
         # targets, then centres, as far as they move with a vertex; which of them feel its rotation
         spots = np.concatenate([self.pair_target, self.pair_centre])
-        vertex = self._spot_vertex[spots]
-        on = np.flatnonzero(vertex < nv)
-        self._spot_twist = kin.twist_of[vertex[on]]
-        self._spot_pair = on % max(len(self.pair_number), 1)
-        self._spot_sign = np.where(on < len(self.pair_number), 1.0, -1.0)[:, None]
-        self._turning = np.flatnonzero(self._spot_turns[spots[on]])
-        self._turning_spot = spots[on][self._turning]
+        of_spot = np.array([s.vertex for s in self.spots], dtype=np.int64)
+        turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
+        on = np.flatnonzero(of_spot[spots] < nv)
+        moving = spots[on]
+        turning = np.flatnonzero(turns[moving])
+        return _Moved(
+            on_track,
+            kin.twist_of[track[on_track]] + 3,
+            guided,
+            kin.twist_of[guide[guided]] + 3,
+            pair_twist,
+            pair_twist[self.pair_rotates] + 3,
+            kin.twist_of[of_spot[moving]],
+            on % max(len(number), 1),
+            np.where(on < len(number), 1.0, -1.0)[:, None],
+            turning,
+            moving[turning],
+            kin.row[of_spot[moving[turning]]],
+        )
 
     def locate(self, y: Array, fixed: Floats) -> Located:
         """What all functions of the tree need at configuration y."""
@@ -757,13 +795,13 @@ class TwistMap:
 
     def curvature_pattern(self) -> tuple[IndexArray, IndexArray]:
         """Rows (unknowns) and columns (twists) of :meth:`curvature_values`."""
-        guided = self._guided
-        number, turning = self.pair_number[self._spot_pair], self._turning
+        on, guided = self._moved, self._moved.guided
+        number, turning = self.pair_number[on.spot_pair], on.turning
         rows = [np.repeat(n, 3) for n in (self.pair_number[guided], number, number[turning])]
-        twists = (self._guide_twist, self._spot_twist, self._spot_twist[turning] + 3)
+        twists = (on.guide_twist, on.spot_twist, on.spot_twist[turning] + 3)
         cols = [(twist[:, None] + np.arange(3)).ravel() for twist in twists]
-        rows.append(np.repeat(self.slide_number[self._on_track], 3))
-        cols.append((self._track_twist[:, None] + np.arange(3)).ravel())
+        rows.append(np.repeat(self.slide_number[on.track], 3))
+        cols.append((on.track_twist[:, None] + np.arange(3)).ravel())
         return np.concatenate(rows), np.concatenate(cols)
 
     def curvature_values(self, at: Located, at1: Located, twist_force: Array) -> Array:
@@ -771,21 +809,21 @@ class TwistMap:
 
         The factor of y1 in y (1/2 at the midpoint) is left to the caller.
         """
-        force = twist_force.take(self._pair_twist)
+        moved = self._moved
+        force = twist_force.take(moved.pair_twist)
         parts = []
-        guided = self._guided
+        guided = moved.guided
         if len(guided):
             moment = cross(at.arm, force)
-            moment[self.pair_rotates] += twist_force.take(self._rotated_twist)
+            moment[self.pair_rotates] += twist_force.take(moved.rotated_twist)
             parts.append(cross(at1.axis.take(guided, axis=0), moment.take(guided, axis=0)))
-        if len(self._spot_pair):
-            signed = self._spot_sign * cross(force, at.axis).take(self._spot_pair, axis=0)
+        if len(moved.spot_pair):
+            signed = moved.spot_sign * cross(force, at.axis).take(moved.spot_pair, axis=0)
             parts.append(signed)
-        if len(self._turning):
-            spot = self._turning_spot
-            arm = at1.x.take(spot, axis=0) - at1.y.take(self._spot_base[spot], axis=0)
-            parts.append(cross(arm, signed.take(self._turning, axis=0)))
-        on = self._on_track
+        if len(moved.turning):
+            arm = at1.x.take(moved.spot, axis=0) - at1.y.take(moved.spot_row, axis=0)
+            parts.append(cross(arm, signed.take(moved.turning, axis=0)))
+        on = moved.track
         if len(on):
             f = twist_force[self._slide_twist[on]]
             parts.append(

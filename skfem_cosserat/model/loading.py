@@ -189,9 +189,9 @@ class Loading:
         if not dead:
             return csr_matrix(shape)
         rows, forces = zip(*dead, strict=True)
-        load = np.repeat(np.arange(len(dead)), [3 * len(each) for each in rows])
+        ends = np.cumsum([0, *(3 * len(each) for each in rows)])
         column = (3 * np.concatenate(rows)[:, None] + np.arange(3)).ravel()
-        out = csr_matrix((np.concatenate(forces).ravel(), (load, column)), shape=shape)
+        out = csr_matrix((np.concatenate(forces).ravel(), column, ends), shape=shape)
         out.eliminate_zeros()
         return out
 

@@ -121,9 +121,7 @@ class Reparametrisation:
         """Relative rotation of each child: of one or two hinges, or none."""
         kin, tree = self.kin, self.kin.tree
         frame = set(kin.frames.tolist())
-        self._relative = [
-            e for e in tree.edges if e.child in frame and e.joint.freedom().turns is not None
-        ]
+        self._relative = [e for e in tree.edges if e.child in frame and e.freedom.turns is not None]
         number = {c.number: i for i, c in enumerate(kin.guided)}
         self._layers = _layers([tree.turns.get(e.child, []) for e in self._relative], number)
         self._ground_rows = kin.row[self._grounds][:, None] + _DIRECTORS

@@ -276,13 +276,13 @@ class System:
 
     def spot(self, place: Place) -> Spot:
         """Number of a place's vertex, with its material coordinates."""
-        offset = tuple(float(X) for X in place.offset)
+        offset = tuple(place.offset.tolist())
         if place.item is not None:
             if id(place.item) not in self.first:
                 known = listed([i.label for i in self.structures])
                 raise InputError("place", f"{place.label} is not in this system, which has {known}")
-            return Spot(self.first[id(place.item)][0] + place.vertex, offset)  # type: ignore[arg-type]
-        return Spot(len(self.origin_rows) + self.grounds.number(place), offset)  # type: ignore[arg-type]
+            return Spot(self.first[id(place.item)][0] + place.vertex, offset)
+        return Spot(len(self.origin_rows) + self.grounds.number(place), offset)
 
     def row_of(self, place: Place) -> int:
         """First row of y of a place's vertex."""

@@ -110,6 +110,11 @@ class Edge:
         """Its joint, or the element that it is part of."""
         return self.end.joint
 
+    @cached_property
+    def freedom(self) -> Freedom:
+        """What its joint leaves free in space."""
+        return self.joint.freedom()
+
     @property
     def in_element(self) -> bool:
         """Whether it is part of an element that is not rigid."""
@@ -260,13 +265,13 @@ class Tree:
 
     def relative(self, edge: Edge) -> bool:
         """Whether a child's rotation is relative to its parent's."""
-        return self.freedom(edge.joint).turns is not None and self.is_frame[edge.child]
+        return self.freedom(edge).turns is not None and self.is_frame[edge.child]
 
     def fulcrum(self, edge: Edge) -> Spot:
         """The point that moves as if fixed to the parent and, apart from the slides, the child."""
         if self.relative(edge):
             return Spot(edge.child)
-        return edge.end.b if self.freedom(edge.joint).slides else edge.parent_spot
+        return edge.end.b if self.freedom(edge).slides else edge.parent_spot
 
     def own_pairs(self, edge: Edge) -> list[tuple[int, int, int, bool]]:
         """A child, by the coordinates of its joint: rows of :class:`Pairs`."""
@@ -281,10 +286,10 @@ class Tree:
                 pairs.append((c, k, target, not sphere))
         return pairs
 
-    def freedom(self, joint: Joint | ConstrainedElement) -> Freedom:
+    def freedom(self, edge: Edge) -> Freedom:
         """What a joint leaves free here."""
-        free = joint.freedom()
-        return free if self.plane is None else free.within(self.plane.normal)
+        plane = self.plane
+        return edge.freedom if plane is None else edge.freedom.within(plane.normal)
 
 
 def build_tree(
@@ -410,10 +415,7 @@ class _Adding:
     def vertex(self, v: int, edge: Edge | None) -> None:
         self.v, self.tree.own[v] = v, []
         if edge is None:
-            for axis in self.directions:
-                self.add("translation", axis)
-            if self.tree.is_frame[v]:
-                self._turns(Spot(v))
+            self._free(v)
         elif isinstance(edge.joint, ConstrainedElement):
             if edge.joint.rigid:
                 return
@@ -422,12 +424,25 @@ class _Adding:
         else:
             self._joint(edge, edge.joint)
 
+    def _free(self, v: int) -> None:
+        """Of most vertices of beams: all at once."""
+        coordinates, own, centre = self.tree.coordinates, self.tree.own[v], Spot(v)
+        number = len(coordinates)
+        for axis in self.directions:
+            own.append(number)
+            coordinates.append(Coordinate("translation", v, number, axis))
+            number += 1
+        for axis in self.axes if self.tree.is_frame[v] else ():
+            own.append(number)
+            coordinates.append(Coordinate("rotation", v, number, axis, -1, centre))
+            number += 1
+
     def _turns(self, centre: Spot) -> None:
         for axis in self.axes:
             self.add("rotation", axis, centre=centre)
 
     def _joint(self, edge: Edge, joint: Joint) -> None:
-        freedom, a, b = self.tree.freedom(joint), joint.a, joint.b
+        freedom, a, b = self.tree.freedom(edge), joint.a, joint.b
         if freedom.sphere:
             # in space the axes are those normal to the arm where a step starts
             for axis in np.zeros((2, 3)) if self.tree.plane is None else self.tree.axes:

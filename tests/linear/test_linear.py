@@ -13,7 +13,7 @@ from helpers_scenes import lattice
 import skfem_cosserat as sc
 from skfem_cosserat import PerformanceWarning, Stepper, linear
 from skfem_cosserat.linear import LinearSolver, SingularMatrixError
-from skfem_cosserat.pattern import FrozenPattern
+from skfem_cosserat.pattern import FrozenPattern, order_by
 
 SOLVERS = {
     "dense": sc.SolverDense(),
@@ -112,6 +112,21 @@ def grid(count, shift=0.3):
     cols = 6 * j[:, None, None] + np.arange(6) + np.zeros((6, 1), dtype=int)
     pattern = FrozenPattern(rows, cols, (6 * len(d), 6 * len(d)))
     return pattern, pattern.data(values)
+
+
+@pytest.mark.parametrize("rows", [1, 7, 2**16, 2**16 + 1, 2**40], ids=str)
+def test_patterns_sort_their_entries(rows):
+    """Against numpy's sorts by comparison: numbers below and above 16 bits, some twice, none."""
+    rng = np.random.default_rng(rows)
+    for count in (0, 1, 400):
+        i = rng.choice(rng.integers(0, rows, max(count // 2, 1)), count)
+        j = rng.integers(0, 3, count)
+        assert np.array_equal(order_by(i, j), np.lexsort((i, j)))
+        pattern = FrozenPattern(i, j, (rows, 3))
+        keys, slot = np.unique(j * rows + i, return_inverse=True)
+        assert np.array_equal(pattern.slot, slot.reshape(-1)) and pattern.nnz == len(keys)
+        assert np.array_equal(pattern.indices, keys % rows)
+        assert pattern.indptr.tolist() == np.searchsorted(keys, rows * np.arange(4)).tolist()
 
 
 @solvers

@@ -174,7 +174,7 @@ def _edges(system: System, frames: Frames) -> dict[str, Any]:
     arms = np.zeros((len(tree.edges), len(places.ARMS)))
     last = 0
     for k, (e, own) in enumerate(zip(tree.edges, coordinates_of(system), strict=True)):
-        relative = tree.freedom(e.joint).turns is not None and bool(system.is_frame[e.child])
+        relative = tree.freedom(e).turns is not None and bool(system.is_frame[e.child])
         fulcrum, inside = fulcrum_of(e, relative), e.parent < count
         first, last = last, last + len(own)
         edges[k] = (
