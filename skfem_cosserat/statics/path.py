@@ -64,8 +64,9 @@ NEAR = 1e-6
 LIMP = 0.05
 #: what to do about limit points
 BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
-#: points sought by arc length before that is advised, and how many first steps they have to lead on
-TRIED, ONWARD = 20, 3.0
+#: points sought by arc length before that is advised; how many first steps they have to lead on;
+#: change of the load factor in the last, relative to it: what moves without any is held by nothing
+TRIED, ONWARD, CHANGED = 20, 3.0, 1e-9
 #: how often a step is halved to locate the critical points in it
 LOSSES = 6
 
@@ -510,7 +511,7 @@ class Continuation:
         )
 
     def _leads_on(self, point: Point) -> bool:
-        """Whether steps of the arc length find more than points ever nearer to the last one."""
+        """Whether steps of the arc length lead past a point, to other load factors."""
         solver = self.solver
         solver.begin(point)
         stage = ArcLength(TRIED).stage(self.system, point)
@@ -526,9 +527,9 @@ class Continuation:
                 solver.accept()
                 stage.accept(point, solution.point, length)
                 stage.adapt(report.iterations, length)
-                point = solution.point
+                before, point = point.t, solution.point
                 if stage.parameter >= enough:
-                    return True
+                    return abs(point.t - before) > CHANGED * max(abs(point.t), abs(before))
         except SingularMatrixError:
             pass
         return False
@@ -564,7 +565,7 @@ class Continuation:
             advice += "; try a finer mesh" * bool(self.system.beam_groups and not slack)
         if near and not floating:
             reason = f"{what}: {near}. Newton's method: {report.reason}"
-        if slack and not floating:
+        if slack:
             reason += f"; without tension where that ended: {slack}"
         return Diverged(
             point.t,
