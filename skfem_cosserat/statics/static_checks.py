@@ -220,8 +220,10 @@ def check_many(system: System, schedule: Schedule, point: Point, neutral: Neutra
 
     Only where no load acts: loads may stress what then holds a motion. None is tried.
     """
+    if not neutral.motions or _acts(schedule, point):
+        return
     label, names = rigid_pieces(system)
-    if not neutral.motions or len(names) <= PIECES or _acts(schedule, point):
+    if len(names) <= PIECES:
         return
     E, centres = rigid_motions(system, point.y, label, len(names))
     rigid = _rigid(system, E, neutral.motions)
@@ -317,6 +319,8 @@ def _loaded(system: System, schedule: Schedule, point: Point) -> tuple[Point | N
 
 def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | None:
     """What strains nothing moves every beam and body as a rigid piece: few unknowns decide."""
+    if _fixed(system):
+        return None
     label, names = rigid_pieces(system)
     if len(names) > PIECES:
         return None
@@ -333,6 +337,14 @@ def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | N
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
     free = abs(values) <= 1e-12 * max(scale, 1e-300)
     return _Free(_echelon(N @ vectors[:, free]), E, centres, names) if free.any() else None
+
+
+def _fixed(system: System) -> bool:
+    """Whether fixed joints hold every piece to the ground, directly or by way of others."""
+    label, names = rigid_pieces(system, joined=True)
+    ends = [(j.a.vertex, j.b.vertex) for j in system.joint_rows if j.joint.type == "fixed"]
+    held = {label[min(pair)] for pair in ends if max(pair) >= len(label)}
+    return len(held) == len(names)
 
 
 def _refused(

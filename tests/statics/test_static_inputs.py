@@ -98,7 +98,22 @@ def hanging_without_weight():
     return model
 
 
+def fixed_to_each_other():
+    """One of two such pairs is fixed to the ground as well, the other floats."""
+    model = sc.Model()
+    for k in range(2):
+        bodies = [
+            model.add(f"{name} {k}", sc.RigidBody.box(1.0, (1, 1, 1), position=(x, 3 * k, 0)))
+            for x, name in ((0, "first"), (1, "second"))
+        ]
+        middle = (0.5, 3 * k, 0)
+        model.add(f"weld {k}", sc.JointFixed(*(body.at(middle) for body in bodies)))
+    model.add("clamp", sc.JointFixed(bodies[1].at((1, 3, 0)), sc.ground((1, 3, 0))))
+    return model
+
+
 FREE = {
+    fixed_to_each_other: ("rigid body 'first 0' and rigid body 'second 0'", 6, False),
     free_beam: ("translation of beam 'rod'", 6, False),
     beam_on_a_hinge: (r"rotation of beam 'rod'.*about \(0, 0, 1\)", 1, True),
     beam_between_balls: (r"rotation of beam 'rod'.*about \(1, 0, 0\)", 1, False),
