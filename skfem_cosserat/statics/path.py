@@ -145,7 +145,7 @@ class Continuation:
         if stability is not None:
             solver.neutral = stability.neutral_motions(self.system, direction)
             if direction is None:
-                check_many(self.system, solver.schedule, point, solver.neutral)
+                check_many(self.system, solver.schedule, point, stability)
         # at a critical point the number of unstable motions is one or the other
         self._stability = stability if direction is None else None
         self._first = self._stability

@@ -25,13 +25,13 @@ from ..run.start import broken_constraint, checked_start
 from ..types import Floats, IndexArray, switch
 from .branch import Branch
 from .control import ArcLength, Control, DisplacementControl, LoadControl
-from .critical_points import LOOSE, Stability, inspect
-from .schedule import Neutral, Point, Schedule, weights
+from .critical_points import LOOSE, MOST_NEUTRAL, FirmStability, Stability, inspect
+from .schedule import Point, Schedule, weights
 
 #: rigid pieces above which free motions are not sought: the search is dense
 PIECES = 400
-#: singular value, relative to the largest, below which a motion counts as free
-FREE = 1e-9
+#: singular value, relative to the largest, below which a motion counts as free; and stiffness
+FREE, UNHELD = 1e-9, 1e-12
 #: iterations to an equilibrium without free motions
 LOADED = 30
 #: motion, relative to the scene, below which they end when it does not become smaller
@@ -215,20 +215,24 @@ def held_start(system: System, schedule: Schedule, point: Point) -> Point:
     raise _refused(system, schedule, point, free, where)
 
 
-def check_many(system: System, schedule: Schedule, point: Point, neutral: Neutral) -> None:
+def check_many(system: System, schedule: Schedule, point: Point, stability: Stability) -> None:
     """As :func:`held_start` where there are too many pieces for it, by motions of no stiffness.
 
     Only where no load acts: loads may stress what then holds a motion. None is tried.
     """
-    if not neutral.motions or _acts(schedule, point):
+    if isinstance(stability, FirmStability) or _acts(schedule, point):
         return
     label, names = rigid_pieces(system)
     if len(names) <= PIECES:
         return
+    K, P = stability.tangent.K, stability.tangent.P
+    values, modes = stability.nearest(min(MOST_NEUTRAL, K.shape[0]))
+    soft = modes.T[abs(values) <= UNHELD * float(abs(K.data).max(initial=0.0))]
     E, centres = rigid_motions(system, point.y, label, len(names))
-    rigid = _rigid(system, E, neutral.motions)
-    if rigid is not None:
-        free = _Free(_echelon(rigid), E, centres, names)
+    found = [_rigid(system, E, [(P @ mode).reshape(-1, 3)]) for mode in soft]
+    rigid = [motion for motion in found if motion is not None]
+    if rigid:
+        free = _Free(_echelon(np.hstack(rigid)), E, centres, names)
         raise _refused(system, schedule, point, free, "or more, at the start, where no load acts")
 
 
@@ -335,7 +339,7 @@ def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | N
     largest = float(abs(A.data).max(initial=0.0))
     scale = max(largest * float(np.square(E @ N).max()), float(abs(stiffness).max()))
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    free = abs(values) <= 1e-12 * max(scale, 1e-300)
+    free = abs(values) <= UNHELD * max(scale, 1e-300)
     return _Free(_echelon(N @ vectors[:, free]), E, centres, names) if free.any() else None
 
 
