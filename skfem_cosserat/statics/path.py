@@ -64,6 +64,8 @@ NEAR = 1e-6
 LIMP = 0.05
 #: what to do about limit points
 BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
+#: what is raised where nothing can be found out about a path that has ended
+UNKNOWN = CosseratError, ArithmeticError, ValueError, RuntimeError
 #: points sought by arc length before that is advised; how many first steps they have to lead on;
 #: change of the load factor in the last, relative to it: what moves without any is held by nothing
 TRIED, ONWARD, CHANGED = 20, 3.0, 1e-9
@@ -496,7 +498,7 @@ class Continuation:
             try:
                 stability = inspect(self.system, at, self.solver.schedule.at(at.t), relief)
                 motions = stability.neutral_motions(self.system).motions
-            except (CosseratError, ArithmeticError, ValueError, RuntimeError):
+            except UNKNOWN:
                 continue  # its stiffness is not finite or singular: nothing is known of it
             if motions:
                 return described(self.system, at.y, motions)
@@ -530,7 +532,7 @@ class Continuation:
                 before, point = point.t, solution.point
                 if stage.parameter >= enough:
                     return abs(point.t - before) > CHANGED * max(abs(point.t), abs(before))
-        except SingularMatrixError:
+        except UNKNOWN:  # as where a function of the user's has no value at another load factor
             pass
         return False
 
