@@ -24,7 +24,7 @@ from skfem_cosserat.integrators import choice
 
 WORTHWHILE = choice.WORTHWHILE
 # "auto" does not look for compiled kernels here: what there is hangs on the tests run before
-choice.READING = choice.STARTING = float("inf")
+choice.READING = choice.FURTHER = choice.STARTING = float("inf")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -93,6 +93,8 @@ WORTHWHILE = 25.0
 #: ... to have them read from the disk, which takes 0.3 to 0.4 s with the import of numba; estimates
 #: are right to a factor of two
 READING = 0.5
+#: ... to have further ones read where this process has some: 0.03 to 0.04 s for those of a path
+FURTHER = 0.03
 #: ... to take those that this process has: to put arrays of a scene into structures for them takes
 #: a few ms, and some time for each vertex
 STARTING, STARTING_EACH = 0.01, 4e-5
@@ -270,7 +272,7 @@ def _source(system: System, seconds: float) -> Source | None:
     if saved >= WORTHWHILE:
         return Source.COMPILER
     _Missed.seconds += saved
-    if _Missed.seconds >= READING:
+    if _Missed.seconds >= (min(READING, FURTHER) if loaded() else READING):
         _Missed.seconds = 0.0
         if promising():
             return Source.DISK

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import eig, eigh, get_lapack_funcs
 from scipy.optimize import brentq
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix, csr_matrix, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
 
@@ -146,6 +146,8 @@ class Stability:
         if self.symmetric:
             K = 0.5 * (K + K.T)
         n = K.shape[0]
+        if not K.data.any():
+            return np.zeros(count), np.eye(n, count)
         if n <= max(DENSE, count + 2):
             if self.symmetric:
                 values, vectors = eigh(K.toarray(), metric.toarray())
@@ -308,15 +310,21 @@ def _negative(K: csr_matrix) -> tuple[int, float]:
     if K.shape[0] == 0:
         return 0, np.inf
     options = {"SymmetricMode": True}
-    try:
-        factors = splu(
-            K.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
-        )
+    none = NEUTRAL * float(abs(K.data).max(initial=0.0)) or 1.0
+    # a large one that is exactly singular: motions without stiffness get one that counts as none
+    for shift in (0.0, none) if K.shape[0] > DENSE else (0.0,):
+        try:
+            factors = splu(
+                (K + shift * identity(K.shape[0])).tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options=options,
+            )
+        except RuntimeError:  # a pivot vanishes
+            continue
         if (factors.perm_r == factors.perm_c).all():
             pivots = factors.U.diagonal()
-            return int((pivots < 0).sum()), float(abs(pivots).min())
-    except RuntimeError:  # a pivot vanishes
-        pass
+            return int((pivots < 0).sum()), 0.0 if shift else float(abs(pivots).min())
     values = np.linalg.eigvalsh(K.toarray())
     return int((values < 0).sum()), float(abs(values).min())
 

@@ -41,6 +41,7 @@ from .schedule import (
 from .solver import UNMOVED, PathSolver
 from .static_checks import (
     check_growth,
+    check_many,
     check_run,
     described,
     first_point,
@@ -63,6 +64,11 @@ NEAR = 1e-6
 LIMP = 0.05
 #: what to do about limit points
 BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
+#: what is raised where nothing can be found out about a path that has ended
+UNKNOWN = CosseratError, ArithmeticError, ValueError, RuntimeError
+#: points sought by arc length before that is advised; how many first steps they have to lead on;
+#: change of the load factor in the last, relative to it: what moves without any is held by nothing
+TRIED, ONWARD, CHANGED = 20, 3.0, 1e-9
 #: how often a step is halved to locate the critical points in it
 LOSSES = 6
 
@@ -140,6 +146,8 @@ class Continuation:
         stability = solver.inspect(point) if self.watch or direction is not None else None
         if stability is not None:
             solver.neutral = stability.neutral_motions(self.system, direction)
+            if direction is None:
+                check_many(self.system, solver.schedule, point, stability)
         # at a critical point the number of unstable motions is one or the other
         self._stability = stability if direction is None else None
         self._first = self._stability
@@ -490,11 +498,43 @@ class Continuation:
             try:
                 stability = inspect(self.system, at, self.solver.schedule.at(at.t), relief)
                 motions = stability.neutral_motions(self.system).motions
-            except (CosseratError, ArithmeticError, ValueError, RuntimeError):
+            except UNKNOWN:
                 continue  # its stiffness is not finite or singular: nothing is known of it
             if motions:
                 return described(self.system, at.y, motions)
         return ""
+
+    def _slack(self) -> str:
+        """Cables without tension where an iteration ended; empty if there are none."""
+        y = self.solver.ended[0]
+        forces = self.system.couplings.forces(y, np.zeros_like(y)) if np.isfinite(y).all() else []
+        return " and ".join(
+            item.label for item, _, force in forces if item.slack and not force.any()
+        )
+
+    def _leads_on(self, point: Point) -> bool:
+        """Whether steps of the arc length lead past a point, to other load factors."""
+        solver = self.solver
+        solver.begin(point)
+        stage = ArcLength(TRIED).stage(self.system, point)
+        try:
+            stage.aim(solver.rate_at(point))
+            enough = ONWARD * stage.length
+            for _ in range(TRIED):
+                length = stage.length
+                solution, report = solver.solve(point, stage.functional(point, length))
+                if solution is None or self._jumps(point, solution):
+                    stage.length /= 2
+                    continue
+                solver.accept()
+                stage.accept(point, solution.point, length)
+                stage.adapt(report.iterations, length)
+                before, point = point.t, solution.point
+                if stage.parameter >= enough:
+                    return abs(point.t - before) > CHANGED * max(abs(point.t), abs(before))
+        except UNKNOWN:  # as where a function of the user's has no value at another load factor
+            pass
+        return False
 
     def _failure(
         self,
@@ -506,21 +546,29 @@ class Continuation:
     ) -> Diverged:
         """Why the path ends, and what to try."""
         near = self._limit_near() if isinstance(self.control, LoadControl) else ""
-        floating = self._floating(point, relief)
-        advice = f"{BEYOND}, or try a finer mesh"
+        floating, slack = self._floating(point, relief), self._slack()
         reason = f"{what}: {report.reason}"
         if floating:
             advice = "hold it with joints or springs"
             reason = f"{what}: nothing holds {floating}. Newton's method: {report.reason}"
         elif self.overstretched:
             advice = "refine the beam whose elements are drawn too much"
-        elif near:
-            advice, reason = BEYOND, f"{what}: {near}. Newton's method: {report.reason}"
-        elif isinstance(self.control, ArcLength):
-            advice = "try a shorter first step, then a finer mesh"
         elif isinstance(self.control, DisplacementControl) and UNMOVED in report.reason:
             place, way = self.control.place.label, self.control.direction.round(6).tolist()
             advice = f"the loads do not move {place} along {way}: choose what they move"
+        elif relief is not None:
+            advice = "start nearer to an equilibrium"
+        elif isinstance(self.control, ArcLength):
+            advice = "try a shorter first step, then a finer mesh"
+        elif self._leads_on(point):
+            advice = BEYOND
+        else:
+            advice = "ArcLength() does not lead on from there either"
+            advice += "; try a finer mesh" * bool(self.system.beam_groups and not slack)
+        if near and not floating:
+            reason = f"{what}: {near}. Newton's method: {report.reason}"
+        if slack:
+            reason += f"; without tension where that ended: {slack}"
         return Diverged(
             point.t,
             max(1, self.recorder.count),

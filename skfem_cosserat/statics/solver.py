@@ -80,6 +80,8 @@ class Problem(ABC):
         self.predicted: Array | None = None
         self._by_t: Array | None = None
         self._missing = 0.0
+        #: the increment measured last, and its sizes: the loop asks, and so does :meth:`apply`
+        self._sized: tuple[Floats | None, tuple[float, float]] = None, (0.0, 0.0)
 
     # -- what kernels do ---------------------------------------------------------------------------
 
@@ -188,10 +190,13 @@ class Problem(ABC):
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """The load factor's relative to itself."""
+        if self._sized[0] is increment:
+            return self._sized[1]
         size, turn = self._sizes(increment[:-1])
         dt = abs(float(increment[-1]))
         if dt:
             size = max(size, dt / max(abs(self.start.t), abs(self.t), abs(self.t + increment[-1])))
+        self._sized = increment, (size, turn)
         return size, turn
 
     def apply(self, increment: Floats) -> None:

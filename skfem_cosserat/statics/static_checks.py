@@ -25,13 +25,13 @@ from ..run.start import broken_constraint, checked_start
 from ..types import Floats, IndexArray, switch
 from .branch import Branch
 from .control import ArcLength, Control, DisplacementControl, LoadControl
-from .critical_points import LOOSE, Stability, inspect
+from .critical_points import LOOSE, MOST_NEUTRAL, FirmStability, Stability, inspect
 from .schedule import Point, Schedule, weights
 
 #: rigid pieces above which free motions are not sought: the search is dense
 PIECES = 400
-#: singular value, relative to the largest, below which a motion counts as free
-FREE = 1e-9
+#: singular value, relative to the largest, below which a motion counts as free; and stiffness
+FREE, UNHELD = 1e-9, 1e-12
 #: iterations to an equilibrium without free motions
 LOADED = 30
 #: motion, relative to the scene, below which they end when it does not become smaller
@@ -204,21 +204,45 @@ def held_start(system: System, schedule: Schedule, point: Point) -> Point:
     free = _free_motions(system, schedule, point)
     if free is None:
         return point
-    found = _held_by_loads(system, schedule, point)
-    if found is not None:
-        return found.point
-    raise _refused(system, schedule, point, free)
+    where = "at the start, where no load acts"
+    if _acts(schedule, point):
+        loaded, left = _loaded(system, schedule, point)
+        if loaded is not None and left is None and _firm(system, schedule, loaded):
+            return loaded
+        where = "at the start"
+        if loaded is not None and left is not None:
+            point, free, where = loaded, left, "in the equilibrium with the loads of the start"
+    raise _refused(system, schedule, point, free, where)
 
 
-def _held_by_loads(system: System, schedule: Schedule, point: Point) -> Stability | None:
-    """Of the equilibrium that loads acting at the start lead to, if no motion is free there."""
-    loaded = _loaded(system, schedule, point) if _acts(schedule, point) else None
-    if loaded is not None and _free_motions(system, schedule, loaded) is None:
-        # bent beams may turn freely about their curved axes: that is no rigid motion
-        stability = inspect(system, loaded, schedule.at(loaded.t))
-        if stability.smallest > LOOSE * stability.floor:
-            return stability
-    return None
+def check_many(system: System, schedule: Schedule, point: Point, stability: Stability) -> None:
+    """As :func:`held_start` where there are too many pieces for it, by motions of no stiffness.
+
+    Only where no load acts: loads may stress what then holds a motion. None is tried.
+    """
+    if isinstance(stability, FirmStability) or _acts(schedule, point):
+        return
+    label, names = rigid_pieces(system)
+    if len(names) <= PIECES:
+        return
+    K, P = stability.tangent.K, stability.tangent.P
+    values, modes = stability.nearest(min(MOST_NEUTRAL, K.shape[0]))
+    soft = modes.T[abs(values) <= UNHELD * float(abs(K.data).max(initial=0.0))]
+    E, centres = rigid_motions(system, point.y, label, len(names))
+    found = [_rigid(system, E, [(P @ mode).reshape(-1, 3)]) for mode in soft]
+    rigid = [motion for motion in found if motion is not None]
+    if rigid:
+        free = _Free(_echelon(np.hstack(rigid)), E, centres, names)
+        raise _refused(system, schedule, point, free, "or more, at the start, where no load acts")
+
+
+def _firm(system: System, schedule: Schedule, point: Point) -> Stability | None:
+    """Stability of an equilibrium without free motions, if bent beams do not turn freely.
+
+    About their curved axes: that is no rigid motion.
+    """
+    stability = inspect(system, point, schedule.at(point.t))
+    return stability if stability.smallest > LOOSE * stability.floor else None
 
 
 def _holding(system: System, schedule: Schedule, point: Point) -> dict[str, float]:
@@ -226,10 +250,14 @@ def _holding(system: System, schedule: Schedule, point: Point) -> dict[str, floa
 
     They are tried: each load that grows with the load factor alone, then all of them.
     """
-    growing = schedule.growing
+    growing = schedule.growing if len(rigid_pieces(system)[1]) <= PIECES else []
     for names in [[name] for name in growing] + [growing] * (len(growing) > 1):
         factors = dict.fromkeys(names, 1.0)
-        found = _held_by_loads(system, schedule.holding(factors), point)
+        held = schedule.holding(factors)
+        if not _acts(held, point):
+            continue
+        loaded, left = _loaded(system, held, point)
+        found = _firm(system, held, loaded) if loaded is not None and left is None else None
         if found is not None and not found.unstable:
             return factors
     return {}
@@ -242,10 +270,10 @@ def _acts(schedule: Schedule, point: Point) -> bool:
     return bool(turns or now.loads.any() or now.actuators.any())
 
 
-def _loaded(system: System, schedule: Schedule, point: Point) -> Point | None:
-    """Equilibrium by Newton's method, without motions that strain nothing until the rest is in it.
+def _loaded(system: System, schedule: Schedule, point: Point) -> tuple[Point | None, _Free | None]:
+    """Equilibrium by Newton's method, None if it is not found, and motions that are free there.
 
-    None if it is not found.
+    All that strain nothing are left alone until the rest is in equilibrium, the free ones always.
     """
     label, names = rigid_pieces(system)
     amplitudes, y = schedule.at(point.t), point.y
@@ -253,11 +281,16 @@ def _loaded(system: System, schedule: Schedule, point: Point) -> Point | None:
     nodal.begin(y, schedule.ground(point.t))
     chosen = system.closure.select(y, tree_values(system, y))
     metric = weights(system).repeat(3)
-    held, last = True, np.inf
+    held, last, first = True, np.inf, 0.0
+    free: _Free | None = None
     for k in range(LOADED):
         at = balance(system, y, amplitudes, turns=point.turns)
-        E, _ = rigid_motions(system, y, label, len(names))
-        rates = csr_matrix(E @ _unheld(system, y, E)) if held else csr_matrix((system.n, 0))
+        if held:
+            E, _ = rigid_motions(system, y, label, len(names))
+            rates = csr_matrix(E @ _unheld(system, y, E))
+        else:
+            free = _free_motions(system, schedule, Point(y, point.t, point.turns))
+            rates = csr_matrix((system.n, 0)) if free is None else csr_matrix(free.E @ free.N)
         try:
             tangent = reduced_tangent(system, y, amplitudes, at)
             K, P = tangent.K, tangent.P
@@ -265,29 +298,33 @@ def _loaded(system: System, schedule: Schedule, point: Point) -> Point | None:
             matrix = bmat([[K, B], [B.T, None]], format="csc")
             increment = splu(matrix).solve(np.append(-tangent.residual, np.zeros(B.shape[1])))
             u, along = np.split(increment, [K.shape[0]])
-            force = B @ along
-            if k == 0 and not abs(force).max(initial=0.0) <= WORKS * abs(tangent.residual).max():
+            force = float(abs(B @ along).max(initial=0.0))
+            first = first if k else float(abs(tangent.residual).max())
+            if k == 0 and not force <= WORKS * first:
                 # cables that just fit take the load as soon as something moves
                 u = splu(tangent.metric.tocsc()).solve(P.T @ (metric * (rates @ along)))
                 u *= NUDGE / np.sqrt(metric @ np.square(P @ u))
         except (SingularMatrixError, RuntimeError):
-            return None
+            return None, None
         nodal.add(system.closure.null_matrix(chosen) @ u)
         moved, _ = closed(system, nodal, chosen) if chosen else (nodal.configuration(), 0)
         size = float(np.sqrt(metric @ np.square(P @ u)))
         if moved is None or not size < 1:
-            return None
+            return None, None
         y = moved
         if size <= SETTLED and (size > 0.3 * last or size == 0):
             if not held:
-                return Point(y, point.t, point.turns)
+                there = Point(y, point.t, point.turns)
+                return (there, free) if force <= WORKS * first else (None, None)
             held, size = False, np.inf
         last = size
-    return None
+    return None, None
 
 
 def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | None:
     """What strains nothing moves every beam and body as a rigid piece: few unknowns decide."""
+    if _fixed(system):
+        return None
     label, names = rigid_pieces(system)
     if len(names) > PIECES:
         return None
@@ -302,11 +339,21 @@ def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | N
     largest = float(abs(A.data).max(initial=0.0))
     scale = max(largest * float(np.square(E @ N).max()), float(abs(stiffness).max()))
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    free = abs(values) <= 1e-12 * max(scale, 1e-300)
+    free = abs(values) <= UNHELD * max(scale, 1e-300)
     return _Free(_echelon(N @ vectors[:, free]), E, centres, names) if free.any() else None
 
 
-def _refused(system: System, schedule: Schedule, point: Point, free: _Free) -> InputError:
+def _fixed(system: System) -> bool:
+    """Whether fixed joints hold every piece to the ground, directly or by way of others."""
+    label, names = rigid_pieces(system, joined=True)
+    ends = [(j.a.vertex, j.b.vertex) for j in system.joint_rows if j.joint.type == "fixed"]
+    held = {label[min(pair)] for pair in ends if max(pair) >= len(label)}
+    return len(held) == len(names)
+
+
+def _refused(
+    system: System, schedule: Schedule, point: Point, free: _Free, where: str
+) -> InputError:
     N, E = free.N, free.E
     later = schedule.at(point.t + 1.0)
     force = system.loading.dead_force(later.loads)
@@ -321,7 +368,7 @@ def _refused(system: System, schedule: Schedule, point: Point, free: _Free) -> I
     others = f"with loads that act from the start (factors={factors!r}), " if factors else ""
     return InputError(
         "static",
-        f"{text} is free, {N.shape[1]} such motion(s) in all"
+        f"{text} is free, {N.shape[1]} such motion(s) in all, {where}"
         + (", and the loads do work on it" if worked else "")
         + f": hold it with joints or springs, {others}or start from a state whose stresses do"
         " (a guess of it, start=initial_state(system, q))",
@@ -415,18 +462,31 @@ def described(system: System, y: Floats, motions: Sequence[Floats]) -> str:
     """The first of some motions (rows, 3) that nothing holds in words, and how many they are."""
     label, names = rigid_pieces(system)
     E, centres = rigid_motions(system, y, label, len(names))
-    size = np.sqrt(weights(system)).repeat(3)
-    moved = np.column_stack([m.ravel() for m in motions]) * size[:, None]
-    weighted = diags(size) @ E
-    rigid = np.column_stack([lsqr(weighted, m, atol=1e-14, btol=1e-14)[0] for m in moved.T])
-    if np.linalg.norm(moved - weighted @ rigid) <= RIGID * np.linalg.norm(moved):
+    rigid = _rigid(system, E, motions)
+    if rigid is not None:
         first = _described(_echelon(rigid)[:, 0], names, centres, system.length)
         return f"a {first}, {len(motions)} such motion(s) in all"
+    moved = _columns(system, motions)
     vertex = np.searchsorted(system.origin_rows, np.arange(system.rows), side="right") - 1
     shares = np.zeros(len(names))
     np.add.at(shares, label[vertex].repeat(3), np.square(moved).sum(1))
     who = " and ".join(names[k] for k in np.argsort(-shares)[:3] if shares[k] > 0.1 * shares.max())
     return f"a motion of {who} in itself, {len(motions)} such motion(s) in all"
+
+
+def _columns(system: System, motions: Sequence[Floats]) -> Floats:
+    """Motions (n, k) in the metric of :func:`weights`."""
+    size = np.sqrt(weights(system)).repeat(3)
+    return np.column_stack([m.ravel() for m in motions]) * size[:, None]
+
+
+def _rigid(system: System, E: csr_matrix, motions: Sequence[Floats]) -> Floats | None:
+    """Motions as those (6 pieces, k) of rigid pieces; None if they are no such ones."""
+    moved = _columns(system, motions)
+    weighted = diags(np.sqrt(weights(system)).repeat(3)) @ E
+    rigid = np.column_stack([lsqr(weighted, m, atol=1e-14, btol=1e-14)[0] for m in moved.T])
+    far = np.linalg.norm(moved - weighted @ rigid) > RIGID * np.linalg.norm(moved)
+    return None if far else rigid
 
 
 def _triple(v: Floats) -> str:

@@ -42,6 +42,20 @@ def test_long_runs_take_numba():
     assert choice.estimated_seconds(system, 10**6) > choice.WORTHWHILE
 
 
+@pytest.mark.parametrize("loaded", [False, True])
+def test_further_kernels_are_read_sooner(loaded, monkeypatch):
+    """Without the import of numba short runs have paid for them long before."""
+    monkeypatch.setattr(choice, "READING", 0.5)
+    monkeypatch.setattr(choice, "FURTHER", 0.03)
+    monkeypatch.setattr(choice, "loaded", lambda: loaded)
+    monkeypatch.setattr(choice, "promising", lambda: True)
+    monkeypatch.setattr(choice._Missed, "seconds", 0.0)
+    system = tree(1)
+    seconds = 0.02 / (1 - choice.compiled_share(system))
+    found = [choice._source(system, seconds) for _ in range(3)]
+    assert found == [None, warm.Source.DISK if loaded else None, None]
+
+
 def test_short_runs_take_kernels_that_are_compiled_already(monkeypatch):
     """In this process or on disk; a single one that is not decides for numpy."""
     monkeypatch.setattr(choice, "READING", 0.0)

@@ -12,6 +12,7 @@ from test_statics import arch, cantilever, column, hinged, rod, stiff, treatment
 
 import skfem_cosserat as sc
 from skfem_cosserat import Spin, equilibrium
+from skfem_cosserat.statics import static_checks
 
 NAN, INF = float("nan"), float("inf")
 
@@ -97,7 +98,22 @@ def hanging_without_weight():
     return model
 
 
+def fixed_to_each_other():
+    """One of two such pairs is fixed to the ground as well, the other floats."""
+    model = sc.Model()
+    for k in range(2):
+        bodies = [
+            model.add(f"{name} {k}", sc.RigidBody.box(1.0, (1, 1, 1), position=(x, 3 * k, 0)))
+            for x, name in ((0, "first"), (1, "second"))
+        ]
+        middle = (0.5, 3 * k, 0)
+        model.add(f"weld {k}", sc.JointFixed(*(body.at(middle) for body in bodies)))
+    model.add("clamp", sc.JointFixed(bodies[1].at((1, 3, 0)), sc.ground((1, 3, 0))))
+    return model
+
+
 FREE = {
+    fixed_to_each_other: ("rigid body 'first 0' and rigid body 'second 0'", 6, False),
     free_beam: ("translation of beam 'rod'", 6, False),
     beam_on_a_hinge: (r"rotation of beam 'rod'.*about \(0, 0, 1\)", 1, True),
     beam_between_balls: (r"rotation of beam 'rod'.*about \(1, 0, 0\)", 1, False),
@@ -119,6 +135,26 @@ def test_free_motions_are_named(build, treatment):
         sc.static(build(), treatment)
     assert f"{count} such motion(s)" in str(caught.value)
     assert ("the loads do work on it" in str(caught.value)) == worked
+
+
+@treatments
+@pytest.mark.parametrize("build", FREE, ids=lambda f: f.__name__)
+def test_free_motions_of_many_pieces_are_named(build, treatment, monkeypatch):
+    """By the stiffness at the start, six of them at most: others are not sought then."""
+    monkeypatch.setattr(static_checks, "PIECES", 0)
+    _, count, worked = FREE[build]
+    with pytest.raises(sc.InputError, match="is free") as caught:
+        sc.static(build(), treatment)
+    words = f"{min(count, 6)} such motion(s) in all, or more, at the start, where no load acts"
+    assert words in str(caught.value) and "factors" not in str(caught.value)
+    assert ("the loads do work on it" in str(caught.value)) == worked
+
+
+@pytest.mark.slow
+def test_free_motions_of_a_long_chain_are_named():
+    """It ended in an error of a sparse factorisation."""
+    with pytest.raises(sc.InputError, match=r"rotation of .*link.* is free, 6 such .* or more"):
+        sc.static(hanging_chain(links=static_checks.PIECES + 1))
 
 
 def test_where_a_free_rotation_is():
@@ -314,11 +350,11 @@ def test_spin_holds_a_blade(treatment):
         sc.static(model, treatment)
 
 
-def hanging_chain(on="universal", rod=False, off=0.0):
-    """Two links; with `rod` a body on a massless rod at its end, beside its middle by `off`."""
+def hanging_chain(on="universal", rod=False, off=0.0, links=2):
+    """Some links; with `rod` a body on a massless rod at its end, beside its middle by `off`."""
     model = sc.Model()
     below, axes = sc.ground((0, 0, 0)), ((1, 0, 0), (0, 1, 0))
-    for k in range(2):
+    for k in range(links):
         body = sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, -k - 0.5))
         link = model.add(f"link {k}", body)
         ends = below, link.at((0, 0, -k))
@@ -380,6 +416,61 @@ def test_a_failure_names_what_floats():
     with pytest.raises(sc.Diverged, match=words) as caught:
         sc.static(model, factors={"weight": 1.0}, kernels="numpy")
     assert "ArcLength" not in str(caught.value)
+
+
+@treatments
+def test_motions_of_a_loaded_start_are_those_that_its_stress_leaves(treatment):
+    """A box on a cable that just fits: all six are free without its weight, one with it."""
+    model = sc.Model()
+    box = model.add("box", sc.RigidBody.box(1.0, (0.2, 0.2, 0.2), position=(0, 0, -1.1)))
+    top = box.at((0, 0, -1))
+    model.add("cable", sc.Cable(sc.ground((0, 0, 0)), top, stiffness=1e3, length=1.0))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    with pytest.raises(sc.InputError, match=r"6 such .* at the start, where no load acts"):
+        sc.static(model, treatment)
+    words = r"rigid body 'box' about \(0, 0, 1\).* 1 such .*, in the equilibrium with the loads of"
+    with pytest.raises(sc.InputError, match=words):
+        sc.static(model, treatment, factors={"weight": 1.0})
+
+
+def slack_stay(slide, fits=True):
+    """A boom, or a slider, whose cable goes slack when half of a lift has grown."""
+    model = sc.Model()
+    boom = model.add("boom", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(0.5, 0, 0)))
+    below, at, up = sc.ground((0, 0, 0)), boom.at((0, 0, 0)), (0, 0, 1)
+    hinge = sc.JointRevolute(below, at, axis=(0, 1, 0))
+    model.add("joint", sc.JointPrismatic(below, at, axis=up) if slide else hinge)
+    end, mast = (boom.at((0.5, 0, 0)), (0.5, 0, 1)) if slide else (boom.at((1, 0, 0)), up)
+    model.add("stay", sc.Cable(sc.ground(mast), end, 1e3, length=None if fits else 1.4))
+    model.add("weight", sc.LoadForce(boom.at((0.5, 0, 0)), (0, 0, -10.0)))
+    model.add("lift", sc.LoadForce(boom.at((1, 0, 0)), (0, 0, 20.0 if slide else 10.0)))
+    return model
+
+
+@treatments
+@pytest.mark.parametrize("slide", [False, True])
+def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
+    """It leads to no larger load either; what is known is said."""
+    model, loads = slack_stay(slide), {"weight": 1.0}
+    words = "holds a translation of rigid body 'boom'" if slide else r"ArcLength\(\) does not"
+    with pytest.raises(sc.Diverged, match=words) as caught:
+        sc.static(model, treatment, factors=loads)
+    assert caught.value.time == pytest.approx(0.5, abs=1e-5)
+    assert "which pass limit points" not in str(caught.value)
+    assert "mesh" not in str(caught.value)
+    try:
+        path = sc.static(model, treatment, sc.ArcLength(points=15), factors=loads)
+    except sc.Diverged as error:
+        path = error.history
+    assert path["load_factor"].max() < 0.5 + 1e-6
+
+
+def test_a_start_whose_cable_does_not_stay_taut():
+    """Nothing pulls at it: a start that is no equilibrium is no limit point of a path."""
+    model = slack_stay(False, fits=False)
+    words = r"start is no equilibrium.*without tension where that ended: cable 'stay'. Start nearer"
+    with pytest.raises(sc.Diverged, match=words):
+        sc.static(model)
 
 
 def _along_x():
