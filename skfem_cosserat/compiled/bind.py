@@ -820,7 +820,7 @@ def bound_carried(
     rates: tuple[int, int, int] = (0, 0, 0),
     nearest: Sequence[Any] | None = None,
     normal: Floats | None = None,
-    most: int = 1,
+    most: tuple[int, int] = (3, 1),
 ) -> tuple[Any, dict[str, Any]]:
     """What steps carry on, by rows in space; the structure, and its arrays by name.
 
@@ -835,8 +835,8 @@ def bound_carried(
         momentum (rows, 3) that it takes, the velocity (rows, 3) that it gives.
     normal : (3,) array, optional
         Of the plane in which all stays.
-    most : int
-        Steps in one go that are kept.
+    most : (int, int)
+        Steps whose states are kept, and most steps in one go.
     """
     rows, mass = system.rows, system.mass.tocsr()
     count, before, moved = rates
@@ -867,11 +867,11 @@ def bound_carried(
         "moved_force": np.zeros(1),
         # each step begins at a whole vector
         **{
-            f"log_{name}": np.empty((most, -(-rows // WIDTH) * WIDTH, 3))
+            f"log_{name}": np.empty((most[0], -(-rows // WIDTH) * WIDTH, 3))
             for name in ("q", "p", "impulse")
         },
-        "log_rates": np.empty((most, count * rows, 3)),
-        "log_numbers": np.empty((most, len(LOGGED))),
+        "log_rates": np.empty((most[0], count * rows, 3)),
+        "log_numbers": np.empty((most[1], len(LOGGED))),
     }
     return structures.structure("carried", fields), fields
 

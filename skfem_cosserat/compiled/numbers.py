@@ -25,14 +25,15 @@ SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(19, 25)
 #: extrapolated (0, 1, 2), and how many are known; work of the loads (J). Of several steps in one
 #: go: how many are asked for and done, and matrices factored in all; how far coordinates of closed
 #: loops may go before their rows are looked at, and how far they went since. Energy that moved
-#: velocities took in a step (J), and whether velocities are still to be moved
+#: velocities took in a step (J), and whether velocities are still to be moved; of how many steps,
+#: the last ones, states and impulses are kept
 RECORD = (
     *LOOP,
     *("start", "known", "work", "asked", "done", "all_factored"),
-    *("clearance", "travelled", "taken", "unmoved"),
+    *("clearance", "travelled", "taken", "unmoved", "states"),
 )
 GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(8, 14)
-CLEARANCE, TRAVELLED, TAKEN, UNMOVED = range(14, 18)
+CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES = range(14, 19)
 #: what is kept of these numbers for each of the steps in one go
 LOGGED = ITERATIONS, RESIDUAL, WORK, TAKEN
 

@@ -151,6 +151,7 @@ def keep(o: Any, numbers: Floats, record: Floats) -> None:
     k, early, moved = int(record[n.DONE]) - 1, numbers[n.WEIGHT] == 0.0, len(o.moved) > 0
     for i in range(len(n.LOGGED)):
         o.log_numbers[k, i] = record[n.LOGGED[i]]
+    k %= int(record[n.STATES])
     R, closing, change, rates, after = o.R, o.closing, o.change, o.rates, o.after
     q, p, impulse, log_rates, y1, carried = (
         o.log_q,

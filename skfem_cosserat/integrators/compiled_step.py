@@ -35,6 +35,7 @@ from ..compiled.numbers import (
     SHORT,
     SHORT_WAY,
     START,
+    STATES,
     STEP,
     TAKEN,
     TRAVEL,
@@ -209,21 +210,24 @@ class Viscous:
 # -- steps: the same iteration as that of the stepper, in a few compiled calls ---------------------
 
 
-#: most steps in one go, and most unknowns in all of them together: what is kept of them is small,
-#: and takes less than a second, as Ctrl-C waits for it
-STRIDE, KEPT_UNKNOWNS = 128, 10**5
+#: most steps in one go, and most unknowns moved in all of them together: for less than a second,
+#: as Ctrl-C waits for them; the same where every state is kept
+STRIDE, MOVED = 256, 10**6
+STRIDE_KEPT, MOVED_KEPT = 128, 10**5
 
 
 class BlockOfSteps(NamedTuple):
     """Steps that were solved in one go, one after the other; the next ones overwrite its arrays.
 
+    Of `kept` steps, the last ones, there are states and impulses.
+
     Attributes
     ----------
     stuck : bool
         Whether the step after them was tried, and not solved.
-    q, p, rates : (steps, n), (steps, n), (steps, k, n) arrays
+    q, p, rates : (kept, n), (kept, n), (kept, k, n) arrays
         States at their ends; k = 0 where no rates are carried.
-    impulse : (steps, rows, 3) array
+    impulse : (kept, rows, 3) array
         ``h G^T lambda``.
     iterations, residual, loads, taken : (steps,) arrays
         Newton iterations, scaled residual, work of the loads, and what the scheme took (J).
@@ -242,7 +246,7 @@ class BlockOfSteps(NamedTuple):
     @property
     def steps(self) -> int:
         """How many."""
-        return len(self.q)
+        return len(self.iterations)
 
 
 class CompiledStep(CompiledScene):
@@ -319,9 +323,11 @@ class CompiledStep(CompiledScene):
 
         self._moves = bool(scheme.moved) and self.system.m > 0
         counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
-        self._most = max(1, min(STRIDE, KEPT_UNKNOWNS // max(1, self.system.n)))
+        n = max(1, self.system.n)
+        self._kept = max(3, min(STRIDE, STRIDE_KEPT, MOVED_KEPT // n))
+        self._most = max(3, min(STRIDE, MOVED // n))
         nearest = None if self._nearest is None else self._nearest.bound
-        own = counts, nearest, self._normal, self._most
+        own = counts, nearest, self._normal, (self._kept, self._most)
         self._carried, arrays = bind.bound_carried(self.system, self._arrays, *own)
         self._o = SimpleNamespace(**arrays)
         self._set_rates(scheme)
@@ -470,6 +476,7 @@ class CompiledStep(CompiledScene):
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
+        self._record[STATES] = 1
         if not self._solved(state, 1):
             return None
         return int(self._record[ITERATIONS]), self.residual
@@ -479,17 +486,21 @@ class CompiledStep(CompiledScene):
         loading = self.system.loading
         return self._alike and (loading.constant or time >= loading.constant_after)
 
-    def advance_block(self, state: State, steps: int) -> BlockOfSteps:
-        """Solve up to `steps` steps in one go, and no more than are kept."""
-        solved = self._solved(state, min(steps, self._most))
+    def advance_block(self, state: State, steps: int, every: bool) -> BlockOfSteps:
+        """Solve up to `steps` steps in one go; keep `every` state, or the last two."""
+        # the last two, and a third one that may be taken back
+        self._record[STATES] = self._kept if every else 3
+        solved = self._solved(state, min(steps, self._kept if every else self._most))
         done, o, n, rows = int(self._record[DONE]), self._o, self.system.n, self.system.rows
         iterations, residual, loads, taken = o.log_numbers[:done].T.copy()
+        kept: Any = slice(done) if every else np.arange(max(0, done - 2), done) % 3
+        count = done if every else len(kept)
         return BlockOfSteps(
             not solved,
-            o.log_q[:done, :rows].reshape(done, n),
-            o.log_p[:done, :rows].reshape(done, n),
-            o.log_rates[:done].reshape(done, len(o.table), n),
-            o.log_impulse[:done, :rows],
+            o.log_q[kept, :rows].reshape(count, n),
+            o.log_p[kept, :rows].reshape(count, n),
+            o.log_rates[kept].reshape(count, len(o.table), n),
+            o.log_impulse[kept, :rows],
             *(iterations.astype(np.int64), residual, loads, taken),
         )
 
@@ -553,7 +564,8 @@ class CompiledStep(CompiledScene):
     @property
     def impulse(self) -> Floats:
         """``h G^T lambda`` (rows, 3) of the step."""
-        return self._o.log_impulse[int(self._record[DONE]) - 1, : self.system.rows].copy()
+        last = (int(self._record[DONE]) - 1) % int(self._record[STATES])
+        return self._o.log_impulse[last, : self.system.rows].copy()
 
     def carried(self) -> Floats:
         """Momentum (rows, 3) carried on."""

@@ -124,7 +124,10 @@ class StepReport:
         return self.iterations
 
     def part(self, k: int) -> StepReport:
-        """The k-th of them, as if it were alone, until the stepper takes the next ones."""
+        """The k-th of them, as if it were alone; of a block of which every state is kept.
+
+        It is there until the stepper takes the next ones.
+        """
         return self
 
     @property
@@ -209,20 +212,20 @@ class BlockReport(StepReport):
 
     def part(self, k: int) -> StepReport:
         """See the base class."""
-        b = self.block
+        b, back = self.block, k - self.steps
         work = StepWork(float(b.loads[k]), dissipated=b.taken[k], numerical=b.taken[k])
         ground = self._solved.y1[self._solved.system.rows :]  # nothing moves by prescription
-        y1 = np.concatenate([b.q[k].reshape(-1, 3), ground])
+        y1 = np.concatenate([b.q[back].reshape(-1, 3), ground])
         end = self.state if k == self.steps - 1 else self._start(k + 1)
-        solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[k].copy())
+        solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[back].copy())
         return StepReport(end, int(b.iterations[k]), 1, float(b.residual[k]), work, solved)
 
     def _start(self, k: int) -> State:
         """Where the k-th step starts."""
         if not k:
             return self._first
-        b, index = self.block, self._first.index + k
-        own = b.q[k - 1].copy(), b.p[k - 1].copy(), False, None, carried_rates(b.rates[k - 1])
+        b, index, back = self.block, self._first.index + k, k - 1 - self.steps
+        own = b.q[back].copy(), b.p[back].copy(), False, None, carried_rates(b.rates[back])
         return State(float(self.times[k - 1]), index, *own, self.state.made_by)
 
 
@@ -740,7 +743,11 @@ class Stepper:
         return fast is not None and fast.takes_blocks(state.time)
 
     def advance_block(
-        self, state: State, steps: int, time: Callable[[Any], Any] | None = None
+        self,
+        state: State,
+        steps: int,
+        time: Callable[[Any], Any] | None = None,
+        every: bool = False,
     ) -> StepReport:
         """Solve up to so many steps in one go, at least one: the same ones, for less.
 
@@ -753,6 +760,8 @@ class Stepper:
         time : callable, optional
             Times (s) of states by their indices, one or an array; default: that of `state` and the
             steps.
+        every : bool
+            Whether every state is kept, for ``report.part(k)``; False: the last ones only.
 
         Returns
         -------
@@ -791,7 +800,7 @@ class Stepper:
         assert fast is not None
         if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
             return self.advance(state, next_time)
-        block = fast.advance_block(state, steps)
+        block = fast.advance_block(state, steps, every)
         if not block.steps:
             return self.advance(replace(state, plain=True), next_time)
         self._first, self._left_in_a_row = False, 0

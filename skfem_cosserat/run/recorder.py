@@ -575,10 +575,13 @@ class Recorder:
 
     def take(self, report: StepReport) -> None:
         """Steps are done: write rows of their start and in between, and make that of their end."""
-        self._complete_row(report.part(0))
+        block = report if isinstance(report, BlockReport) else None
+        every = block is not None and len(block.block.q) == block.steps
+        self._complete_row(report.part(0) if every else report)
         start, between = (self._row, self._numerical, self._kept), None
-        if isinstance(report, BlockReport):
-            between = self._between(report, *self.works.add_block(report))
+        if block is not None:
+            sums = self.works.add_block(block)
+            between = self._between(block, *sums) if every else None
         else:
             self.works.add(report)
         self.bank.take(report)
@@ -776,6 +779,10 @@ class Recorder:
         return self.closed
 
 
+#: of so many steps one state is recorded, where it costs more to keep those in between
+SPARSE = 16
+
+
 class Numbered:
     """States of a run with equal steps: every k-th, or those nearest to given times.
 
@@ -810,10 +817,21 @@ class Numbered:
             return (k % self._every == 0) | (k == self._count)
         return np.isin(k, self._at)
 
-    def ahead(self, state: State) -> int:
-        """Steps that may be taken in one go; the first three, which complete the start, are not."""
+    def ahead(self, state: State) -> tuple[int, bool]:
+        """Steps that may be taken in one go, and whether states between them are recorded.
+
+        If few are, they end where one is, and the step after it, which completes its row, is taken
+        alone; as are the first three, which complete that of the start.
+        """
         k = state.index - self._first
-        return 1 if k < 3 else self._count - k
+        if k >= 3 and self._at is None and self._every < SPARSE:
+            return self._count - k, True
+        if k < 3 or self(state.index, state.time, 0.0):
+            return 1, False
+        if self._at is None:
+            return min(self._every - k % self._every, self._count - k), False
+        left = self._at[np.searchsorted(self._at, k) :]
+        return int(left[0] if len(left) else self._count) - k, False
 
 
 def timed(

@@ -91,7 +91,8 @@ class FixedSteps(SteppingPlan):
     until : float, optional
         Equal steps to this end instead, of the stepper's size or less.
     ahead : callable, optional
-        From a state, how many steps may be taken in one go; by default one.
+        From a state, how many steps may be taken in one go, and whether every state of them is
+        recorded, or some are; by default one step.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class FixedSteps(SteppingPlan):
         state: State,
         count: int,
         until: float | None = None,
-        ahead: Callable[[State], int] | None = None,
+        ahead: Callable[[State], tuple[int, bool]] | None = None,
     ) -> None:
         self.stepper, self._ahead = stepper, ahead
         self.h = self._size = stepper.h
@@ -114,9 +115,9 @@ class FixedSteps(SteppingPlan):
         k = state.index + 1 - self._first
         if k > self._count:
             return []
-        ahead = 1 if self._ahead is None else self._ahead(state)
+        ahead, every = (1, False) if self._ahead is None else self._ahead(state)
         if ahead > 1 and self.stepper.takes_blocks(state):
-            return [self.stepper.advance_block(state, ahead, self._time)]
+            return [self.stepper.advance_block(state, ahead, self._time, every)]
         h = None if self._end is None else self.h
         return [self.stepper.advance(state, self._time(state.index + 1), h)]
 
