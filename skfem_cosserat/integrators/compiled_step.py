@@ -491,6 +491,8 @@ class CompiledStep(CompiledScene):
         # the last two, and a third one that may be taken back
         self._record[STATES] = self._kept if every else 3
         solved = self._solved(state, min(steps, self._kept if every else self._most))
+        if solved and self.unmoved:  # the general way moves velocities
+            solved = self._take_back(False)
         done, o, n, rows = int(self._record[DONE]), self._o, self.system.n, self.system.rows
         iterations, residual, loads, taken = o.log_numbers[:done].T.copy()
         kept: Any = slice(done) if every else np.arange(max(0, done - 2), done) % 3
@@ -529,14 +531,18 @@ class CompiledStep(CompiledScene):
             self._farthest, self._travel, _ = a.found.tolist()
             self._travelled = float(record[TRAVELLED])
         if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
-            known = known or (self.looped and record[DONE] > 1)
-            self.resume(a.before.ravel()[self._numbering] if known else None)
-            record[KEPT] = 0.0
-            record[DONE] -= 1
-            solved = False
+            return self._take_back(known or (self.looped and record[DONE] > 1))
         if not solved:
             self._travelled = np.inf
         return solved
+
+    def _take_back(self, known: bool) -> bool:
+        """Leave the last step to the general way: not solved. `known`: what the one before left."""
+        self.resume(self._a.before.ravel()[self._numbering] if known else None)
+        self._record[KEPT] = 0.0
+        self._record[DONE] -= 1
+        self._travelled = np.inf
+        return False
 
     def _flipped(self) -> bool:
         """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""

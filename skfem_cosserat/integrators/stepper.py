@@ -804,7 +804,7 @@ class Stepper:
         if not block.steps:
             return self.advance(replace(state, plain=True), next_time)
         self._first, self._left_in_a_row = False, 0
-        after = np.arange(1.0, block.steps + 1)
+        after = np.arange(1, block.steps + 1)
         times = state.time + self.h * after if time is None else time(state.index + after)
         y1 = self.system.extend(block.q[-1], float(times[-1]))
         made = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)

@@ -636,8 +636,6 @@ class Recorder:
             "dissipated": dissipated[own],
             "taken": numerical[own],
         }
-        if self._angles:
-            rows["turns"] = np.zeros((count, len(self._angles)), dtype=np.int64)
         if self._remembered:
             rows["rates"] = block.rates[own]
         return rows
@@ -815,7 +813,14 @@ class Numbered:
         k = index - self._first
         if self._at is None:
             return (k % self._every == 0) | (k == self._count)
-        return np.isin(k, self._at)
+        return np.searchsorted(self._at, k, "right") > np.searchsorted(self._at, k)
+
+    def _dense(self, k: int) -> bool:
+        """Whether many of the states after the k-th are recorded."""
+        if self._at is None:
+            return self._every < SPARSE
+        near = self._at[np.searchsorted(self._at, k) :][:SPARSE]
+        return len(near) == SPARSE and bool(near[-1] - k < SPARSE * SPARSE)
 
     def ahead(self, state: State) -> tuple[int, bool]:
         """Steps that may be taken in one go, and whether states between them are recorded.
@@ -824,7 +829,7 @@ class Numbered:
         alone; as are the first three, which complete that of the start.
         """
         k = state.index - self._first
-        if k >= 3 and self._at is None and self._every < SPARSE:
+        if k >= 3 and self._dense(k):
             return self._count - k, True
         if k < 3 or self(state.index, state.time, 0.0):
             return 1, False

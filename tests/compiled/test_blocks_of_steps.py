@@ -193,6 +193,36 @@ def test_states_that_are_asked_for_end_blocks(blocks):
     assert blocks[-2:] == [28, 49]  # each row is completed by the step after it
 
 
+def test_many_states_that_are_asked_for_are_recorded_in_blocks(blocks):
+    """Most of a part of the run, two of the rest."""
+    system = swing.scene("published").freeze(planar=sc.Planar())
+    at = [*(1e-2 * k for k in range(20, 70) if k % 7), 1.5, 1.8]
+    given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 2.0
+    one, _ = run(*given, at=at, callbacks=[lambda report: None])
+    assert not blocks
+    many, _ = run(*given, at=at)
+    assert_the_same(one, many)
+    assert len(many) == len(at) + 2 and len(blocks) < 20
+
+
+@pytest.mark.parametrize(
+    "integrator",
+    [sc.EnergyMomentum(stabilized=True), sc.Variational(stabilized=True), sc.GeneralizedAlpha(0.8)],
+    ids=repr,
+)
+def test_velocities_that_are_left_to_be_moved_end_a_block(integrator):
+    """The general way moves them; a block that went on would record them unmoved."""
+    system = scene(MORE["nothing"][0])
+    stepper = Stepper(system, integrator, sc.NullSpace(), 6e-4, kernels="numba")
+    state = stepper.own(sc.initial_state(system))
+    for _ in range(5):
+        state = stepper.advance(state).state
+    stepper._sized(stepper.h).fast._o.nearest[0] = 0  # as where it is singular
+    single, block = stepper.advance(state), stepper.advance_block(state, 5)
+    assert block.steps == 1
+    np.testing.assert_allclose(block.state.p, single.state.p, rtol=1e-9, atol=1e-12)
+
+
 def test_ctrl_c_waits_for_a_few_steps_only(blocks, monkeypatch):
     monkeypatch.setattr(compiled_step, "STRIDE", 32)
     system = swing.scene("published").freeze(planar=sc.Planar())
