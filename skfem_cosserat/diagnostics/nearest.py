@@ -42,9 +42,9 @@ def rigid_pieces(system: System, joined: bool = False) -> tuple[IndexArray, list
     none = np.zeros(0, dtype=np.int64)
     a, b = np.concatenate([none, *i]), np.concatenate([none, *j])
     graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
-    number, label = connected_components(graph, directed=False)
-    first = [int(np.flatnonzero(label == k)[0]) for k in range(number)]
-    return label, [system.owner[v].label for v in first]
+    label = connected_components(graph, directed=False)[1]
+    first = np.unique(label, return_index=True)[1]
+    return label, [system.owner[v].label for v in first.tolist()]
 
 
 def rigid_motions(

@@ -805,7 +805,8 @@ class Stepper:
             return self.advance(replace(state, plain=True), next_time)
         self._first, self._left_in_a_row = False, 0
         after = np.arange(1, block.steps + 1)
-        times = state.time + self.h * after if time is None else time(state.index + after)
+        ends = state.time + self.h * after if time is None else time(state.index + after)
+        times = np.asarray(ends, dtype=float)
         y1 = self.system.extend(block.q[-1], float(times[-1]))
         made = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
         return BlockReport.of(block, times, state, made, origin)

@@ -147,7 +147,7 @@ class Stability:
             K = 0.5 * (K + K.T)
         n = K.shape[0]
         if not K.data.any():
-            return np.zeros(count), np.eye(n, count)
+            return np.zeros(min(count, n)), np.eye(n, count)[:, :n]
         if n <= max(DENSE, count + 2):
             if self.symmetric:
                 values, vectors = eigh(K.toarray(), metric.toarray())
