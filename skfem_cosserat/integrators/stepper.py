@@ -127,7 +127,14 @@ class StepReport:
         """The k-th of them, as if it were alone; of a block of which every state is kept.
 
         It is there until the stepper takes the next ones.
+
+        Raises
+        ------
+        InputError
+            If there is no such step, or its states were not kept.
         """
+        if k != 0:
+            raise InputError("argument k", f"{k!r}, expected 0: the report is of one step")
         return self
 
     @property
@@ -213,6 +220,9 @@ class BlockReport(StepReport):
     def part(self, k: int) -> StepReport:
         """See the base class."""
         b, back = self.block, k - self.steps
+        if not 0 <= k < self.steps or len(b.q) < self.steps:
+            text = f"{k!r}, expected one of {self.steps} steps, taken with every=True"
+            raise InputError("argument k", text)
         work = StepWork(float(b.loads[k]), dissipated=b.taken[k], numerical=b.taken[k])
         ground = self._solved.y1[self._solved.system.rows :]  # nothing moves by prescription
         y1 = np.concatenate([b.q[back].reshape(-1, 3), ground])

@@ -359,3 +359,16 @@ def test_a_report_is_that_of_the_last_step():
     assert many.part(0).start.index == 120 and many.part(3).state.index == 124
     np.testing.assert_array_equal(many.part(3).state.q, many.part(4).start.q)
     assert many.state.time == pytest.approx(one.state.time, rel=1e-14)
+
+
+def test_parts_are_of_blocks_of_which_every_state_is_kept():
+    system = scene(MORE["nothing"][0])
+    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 6e-4, kernels="numba")
+    state = stepper.advance(stepper.own(sc.initial_state(system))).state
+    with pytest.raises(sc.InputError, match="one of 20 steps, taken with every=True"):
+        stepper.advance_block(state, 20).part(3)
+    report = stepper.advance_block(state, 20, every=True)
+    assert report.part(19).state is report.state
+    with pytest.raises(sc.InputError, match="argument k: 20, expected"):
+        report.part(20)
+    assert stepper.advance(state).part(0).steps == 1
