@@ -213,14 +213,14 @@ def test_many_states_that_are_asked_for_are_recorded_in_blocks(blocks):
 def test_velocities_that_are_left_to_be_moved_end_a_block(integrator):
     """The general way moves them; a block that went on would record them unmoved."""
     system = scene(MORE["nothing"][0])
-    stepper = Stepper(system, integrator, sc.NullSpace(), 6e-4, kernels="numba")
+    stepper = Stepper(system, integrator, sc.NullSpace(), 4e-3, kernels="numba")
     state = stepper.own(sc.initial_state(system))
-    for _ in range(5):
+    for _ in range(20):
         state = stepper.advance(state).state
     stepper._sized(stepper.h).fast._o.nearest[0] = 0  # as where it is singular
     single, block = stepper.advance(state), stepper.advance_block(state, 5)
     assert block.steps == 1
-    np.testing.assert_allclose(block.state.p, single.state.p, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(block.state.p, single.state.p, rtol=1e-7, atol=1e-11)
 
 
 def test_ctrl_c_waits_for_a_few_steps_only(blocks, monkeypatch):
