@@ -821,6 +821,7 @@ def bound_carried(
     nearest: Sequence[Any] | None = None,
     normal: Floats | None = None,
     most: tuple[int, int] = (3, 1),
+    evaluated: bool = False,
 ) -> tuple[Any, dict[str, Any]]:
     """What steps carry on, by rows in space; the structure, and its arrays by name.
 
@@ -837,6 +838,8 @@ def bound_carried(
         Of the plane in which all stays.
     most : (int, int)
         Steps whose states are kept, and most steps in one go.
+    evaluated : bool
+        Whether loads are evaluated in each iteration.
     """
     rows, mass = system.rows, system.mass.tocsr()
     count, before, moved = rates
@@ -872,7 +875,13 @@ def bound_carried(
         },
         "log_rates": np.empty((most[0], count * rows, 3)),
         "log_numbers": np.empty((most[1], len(LOGGED))),
+        # dead loads get into the balance by those that are evaluated, if there are any
+        "dead": arrays["dead"] if evaluated else arrays["external"],
+        **{name: arrays[name] for name in ("moments", "followers")},
     }
+    several = 0 if system.loading.constant else most[0]
+    for name in ("dead", "moments", "followers"):
+        fields[f"all_{name}"] = np.empty((several, *fields[name].shape))
     return structures.structure("carried", fields), fields
 
 

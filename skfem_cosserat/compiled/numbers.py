@@ -26,14 +26,14 @@ SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(19, 25)
 #: go: how many are asked for and done, and matrices factored in all; how far coordinates of closed
 #: loops may go before their rows are looked at, and how far they went since. Energy that moved
 #: velocities took in a step (J), and whether velocities are still to be moved; of how many steps,
-#: the last ones, states and impulses are kept
+#: the last ones, states and impulses are kept; whether each step has loads of its own
 RECORD = (
     *LOOP,
     *("start", "known", "work", "asked", "done", "all_factored"),
-    *("clearance", "travelled", "taken", "unmoved", "states"),
+    *("clearance", "travelled", "taken", "unmoved", "states", "varying"),
 )
 GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(8, 14)
-CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES = range(14, 19)
+CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES, VARYING = range(14, 20)
 #: what is kept of these numbers for each of the steps in one go
 LOGGED = ITERATIONS, RESIDUAL, WORK, TAKEN
 

@@ -183,8 +183,26 @@ def keep(o: Any, numbers: Floats, record: Floats) -> None:
 
 
 @inlined
-def go_on(o: Any) -> None:
+def take_loads(o: Any, k: int) -> None:
+    """Loads of the k-th of several steps."""
+    dead, moments, followers = o.dead, o.moments, o.followers
+    for r in range(dead.shape[0]):
+        for c in range(3):
+            dead[r, c] = o.all_dead[k, r, c]
+    for i in range(moments.shape[0]):
+        for c in range(3):
+            moments[i, c] = o.all_moments[k, i, c]
+    for i in range(followers.shape[0]):
+        for a in range(4):
+            for b in range(4):
+                followers[i, a, b] = o.all_followers[k, i, a, b]
+
+
+@inlined
+def go_on(o: Any, record: Floats) -> None:
     """The next step starts where the last one ended."""
+    if record[n.VARYING] != 0.0:
+        take_loads(o, int(record[n.DONE]))
     y0, y1, p0, carried, rates, after = o.y0, o.y1, o.p0, o.carried, o.rates, o.after
     for r in range(p0.shape[0]):
         for c in range(3):

@@ -306,4 +306,4 @@ def solve(
             return True
         if looped and (w.found[1] >= n.SHORT_WAY or record[n.TRAVELLED] >= record[n.CLEARANCE]):
             return True
-        go_on(o)
+        go_on(o, record)

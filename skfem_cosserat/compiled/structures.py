@@ -376,12 +376,14 @@ FLOW = (
 #: by rows in space, whatever the unknowns are: both ends of a step, the mass matrix; rates that are
 #: carried on, one block of rows after the other, and the numbers of the scheme for them; addresses
 #: of what moves velocities, with the rows it takes and gives, and the change of momentum; what
-#: dampers take of the rates, see `WORK`; and what is kept of each of the steps in one go
+#: dampers take of the rates, see `WORK`; what is kept of each of the steps in one go; where loads
+#: are taken from, and those of each of the steps
 CARRIED = (
     *("y0", "y1", "p0", "carried", "mass_data", "mass_indices", "mass_indptr"),
     *("rates", "after", "table", "before", "moved", "scratch", "rate0", "drift", "of_drift"),
     *("nearest", "near_y", "near_p", "velocity", "change", "flow", "normal", "limit"),
     *("R", "closing", "moved_force", "log_q", "log_p", "log_rates", "log_impulse", "log_numbers"),
+    *("dead", "moments", "followers", "all_dead", "all_moments", "all_followers"),
 )
 #: all that a projection of velocities takes
 PROJECTION = ("parts", "tree", "plan", "work", "beams", "numbers")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -43,6 +43,7 @@ from ..compiled.numbers import (
     TURNED,
     TURNS,
     UNMOVED,
+    VARYING,
     VISCOUS_END,
     VISCOUS_START,
     WORK,
@@ -214,6 +215,8 @@ class Viscous:
 #: as Ctrl-C waits for them; the same where every state is kept
 STRIDE, MOVED = 256, 10**6
 STRIDE_KEPT, MOVED_KEPT = 128, 10**5
+#: what depends on time in loads: dead ones, moments, and those that are fixed in bodies
+LOADS = "dead", "moments", "followers"
 
 
 class BlockOfSteps(NamedTuple):
@@ -327,7 +330,7 @@ class CompiledStep(CompiledScene):
         self._kept = max(3, min(STRIDE, STRIDE_KEPT, MOVED_KEPT // n))
         self._most = max(3, min(STRIDE, MOVED // n))
         nearest = None if self._nearest is None else self._nearest.bound
-        own = counts, nearest, self._normal, (self._kept, self._most)
+        own = counts, nearest, self._normal, (self._kept, self._most), self._evaluated
         self._carried, arrays = bind.bound_carried(self.system, self._arrays, *own)
         self._o = SimpleNamespace(**arrays)
         self._set_rates(scheme)
@@ -445,13 +448,12 @@ class CompiledStep(CompiledScene):
         if last is not None:
             self._a.last.ravel()[self._numbering] = np.real(last)
 
-    def _begin(self, state: State) -> None:
-        """Loads, prescribed motion and all that is fixed during a step."""
+    def _begin(self, state: State, loaded: bool) -> None:
+        """Loads, unless they are there, prescribed motion and all that is fixed during a step."""
         system, t, scheme = self.system, state.time, self.scheme
         self._time = t
-        if not (self._loaded and system.loading.constant):
-            loading, end = system.loading, t + self.h
-            self.load(loading.values(end) if scheme.at_end else loading.averages(t, end))
+        if not (loaded or (self._loaded and system.loading.constant)):
+            self._load(t)
             self._loaded = True
         self._coupled.begin(state)
         moving = bool(system.moving)
@@ -474,6 +476,33 @@ class CompiledStep(CompiledScene):
         if self._called_back is not None:
             self._called_back.begin(state, self.h, scheme, self.rates0)
 
+    def _load(self, time: float) -> None:
+        """Loads of a step that starts at a time (s)."""
+        loading, end = self.system.loading, time + self.h
+        self.load(loading.values(end) if self.scheme.at_end else loading.averages(time, end))
+
+    def _load_all(self, times: Sequence[float]) -> int:
+        """Loads of several steps, from these times (s) on; of how many they are known.
+
+        Whatever a function of the user raises is left to the step that meets it.
+        """
+        o, several = self._o, 0
+        own = [(o.__dict__[name], o.__dict__[f"all_{name}"]) for name in LOADS]
+        for time in times:
+            try:
+                self._load(time)
+            except Exception:
+                if not several:
+                    raise
+                break
+            for now, each in own:
+                each[several] = now
+            several += 1
+        for now, each in own:
+            now[:] = each[0]
+        self._factors = None  # the last step's are there afterwards
+        return several
+
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
         self._record[STATES] = 1
@@ -482,15 +511,31 @@ class CompiledStep(CompiledScene):
         return int(self._record[ITERATIONS]), self.residual
 
     def takes_blocks(self, time: float) -> bool:
-        """Whether steps from this time (s) on differ in nothing but where they start."""
-        loading = self.system.loading
-        return self._alike and (loading.constant or time >= loading.constant_after)
+        """Whether steps from this time (s) on differ in where they start and in loads only."""
+        return self._alike and not (self.scheme.at_end and self._varies(time))
 
-    def advance_block(self, state: State, steps: int, every: bool) -> BlockOfSteps:
-        """Solve up to `steps` steps in one go; keep `every` state, or the last two."""
+    def _varies(self, time: float) -> bool:
+        """Whether loads may change after this time (s)."""
+        loading = self.system.loading
+        return not (loading.constant or time >= loading.constant_after)
+
+    def most(self, time: float, every: bool) -> int:
+        """Most steps in one go from this time (s) on."""
+        return self._kept if every or self._varies(time) else self._most
+
+    def advance_block(self, state: State, times: Floats, every: bool) -> BlockOfSteps:
+        """Solve steps that end at these times (s) in one go; keep `every` state, or the last two.
+
+        Fewer, where something has to be looked at.
+        """
         # the last two, and a third one that may be taken back
         self._record[STATES] = self._kept if every else 3
-        solved = self._solved(state, min(steps, self._kept if every else self._most))
+        steps, varies = len(times), self._varies(state.time)
+        if varies:
+            steps = self._load_all([state.time, *times[:-1].tolist()])
+        self._record[VARYING] = varies
+        solved = self._solved(state, steps, varies)
+        self._record[VARYING] = 0.0
         if solved and self.unmoved:  # the general way moves velocities
             solved = self._take_back(False)
         done, o, n, rows = int(self._record[DONE]), self._o, self.system.n, self.system.rows
@@ -516,9 +561,12 @@ class CompiledStep(CompiledScene):
         """Whether velocities are left to be moved onto the hidden constraints."""
         return bool(self._record[UNMOVED])
 
-    def _solved(self, state: State, steps: int) -> bool:
-        """Solve up to so many steps; whether the last one tried was solved."""
-        self._begin(state)
+    def _solved(self, state: State, steps: int, loaded: bool = False) -> bool:
+        """Solve up to so many steps; whether the last one tried was solved.
+
+        `loaded`: their loads are there.
+        """
+        self._begin(state, loaded)
         record, a = self._record, self._a
         record[ASKED], record[TRAVELLED] = steps, self._travelled
         known = self.looped and record[KNOWN] > 0.0

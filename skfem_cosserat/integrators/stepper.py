@@ -745,9 +745,9 @@ class Stepper:
     def takes_blocks(self, state: State) -> bool:
         """Whether :meth:`advance_block` may take more than one step from this state on.
 
-        With compiled kernels, where loads are constant from then on, nothing moves by prescription,
-        there are no springs, dampers, drag and viscous sections, and the scheme takes no energy by
-        its stresses.
+        With compiled kernels, where nothing moves by prescription, there are no springs, dampers,
+        drag and viscous sections, the scheme takes no energy by its stresses, and loads, if it
+        takes them at the ends of steps, are constant from then on.
         """
         fast = None if self.integrator.shares else self._fast
         return fast is not None and fast.takes_blocks(state.time)
@@ -810,13 +810,14 @@ class Stepper:
         assert fast is not None
         if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
             return self.advance(state, next_time)
-        block = fast.advance_block(state, steps, every)
+        after = np.arange(1, min(steps, fast.most(state.time, every)) + 1)
+        ends = state.time + self.h * after if time is None else time(state.index + after)
+        times = np.asarray(ends, dtype=float)
+        block = fast.advance_block(state, times, every)
         if not block.steps:
             return self.advance(replace(state, plain=True), next_time)
         self._first, self._left_in_a_row = False, 0
-        after = np.arange(1, block.steps + 1)
-        ends = state.time + self.h * after if time is None else time(state.index + after)
-        times = np.asarray(ends, dtype=float)
+        times = times[: block.steps]
         y1 = self.system.extend(block.q[-1], float(times[-1]))
         made = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
         return BlockReport.of(block, times, state, made, origin)
