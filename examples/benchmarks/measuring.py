@@ -1,8 +1,9 @@
 """What the benchmarks of this folder share: scene, clock, yardstick, tables, command line.
 
-Import it before numpy: it keeps the linear algebra to one thread. Times are CPU times of the
-process (:func:`time.process_time`): with one thread they are what a clock on the wall shows on an
-idle machine, and other programs disturb them less.
+Import it before numpy: it keeps the linear algebra to one thread, and processes may write bytecode
+also where the environment forbids it, as those without measure Python's compiler. Times are CPU
+times of the process (:func:`time.process_time`): with one thread they are what a clock on the wall
+shows on an idle machine, and other programs disturb them less.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: small matrices
+os.environ["PYTHONDONTWRITEBYTECODE"] = ""  # of processes that are measured
 
 import argparse
 import csv
