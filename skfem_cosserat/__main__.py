@@ -24,8 +24,9 @@ def _changes(arguments: argparse.Namespace) -> str:
 
 def _warm(arguments: argparse.Namespace) -> str:
     """Compile the kernels of runs and equilibria, which takes minutes; runs find them on disk."""
-    from .compiled.warm import NotKept, Source
+    from .compiled.kept import Source, compile_errors
     from .constraints import Multipliers, NullSpace
+    from .constraints.stacked import have_stacked
     from .errors import PerformanceWarning
     from .integrators import EnergyDecaying, EnergyMomentum, GeneralizedAlpha, Stepper
     from .model import Planar
@@ -41,12 +42,10 @@ def _warm(arguments: argparse.Namespace) -> str:
                     plane = model.freeze(planar=Planar(normal=(0, 0, 1)))
                     Stepper(plane, EnergyMomentum(), treatment, 1e-3, kernels="numba")
                 static(model, treatment, kernels="numba", derive=False)
-    from .compiled.stacked import have  # needs numba: the steps above say so where it is not there
-
     try:
-        have(Source.COMPILER)
-    except NotKept as error:  # runs do without
-        text = f"numba does not compile those of velocities and multipliers: {error.__cause__}"
+        have_stacked(Source.COMPILER)
+    except compile_errors() as error:  # runs do without
+        text = f"numba does not compile those of velocities and multipliers: {error}"
         warn("kernels", text, PerformanceWarning)
     return "kernels are compiled\n"
 

@@ -218,6 +218,7 @@ def assert_same_iteration(
 
 
 def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc.State) -> None:
+    from skfem_cosserat.compiled import step
     from skfem_cosserat.compiled.numbers import ROTATION
     from skfem_cosserat.integrators.compiled_step import CompiledPlane, CompiledStep
 
@@ -227,7 +228,7 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
     kind = CompiledStep if system.plane is None else CompiledPlane
     fast: Any = kind(system, method, h, sc.NewtonSettings())
     begin, evaluate, matrix, increment = map(
-        called, (fast._step.start, fast._step.evaluate, fast._step.matrix, fast._step.increment)
+        called, (step.start, step.evaluate, step.matrix, step.increment)
     )
     *rest, numbers = fast._all
     whole = *rest, numbers.copy()
@@ -274,6 +275,7 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
 
 def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State) -> None:
     """Against ``[[A, P^T G^T], [G P, 0]]`` of dense matrices, G the rows that its tree leaves."""
+    from skfem_cosserat.compiled import step
     from skfem_cosserat.compiled.numbers import GUESS, KNOWN, MASS, ROTATION
     from skfem_cosserat.constraints.null_space import BoundNullSpace
     from skfem_cosserat.integrators.compiled_step import CompiledPlane, CompiledStep
@@ -283,7 +285,7 @@ def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State
     kind = CompiledStep if free.plane is None else CompiledPlane
     fast: Any = kind(free, method, h, sc.NewtonSettings())
     begin, evaluate, matrix, increment = map(
-        called, (fast._step.start, fast._step.evaluate, fast._step.matrix, fast._step.increment)
+        called, (step.start, step.evaluate, step.matrix, step.increment)
     )
     rng, unknowns, a = np.random.default_rng(seed), free.kinematics.unknowns, fast._a
     balance = method.balance(free, h)
@@ -304,8 +306,8 @@ def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State
     begin(*fast._all, 1)
     residual = evaluate(*fast._all, 1)
     y1 = bound.configure()
-    step = balance.begin(state)
-    found = balance.evaluate(step, y1)
+    data = balance.begin(state)
+    found = balance.evaluate(data, y1)
     if free.plane is None:  # else they are made where a step ends
         assert a.y1 == pytest.approx(y1, abs=1e-13)
         assert balance_of(fast) == pytest.approx(found.R, abs=1e-12 * abs(found.R).max())
@@ -323,7 +325,7 @@ def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State
         assert residual == pytest.approx(largest, rel=1e-7)
     P1 = np.array([bound.displacement(e, y1).ravel() for e in np.eye(unknowns)]).T
     P = np.array([bound.pull(e.reshape(-1, 3)) for e in np.eye(system.n)])
-    blocks = balance.tangent(step, found)
+    blocks = balance.tangent(data, found)
     A = bound.solver.pattern.assembled(bound.matrix(blocks, R, y1)).toarray()
     H = np.zeros((system.n, system.n))
     np.add.at(H, (g.curvature_rows, g.curvature_cols), g.curvature_values(mu, yc))

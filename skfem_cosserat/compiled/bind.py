@@ -9,7 +9,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numba import typeof, types
 
 from ..coupling import Coupling
 from ..law import DIFFERENCE, STEP, Law, LawStored
@@ -22,23 +21,25 @@ from ..strain import strain_factors
 from ..strain_function import CompiledFunction
 from ..theory import LawHeld
 from ..types import Floats, IndexArray
-from . import (
-    blocks,
-    couplings,
-    elements,
-    flow,
-    held,
-    laws,
-    loads,
-    nodes,
-    rows,
-    static,
-    stored,
-    structures,
-    tree,
-)
+from . import structures
 from .bind_rows import bound_held, bound_rows, first_held
-from .couplings import (
+from .kept import VECTOR, Source, address, cold
+from .numbers import (
+    BEAM_PARTS,
+    COMPLEX_ENERGY,
+    COMPLEX_GRADIENT,
+    COUPLED,
+    ENERGY,
+    GRADIENT,
+    HESSIAN,
+    LOGGED,
+    NUMBERS,
+    TREE_PARTS,
+    WIDTH,
+)
+from .plan import Plan, following
+from .structures import Groups, flags, integers, room
+from .tables.couplings import (
     ANGLE,
     DAMPING,
     DISPLACEMENT,
@@ -57,25 +58,10 @@ from .couplings import (
     SLOT,
     STIFFNESS,
 )
-from .jit import address
-from .numbers import (
-    BEAM_PARTS,
-    COMPLEX_ENERGY,
-    COMPLEX_GRADIENT,
-    COUPLED,
-    ENERGY,
-    GRADIENT,
-    HESSIAN,
-    LOGGED,
-    NUMBERS,
-    TREE_PARTS,
-)
-from .plan import Plan, following
-from .simd import WIDTH
-from .structures import Groups, flags, integers, numba_type_of, room
-from .tree import AXIS, SLIDE, SPHERE
-from .tree import ROTATION as TURN
-from .warm import Source, cold, helped
+from .tables.flow import BORDER, SHIFTS, SUMS, TURNED
+from .tables.tree import AXIS, SLIDE, SPHERE
+from .tables.tree import ROTATION as TURN
+from .warm import helped
 
 __all__ = [
     "addresses",
@@ -94,9 +80,7 @@ __all__ = [
     "fulcrum_of",
     "kinds_of",
     "nested",
-    "part_named",
     "parts_of",
-    "signature",
     "work_of",
 ]
 
@@ -239,11 +223,10 @@ def compiling(
 ) -> AbstractContextManager[None]:
     """While these parts and the structures they take are compiled, with help on an empty cache.
 
-    `source`: see :func:`.jit.ready`.
+    `source`: see :func:`.kept.address`.
     """
     orders = sorted({group.vertices.shape[1] - 1 for group in system.beam_groups}) or [1]
-    first = part_named(names[0], family)
-    if source == Source.COMPILER and not first.overloads and cold([first]):
+    if source == Source.COMPILER and cold(names[0]):
         return helped(orders, names, family)
     return nullcontext()
 
@@ -264,54 +247,23 @@ def addresses(
     family : {"tree", "plane"}
         In space, or in a plane.
     source : Source
-        See :func:`.jit.ready`.
+        See :func:`.kept.address`.
     """
-    kinds, beams = [*map(numba_type_of, structures)], structures[-1]
+    kinds, beams = [each.kind for each in structures], structures[-1]
 
-    def made(name: str, own: Sequence[Any]) -> int:
-        kind = family
-        if structure_of_law(own[-1]):
-            kind = "by law"
-        return address(part_named(name, kind), *signature(name, own), source=source)
+    def made(name: str, g: Any) -> int:
+        own = "by law" if name in BEAM_PARTS and g.family == "beams_by_law" else family
+        given = [g, kinds[2]] if name in BEAM_PARTS else kinds[:3]
+        return address(own, name, (*given, VECTOR, int), source)
 
     found: dict[str, int] = {}
     for name in names:
         if name in BEAM_PARTS and isinstance(beams, Groups):
-            each = [made(name, [*kinds[:-1], numba_type_of(one)]) for one in beams.members]
-            found[name] = beams.place(name, each)
+            found[name] = beams.place(name, [made(name, each.kind) for each in beams.members])
         else:
-            found[name] = made(name, kinds)
+            found[name] = made(name, beams.kind)
     # the last one is that of Python code, if some is called back
     return np.array([*(found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)), 0])
-
-
-@cache
-def part_named(name: str, family: str = "tree") -> Any:
-    """The function of this name."""
-    modules = [nodes, tree, rows, flow, blocks, elements, held, loads, couplings, static]
-    if family == "plane":
-        modules = [*plane_parts(), *modules]
-    if family == "by law":
-        modules = [stored, elements, held]
-    return next(vars(m)[name] for m in modules if name in m.__all__)
-
-
-def plane_parts() -> list[Any]:
-    """What parts for scenes in a plane are in, beside those that take any."""
-    from .plane import elements, held, nodes, rows, tree
-
-    return [nodes, tree, rows, elements, held]
-
-
-#: types of the numbers of a step and of a flag, which all parts take
-_LAST = typeof(np.zeros(0)), types.int64
-
-
-def signature(name: str, kinds: Sequence[Any]) -> list[Any]:
-    """Types of the arguments of a part, for the types of tree, plan, work and beams."""
-    s, m, w, g = kinds
-    own = [g, w] if name in BEAM_PARTS else [s, m, w]
-    return [*own, *_LAST]
 
 
 def _parents(system: System) -> tuple[list[int], list[int]]:
@@ -466,8 +418,8 @@ def bound_by_law(
     fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
     fields["law_points"] = own = _law_points(group, fields)
     fields["points"] = structures.structure("law_points", own)
-    kinds = typeof(fields["points"]), *_LAST
-    fields["law"] = integers([address(laws.law_points, *kinds, source=source)])
+    kinds = fields["points"].kind, VECTOR, int
+    fields["law"] = integers([address("laws", "law_points", kinds, source)])
     return structures.structure("beams_by_law", fields), fields
 
 
@@ -516,11 +468,6 @@ def _law_points(group: BeamGroup, fields: dict[str, Any]) -> dict[str, Any]:
         "steps": np.array([(STEP * scale, DIFFERENCE * scale) for scale in scales]),
         "noise": np.array([law.noise for law in each]),
     }
-
-
-def structure_of_law(kind: Any) -> bool:
-    """Whether a type is that of :func:`bound_by_law`."""
-    return getattr(kind, "family", None) == "beams_by_law"
 
 
 def nested(table: Floats) -> tuple[tuple[float, ...], ...]:
@@ -762,14 +709,14 @@ def bound_flow(
     rows, parts = len(owner), len(free)
     shapes: dict[str, tuple[int, ...]] = {
         "scheme": (2,),
-        "sums": (parts, flow.SUMS),
-        "turn": (parts, flow.TURNED),
+        "sums": (parts, SUMS),
+        "turn": (parts, TURNED),
         **dict.fromkeys(("rest", "mdq", "column"), (rows, 3)),
         "kept": (each, 6),
-        "forms": (flow.BORDER, count, 6),
-        **dict.fromkeys(("motion", "twists"), (flow.BORDER, each, 6)),
-        "schur": (parts, flow.BORDER, flow.BORDER + 1),
-        "scratch": (flow.BORDER, flow.BORDER + 1),
+        "forms": (BORDER, count, 6),
+        **dict.fromkeys(("motion", "twists"), (BORDER, each, 6)),
+        "schur": (parts, BORDER, BORDER + 1),
+        "scratch": (BORDER, BORDER + 1),
     }
     fields: dict[str, Any] = {
         "owner": owner,
@@ -782,7 +729,7 @@ def bound_flow(
         "lift": lift,
         "mu": mu,
         "ones": ones,
-        "begin": integers([0 if free.any() else flow.SHIFTS]),
+        "begin": integers([0 if free.any() else SHIFTS]),
         **{name: np.zeros(shape) for name, shape in shapes.items()},
     }
     return structures.structure("flow", fields), fields

@@ -10,9 +10,9 @@ import numpy as np
 from ..model import System
 from ..model.groups import BeamGroup
 from ..types import Floats, IndexArray
-from . import rows
 from .plan import Plan, RowBlock
 from .structures import integers, roomy
+from .tables import rows
 
 __all__ = ["bound_held", "bound_rows", "choose_rows", "first_held", "numbered", "of_blocks"]
 

@@ -39,43 +39,29 @@ from .numbers import (
     XI0,
     S,
 )
+from .simd import local
 from .small import cross, dot, increase, minus, row
+from .tables.couplings import (
+    ANGLE,
+    DAMPING,
+    DISTANCE,
+    FIRST,
+    KIND,
+    LAST,
+    LEADING,
+    MOST_PI,
+    MOST_XI,
+    NEUTRAL,
+    ROTATION,
+    ROW,
+    ROWS,
+    SIDE,
+    SLACK,
+    SLOT,
+    STIFFNESS,
+)
 
-__all__ = [
-    "ANGLE",
-    "DISPLACEMENT",
-    "DISTANCE",
-    "FIRST",
-    "KIND",
-    "LAST",
-    "LEADING",
-    "MOST_PI",
-    "MOST_XI",
-    "ROTATION",
-    "ROW",
-    "ROWS",
-    "SIDE",
-    "SLACK",
-    "SLOT",
-    "couple",
-    "couple_force",
-    "derivatives",
-]
-
-#: kinds of the last coordinate
-DISPLACEMENT, DISTANCE, ANGLE, ROTATION = range(4)
-#: most components and invariants of an element
-MOST_XI, MOST_PI = 6, 7
-#: rows of a side
-SIDE = 4
-ROWS = 2 * SIDE
-#: columns of ``s.coupling``: kind of the last coordinate, number of displacements before it,
-#: whether the element is slack under pressure, first and last of its entries, slots of the sides
-#: (a, a), (a, b), (b, a), (b, b), -1 where one is ground, and rows of y. An entry is the number of
-#: an invariant, a row and a column of its matrix
-KIND, LEADING, SLACK, FIRST, LAST, SLOT, ROW = 0, 1, 2, 3, 4, 5, 9
-#: ``s.coupling_law``: matrices, and the row of the neutral coordinates
-STIFFNESS, DAMPING, NEUTRAL = range(3)
+__all__ = ["couple", "couple_force", "derivatives"]
 
 
 # -- coordinates xi of invariants pi ---------------------------------------------------------------
@@ -631,8 +617,8 @@ def put_node(y: Floats, r: int, X: Floats, i: int) -> None:
 @part
 def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Force elements: 0, 2, 3, 4 see :func:`couple_force`; 1: ``force P(y_L)^T df/dy_1 P(y_1)``."""
-    G, J = np.empty((2 * MOST_PI, ROWS, 3)), np.empty((3, MOST_XI, MOST_PI))
-    P, V = np.empty((3, MOST_PI)), np.empty((4, MOST_XI))
+    G, J = local((2 * MOST_PI, ROWS, 3)), local((3, MOST_XI, MOST_PI))
+    P, V = local((3, MOST_PI)), local((4, MOST_XI))
     if flag != 1:
         couple_force(s, w, numbers, flag, G, P, V, J)
         return 0.0
@@ -640,10 +626,10 @@ def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     force, geometric, yL = numbers[FORCE], numbers[FORCE] * numbers[SHARE], w.y0
     if numbers[WEIGHT] != 0.0:
         yL = w.mid
-    X, H, S8 = np.empty((3, 4, 4)), np.empty((2, MOST_PI, MOST_PI)), np.empty((ROWS, ROWS))
-    left, right, turned = np.empty((MOST_PI, 12)), np.empty((2 * MOST_PI, 12)), np.empty(12)
-    C, U = np.empty((1, 1, 4, 4)), np.empty((3, 3))
-    L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
+    X, H, S8 = local((3, 4, 4)), local((2, MOST_PI, MOST_PI)), local((ROWS, ROWS))
+    left, right, turned = local((MOST_PI, 12)), local((2 * MOST_PI, 12)), local(12)
+    C, U = local((1, 1, 4, 4)), local((3, 3))
+    L, R = local((1, 4, 3)), local((1, 4, 3))
     for c in range(len(places)):
         count = derivatives(s, w, c, numbers, G, P, V, J, X, H, S8)
         for k in range(count):

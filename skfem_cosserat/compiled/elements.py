@@ -12,8 +12,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..types import Floats, IndexArray
 from .jit import call, inlined, part
 from .numbers import (
@@ -29,7 +27,7 @@ from .numbers import (
     VISCOUS_START,
     WEIGHT,
 )
-from .simd import WIDTH, add_rows, gather, load, pack, rows, scatter, store
+from .simd import WIDTH, add_rows, gather, load, local, pack, rows, scatter, store
 from .small import (
     Places,
     Rotation,
@@ -319,7 +317,7 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
     ng = len(N)
-    X = np.empty(12 * nn * WIDTH)
+    X = local(12 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         take_elements(base, turned, rotations, es, y, X)
@@ -354,7 +352,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     ne, nn = base.shape
     ng = len(N)
     size = 12 * nn * WIDTH
-    X, Y, F = np.empty(size), np.empty(size), np.empty(size)
+    X, Y, F = local(size), local(size), local(size)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         own = chosen(section, es)
@@ -443,7 +441,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
     ng = len(N)
-    X, V = np.empty(12 * nn * WIDTH), np.empty(12 * nn * WIDTH)
+    X, V = local(12 * nn * WIDTH), local(12 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         own = chosen(section, es)
@@ -726,16 +724,16 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     ne, nodes = base.shape
     points = len(shapes)
     ask_for_moduli(stiffness, g, numbers)
-    table = np.empty((2, points, nodes))
+    table = local((2, points, nodes))
     tabulated(shapes, slopes, table)
-    XB, XR = np.empty(12 * nodes * WIDTH), np.empty(12 * nodes * WIDTH)
+    XB, XR = local(12 * nodes * WIDTH), local(12 * nodes * WIDTH)
     XL, XS = XB, XR
     if early:
-        XL = np.empty(12 * nodes * WIDTH)
+        XL = local(12 * nodes * WIDTH)
     if apart:
-        XS = np.empty(12 * nodes * WIDTH)
+        XS = local(12 * nodes * WIDTH)
     X = XL, XR
-    a = np.empty(further(points, nodes)[5] * WIDTH)
+    a = local(further(points, nodes)[5] * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         length = gather(lengths, es, 1, 0)

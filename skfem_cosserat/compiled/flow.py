@@ -26,20 +26,27 @@ from .numbers import (
     WEIGHT,
 )
 from .small import Rotation, Vector, combine, cross, dot, minus, plus, put, row, times, turned
+from .tables.flow import (
+    BORDER,
+    CHI,
+    COFACTORS,
+    DRIFT,
+    K_SUM,
+    MEAN,
+    NOISE_SIZE,
+    PLAIN,
+    SHIFT,
+    SHIFTS,
+    SIZE,
+    STEP,
+    SUMS,
+    TURN,
+    A,
+    S,
+)
 
 __all__ = ["flow", "flow_column", "flow_correct", "flow_keep", "flow_matrix"]
-__all__ += ["BORDER", "SHIFTS", "SUMS", "TURNED", "flow_velocity"]
-
-#: columns and rows of a part: common shifts, and turns
-BORDER, SHIFTS = 6, 3
-#: columns of ``f.sums``, by parts: ``K = sum dq rest^T``, ``k = sum dq x rest``, its size, that of
-#: rounding in it; sums of ``mu . dq``, and over positions of b and of ``M dq/h``
-K_SUM, TURN, SIZE, NOISE_SIZE, SHIFT, MEAN, DRIFT, SUMS = 0, 9, 12, 13, 14, 17, 20, 23
-#: columns of ``f.turn``: s, rows of ``1 + s^ + s s^T``, those of A, and cofactors of the slope of
-#: the equations for s, divided by its determinant
-S, PLAIN, A, COFACTORS, TURNED = 0, 3, 12, 21, 30
-#: of ``f.scheme``
-CHI, STEP = 0, 1
+__all__ += ["flow_velocity"]
 
 
 @inlined

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..types import Floats
 from .elements import (
     Point,
@@ -27,7 +25,7 @@ from .elements import (
 )
 from .jit import inlined, part
 from .numbers import MASS, WEIGHT
-from .simd import WIDTH, gather, pack, put_rows, scatter, store
+from .simd import WIDTH, gather, local, pack, put_rows, scatter, store
 from .small import Places, block, counted, times
 
 __all__ = ["acting", "beam_hold", "beam_hold_matrix", "of_elements", "of_nodes"]
@@ -74,7 +72,9 @@ def beam_hold(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     ne, nn = base.shape
     ng = len(N)
     size, line = 12 * nn * WIDTH, holds[len(holds) - 1] < 3
-    X, Y, F, a = np.empty(size), np.empty(size), np.empty(size), np.zeros(6 * WIDTH)
+    X, Y, F, a = local(size), local(size), local(size), local(6 * WIDTH)
+    for k in range(6 * WIDTH):
+        a[k] = 0.0
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         inverse, once = 1.0 / gather(lengths, es, 1, 0), counted(e, ne)
@@ -128,8 +128,8 @@ def beam_hold_matrix(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         y = w.mid
     ne, nn = base.shape
     ng, count, line = len(N), len(holds), holds[len(holds) - 1] < 3
-    X, Y = np.empty(12 * nn * WIDTH), np.empty(12 * nn * WIDTH)
-    L, R = np.empty(18 * WIDTH), np.empty(18 * WIDTH)
+    X, Y = local(12 * nn * WIDTH), local(12 * nn * WIDTH)
+    L, R = local(18 * WIDTH), local(18 * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         inverse = 1.0 / gather(lengths, es, 1, 0)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numba import typeof
 
 from ..beam import Beam
 from ..frames import ground
@@ -14,9 +13,12 @@ from ..joint import JointRevolute
 from ..mesh import MeshCurve
 from ..model import Model, Planar, System
 from ..section import Material, SectionCircle
-from . import bind, step
+from . import bind
+from .kept import entry
+from .numbers import NUMBERS, RECORD
 from .plan import Plan, plan_of
 from .plane import bind as plane
+from .structures import STEPS, structure
 
 __all__ = ["main"]
 
@@ -33,12 +35,11 @@ def main(orders: Sequence[int], names: Sequence[str], family: str = "tree") -> N
     system = model.freeze(planar=Planar() if family == "plane" else None)
     plan = plan_of(system)
     given = structures_of(system, plan, family)
-    kinds = [typeof(each) for each in given]
-    numbers, places = typeof(np.zeros(0)), typeof(np.zeros(0, dtype=np.int64))
-    compiled: Any = step.solve
-    _, rows = bind.bound_work(system, plan)
-    carried = typeof(bind.bound_carried(system, rows)[0])
-    compiled.compile((places, *kinds, numbers, numbers, carried))
+    work = bind.bound_work(system, plan)[1]
+    numbers, places = np.zeros(len(NUMBERS)), np.zeros(0, dtype=np.int64)
+    carried = bind.bound_carried(system, work)[0]
+    steps = places, *given, numbers, np.zeros(len(RECORD)), carried
+    entry("step", "solve", structure("steps", dict(zip(STEPS, steps, strict=True))))
     for name in reversed(names):
         bind.addresses([name], given, family)
 

@@ -3,147 +3,107 @@
 A step is made of *parts*, functions of one of two signatures. They are compiled one by one and
 called through their addresses: a compiled function that calls another one directly has that one
 optimised with it once more, which would double the time to compile. So a step needs, and compiles,
-just the parts of what is in the scene.
+just the parts of what is in the scene. What is compiled is kept by :mod:`.kept`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
-from pickle import UnpicklingError
+from importlib import import_module
 from typing import Any, TypeVar, cast
 
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
-from numba.core.caching import FunctionCache
-from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
-from .structures import is_groups
-from .warm import NotKept, Source, stamp
+from .kept import Key, keep
+from .numba_types import is_groups, type_of
 
-__all__ = ["STAMP", "address", "call", "call_back", "call_beams", "call_with", "inlined", "jit"]
-__all__ += ["part", "ready", "shared"]
+__all__ = ["call", "call_back", "call_beams", "call_with", "compiled", "function_named"]
+__all__ += ["inlined", "part", "shared"]
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 
-#: numba's cache notices changes in a function's own file only, but code of others is compiled in
-STAMP = stamp()
-
-
-#: what reading files of the cache raises; ImportError: they name a module that is no more
-_UNREADABLE: tuple[type[Exception], ...] = (UnpicklingError, EOFError, ValueError, LookupError)
-_UNREADABLE = (*_UNREADABLE, AttributeError, TypeError, ImportError)
-
-
-class _Cache(FunctionCache):
-    """Compiled code on disk that is valid as long as no file in this folder changes."""
-
-    def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (*super()._index_key(sig, codegen), STAMP)
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Code from the disk; files cut short, damaged, or of other sources are made anew.
-
-        Numba would get ready to compile first, which takes as long as all else.
-        """
-        found = None
-        try:
-            rtsys.initialize(target_context)
-            with self._guard_against_spurious_io_errors():
-                found = self._load_overload(sig, target_context)
-        except _UNREADABLE:
-            self.flush()
-        return found
-
-    def holds(self, sig: Any, target_context: Any) -> bool:
-        """Whether there is a whole file of code for these types."""
-        found = None
-        with suppress(*_UNREADABLE), self._guard_against_spurious_io_errors():
-            found = self._cache_file.load(self._index_key(sig, target_context.codegen()))
-        return found is not None
-
-
-def _compiled(function: Kernel, keep: bool, **options: bool) -> Any:
-    """IEEE arithmetic as in numpy; kept on disk or not."""
+def _made(function: Kernel, **options: bool) -> Any:
+    """IEEE arithmetic as in numpy; arrays belong to others."""
     made: Any = njit(
         function,
         error_model="numpy",
         boundscheck=False,
         no_cfunc_wrapper=True,
+        no_cpython_wrapper=True,
+        _nrt=False,
         **options,
     )
     template = made.get_call_template
     # not once more for each literal argument: the optimiser finds them anyway
     made.get_call_template = lambda args, kws: template(tuple(map(types.unliteral, args)), kws)
-    if keep:
-        with suppress(RuntimeError):  # no folder to write to: compiled in every process
-            made._cache = _Cache(function)
     return made
 
 
-def jit(function: Kernel) -> Kernel:
-    """For Python to call: compiled at the first call.
-
-    Loops are written out: assigning to slices takes numba seconds to compile. Short loops of fixed
-    length are unrolled, those over ``a.shape`` are not.
-    """
-    return cast(Kernel, _compiled(function, True))
-
-
 def part(function: Kernel) -> Kernel:
-    """For compiled code to call through its :func:`address`: ``f(*structures, numbers, flag)``.
+    """For compiled code to call through its address: ``f(*structures, numbers, flag)``.
 
-    It gives a float.
+    It gives a float. Loops are written out: assigning to slices takes numba seconds to compile.
+    Short loops of fixed length are unrolled, those over ``a.shape`` are not.
     """
-    return cast(Kernel, _compiled(function, True, no_cpython_wrapper=True))
+    return cast(Kernel, _made(function))
 
 
 def inlined(function: Kernel) -> Kernel:
-    """For parts to call: compiled into them. They take arrays, but make none."""
-    made = _compiled(function, False, no_cpython_wrapper=True, forceinline=True, _nrt=False)
-    return cast(Kernel, made)
+    """For parts to call: compiled into them."""
+    return cast(Kernel, _made(function, forceinline=True))
 
 
 def shared(function: Kernel) -> Kernel:
     """As :func:`inlined`, for what a part calls in several places: compiled into it once."""
-    made = _compiled(function, False, no_cpython_wrapper=True, _nrt=False)
-    return cast(Kernel, made)
+    return cast(Kernel, _made(function))
 
 
-def ready(function: Any, kinds: tuple[Any, ...], source: Source = Source.COMPILER) -> Any:
-    """What is compiled of a function for arguments of these types.
+#: modules of the parts of a family, the first one that has a name is meant
+_SPACE = (
+    *("nodes", "tree", "rows", "flow", "blocks", "elements", "held", "loads", "couplings"),
+    "static",
+)
+_FAMILIES = {
+    "tree": _SPACE,
+    "plane": (
+        *(f"plane.{name}" for name in ("nodes", "tree", "rows", "elements", "held")),
+        *_SPACE,
+    ),
+    "by law": ("stored", "elements", "held"),
+    "laws": ("laws",),
+    "step": ("step",),
+    "static": ("static",),
+    "stacked": ("stacked",),
+}
 
-    Raises
-    ------
-    NotKept
-        If it is in none of the places that it may come from.
+
+def function_named(family: str, name: str) -> Any:
+    """The function of this name.
+
+    Families are those of parts in space ("tree"), in a plane, and of beams with a stored energy;
+    laws of such beams; what Python calls: steps, statics, and eliminations for many states.
     """
-    if kinds in function.overloads:
-        return function.overloads[kinds]
-    if source < Source.COMPILER:
-        cache = function._cache  # another one where there is no folder to keep it in
-        kept = source == Source.DISK and isinstance(cache, _Cache)
-        if not (kept and cache.holds(kinds, function.targetctx)):
-            raise NotKept(function.__name__)
-    function.compile(kinds)
-    return function.overloads[kinds]
+    modules = (import_module(f".{module}", __package__) for module in _FAMILIES[family])
+    return next(vars(m)[name] for m in modules if name in m.__all__)
 
 
-#: of parts that are in this process, which keeps their code
-_ADDRESSES: dict[tuple[Any, tuple[Any, ...]], int] = {}
-
-
-def address(function: Any, *kinds: Any, source: Source = Source.COMPILER) -> int:
-    """Address of a part for arguments of these types, see :func:`ready`."""
-    place = _ADDRESSES.get((function, kinds))
-    if place is None:
-        compiled = ready(function, kinds, source)
-        place = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name)
-        _ADDRESSES[function, kinds] = place
-    return int(place)
+def compiled(key: Key) -> int:
+    """Address of a function that is compiled now, and kept."""
+    family, name, kinds = key
+    function, given = function_named(family, name), tuple(map(type_of, kinds))
+    function.compile(given)
+    made = function.overloads[given]
+    library, symbol = made.library, made.fndesc.llvm_func_name
+    place = int(library.get_pointer_to_function(symbol))
+    needs = [f.name for f in library._final_module.functions if f.is_declaration]
+    needs = [each for each in needs if not each.startswith("llvm.")]
+    if not library.has_dynamic_globals:
+        keep(key, symbol, needs, library.serialize_using_object_code()[2][0])
+    return place
 
 
 @intrinsic
@@ -161,11 +121,12 @@ def call(typing: Any, place: Any, *arguments: Any) -> Any:
 
 @intrinsic
 def call_with(typing: Any, place: Any, structure: Any) -> Any:
-    """Call the part at an address with the one structure at another address."""
+    """Call the part at an address with the one structure at another address, and no flag."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         own = builder.inttoptr(values[1], context.get_value_type(types.voidptr))
-        return _called(context, builder, values[0], (types.voidptr,), [own])
+        flag = ir.Constant(ir.IntType(64), 0)
+        return _called(context, builder, values[0], (types.voidptr, types.int64), [own, flag])
 
     return types.float64(types.int64, types.int64), generate
 

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..law import EPS, GAUSS, SMALL, STEP
 from ..types import Array, Floats
 from .jit import call, call_back, inlined, part, shared
@@ -28,6 +26,7 @@ from .numbers import (
     START,
     STRESSES_BY_LAW,
 )
+from .simd import local, local_complex
 
 __all__ = ["law_points"]
 
@@ -248,8 +247,8 @@ def law_points(o: Any, numbers: Floats, flag: int) -> float:
     o.known[0] = flag == MODULI_BY_LAW
     ends = numbers[ENDS] != 0.0
     decay = numbers[END] - numbers[START] if ends else 0.0
-    x, f, out, d = np.empty((8, 6)), np.empty((8, 6)), np.empty((1, 36)), np.empty((3, 6))
-    z, slope = np.empty((8, 6), np.complex128), np.empty((8, 6), np.complex128)
+    x, f, out, d = local((8, 6)), local((8, 6)), local((1, 36)), local((3, 6))
+    z, slope = local_complex((8, 6)), local_complex((8, 6))
     ask(o, ends, flag, x, f, z, slope, out)
     if o.called[0] != 0:
         call_back(o.called[0], flag)

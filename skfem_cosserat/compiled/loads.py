@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..types import Floats
 from .elements import scalar_block
 from .jit import inlined, part
 from .numbers import FORCE, SHARE, WEIGHT
+from .simd import local
 from .small import (
     Rotation,
     Vector,
@@ -90,8 +89,8 @@ def load(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     yL, yR = w.y0, w.y1
     if numbers[WEIGHT] != 0.0:
         yL = w.mid
-    C, V = np.empty((1, 1, 4, 4)), np.empty((3, 3))
-    L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
+    C, V = local((1, 1, 4, 4)), local((3, 3))
+    L, R = local((1, 4, 3)), local((1, 4, 3))
     last = len(yL) - 1
     for k in range(len(pairs)):
         for i in range(4):

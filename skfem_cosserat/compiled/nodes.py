@@ -27,7 +27,7 @@ from .numbers import (
     SHARE,
     WEIGHT,
 )
-from .simd import WIDTH, add_rows, put_rows, rows, store
+from .simd import WIDTH, add_rows, local, put_rows, rows, store
 from .small import (
     block,
     chosen,
@@ -271,8 +271,8 @@ def clear(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @part
 def nodal_mass_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add masses of single frames and of mass points."""
-    V, C = np.empty((3, 3)), np.empty((1, 1, 4, 4))
-    L, R = np.empty((1, 4, 3)), np.empty((1, 4, 3))
+    V, C = local((3, 3)), local((1, 1, 4, 4))
+    L, R = local((1, 4, 3)), local((1, 4, 3))
     A, y0, y1, diag, first = w.A, w.y0, w.y1, m.diag, s.row
     masses, framed = s.frame_masses, s.framed
     mass, weight = numbers[MASS], numbers[WEIGHT]

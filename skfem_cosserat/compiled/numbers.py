@@ -88,3 +88,6 @@ COUPLED = 46
 #: whole motion, smaller than which those of a relative motion are rounding; gap, by the size of its
 #: terms, that is rounding; most iterations, and halvings of an increment
 FLOW_REGULAR, FLOW_NOISE, FLOW_CLOSED, FLOW_ITERATIONS, FLOW_HALVINGS = 1e-10, 1e-20, 1e-14, 60, 14
+
+#: elements at a time: registers of 256 bits; where there are none, two of 128 bits
+WIDTH = 4

@@ -21,18 +21,34 @@ from .block_algebra import add_times, entry, put_entry
 from .jit import inlined, part
 from .numbers import MASS, WEIGHT
 from .small import Vector, add_skew, cross, dot, row, times
+from .tables.rows import (
+    BLOCK,
+    COMPONENT,
+    DRIVE,
+    LEFT,
+    LEFT_BACK,
+    LEFT_PLACE,
+    LEFT_SLOT,
+    LEFT_VERTEX,
+    PLACE,
+    RIGHT,
+    RIGHT_BACK,
+    RIGHT_PLACE,
+    RIGHT_SLOT,
+    RIGHT_VERTEX,
+    SLOT,
+    SLOT_BACK,
+    TERM,
+    TERM_BACK,
+    TERM_COMPONENT,
+    TERM_PLACE,
+    TERM_SLOT,
+    TERM_VERTEX,
+)
 
 __all__ = ["row_branch", "row_force", "row_matrix"]
 __all__ += ["TURNED_OVER", "add_weighted", "complete_blocks", "push", "start_gaps"]
 
-#: columns of the table of products ``c y_left . y_right``: block and place of the constraint row;
-#: rows of y, their vertices (-1: ground) and places in them; slots of both pairs of vertices, and
-#: of the block with each of them; where in y a number is that c is multiplied by (-1: nowhere)
-BLOCK, PLACE, LEFT, RIGHT, LEFT_VERTEX, LEFT_PLACE, RIGHT_VERTEX, RIGHT_PLACE = range(8)
-SLOT, SLOT_BACK, LEFT_SLOT, LEFT_BACK, RIGHT_SLOT, RIGHT_BACK, DRIVE, COMPONENT = range(8, 16)
-#: columns of the table of linear terms ``c y_a``, one component of it: as above, row of y, its
-#: component, vertex and place there, slots
-TERM, TERM_COMPONENT, TERM_VERTEX, TERM_PLACE, TERM_SLOT, TERM_BACK = range(2, 8)
 #: a cosine, less 1, below which a joint is fulfilled only after half a turn
 TURNED_OVER = -1.0
 

@@ -24,12 +24,24 @@ from numba.core.typing.templates import ConcreteTemplate, infer_global, signatur
 from numba.extending import intrinsic, register_model
 
 from .block_algebra import shape_of
+from .numba_types import View
+from .numbers import WIDTH
 
-__all__ = ["WIDTH", "add_rows", "farther", "gather", "largest", "load", "pack", "put_rows", "rows"]
+__all__ = [
+    "WIDTH",
+    "add_rows",
+    "farther",
+    "gather",
+    "largest",
+    "load",
+    "local",
+    "local_complex",
+    "pack",
+    "put_rows",
+    "rows",
+]
 __all__ += ["scatter", "store"]
 
-#: elements at a time: registers of 256 bits; where there are none, two of 128 bits
-WIDTH = 4
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 _INDEX, _LANE = ir.IntType(64), ir.IntType(32)
 
@@ -139,6 +151,49 @@ def _transposed(builder: Any, given: list[Any]) -> list[Any]:
         mixed(ab, cd, 2, 3, 6, 7),
         mixed(AB, CD, 2, 3, 6, 7),
     ]
+
+
+def _local(kind: Any) -> Any:
+    """An array of these numbers on the stack: gone when its part ends. Not for loops."""
+
+    def typed(typing: Any, shape: Any) -> Any:
+        sizes = [shape] if isinstance(shape, types.Integer) else [*shape]
+        array = View(kind, len(sizes))
+
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            own = values if len(sizes) == 1 and sizes[0] is shape else None
+            lengths = own or cgutils.unpack_tuple(builder, values[0])
+            number = context.get_value_type(kind)
+            size = ir.Constant(_INDEX, context.get_abi_sizeof(number))
+            strides = [size]
+            for length in reversed(lengths):
+                strides.insert(0, builder.mul(strides[0], length))
+            total = builder.udiv(strides[0], size)
+            data = builder.alloca(number, total)
+            data.align = 32
+            out = context.make_array(array)(context, builder)
+            for name in ("meminfo", "parent"):
+                setattr(out, name, cgutils.get_null_value(getattr(out, name).type))
+            out.nitems, out.itemsize, out.data = total, size, data
+            out.shape = cgutils.pack_array(builder, lengths)
+            out.strides = cgutils.pack_array(builder, strides[1:])
+            return out._getvalue()
+
+        return array(shape), generate
+
+    return typed
+
+
+@intrinsic
+def local(typing: Any, shape: Any) -> Any:
+    """Room for a part alone, of one or several dimensions; what is in it is not said."""
+    return _local(types.float64)(typing, shape)
+
+
+@intrinsic
+def local_complex(typing: Any, shape: Any) -> Any:
+    """The same for complex numbers."""
+    return _local(types.complex128)(typing, shape)
 
 
 @intrinsic

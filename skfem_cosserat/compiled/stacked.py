@@ -1,47 +1,29 @@
 """Elimination for many states at once: `StackedSolver` of ../constraints/stacked.py, compiled.
 
 The states are the last dimension of all arrays. Each number comes from the same operations in the
-same order as there, so both give the same bits.
+same order as there, so both give the same bits. Parts take a structure ``(X, start, places, x,
+scratch)`` and a flag.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numba import types
-from numba.core.errors import NumbaError
+from typing import Any
 
-from ..types import Floats, IndexArray
-from .jit import jit, ready
-from .warm import NotKept, Source
+from .jit import part
 
-__all__ = ["factors", "have", "solve"]
+__all__ = ["factors", "solve"]
 
 
-def have(source: Source) -> None:
-    """Get both functions ready.
+@part
+def factors(o: Any, flag: int) -> float:
+    """Put D and L (slots, N) in the place of the entries of matrices X.
 
-    Raises
-    ------
-    NotKept
-        If they are in none of the places that they may come from, or numba does not compile them.
+    Rows ``start[k]`` to ``start[k + 1]`` are column k below its diagonal, which is row k. `places`
+    lists the rows from which products of two numbers of a column are subtracted; scratch has the
+    largest number of rows.
     """
-    states, places = types.float64[:, ::1], types.int64[::1]
-    try:
-        ready(factors, (states, places, places), source)
-        ready(solve, (states, places, places, states), source)
-    except NumbaError as error:
-        raise NotKept(__name__) from error
-
-
-@jit
-def factors(X: Floats, start: IndexArray, to: IndexArray) -> None:
-    """Put D and L (slots, N) in the place of the entries of matrices.
-
-    Rows ``start[k]`` to ``start[k + 1]`` are column k below its diagonal, which is row k. `to`
-    lists the rows from which products of two numbers of a column are subtracted.
-    """
+    X, start, to, column = o.X, o.start, o.places, o.scratch
     size, count, done = len(start) - 1, X.shape[1], 0
-    column = np.empty((np.diff(start).max(), count))
     for k in range(size):
         first, rows = start[k], start[k + 1] - start[k]
         for a in range(rows):
@@ -55,13 +37,17 @@ def factors(X: Floats, start: IndexArray, to: IndexArray) -> None:
         for a in range(rows):
             for n in range(count):
                 X[first + a, n] = column[a, n]
+    return 0.0
 
 
-@jit
-def solve(X: Floats, start: IndexArray, below: IndexArray, x: Floats) -> None:
-    """Put solutions (size, N) in the place of right-hand sides; `below`: of L, row by row of X."""
+@part
+def solve(o: Any, flag: int) -> float:
+    """Put solutions (size, N) in the place of right-hand sides x; `places`: of L, row by row of X.
+
+    Scratch has one row.
+    """
+    X, start, below, x, total = o.X, o.start, o.places, o.x, o.scratch
     size, count = x.shape
-    total = np.empty(count)
     for k in range(size):
         for a in range(start[k], start[k + 1]):
             for n in range(count):
@@ -71,9 +57,10 @@ def solve(X: Floats, start: IndexArray, below: IndexArray, x: Floats) -> None:
             x[k, n] /= X[k, n]
     for k in range(size - 1, -1, -1):
         for n in range(count):
-            total[n] = 0.0
+            total[0, n] = 0.0
         for a in range(start[k], start[k + 1]):
             for n in range(count):
-                total[n] += X[a, n] * x[below[a - size], n]
+                total[0, n] += X[a, n] * x[below[a - size], n]
         for n in range(count):
-            x[k, n] -= total[n]
+            x[k, n] -= total[0, n]
+    return 0.0

@@ -11,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Floats, IndexArray
+from ..types import Floats
 from . import numbers as n
 from .blocks import invert_exchanging
-from .jit import call, call_beams, call_with, inlined, jit, part
+from .jit import call, call_beams, inlined, part
 from .nodes import twist_force
+from .simd import local
 from .step import evaluate, matrix, start
 
-__all__ = ["begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve", "velocity"]
+__all__ = ["begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve"]
 
 #: stiffness of what is held against the largest number in the matrix
 HELD = 10.0
@@ -84,26 +85,28 @@ def hold(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     return 0.0
 
 
-@jit
-def begin(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats) -> None:
+@part
+def begin(o: Any, flag: int) -> float:
     """Go to where the step starts."""
-    start(p, s, m, w, g, numbers, 0)
+    start(o.parts, o.tree, o.plan, o.work, o.beams, o.numbers, 0)
+    return 0.0
 
 
-@jit
-def move(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats) -> float:
+@part
+def move(o: Any, flag: int) -> float:
     """Add the increment x, which is zero then, and evaluate: size of the residual b."""
-    size = evaluate(p, s, m, w, g, numbers, 1)
-    x = w.x
+    size = evaluate(o.parts, o.tree, o.plan, o.work, o.beams, o.numbers, 1)
+    x = o.work.x
     for v in range(x.shape[0]):
         for c in range(6):
             x[v, c] = 0.0
     return size
 
 
-@jit
-def pull(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, out: Floats) -> None:
-    """Out (nv, 6): reduced force of the loads ``w.dead`` and ``w.moments`` at y_1."""
+@part
+def pull(o: Any, flag: int) -> float:
+    """``o.pulled`` (nv, 6): reduced force of the loads ``w.dead`` and ``w.moments`` at y_1."""
+    p, s, m, w, numbers, out = o.parts, o.tree, o.plan, o.work, o.numbers, o.pulled
     call(p[n.LOAD], s, m, w, numbers, 0)
     twist_force(s, w.mid, w.external, w.F_mixed, w.x)
     if p[n.JOINT_REDUCE]:
@@ -113,28 +116,22 @@ def pull(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, out: Fl
         for c in range(6):
             out[v, c] = x[v, c]
             x[v, c] = 0.0
+    return 0.0
 
 
-@jit
-def solve(
-    p: IndexArray,
-    s: Any,
-    m: Any,
-    w: Any,
-    g: Any,
-    numbers: Floats,
-    mixed: int,
-    residuals: Floats,
-    increments: Floats,
-) -> bool:
-    """Minus solutions for residuals (k, nv, 6); False: the matrix is singular.
+@part
+def solve(o: Any, flag: int) -> float:
+    """Minus solutions for one residual (nv, 6) or both, flag 0 and 1; 0: the matrix is singular.
 
-    increments (k, 2, nv, 6) are those of own coordinates, then as twists; rows behind the vertices
-    are those of multipliers. With `mixed` the matrix is that of the stresses predicted last.
+    ``o.increments`` (2, 2, nv, 6) are those of own coordinates, then as twists; rows behind the
+    vertices are those of multipliers. From flag 2 on the matrix is that of the stresses predicted
+    last.
     """
+    p, s, m, w, g, numbers = o.parts, o.tree, o.plan, o.work, o.beams, o.numbers
+    residuals, increments, mixed = o.residuals, o.increments, flag // 2
     regular = matrix(p, s, m, w, g, numbers, mixed)
     b, x, twist, count = w.b, w.x, w.twist, len(s.framed)
-    for k in range(residuals.shape[0]):
+    for k in range(1 + flag % 2):
         for v in range(b.shape[0]):
             for c in range(6):
                 b[v, c] = residuals[k, v, c]
@@ -146,11 +143,11 @@ def solve(
                 increments[k, 0, v, c] = x[v, c] - held
                 increments[k, 1, v, c] = twist[v, c]
                 x[v, c] = 0.0
-    return regular
+    return 1.0 if regular else 0.0
 
 
 @part
-def nearest(o: Any) -> float:
+def nearest(o: Any, flag: int) -> float:
     """``w.change``: the velocity on the constraints nearest to the momentum p_0, at y_0.
 
     It is ``P nu`` with ``P^T M P nu = P^T p_0``; 0: the matrix is singular. All that it takes is in
@@ -170,24 +167,20 @@ def nearest(o: Any) -> float:
     return 1.0
 
 
-@jit
-def velocity(function: int, structure: int) -> bool:
-    """Call :func:`nearest`, which is at an address, with its structure; False: singular."""
-    return bool(call_with(function, structure) != 0.0)
-
-
-@jit
-def push(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, what: int) -> None:
+@part
+def push(o: Any, flag: int) -> float:
     """0: ``w.change`` (rows, 3) of the coordinates by twists; 1: stresses that it predicts."""
-    if what == 0:
-        call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
+    p = o.parts
+    if flag == 0:
+        call(p[n.PREDICT_CHANGES], o.tree, o.plan, o.work, o.numbers, 0)
     elif p[n.BEAM_PREDICTED]:
-        call_beams(p[n.BEAM_PREDICTED], g, w, numbers, 0)
+        call_beams(p[n.BEAM_PREDICTED], o.beams, o.work, o.numbers, 0)
+    return 0.0
 
 
-@jit
-def pivots(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, out: Floats) -> bool:
-    """Of the stiffness at y_1: out (7,), as below; False: singular.
+@part
+def pivots(o: Any, flag: int) -> float:
+    """Of the stiffness at y_1: ``o.pivots`` (7,), as below; 0: singular.
 
     Pivots of an elimination without exchange of rows inside each block that is left after those
     before it, taken as symmetric: how many are negative, which is the number of negative
@@ -195,8 +188,9 @@ def pivots(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, out: 
     the smallest and the largest of vertices. How far the blocks are from symmetric, and the sign of
     the determinant. The smallest and the largest of constraint rows.
     """
-    regular = matrix(p, s, m, w, g, numbers, 0)
-    A, S, W, inverse = w.A, np.empty((6, 6)), w.scratch, w.inverse
+    s, m, w, out = o.tree, o.plan, o.work, o.pivots
+    regular = matrix(o.parts, s, m, w, o.beams, o.numbers, 0)
+    A, S, W, inverse = w.A, local((6, 6)), w.scratch, w.inverse
     for k in range(len(out)):
         out[k] = 0.0
     out[1], out[4], out[5] = np.inf, 1.0, np.inf
@@ -225,4 +219,4 @@ def pivots(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, out: 
                 factor = 0.5 * (S[r, i] + S[i, r]) / pivot
                 for c in range(i + 1, 6):
                     S[r, c] -= factor * 0.5 * (S[c, i] + S[i, c])
-    return regular
+    return 1.0 if regular else 0.0

@@ -10,7 +10,7 @@ from .. import newton
 from ..types import Floats, IndexArray
 from . import numbers as n
 from .flow import BORDER
-from .jit import call, call_back, call_beams, inlined, jit
+from .jit import call, call_back, call_beams, inlined, part
 from .rates import begin_rates, finish_rates, go_on, keep, stay_in_plane
 from .simd import WIDTH, load, store
 
@@ -266,25 +266,17 @@ def solve_one(
     return accepted(p, s, m, w, g, numbers, record)
 
 
-@jit
-def solve(
-    p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats, o: Any
-) -> bool:
+@part
+def solve(steps: Any, flag: int) -> float:
     """Solve as many steps as are asked for, each from where the last one ended, and keep them.
 
     It ends early where the caller has to look: after a step that takes many iterations, after
-    motions of closed loops, or where velocities are left to be moved. False: the last one tried was
-    not found; it starts where y_0, p_0 and the rates are then.
-
-    Parameters
-    ----------
-    p : int array
-        Addresses of the parts, 0 for those that a scene does not have.
-    numbers, record : arrays
-        See :mod:`.numbers`.
-    o : Structure
-        What is carried on, by rows in space.
+    motions of closed loops, or where velocities are left to be moved. 0: the last one tried was not
+    found; it starts where y_0, p_0 and the rates are then. For what is in ``steps.numbers`` and
+    ``steps.record`` see :mod:`.numbers`.
     """
+    p, s, m, w, g = steps.parts, steps.tree, steps.plan, steps.work, steps.beams
+    numbers, record, o = steps.numbers, steps.record, steps.carried
     looped = record[n.CLEARANCE] < np.inf
     for k in range(n.DONE, n.CLEARANCE):
         record[k] = 0.0
@@ -295,15 +287,15 @@ def solve(
         if looped:
             record[n.TRAVELLED] += w.found[0]
         if not solved:
-            return False
+            return 0.0
         record[n.DONE] += 1.0
         finish_rates(o, numbers, record)
         stay_in_plane(o)
         keep(o, numbers, record)
         if record[n.DONE] >= record[n.ASKED] or record[n.ITERATIONS] > n.SHORT:
-            return True
+            return 1.0
         if record[n.UNMOVED] > 0.0:
-            return True
+            return 1.0
         if looped and (w.found[1] >= n.SHORT_WAY or record[n.TRAVELLED] >= record[n.CLEARANCE]):
-            return True
+            return 1.0
         go_on(o, record)

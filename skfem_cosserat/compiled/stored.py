@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ..types import Floats
 from .elements import (
     ask_for_moduli,
@@ -26,7 +24,7 @@ from .elements import (
 )
 from .jit import inlined, part
 from .numbers import END, ENDS, ENERGY_BY_LAW, SHARE, STRESSES_BY_LAW
-from .simd import WIDTH, gather, scatter
+from .simd import WIDTH, gather, local, scatter
 from .small import block, counted, dot, times
 
 __all__ = ["beam_force", "beam_predicted", "beam_start"]
@@ -53,7 +51,7 @@ def measure(g: Any, y: Floats, out: Floats, X: Floats) -> None:
 def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Strains at the start of the step, and stored energies."""
     base = g.base
-    measure(g, w.y0, g.S0, np.empty(12 * base.shape[1] * WIDTH))
+    measure(g, w.y0, g.S0, local(12 * base.shape[1] * WIDTH))
     ask_law(g, numbers, ENERGY_BY_LAW)
     return 0.0
 
@@ -72,7 +70,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     ne, nn = base.shape
     ng = len(N)
     size = 12 * nn * WIDTH
-    X, F = np.empty(size), np.empty(size)
+    X, F = local(size), local(size)
     if flag == 1:
         S, f = g.predicted, w.R_mixed
     else:
@@ -109,7 +107,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     ne, nn = base.shape
     ng = len(N)
     ask_for_moduli(moduli, g, numbers)
-    X, V = np.empty(12 * nn * WIDTH), np.empty(12 * nn * WIDTH)
+    X, V = local(12 * nn * WIDTH), local(12 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         inverse = 1.0 / gather(lengths, es, 1, 0)

@@ -5,15 +5,9 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba import typeof, types
-from numba.core.datamodel import models
-from numba.core.imputils import lower_getattr_generic
-from numba.core.typing.templates import AttributeTemplate, infer_getattr
-from numba.extending import NativeValue, register_model, unbox
 from numpy.typing import NDArray
 
 from ..types import IndexArray
@@ -22,6 +16,7 @@ __all__ = [
     "BEAMS",
     "BEAMS_BY_LAW",
     "CARRIED",
+    "EQUILIBRIUM",
     "FAMILIES",
     "FLOW",
     "LAW_POINTS",
@@ -30,13 +25,16 @@ __all__ = [
     "PLANE_TREE",
     "PROJECTION",
     "ROWS",
+    "STACKED",
+    "STEPS",
     "TREE",
     "WORK",
+    "ArrayField",
     "Groups",
+    "Kind",
     "Structure",
     "flags",
     "integers",
-    "is_groups",
     "roomy",
     "structure",
 ]
@@ -45,98 +43,74 @@ __all__ = [
 # -- many arrays as one argument of compiled kernels: their addresses and shapes, side by side -----
 #
 # Python fills the memory, so nothing has to be compiled for it, and the arrays belong to Python:
-# what kernels take out of a structure counts no references. Types are named by a digest of their
-# fields: names of all arguments go into symbols and into the cache on disk, many times over.
-
-_WORD = ir.IntType(64)
-
-
-class _View(types.Array):
-    """A contiguous array that Python owns."""
-
-    def __init__(self, dtype: Any, ndim: int) -> None:
-        super().__init__(dtype, ndim, "C", name=f"view({dtype}, {ndim}d)")
-
-    def unify(self, typing: Any, other: Any) -> Any:
-        """None with arrays whose references are counted."""
-        return None
-
-    def can_convert_to(self, typing: Any, other: Any) -> Any:
-        """Not to such arrays."""
-        return None
+# what kernels take out of a structure counts no references. Kinds are named by a digest of their
+# fields: names of all arguments go into symbols and into names of files, many times over. Numba's
+# types for them are in :mod:`.numba_types`: only compiling needs these.
 
 
-@register_model(_View)
-class _ViewModel(models.ArrayModel):
-    def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind)
-        own: Any = self
-        assert own._fields[0] == "meminfo", own._fields
-        # what counts references keeps its place: a pointer, to nothing
-        own._members = types.voidptr, *own._members[1:]
-        own._models = manager.lookup(types.voidptr), *own._models[1:]
+class ArrayField(NamedTuple):
+    """A contiguous array."""
+
+    dtype: str
+    ndim: int
 
 
-class _Kind(types.Type):
-    """Type of a structure: names and types of its fields."""
+class Kind:
+    """What is in a structure: names of its fields, and what each of them is.
+
+    A field is an :class:`ArrayField`, a structure (its kind), a number (``float``, ``int`` or
+    ``bool``), or a tuple of such.
+    """
 
     def __init__(self, family: str, fields: dict[str, Any]) -> None:
-        text = repr([(name, str(kind)) for name, kind in fields.items()])
-        super().__init__(f"{family}_{hashlib.sha256(text.encode()).hexdigest()[:16]}")
+        text = repr([(name, _text(field)) for name, field in fields.items()])
+        self.name = f"{family}_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
         self.family, self.fields = family, fields
         self.places, end = {}, 0
-        for name, kind in fields.items():
+        for name, field in fields.items():
             self.places[name] = end
-            end += _words(kind)
+            end += _words(field)
 
-    def __reduce__(self) -> Any:
-        """By its name: all that a cache on disk needs to tell it from others."""
-        return _known, (self.name,)
-
-
-class _Unknown(types.Type):
-    """Type of a structure that this process does not have; the cache is shared by all."""
-
-    def __reduce__(self) -> Any:
-        return _known, (self.name,)
+    def __repr__(self) -> str:
+        return self.name
 
 
-_KINDS: dict[str, _Kind] = {}
-#: the same by family and :func:`_sort` of the fields; as few as there are types
-_SORTS: dict[tuple[Any, ...], _Kind] = {}
+#: by family, names and fields; as few as there are kinds
+_KINDS: dict[tuple[Any, ...], Kind] = {}
 _NUMBER, _BITS = struct.Struct("d"), struct.Struct("q")
 
 
-def _known(name: str) -> types.Type:
-    """The type of this name."""
-    return _KINDS.get(name) or _Unknown(name)
+def _text(field: Any) -> str:
+    if isinstance(field, tuple) and not isinstance(field, ArrayField):
+        return f"({', '.join(map(_text, field))})"
+    return field.__name__ if isinstance(field, type) else repr(field)
 
 
-def _words(kind: Any) -> int:
+def _words(field: Any) -> int:
     """What a field takes of the memory: arrays as numba has them, tuples of numbers, numbers.
 
     A structure inside another one takes its address.
     """
-    if isinstance(kind, _View):
-        return 5 + 2 * kind.ndim
-    if isinstance(kind, types.UniTuple):
-        return kind.count * _words(kind.dtype)
-    if isinstance(kind, _Kind) or kind in (types.float64, types.int64, types.boolean):
+    if isinstance(field, ArrayField):
+        return 5 + 2 * field.ndim
+    if isinstance(field, tuple):
+        return sum(map(_words, field))
+    if isinstance(field, Kind) or field in (float, int, bool):
         return 1
-    raise TypeError(f"compiled kernels take no field of type {kind}")
+    raise TypeError(f"compiled kernels take no field of type {field}")
 
 
-def _sort(name: str, value: Any) -> Any:
-    """What the type of a field hangs on: a key that is much cheaper than numba's type."""
+def _field(name: str, value: Any) -> Any:
+    """What a value is as a field."""
     if isinstance(value, np.ndarray):
         flags = value.flags
         if not (flags.c_contiguous and flags.aligned):
             raise TypeError(f"array {name} for compiled kernels is not contiguous")
-        return value.dtype, value.ndim
+        return ArrayField(value.dtype.str, value.ndim)
     if isinstance(value, Structure):
-        return value._numba_type_
+        return value.kind
     if isinstance(value, tuple):
-        return tuple(_sort(name, each) for each in value)
+        return tuple(_field(name, each) for each in value)
     return type(value)
 
 
@@ -169,22 +143,28 @@ class Structure:
         structures are shared.
     """
 
-    __slots__ = ("_memory", "_numba_type_", "_values", "address")
+    __slots__ = ("_memory", "_values", "address", "kind")
 
     def __init__(self, family: str, names: Sequence[str], values: Sequence[Any]) -> None:
-        sorts = family, *map(_sort, names, values)
-        kind = _SORTS.get(sorts)
+        fields = tuple(map(_field, names, values))
+        key = family, tuple(names), fields
+        kind = _KINDS.get(key)
         if kind is None:
-            fields = {n: _field_type(value) for n, value in zip(names, values, strict=True)}
-            kind = _Kind(family, fields)
-            kind = _SORTS[sorts] = _KINDS.setdefault(kind.name, kind)
-        self._numba_type_ = kind
+            kind = _KINDS[key] = Kind(family, dict(zip(names, fields, strict=True)))
+        self.kind = kind
         self._values = tuple(values)
         entries: list[int] = []
         for value in values:
             _put(value, entries)
         self._memory = np.array(entries, dtype=np.int64)
         self.address = self._memory.ctypes.data
+
+    @property
+    def _numba_type_(self) -> Any:
+        """Numba's type, which it asks for where compiled functions are called by Python."""
+        from .numba_types import type_of
+
+        return type_of(self.kind)
 
 
 class Groups(Structure):
@@ -220,54 +200,6 @@ class Groups(Structure):
         """Address of the row of a part, of which each member has its own."""
         self._rows[name][:] = addresses
         return int(self._rows[name].ctypes.data)
-
-
-def numba_type_of(value: Any) -> Any:
-    """Numba's type; of structures without asking numba."""
-    return value._numba_type_ if isinstance(value, Structure) else typeof(value)
-
-
-def is_groups(kind: Any) -> bool:
-    """Whether a type is that of :class:`Groups`."""
-    return isinstance(kind, _Kind) and kind.family == "groups"
-
-
-def _field_type(value: Any) -> Any:
-    """Numba's type of a field."""
-    kind = types.unliteral(typeof(value))
-    return _View(kind.dtype, kind.ndim) if isinstance(kind, types.Array) else kind
-
-
-@register_model(_Kind)
-class _KindModel(models.OpaqueModel):
-    pass
-
-
-@unbox(_Kind)
-def _unboxed(kind: Any, value: Any, c: Any) -> Any:
-    number = c.pyapi.object_getattr_string(value, "address")
-    address = c.pyapi.long_as_voidptr(number)
-    c.pyapi.decref(number)
-    return NativeValue(address)
-
-
-@infer_getattr
-class _Fields(AttributeTemplate):
-    key = _Kind
-
-    def generic_resolve(self, kind: Any, name: str) -> Any:
-        return kind.fields.get(name)
-
-
-@lower_getattr_generic(_Kind)
-def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
-    own = kind.fields[name]
-    words = builder.bitcast(value, _WORD.as_pointer())
-    place = builder.gep(words, [ir.Constant(_WORD, kind.places[name])])
-    if own == types.boolean:
-        return builder.trunc(builder.load(place), ir.IntType(1))
-    pointer = context.get_value_type(own).as_pointer()
-    return builder.load(builder.bitcast(place, pointer), align=8)
 
 
 # -- arrays of a frozen system as the compiled kernels take them: one argument for many arrays -----
@@ -385,8 +317,13 @@ CARRIED = (
     *("R", "closing", "moved_force", "log_q", "log_p", "log_rates", "log_impulse", "log_numbers"),
     *("dead", "moments", "followers", "all_dead", "all_moments", "all_followers"),
 )
-#: all that a projection of velocities takes
+#: all that a projection of velocities takes; steps; an iteration to an equilibrium, with right-hand
+#: sides (2, each, 6), solutions (2, 2, each, 6) and what else it gives
 PROJECTION = ("parts", "tree", "plan", "work", "beams", "numbers")
+STEPS = (*PROJECTION, "record", "carried")
+EQUILIBRIUM = (*PROJECTION, "residuals", "increments", "pulled", "pivots")
+#: many eliminations at once, see :mod:`.stacked`
+STACKED = ("X", "start", "places", "x", "scratch")
 #: of scenes in a plane: elements, and in the end what makes rows of y in space of their forces
 PLANE_BEAMS = (
     *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
@@ -422,6 +359,9 @@ FAMILIES = {
     "carried": CARRIED,
     "flow": FLOW,
     "projection": PROJECTION,
+    "steps": STEPS,
+    "equilibrium": EQUILIBRIUM,
+    "stacked": STACKED,
     "plane_beams": PLANE_BEAMS,
     "rows": ROWS,
     "plane_tree": PLANE_TREE,

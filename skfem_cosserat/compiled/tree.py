@@ -27,12 +27,9 @@ from .small import (
     times,
     turned,
 )
+from .tables.tree import AXIS, ROTATION, SLIDE, SPHERE
 
 __all__ = [
-    "AXIS",
-    "ROTATION",
-    "SLIDE",
-    "SPHERE",
     "axis",
     "joint_add",
     "joint_begin",
@@ -53,9 +50,6 @@ __all__ = [
 # See :mod:`skfem_cosserat.model.tree` for what the coordinates are, and :mod:`.structures` for the
 # arrays. Parts take ``(s, m, w, numbers, flag)``: s the tree, m the plan of the elimination, w the
 # work.
-
-#: kinds of coordinates: absolute rotation, hinge, point on a sphere, slide
-ROTATION, AXIS, SPHERE, SLIDE = 1, 2, 3, 4
 
 
 @inlined

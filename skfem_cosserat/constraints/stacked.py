@@ -18,7 +18,8 @@ from scipy.sparse import coo_matrix, csr_matrix, identity
 from scipy.sparse.csgraph import maximum_bipartite_matching
 from scipy.sparse.linalg import splu
 
-from ..compiled.warm import NotKept, Source, loaded
+from ..compiled.kept import NotKept, Source, compile_errors, entry, loaded
+from ..compiled.structures import STACKED, structure
 from ..linear import SingularMatrixError
 from ..model import System
 from ..types import Floats, IndexArray
@@ -116,26 +117,52 @@ class Entries:
 class _Kernels:
     """The compiled elimination, which gives the same bits, in a process that has kernels."""
 
-    module: Any = None
+    found = False
     #: columns that numpy has eliminated in the meantime
     columns = 0
     #: after how many columns it is looked for, and where: it is compiled when that would have paid
     tries: tuple[tuple[int, Source], ...] = (0, Source.DISK), (COMPILING, Source.COMPILER)
 
     @classmethod
-    def found(cls, columns: int) -> Any:
-        """The module that is to eliminate so many columns; None: numpy is."""
-        if cls.module is None and cls.tries and loaded():
+    def take(cls, columns: int) -> bool:
+        """Whether kernels are to eliminate so many columns; False: numpy is."""
+        if not cls.found and cls.tries and loaded():
             cls.columns += columns
             (after, source), *others = cls.tries
             if cls.columns >= after:
-                from ..compiled import stacked
-
                 cls.tries = tuple(others)
-                with suppress(NotKept):
-                    stacked.have(source)
-                    cls.module = stacked
-        return cls.module
+                try:
+                    have_stacked(source)
+                    cls.found = True
+                except NotKept:
+                    pass
+                except compile_errors():  # plain numpy goes on
+                    pass
+        return cls.found
+
+    @staticmethod
+    def run(
+        name: str, X: Floats, start: IndexArray, places: IndexArray, x: Floats, scratch: int
+    ) -> None:
+        """Call one of them; see :mod:`skfem_cosserat.compiled.stacked`, which names its numbers."""
+        arrays = X, start, places, x, np.empty((scratch, X.shape[1]))
+        given = structure("stacked", dict(zip(STACKED, arrays, strict=True)))
+        entry("stacked", name, given)()
+
+
+def have_stacked(source: Source) -> None:
+    """Get both kernels ready.
+
+    Raises
+    ------
+    NotKept
+        If they are in none of the places that they may come from.
+    """
+    none, places = np.zeros((0, 0)), np.zeros(0, dtype=np.int64)
+    arrays = none, places, places, none, none
+    given = structure("stacked", dict(zip(STACKED, arrays, strict=True)))
+    for name in ("factors", "solve"):
+        entry("stacked", name, given, source)
 
 
 class StackedSolver:
@@ -197,8 +224,9 @@ class StackedSolver:
         """D and L (slots, N) of matrices with these entries (e, N)."""
         X = np.zeros((self.slots, values.shape[1]))
         X[self._slot] = values
-        if (kernels := _Kernels.found(self.size)) is not None:
-            kernels.factors(X, self._start, self._to)
+        if _Kernels.take(self.size):
+            most = max(map(len, self._below))
+            _Kernels.run("factors", X, self._start, self._to, X[:0], most)
             return X
         for k, (a, b, to) in enumerate(self._updates):
             if len(to):
@@ -211,8 +239,8 @@ class StackedSolver:
     def solve(self, X: Floats, rhs: Floats) -> Floats:
         """Solutions (size, N) for factors and right-hand sides (size, N)."""
         x = rhs[self._order]
-        if (kernels := _Kernels.found(self.size)) is not None:
-            kernels.solve(np.ascontiguousarray(X), self._start, self._rows, x)
+        if _Kernels.take(self.size):
+            _Kernels.run("solve", np.ascontiguousarray(X), self._start, self._rows, x, 1)
         else:
             self._solve(X, x)
         out = np.empty_like(x)

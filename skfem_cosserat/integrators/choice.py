@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from importlib.metadata import version
 from importlib.util import find_spec
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from ..compiled.kept import NotKept, Source, compile_errors, loaded, promising
 from ..compiled.plan import Plan, plan_of
-from ..compiled.warm import NotKept, Source, loaded, promising
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError, PerformanceWarning
 from ..frames import TOLERANCE
@@ -296,11 +298,9 @@ def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | No
         work = choice.why.partition(" with numpy")[0]
         return Choice("numpy", f"{work}{missing}, {LONGER}", seconds=choice.seconds), None
     except compile_errors() as error:
-        from numba import __version__
-
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         said = lines[0][:200] if lines else type(error).__name__
-        why = f"numba {__version__} does not compile the kernels: {said}"
+        why = f"numba {version('numba')} does not compile the kernels: {said}"
         if choice.source < Source.COMPILER:  # warned of where it is worth while
             return Choice("numpy", why, seconds=choice.seconds), None
         text = f"{why}; plain numpy takes over, some {FACTOR} times slower"
@@ -323,22 +323,19 @@ def nearest_by_kernels(system: System, choice: Choice) -> NearestVelocity | None
         return None
 
 
-def compile_errors() -> tuple[type[Exception], ...]:
-    """What numba raises where it cannot compile, or has not what compiled/jit.py asks of it."""
-    from numba.core.errors import NumbaError
-
-    return NumbaError, ImportError, AttributeError, TypeError, NotImplementedError
-
-
 def _hindrance() -> str | None:
     """Why nothing can be compiled here, whatever the scene; None: numba is there and works."""
     if find_spec("numba") is None:
         return "numba is not installed"
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return SWITCHED_OFF
+    if promising():  # it has compiled some: those are taken without it, as its import takes long
+        return None
     try:
-        from numba import __version__, config
+        from numba import __version__
     except (ImportError, OSError) as error:  # one that does not go with this numpy, say
         return f"numba cannot be imported: {error}"
     if tuple(map(int, __version__.split(".")[:2])) < NUMBA:
         needed = ".".join(map(str, NUMBA))
         return f"numba {__version__} is installed, compiled kernels need {needed} or newer"
-    return SWITCHED_OFF if config.DISABLE_JIT else None
+    return None

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled.kept import Source, address, entry
 from ..compiled.numbers import ENERGY, NUMBERS
 from ..compiled.plan import Plan, following, plan_of
-from ..compiled.warm import Source
+from ..compiled.structures import PROJECTION, structure
 from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
@@ -345,28 +346,24 @@ class NearestVelocity(CompiledScene):
     def __init__(
         self, system: System, settings: NewtonSettings, source: Source = Source.COMPILER
     ) -> None:
-        from ..compiled import bind, jit, static
-        from ..compiled.structures import PROJECTION, structure
-
         scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
         space = system.spatial.jointed
         super().__init__(space, scheme, 1.0, settings, static=True, source=source)
         own = dict(zip(PROJECTION, self._all, strict=True))
         self._projection = structure("projection", own)
-        function = jit.address(static.nearest, bind.typeof(self._projection), source=source)
+        own_kinds = self._projection.kind, int
+        function = address("static", "nearest", own_kinds, source)
         #: for :func:`skfem_cosserat.compiled.bind.bound_carried`
         self.bound = function, self._projection.address, self._a.y0, self._a.p0, self._a.change
         #: whether it takes directions from where a step starts
         self.follows = bool(space.kinematics.spheres)
-        own_kinds = bind.typeof(function), bind.typeof(self._projection.address)
-        jit.ready(static.velocity, own_kinds, source)
-        self._call = static.velocity
+        self._call = entry("static", "nearest", self._projection, source)
 
     def __call__(self, q: Floats, p: Floats) -> Floats | None:
         """Velocity (n,) at a configuration q (n,) for a momentum p (n,); None: singular there."""
         self._place(q, None)
         self._a.p0[:] = p.reshape(-1, 3)
-        if not self._call(*self.bound[:2]):
+        if not self._call():
             return None
         return np.array(self._a.change).reshape(-1)
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..compiled.kept import Source, entry
 from ..compiled.numbers import (
     ALL_FACTORED,
     AMPLITUDE,
@@ -49,7 +50,7 @@ from ..compiled.numbers import (
     WORK,
 )
 from ..compiled.plan import Plan
-from ..compiled.warm import Source
+from ..compiled.structures import STEPS, structure
 from ..constraints import Multipliers, Treatment
 from ..constraints.base import BoundTreatment, half_turn, largest
 from ..coupling import Coupling
@@ -277,8 +278,6 @@ class CompiledStep(CompiledScene):
         source: Source = Source.COMPILER,
         plane: Plane | None = None,
     ) -> None:
-        from ..compiled import step
-
         scheme = integrator.scheme(h)
         assert isinstance(scheme, Scheme)
         own = system, scheme, scheme.weight, settings, plan, solver
@@ -287,7 +286,6 @@ class CompiledStep(CompiledScene):
         self._normal = None if plane is None else plane.normal
         #: whether the unknowns are others than the treatment's
         self._others = plane is not None or system is not system.tied
-        self._step = step
         self._record = np.zeros(len(RECORD))
         self._nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system.tied):
@@ -372,15 +370,10 @@ class CompiledStep(CompiledScene):
         if self._viscous is not None:
             self._viscous.resize(way, self._all[-1])
 
-    def _entry(self) -> Callable[..., bool]:
-        """The compiled loop for these structures: called as it is, it asks for no types again."""
-        from ..compiled import bind, jit
-
-        kinds = tuple(
-            bind.numba_type_of(each) for each in (*self._all, self._record, self._carried)
-        )
-        entry: Callable[..., bool] = jit.ready(self._step.solve, kinds, self._source).entry_point
-        return entry
+    def _entry(self) -> Callable[[], float]:
+        """The compiled loop for these structures."""
+        given = dict(zip(STEPS, (*self._all, self._record, self._carried), strict=True))
+        return entry("step", "solve", structure("steps", given), self._source)
 
     def resized(self, h: float) -> CompiledStep:
         """The same for steps of another size; factors of matrices are not kept."""
@@ -570,7 +563,7 @@ class CompiledStep(CompiledScene):
         record, a = self._record, self._a
         record[ASKED], record[TRAVELLED] = steps, self._travelled
         known = self.looped and record[KNOWN] > 0.0
-        solved = self._solve(*self._all, record, self._carried)
+        solved = self._solve() != 0.0
         self.factorisations += int(record[ALL_FACTORED])
         self.complain()
         if self._called_back is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
@@ -11,9 +12,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
+from ..compiled.kept import Source, entry
 from ..compiled.numbers import CALLED_BACK
 from ..compiled.plan import Plan
-from ..compiled.warm import Source
+from ..compiled.structures import EQUILIBRIUM, structure
+from ..compiled.tables.couplings import DAMPING
 from ..constraints import NullSpace, Treatment
 from ..constraints.base import BoundTreatment
 from ..constraints.null_space import BoundNullSpace
@@ -435,18 +438,19 @@ class CompiledBalance(CompiledScene):
         source: Source = Source.COMPILER,
         spin: bool = False,
     ) -> None:
-        from ..compiled import static
-        from ..compiled.couplings import DAMPING
-
         self._plane = system.plane
         own = stepped(system, treatment, space=True), REST, 1.0, settings, plan, solver
         super().__init__(*own, static=True, source=source)
         system = self.system
-        self._static = static
         count, each = len(system.origin_rows), len(self._a.x)
         self._width = 12 * each
         self._residuals = np.zeros((2, each, 6))
         self._increments = np.zeros((2, 2, each, 6))
+        self._pulled, self._pivots = np.zeros((each, 6)), np.zeros(7)
+        arrays = self._residuals, self._increments, self._pulled, self._pivots
+        given = dict(zip(EQUILIBRIUM, (*self._all, *arrays), strict=True))
+        self._given = structure("equilibrium", given)
+        self._kernels: dict[str, Callable[..., float]] = {}
         turning = np.zeros((2, each, 6), dtype=bool)
         turning[0, :count] = self._tree["turning"]
         shifting = np.zeros_like(turning)
@@ -482,15 +486,17 @@ class CompiledBalance(CompiledScene):
         if self._called is not None:
             self._called.complain()
 
-    def prepare(self) -> None:
-        """Have the kernels that every point takes compiled, or read from the disk."""
-        from ..compiled import bind, jit
+    def _kernel(self, name: str) -> Callable[..., float]:
+        """A kernel of :mod:`skfem_cosserat.compiled.static`."""
+        call = self._kernels.get(name)
+        if call is None:
+            call = self._kernels[name] = entry("static", name, self._given, self._source)
+        return call
 
-        some = int(False), self._residuals[:1], self._increments[:1]
-        kernels = (self._static.begin, ()), (self._static.move, ()), (self._static.solve, some)
-        for kernel, others in kernels:
-            kinds = tuple(bind.typeof(each) for each in (*self._all, *others))
-            jit.ready(kernel, kinds, self._source)
+    def prepare(self) -> None:
+        """Have the kernels compiled, or read from the disk."""
+        for name in ("begin", "move", "solve", "push", "pull", "pivots"):
+            self._kernel(name)
 
     @property
     def y(self) -> Floats:
@@ -517,7 +523,7 @@ class CompiledBalance(CompiledScene):
         self._place(y[:rows].ravel(), (y[rows:], ground))
         self._coupled.turn(turns)
         self.take(amplitudes)
-        self._static.begin(*self._all)
+        self._kernel("begin")()
         if len(self._mu):
             self._close(y)
         self.complain()
@@ -542,7 +548,7 @@ class CompiledBalance(CompiledScene):
 
     def _balancing(self, y: Floats, left_out: IndexArray) -> Floats:
         """Multipliers that balance best what acts at y, none of rows that are left out."""
-        self._static.move(*self._all)
+        self._kernel("move")()
         multipliers = np.zeros(self.system.m + 1)  # the last one is of no row
         kept = np.setdiff1d(np.arange(self.system.m), left_out)
         G = self.system.constraints.jacobian(y).tocsr()[kept]
@@ -563,7 +569,7 @@ class CompiledBalance(CompiledScene):
 
     def evaluate(self) -> float:
         """Evaluate; size of the residual against its terms."""
-        size = float(self._static.move(*self._all))
+        size = self._kernel("move")()
         self.complain()
         return size
 
@@ -580,11 +586,10 @@ class CompiledBalance(CompiledScene):
         following = self._a.moments, self._a.followers
         kept = [each.copy() for each in following]
         self.load(amplitudes)
-        out = np.empty_like(self._a.b)
-        self._static.pull(*self._all, out)
+        self._kernel("pull")()
         for each, before in zip(following, kept, strict=True):  # the tangent needs them
             each[:] = before
-        return out
+        return self._pulled.copy()
 
     def solve(self, columns: list[Floats], mixed: bool) -> Floats:
         """Increments (size, columns): minus solutions for residuals (vertices, 6).
@@ -600,7 +605,7 @@ class CompiledBalance(CompiledScene):
         for k, column in enumerate(columns):
             self._residuals[k] = column
         both = self._increments[:count]
-        regular = self._static.solve(*self._all, int(mixed), self._residuals[:count], both)
+        regular = self._kernel("solve")(count - 1 + 2 * int(mixed))
         self.factorisations += 1
         self.complain()
         out = both.reshape(count, self._width).T
@@ -612,8 +617,7 @@ class CompiledBalance(CompiledScene):
         """Of the stiffness there; None where it is singular, or elimination in blocks not all."""
         if self._rest is not None:
             return None
-        out = np.zeros(7)
-        regular = self._static.pivots(*self._all, out)
+        regular, out = self._kernel("pivots")(), self._pivots
         self.complain()
         self.factorisations += 1
         if out[6] > 0:  # what the rows hold may be lost as well
@@ -626,12 +630,12 @@ class CompiledBalance(CompiledScene):
     def push(self, increment: Floats) -> Floats:
         """Change (rows, 3) of the coordinates, to first order; overwritten by the next one."""
         self._a.twist[:] = increment[self._width // 2 :].reshape(-1, 6)
-        self._static.push(*self._all, 0)
+        self._kernel("push")(0)
         return self._a.change
 
     def predict(self) -> None:
         """Stresses that the change pushed last predicts."""
-        self._static.push(*self._all, 1)
+        self._kernel("push")(1)
         self.complain()
 
     def apply(self, increment: Floats) -> None:

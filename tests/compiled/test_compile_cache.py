@@ -8,8 +8,8 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from pathlib import Path
 
+import numpy as np
 import pytest
 import test_joints
 from helpers_kernels import both, chain, corner, tree
@@ -17,7 +17,9 @@ from helpers_scenes import swing_model
 from test_planar import TURNED, mechanism
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled import warm
+from skfem_cosserat.compiled import kept
+from skfem_cosserat.compiled.kept import NotKept, Source
+from skfem_cosserat.compiled.structures import STACKED, structure
 from skfem_cosserat.integrators.compiled_step import CompiledStep
 
 pytest.importorskip("numba")
@@ -31,35 +33,99 @@ def test_nothing_is_compiled_at_import():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def kernels_of(*names):
+    """How many of these kernels this process has, for different kinds."""
+    return [sum(key[1] == name for key in kept._ADDRESSES) for name in names]
+
+
 def test_sizes_do_not_compile_again():
     """The same code serves every mesh, section and scene of one order."""
-    from skfem_cosserat.compiled import elements, step
-
     both(corner(1), "energy-momentum", "null space", 2e-3, 4e-3)
-    before = len(step.solve.signatures), len(elements.beam_force.signatures)
+    before = kernels_of("solve", "beam_force", "joint_move")
     both(test_joints.scene(sc.JointRevolute)[0], "variational", "null space", 2e-3, 4e-3)
     both(chain(3), "variational", "null space", 2e-3, 4e-3)
-    assert (len(step.solve.signatures), len(elements.beam_force.signatures)) == before
+    assert kernels_of("solve", "beam_force", "joint_move") == before and min(before) > 0
 
 
-def test_kernels_are_looked_for_and_not_compiled(monkeypatch):
-    from numba import types
+@pytest.fixture
+def elsewhere(monkeypatch, tmp_path):
+    """An empty folder for kernels, in a process that has none."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(kept, "_ADDRESSES", {})
+    return tmp_path
 
-    from skfem_cosserat.compiled import jit
 
-    def plain(x: float) -> float:
-        return x + 1.0
+def stacked_solver(source):
+    """Compiled solution of ``2 x = b``, many times."""
+    X, none = np.full((1, 3), 2.0), np.zeros(0, dtype=np.int64)
+    arrays = X, np.array([1, 1]), none, np.array([[2.0, 4.0, 6.0]]), np.zeros((1, 3))
+    given = structure("stacked", dict(zip(STACKED, arrays, strict=True)))
+    kept.entry("stacked", "solve", given, source)()
+    return arrays[3][0].tolist()
 
-    kinds = (types.float64,)
-    monkeypatch.setattr(jit._Cache, "_load_overload", lambda *_: None)
-    monkeypatch.setattr(jit._Cache, "holds", lambda *_: False)
-    monkeypatch.setattr(jit._Cache, "_save_overload", lambda *_: None)
-    kernel = jit.jit(plain)
-    with pytest.raises(warm.NotKept):
-        jit.ready(kernel, kinds, warm.Source.DISK)
-    assert not kernel.overloads
-    jit.ready(kernel, kinds)
-    assert jit.ready(kernel, kinds, warm.Source.DISK).entry_point(2.0) == 3.0
+
+def test_kernels_are_looked_for_before_they_are_compiled(elsewhere, monkeypatch):
+    with pytest.raises(NotKept):
+        stacked_solver(Source.DISK)
+    assert kept.cold("solve") and not kept.loaded()
+    assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
+    (file,) = elsewhere.rglob("*.kernel")
+    monkeypatch.setitem(sys.modules, "skfem_cosserat.compiled.jit", None)  # cannot be imported
+    for source in (Source.PROCESS, Source.DISK):
+        assert stacked_solver(source) == [1.0, 2.0, 3.0]
+        kept._ADDRESSES.clear()  # the next one is read
+    with pytest.raises(NotKept):
+        stacked_solver(Source.PROCESS)
+    # nothing that is not whole is read, nor what needs a function that is not there
+    whole = file.read_bytes()
+    about, code = whole.split(b"\n", 1)
+    for wrong in (
+        *(b"", whole[:-9], about, code, whole[:-1] + bytes([whole[-1] ^ 1])),
+        about.replace(b'"needs": [', b'"needs": ["no_such_function"') + b"\n" + code,
+    ):
+        file.write_bytes(wrong)
+        with pytest.raises(NotKept):
+            stacked_solver(Source.DISK)
+    file.write_bytes(whole)
+    assert stacked_solver(Source.DISK) == [1.0, 2.0, 3.0]
+
+
+def test_kernels_of_other_sources_and_processors_are_others(elsewhere, monkeypatch):
+    """Code of one file is compiled into functions of another: all of them make up the name."""
+    assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
+    (file,) = elsewhere.rglob("*.kernel")
+    for name in ("stamp", "_processor"):
+        with monkeypatch.context() as other:
+            other.setattr(kept, name, lambda: "another")
+            kept._ADDRESSES.clear()
+            with pytest.raises(NotKept):
+                stacked_solver(Source.DISK)
+            assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
+        assert file.exists() == (name != "stamp")  # older sources are cleared away
+        if not file.exists():
+            kept._ADDRESSES.clear()
+            stacked_solver(Source.COMPILER)
+
+
+def test_a_folder_that_takes_no_files_costs_time_only(elsewhere, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/none")
+    assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
+    assert kept.cold("solve") and not kept.promising()
+
+
+def test_kernels_from_the_disk_take_no_numba():
+    """Its import takes longer than they do."""
+    code = (
+        "import sys; sys.path[:] = sys.argv[1:]\n"
+        "import helpers_kernels as t, skfem_cosserat as sc\n"
+        "run = t.tree(1), sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05\n"
+        "sc.simulate(*run, kernels='numba', derive=False)\n"
+        "print('numba' in sys.modules)"
+    )
+    command = [sys.executable, "-c", code, *sys.path]
+    for _ in range(2):
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 def test_threads_compile_one_after_the_other(monkeypatch):
@@ -87,17 +153,13 @@ def test_threads_compile_one_after_the_other(monkeypatch):
 
 
 def test_sizes_do_not_compile_again_in_a_plane():
-    from skfem_cosserat.compiled import step
-    from skfem_cosserat.compiled.plane import elements, tree
-
     counts = []
     for scene in (swing_model(4), swing_model(6), mechanism(TURNED, 0.4)):
         system = scene.freeze(planar=sc.Planar())
         sc.simulate(
             system, sc.EnergyMomentum(), sc.NullSpace(), 5e-3, 0.01, kernels="numba", derive=False
         )
-        parts = step.solve, elements.beam_force, tree.joint_move
-        counts.append([len(part.signatures) for part in parts])
+        counts.append(kernels_of("solve", "beam_force", "joint_move"))
     assert counts[0] == counts[1] == counts[2]
 
 
@@ -120,22 +182,9 @@ def test_cold_and_warm_caches_give_the_same_numbers(tmp_path):
             env=environment, capture_output=True, text=True, check=True,
         )  # fmt: skip
         found.append(run.stdout)
-        files.append(sorted(path.name for path in tmp_path.rglob("*.nbc")))
+        files.append(sorted(path.name for path in tmp_path.rglob("*.kernel")))
     assert found[0] == found[1] and len(found[0]) > 60
     assert files[0] == files[1]
-
-
-def test_the_cache_knows_all_sources():
-    """Code of one file is compiled into functions of another: all of them make up the key."""
-    from skfem_cosserat.compiled import jit, step, tree
-
-    both(corner(1), "energy-momentum", "null space", 2e-3, 4e-3)
-    for function in (step.solve, tree.joint_move):
-        cache = function._cache
-        assert type(cache).__name__ == "_Cache"
-        codegen = function.targetctx.codegen()
-        assert jit.STAMP in cache._index_key(function.signatures[0], codegen)
-        assert list(Path(cache.cache_path).glob("*.nbi"))
 
 
 @pytest.mark.slow
@@ -155,14 +204,11 @@ print(sc.simulate(model.freeze(), *run, kernels="numba")["q"][-1])
         return subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
 
     first = run().stdout
-    files = [path for path in tmp_path.rglob("*") if path.suffix in (".nbi", ".nbc")]
-    assert files
+    files = [*tmp_path.rglob("*.kernel")]
+    assert len(files) > 5
     for path in files:
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     assert run().stdout == first
-    assert run().stdout == first
-    for path in tmp_path.rglob("*.nbi"):  # of a version with other modules
-        path.write_bytes(path.read_bytes().replace(b"compiled.structures", b"compiled.structurez"))
     assert run().stdout == first
 
 

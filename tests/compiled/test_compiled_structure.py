@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,10 @@ import pytest
 pytest.importorskip("numba")
 
 import numba
-from numba import typeof
+from numba import njit, typeof
 
-from skfem_cosserat.compiled import structures
-from skfem_cosserat.compiled.jit import jit
-from skfem_cosserat.compiled.structures import Structure
+from skfem_cosserat.compiled.jit import inlined
+from skfem_cosserat.compiled.structures import Kind, Structure
 
 NAMES = ("a", "count", "on", "off", "x", "N", "k")
 
@@ -34,7 +32,7 @@ def made() -> tuple[Structure, dict[str, Any]]:
     return Structure("sample", NAMES, tuple(fields.values())), fields
 
 
-@jit
+@njit
 def read(s: Any, out: Any) -> None:
     """All fields into out; writes to a."""
     out[0], out[1], out[2] = s.a[1, 2, 3], s.a.shape[1], s.a.size
@@ -56,16 +54,16 @@ def test_kernels_read_and_write_what_python_has() -> None:
     assert a[0, 0, 1] == 7.0  # shared, not copied
 
 
-def test_types_depend_on_fields_and_are_found_by_name() -> None:
-    kind = typeof(made()[0])
-    assert typeof(made()[0]) is kind
-    assert typeof(Structure("sample", ("a",), (np.zeros(3),))) != kind
-    assert pickle.loads(pickle.dumps(kind)) is kind
-    known = structures._KINDS.pop(kind.name)  # as another process sees it
-    other = pickle.loads(pickle.dumps(kind))
-    structures._KINDS[kind.name] = known
-    assert other != kind and other.name == kind.name
-    assert pickle.loads(pickle.dumps(other)) is kind
+def test_kinds_depend_on_fields_and_types_on_kinds() -> None:
+    s, other = made()[0], Structure("sample", ("a",), (np.zeros(3),))
+    assert made()[0].kind is s.kind and typeof(made()[0]) is typeof(s)
+    assert other.kind.name != s.kind.name and typeof(other) != typeof(s)
+    flat = Structure("sample", ("a",), (np.zeros(3, dtype=np.int64),))
+    named = Structure("sample", ("b",), (np.zeros(3),))
+    kinds = [each.kind for each in (s, other, flat, named, Structure("other", ("a",), (1.0,)))]
+    assert len({kind.name for kind in kinds}) == 5
+    # the same name in any process: it tells files of kernels apart
+    assert Kind("sample", dict(s.kind.fields)).name == s.kind.name
 
 
 def test_arrays_with_gaps_and_other_fields_are_refused() -> None:
@@ -78,7 +76,7 @@ def test_arrays_with_gaps_and_other_fields_are_refused() -> None:
 def test_functions_of_others_compile_as_ever() -> None:
     """Closures, arrays and exceptions work beside kernels."""
 
-    @jit
+    @inlined
     def twice(x: float) -> float:
         return x + x
 
@@ -91,7 +89,7 @@ def test_functions_of_others_compile_as_ever() -> None:
             raise ValueError(n)
         return shifted(a) * np.array([k + 1.0 for k in range(len(a))])
 
-    assert twice(1.5) == 3.0
+    assert njit(lambda x: twice(x))(1.5) == 3.0  # noqa: PLW0108
     assert users(np.ones(3), 1).tolist() == [2.0, 4.0, 6.0]
     with pytest.raises(ValueError, match="-1"):
         users(np.ones(3), -1)

@@ -16,14 +16,12 @@ from helpers_kernels import tree
 from helpers_scenes import four_bar
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled import warm
+from skfem_cosserat.compiled import kept
+from skfem_cosserat.compiled.kept import Source
 from skfem_cosserat.integrators import choice
 from skfem_cosserat.integrators.choice import refusal
 
 pytest.importorskip("numba")
-jit = pytest.importorskip("skfem_cosserat.compiled.jit")
-step = pytest.importorskip("skfem_cosserat.compiled.step")
-blocks = pytest.importorskip("skfem_cosserat.compiled.blocks")
 TypingError = pytest.importorskip("numba.core.errors").TypingError
 
 
@@ -53,7 +51,7 @@ def test_further_kernels_are_read_sooner(loaded, monkeypatch):
     system = tree(1)
     seconds = 0.02 / (1 - choice.compiled_share(system))
     found = [choice._source(system, seconds) for _ in range(3)]
-    assert found == [None, warm.Source.DISK if loaded else None, None]
+    assert found == [None, Source.DISK if loaded else None, None]
 
 
 def test_short_runs_take_kernels_that_are_compiled_already(monkeypatch):
@@ -66,11 +64,8 @@ def test_short_runs_take_kernels_that_are_compiled_already(monkeypatch):
     assert meta["kernels"] == "numba"
     assert "are compiled already" in meta["kernels_why"]
 
-    def missing(function, kinds, source):
-        assert source == warm.Source.DISK
-        raise warm.NotKept
-
-    monkeypatch.setattr("skfem_cosserat.compiled.jit.ready", missing)
+    monkeypatch.setattr(kept, "_ADDRESSES", {("step", "another", ()): 0})
+    monkeypatch.setattr(kept, "_load", lambda key: None)
     meta = run(derive=False).meta
     assert meta["kernels"] == "numpy"
     assert "not all of its kernels are on disk" in meta["kernels_why"]
@@ -83,13 +78,10 @@ def test_the_shortest_runs_take_kernels_of_this_process_but_read_none(monkeypatc
     run = partial(sc.simulate, tree(1), sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05)
     run(kernels="numba", derive=False)
     assert run(derive=False).meta["kernels"] == "numba"
-    held = [f for f in (step.solve, blocks.factor) if f.overloads]
-    for function in held:
-        monkeypatch.setattr(function, "overloads", {})
-    monkeypatch.setattr(jit, "_ADDRESSES", {})
-    monkeypatch.setattr(jit._Cache, "holds", None)  # is not asked
+    monkeypatch.setattr(kept, "_ADDRESSES", {("step", "another", ()): 0})
+    monkeypatch.setattr(kept, "_load", None)  # is not asked
     meta = run(derive=False).meta
-    assert held and meta["kernels"] == "numpy"
+    assert meta["kernels"] == "numpy"
     assert meta["kernels_why"].endswith("s of work, reading or compiling kernels would take longer")
 
 
@@ -105,7 +97,7 @@ def test_kernels_are_judged_by_what_they_save():
     pair = sc.EnergyMomentum(), sc.NullSpace()
     chosen = choice.choose_kernels("auto", scenes[2], *pair, steps)
     assert chosen.seconds > choice.WORTHWHILE and chosen.name == "numpy"
-    assert choice.choose_kernels("auto", scenes[0], *pair, 10**6).source == warm.Source.COMPILER
+    assert choice.choose_kernels("auto", scenes[0], *pair, 10**6).source == Source.COMPILER
 
 
 def rod_with_springs(count):
@@ -122,15 +114,12 @@ def rod_with_springs(count):
 
 
 def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):
-    monkeypatch.delitem(sys.modules, "numba", raising=False)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert not warm.promising()
-    folder = tmp_path / "compiled_0a1b"
-    folder.mkdir()
-    index = folder / f"step.solve-1.py{sys.version_info.major}{sys.version_info.minor}.nbi"
-    for text, there in (("other sources", False), (f"... {warm.stamp()} ...", True)):
-        index.write_text(text)
-        assert warm.promising() == there
+    assert not kept.promising()
+    kept.folder().mkdir()
+    for stamp, there in (("0123456789abcdef", False), (kept.stamp(), True)):
+        (kept.folder() / f"solve-{stamp}-0123456789abcdef.kernel").write_bytes(b"")
+        assert kept.promising() == there
     program = (
         "import sys, skfem_cosserat as sc; from skfem_cosserat.integrators import choice\n"
         "choice.READING = 0.0; model = sc.Model(); model.add('ball', sc.MassPoint(1.0))\n"
@@ -217,7 +206,7 @@ def test_a_numba_that_does_not_work(code, variables, why, tmp_path):
         "except (ImportError, sc.InputError) as error: print(type(error).__name__, error)\n"
     )
     command = [sys.executable, "-c", script, str(tmp_path), str(Path(__file__).parents[2])]
-    environment = {**os.environ, **variables}
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), **variables}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     chosen, error = done.stdout.splitlines()
     assert chosen.startswith(f"numpy {why}")

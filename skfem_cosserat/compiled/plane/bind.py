@@ -30,7 +30,7 @@ from ..bind_rows import bound_held, first_held, numbered, of_blocks
 from ..numbers import BEAM_PARTS, COUPLED
 from ..plan import Plan
 from ..structures import integers
-from . import complex_numbers as places
+from ..tables import plane as places
 
 __all__ = ["Frames", "bound_beams", "bound_groups", "bound_space", "bound_tree", "bound_work"]
 __all__ += ["bound_rows"]

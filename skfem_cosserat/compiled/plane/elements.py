@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ...types import Floats, IndexArray
 from ..elements import give, origins, triple
 from ..jit import inlined, part
 from ..numbers import END, ENDS, FORCE, MASS, SHARE, START, WEIGHT
-from ..simd import WIDTH, add_rows, gather, load, rows, scatter, store
+from ..simd import WIDTH, add_rows, gather, load, local, rows, scatter, store
 from ..small import Places, Rotation, Vector, block, chosen, counted, dot, minus, times
 from ..small import plus as plus3
 from .complex_numbers import Complex, crossed, inner, left, outer, plus, product, scaled
@@ -124,7 +122,7 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     section = g.section
     ne, nn = base.shape
     ng = len(N)
-    X = np.empty(4 * nn * WIDTH)
+    X = local(4 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         take(base, turned, rotations, es, y, X)
@@ -148,7 +146,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     base, turned, rotations, section = g.base, g.turned, g.rotations, g.section
     ne, nn = base.shape
     ng = len(N)
-    X, Y, F = np.empty(4 * nn * WIDTH), np.empty(4 * nn * WIDTH), np.empty(4 * nn * WIDTH)
+    X, Y, F = local(4 * nn * WIDTH), local(4 * nn * WIDTH), local(4 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         own = chosen(section, es)
@@ -211,7 +209,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     base, turned, rotations, section = g.base, g.turned, g.rotations, g.section
     ne, nn = base.shape
     ng = len(N)
-    X, V = np.empty(4 * nn * WIDTH), np.empty(4 * nn * WIDTH)
+    X, V = local(4 * nn * WIDTH), local(4 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         own = chosen(section, es)
@@ -236,7 +234,7 @@ def beam_finish(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     director, resultants, frames, triads, out = g.director, g.resultants, g.frames, g.triads, g.out
     ne, nn = base.shape
     ng = len(N)
-    X, F = np.empty(4 * nn * WIDTH), np.empty(12 * nn * WIDTH)
+    X, F = local(4 * nn * WIDTH), local(12 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         own = chosen(section, es)
@@ -371,9 +369,9 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     base, turned, rotations, held = g.base, g.turned, g.rotations, g.held_stress
     ne, nn = base.shape
     ng = len(N)
-    XB, XR = np.empty(4 * nn * WIDTH), np.empty(4 * nn * WIDTH)
-    XL = np.empty(4 * nn * WIDTH) if early else XB
-    a = np.empty(12 * nn * nn * WIDTH)
+    XB, XR = local(4 * nn * WIDTH), local(4 * nn * WIDTH)
+    XL = local(4 * nn * WIDTH) if early else XB
+    a = local(12 * nn * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         length, once = gather(lengths, es, 1, 0), counted(e, ne)

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from ...types import Floats
 from ..elements import origins, triple
 from ..held import acting, of_elements, of_nodes
 from ..jit import inlined, part
 from ..numbers import MASS, WEIGHT
-from ..simd import WIDTH, add_rows, gather, load, pack, put_rows, scatter, store
+from ..simd import WIDTH, add_rows, gather, load, local, pack, put_rows, scatter, store
 from ..small import Places, Vector, block, counted, dot, minus, plus, times
 from .complex_numbers import crossed
 from .elements import Field, at_point, by_turn, point_force, put_triple, strains, take, turning, two
@@ -42,7 +40,7 @@ def beam_hold(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         y = w.mid
     ne, nn = base.shape
     ng = len(N)
-    X, Y, F = np.empty(4 * nn * WIDTH), np.empty(4 * nn * WIDTH), np.empty(4 * nn * WIDTH)
+    X, Y, F = local(4 * nn * WIDTH), local(4 * nn * WIDTH), local(4 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         inverse, once = 1.0 / gather(lengths, es, 1, 0), counted(e, ne)
@@ -91,7 +89,7 @@ def beam_hold_matrix(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     if numbers[WEIGHT] != 0.0:
         y = w.mid
     ne, nn = base.shape
-    X, Y = np.empty(4 * nn * WIDTH), np.empty(4 * nn * WIDTH)
+    X, Y = local(4 * nn * WIDTH), local(4 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         inverse = 1.0 / gather(lengths, es, 1, 0)

@@ -12,9 +12,8 @@ from ..nodes import carried_on, mass_times, start_increments, sum_balance
 from ..numbers import FORCE, MASS, WEIGHT
 from ..simd import WIDTH, load, pack, put_rows, rows, store
 from ..small import block, chosen, cosines
+from ..tables.plane import CHILD, FRAMED
 from .complex_numbers import (
-    CHILD,
-    FRAMED,
     Complex,
     add_scaled,
     arrow,

@@ -10,8 +10,7 @@ from typing import Any
 from ...types import Floats, IndexArray
 from ..jit import inlined, part
 from ..numbers import WEIGHT
-from ..tree import AXIS, ROTATION, SLIDE, SPHERE, prescribe
-from .complex_numbers import (
+from ..tables.plane import (
     ARM,
     CARRIED,
     CENTRE,
@@ -36,6 +35,11 @@ from .complex_numbers import (
     SLIDE0,
     TARGET,
     TARGET_SPOT,
+)
+from ..tables.plane import SLIDE as DIRECTION
+from ..tables.tree import AXIS, ROTATION, SLIDE, SPHERE
+from ..tree import prescribe
+from .complex_numbers import (
     Complex,
     arrow,
     complex_at,
@@ -51,7 +55,6 @@ from .complex_numbers import (
     spot,
     turn_by,
 )
-from .complex_numbers import SLIDE as DIRECTION
 
 __all__ = [
     "joint_add",

@@ -1,0 +1,242 @@
+"""Kernels as machine code: found on disk, loaded and called without numba.
+
+Numba compiles kernels, part by part (:mod:`.jit`). What it has made is kept here as it is, and the
+next process hands it to the linker of LLVM: that takes a few milliseconds, the import of numba and
+its own cache a quarter of a second. Names of files tell sources, processor and kinds of arguments
+apart, so there is nothing to be asked but whether a file is there.
+
+Kernels may need functions of the C library (``sin``), but nothing of numba: they take no memory,
+see :func:`.simd.local`, and are called by their addresses.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from enum import IntEnum
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from .structures import ArrayField
+
+__all__ = ["VECTOR", "NotKept", "Source", "address", "cold", "compile_errors", "entry", "keep"]
+__all__ += ["loaded", "promising", "stamp"]
+
+#: kind of an array of numbers: those of a step, which all parts take
+VECTOR = ArrayField("<f8", 1)
+
+
+class Source(IntEnum):
+    """Where kernels may come from: this process alone, the disk, too, or even the compiler."""
+
+    PROCESS = 0
+    DISK = 1
+    COMPILER = 2
+
+
+class NotKept(Exception):
+    """A kernel is in none of the places that it may come from."""
+
+
+def compile_errors() -> tuple[type[Exception], ...]:
+    """What numba raises where it cannot compile, or has not what jit.py asks of it."""
+    found = ImportError, OSError, AttributeError, TypeError, NotImplementedError
+    try:
+        from numba.core.errors import NumbaError
+    except (ImportError, OSError):  # numba cannot be imported
+        return found
+    return NumbaError, *found
+
+
+#: what tells kernels apart: family and name of the function, kinds of its arguments
+Key = tuple[str, str, tuple[Any, ...]]
+#: of kernels that are in this process
+_ADDRESSES: dict[Key, int] = {}
+_LOADING = threading.Lock()
+
+
+@cache
+def stamp() -> str:
+    """Of all sources that are compiled."""
+    digest = hashlib.sha256()
+    folder = Path(__file__).parent
+    others = [folder.parent / name for name in ("newton.py", "law.py", "model/coordinates.py")]
+    for path in [*sorted(folder.rglob("*.py")), *others]:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _linker() -> Any:
+    """That of LLVM; what is linked stays as long as the process."""
+    import llvmlite.binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    machine = llvm.Target.from_default_triple().create_target_machine()
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+
+
+@cache
+def _processor() -> str:
+    """What machine code depends on beside its source."""
+    import llvmlite
+    import llvmlite.binding as llvm
+
+    features = llvm.get_host_cpu_features().flatten()
+    wanted = [os.environ.get(f"NUMBA_{name}", "") for name in ("CPU_NAME", "CPU_FEATURES")]
+    own = llvmlite.__version__, llvm.get_default_triple(), llvm.get_host_cpu_name(), features
+    return repr((*own, *wanted, sys.version_info[:2]))
+
+
+@cache
+def _folder(given: str | None) -> Path:
+    """Where kernels are kept, `given` by numba's variable, beside the sources, or the user's."""
+    here = Path(__file__).parent
+    if given is None and os.access(here, os.W_OK):
+        return here / "__pycache__"
+    name = f"{here.name}_{hashlib.sha256(str(here).encode()).hexdigest()[:16]}"
+    if given is not None:
+        return Path(given) / name
+    home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    return (Path(home) if home else Path.home() / ".cache") / "skfem_cosserat" / name
+
+
+def folder() -> Path:
+    """Where kernels are kept."""
+    return _folder(os.environ.get("NUMBA_CACHE_DIR") or None)
+
+
+def _file(key: Key) -> Path:
+    family, name, kinds = key
+    text = repr((_processor(), family, kinds))
+    return folder() / f"{name}-{stamp()}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.kernel"
+
+
+def _files(name: str = "*") -> Iterator[Path]:
+    """Those of kernels of these sources, for whatever processor and kinds."""
+    return folder().glob(f"{name}-{stamp()}-*.kernel")
+
+
+def loaded() -> bool:
+    """Whether this process has kernels."""
+    return bool(_ADDRESSES)
+
+
+def promising() -> bool:
+    """Whether kernels of these sources may be on disk: the loop over a step, which all take."""
+    return any(_files("solve"))
+
+
+def cold(name: str) -> bool:
+    """Whether none of a kernel is on disk."""
+    return not any(_files(name))
+
+
+def keep(key: Key, symbol: str, needs: Sequence[str], code: bytes) -> None:
+    """Keep machine code on disk, in place of that of older sources; or not, if that cannot be.
+
+    Parameters
+    ----------
+    symbol : str
+        Name of the function in it.
+    needs : sequence of str
+        Functions of other libraries that it calls.
+    """
+    about = {"symbol": symbol, "needs": [*needs], "sha256": hashlib.sha256(code).hexdigest()}
+    path = _file(key)
+    part = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}")
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_bytes(json.dumps(about).encode() + b"\n" + code)
+        part.replace(path)  # whole or not at all
+        for other in path.parent.glob(f"{key[1]}-*.kernel"):
+            if not other.name.startswith(f"{key[1]}-{stamp()}-"):
+                other.unlink()
+
+
+def _load(key: Key) -> int | None:
+    """Address of a kernel that is on disk; None: it is not, or is damaged."""
+    try:
+        about, code = _file(key).read_bytes().split(b"\n", 1)
+        told = json.loads(about)
+        if hashlib.sha256(code).hexdigest() != told["sha256"]:
+            return None
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+    import llvmlite.binding as llvm
+
+    linker = _linker()
+    if any(llvm.address_of_symbol(name) is None for name in told["needs"]):
+        return None  # the linker would end the process
+    linker.add_object_file(llvm.ObjectFileRef.from_data(code))
+    linker.finalize_object()
+    return int(linker.get_function_address(told["symbol"])) or None
+
+
+def address(family: str, name: str, kinds: Sequence[Any], source: Source = Source.COMPILER) -> int:
+    """Address of a kernel for arguments of these kinds.
+
+    Parameters
+    ----------
+    family : str
+        See :func:`.jit.function_named`.
+    kinds : sequence
+        Kinds of structures, :data:`VECTOR`, or ``int``.
+
+    Raises
+    ------
+    NotKept
+        If it is in none of the places that it may come from.
+    """
+    key = family, name, tuple(kinds)
+    place = _ADDRESSES.get(key)
+    if place is not None:
+        return place
+    with _LOADING:
+        place = _load(key) if source >= Source.DISK else None
+        if place is None:
+            if source < Source.COMPILER:
+                raise NotKept(name)
+            from .jit import compiled
+
+            place = compiled(key)
+        _ADDRESSES[key] = place
+    return place
+
+
+#: ``status f(double *result, void **error, void *structure, int64 flag)``; it keeps the lock of
+#: Python, and what it calls back may raise
+_ENTRY = ctypes.PYFUNCTYPE(
+    ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64
+)
+
+
+def entry(
+    family: str, name: str, structure: Any, source: Source = Source.COMPILER
+) -> Callable[..., float]:
+    """What calls a kernel that takes one structure and a flag: ``number = call(flag=0)``.
+
+    Raises
+    ------
+    NotKept
+        As :func:`address`.
+    """
+    function = _ENTRY(address(family, name, (structure.kind, int), source))
+    result, error = ctypes.c_double(), ctypes.c_void_p()
+    given = ctypes.addressof(result), ctypes.addressof(error), structure.address
+
+    def call(flag: int = 0) -> float:
+        if function(*given, flag):
+            raise RuntimeError(f"the kernel {name} has failed")
+        return result.value
+
+    call.structure = structure  # type: ignore[attr-defined]  # lives as long
+    return call
