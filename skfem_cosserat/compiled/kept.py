@@ -15,12 +15,12 @@ import ctypes
 import hashlib
 import json
 import os
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from enum import IntEnum
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -86,14 +86,14 @@ def _linker() -> Any:
 
 @cache
 def _processor() -> str:
-    """What machine code depends on beside its source."""
+    """What machine code depends on beside its source; llvmlite has a release for each of numba."""
     import llvmlite
     import llvmlite.binding as llvm
 
     features = llvm.get_host_cpu_features().flatten()
     wanted = [os.environ.get(f"NUMBA_{name}", "") for name in ("CPU_NAME", "CPU_FEATURES")]
     own = llvmlite.__version__, llvm.get_default_triple(), llvm.get_host_cpu_name(), features
-    return repr((*own, *wanted, sys.version_info[:2]))
+    return repr((*own, *wanted))
 
 
 @cache
@@ -205,9 +205,8 @@ def address(family: str, name: str, kinds: Sequence[Any], source: Source = Sourc
         if place is None:
             if source < Source.COMPILER:
                 raise NotKept(name)
-            from .jit import compiled
-
-            place = compiled(key)
+            # by its name: it imports this module, and numba
+            place = int(import_module(".jit", __package__).compiled(key))
         _ADDRESSES[key] = place
     return place
 

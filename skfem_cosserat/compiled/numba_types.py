@@ -10,10 +10,10 @@ from numba import from_dtype, types
 from numba.core.datamodel import models
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
-from numba.extending import NativeValue, register_model, unbox
+from numba.extending import NativeValue, register_model, typeof_impl, unbox
 from numpy import dtype
 
-from .structures import ArrayField, Kind
+from .structures import ArrayField, Kind, Structure
 
 __all__ = ["View", "is_groups", "type_of"]
 
@@ -78,6 +78,12 @@ def is_groups(kind: Any) -> bool:
 @register_model(_Type)
 class _TypeModel(models.OpaqueModel):
     pass
+
+
+@typeof_impl.register(Structure)
+def _type_of_structure(value: Structure, context: Any) -> Any:
+    """Where Python calls functions of numba, as tests do."""
+    return type_of(value.kind)
 
 
 @unbox(_Type)

@@ -159,13 +159,6 @@ class Structure:
         self._memory = np.array(entries, dtype=np.int64)
         self.address = self._memory.ctypes.data
 
-    @property
-    def _numba_type_(self) -> Any:
-        """Numba's type, which it asks for where compiled functions are called by Python."""
-        from .numba_types import type_of
-
-        return type_of(self.kind)
-
 
 class Groups(Structure):
     """Groups of beams as one argument: whatever is in them, its type is the same.

@@ -92,11 +92,11 @@ MadeT = TypeVar("MadeT")
 #: what kernels have to save (s) for a run to have them compiled: on an empty cache that takes 7 to
 #: 12 s on two processors, 14 to 20 s on one
 WORTHWHILE = 25.0
-#: ... to have them read from the disk, which takes 0.3 to 0.4 s with the import of numba; estimates
-#: are right to a factor of two
-READING = 0.5
-#: ... to have further ones read where this process has some: 0.03 to 0.04 s for those of a path
-FURTHER = 0.03
+#: ... to have them read from the disk, which takes 0.04 to 0.05 s with the import of llvmlite;
+#: estimates are right to a factor of two
+READING = 0.08
+#: ... to have further ones read where this process has some: 5 ms beside what `STARTING` is for
+FURTHER = 0.015
 #: ... to take those that this process has: to put arrays of a scene into structures for them takes
 #: a few ms, and some time for each vertex
 STARTING, STARTING_EACH = 0.01, 4e-5

@@ -441,7 +441,7 @@ class CompiledStep(CompiledScene):
         if last is not None:
             self._a.last.ravel()[self._numbering] = np.real(last)
 
-    def _begin(self, state: State, loaded: bool) -> None:
+    def _begin(self, state: State, loaded: bool = False) -> None:
         """Loads, unless they are there, prescribed motion and all that is fixed during a step."""
         system, t, scheme = self.system, state.time, self.scheme
         self._time = t

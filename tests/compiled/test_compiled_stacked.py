@@ -32,15 +32,16 @@ def system():
 
 def eliminated(system, compiled, monkeypatch):
     """Velocities and multipliers of many states, and whether kernels were asked for them."""
-    from skfem_cosserat.compiled import stacked as kernels
+    calls, run = [], stacked._Kernels.run
 
-    calls = []
+    def counted(name, *given):
+        calls.append(name)
+        run(name, *given)
 
-    class Counted:
-        factors = staticmethod(lambda *own: calls.append(1) or kernels.factors(*own))
-        solve = staticmethod(lambda *own: calls.append(2) or kernels.solve(*own))
-
-    monkeypatch.setattr(stacked._Kernels, "module", Counted if compiled else None)
+    if compiled:
+        stacked.have_stacked(stacked.Source.COMPILER)
+    monkeypatch.setattr(stacked._Kernels, "run", counted)
+    monkeypatch.setattr(stacked._Kernels, "found", compiled)
     monkeypatch.setattr(stacked._Kernels, "tries", ())
     random = np.random.default_rng(3)
     q = system.q0 + 1e-3 * random.standard_normal((STATES, system.n))
@@ -55,15 +56,13 @@ def test_both_give_the_same_bits(system, monkeypatch):
     v, lam, calls = eliminated(system, False, monkeypatch)
     assert not calls
     others = eliminated(system, True, monkeypatch)
-    assert others[2] == {1, 2}
+    assert others[2] == {"factors", "solve"}
     assert np.isfinite(lam).all()
     np.testing.assert_array_equal(others[0], v)
     np.testing.assert_array_equal(others[1], lam)
 
 
 def test_it_is_compiled_when_that_would_have_paid(monkeypatch):
-    from skfem_cosserat.compiled import stacked as kernels
-
     asked = []
 
     def have(source):
@@ -71,29 +70,26 @@ def test_it_is_compiled_when_that_would_have_paid(monkeypatch):
         if source < stacked.Source.COMPILER:
             raise stacked.NotKept("factors")
 
-    monkeypatch.setattr(kernels, "have", have)
+    monkeypatch.setattr(stacked, "have_stacked", have)
     monkeypatch.setattr(stacked, "loaded", lambda: True)
     own = stacked._Kernels
-    monkeypatch.setattr(own, "module", None)
+    monkeypatch.setattr(own, "found", False)
     monkeypatch.setattr(own, "columns", 0)
     first = (0, stacked.Source.DISK), (stacked.COMPILING, stacked.Source.COMPILER)
     monkeypatch.setattr(own, "tries", first)
-    assert own.found(10) is None
-    assert own.found(10) is None
+    assert not own.take(10) and not own.take(10)
     assert asked == [stacked.Source.DISK]
-    assert own.found(stacked.COMPILING) is kernels
-    assert own.found(1) is kernels
+    assert own.take(stacked.COMPILING) and own.take(1)
     assert asked == [stacked.Source.DISK, stacked.Source.COMPILER]
 
 
 def test_what_numba_does_not_compile_is_said(monkeypatch, capsys):
     from skfem_cosserat import __main__ as command
-    from skfem_cosserat.compiled import stacked as kernels
 
     def have(source):
-        raise stacked.NotKept("factors") from TypeError("no such type")
+        raise TypeError("no such type")
 
     monkeypatch.setattr(command, "_models", lambda order: ())
-    monkeypatch.setattr(kernels, "have", have)
+    monkeypatch.setattr(stacked, "have_stacked", have)
     with pytest.warns(sc.PerformanceWarning, match="does not compile those .* no such type"):
         assert command.main(["warm"]) == 0
