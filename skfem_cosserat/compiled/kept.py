@@ -60,6 +60,8 @@ Key = tuple[str, str, tuple[Any, ...]]
 #: of kernels that are in this process
 _ADDRESSES: dict[Key, int] = {}
 _LOADING = threading.Lock()
+#: folders where some have been seen
+_PROMISING: set[Path] = set()
 
 
 @cache
@@ -132,7 +134,9 @@ def loaded() -> bool:
 
 def promising() -> bool:
     """Whether kernels of these sources may be on disk: the loop over a step, which all take."""
-    return any(_files("solve"))
+    if folder() not in _PROMISING and any(_files("solve")):
+        _PROMISING.add(folder())
+    return folder() in _PROMISING
 
 
 def cold(name: str) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import cache
 from importlib.metadata import version
 from importlib.util import find_spec
 from typing import NamedTuple, TypeVar
@@ -323,9 +324,15 @@ def nearest_by_kernels(system: System, choice: Choice) -> NearestVelocity | None
         return None
 
 
+@cache
+def installed() -> bool:
+    """Whether numba is; looking for it takes a third of a millisecond."""
+    return find_spec("numba") is not None
+
+
 def _hindrance() -> str | None:
     """Why nothing can be compiled here, whatever the scene; None: numba is there and works."""
-    if find_spec("numba") is None:
+    if not installed():
         return "numba is not installed"
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return SWITCHED_OFF
