@@ -177,6 +177,9 @@ def _load(key: Key) -> int | None:
         return None
     import llvmlite.binding as llvm
 
+    if os.name == "nt":  # numba names functions there that machine code may need
+        cpu_target = import_module("numba.core.registry").cpu_target
+        assert cpu_target.target_context
     linker = _linker()
     if any(llvm.address_of_symbol(name) is None for name in told["needs"]):
         return None  # the linker would end the process
