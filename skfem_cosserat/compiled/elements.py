@@ -52,6 +52,7 @@ __all__ = [
     "ask_for_moduli",
     "ask_law",
     "at_point",
+    "beam_energy",
     "beam_force",
     "beam_predicted",
     "beam_start",
@@ -330,6 +331,31 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             eps = strained(reference, es, ng, p, G)
             for i in range(6):
                 scatter(S0, es, 6 * ng, 6 * p + i, stress(stiffness, own, i, diagonal, eps))
+    return 0.0
+
+
+@part
+def beam_energy(g: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """``w.found[0] += int eps . D eps/2 ds`` where the step starts."""
+    lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
+    weights, y = g.weights, w.y0
+    base, turned, rotations = g.base, g.turned, g.rotations
+    section, diagonal = g.section, g.diagonal
+    ne, nn = base.shape
+    ng = len(N)
+    X, total = np.empty(12 * nn * WIDTH), pack((0.0, 0.0, 0.0, 0.0))
+    for e in range(0, ne, WIDTH):
+        es = block(e, ne)
+        take_elements(base, turned, rotations, es, y, X)
+        length, own = gather(lengths, es, 1, 0), chosen(section, es)
+        for p in range(ng):
+            eps = strained(reference, es, ng, p, at_point(N[p], dN[p], 1.0 / length, X))
+            weight = 0.5 * weights[p] * counted(e, ne) * length
+            for i in range(6):
+                strain = eps[0][i] if i < 3 else eps[1][i - 3]
+                total = total + weight * strain * stress(stiffness, own, i, diagonal, eps)
+    store(X, 0, total)
+    w.found[0] += X[0] + X[1] + X[2] + X[3]
     return 0.0
 
 

@@ -18,7 +18,7 @@ from .jit import call, call_beams, call_with, inlined, jit, part
 from .nodes import twist_force
 from .step import evaluate, matrix, start
 
-__all__ = ["begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve", "velocity"]
+__all__ = ["along", "begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve", "stored"]
 
 #: stiffness of what is held against the largest number in the matrix
 HELD = 10.0
@@ -170,10 +170,49 @@ def nearest(o: Any) -> float:
     return 1.0
 
 
+@part
+def stored(o: Any) -> float:
+    """Energy stored in beams at y_0 (J), with the same structure."""
+    p, w, g, numbers = o.parts, o.work, o.beams, o.numbers
+    w.found[0] = 0.0
+    if p[n.BEAM_ENERGY]:
+        call_beams(p[n.BEAM_ENERGY], g, w, numbers, 0)
+    return w.found[0]
+
+
 @jit
-def velocity(function: int, structure: int) -> bool:
-    """Call :func:`nearest`, which is at an address, with its structure; False: singular."""
-    return bool(call_with(function, structure) != 0.0)
+def along(
+    function: int,
+    energy: int,
+    structure: int,
+    y0: Floats,
+    p0: Floats,
+    change: Floats,
+    q: Floats,
+    p: Floats,
+    v: Floats,
+    energies: Floats,
+) -> bool:
+    """v (k, rows, 3): what :func:`nearest` finds for states q, p (k, rows, 3); False: singular.
+
+    And their energies (k, 2), kinetic and stored. Both functions are at addresses, with their
+    structure at another; of this are `y0`, `p0` and `change`. The kinetic energy is ``v . p/2``, as
+    ``p - M v`` is along ``G^T``.
+    """
+    rows = p0.shape[0]
+    for k in range(q.shape[0]):
+        for r in range(rows):
+            for c in range(3):
+                y0[r, c], p0[r, c] = q[k, r, c], p[k, r, c]
+        if call_with(function, structure) == 0.0:
+            return False
+        kinetic = 0.0
+        for r in range(rows):
+            for c in range(3):
+                v[k, r, c] = change[r, c]
+                kinetic += change[r, c] * p[k, r, c]
+        energies[k, 0], energies[k, 1] = 0.5 * kinetic, call_with(energy, structure)
+    return True
 
 
 @jit

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import threading
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -324,6 +324,11 @@ class CompiledScene:
         a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
 
 
+def _has_laws(system: System) -> bool:
+    """Whether a section has a stored energy of its own, which need not be compiled."""
+    return any(group.elements.stored for group in system.beam_groups)
+
+
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them
 NO_FORCES = {
     *("node_matrix", "joint_curvature"),
@@ -331,10 +336,28 @@ NO_FORCES = {
 }
 
 
+class Motion(NamedTuple):
+    """What :class:`NearestVelocity` finds of one state, or of k of them.
+
+    Attributes
+    ----------
+    v : (n,) or (k, n) array
+        Velocities.
+    kinetic : float or (k,) array
+        Their kinetic energy (J).
+    stored : float or (k,) array, or None
+        Energy stored in beams (J); None: not known, as a section has a stored energy of its own.
+    """
+
+    v: Floats
+    kinetic: Floats
+    stored: Floats | None
+
+
 class NearestVelocity(CompiledScene):
     """Velocities on the hidden constraints nearest to a momentum, in the kinetic energy.
 
-    For scenes without closed loops and prescribed motion, also those in a plane.
+    With the energies of such states. For scenes without closed loops and prescribed motion, also those in a plane.
 
     Parameters
     ----------
@@ -358,17 +381,22 @@ class NearestVelocity(CompiledScene):
         self.bound = function, self._projection.address, self._a.y0, self._a.p0, self._a.change
         #: whether it takes directions from where a step starts
         self.follows = bool(space.kinematics.spheres)
-        own_kinds = bind.typeof(function), bind.typeof(self._projection.address)
-        jit.ready(static.velocity, own_kinds, source)
-        self._call = static.velocity
+        energy = jit.address(static.stored, bind.typeof(self._projection), source=source)
+        self._own = function, energy, *self.bound[1:]
+        states = (np.zeros((0, space.rows, 3)),) * 3
+        given = *self._own, *states, np.zeros((0, 2))
+        kinds = tuple(bind.typeof(each) for each in given)
+        self._call = jit.ready(static.along, kinds, source).entry_point
 
-    def __call__(self, q: Floats, p: Floats) -> Floats | None:
-        """Velocity (n,) at a configuration q (n,) for a momentum p (n,); None: singular there."""
-        self._place(q, None)
-        self._a.p0[:] = p.reshape(-1, 3)
-        if not self._call(*self.bound[:2]):
+    def __call__(self, q: Floats, p: Floats) -> Motion | None:
+        """At configurations q for momenta p, (n,) or (k, n) each; None: singular at one of them."""
+        rows = -1, self.system.rows, 3
+        states = [np.ascontiguousarray(each, dtype=float).reshape(rows) for each in (q, p)]
+        v, energies = np.empty_like(states[0]), np.empty((len(states[0]), 2))
+        if not self._call(*self._own, *states, v, energies):
             return None
-        return np.array(self._a.change).reshape(-1)
+        kinetic, stored = energies.T.reshape(2, *q.shape[:-1])
+        return Motion(v.reshape(q.shape), kinetic, None if _has_laws(self.system) else stored)
 
     def begin(self, q: Floats) -> None:
         """Take directions of motion on spheres from the start q (n,) of a step: any will do."""
@@ -381,7 +409,9 @@ class NearestVelocity(CompiledScene):
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
         """See the base class."""
-        return [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
+        names = [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
+        plain = bool(self.system.beam_groups) and not _has_laws(self.system)
+        return [*names, "beam_energy"] if plain else names
 
     def _called_laws(self) -> list[CalledLaws]:
         """See the base class: there are no stresses."""

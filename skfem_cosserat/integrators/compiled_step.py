@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -214,6 +215,8 @@ class Viscous:
 #: as Ctrl-C waits for them; the same where every state is kept
 STRIDE, MOVED = 256, 10**6
 STRIDE_KEPT, MOVED_KEPT = 128, 10**5
+#: numbers beside arrays that steps change, see :meth:`CompiledStep.rewind`
+MARKED = "factorisations", "_travelled", "_travel", "_farthest"
 
 
 class BlockOfSteps(NamedTuple):
@@ -286,6 +289,8 @@ class CompiledStep(CompiledScene):
         self._others = plane is not None or system is not system.tied
         self._step = step
         self._record = np.zeros(len(RECORD))
+        #: what there was before the last block of steps that may be taken back
+        self._marked: tuple[dict[str, Any], list[Floats]] | None = None
         self._nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system.tied):
             self._nearest = NearestVelocity(system.tied, settings, source)
@@ -486,8 +491,16 @@ class CompiledStep(CompiledScene):
         loading = self.system.loading
         return self._alike and (loading.constant or time >= loading.constant_after)
 
-    def advance_block(self, state: State, steps: int, every: bool) -> BlockOfSteps:
-        """Solve up to `steps` steps in one go; keep `every` state, or the last two."""
+    def advance_block(
+        self, state: State, steps: int, every: bool, mark: bool = False
+    ) -> BlockOfSteps:
+        """Solve up to `steps` steps in one go; keep `every` state, or the last two.
+
+        `mark`: some of them may be taken back by :meth:`rewind`.
+        """
+        if mark:
+            own = {name: getattr(self, name) for name in MARKED}
+            self._marked = own, [array.copy() for array in self._lasting]
         # the last two, and a third one that may be taken back
         self._record[STATES] = self._kept if every else 3
         solved = self._solved(state, min(steps, self._kept if every else self._most))
@@ -505,6 +518,32 @@ class CompiledStep(CompiledScene):
             o.log_impulse[kept, :rows],
             *(iterations.astype(np.int64), residual, loads, taken),
         )
+
+    @cached_property
+    def _lasting(self) -> list[Floats]:
+        """Arrays in which steps leave something to the next ones, and others beside them."""
+        tables = self._arrays, self._tree, *self._beams, vars(self._o)
+        found = {
+            id(array): array
+            for fields in tables
+            for name, array in fields.items()
+            if isinstance(array, np.ndarray) and array.flags.writeable
+            if not name.startswith("log_")
+        }
+        return [*found.values(), self._record]
+
+    def rewind(self, state: State, steps: int) -> None:
+        """Take back the last block of steps, which began at a state, and solve the first ones anew.
+
+        All is then as if only these had been solved, to the last bit. The block has to be a marked
+        one, of which every state is kept.
+        """
+        assert self._marked is not None
+        own, arrays = self._marked
+        vars(self).update(own)
+        for array, before in zip(self._lasting, arrays, strict=True):
+            array[...] = before
+        self.advance_block(state, steps, every=True)
 
     @property
     def handed_on(self) -> dict[str, Floats]:

@@ -20,8 +20,8 @@ from ..time_function import (
     Amplitude,
     time_function,
 )
-from ..types import numbers, switch
-from .sensors import Sensor, View
+from ..types import Floats, numbers, switch
+from .sensors import Sensor, View, Views
 from .start import consistent_start
 
 # -- conditions of events: numbers that pass through zero when something happens -------------------
@@ -64,9 +64,21 @@ class Condition(Frozen):
     period: float | None = None
     monotonic: bool = False
 
+    def __init_subclass__(cls) -> None:
+        """Numbers at several states are those of the class whose own `value` counts."""
+        if "value" in vars(cls) and "values" not in vars(cls):
+            cls.values = Condition.values  # type: ignore[method-assign]
+
     @abstractmethod
     def value(self, view: View) -> float:
         """The number at a state."""
+
+    def values(self, views: Views) -> Floats | None:
+        """The numbers (k,) at several states, as `value` up to rounding.
+
+        None, as by default: each state is to be looked at alone. Later ones may not be reached.
+        """
+        return None
 
     def check(self, system: System) -> None:
         """Raise InputError if it cannot be found in this system."""
@@ -117,6 +129,10 @@ class ConditionTime(Condition):
     def value(self, view: View) -> float:
         """See the base class."""
         return view.time - self.time
+
+    def values(self, views: Views) -> Floats:
+        """See the base class."""
+        return views.time - self.time
 
 
 class ConditionCoordinate(Condition):
@@ -237,6 +253,10 @@ class ConditionEnergy(Condition):
     def value(self, view: View) -> float:
         """See the base class."""
         return (view.kinetic_energy() if self.kinetic else view.energy()) - self.level
+
+    def values(self, views: Views) -> Floats:
+        """See the base class."""
+        return (views.kinetic_energy() if self.kinetic else views.energy()) - self.level
 
 
 def _level(value: float) -> float:

@@ -80,9 +80,14 @@ class RunLoop:
         try:
             while status == "completed" and (reports := self.plan.advance(self.state)):
                 for report in reports:
-                    found = None if self.watch is None else self.watch.look(self.state, report)
-                    status = self._take(report if found is None else found.report)
-                    if found is not None:
+                    found = None if self.watch is None else self.watch.look(report)
+                    if found is None:
+                        status = self._take(report)
+                    else:
+                        if found.before is not None:
+                            self._take(found.before)
+                        status = self._take(found.report)
+                        self.plan.stepper.rewind(report, found.steps)
                         status = "stopped" if self._act(found) else status
                     if found is not None or status != "completed":
                         break
@@ -469,7 +474,7 @@ def _planned(
         return ControlledSteps(step, factory, stepper, state, until, at or ()), wanted
     if eventful:
         wanted = timed(state, until, every, at, exact=False)
-        return FixedSteps(stepper, state, count, until), wanted
+        return FixedSteps(stepper, state, count, until, alone=looked), wanted
     numbered = Numbered(state, stepper.h, count, every, at)
     return FixedSteps(stepper, state, count, None, None if looked else numbered.ahead), numbered
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
 from ..integrators import State, Stepper, StepReport
+from ..integrators.compiled_scene import Motion
 from ..integrators.stepper import force_of_state
 from ..joint import Joint
 from ..model import Model, System, system_of
@@ -30,6 +31,9 @@ from ..types import ArrayLike, Floats, check_kind, numbers
 
 if TYPE_CHECKING:
     from ..beam import Beam
+
+#: what kernels find of states by their configurations and momenta; None where they cannot
+Motions = Callable[[Floats, Floats], Motion | None]
 
 # -- A state of a run as the conditions of events see it -------------------------------------------
 
@@ -59,10 +63,10 @@ class View:
     9.0
     """
 
-    #: what views of one system share: readings of joint coordinates; what finds velocities (n,)
-    #: by configurations and momenta, None where it cannot
+    #: what views of one system share: readings of joint coordinates; what finds velocities and
+    #: energies by configurations and momenta, None where it cannot
     _readings: dict[tuple[str, str | None], _Reading]
-    _velocity: Callable[[Floats, Floats], Floats | None] | None
+    _motions: Motions | None
 
     def __init__(self, system: Model | System, state: State) -> None:
         self.system = system_of(system)
@@ -72,18 +76,22 @@ class View:
             raise InputError("argument state", given)
         self.state = state
         self.time, self.q = state.time, state.q
-        self._readings, self._velocity = {}, None
+        self._readings, self._motions = {}, None
 
     def _at(self, state: State) -> View:
         """The view of another state of the same system, which shares what is set up for it."""
         out = View.__new__(View)
         out.system, out.state, out.time, out.q = self.system, state, state.time, state.q
-        out._readings, out._velocity = self._readings, self._velocity
+        out._readings, out._motions = self._readings, self._motions
         return out
 
-    def _find_velocities(self, by: Callable[[Floats, Floats], Floats | None]) -> None:
-        """Ask this function for velocities first; so do views that are made from this one."""
-        self._velocity = by
+    def _many(self, time: Floats, q: Floats, p: Floats) -> Views:
+        """Several states of the same system, which share what is set up for it."""
+        return Views(self.system, time, q, p, self._motions)
+
+    def _find_motions(self, by: Motions) -> None:
+        """Ask this for velocities and energies first; so do views that are made from this one."""
+        self._motions = by
 
     def __repr__(self) -> str:
         return f"<View: t = {self.time:g} s, step {self.state.index}, n = {self.system.n}>"
@@ -94,11 +102,14 @@ class View:
         return self.system.extend(self.q, self.time)
 
     @cached_property
+    def _motion(self) -> Motion | None:
+        return None if self._motions is None else self._motions(self.q, self.state.p)
+
+    @cached_property
     def v(self) -> Floats:
         """See the class."""
-        found = None if self._velocity is None else self._velocity(self.q, self.state.p)
-        if found is not None:
-            return found
+        if self._motion is not None:
+            return self._motion.v
         return nearest_velocity(self.system, self.y, self.state.p, self.time)
 
     def position(self, place: Place) -> Floats:
@@ -151,12 +162,15 @@ class View:
 
     def kinetic_energy(self) -> float:
         """Of the velocity v (J)."""
+        if self._motion is not None:
+            return float(self._motion.kinetic)
         v = self.v.reshape(-1, 3)
         return float(0.5 * (v * self.system.inertia.dot(v)).sum())
 
     def energy(self) -> float:
         """Kinetic energy, and that stored in beams and force elements (J)."""
-        stored = float(diagnostics.strain_energy(self.system, self.q))
+        stored = None if self._motion is None else self._motion.stored
+        stored = float(diagnostics.strain_energy(self.system, self.q) if stored is None else stored)
         if self.system.couplings.count:
             turns = None if self.state.turns is None else self.state.turns[None]
             q, t = self.q[None], np.array([self.time])
@@ -190,6 +204,52 @@ class View:
 
     def _joint(self, joint: Joint | str) -> Joint:
         return joint if isinstance(joint, Joint) else joint_of(self.system, joint)
+
+
+class Views:
+    """Several states of a run as conditions see them together, as far as steps in one go have them.
+
+    So the system has no force elements, and nothing moves by prescription.
+
+    Parameters
+    ----------
+    system : System
+    time : (k,) array
+        (s)
+    q, p : (k, n) array
+        Configurations and momenta.
+    motions : callable, optional
+        As of a :class:`View`, asked first.
+    """
+
+    def __init__(
+        self, system: System, time: Floats, q: Floats, p: Floats, motions: Motions | None = None
+    ) -> None:
+        self.system, self.time, self.q, self._p = system, time, q, p
+        self._motion = None if motions is None else partial(motions, q, p)
+
+    @cached_property
+    def _found(self) -> Motion:
+        found = None if self._motion is None else self._motion()
+        if found is not None:
+            return found
+        v = diagnostics.Projection(self.system).velocities(self.q, self._p, self.time)
+        return Motion(v, diagnostics.kinetic_energy_of_velocity(self.system, v), None)
+
+    @property
+    def v(self) -> Floats:
+        """Velocities (k, n) on the hidden constraints."""
+        return self._found.v
+
+    def kinetic_energy(self) -> Floats:
+        """See :class:`View` (k,)."""
+        return self._found.kinetic
+
+    def energy(self) -> Floats:
+        """See :class:`View` (k,)."""
+        stored = self._found.stored
+        stored = diagnostics.strain_energy(self.system, self.q) if stored is None else stored
+        return self._found.kinetic + stored
 
 
 class _Reading:
