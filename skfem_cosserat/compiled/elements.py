@@ -744,14 +744,15 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
     early, ends = numbers[WEIGHT] == 0.0, numbers[ENDS] != 0.0
     material = numbers[END] * numbers[FORCE] * pace(numbers) if ends else half
-    apart = ends and numbers[REACH] != 0.0
+    apart, forces = ends and numbers[REACH] != 0.0, numbers[FORCE] != 0.0
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, stiffness, slot, section = g.mass, g.stiffness, g.slot, g.section
     base, turned, rotations, diagonal = g.base, g.turned, g.rotations, g.diagonal
     held = g.held_stress
     ne, nodes = base.shape
     points = len(shapes)
-    ask_for_moduli(stiffness, g, numbers)
+    if forces:  # for velocities masses are all
+        ask_for_moduli(stiffness, g, numbers)
     table = np.empty((2, points, nodes))
     tabulated(shapes, slopes, table)
     XB, XR = np.empty(12 * nodes * WIDTH), np.empty(12 * nodes * WIDTH)
@@ -785,12 +786,14 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
                 m = plus(m, times(0.5 * once, triple(held, es, 6 * points, 6 * p + 3)))
             keep(a, STRESSES + 6 * p, n)
             keep(a, STRESSES + 6 * p + 3, m)
-            stiff_by_law(stiffness, es, points, p, material * once * length, a)
-            point_terms(p, (GB, GS), X, table, weights[p], inverse, diagonal, a)
+            if forces:
+                stiff_by_law(stiffness, es, points, p, material * once * length, a)
+                point_terms(p, (GB, GS), X, table, weights[p], inverse, diagonal, a)
         for u in range(nodes):
             for v in range(nodes):
                 start_block(masses, es, mass * once, u, v, table, X, a)
-                add_points(u, v, table, a)
+                if forces:
+                    add_points(u, v, table, a)
                 own = slot[es[0], u, v], slot[es[1], u, v], slot[es[2], u, v], slot[es[3], u, v]
                 for k in range(0, 36, 4):
                     four = load(a, k), load(a, k + 1), load(a, k + 2), load(a, k + 3)

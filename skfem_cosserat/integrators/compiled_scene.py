@@ -216,6 +216,8 @@ class CompiledScene:
         )
         self._a = a = SimpleNamespace(**self._arrays)
         self._laws = self._called_laws()
+        #: whether Python functions of users are called
+        self.calls_laws = bool(self._laws)
         self._evaluated = static or not system.loading.dead_only or system.drag is not None
         self._moments, self._followers = system.loading.moments, following(system)
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)

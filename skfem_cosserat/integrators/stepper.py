@@ -824,6 +824,8 @@ class Stepper:
         assert fast is not None
         if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
             return self.advance(state, next_time, h)
+        if mark and fast.calls_laws:  # of users, which may fail at states that do not come
+            return self.advance(state, next_time, h)
         block = fast.advance_block(state, steps, every, mark)
         if not block.steps:
             return self.advance(replace(state, plain=True), next_time, h)

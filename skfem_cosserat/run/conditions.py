@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -175,8 +175,18 @@ class ConditionCoordinate(Condition):
         """See the base class."""
         if self.rate:
             return view.rate(self.joint, self.coordinate) - self.level
-        away = view.coordinate(self.joint, self.coordinate) - self.level
-        return away if self.period is None else float((away + np.pi) % (2 * np.pi) - np.pi)
+        return float(self._away(view.coordinate(self.joint, self.coordinate)))
+
+    def values(self, views: Views) -> Floats:
+        """See the base class."""
+        if self.rate:
+            return views.rate(self.joint, self.coordinate) - self.level
+        return np.asarray(self._away(views.coordinate(self.joint, self.coordinate)))
+
+    def _away(self, value: Any) -> Any:
+        """From the level; angles by the shortest way."""
+        away = value - self.level
+        return away if self.period is None else (away + np.pi) % (2 * np.pi) - np.pi
 
 
 class ConditionSensor(Condition):
@@ -209,6 +219,16 @@ class ConditionSensor(Condition):
         if self.component is None:
             return float(seen if seen.ndim == 0 else np.linalg.norm(seen)) - self.level
         return float(seen.ravel()[self.component]) - self.level
+
+    def values(self, views: Views) -> Floats | None:
+        """See the base class; functions of users are asked state by state."""
+        if self.sensor.of_the_user:
+            return None
+        seen = views.sensor(self.sensor)
+        each = seen.reshape(len(seen), -1)
+        if self.component is not None:
+            return np.asarray(each[:, self.component] - self.level)
+        return np.asarray((seen if seen.ndim == 1 else np.linalg.norm(each, axis=1)) - self.level)
 
 
 class ConditionReaction(Condition):

@@ -313,7 +313,7 @@ class Event(Frozen):
 
 
 def checked_events(
-    events: Sequence[Event] | None, integrator: Integrator, system: System, state: State
+    events: Sequence[Event] | None, integrator: Integrator, system: System
 ) -> list[Event]:
     """Events that can be found in a run.
 
@@ -343,7 +343,6 @@ def checked_events(
                 part.check(system)
             except InputError as error:
                 raise InputError(event.label, str(error)) from error
-        event.value(View(system, state))
     return list(events)
 
 

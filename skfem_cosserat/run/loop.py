@@ -369,7 +369,8 @@ def simulate(
         state, count = _extent(system, start, h, until, every, eventful)
         state = stepper.own(state, varying)
         _check_run(callbacks, path, state)
-        found = checked_events(events, integrator, system, state)
+        found = checked_events(events, integrator, system)
+        watch = EventMonitor(found, factory, system, state) if found else None
         looked = bool(callbacks or sensors or callable(progress))
         extent = state, until, count, every, at, eventful, looked
         plan, wanted = _planned(step, factory, stepper, *extent)
@@ -377,7 +378,6 @@ def simulate(
         about = path, sensors, varying, notices, expected
         recorder = Recorder(system, stepper, state, wanted, *about)
         with recorder, Interrupt() as interrupt:
-            watch = EventMonitor(found, factory, system, state) if found else None
             run = RunLoop(
                 factory, plan, recorder, callbacks, lambda t: show(t, until), interrupt, watch
             )
