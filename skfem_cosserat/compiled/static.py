@@ -193,7 +193,7 @@ def along(
     v: Floats,
     energies: Floats,
 ) -> bool:
-    """v (k, rows, 3): what :func:`nearest` finds for states q, p (k, rows, 3); False: singular.
+    """V (k, rows, 3): what :func:`nearest` finds for states q, p (k, rows, 3); False: singular.
 
     And their energies (k, 2), kinetic and stored. Both functions are at addresses, with their
     structure at another; of this are `y0`, `p0` and `change`. The kinetic energy is ``v . p/2``, as

@@ -359,7 +359,8 @@ class Motion(NamedTuple):
 class NearestVelocity(CompiledScene):
     """Velocities on the hidden constraints nearest to a momentum, in the kinetic energy.
 
-    With the energies of such states. For scenes without closed loops and prescribed motion, also those in a plane.
+    And the energies of such states. For scenes without closed loops and prescribed motion, also
+    those in a plane.
 
     Parameters
     ----------

@@ -543,7 +543,7 @@ class CompiledStep(CompiledScene):
         vars(self).update(own)
         for array, before in zip(self._lasting, arrays, strict=True):
             array[...] = before
-        self.advance_block(state, steps, every=True)
+        self.advance_block(state, steps, True)
 
     @property
     def handed_on(self) -> dict[str, Floats]:
