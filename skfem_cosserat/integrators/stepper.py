@@ -233,7 +233,7 @@ class BlockReport(StepReport):
     def first(self, steps: int) -> BlockReport:
         """The first ones of them, at least one; as :meth:`part`."""
         last, some = self.part(steps - 1), slice(steps)
-        block = BlockOfSteps(False, *(each[some] for each in self.block[1:]))
+        block = BlockOfSteps._make((False, *(each[some] for each in self.block[1:])))
         made_by = self.state.made_by
         assert made_by is not None
         return self.of(block, self.times[some], self._first, last._solved, made_by)

@@ -457,8 +457,9 @@ class EventMonitor:
             self._stepper = None
         self.system, self.view = system, View(system, state)
         self.view._find_motions(_Motions(self.factory, system))
-        #: at the start of the next step, and of the step before
-        self._now, self._earlier = _Look(self.events, self.view), None
+        self._now = _Look(self.events, self.view)
+        #: at the start of the step before
+        self._earlier: _Look | None = None
         sides = {name: _sign(value) for name, value in self._now.values.items()}
         # what is at zero there has passed it
         before = self._sides | ({} if found is None else after)
@@ -474,7 +475,7 @@ class EventMonitor:
             self._pass(report, sides[:k], done)
             found = self._look(report.part(k))
             if found is not None:
-                before = report.first(k) if k else None
+                before = report.first(k) if k and isinstance(report, BlockReport) else None
                 return found._replace(steps=k + 1, before=before)
             done = k + 1
         self._pass(report, sides, done)

@@ -165,8 +165,8 @@ class View:
 
     def energy(self) -> float:
         """Kinetic energy, and that stored in beams and force elements (J)."""
-        stored = None if self._motion is None else self._motion.stored
-        stored = float(diagnostics.strain_energy(self.system, self.q) if stored is None else stored)
+        found = None if self._motion is None else self._motion.stored
+        stored = float(diagnostics.strain_energy(self.system, self.q) if found is None else found)
         if self.system.couplings.count:
             turns = None if self.state.turns is None else self.state.turns[None]
             q, t = self.q[None], np.array([self.time])
