@@ -66,14 +66,14 @@ class Condition(Frozen):
 
     def __init_subclass__(cls) -> None:
         """Numbers at several states are those of the class whose own `value` counts."""
-        if "value" in vars(cls) and "values" not in vars(cls):
-            cls.values = Condition.values  # type: ignore[method-assign]
+        if "value" in vars(cls) and "_values" not in vars(cls):
+            cls._values = Condition._values  # type: ignore[method-assign]
 
     @abstractmethod
     def value(self, view: View) -> float:
         """The number at a state."""
 
-    def values(self, views: Views) -> Floats | None:
+    def _values(self, views: Views) -> Floats | None:
         """The numbers (k,) at several states, as `value` up to rounding.
 
         None, as by default: each state is to be looked at alone. Later ones may not be reached.
@@ -130,7 +130,7 @@ class ConditionTime(Condition):
         """See the base class."""
         return view.time - self.time
 
-    def values(self, views: Views) -> Floats:
+    def _values(self, views: Views) -> Floats:
         """See the base class."""
         return views.time - self.time
 
@@ -177,7 +177,7 @@ class ConditionCoordinate(Condition):
             return view.rate(self.joint, self.coordinate) - self.level
         return float(self._away(view.coordinate(self.joint, self.coordinate)))
 
-    def values(self, views: Views) -> Floats:
+    def _values(self, views: Views) -> Floats:
         """See the base class."""
         if self.rate:
             return views.rate(self.joint, self.coordinate) - self.level
@@ -220,9 +220,9 @@ class ConditionSensor(Condition):
             return float(seen if seen.ndim == 0 else np.linalg.norm(seen)) - self.level
         return float(seen.ravel()[self.component]) - self.level
 
-    def values(self, views: Views) -> Floats | None:
+    def _values(self, views: Views) -> Floats | None:
         """See the base class; functions of users are asked state by state."""
-        if self.sensor.of_the_user:
+        if self.sensor._of_the_user:
             return None
         seen = views.sensor(self.sensor)
         each = seen.reshape(len(seen), -1)
@@ -274,7 +274,7 @@ class ConditionEnergy(Condition):
         """See the base class."""
         return (view.kinetic_energy() if self.kinetic else view.energy()) - self.level
 
-    def values(self, views: Views) -> Floats:
+    def _values(self, views: Views) -> Floats:
         """See the base class."""
         return (views.kinetic_energy() if self.kinetic else views.energy()) - self.level
 

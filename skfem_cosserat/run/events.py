@@ -284,14 +284,14 @@ class Event(Frozen):
         """How errors call it."""
         return f"event {self.name!r}"
 
-    def values(self, views: Views) -> Floats | None:
+    def _values(self, views: Views) -> Floats | None:
         """Its condition's numbers at several states; None: each state is to be looked at alone.
 
         Also where they cannot be had: a run may end before it gets to these states.
         """
         try:
             with np.errstate(all="ignore"):
-                return self.condition.values(views)
+                return self.condition._values(views)
         except (CosseratError, ArithmeticError):
             return None
 
@@ -423,7 +423,7 @@ NEAR = 1e-9
 class EventMonitor:
     """Looks for events after each step of a run.
 
-    Steps in one go are looked at together where all conditions can be (:meth:`Condition.values`):
+    Steps in one go are looked at together where all conditions can be (:meth:`Condition._values`):
     those that come near to an event, or may, are then looked at one by one as others are, so it is
     found in the same way. Functions of users are called at state after state, and never at one that
     is later than an event.
@@ -490,7 +490,7 @@ class EventMonitor:
         if self._earlier is None or not isinstance(report, BlockReport):
             return alone
         views = self._views(report)
-        columns = [event.values(views) for event in self.events]
+        columns = [event._values(views) for event in self.events]
         if any(column is None for column in columns):
             return alone
         values = np.array(columns).reshape(-1, len(views.time)).T

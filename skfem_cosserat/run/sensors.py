@@ -414,7 +414,7 @@ class Sensor(Attached):
     forces = False
 
     @property
-    def of_the_user(self) -> bool:
+    def _of_the_user(self) -> bool:
         """Whether functions of users say what it sees."""
         return type(self).values.__module__ != __name__
 
@@ -656,7 +656,7 @@ class SensorQuantity(Sensor):
         self.function, self.unit = function, unit
 
     @property
-    def of_the_user(self) -> bool:
+    def _of_the_user(self) -> bool:
         """See the base class."""
         return True
 
