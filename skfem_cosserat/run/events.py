@@ -436,12 +436,17 @@ class EventMonitor:
     system : System
     state : State
         Start of the run.
+
+    Attributes
+    ----------
+    passed : int
+        How many steps of a report have been looked at, in which nothing has happened.
     """
 
     def __init__(
         self, events: list[Event], factory: StepperFactory, system: System, state: State
     ) -> None:
-        self.events, self.factory = list(events), factory
+        self.events, self.factory, self.passed = list(events), factory, 0
         self._sides: dict[str, int] = {}
         self._times: dict[str, list[float]] = {event.name: [] for event in events}
         self._stepper: Stepper | None = None
@@ -470,15 +475,15 @@ class EventMonitor:
 
     def look(self, report: StepReport) -> Found | None:
         """The first events of a step, or of several in one go; None: there were none."""
-        done, sides = 0, self._together(report)
+        self.passed, sides = 0, self._together(report)
         for k in np.flatnonzero(~sides.all(axis=1)).tolist():
-            self._pass(report, sides[:k], done)
+            self._pass(report, sides[:k])
             found = self._look(report.part(k))
             if found is not None:
                 before = report.first(k) if k and isinstance(report, BlockReport) else None
                 return found._replace(steps=k + 1, before=before)
-            done = k + 1
-        self._pass(report, sides, done)
+            self.passed = k + 1
+        self._pass(report, sides)
         return None
 
     def _together(self, report: StepReport) -> IndexArray:
@@ -507,13 +512,14 @@ class EventMonitor:
         pairs = (times, report.times), (q, block.q), (p, block.p)
         return self.view._many(*map(np.concatenate, pairs))
 
-    def _pass(self, report: StepReport, sides: IndexArray, done: int) -> None:
+    def _pass(self, report: StepReport, sides: IndexArray) -> None:
         """Go on behind steps in which nothing has happened, with these signs after each of them."""
-        for k in range(max(done, len(sides) - 2), len(sides)):
+        for k in range(max(self.passed, len(sides) - 2), len(sides)):
             self._keep(_Look(self.events, self.view._at(report.part(k).state)))
-        if len(sides) > done:
+        if len(sides) > self.passed:
             names = (event.name for event in self.events)
             self._sides = dict(zip(names, sides[-1].tolist(), strict=True))
+            self.passed = len(sides)
 
     def _look(self, report: StepReport) -> Found | None:
         """The first events of a step; None: there were none."""

@@ -22,6 +22,7 @@ from ..diagnostics.resolution import MOST_OFF
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
+from ..integrators.stepper import BlockReport
 from ..linear import Solver
 from ..model import System, takes_scene
 from ..model.limits import (
@@ -80,7 +81,7 @@ class RunLoop:
         try:
             while status == "completed" and (reports := self.plan.advance(self.state)):
                 for report in reports:
-                    found = None if self.watch is None else self.watch.look(report)
+                    found = None if self.watch is None else self._look(self.watch, report)
                     if found is None:
                         status = self._take(report)
                     else:
@@ -99,6 +100,15 @@ class RunLoop:
         except Diverged as error:
             return "diverged", error
         return status, None
+
+    def _look(self, watch: EventMonitor, report: StepReport) -> Found | None:
+        """Look for events; if that fails, steps before in the same block are done all the same."""
+        try:
+            return watch.look(report)
+        except BaseException:
+            if watch.passed and isinstance(report, BlockReport):
+                self._take(report.first(watch.passed))
+            raise
 
     def _take(self, report: StepReport) -> str:
         """A step is done: the status of the run."""

@@ -304,3 +304,26 @@ def test_steps_are_taken_back(integrator, treatment):
     for name in ("momentum", "constraint_force", "residual", "iterations"):
         np.testing.assert_array_equal(getattr(one, name), getattr(back, name))
     assert not np.array_equal(one.constraint_force, not_back.constraint_force)
+
+
+@pytest.mark.parametrize("at", [0.0711, 0.15])
+def test_what_was_before_an_error_is_kept(blocks, at):
+    """Of a function of a user, in a block: the history up to the state before it."""
+    system, _ = swinging_rod()
+
+    def fails(time, view):
+        if time > at:
+            raise KeyError("boom")
+        return 1.0
+
+    given = system, sc.EnergyMomentum(), sc.NullSpace(), H, 0.3
+    histories = []
+    for go in (alone, run):
+        with pytest.raises(sc.InputError, match="boom") as caught:
+            go(*given, events=[sc.Event(fails)])
+        histories.append(caught.value.history)
+    one, many = histories
+    assert blocks and one.times[-1] > at - H
+    np.testing.assert_array_equal(one.times, many.times)
+    for name in ("q", "carried", "work_loads"):
+        np.testing.assert_array_equal(one[name], many[name])
