@@ -494,23 +494,19 @@ class EventMonitor:
         alone = np.zeros((report.steps, len(self.events)), dtype=np.int64)
         if self._earlier is None or not isinstance(report, BlockReport):
             return alone
-        views = self._views(report)
+        block, looks = report.block, (self._earlier, self._now)
+        views = self.view._many(report.times, block.q, block.p)
         columns = [event._values(views) for event in self.events]
         if any(column is None for column in columns):
             return alone
-        values = np.array(columns).reshape(-1, len(views.time)).T
+        earlier = [[look.values[event.name] for look in looks] for event in self.events]
+        values = np.c_[
+            np.array(earlier).reshape(-1, 2), np.array(columns).reshape(-1, len(alone))
+        ].T
         side, near = np.sign(values[2:]), NEAR * abs(values).max(axis=0)
         before, start, end = (side * values[k : k + report.steps] for k in range(3))
         apart = (start > near) & (end > near) & ~comes_near(before, start, end)
         return np.where(apart.all(axis=1, keepdims=True), side, 0).astype(np.int64)
-
-    def _views(self, report: BlockReport) -> Views:
-        """The last two states before steps in one go, and those after each of them."""
-        states = [look.view.state for look in (self._earlier, self._now) if look is not None]
-        times, q, p = ([getattr(state, name) for state in states] for name in ("time", "q", "p"))
-        block = report.block
-        pairs = (times, report.times), (q, block.q), (p, block.p)
-        return self.view._many(*map(np.concatenate, pairs))
 
     def _pass(self, report: StepReport, sides: IndexArray) -> None:
         """Go on behind steps in which nothing has happened, with these signs after each of them."""
