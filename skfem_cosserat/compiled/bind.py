@@ -190,7 +190,7 @@ def parts_of(
     relative : bool
         Relative velocities are damped.
     """
-    unused = {"hold"}
+    unused = {"hold", "beam_energy"}
     if not relative:
         unused |= {name for name in TREE_PARTS if name.startswith("flow")}
     if not system.tree.edges:

@@ -50,6 +50,7 @@ __all__ = [
     "ask_for_moduli",
     "ask_law",
     "at_point",
+    "beam_energy",
     "beam_force",
     "beam_predicted",
     "beam_start",
@@ -328,6 +329,31 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             eps = strained(reference, es, ng, p, G)
             for i in range(6):
                 scatter(S0, es, 6 * ng, 6 * p + i, stress(stiffness, own, i, diagonal, eps))
+    return 0.0
+
+
+@part
+def beam_energy(g: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """``w.found[0] += int eps . D eps/2 ds`` where the step starts."""
+    lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
+    weights, y = g.weights, w.y0
+    base, turned, rotations = g.base, g.turned, g.rotations
+    section, diagonal = g.section, g.diagonal
+    ne, nn = base.shape
+    ng = len(N)
+    X, total = local(12 * nn * WIDTH), pack((0.0, 0.0, 0.0, 0.0))
+    for e in range(0, ne, WIDTH):
+        es = block(e, ne)
+        take_elements(base, turned, rotations, es, y, X)
+        length, own = gather(lengths, es, 1, 0), chosen(section, es)
+        for p in range(ng):
+            eps = strained(reference, es, ng, p, at_point(N[p], dN[p], 1.0 / length, X))
+            weight = 0.5 * weights[p] * counted(e, ne) * length
+            for i in range(6):
+                strain = eps[0][i] if i < 3 else eps[1][i - 3]
+                total = total + weight * strain * stress(stiffness, own, i, diagonal, eps)
+    store(X, 0, total)
+    w.found[0] += X[0] + X[1] + X[2] + X[3]
     return 0.0
 
 
@@ -716,14 +742,15 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     mass, half = numbers[MASS], numbers[SHARE] * numbers[FORCE]
     early, ends = numbers[WEIGHT] == 0.0, numbers[ENDS] != 0.0
     material = numbers[END] * numbers[FORCE] * pace(numbers) if ends else half
-    apart = ends and numbers[REACH] != 0.0
+    apart, forces = ends and numbers[REACH] != 0.0, numbers[FORCE] != 0.0
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, stiffness, slot, section = g.mass, g.stiffness, g.slot, g.section
     base, turned, rotations, diagonal = g.base, g.turned, g.rotations, g.diagonal
     held = g.held_stress
     ne, nodes = base.shape
     points = len(shapes)
-    ask_for_moduli(stiffness, g, numbers)
+    if forces:  # for velocities masses are all
+        ask_for_moduli(stiffness, g, numbers)
     table = local((2, points, nodes))
     tabulated(shapes, slopes, table)
     XB, XR = local(12 * nodes * WIDTH), local(12 * nodes * WIDTH)
@@ -757,12 +784,14 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
                 m = plus(m, times(0.5 * once, triple(held, es, 6 * points, 6 * p + 3)))
             keep(a, STRESSES + 6 * p, n)
             keep(a, STRESSES + 6 * p + 3, m)
-            stiff_by_law(stiffness, es, points, p, material * once * length, a)
-            point_terms(p, (GB, GS), X, table, weights[p], inverse, diagonal, a)
+            if forces:
+                stiff_by_law(stiffness, es, points, p, material * once * length, a)
+                point_terms(p, (GB, GS), X, table, weights[p], inverse, diagonal, a)
         for u in range(nodes):
             for v in range(nodes):
                 start_block(masses, es, mass * once, u, v, table, X, a)
-                add_points(u, v, table, a)
+                if forces:
+                    add_points(u, v, table, a)
                 own = slot[es[0], u, v], slot[es[1], u, v], slot[es[2], u, v], slot[es[3], u, v]
                 for k in range(0, 36, 4):
                     four = load(a, k), load(a, k + 1), load(a, k + 2), load(a, k + 3)

@@ -53,7 +53,7 @@ TREE_PARTS = (
 )
 BEAM_PARTS = (
     *("beam_start", "beam_force", "beam_tangent", "beam_predicted", "beam_finish"),
-    *("beam_hold", "beam_hold_matrix"),
+    *("beam_hold", "beam_hold_matrix", "beam_energy"),
 )
 BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
 FINISH, BETTER, NODAL_MASS_MATRIX, FACTOR, SWEEP = range(8, 13)
@@ -62,9 +62,9 @@ ROW_FORCE, ROW_MATRIX, ROW_BRANCH = 19, 20, 21
 FLOW, FLOW_MATRIX, FLOW_COLUMN, FLOW_KEEP, FLOW_CORRECT = range(22, 27)
 LOAD, COUPLE, HOLD = 27, 28, 29
 BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(30, 35)
-BEAM_HOLD, BEAM_HOLD_MATRIX = 35, 36
+BEAM_HOLD, BEAM_HOLD_MATRIX, BEAM_ENERGY = 35, 36, 37
 #: place of the address of ``double f(int64 stage)``, by which Python code is called back; stages
-CALLED_BACK = 37
+CALLED_BACK = 38
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
 #: what beams of a stored energy ask for: stresses by strains, their derivative, and the energy at

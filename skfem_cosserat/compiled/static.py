@@ -19,7 +19,7 @@ from .nodes import twist_force
 from .simd import local
 from .step import evaluate, matrix, start
 
-__all__ = ["begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve"]
+__all__ = ["along", "begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve"]
 
 #: stiffness of what is held against the largest number in the matrix
 HELD = 10.0
@@ -146,6 +146,23 @@ def solve(o: Any, flag: int) -> float:
     return 1.0 if regular else 0.0
 
 
+@inlined
+def velocity(o: Any) -> bool:
+    """See :func:`nearest`; False: the matrix is singular."""
+    p, s, m, w, g, numbers = o.parts, o.tree, o.plan, o.work, o.beams, o.numbers
+    start(p, s, m, w, g, numbers, 0)
+    evaluate(p, s, m, w, g, numbers, 0)
+    if not matrix(p, s, m, w, g, numbers, 0):
+        return False
+    b = w.b
+    for k in range(len(s.framed), b.shape[0]):  # what rows gape by there is no velocity's fault
+        for c in range(6):
+            b[k, c] = 0.0
+    call(p[n.SWEEP], s, m, w, numbers, 0)
+    call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
+    return True
+
+
 @part
 def nearest(o: Any, flag: int) -> float:
     """``w.change``: the velocity on the constraints nearest to the momentum p_0, at y_0.
@@ -153,17 +170,34 @@ def nearest(o: Any, flag: int) -> float:
     It is ``P nu`` with ``P^T M P nu = P^T p_0``; 0: the matrix is singular. All that it takes is in
     the structure o: compiled steps of any scene call it by its address.
     """
-    p, s, m, w, g, numbers = o.parts, o.tree, o.plan, o.work, o.beams, o.numbers
-    start(p, s, m, w, g, numbers, 0)
-    evaluate(p, s, m, w, g, numbers, 0)
-    if not matrix(p, s, m, w, g, numbers, 0):
-        return 0.0
-    b = w.b
-    for k in range(len(s.framed), b.shape[0]):  # what rows gape by there is no velocity's fault
-        for c in range(6):
-            b[k, c] = 0.0
-    call(p[n.SWEEP], s, m, w, numbers, 0)
-    call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
+    return 1.0 if velocity(o) else 0.0
+
+
+@part
+def along(o: Any, flag: int) -> float:
+    """``o.v`` (k, rows, 3): as of :func:`nearest`, for the first `flag` states ``o.q``, ``o.p``.
+
+    And ``o.energies`` (k, 2), kinetic and stored; 0: singular at one of them. The kinetic energy is
+    ``v . p/2``, as ``p - M v`` is along ``G^T``.
+    """
+    parts, w, v = o.parts, o.work, o.v
+    y0, p0, change, found = w.y0, w.p0, w.change, w.found
+    rows = p0.shape[0]
+    for k in range(flag):
+        for r in range(rows):
+            for c in range(3):
+                y0[r, c], p0[r, c] = o.q[k, r, c], o.p[k, r, c]
+        if not velocity(o):
+            return 0.0
+        kinetic = 0.0
+        for r in range(rows):
+            for c in range(3):
+                v[k, r, c] = change[r, c]
+                kinetic += change[r, c] * p0[r, c]
+        found[0] = 0.0
+        if parts[n.BEAM_ENERGY]:
+            call_beams(parts[n.BEAM_ENERGY], o.beams, w, o.numbers, 0)
+        o.energies[k, 0], o.energies[k, 1] = 0.5 * kinetic, found[0]
     return 1.0
 
 

@@ -20,6 +20,7 @@ __all__ = [
     "FAMILIES",
     "FLOW",
     "LAW_POINTS",
+    "LOOKS",
     "PLAN",
     "PLANE_BEAMS",
     "PLANE_TREE",
@@ -310,9 +311,11 @@ CARRIED = (
     *("R", "closing", "moved_force", "log_q", "log_p", "log_rates", "log_impulse", "log_numbers"),
     *("dead", "moments", "followers", "all_dead", "all_moments", "all_followers"),
 )
-#: all that a projection of velocities takes; steps; an iteration to an equilibrium, with right-hand
+#: all that a projection of velocities takes; looks at k states: q, p and v (k, rows, 3), energies
+#: (k, 2); steps; an iteration to an equilibrium, with right-hand
 #: sides (2, each, 6), solutions (2, 2, each, 6) and what else it gives
 PROJECTION = ("parts", "tree", "plan", "work", "beams", "numbers")
+LOOKS = (*PROJECTION, "q", "p", "v", "energies")
 STEPS = (*PROJECTION, "record", "carried")
 EQUILIBRIUM = (*PROJECTION, "residuals", "increments", "pulled", "pivots")
 #: many eliminations at once, see :mod:`.stacked`
@@ -352,6 +355,7 @@ FAMILIES = {
     "carried": CARRIED,
     "flow": FLOW,
     "projection": PROJECTION,
+    "looks": LOOKS,
     "steps": STEPS,
     "equilibrium": EQUILIBRIUM,
     "stacked": STACKED,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import threading
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -217,6 +217,8 @@ class CompiledScene:
         )
         self._a = a = SimpleNamespace(**self._arrays)
         self._laws = self._called_laws()
+        #: whether Python functions of users are called
+        self.calls_laws = bool(self._laws)
         self._evaluated = static or not system.loading.dead_only or system.drag is not None
         self._moments, self._followers = system.loading.moments, following(system)
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
@@ -325,6 +327,11 @@ class CompiledScene:
         a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
 
 
+def _has_laws(system: System) -> bool:
+    """Whether a section has a stored energy of its own, which need not be compiled."""
+    return any(group.elements.stored for group in system.beam_groups)
+
+
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them
 NO_FORCES = {
     *("node_matrix", "joint_curvature"),
@@ -332,10 +339,29 @@ NO_FORCES = {
 }
 
 
+class Motion(NamedTuple):
+    """What :class:`NearestVelocity` finds of one state, or of k of them.
+
+    Attributes
+    ----------
+    v : (n,) or (k, n) array
+        Velocities.
+    kinetic : float or (k,) array
+        Their kinetic energy (J).
+    stored : float or (k,) array, or None
+        Energy stored in beams (J); None: not known, as a section has a stored energy of its own.
+    """
+
+    v: Floats
+    kinetic: Floats
+    stored: Floats | None
+
+
 class NearestVelocity(CompiledScene):
     """Velocities on the hidden constraints nearest to a momentum, in the kinetic energy.
 
-    For scenes without closed loops and prescribed motion, also those in a plane.
+    And the energies of such states. For scenes without closed loops and prescribed motion, also
+    those in a plane.
 
     Parameters
     ----------
@@ -357,15 +383,30 @@ class NearestVelocity(CompiledScene):
         self.bound = function, self._projection.address, self._a.y0, self._a.p0, self._a.change
         #: whether it takes directions from where a step starts
         self.follows = bool(space.kinematics.spheres)
-        self._call = entry("static", "nearest", self._projection, source)
+        states = np.zeros((0, space.rows, 3))
+        self._looked = dict.fromkeys(("q", "p", "v"), states) | {"energies": np.zeros((0, 2))}
+        self._make_room(1)
 
-    def __call__(self, q: Floats, p: Floats) -> Floats | None:
-        """Velocity (n,) at a configuration q (n,) for a momentum p (n,); None: singular there."""
-        self._place(q, None)
-        self._a.p0[:] = p.reshape(-1, 3)
-        if not self._call():
+    def _make_room(self, count: int) -> None:
+        """For as many states that are looked at together."""
+        self._looked = {
+            name: np.zeros((count, *array.shape[1:])) for name, array in self._looked.items()
+        }
+        given = dict(zip(PROJECTION, self._all, strict=True)) | self._looked
+        self._call = entry("static", "along", structure("looks", given), self._source)
+
+    def __call__(self, q: Floats, p: Floats) -> Motion | None:
+        """At configurations q for momenta p, (n,) or (k, n) each; None: singular at one of them."""
+        count = q.size // self.system.n
+        if count > len(self._looked["q"]):
+            self._make_room(count)
+        for name, given in (("q", q), ("p", p)):
+            self._looked[name][:count] = given.reshape(count, -1, 3)
+        if not self._call(count):
             return None
-        return np.array(self._a.change).reshape(-1)
+        v, energies = self._looked["v"][:count].reshape(q.shape), self._looked["energies"][:count]
+        kinetic, stored = energies.T.reshape(2, *q.shape[:-1]).copy()
+        return Motion(v.copy(), kinetic, None if _has_laws(self.system) else stored)
 
     def begin(self, q: Floats) -> None:
         """Take directions of motion on spheres from the start q (n,) of a step: any will do."""
@@ -378,7 +419,9 @@ class NearestVelocity(CompiledScene):
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
         """See the base class."""
-        return [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
+        names = [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
+        plain = bool(self.system.beam_groups) and not _has_laws(self.system)
+        return [*names, "beam_energy"] if plain else names
 
     def _called_laws(self) -> list[CalledLaws]:
         """See the base class: there are no stresses."""

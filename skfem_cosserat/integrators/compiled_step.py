@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -218,6 +219,8 @@ STRIDE, MOVED = 256, 10**6
 STRIDE_KEPT, MOVED_KEPT = 128, 10**5
 #: what depends on time in loads: dead ones, moments, and those that are fixed in bodies
 LOADS = "dead", "moments", "followers"
+#: numbers beside arrays that steps change, see :meth:`CompiledStep.rewind`
+MARKED = "factorisations", "_travelled", "_travel", "_farthest"
 
 
 class BlockOfSteps(NamedTuple):
@@ -287,6 +290,8 @@ class CompiledStep(CompiledScene):
         #: whether the unknowns are others than the treatment's
         self._others = plane is not None or system is not system.tied
         self._record = np.zeros(len(RECORD))
+        #: what there was before the last block of steps that may be taken back
+        self._marked: tuple[dict[str, Any], list[Floats]] | None = None
         self._nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system.tied):
             self._nearest = NearestVelocity(system.tied, settings, source)
@@ -516,11 +521,17 @@ class CompiledStep(CompiledScene):
         """Most steps in one go from this time (s) on."""
         return self._kept if every or self._varies(time) else self._most
 
-    def advance_block(self, state: State, times: Floats, every: bool) -> BlockOfSteps:
+    def advance_block(
+        self, state: State, times: Floats, every: bool, mark: bool = False
+    ) -> BlockOfSteps:
         """Solve steps that end at these times (s) in one go; keep `every` state, or the last two.
 
-        Fewer, where something has to be looked at.
+        Fewer, where something has to be looked at. `mark`: some of them may be taken back by
+        :meth:`rewind`.
         """
+        if mark:
+            own = {name: getattr(self, name) for name in MARKED}
+            self._marked = own, [array.copy() for array in self._lasting]
         # the last two, and a third one that may be taken back
         self._record[STATES] = self._kept if every else 3
         steps, varies = len(times), self._varies(state.time)
@@ -543,6 +554,32 @@ class CompiledStep(CompiledScene):
             o.log_impulse[kept, :rows],
             *(iterations.astype(np.int64), residual, loads, taken),
         )
+
+    @cached_property
+    def _lasting(self) -> list[Floats]:
+        """Arrays in which steps leave something to the next ones, and others beside them."""
+        tables = self._arrays, self._tree, *self._beams, vars(self._o)
+        found = {
+            id(array): array
+            for fields in tables
+            for name, array in fields.items()
+            if isinstance(array, np.ndarray) and array.flags.writeable
+            if not name.startswith(("log_", "all_"))
+        }
+        return [*found.values(), self._record]
+
+    def rewind(self, state: State, times: Floats) -> None:
+        """Take back the last block of steps, which began at a state, and solve the first ones anew.
+
+        They end at these times (s). All is then as if only these had been solved, to the last bit.
+        The block has to be a marked one, of which every state is kept.
+        """
+        assert self._marked is not None
+        own, arrays = self._marked
+        vars(self).update(own)
+        for array, before in zip(self._lasting, arrays, strict=True):
+            array[...] = before
+        self.advance_block(state, times, True)
 
     @property
     def handed_on(self) -> dict[str, Floats]:

@@ -230,6 +230,14 @@ class BlockReport(StepReport):
         solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[back].copy())
         return StepReport(end, int(b.iterations[k]), 1, float(b.residual[k]), work, solved)
 
+    def first(self, steps: int) -> BlockReport:
+        """The first ones of them, at least one; as :meth:`part`."""
+        last, some = self.part(steps - 1), slice(steps)
+        block = BlockOfSteps._make((False, *(each[some] for each in self.block[1:])))
+        made_by = self.state.made_by
+        assert made_by is not None
+        return self.of(block, self.times[some], self._first, last._solved, made_by)
+
     def _start(self, k: int) -> State:
         """Where the k-th step starts."""
         if not k:
@@ -728,10 +736,9 @@ class Stepper:
             raise
 
     def _step(self, state: State, time: float, h: float) -> StepReport:
-        same = h == self.h
-        origin = self._origin if same else StepOrigin(self.integrator.name, h)
+        origin = self._made_by(h)
         if self._march is not None:
-            if not same:
+            if h != self.h:
                 raise IncompatibleError(
                     f"{self.integrator!r} with another step", "its steps are fixed"
                 )
@@ -758,6 +765,8 @@ class Stepper:
         steps: int,
         time: Callable[[Any], Any] | None = None,
         every: bool = False,
+        h: float | None = None,
+        mark: bool = False,
     ) -> StepReport:
         """Solve up to so many steps in one go, at least one: the same ones, for less.
 
@@ -772,6 +781,10 @@ class Stepper:
             steps.
         every : bool
             Whether every state is kept, for ``report.part(k)``; False: the last ones only.
+        h : float, optional
+            Another step size (s), as for :meth:`advance`.
+        mark : bool
+            Whether the last ones of them may be taken back by :meth:`rewind`; with `every`.
 
         Returns
         -------
@@ -802,25 +815,43 @@ class Stepper:
         [0.5, 0.0, 0.0]
         """
         whole("argument steps", steps, 1)
-        state = self.own(state)
+        state = self.own(state, h is not None)
         next_time = None if time is None else time(state.index + 1)
         if steps < 2 or not self.takes_blocks(state) or state.plain:
-            return self.advance(state, next_time)
-        fast, origin = self._sized(self.h).fast, self._origin
+            return self.advance(state, next_time, h)
+        size = self.h if h is None else h
+        fast = self._sized(size).fast
         assert fast is not None
         if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
-            return self.advance(state, next_time)
+            return self.advance(state, next_time, h)
+        if mark and fast.calls_laws:  # of users, which may fail at states that do not come
+            return self.advance(state, next_time, h)
         after = np.arange(1, min(steps, fast.most(state.time, every)) + 1)
-        ends = state.time + self.h * after if time is None else time(state.index + after)
+        ends = state.time + size * after if time is None else time(state.index + after)
         times = np.asarray(ends, dtype=float)
-        block = fast.advance_block(state, times, every)
+        block = fast.advance_block(state, times, every, mark)
         if not block.steps:
-            return self.advance(replace(state, plain=True), next_time)
+            return self.advance(replace(state, plain=True), next_time, h)
         self._first, self._left_in_a_row = False, 0
         times = times[: block.steps]
         y1 = self.system.extend(block.q[-1], float(times[-1]))
-        made = Solved(self.system, self.integrator, self.h, state, y1, fast.impulse)
-        return BlockReport.of(block, times, state, made, origin)
+        made = Solved(self.system, self.integrator, size, state, y1, fast.impulse)
+        return BlockReport.of(block, times, state, made, self._made_by(size))
+
+    def rewind(self, report: StepReport, steps: int) -> None:
+        """Take back what was solved after the first so many steps of the last report.
+
+        The stepper goes on as if it had not been solved, to the last bit. Steps of a block must
+        have been taken with ``mark=True``.
+        """
+        if isinstance(report, BlockReport) and (steps < report.steps or report.block.stuck):
+            fast = self._sized(report.step).fast
+            assert fast is not None
+            fast.rewind(report.part(0).start, report.times[:steps])
+
+    def _made_by(self, h: float) -> StepOrigin:
+        """What states at the end of steps of a size (s) say of them."""
+        return self._origin if h == self.h else StepOrigin(self.integrator.name, h)
 
     def own(self, state: State, varying: bool = False) -> State:
         """The state, if this scheme and step made it; else a start from its q and p.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,8 @@ from ..time_function import (
     Amplitude,
     time_function,
 )
-from ..types import numbers, switch
-from .sensors import Sensor, View
+from ..types import Floats, numbers, switch
+from .sensors import Sensor, View, Views
 from .start import consistent_start
 
 # -- conditions of events: numbers that pass through zero when something happens -------------------
@@ -64,9 +64,21 @@ class Condition(Frozen):
     period: float | None = None
     monotonic: bool = False
 
+    def __init_subclass__(cls) -> None:
+        """Numbers at several states are those of the class whose own `value` counts."""
+        if "value" in vars(cls) and "_values" not in vars(cls):
+            cls._values = Condition._values  # type: ignore[method-assign]
+
     @abstractmethod
     def value(self, view: View) -> float:
         """The number at a state."""
+
+    def _values(self, views: Views) -> Floats | None:
+        """The numbers (k,) at several states, as `value` up to rounding.
+
+        None, as by default: each state is to be looked at alone. Later ones may not be reached.
+        """
+        return None
 
     def check(self, system: System) -> None:
         """Raise InputError if it cannot be found in this system."""
@@ -118,6 +130,10 @@ class ConditionTime(Condition):
         """See the base class."""
         return view.time - self.time
 
+    def _values(self, views: Views) -> Floats:
+        """See the base class."""
+        return views.time - self.time
+
 
 class ConditionCoordinate(Condition):
     """A joint's angle (rad) or displacement (m) reaches a level.
@@ -159,8 +175,18 @@ class ConditionCoordinate(Condition):
         """See the base class."""
         if self.rate:
             return view.rate(self.joint, self.coordinate) - self.level
-        away = view.coordinate(self.joint, self.coordinate) - self.level
-        return away if self.period is None else float((away + np.pi) % (2 * np.pi) - np.pi)
+        return float(self._away(view.coordinate(self.joint, self.coordinate)))
+
+    def _values(self, views: Views) -> Floats:
+        """See the base class."""
+        if self.rate:
+            return views.rate(self.joint, self.coordinate) - self.level
+        return np.asarray(self._away(views.coordinate(self.joint, self.coordinate)))
+
+    def _away(self, value: Any) -> Any:
+        """From the level; angles by the shortest way."""
+        away = value - self.level
+        return away if self.period is None else (away + np.pi) % (2 * np.pi) - np.pi
 
 
 class ConditionSensor(Condition):
@@ -193,6 +219,16 @@ class ConditionSensor(Condition):
         if self.component is None:
             return float(seen if seen.ndim == 0 else np.linalg.norm(seen)) - self.level
         return float(seen.ravel()[self.component]) - self.level
+
+    def _values(self, views: Views) -> Floats | None:
+        """See the base class; functions of users are asked state by state."""
+        if self.sensor._of_the_user:
+            return None
+        seen = views.sensor(self.sensor)
+        each = seen.reshape(len(seen), -1)
+        if self.component is not None:
+            return np.asarray(each[:, self.component] - self.level)
+        return np.asarray((seen if seen.ndim == 1 else np.linalg.norm(each, axis=1)) - self.level)
 
 
 class ConditionReaction(Condition):
@@ -237,6 +273,10 @@ class ConditionEnergy(Condition):
     def value(self, view: View) -> float:
         """See the base class."""
         return (view.kinetic_energy() if self.kinetic else view.energy()) - self.level
+
+    def _values(self, views: Views) -> Floats:
+        """See the base class."""
+        return (views.kinetic_energy() if self.kinetic else views.energy()) - self.level
 
 
 def _level(value: float) -> float:

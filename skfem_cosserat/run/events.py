@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from math import inf, isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import Diverged, IncompatibleError, InputError
+from ..errors import CosseratError, Diverged, IncompatibleError, InputError
 from ..frozen import Frozen
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..integrators.choice import nearest_by_kernels
-from ..integrators.compiled_scene import NearestVelocity
+from ..integrators.compiled_scene import Motion, NearestVelocity
+from ..integrators.stepper import BlockReport
 from ..model import System, takes_scene
-from ..types import Floats, check_kind, positive, switch
+from ..types import Floats, IndexArray, check_kind, positive, switch
 from ..warn import logger
 from .conditions import Action, ActionFunction, ActionNone, Condition, ConditionFunction
-from .sensors import View
+from .sensors import View, Views
 from .step_size import StepperFactory
 
 # -- zeros of a number within a step: located, and found where it passes through zero and back -----
@@ -137,6 +139,23 @@ def dip(
         if guess is not None and guess.f > FLAT * low.f:
             return None
     return None
+
+
+def comes_near(before: Any, start: Any, end: Any, ratio: float = 1.0) -> Any:
+    """Whether a parabola may come so near to zero in a step that :func:`dip` tries parts of it.
+
+    It is ``start - second t^2`` at its lowest point t, which has to be in the step or beside it, by
+    at most :data:`ASIDE` of it; there it must be less than :data:`WRONG` of its ``second``. So it
+    has to start below ``((1 + ASIDE)^2 + WRONG) second``, which is less than twice that.
+
+    Parameters
+    ----------
+    before, start, end : float or array
+        Numbers that are positive at both ends of a step, and one of the step before.
+    ratio : float
+        Of the size of the step before to this one.
+    """
+    return start < 2 * (end - start - (start - before) / ratio) / (1 + ratio)
 
 
 def _first(known: list[TimedValue], start: TimedValue, end: TimedValue) -> Vertex | None:
@@ -265,6 +284,17 @@ class Event(Frozen):
         """How errors call it."""
         return f"event {self.name!r}"
 
+    def _values(self, views: Views) -> Floats | None:
+        """Its condition's numbers at several states; None: each state is to be looked at alone.
+
+        Also where they cannot be had: a run may end before it gets to these states.
+        """
+        try:
+            with np.errstate(all="ignore"):
+                return self.condition._values(views)
+        except (CosseratError, ArithmeticError):
+            return None
+
     def value(self, view: View) -> float:
         """Its condition's number, finite.
 
@@ -283,7 +313,7 @@ class Event(Frozen):
 
 
 def checked_events(
-    events: Sequence[Event] | None, integrator: Integrator, system: System, state: State
+    events: Sequence[Event] | None, integrator: Integrator, system: System
 ) -> list[Event]:
     """Events that can be found in a run.
 
@@ -313,7 +343,6 @@ def checked_events(
                 part.check(system)
             except InputError as error:
                 raise InputError(event.label, str(error)) from error
-        event.value(View(system, state))
     return list(events)
 
 
@@ -326,18 +355,24 @@ class Found(NamedTuple):
         Of the step that ends there.
     events : list of (Event, float)
         With the values of their conditions.
+    steps : int
+        How many steps of those looked at there are up to them, with the one in which they are.
+    before : StepReport or None
+        Of the steps before that one which were solved in one go with it.
     """
 
     report: StepReport
     events: list[tuple[Event, float]]
+    steps: int = 1
+    before: StepReport | None = None
 
 
 class _Trials:
     """Steps of other sizes in place of one of a run, each of them solved once."""
 
-    def __init__(self, watch: EventMonitor, state: State, report: StepReport) -> None:
-        self.watch, self.state, self.report = watch, state, report
-        self.h = report.state.time - state.time
+    def __init__(self, watch: EventMonitor, report: StepReport) -> None:
+        self.watch, self.state, self.report = watch, report.start, report
+        self.h = report.state.time - self.state.time
         self._known: dict[float, StepReport] = {}
 
     def of(self, event: Event) -> Trial:
@@ -352,24 +387,46 @@ class _Trials:
         return trial
 
 
-class _Velocities:
-    """Velocities by compiled kernels, where the steps of a run take some; made when asked for."""
+class _Motions:
+    """Velocities and energies by compiled kernels, where steps take some; made when asked for."""
 
     def __init__(self, factory: StepperFactory, system: System) -> None:
         self._factory, self._system = factory, system
         self._made: NearestVelocity | None = None
         self._tried = False
 
-    def __call__(self, q: Floats, p: Floats) -> Floats | None:
-        """Velocity (n,), None if there are no kernels for it."""
+    def __call__(self, q: Floats, p: Floats) -> Motion | None:
+        """Of one or several states; None if there are no kernels for it."""
         if not self._tried and self._factory.choice is not None:
             self._tried = True
             self._made = nearest_by_kernels(self._system, self._factory.choice)
         return None if self._made is None else self._made(q, p)
 
 
+class _Look:
+    """Numbers of events at a state, found when they are asked for."""
+
+    def __init__(self, events: list[Event], view: View) -> None:
+        self.view, self._events = view, events
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """By the names of the events."""
+        return {event.name: event.value(self.view) for event in self._events}
+
+
+#: numbers below this share of the largest one, of states that are looked at together, are looked at
+#: alone: far above what rounding may change
+NEAR = 1e-9
+
+
 class EventMonitor:
     """Looks for events after each step of a run.
+
+    Steps in one go are looked at together where all conditions can be (:meth:`Condition._values`):
+    those that come near to an event, or may, are then looked at one by one as others are, so it is
+    found in the same way. Functions of users are called at state after state, and never at one that
+    is later than an event.
 
     Parameters
     ----------
@@ -379,12 +436,17 @@ class EventMonitor:
     system : System
     state : State
         Start of the run.
+
+    Attributes
+    ----------
+    passed : int
+        How many steps of a report have been looked at, in which nothing has happened.
     """
 
     def __init__(
         self, events: list[Event], factory: StepperFactory, system: System, state: State
     ) -> None:
-        self.events, self.factory = list(events), factory
+        self.events, self.factory, self.passed = list(events), factory, 0
         self._sides: dict[str, int] = {}
         self._times: dict[str, list[float]] = {event.name: [] for event in events}
         self._stepper: Stepper | None = None
@@ -399,31 +461,75 @@ class EventMonitor:
         if self._stepper is not None and self._stepper.system is not system:
             self._stepper = None
         self.system, self.view = system, View(system, state)
-        self.view._find_velocities(_Velocities(self.factory, system))
-        view = self.view
-        self._values = {event.name: event.value(view) for event in self.events}
-        #: time and numbers at the start of the step before
-        self._earlier: tuple[float, dict[str, float]] | None = None
-        sides = {name: _sign(value) for name, value in self._values.items()}
+        self.view._find_motions(_Motions(self.factory, system))
+        self._now = _Look(self.events, self.view)
+        #: at the start of the step before
+        self._earlier: _Look | None = None
+        sides = {name: _sign(value) for name, value in self._now.values.items()}
         # what is at zero there has passed it
         before = self._sides | ({} if found is None else after)
         for event, value in () if found is None else found.events:
-            if self._values.get(event.name) == value:
+            if self._now.values.get(event.name) == value:
                 sides[event.name] = after[event.name]
         self._sides = {name: side or before.get(name, 0) for name, side in sides.items()}
 
-    def look(self, state: State, report: StepReport) -> Found | None:
-        """The first events of a step that led from a state; None: there were none."""
-        view = self.view._at(report.state)
-        values = {event.name: event.value(view) for event in self.events}
-        trials = _Trials(self, state, report)
+    def look(self, report: StepReport) -> Found | None:
+        """The first events of a step, or of several in one go; None: there were none."""
+        self.passed, sides = 0, self._together(report)
+        for k in np.flatnonzero(~sides.all(axis=1)).tolist():
+            self._pass(report, sides[:k])
+            found = self._look(report.part(k))
+            if found is not None:
+                before = report.first(k) if k and isinstance(report, BlockReport) else None
+                return found._replace(steps=k + 1, before=before)
+            self.passed = k + 1
+        self._pass(report, sides)
+        return None
+
+    def _together(self, report: StepReport) -> IndexArray:
+        """Signs (steps, events) of numbers after steps in which nothing can have happened; zeros.
+
+        These are the signs of numbers that keep theirs, and whose parabola is far from zero.
+        """
+        alone = np.zeros((report.steps, len(self.events)), dtype=np.int64)
+        if self._earlier is None or not isinstance(report, BlockReport):
+            return alone
+        block, looks = report.block, (self._earlier, self._now)
+        views = self.view._many(report.times, block.q, block.p)
+        columns = [event._values(views) for event in self.events]
+        if any(column is None for column in columns):
+            return alone
+        earlier = [[look.values[event.name] for look in looks] for event in self.events]
+        values = np.c_[
+            np.array(earlier).reshape(-1, 2), np.array(columns).reshape(-1, len(alone))
+        ].T
+        side, near = np.sign(values[2:]), NEAR * abs(values).max(axis=0)
+        before, start, end = (side * values[k : k + report.steps] for k in range(3))
+        apart = (start > near) & (end > near) & ~comes_near(before, start, end)
+        return np.where(apart.all(axis=1, keepdims=True), side, 0).astype(np.int64)
+
+    def _pass(self, report: StepReport, sides: IndexArray) -> None:
+        """Go on behind steps in which nothing has happened, with these signs after each of them."""
+        for k in range(max(self.passed, len(sides) - 2), len(sides)):
+            self._keep(_Look(self.events, self.view._at(report.part(k).state)))
+        if len(sides) > self.passed:
+            names = (event.name for event in self.events)
+            self._sides = dict(zip(names, sides[-1].tolist(), strict=True))
+            self.passed = len(sides)
+
+    def _look(self, report: StepReport) -> Found | None:
+        """The first events of a step; None: there were none."""
+        look = _Look(self.events, self.view._at(report.state))
+        values, trials = look.values, _Trials(self, report)
         brackets: dict[str, Bracket] = {}
         for event in self.events:
             bracket = self._bracket(event, trials, values[event.name])
             if bracket is not None:
                 brackets[event.name] = bracket
         if not brackets:
-            self._keep(state.time, values)
+            self._keep(look)
+            for name, value in values.items():
+                self._sides[name] = _sign(value) or self._sides[name]
             return None
         where = [
             located(brackets[event.name], trials.of(event), self._width(event, report, trials.h))
@@ -431,7 +537,7 @@ class EventMonitor:
             if event.name in brackets
         ]
         first = min(where, key=lambda each: each.state.time)
-        events = self._there(first, first.state.time - state.time, brackets)
+        events = self._there(first, first.state.time - trials.state.time, brackets)
         for event, _ in events:
             self._often(event, first.state, report.step)
         return Found(first, events)
@@ -451,29 +557,27 @@ class EventMonitor:
                 events.append((event, value))
         return events
 
-    def _keep(self, time: float, values: dict[str, float]) -> None:
-        self._earlier, self._values = (time, self._values), values
-        for name, value in values.items():
-            self._sides[name] = _sign(value) or self._sides[name]
+    def _keep(self, look: _Look) -> None:
+        self._earlier, self._now = self._now, look
 
     def _met(self, event: Event, value: float, before: int) -> bool:
         """Whether its number has passed through zero, in the direction asked for."""
         if before in (0, event.direction):
             return False
         # just before it, as well: a step of rounding size would have no velocity
-        if before * value > LOCATED * max(before * (self._values[event.name] - value), 0.0):
+        if before * value > LOCATED * max(before * (self._now.values[event.name] - value), 0.0):
             return False
         return not self._jumps(event, value)
 
     def _jumps(self, event: Event, value: float) -> bool:
         """Whether an angle has passed the point half a turn from its level, where it jumps."""
         period = event.condition.period
-        return period is not None and abs(value - self._values[event.name]) >= period / 2
+        return period is not None and abs(value - self._now.values[event.name]) >= period / 2
 
     def _bracket(self, event: Event, trials: _Trials, value: float) -> Bracket | None:
         """Where its number passes through zero in the step to this value; None: nowhere."""
         side, report = self._sides[event.name], trials.report
-        start = self._values[event.name]
+        start = self._now.values[event.name]
         a, b = (
             TimedValue(0.0, start if start * side > 0 else side * 1e-300),
             TimedValue(trials.h, value),
@@ -482,6 +586,11 @@ class EventMonitor:
             return Bracket(side, a, b, report)
         if not value * side > 0 or event.condition.monotonic or self._jumps(event, value):
             return None
+        if self._earlier is not None:
+            c, before = self._earlier.values[event.name], self._earlier.view.time
+            ratio = (trials.state.time - before) / trials.h
+            if not comes_near(side * c, side * a.f, side * b.f, ratio):
+                return None
         found = self._dip(event, trials, a, b)
         if found is None:
             return None
@@ -496,9 +605,9 @@ class EventMonitor:
         """Where its number is on the other side between two points on the same one."""
         side, before = self._sides[event.name], None
         if self._earlier is not None:
-            time, values = self._earlier
-            before = TimedValue(time - trials.state.time, side * values[event.name])
-            if self._jumps(event, values[event.name]):
+            time, value = self._earlier.view.time, self._earlier.values[event.name]
+            before = TimedValue(time - trials.state.time, side * value)
+            if self._jumps(event, value):
                 return None
         sized = trials.of(event)
 

@@ -22,6 +22,7 @@ from ..diagnostics.resolution import MOST_OFF
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
+from ..integrators.stepper import BlockReport
 from ..linear import Solver
 from ..model import System, takes_scene
 from ..model.limits import (
@@ -80,9 +81,14 @@ class RunLoop:
         try:
             while status == "completed" and (reports := self.plan.advance(self.state)):
                 for report in reports:
-                    found = None if self.watch is None else self.watch.look(self.state, report)
-                    status = self._take(report if found is None else found.report)
-                    if found is not None:
+                    found = None if self.watch is None else self._look(self.watch, report)
+                    if found is None:
+                        status = self._take(report)
+                    else:
+                        if found.before is not None:
+                            self._take(found.before)
+                        status = self._take(found.report)
+                        self.plan.stepper.rewind(report, found.steps)
                         status = "stopped" if self._act(found) else status
                     if found is not None or status != "completed":
                         break
@@ -94,6 +100,15 @@ class RunLoop:
         except Diverged as error:
             return "diverged", error
         return status, None
+
+    def _look(self, watch: EventMonitor, report: StepReport) -> Found | None:
+        """Look for events; if that fails, steps before in the same block are done all the same."""
+        try:
+            return watch.look(report)
+        except BaseException:
+            if watch.passed and isinstance(report, BlockReport):
+                self._take(report.first(watch.passed))
+            raise
 
     def _take(self, report: StepReport) -> str:
         """A step is done: the status of the run."""
@@ -302,7 +317,8 @@ def simulate(
     events : list of Event, optional
         What is to happen on conditions, located in time: ``history.events``. Their states are
         recorded, whatever `every` and `at` say; steps are equal from one to the next, of the size
-        asked for or less, and end exactly at `until`. Where joints, loads or states
+        asked for or less, and end exactly at `until`. Compiled kernels solve some steps ahead in
+        one go; those behind an event are taken back. Where joints, loads or states
         change, the row after that of the event has the same time; ``history.segments`` are the
         rows of one system, series of joints that are not there are NaN.
     path : path, optional
@@ -364,7 +380,8 @@ def simulate(
         state, count = _extent(system, start, h, until, every, eventful)
         state = stepper.own(state, varying)
         _check_run(callbacks, path, state)
-        found = checked_events(events, integrator, system, state)
+        found = checked_events(events, integrator, system)
+        watch = EventMonitor(found, factory, system, state) if found else None
         looked = bool(callbacks or sensors or callable(progress))
         extent = state, until, count, every, at, eventful, looked
         plan, wanted = _planned(step, factory, stepper, *extent)
@@ -372,7 +389,6 @@ def simulate(
         about = path, sensors, varying, notices, expected
         recorder = Recorder(system, stepper, state, wanted, *about)
         with recorder, Interrupt() as interrupt:
-            watch = EventMonitor(found, factory, system, state) if found else None
             run = RunLoop(
                 factory, plan, recorder, callbacks, lambda t: show(t, until), interrupt, watch
             )
@@ -469,7 +485,7 @@ def _planned(
         return ControlledSteps(step, factory, stepper, state, until, at or ()), wanted
     if eventful:
         wanted = timed(state, until, every, at, exact=False)
-        return FixedSteps(stepper, state, count, until), wanted
+        return FixedSteps(stepper, state, count, until, alone=looked), wanted
     numbered = Numbered(state, stepper.h, count, every, at)
     return FixedSteps(stepper, state, count, None, None if looked else numbered.ahead), numbered
 

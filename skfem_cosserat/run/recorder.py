@@ -636,6 +636,8 @@ class Recorder:
             "dissipated": dissipated[own],
             "taken": numerical[own],
         }
+        if self.varying:
+            rows["step_size"] = np.full(count, h)
         if self._remembered:
             rows["rates"] = block.rates[own]
         return rows

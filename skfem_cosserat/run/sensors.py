@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
 from ..integrators import State, Stepper, StepReport
+from ..integrators.compiled_scene import Motion
 from ..integrators.stepper import force_of_state
 from ..joint import Joint
 from ..model import Model, System, system_of
@@ -30,6 +31,9 @@ from ..types import ArrayLike, Floats, check_kind, numbers
 
 if TYPE_CHECKING:
     from ..beam import Beam
+
+#: what kernels find of states by their configurations and momenta; None where they cannot
+Motions = Callable[[Floats, Floats], Motion | None]
 
 # -- A state of a run as the conditions of events see it -------------------------------------------
 
@@ -59,10 +63,10 @@ class View:
     9.0
     """
 
-    #: what views of one system share: readings of joint coordinates; what finds velocities (n,)
-    #: by configurations and momenta, None where it cannot
+    #: what views of one system share: readings of joint coordinates; what finds velocities and
+    #: energies by configurations and momenta, None where it cannot
     _readings: dict[tuple[str, str | None], _Reading]
-    _velocity: Callable[[Floats, Floats], Floats | None] | None
+    _motions: Motions | None
 
     def __init__(self, system: Model | System, state: State) -> None:
         self.system = system_of(system)
@@ -72,18 +76,22 @@ class View:
             raise InputError("argument state", given)
         self.state = state
         self.time, self.q = state.time, state.q
-        self._readings, self._velocity = {}, None
+        self._readings, self._motions = {}, None
 
     def _at(self, state: State) -> View:
         """The view of another state of the same system, which shares what is set up for it."""
         out = View.__new__(View)
         out.system, out.state, out.time, out.q = self.system, state, state.time, state.q
-        out._readings, out._velocity = self._readings, self._velocity
+        out._readings, out._motions = self._readings, self._motions
         return out
 
-    def _find_velocities(self, by: Callable[[Floats, Floats], Floats | None]) -> None:
-        """Ask this function for velocities first; so do views that are made from this one."""
-        self._velocity = by
+    def _many(self, time: Floats, q: Floats, p: Floats) -> Views:
+        """Several states of the same system, which share what is set up for it."""
+        return Views(self.system, time, q, p, self._motions, self._readings)
+
+    def _find_motions(self, by: Motions) -> None:
+        """Ask this for velocities and energies first; so do views that are made from this one."""
+        self._motions = by
 
     def __repr__(self) -> str:
         return f"<View: t = {self.time:g} s, step {self.state.index}, n = {self.system.n}>"
@@ -94,11 +102,14 @@ class View:
         return self.system.extend(self.q, self.time)
 
     @cached_property
+    def _motion(self) -> Motion | None:
+        return None if self._motions is None else self._motions(self.q, self.state.p)
+
+    @cached_property
     def v(self) -> Floats:
         """See the class."""
-        found = None if self._velocity is None else self._velocity(self.q, self.state.p)
-        if found is not None:
-            return found
+        if self._motion is not None:
+            return self._motion.v
         return nearest_velocity(self.system, self.y, self.state.p, self.time)
 
     def position(self, place: Place) -> Floats:
@@ -127,19 +138,15 @@ class View:
         InputError
             If there is no such joint or coordinate, or it has several components.
         """
-        return self._reading(joint, name).value(self.y)
+        return float(self._reading(joint, name).value(self.y))
 
     def rate(self, joint: Joint | str, name: str | None = None) -> float:
         """Rate of :meth:`coordinate` (rad/s, m/s)."""
         moving = rates(self.system, self.v[None], np.array([self.time]))[0]
-        return self._reading(joint, name).rate(self.y, moving)
+        return float(self._reading(joint, name).rate(self.y, moving))
 
     def _reading(self, joint: Joint | str, name: str | None) -> _Reading:
-        found = self._joint(joint)
-        key = found.name or "", name
-        if key not in self._readings or self._readings[key].joint is not found:
-            self._readings[key] = _Reading(self.system, found, name)
-        return self._readings[key]
+        return _reading(self.system, self._readings, joint, name)
 
     def reaction(self, joint: Joint | str) -> tuple[Floats, Floats]:
         """Force and moment (N, N m) of a joint on its side b, by the equations of motion here."""
@@ -151,12 +158,15 @@ class View:
 
     def kinetic_energy(self) -> float:
         """Of the velocity v (J)."""
+        if self._motion is not None:
+            return float(self._motion.kinetic)
         v = self.v.reshape(-1, 3)
         return float(0.5 * (v * self.system.inertia.dot(v)).sum())
 
     def energy(self) -> float:
         """Kinetic energy, and that stored in beams and force elements (J)."""
-        stored = float(diagnostics.strain_energy(self.system, self.q))
+        found = None if self._motion is None else self._motion.stored
+        stored = float(diagnostics.strain_energy(self.system, self.q) if found is None else found)
         if self.system.couplings.count:
             turns = None if self.state.turns is None else self.state.turns[None]
             q, t = self.q[None], np.array([self.time])
@@ -184,12 +194,98 @@ class View:
             raise InputError(
                 "sensor", f"{type(sensor).__name__} needs several states, which events do not have"
             )
+        given = np.array([self.time]), self.q[None]
         if sensor.derivative:
-            return _seen_rate(self.system, self.state, self.v, sensor)
-        return _seen(self.system, self.state, sensor)
+            return np.asarray(_seen_rates(self.system, *given, self.v[None], sensor)[0])
+        return np.asarray(_seen(self.system, *given, sensor)[0])
 
-    def _joint(self, joint: Joint | str) -> Joint:
-        return joint if isinstance(joint, Joint) else joint_of(self.system, joint)
+
+class Views:
+    """Several states of a run as conditions see them together, as far as steps in one go have them.
+
+    So the system has no force elements, and nothing moves by prescription.
+
+    Parameters
+    ----------
+    system : System
+    time : (k,) array
+        (s)
+    q, p : (k, n) array
+        Configurations and momenta.
+    motions : callable, optional
+        As of a :class:`View`, asked first.
+    readings : dict, optional
+        Of joint coordinates, as of a :class:`View`.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        time: Floats,
+        q: Floats,
+        p: Floats,
+        motions: Motions | None = None,
+        readings: dict[tuple[str, str | None], _Reading] | None = None,
+    ) -> None:
+        self.system, self.time, self.q, self._p = system, time, q, p
+        self._motion = None if motions is None else partial(motions, q, p)
+        self._readings = {} if readings is None else readings
+
+    @cached_property
+    def _found(self) -> Motion:
+        found = None if self._motion is None else self._motion()
+        if found is not None:
+            return found
+        v = diagnostics.Projection(self.system).velocities(self.q, self._p, self.time)
+        return Motion(v, diagnostics.kinetic_energy_of_velocity(self.system, v), None)
+
+    @property
+    def v(self) -> Floats:
+        """Velocities (k, n) on the hidden constraints."""
+        return self._found.v
+
+    def kinetic_energy(self) -> Floats:
+        """See :class:`View` (k,)."""
+        return self._found.kinetic
+
+    def energy(self) -> Floats:
+        """See :class:`View` (k,)."""
+        stored = self._found.stored
+        stored = diagnostics.strain_energy(self.system, self.q) if stored is None else stored
+        return self._found.kinetic + stored
+
+    @cached_property
+    def y(self) -> Floats:
+        """All rows (k, total, 3)."""
+        return all_rows(self.system, self.q, self.time)
+
+    def coordinate(self, joint: Joint | str, name: str | None = None) -> Floats:
+        """See :class:`View` (k,)."""
+        return _reading(self.system, self._readings, joint, name).value(self.y)
+
+    def rate(self, joint: Joint | str, name: str | None = None) -> Floats:
+        """See :class:`View` (k,)."""
+        moving = rates(self.system, self.v, self.time)
+        return _reading(self.system, self._readings, joint, name).rate(self.y, moving)
+
+    def sensor(self, sensor: Sensor) -> Floats:
+        """See :class:`View` (k, ...)."""
+        given = self.system, self.time, self.q
+        return _seen_rates(*given, self.v, sensor) if sensor.derivative else _seen(*given, sensor)
+
+
+def _reading(
+    system: System,
+    known: dict[tuple[str, str | None], _Reading],
+    joint: Joint | str,
+    name: str | None,
+) -> _Reading:
+    """That of a coordinate of a joint; made once."""
+    found = joint if isinstance(joint, Joint) else joint_of(system, joint)
+    key = found.name or "", name
+    if key not in known or known[key].joint is not found:
+        known[key] = _Reading(system, found, name)
+    return known[key]
 
 
 class _Reading:
@@ -207,34 +303,34 @@ class _Reading:
             raise InputError(joint.label, f"its {coordinate.name} has {coordinate.size} components")
         self.joint, self._kind = joint, kind_of((coordinate,))
         self._invariants = Invariants([coordinate.forms], system.row_of)
-        self._start = 0.0
+        self._start = np.zeros(())
         if coordinate.kind == "displacement":
             self._start = self.value(system.extend(system.q0, 0.0))
 
-    def value(self, y: Floats) -> float:
-        """At all rows y (total, 3)."""
-        return float(self._kind.value(self._invariants.values(y))[0, 0]) - self._start
+    def value(self, y: Floats) -> Floats:
+        """At all rows y (..., total, 3)."""
+        return np.asarray(self._kind.value(self._invariants.values(y))[..., 0, 0] - self._start)
 
-    def rate(self, y: Floats, ydot: Floats) -> float:
-        """At all rows and their rates (total, 3)."""
+    def rate(self, y: Floats, ydot: Floats) -> Floats:
+        """At all rows and their rates (..., total, 3)."""
         slope = self._kind.slope(self._invariants.values(y))
-        return float((slope @ self._invariants.rates(y, ydot)[..., None])[0, 0, 0])
+        return np.asarray((slope @ self._invariants.rates(y, ydot)[..., None])[..., 0, 0, 0])
 
 
-def _seen(system: System, state: State, sensor: Sensor) -> Floats:
-    """What a sensor without forces sees at one state."""
-    return np.asarray(sensor.values(system, window_of(system, [state], []))[0])
+def _seen(system: System, t: Floats, q: Floats, sensor: Sensor) -> Floats:
+    """What a sensor without forces sees at states q (k, n), times t (k,)."""
+    return sensor.values(system, window_of(system, [], [])._replace(t=t, q=q))
 
 
-def _seen_rate(system: System, state: State, v: Floats, sensor: Sensor) -> Floats:
-    """Rate of what a sensor sees, for a velocity v (n,): a central difference along the motion."""
-    speed = float(abs(v).max(initial=0.0))
-    s = 1e-5 * system.length / speed if speed > 0 else 1e-5
-    t = state.time + np.array([-s, s]) if state.time > s else state.time + np.array([0.0, 2 * s])
-    q = np.array([state.q + (each - state.time) * v for each in t])
-    none = window_of(system, [], [])
-    before, after = sensor.values(system, none._replace(t=t, q=q))
-    return np.asarray((after - before) / (t[1] - t[0]))
+def _seen_rates(system: System, t: Floats, q: Floats, v: Floats, sensor: Sensor) -> Floats:
+    """Rates of what it sees, for velocities v (k, n): central differences along the motion."""
+    speed = abs(v).max(axis=1, initial=0.0)
+    s = np.divide(1e-5 * system.length, speed, out=np.full(len(t), 1e-5), where=speed > 0)
+    ends = np.concatenate([t + np.where(t > s, -s, 0.0), t + np.where(t > s, s, 2 * s)])
+    moved = np.tile(q, (2, 1)) + (ends - np.tile(t, 2))[:, None] * np.tile(v, (2, 1))
+    before, after = np.split(_seen(system, ends, moved, sensor), 2)
+    over = ends[len(t) :] - ends[: len(t)]
+    return np.asarray((after - before) / over.reshape(-1, *[1] * (after.ndim - 1)))
 
 
 # -- sensors: what is recorded at every step while whole states are recorded now and then ----------
@@ -316,6 +412,11 @@ class Sensor(Attached):
     unit = ""
     derivative = 0
     forces = False
+
+    @property
+    def _of_the_user(self) -> bool:
+        """Whether functions of users say what it sees."""
+        return type(self).values.__module__ != __name__
 
     @abstractmethod
     def items(self) -> list[Item]:
@@ -553,6 +654,11 @@ class SensorQuantity(Sensor):
         if not callable(function):
             raise InputError("sensor", f"function = {function!r} is not callable")
         self.function, self.unit = function, unit
+
+    @property
+    def _of_the_user(self) -> bool:
+        """See the base class."""
+        return True
 
     def items(self) -> list[Item]:
         """See the base class."""

@@ -89,10 +89,12 @@ class FixedSteps(SteppingPlan):
     count : int
         Number of steps.
     until : float, optional
-        Equal steps to this end instead, of the stepper's size or less.
+        Equal steps to this end instead, of the stepper's size or less, with events between them.
     ahead : callable, optional
         From a state, how many steps may be taken in one go, and whether every state of them is
         recorded, or some are; by default one step.
+    alone : bool
+        Whether each step between events is taken alone.
     """
 
     def __init__(
@@ -102,7 +104,10 @@ class FixedSteps(SteppingPlan):
         count: int,
         until: float | None = None,
         ahead: Callable[[State], tuple[int, bool]] | None = None,
+        alone: bool = False,
     ) -> None:
+        if until is not None and not alone:
+            ahead = self._between_events
         self.stepper, self._ahead = stepper, ahead
         self.h = self._size = stepper.h
         self._origin, self._first, self._count = state.time, state.index, count
@@ -116,10 +121,19 @@ class FixedSteps(SteppingPlan):
         if k > self._count:
             return []
         ahead, every = (1, False) if self._ahead is None else self._ahead(state)
+        h, eventful = (None, False) if self._end is None else (self.h, True)
         if ahead > 1 and self.stepper.takes_blocks(state):
-            return [self.stepper.advance_block(state, ahead, self._time, every)]
-        h = None if self._end is None else self.h
+            return [self.stepper.advance_block(state, ahead, self._time, every, h, eventful)]
         return [self.stepper.advance(state, self._time(state.index + 1), h)]
+
+    def _between_events(self, state: State) -> tuple[int, bool]:
+        """About as many steps in one go as there have been since the start or the last event.
+
+        So few are solved in vain. The first three, which complete the row of the start, are taken
+        alone.
+        """
+        k = state.index - self._first
+        return min(k - 1, self._count - k), True
 
     def _time(self, index: Any) -> Any:
         """Of states with these indices: t_n = t_0 + n h, no rounding adds up over many steps."""

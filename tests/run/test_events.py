@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_kernels import needs_numba
+from helpers_kernels import chain, corner, needs_numba
 from helpers_scenes import chequered, full_section
 from helpers_schemes import SCHEMES, stabilized
 from scipy.optimize import brentq
 from scipy.special import ellipk
 
 import skfem_cosserat as sc
+from skfem_cosserat import diagnostics
 from skfem_cosserat.constraints import saddle
 from skfem_cosserat.history import read_meta
 from skfem_cosserat.integrators import compiled_scene
@@ -22,6 +22,7 @@ from skfem_cosserat.run import sensors
 from skfem_cosserat.run.events import EventMonitor, TimedValue, dip
 
 G = 10.0
+SLOW = pytest.mark.slow
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
 PLAIN = [s for s in SCHEMES if not stabilized(s)] + [sc.EnergyMomentum(stabilized=True)]
 SINGLE = [scheme for scheme in PLAIN if scheme.part is None]
@@ -809,15 +810,76 @@ def test_looks_set_nothing_up_anew(monkeypatch, kernels):
     assert counts[0]["NearestVelocity"] <= 1
 
 
+def two_orders():
+    """Beams of two orders on a ball joint, and a spring between them."""
+    model, places = sc.Model(), []
+    for order in (1, 2):
+        mesh = sc.MeshCurve.init_line((order - 1, 0, 0), (order, 0, 0), 3, name=f"m{order}")
+        rod = model.add(
+            f"rod {order}", sc.Beam(mesh, full_section(), order=order, director=(0, 1, 0))
+        )
+        places += [rod.node(f"m{order}.start"), rod.node(f"m{order}.end")]
+    model.add("pin", sc.JointSpherical(*places[1:3]))
+    model.add("spring", sc.SpringDamper(places[0], places[3], stiffness=5.0))
+    model.add("force", sc.LoadForce(places[3], (0, -1.0, 2.0)))
+    return model.freeze()
+
+
+LOOKED_AT = {
+    "rod": lambda: swinging_rod()[0],
+    "triads of nodes": lambda: corner(1),
+    "bodies": lambda: chain(4),
+    "two orders": two_orders,
+}
+
+
 @needs_numba
-def test_kernels_agree_on_velocities():
-    """Those of views, by the projection that compiled steps have."""
-    system, _ = swinging_rod()
-    p = system.mass @ np.random.default_rng(2).standard_normal((system.rows, 3))
-    state = sc.initial_state(system)
-    state = replace(state, p=p.reshape(-1))
-    found = NearestVelocity(system.tied, sc.NewtonSettings())(state.q, state.p)
-    assert found == pytest.approx(sc.View(system, state).v, rel=1e-11, abs=1e-11)
+@pytest.mark.parametrize("name", [*list(LOOKED_AT)[:3], pytest.param("two orders", marks=SLOW)])
+def test_kernels_agree_on_velocities_and_energies(name):
+    """Those of views: one state as among many to the last bit, and as of diagnostics."""
+    system = LOOKED_AT[name]()
+    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.05)
+    q, p = history["q"], history["carried"]
+    motions = NearestVelocity(system.tied, sc.NewtonSettings())
+    v, kinetic, stored = motions(q, p)
+    expected = diagnostics.Projection(system).velocities(q, p, history.times)
+    assert v == pytest.approx(expected, rel=1e-11, abs=1e-11)
+    expected = diagnostics.kinetic_energy_of_velocity(system, expected)
+    assert kinetic == pytest.approx(expected, rel=1e-11) and kinetic.max() > 1e-4
+    assert stored == pytest.approx(diagnostics.strain_energy(system, q), rel=1e-11, abs=1e-15)
+    assert bool(system.beam_groups) == (stored.max() > 1e-9)
+    for k in (0, 7, len(q) - 1):
+        one = motions(q[k], p[k])
+        np.testing.assert_array_equal(one.v, v[k])
+        assert (float(one.kinetic), float(one.stored)) == (kinetic[k], stored[k])
+        view = sc.View(system, sc.State(float(history.times[k]), k, q[k], p[k]))
+        plain = view.kinetic_energy(), view.energy()
+        view = view._at(view.state)
+        view._find_motions(motions)
+        assert (view.kinetic_energy(), view.energy()) == pytest.approx(plain, rel=1e-11, abs=1e-15)
+
+
+@needs_numba
+def test_energies_by_a_law_are_left_to_the_law():
+    """Kernels find the velocities only."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
+    D = np.array([1e3, 1e3, 2e3, 1.0, 1.0, 1.0])
+    section = sc.SectionHyperelastic(
+        lambda eps: 0.5 * (D * eps**2).sum(-1) + eps[..., 4] ** 4, 1.0, inertia=(1e-3, 1e-3)
+    )
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
+    model.add("force", sc.LoadForce(rod.node("rod.end"), (0, -5.0, 0)))
+    system = model.freeze()
+    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.01, kernels="numpy")
+    q, p = history["q"][-1], history["carried"][-1]
+    motions = NearestVelocity(system.tied, sc.NewtonSettings())
+    assert motions(q, p).stored is None
+    view = sc.View(system, sc.State(0.01, 10, q, p))
+    plain = view.energy()
+    view = view._at(view.state)
+    view._find_motions(motions)
+    assert view.energy() == pytest.approx(plain, rel=1e-11) and plain > 1e-3
 
 
 @needs_numba
