@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import test_closed_loops
 from helpers_kernels import integrators, treatments
-from test_blocks_of_steps import MORE, assert_the_same, blocks, run, scene
+from test_blocks_of_steps import CHANGING, MORE, assert_the_same, blocks, run, scene
 from test_events import looking, swinging_rod
 
 import skfem_cosserat as sc
@@ -114,6 +114,21 @@ def test_what_events_do_in_between(blocks, treatment):
     ]
     history = assert_the_same_events(blocks, *given, events=events, least=4)
     assert len(history.segments) == 5 and len(blocks) > 10
+
+
+@integrators
+@treatments
+def test_loads_that_change_are_those_of_steps_that_are_solved_anew(blocks, integrator, treatment):
+    """What a block has solved behind an event is taken back, with its loads."""
+    system = scene(MORE[CHANGING][0])
+    given = system, INTEGRATORS[integrator], TREATMENTS[treatment], 6e-4, 0.12
+    plain = sc.simulate(*given, kernels="numba")
+    level = float(plain["energy"].mean())
+    events = [
+        sc.Event(sc.ConditionEnergy(level), name="energy", once=False),
+        *(sc.Event(sc.ConditionTime(t), name=f"at {t}") for t in (0.0101, 0.05, 0.0777)),
+    ]
+    assert_the_same_events(blocks, *given, events=events, least=4)
 
 
 def test_a_number_that_only_dips_below_zero(blocks):
