@@ -97,10 +97,9 @@ def resolution(system: System, history: History) -> Resolution | None:
     told = rows.shape[1] >= ENOUGH
     if system.moving and (not told or _fast_ground(system, history.times[rows]).any()):
         return None
-    y = history["q"].reshape(len(history), -1, 3)
-    origins = np.asarray(system.origin_rows)
-    places = y[rows[:, :, None], origins]  # (windows, states, vertices, 3)
-    part, extent = _extents(system, y[np.unique(rows)][:, origins])
+    y = history["q"].reshape(len(history), -1, 3)[rows]
+    places = y.take(system.origin_rows, axis=2)  # (windows, states, vertices, 3)
+    part, extent = _extents(system, places)
     third, angle = _differences(places)
     with np.errstate(all="ignore"):
         most = 2 * third / np.minimum(angle, 2.0) ** 3
@@ -109,12 +108,12 @@ def resolution(system: System, history: History) -> Resolution | None:
     moves = told & (extent > NOISE * system.length)
     off = np.where(moves[part], np.nan_to_num(off) / np.where(moves, extent, 1.0)[part], 0.0)
     w, v = np.unravel_index(int(off.argmax()), off.shape)
-    turn, turning = _turns(system, y, rows)
+    turn, turning = _turns(system, y)
     return Resolution(
         float(off[w, v]),
         turn,
         float(2 * np.pi / angle[w, v]) if angle[w, v] > 0 else np.inf,
-        owner(system, int(origins[v])).label,
+        owner(system, int(system.origin_rows[v])).label,
         turning,
         float(history.times[rows[w, -1]]),
     )
@@ -168,15 +167,20 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
         starts = starts[~_fast_ground(system, np.linspace(*ends, 7, axis=1), 0.5)]
     if not len(starts):
         return out
-    y = history["q"].reshape(len(history), -1, 3)
-    third = y[starts + 3] - y[starts] - 3 * (y[starts + 2] - y[starts + 1])
-    third = _largest(third[:, None])
-    origins = np.asarray(system.origin_rows)
-    part, extent = _extents(system, y[:: -(-len(y) // SPREAD), origins])
+    q = history["q"]
+    spread = q[:: -(-len(q) // SPREAD)]
+    places = spread.reshape(len(spread), -1, 3).take(system.origin_rows, axis=1)
+    part, extent = _extents(system, places)
     moves = extent > NOISE * system.length
-    third[:, origins] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part]
+    scale = np.full((system.rows, 3), shares.max() ** 3 / FAR)
+    scale[system.origin_rows] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part, None]
     far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
-    far[starts + 3] = third.max(1) * shares.max() ** 3 > FAR
+    third = q[starts + 3] - q[starts]
+    third -= 3 * (q[starts + 2] - q[starts + 1])
+    third *= scale.ravel()
+    maybe = ~(np.einsum("kn,kn->k", third, third) <= 1)  # of all nodes together
+    third = third[maybe].reshape(-1, 1, system.rows, 3)
+    far[starts[maybe] + 3] = _largest(third).max(1) > 1
     out[steps] = far[steps[:, None] + np.arange(3)].any(1)
     return out
 
@@ -236,9 +240,10 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
 
 def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
     """The separate part that each vertex is of, and of each part the way of what moves most."""
-    part = separate_parts(system).part[np.asarray(system.origin_rows)]
+    part = separate_parts(system).part[system.origin_rows]
     extent = np.zeros(part.max(initial=0) + 1)
-    np.maximum.at(extent, part, np.linalg.norm(places.max(0) - places.min(0), axis=-1))
+    flat = places.reshape(-1, 3 * len(part))
+    np.maximum.at(extent, part, np.linalg.norm(np.ptp(flat, axis=0).reshape(-1, 3), axis=-1))
     return part, extent
 
 
@@ -291,12 +296,14 @@ def _windows(history: History) -> IndexArray:
     return np.asarray(starts[np.unique(chosen)][:, None] + np.arange(width))
 
 
-def _turns(system: System, y: Floats, rows: IndexArray) -> tuple[float, str]:
-    """Largest rotation (rad) of a frame in a step, and of what."""
-    origins = np.asarray(system.origin_rows)[system.is_frame[: len(system.origin_rows)]]
+def _turns(system: System, y: Floats) -> tuple[float, str]:
+    """Largest rotation (rad) of a frame in a step of windows (w, s, rows, 3), and of what."""
+    origins = system.origin_rows[system.is_frame[: len(system.origin_rows)]]
     if not len(origins):
         return 0.0, ""
-    triads = y[rows[:, :, None, None], origins[:, None] + np.arange(1, 4)]
+    if len(origins) * 4 < system.rows:
+        y = y.take(origins[:, None] + np.arange(4), axis=-2)
+    triads = y.reshape(*y.shape[:2], -1, 4, 3)[..., 1:, :]
     traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
     angles = np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1)
     k = np.unravel_index(int(angles.argmax()), angles.shape)
