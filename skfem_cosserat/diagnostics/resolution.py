@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ..history import History
 from ..model import System
 from ..model.limits import owner
-from ..model.parts import separate_parts
+from ..model.parts import connected_parts
+from ..pattern import once_for_each
 from ..types import Floats, IndexArray
 from .stacked import driven_alternation
 
@@ -38,6 +39,8 @@ FAST = 0.25
 MANY, USUAL, FAR = 6, 4, 0.25
 #: states, evenly spread, that tell the range of a motion
 SPREAD = 50
+#: numbers that are looked at together
+CACHED = 2**16
 #: states at which compression is looked at; step times the frequency with which it drives rotations
 #: that alternate from step to step, above which these grow
 LOOKS, ALTERNATES = 20, 2.0
@@ -97,8 +100,12 @@ def resolution(system: System, history: History) -> Resolution | None:
     told = rows.shape[1] >= ENOUGH
     if system.moving and (not told or _fast_ground(system, history.times[rows]).any()):
         return None
-    y = history["q"].reshape(len(history), -1, 3)[rows]
-    places = y.take(system.origin_rows, axis=2)  # (windows, states, vertices, 3)
+    states, seen = history["q"].reshape(len(history), -1, 3), []
+    for some in np.array_split(rows, min(len(rows), 1 + rows.size * system.n // CACHED)):
+        y = states[some]
+        seen.append((y.take(system.origin_rows, axis=2), _turns(system, y)))
+    # (windows, states, vertices, 3), (windows, frames)
+    places, turns = (np.concatenate(arrays) for arrays in zip(*seen, strict=True))
     part, extent = _extents(system, places)
     third, angle = _differences(places)
     with np.errstate(all="ignore"):
@@ -108,7 +115,10 @@ def resolution(system: System, history: History) -> Resolution | None:
     moves = told & (extent > NOISE * system.length)
     off = np.where(moves[part], np.nan_to_num(off) / np.where(moves, extent, 1.0)[part], 0.0)
     w, v = np.unravel_index(int(off.argmax()), off.shape)
-    turn, turning = _turns(system, y)
+    turn, turning = float(turns.max(initial=0.0)), ""
+    if turns.size:
+        frame = int(turns.argmax()) % turns.shape[1]
+        turning = owner(system, int(_frames(system)[frame])).label
     return Resolution(
         float(off[w, v]),
         turn,
@@ -175,12 +185,14 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     scale = np.full((system.rows, 3), shares.max() ** 3 / FAR)
     scale[system.origin_rows] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part, None]
     far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
-    third = q[starts + 3] - q[starts]
-    third -= 3 * (q[starts + 2] - q[starts + 1])
-    third *= scale.ravel()
-    maybe = ~(np.einsum("kn,kn->k", third, third) <= 1)  # of all nodes together
-    third = third[maybe].reshape(-1, 1, system.rows, 3)
-    far[starts[maybe] + 3] = _largest(third).max(1) > 1
+    few = max(1, CACHED // q.shape[1])
+    for k in (starts[i : i + few] for i in range(0, len(starts), few)):
+        third = q[k + 3] - q[k]
+        third -= 3 * (q[k + 2] - q[k + 1])
+        third *= scale.ravel()
+        maybe = ~(np.einsum("kn,kn->k", third, third) <= 1)  # of all nodes together
+        third = third[maybe].reshape(-1, 1, system.rows, 3)
+        far[k[maybe] + 3] = _largest(third).max(1) > 1
     out[steps] = far[steps[:, None] + np.arange(3)].any(1)
     return out
 
@@ -238,9 +250,15 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
     return None
 
 
+@once_for_each
+def _parts(system: System) -> IndexArray:
+    """The separate part that each vertex is of."""
+    return connected_parts(system).part[system.origin_rows]
+
+
 def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
     """The separate part that each vertex is of, and of each part the way of what moves most."""
-    part = separate_parts(system).part[system.origin_rows]
+    part = _parts(system)
     extent = np.zeros(part.max(initial=0) + 1)
     flat = places.reshape(-1, 3 * len(part))
     np.maximum.at(extent, part, np.linalg.norm(np.ptp(flat, axis=0).reshape(-1, 3), axis=-1))
@@ -278,7 +296,7 @@ def _largest(differences: Floats) -> Floats:
 def _neighbours(history: History) -> NDArray[np.bool_]:
     """Whether a state is one whole step behind the one before it: those to events are shorter."""
     ways, next_to = np.diff(history.times), np.diff(history["step"]) == 1
-    if next_to.any():
+    if next_to.any() and not np.ptp(ways) < SAME * ways.min():  # most runs have equal steps
         next_to &= abs(ways - np.median(ways[next_to])) < SAME * abs(ways)
     return np.asarray(next_to)
 
@@ -296,15 +314,16 @@ def _windows(history: History) -> IndexArray:
     return np.asarray(starts[np.unique(chosen)][:, None] + np.arange(width))
 
 
-def _turns(system: System, y: Floats) -> tuple[float, str]:
-    """Largest rotation (rad) of a frame in a step of windows (w, s, rows, 3), and of what."""
-    origins = system.origin_rows[system.is_frame[: len(system.origin_rows)]]
-    if not len(origins):
-        return 0.0, ""
-    if len(origins) * 4 < system.rows:
-        y = y.take(origins[:, None] + np.arange(4), axis=-2)
-    triads = y.reshape(*y.shape[:2], -1, 4, 3)[..., 1:, :]
+def _frames(system: System) -> IndexArray:
+    """First rows of all frames."""
+    return system.origin_rows[system.is_frame[: len(system.origin_rows)]]
+
+
+def _turns(system: System, y: Floats) -> Floats:
+    """Rotations (w, frames) in a step (rad), means of windows of configurations (w, s, rows, 3)."""
+    frames = _frames(system)
+    if len(frames) * 4 < system.rows:
+        y = y.take(frames[:, None] + np.arange(4), axis=2)
+    triads = y.reshape(*y.shape[:2], len(frames), 4, 3)[..., 1:, :]
     traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
-    angles = np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1)
-    k = np.unravel_index(int(angles.argmax()), angles.shape)
-    return float(angles[k]), owner(system, int(origins[k[-1]])).label
+    return np.asarray(np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1))

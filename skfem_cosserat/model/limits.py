@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache, lru_cache, wraps
-from typing import TYPE_CHECKING, Any, TypeVar
-from weakref import WeakKeyDictionary
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..frames import StructuralItem, is_beam
+from ..pattern import once_for_each
 from ..types import Floats, IndexArray
 from .groups import BeamGroup
 from .system import System
@@ -24,21 +23,6 @@ if TYPE_CHECKING:
 Nodes = IndexArray | slice
 #: gravity (m/s^2), and weight times length squared over EI above which a stiffness looks wrong
 EARTH, LIMP = 9.81, 1e4
-
-T = TypeVar("T")
-
-
-def _of_system(function: Callable[[System], T]) -> Callable[[System], T]:
-    """Keep what a function finds for each system that somebody still has."""
-    known: WeakKeyDictionary[System, T] = WeakKeyDictionary()
-
-    def found(system: System) -> T:
-        if system not in known:
-            known[system] = function(system)
-        return known[system]
-
-    return wraps(function)(found)
-
 
 # -- frames that turn far in a step ----------------------------------------------------------------
 
@@ -165,7 +149,7 @@ def first_over_rotated(system: System, states: Floats) -> int | None:
     return min(found, default=None)
 
 
-@_of_system
+@once_for_each
 def _turns_of_beams(system: System) -> list[tuple[Beam, Nodes, Nodes, Floats]]:
     """Beams, neighbours in their elements, and the least ``1 + 2 cos`` of safe angles of these."""
     from ..mesh.bends import turns
@@ -355,7 +339,7 @@ def may_be_overstretched(system: System, states: Floats) -> NDArray[np.bool_]:
     return maybe
 
 
-@_of_system
+@once_for_each
 def _axial_of_beams(system: System) -> list[tuple[Any, ...]]:
     """What :func:`may_be_overstretched` multiplies: of each beam that tension can fold up.
 
@@ -377,7 +361,7 @@ def _axial_of_beams(system: System) -> list[tuple[Any, ...]]:
     return out
 
 
-@_of_system
+@once_for_each
 def _bending_of_beams(system: System) -> list[tuple[Beam, float, Floats, float]]:
     """Beams that tension can fold up, with factor and bending stiffness (ne,), and a safe tension.
 

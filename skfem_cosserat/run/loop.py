@@ -34,7 +34,7 @@ from ..model.limits import (
 )
 from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
-from ..types import MOST, Floats, real, whole
+from ..types import MOST, real, whole
 from ..warn import Notices, logger, warn
 from .conditions import ActionOutcome
 from .describe import checked_asked, finish, run_formulas
