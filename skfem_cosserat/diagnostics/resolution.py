@@ -101,8 +101,9 @@ def resolution(system: System, history: History) -> Resolution | None:
     if system.moving and (not told or _fast_ground(system, history.times[rows]).any()):
         return None
     states, seen = history["q"].reshape(len(history), -1, 3), []
-    for some in np.array_split(rows, min(len(rows), 1 + rows.size * system.n // CACHED)):
-        y = states[some]
+    few = max(1, CACHED // (rows.shape[1] * system.n))
+    for k in range(0, len(rows), few):
+        y = states[rows[k : k + few]]
         seen.append((y.take(system.origin_rows, axis=2), _turns(system, y)))
     # (windows, states, vertices, 3), (windows, frames)
     places, turns = (np.concatenate(arrays) for arrays in zip(*seen, strict=True))
@@ -113,7 +114,7 @@ def resolution(system: System, history: History) -> Resolution | None:
         off = np.minimum(STEPS * SHARE * third, most)
     # a few steps do not tell how far a motion goes, and one of rounding goes nowhere
     moves = told & (extent > NOISE * system.length)
-    off = np.where(moves[part], np.nan_to_num(off) / np.where(moves, extent, 1.0)[part], 0.0)
+    off = np.where(moves[part], np.fmax(off, 0.0) / np.where(moves, extent, 1.0)[part], 0.0)
     w, v = np.unravel_index(int(off.argmax()), off.shape)
     turn, turning = float(turns.max(initial=0.0)), ""
     if turns.size:
