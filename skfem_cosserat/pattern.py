@@ -1,11 +1,13 @@
-"""Sparse patterns that are built once, and what scenes of one structure share."""
+"""Sparse patterns that are built once, and what scenes of one structure share, or one has."""
 
 from __future__ import annotations
 
 import hashlib
 import threading
 from collections.abc import Callable
+from functools import wraps
 from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
@@ -210,6 +212,38 @@ class Shared:
 
 #: of this process
 shared = Shared(KEPT, LARGEST)
+
+
+KeyT = TypeVar("KeyT")
+ValueT = TypeVar("ValueT")
+
+
+def once_for_each(function: Callable[[KeyT], ValueT]) -> Callable[[KeyT], ValueT]:
+    """Keep what a function of one object finds for each that somebody still has.
+
+    Nothing that it finds may refer to that object.
+
+    Examples
+    --------
+    >>> class Scene:
+    ...     calls = 0
+    >>> @once_for_each
+    ... def called(scene: Scene) -> int:
+    ...     scene.calls += 1
+    ...     return scene.calls
+    >>> scene = Scene()
+    >>> called(scene), called(scene), called(Scene())
+    (1, 1, 1)
+    """
+    known: WeakKeyDictionary[KeyT, ValueT] = WeakKeyDictionary()
+
+    @wraps(function)
+    def found(key: KeyT) -> ValueT:
+        if key not in known:
+            known[key] = function(key)
+        return known[key]
+
+    return found
 
 
 def _digest(values: Any) -> bytes:

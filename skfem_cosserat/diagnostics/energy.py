@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from ..kernels import BeamElements, beam_energy, beam_stress
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.theories import theory_of
-from ..pattern import shared
+from ..pattern import once_for_each, shared
 from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
 from .stacked import as_floats, as_stack, as_times, step_size
@@ -33,22 +32,13 @@ def _states(numbers: int) -> int:
     return int(np.clip(2**16 // max(1, numbers), 8, 256))
 
 
-#: of each system that somebody still has, as factors take longer than all else that needs them
-_SOLVERS: WeakKeyDictionary[System, Callable[[Floats], Floats]] = WeakKeyDictionary()
-
-
+@once_for_each  # factors take longer than all else that needs them
 def mass_solver(system: System) -> Callable[[Floats], Floats]:
     """Pseudo-inverse of the scalar mass matrix, applied to (rows, k) arrays.
 
     Rows without mass (d3 of beams) give zero. Small singular blocks (a point mass off the origin
     of a body) are inverted on their range.
     """
-    if system not in _SOLVERS:
-        _SOLVERS[system] = _mass_solver(system)
-    return _SOLVERS[system]
-
-
-def _mass_solver(system: System) -> Callable[[Floats], Floats]:
     mass = system.mass.tocsc()
     massive = mass.diagonal() > 0
     parts = shared(_MassBlocks, mass.indptr, mass.indices, massive)

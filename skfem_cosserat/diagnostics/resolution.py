@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from ..history import History
 from ..model import System
 from ..model.limits import owner
-from ..model.parts import separate_parts
+from ..model.parts import connected_parts
+from ..pattern import once_for_each
 from ..types import Floats, IndexArray
 from .stacked import driven_alternation
 
@@ -38,6 +39,8 @@ FAST = 0.25
 MANY, USUAL, FAR = 6, 4, 0.25
 #: states, evenly spread, that tell the range of a motion
 SPREAD = 50
+#: numbers that are looked at together
+CACHED = 2**16
 #: states at which compression is looked at; step times the frequency with which it drives rotations
 #: that alternate from step to step, above which these grow
 LOOKS, ALTERNATES = 20, 2.0
@@ -97,24 +100,31 @@ def resolution(system: System, history: History) -> Resolution | None:
     told = rows.shape[1] >= ENOUGH
     if system.moving and (not told or _fast_ground(system, history.times[rows]).any()):
         return None
-    y = history["q"].reshape(len(history), -1, 3)
-    origins = np.asarray(system.origin_rows)
-    places = y[rows[:, :, None], origins]  # (windows, states, vertices, 3)
-    part, extent = _extents(system, y[np.unique(rows)][:, origins])
+    states, seen = history["q"].reshape(len(history), -1, 3), []
+    few = max(1, CACHED // (rows.shape[1] * system.n))
+    for k in range(0, len(rows), few):
+        y = states[rows[k : k + few]]
+        seen.append((y.take(system.origin_rows, axis=2), _turns(system, y)))
+    # (windows, states, vertices, 3), (windows, frames)
+    places, turns = (np.concatenate(arrays) for arrays in zip(*seen, strict=True))
+    part, extent = _extents(system, places)
     third, angle = _differences(places)
     with np.errstate(all="ignore"):
         most = 2 * third / np.minimum(angle, 2.0) ** 3
         off = np.minimum(STEPS * SHARE * third, most)
     # a few steps do not tell how far a motion goes, and one of rounding goes nowhere
     moves = told & (extent > NOISE * system.length)
-    off = np.where(moves[part], np.nan_to_num(off) / np.where(moves, extent, 1.0)[part], 0.0)
+    off = np.where(moves[part], np.fmax(off, 0.0) / np.where(moves, extent, 1.0)[part], 0.0)
     w, v = np.unravel_index(int(off.argmax()), off.shape)
-    turn, turning = _turns(system, y, rows)
+    turn, turning = float(turns.max(initial=0.0)), ""
+    if turns.size:
+        frame = int(turns.argmax()) % turns.shape[1]
+        turning = owner(system, int(_frames(system)[frame])).label
     return Resolution(
         float(off[w, v]),
         turn,
         float(2 * np.pi / angle[w, v]) if angle[w, v] > 0 else np.inf,
-        owner(system, int(origins[v])).label,
+        owner(system, int(system.origin_rows[v])).label,
         turning,
         float(history.times[rows[w, -1]]),
     )
@@ -168,15 +178,22 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
         starts = starts[~_fast_ground(system, np.linspace(*ends, 7, axis=1), 0.5)]
     if not len(starts):
         return out
-    y = history["q"].reshape(len(history), -1, 3)
-    third = y[starts + 3] - y[starts] - 3 * (y[starts + 2] - y[starts + 1])
-    third = _largest(third[:, None])
-    origins = np.asarray(system.origin_rows)
-    part, extent = _extents(system, y[:: -(-len(y) // SPREAD), origins])
+    q = history["q"]
+    spread = q[:: -(-len(q) // SPREAD)]
+    places = spread.reshape(len(spread), -1, 3).take(system.origin_rows, axis=1)
+    part, extent = _extents(system, places)
     moves = extent > NOISE * system.length
-    third[:, origins] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part]
+    scale = np.full((system.rows, 3), shares.max() ** 3 / FAR)
+    scale[system.origin_rows] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part, None]
     far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
-    far[starts + 3] = third.max(1) * shares.max() ** 3 > FAR
+    few = max(1, CACHED // q.shape[1])
+    for k in (starts[i : i + few] for i in range(0, len(starts), few)):
+        third = q[k + 3] - q[k]
+        third -= 3 * (q[k + 2] - q[k + 1])
+        third *= scale.ravel()
+        maybe = ~(np.einsum("kn,kn->k", third, third) <= 1)  # of all nodes together
+        third = third[maybe].reshape(-1, 1, system.rows, 3)
+        far[k[maybe] + 3] = _largest(third).max(1) > 1
     out[steps] = far[steps[:, None] + np.arange(3)].any(1)
     return out
 
@@ -234,11 +251,18 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
     return None
 
 
+@once_for_each
+def _parts(system: System) -> IndexArray:
+    """The separate part that each vertex is of."""
+    return connected_parts(system).part[system.origin_rows]
+
+
 def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
     """The separate part that each vertex is of, and of each part the way of what moves most."""
-    part = separate_parts(system).part[np.asarray(system.origin_rows)]
+    part = _parts(system)
     extent = np.zeros(part.max(initial=0) + 1)
-    np.maximum.at(extent, part, np.linalg.norm(places.max(0) - places.min(0), axis=-1))
+    flat = places.reshape(-1, 3 * len(part))
+    np.maximum.at(extent, part, np.linalg.norm(np.ptp(flat, axis=0).reshape(-1, 3), axis=-1))
     return part, extent
 
 
@@ -273,7 +297,7 @@ def _largest(differences: Floats) -> Floats:
 def _neighbours(history: History) -> NDArray[np.bool_]:
     """Whether a state is one whole step behind the one before it: those to events are shorter."""
     ways, next_to = np.diff(history.times), np.diff(history["step"]) == 1
-    if next_to.any():
+    if next_to.any() and not np.ptp(ways) < SAME * ways.min():  # most runs have equal steps
         next_to &= abs(ways - np.median(ways[next_to])) < SAME * abs(ways)
     return np.asarray(next_to)
 
@@ -291,13 +315,16 @@ def _windows(history: History) -> IndexArray:
     return np.asarray(starts[np.unique(chosen)][:, None] + np.arange(width))
 
 
-def _turns(system: System, y: Floats, rows: IndexArray) -> tuple[float, str]:
-    """Largest rotation (rad) of a frame in a step, and of what."""
-    origins = np.asarray(system.origin_rows)[system.is_frame[: len(system.origin_rows)]]
-    if not len(origins):
-        return 0.0, ""
-    triads = y[rows[:, :, None, None], origins[:, None] + np.arange(1, 4)]
+def _frames(system: System) -> IndexArray:
+    """First rows of all frames."""
+    return system.origin_rows[system.is_frame[: len(system.origin_rows)]]
+
+
+def _turns(system: System, y: Floats) -> Floats:
+    """Rotations (w, frames) in a step (rad), means of windows of configurations (w, s, rows, 3)."""
+    frames = _frames(system)
+    if len(frames) * 4 < system.rows:
+        y = y.take(frames[:, None] + np.arange(4), axis=2)
+    triads = y.reshape(*y.shape[:2], len(frames), 4, 3)[..., 1:, :]
     traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
-    angles = np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1)
-    k = np.unravel_index(int(angles.argmax()), angles.shape)
-    return float(angles[k]), owner(system, int(origins[k[-1]])).label
+    return np.asarray(np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..frames import StructuralItem, is_beam
-from ..types import Floats
+from ..pattern import once_for_each
+from ..types import Floats, IndexArray
 from .groups import BeamGroup
 from .system import System
 from .theories import theory_of
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from ..beam import Beam
     from ..element import Interpolation
 
+#: nodes of a beam: their numbers, or one after the other
+Nodes = IndexArray | slice
 #: gravity (m/s^2), and weight times length squared over EI above which a stiffness looks wrong
 EARTH, LIMP = 9.81, 1e4
 
@@ -133,23 +136,35 @@ def first_over_rotated(system: System, states: Floats) -> int | None:
     Most states are ruled out by one product each: where the angles between the p + 1 nodes of an
     element add up to more than its limit one of them is above a p-th of it.
     """
-    from ..mesh.bends import turns
-
     found = []
-    for beam in (item for item in system.structures if is_beam(item)):
-        basis, kind = beam.basis, beam.basis.interpolation
-        nodal, inner = _nodal(system, beam, states), basis.connectivity
-        a, b = inner[:, :-1].ravel(), inner[:, 1:].ravel()
-        in_a_row = (a == np.arange(len(a))).all() and (b == a + 1).all()
-        ends = (nodal[:, :-1], nodal[:, 1:]) if in_a_row else (nodal[:, a], nodal[:, b])
-        # 1 + 2 cos of the angles now; in the reference there may be some already
-        trace = np.einsum("neij,neij->ne", *ends)
-        then = turns(np.eye(3), _steps(beam.triads[inner])).sum(1)
-        least = np.clip((kind.turn_limit - then) / kind.order, 0, np.pi).repeat(kind.order)
-        doubtful = np.flatnonzero((trace < 1 + 2 * np.cos(least) + 1e-9).any(1))
-        bent = (_rotated(beam, nodal[doubtful]) / kind.turn_limit > 1.0).any(1)
+    for beam, a, b, least in _turns_of_beams(system):
+        nodal = _nodal(system, beam, states)
+        trace = np.einsum("neij,neij->ne", nodal[:, a], nodal[:, b])
+        if (trace.min(0) >= least).all():
+            continue
+        doubtful = np.flatnonzero((trace < least).any(1))
+        limit = beam.basis.interpolation.turn_limit
+        bent = (_rotated(beam, nodal[doubtful]) / limit > 1.0).any(1)
         found += doubtful[bent][:1].tolist()
     return min(found, default=None)
+
+
+@once_for_each
+def _turns_of_beams(system: System) -> list[tuple[Beam, Nodes, Nodes, Floats]]:
+    """Beams, neighbours in their elements, and the least ``1 + 2 cos`` of safe angles of these."""
+    from ..mesh.bends import turns
+
+    out = []
+    for beam in (item for item in system.structures if is_beam(item)):
+        kind, inner = beam.basis.interpolation, beam.basis.connectivity
+        a, b = inner[:, :-1].ravel(), inner[:, 1:].ravel()
+        # in the reference there may be angles already
+        then = turns(beam.triads[inner[:, :-1]], beam.triads[inner[:, 1:]]).sum(1)
+        angle = np.clip((kind.turn_limit - then) / kind.order, 0, np.pi).repeat(kind.order)
+        in_a_row = (a == np.arange(len(a))).all() and (b == a + 1).all()
+        ends = (slice(0, -1), slice(1, None)) if in_a_row else (a, b)
+        out.append((beam, *ends, 1 + 2 * np.cos(angle) + 1e-9))
+    return out
 
 
 def _nodal(system: System, beam: Beam, y: Floats) -> Floats:
@@ -312,18 +327,47 @@ def overstretched_beam(
     return about
 
 
-#: of each system that somebody still has
-_BENDING: WeakKeyDictionary[System, list[tuple[Beam, float, Floats, float]]] = WeakKeyDictionary()
+def may_be_overstretched(system: System, states: Floats) -> NDArray[np.bool_]:
+    """Whether :func:`overstretched` may find an element, for each of some states (N, rows, 3).
+
+    It looks at mean axial strains alone, which tell the tension of what is not coupled to others.
+    """
+    maybe = np.zeros(len(states), dtype=bool)
+    for row, mean, lengths, rest, axial, safe in _axial_of_beams(system):
+        stretch = np.einsum("ab,neac,nebc->ne", mean, states[:, row], states[:, row + 3]) / lengths
+        maybe |= ~(axial * (stretch - rest) * stretch.clip(0) <= safe).all(1)
+    return maybe
 
 
+@once_for_each
+def _axial_of_beams(system: System) -> list[tuple[Any, ...]]:
+    """What :func:`may_be_overstretched` multiplies: of each beam that tension can fold up.
+
+    Rows (ne, nn) of its nodes, the matrix (nn, nn) that makes means of ``d3 . phi'`` of them,
+    lengths, these means in the reference, axial stiffness, and a safe tension (ne,). No tension is
+    safe where that is not all there is to it.
+    """
+    out = []
+    for beam, factor, soft, _ in _bending_of_beams(system):
+        e, basis = beam.elements, beam.basis
+        row, at = system.first[id(beam)][1] + 4 * basis.connectivity, basis.interpolation.reduced
+        axial = e.stiffness[:, 2, 2]
+        alone = not (e.stored or np.delete(e.stiffness[:, 2], 2, axis=1).any())
+        alone &= e.rotations is None
+        safe = factor * soft / e.lengths**2 * (1 - 1e-9) - 1e-12 * axial
+        rest = e.reference[:, :, 2] @ e.weights
+        mean = (at.slopes * at.weights) @ at.values.T
+        out.append((row, mean, e.lengths, rest, axial, safe if alone else -np.inf))
+    return out
+
+
+@once_for_each
 def _bending_of_beams(system: System) -> list[tuple[Beam, float, Floats, float]]:
     """Beams that tension can fold up, with factor and bending stiffness (ne,), and a safe tension.
 
     That is infinitely small where stiffnesses follow the strains.
     """
-    if system in _BENDING:
-        return _BENDING[system]
-    out = _BENDING[system] = []
+    out = []
     for beam in (s for s in system.structures if is_beam(s)):
         kind, sections = beam.basis.interpolation, beam.sections.values()
         if kind.points <= kind.order:

@@ -13,12 +13,12 @@ from ..constraints import Treatment
 from ..diagnostics import (
     Projection,
     alternation,
-    constraint_points,
     doubtful_steps,
     multipliers,
     resolution,
 )
 from ..diagnostics.resolution import MOST_OFF
+from ..diagnostics.stacked import all_rows
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
@@ -29,12 +29,13 @@ from ..model.limits import (
     FAR_TURN,
     fastest_turn,
     first_over_rotated,
+    may_be_overstretched,
     over_rotated_beam,
     overstretched_beam,
 )
 from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
-from ..types import MOST, Floats, real, whole
+from ..types import MOST, real, whole
 from ..warn import Notices, logger, warn
 from .conditions import ActionOutcome
 from .describe import checked_asked, finish, run_formulas
@@ -518,15 +519,15 @@ def _strained_elements(system: System, history: History) -> list[tuple[tuple[str
     if first is not None and (bent := over_rotated_beam(system, states[first])):
         found.append((bent, float(history.times[first])))
     looks = np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int))
-    points: Floats = states[looks]
-    tension: list[Floats | None] = [None] * len(looks)
-    if system.theory_rows:
-        points = constraint_points(system, history)[looks]
     if any(2 in theory.held for theory in system.theory_rows):
+        points = all_rows(system, history["q"][looks], history.instants[looks])
         lams = multipliers(system, points, history["constraint_force"][looks])
         tension = [lam if np.isfinite(lam).all() else None for lam in lams]
-    for k, y, lam in zip(looks, points, tension, strict=True):
-        if drawn := overstretched_beam(system, y, lam):
+    else:
+        looks = looks[may_be_overstretched(system, states[looks])]
+        tension = [None] * len(looks)
+    for k, lam in zip(looks, tension, strict=True):
+        if drawn := overstretched_beam(system, states[k], lam):
             return [*found, (drawn, float(history.times[k]))]
     return found
 

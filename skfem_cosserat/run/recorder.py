@@ -280,7 +280,7 @@ class Works:
         """What the scheme took of what was dissipated (J)."""
         return self._numerical
 
-    def balance(self, force: Floats | None) -> EnergyBalance | None:
+    def balance(self, force: Floats | None, ends: Floats) -> EnergyBalance | None:
         """Of the run so far; None where there is nothing to compare.
 
         Work of drives that is not known yet is taken with the constraint force that is.
@@ -289,13 +289,16 @@ class Works:
         ----------
         force : (n,) array, optional
             Constraint force of one of its states.
+        ends : (2,) array
+            Energies (J) of its first and its last state; computed here where they are not finite.
         """
         state = self._now[-1]
         if state is self._start[-1]:
             return None
         try:
             with np.errstate(all="ignore"):
-                start, end = energy(*self._start), energy(*self._now)
+                known = np.isfinite(ends).all()
+                start, end = ends if known else (energy(*self._start), energy(*self._now))
         except CosseratError as error:
             warn("balance of energy", f"it cannot be had: {error}", IncompleteWarning)
             return None
@@ -308,7 +311,7 @@ class Works:
         if scale <= NOISE * held:
             scale = 0.0
         off = start + self.loads + self.actuators + drives - lost - end
-        return EnergyBalance(start, end, *works, off, scale)
+        return EnergyBalance(float(start), float(end), *works, float(off), float(scale))
 
     @property
     def known_drives(self) -> float:
@@ -727,8 +730,11 @@ class Recorder:
         self._complete = self.writer.history()
         return self._complete
 
-    def _between_ends(self, history: History) -> Between:
-        """What was lost up to recorded states."""
+    def _energies(self, history: History) -> tuple[IndexArray, Floats]:
+        """Rows of recorded states, the first and the last one among them, and their energies (J).
+
+        These are NaN where one of them cannot be had.
+        """
         rows = np.linspace(0, self._rows - 1, min(self._rows, BETWEEN)).round().astype(np.int64)
         integrator, starts = self.stepper.integrator, [segment.row for segment in self.segments]
         owner = np.searchsorted(starts, rows, side="right") - 1
@@ -738,12 +744,17 @@ class Recorder:
                 for k in np.unique(owner):
                     chosen = self.segments[k].system, integrator, history, rows[owner == k]
                     found[owner == k] = energies(*chosen)
-                works = sum(history[name][rows] for name in WORKS)
-                left = history["dissipated"][rows] - np.array(self._taken)[rows]
-                lost = found[0] + works - left - found
         except (CosseratError, ArithmeticError) as error:
             logger.info("no balance of energy in between: %s", error)
-            return Between(np.zeros(0), np.zeros(0), 0.0)
+            found[:] = np.nan
+        return rows, found
+
+    def _between_ends(self, history: History, rows: IndexArray, found: Floats) -> Between:
+        """What was lost up to recorded states, of rows and their energies."""
+        with np.errstate(all="ignore"):
+            works = sum(history[name][rows] for name in WORKS)
+            left = history["dissipated"][rows] - np.array(self._taken)[rows]
+            lost = found[0] + works - left - found
         system, duration = self.system, float(history.times[-1] - history.times[0])
         mass = float(system.mass.diagonal()[system.origin_rows].sum())
         rest = mass * (REST * system.length / duration) ** 2 if duration > 0 else np.inf
@@ -765,13 +776,14 @@ class Recorder:
             extra["failure"] = str(failure)
         extra |= self._happened()
         extra |= self._more
-        balance = self.works.balance(self._force)
         try:
+            looked = self._energies(history)
+            balance = self.works.balance(self._force, looked[1][[0, -1]])
             if balance is not None:
                 extra["energy_balance"] = balance._asdict()
                 run = self.stepper.integrator, self.h, self._before.time
                 more = partial(hint, history) if hint is not None else str
-                balance.check(*run, self._between_ends(history), more)
+                balance.check(*run, self._between_ends(history, *looked), more)
         finally:  # a warning is an error, if the user wants it so
             self.writer.close(status, **extra, warnings=self.notices.kept())
             history.meta = self.writer.meta

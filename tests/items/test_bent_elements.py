@@ -196,6 +196,26 @@ def test_the_first_of_many_states_is_found(p):
             assert first_over_rotated(system, np.array(states[: each.index(True)])) is None
 
 
+@pytest.mark.parametrize("p", ORDERS)
+def test_what_rules_states_out_never_hides_a_bent_element(p):
+    """Random states about the limit, in pieces that meet in any order, each looked at alone."""
+    rng = np.random.default_rng(p)
+    nodes = np.array([(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 0, 3), (0, 1, 1)], dtype=float)
+    mesh = MeshCurve(nodes.T, np.array([[2, 3], [0, 1], [1, 2], [1, 4]]).T)
+    model = Model()
+    branched = model.add("tree", Beam(mesh, SECTION, order=p, director=(1, 0, 0)))
+    found = []
+    for system, beam in (scene(p), (model.freeze(), branched)):
+        limit = beam.basis.interpolation.turn_limit
+        for share in rng.uniform(0.1, 1.0, 40):
+            theta = share * limit / p * rng.normal(size=(beam.basis.n_nodes, 3))
+            y = bent(system, beam, lambda s, theta=theta: theta)
+            alone = over_rotated(system, y) is not None
+            assert (first_over_rotated(system, y[None]) == 0) == alone
+            found.append(alone)
+    assert 5 < sum(found) < len(found) - 5
+
+
 def rolled_up(order: int, elements: int):
     """A cantilever on its way to a full circle."""
     section = Section([1e4, 1e4, 1e4, 100, 100, 100], mass=1.0, inertia=(1.0, 1.0))

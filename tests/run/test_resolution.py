@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import warnings
 
 import numpy as np
@@ -239,6 +240,37 @@ def test_only_hard_steps_are_doubted_and_none_that_are_prescribed():
     model.add("drive", sc.JointDrive(model["axle"], lambda t: 1.0 * t))
     driven = with_iterations(run(model, 1.0, 10), 9)
     assert not doubtful_steps(model.freeze(), driven).any()
+
+
+@pytest.mark.parametrize("together", [2**16, 1])
+def test_numbers_are_those_of_each_state_alone(monkeypatch, together):
+    """Of frames and points, however many are looked at together: by loops over definitions."""
+    monkeypatch.setattr(sys.modules[resolution.__module__], "CACHED", together)
+    model = spinning(0.3)
+    model.add("ball", sc.MassPoint(1.0, position=(1.0, 0, 0), velocity=(0, 1.0, 0)))
+    spin = (0.1, 1.1, 0.2)
+    model.add("box", sc.RigidBody(1.0, (1.0, 2.0, 2.5), position=(5, 0, 0), angular_velocity=spin))
+    history = run(model, 0.5, 30)
+    found, y = resolution(model.freeze(), history), history["q"].reshape(31, -1, 3)
+    starts, frames = (0, 19), {"wheel": 0, "box": 5}  # of two windows of twelve states
+    turns = {
+        name: max(
+            np.mean(
+                [np.arccos(((y[k, own] * y[k + 1, own]).sum() - 1) / 2) for k in range(a, a + 11)]
+            )
+            for a in starts
+        )
+        for name, own in ((name, slice(row + 1, row + 4)) for name, row in frames.items())
+    }
+    assert found.turning == "rigid body 'box'" and turns["box"] > turns["wheel"]
+    assert abs(found.turn - turns["box"]) < 1e-12
+    history = with_iterations(history, 9)
+    jumps = np.diff(y, 3, axis=0)
+    jumps[:, [0, 4, 5]] = 0  # what goes straight, or stays, is resolved
+    far = np.linalg.norm(jumps, axis=2).max(1) > 0.25
+    steps = [far[max(0, k - 3) : k].any() for k in range(31)]
+    assert any(steps) and not all(steps)
+    assert doubtful_steps(model.freeze(), history).tolist() == steps
 
 
 def test_parts_of_composed_steps_have_iterations_of_their_own():
