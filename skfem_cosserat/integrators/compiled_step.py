@@ -521,13 +521,14 @@ class CompiledStep(CompiledScene):
 
     @cached_property
     def _lasting(self) -> list[Floats]:
-        """Arrays in which steps leave something to the next ones, and others beside them."""
+        """Arrays of numbers in which steps leave something to the next ones, and others."""
         tables = self._arrays, self._tree, *self._beams, vars(self._o)
         found = {
             id(array): array
             for fields in tables
             for name, array in fields.items()
             if isinstance(array, np.ndarray) and array.flags.writeable
+            if array.size and array.dtype.kind in "fc"
             if not name.startswith("log_")
         }
         return [*found.values(), self._record]
