@@ -187,7 +187,7 @@ def test_all_parts_are_compiled_ahead(monkeypatch, capsys):
     assert main(["warm"]) == 0 and capsys.readouterr().out == "kernels are compiled\n"
     # only scenes in a plane end with forces by rows in space
     assert asked["tree"] == {*TREE_PARTS, *BEAM_PARTS} - {"beam_finish"}
-    in_space = {"load", "couple", "hold", "beam_start"}
+    in_space = {"load", "couple", "hold", "beam_start", "beam_energy"}
     flow = {name for name in TREE_PARTS if name.startswith("flow")}
     assert {*TREE_PARTS, *BEAM_PARTS} - asked["plane"] <= in_space | flow
     assert orders == {1}
