@@ -53,6 +53,7 @@ from ..compiled.warm import Source
 from ..constraints import Multipliers, Treatment
 from ..constraints.base import BoundTreatment, half_turn, largest
 from ..coupling import Coupling
+from ..errors import InputError
 from ..linear import Solver
 from ..model import System
 from ..model.balance import amplitudes_at, external_force
@@ -393,7 +394,7 @@ class CompiledStep(CompiledScene):
         self._a.last *= h / self.h  # to begin with: impulses of rows, too
         known = min(self._record[KNOWN], 1.0)
         self._record[[KNOWN, GUESS, KEPT]] = known, known, 0.0
-        self.h, self.scheme, self._factors = h, scheme, None
+        self.h, self.scheme, self._factors, self._marked = h, scheme, None, None
         self._set_rates(scheme)
         self._coupled.resize(scheme, h)
         self._resist(h)
@@ -481,7 +482,7 @@ class CompiledStep(CompiledScene):
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
-        self._record[STATES] = 1
+        self._record[STATES], self._marked = 1, None
         if not self._solved(state, 1):
             return None
         return int(self._record[ITERATIONS]), self.residual
@@ -498,6 +499,7 @@ class CompiledStep(CompiledScene):
 
         `mark`: some of them may be taken back by :meth:`rewind`.
         """
+        self._marked = None
         if mark:
             own = {name: getattr(self, name) for name in MARKED}
             self._marked = own, [array.copy() for array in self._lasting]
@@ -539,7 +541,9 @@ class CompiledStep(CompiledScene):
         All is then as if only these had been solved, to the last bit. The block has to be a marked
         one, of which every state is kept.
         """
-        assert self._marked is not None
+        if self._marked is None:
+            text = "its steps were not taken with mark=True, or others have been solved since"
+            raise InputError("argument report", text)
         own, arrays = self._marked
         vars(self).update(own)
         for array, before in zip(self._lasting, arrays, strict=True):

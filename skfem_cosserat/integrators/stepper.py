@@ -849,8 +849,13 @@ class Stepper:
     def rewind(self, report: StepReport, steps: int) -> None:
         """Take back what was solved after the first so many steps of the last report.
 
-        The stepper goes on as if it had not been solved, to the last bit. Steps of a block must
-        have been taken with ``mark=True``.
+        The stepper goes on as if it had not been solved, to the last bit.
+
+        Raises
+        ------
+        InputError
+            If it is of several steps that were not taken with ``mark=True``, or others were taken
+            after it.
         """
         if isinstance(report, BlockReport) and (steps < report.steps or report.block.stuck):
             fast = self._sized(report.step).fast

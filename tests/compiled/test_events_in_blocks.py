@@ -354,3 +354,17 @@ def test_what_was_before_an_error_is_kept(blocks, at):
     np.testing.assert_array_equal(one.times, many.times)
     for name in ("q", "carried", "work_loads"):
         np.testing.assert_array_equal(one[name], many[name])
+
+
+def test_only_the_last_steps_are_taken_back():
+    """In words where they were not marked, or others came after them; one step is all there is."""
+    system, _ = swinging_rod()
+    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), H, kernels="numba")
+    report = stepper.advance(stepper.own(sc.initial_state(system)))
+    stepper.rewind(report, 1)
+    marked = stepper.advance_block(report.state, 10, every=True, mark=True)
+    after = stepper.advance(marked.state)
+    plain = stepper.advance_block(after.state, 10, every=True)
+    for each in (marked, plain):
+        with pytest.raises(sc.InputError, match="not taken with mark=True, or others have been"):
+            stepper.rewind(each, 5)
