@@ -55,6 +55,7 @@ from ..compiled.structures import STEPS, structure
 from ..constraints import Multipliers, Treatment
 from ..constraints.base import BoundTreatment, half_turn, largest
 from ..coupling import Coupling
+from ..errors import InputError
 from ..linear import Solver
 from ..model import System
 from ..model.balance import amplitudes_at, external_force
@@ -219,8 +220,8 @@ STRIDE, MOVED = 256, 10**6
 STRIDE_KEPT, MOVED_KEPT = 128, 10**5
 #: what depends on time in loads: dead ones, moments, and those that are fixed in bodies
 LOADS = "dead", "moments", "followers"
-#: numbers beside arrays that steps change, see :meth:`CompiledStep.rewind`
-MARKED = "factorisations", "_travelled", "_travel", "_farthest"
+#: what steps change beside arrays, see :meth:`CompiledStep.rewind`
+MARKED = "factorisations", "_travelled", "_travel", "_farthest", "_factors", "_loaded"
 
 
 class BlockOfSteps(NamedTuple):
@@ -389,7 +390,7 @@ class CompiledStep(CompiledScene):
         self._a.last *= h / self.h  # to begin with: impulses of rows, too
         known = min(self._record[KNOWN], 1.0)
         self._record[[KNOWN, GUESS, KEPT]] = known, known, 0.0
-        self.h, self.scheme, self._factors = h, scheme, None
+        self.h, self.scheme, self._factors, self._marked = h, scheme, None, None
         self._set_rates(scheme)
         self._coupled.resize(scheme, h)
         self._resist(h)
@@ -503,7 +504,7 @@ class CompiledStep(CompiledScene):
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""
-        self._record[STATES] = 1
+        self._record[STATES], self._marked = 1, None
         if not self._solved(state, 1):
             return None
         return int(self._record[ITERATIONS]), self.residual
@@ -529,6 +530,7 @@ class CompiledStep(CompiledScene):
         Fewer, where something has to be looked at. `mark`: some of them may be taken back by
         :meth:`rewind`.
         """
+        self._marked = None
         if mark:
             own = {name: getattr(self, name) for name in MARKED}
             self._marked = own, [array.copy() for array in self._lasting]
@@ -557,13 +559,14 @@ class CompiledStep(CompiledScene):
 
     @cached_property
     def _lasting(self) -> list[Floats]:
-        """Arrays in which steps leave something to the next ones, and others beside them."""
+        """Arrays of numbers in which steps leave something to the next ones, and others."""
         tables = self._arrays, self._tree, *self._beams, vars(self._o)
         found = {
             id(array): array
             for fields in tables
             for name, array in fields.items()
             if isinstance(array, np.ndarray) and array.flags.writeable
+            if array.size and array.dtype.kind in "fc"
             if not name.startswith(("log_", "all_"))
         }
         return [*found.values(), self._record]
@@ -574,7 +577,9 @@ class CompiledStep(CompiledScene):
         They end at these times (s). All is then as if only these had been solved, to the last bit.
         The block has to be a marked one, of which every state is kept.
         """
-        assert self._marked is not None
+        if self._marked is None:
+            text = "its steps were not taken with mark=True, or others have been solved since"
+            raise InputError("argument report", text)
         own, arrays = self._marked
         vars(self).update(own)
         for array, before in zip(self._lasting, arrays, strict=True):

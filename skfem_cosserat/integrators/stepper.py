@@ -137,6 +137,10 @@ class StepReport:
             raise InputError("argument k", f"{k!r}, expected 0: the report is of one step")
         return self
 
+    def after(self, k: int) -> State:
+        """The state at the end of the k-th of them, as of :meth:`part`, for less."""
+        return self.part(k).state
+
     @property
     def step(self) -> float:
         """Its size (s)."""
@@ -226,9 +230,14 @@ class BlockReport(StepReport):
         work = StepWork(float(b.loads[k]), dissipated=b.taken[k], numerical=b.taken[k])
         ground = self._solved.y1[self._solved.system.rows :]  # nothing moves by prescription
         y1 = np.concatenate([b.q[back].reshape(-1, 3), ground])
-        end = self.state if k == self.steps - 1 else self._start(k + 1)
         solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[back].copy())
-        return StepReport(end, int(b.iterations[k]), 1, float(b.residual[k]), work, solved)
+        return StepReport(
+            self.after(k), int(b.iterations[k]), 1, float(b.residual[k]), work, solved
+        )
+
+    def after(self, k: int) -> State:
+        """See the base class."""
+        return self.state if k == self.steps - 1 else self._start(k + 1)
 
     def first(self, steps: int) -> BlockReport:
         """The first ones of them, at least one; as :meth:`part`."""
@@ -841,8 +850,13 @@ class Stepper:
     def rewind(self, report: StepReport, steps: int) -> None:
         """Take back what was solved after the first so many steps of the last report.
 
-        The stepper goes on as if it had not been solved, to the last bit. Steps of a block must
-        have been taken with ``mark=True``.
+        The stepper goes on as if it had not been solved, to the last bit.
+
+        Raises
+        ------
+        InputError
+            If it is of several steps that were not taken with ``mark=True``, or others were taken
+            after it.
         """
         if isinstance(report, BlockReport) and (steps < report.steps or report.block.stuck):
             fast = self._sized(report.step).fast

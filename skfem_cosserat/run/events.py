@@ -368,12 +368,18 @@ class Found(NamedTuple):
 
 
 class _Trials:
-    """Steps of other sizes in place of one of a run, each of them solved once."""
+    """Steps of other sizes in place of the k-th of a report, each of them solved once."""
 
-    def __init__(self, watch: EventMonitor, report: StepReport) -> None:
-        self.watch, self.state, self.report = watch, report.start, report
-        self.h = report.state.time - self.state.time
+    def __init__(self, watch: EventMonitor, reports: StepReport, k: int, end: float) -> None:
+        self.watch, self.state = watch, watch._now.view.state
+        self.h = end - self.state.time
+        self._reports, self._k = reports, k
         self._known: dict[float, StepReport] = {}
+
+    @cached_property
+    def report(self) -> StepReport:
+        """Of the step itself."""
+        return self._reports.part(self._k)
 
     def of(self, event: Event) -> Trial:
         """The number of an event at their ends."""
@@ -475,24 +481,27 @@ class EventMonitor:
 
     def look(self, report: StepReport) -> Found | None:
         """The first events of a step, or of several in one go; None: there were none."""
-        self.passed, sides = 0, self._together(report)
+        self.passed = 0
+        if not isinstance(report, BlockReport):
+            return self._look(report, 0)
+        sides = self._together(report)
         for k in np.flatnonzero(~sides.all(axis=1)).tolist():
             self._pass(report, sides[:k])
-            found = self._look(report.part(k))
+            found = self._look(report, k)
             if found is not None:
-                before = report.first(k) if k and isinstance(report, BlockReport) else None
+                before = report.first(k) if k else None
                 return found._replace(steps=k + 1, before=before)
             self.passed = k + 1
         self._pass(report, sides)
         return None
 
-    def _together(self, report: StepReport) -> IndexArray:
+    def _together(self, report: BlockReport) -> IndexArray:
         """Signs (steps, events) of numbers after steps in which nothing can have happened; zeros.
 
         These are the signs of numbers that keep theirs, and whose parabola is far from zero.
         """
         alone = np.zeros((report.steps, len(self.events)), dtype=np.int64)
-        if self._earlier is None or not isinstance(report, BlockReport):
+        if self._earlier is None:
             return alone
         block, looks = report.block, (self._earlier, self._now)
         views = self.view._many(report.times, block.q, block.p)
@@ -511,16 +520,16 @@ class EventMonitor:
     def _pass(self, report: StepReport, sides: IndexArray) -> None:
         """Go on behind steps in which nothing has happened, with these signs after each of them."""
         for k in range(max(self.passed, len(sides) - 2), len(sides)):
-            self._keep(_Look(self.events, self.view._at(report.part(k).state)))
+            self._keep(_Look(self.events, self.view._at(report.after(k))))
         if len(sides) > self.passed:
             names = (event.name for event in self.events)
             self._sides = dict(zip(names, sides[-1].tolist(), strict=True))
             self.passed = len(sides)
 
-    def _look(self, report: StepReport) -> Found | None:
-        """The first events of a step; None: there were none."""
-        look = _Look(self.events, self.view._at(report.state))
-        values, trials = look.values, _Trials(self, report)
+    def _look(self, reports: StepReport, k: int) -> Found | None:
+        """The first events of the k-th of some steps; None: there were none."""
+        look = _Look(self.events, self.view._at(reports.after(k)))
+        values, trials = look.values, _Trials(self, reports, k, look.view.time)
         brackets: dict[str, Bracket] = {}
         for event in self.events:
             bracket = self._bracket(event, trials, values[event.name])
@@ -531,6 +540,7 @@ class EventMonitor:
             for name, value in values.items():
                 self._sides[name] = _sign(value) or self._sides[name]
             return None
+        report = trials.report
         where = [
             located(brackets[event.name], trials.of(event), self._width(event, report, trials.h))
             for event in self.events
@@ -576,14 +586,13 @@ class EventMonitor:
 
     def _bracket(self, event: Event, trials: _Trials, value: float) -> Bracket | None:
         """Where its number passes through zero in the step to this value; None: nowhere."""
-        side, report = self._sides[event.name], trials.report
-        start = self._now.values[event.name]
+        side, start = self._sides[event.name], self._now.values[event.name]
         a, b = (
             TimedValue(0.0, start if start * side > 0 else side * 1e-300),
             TimedValue(trials.h, value),
         )
         if self._met(event, value, side):
-            return Bracket(side, a, b, report)
+            return Bracket(side, a, b, trials.report)
         if not value * side > 0 or event.condition.monotonic or self._jumps(event, value):
             return None
         if self._earlier is not None:
@@ -596,7 +605,7 @@ class EventMonitor:
             return None
         inside, there = found
         if event.direction == side:  # the way back is asked for
-            return Bracket(-side, inside, b, report)
+            return Bracket(-side, inside, b, trials.report)
         return Bracket(side, a, inside, there)
 
     def _dip(

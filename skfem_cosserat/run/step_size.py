@@ -78,6 +78,11 @@ class SteppingPlan(ABC):
         return {}
 
 
+#: steps taken alone before some are taken in one go, between events: fewer cost more together; and
+#: steps between two events from which on it pays to take some that may be in vain
+ALONE, APART = 16, 64
+
+
 class FixedSteps(SteppingPlan):
     """Steps of one size, as many as were asked for.
 
@@ -127,13 +132,13 @@ class FixedSteps(SteppingPlan):
         return [self.stepper.advance(state, self._time(state.index + 1), h)]
 
     def _between_events(self, state: State) -> tuple[int, bool]:
-        """About as many steps in one go as there have been since the start or the last event.
+        """As many steps in one go as there have been since the start or the last event.
 
-        So few are solved in vain. The first three, which complete the row of the start, are taken
-        alone.
+        So few are solved in vain. The first ones, which complete the row of the start, are taken
+        alone; so are those up to the next event, if events follow each other in equal times.
         """
         k = state.index - self._first
-        return min(k - 1, self._count - k), True
+        return (min(k, self._count - k) if k >= self._alone else 1), True
 
     def _time(self, index: Any) -> Any:
         """Of states with these indices: t_n = t_0 + n h, no rounding adds up over many steps."""
@@ -142,7 +147,8 @@ class FixedSteps(SteppingPlan):
     def begin(self, stepper: Stepper, state: State) -> None:
         """See the base class: equal steps to the same end, of the size asked for or less."""
         assert self._end is not None
-        left = self._end - state.time
+        left, since = self._end - state.time, state.index - self._first
+        self._alone = since + since // 4 if ALONE < since < APART else ALONE
         self.stepper, self._origin, self._first = stepper, state.time, state.index
         self._count = int(np.ceil(left / self._size - 1e-9)) if left > 1e-9 * self._size else 0
         if self._count:
