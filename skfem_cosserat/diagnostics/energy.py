@@ -133,8 +133,8 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     for start in range(0, len(P), size):
         some = P[start : start + size].reshape(-1, system.rows, 3)
         rows = some.transpose(1, 0, 2).reshape(system.rows, -1)
-        products = (rows * solve(rows)).reshape(system.rows, -1, 3)
-        out[start : start + size] = 0.5 * products.sum((0, 2))
+        products = (rows * solve(rows)).sum(0)
+        out[start : start + size] = 0.5 * products.reshape(-1, 3).sum(1)
     return out[0] if single else out
 
 

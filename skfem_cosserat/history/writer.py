@@ -331,7 +331,7 @@ class HistoryWriter:
         history = self.history()
         kept = len(history) - self._fill - sum(len(part["t"]) for part in self._done)
         advice = (
-            f"; {kept} states are in the file, all {len(history)} in .history of this error:"
+            f"; {kept} states are in the file, all states in .history of this error:"
             " error.history.save(another file) keeps them"
         )
         time = float(history.times[-1]) if len(history) else None

@@ -111,6 +111,17 @@ class RunLoop:
                 self._take(report.first(watch.passed))
             raise
 
+    def numbers(self, h: float | None) -> StepNumbers:
+        """Numbers of its steps, to be found at its end: the metadata of its history take them.
+
+        Events shorten steps: those of the size h (s) that was asked for count, if one was.
+        """
+        recorder, plan = self.recorder, self.plan
+        recorder.h = h or plan.h
+        out = StepNumbers(recorder.segments[-1].system, self.factory.integrator, recorder.h)
+        recorder.tell(plan.summary() | {"steps": out.numbers})
+        return out
+
     def _take(self, report: StepReport) -> str:
         """A step is done: the status of the run."""
         self.recorder.take(report)
@@ -393,18 +404,17 @@ def simulate(
             run = RunLoop(
                 factory, plan, recorder, callbacks, lambda t: show(t, until), interrupt, watch
             )
+            equal = h is not None
+            recorder.look_back = lambda found: _warn_of_motion(run.numbers(h), found, equal, None)
             with show:
                 status, failure = run.go(state)
-            # events shorten steps: what is said is of those that were asked for
-            why = StepNumbers(recorder.segments[-1].system, integrator, h or plan.h)
-            recorder.tell(plan.summary() | {"steps": why.numbers})
+            why = run.numbers(h)
             if failure is None and status == "completed":
                 _warn_of_rest(state, run.state, None if eventful else h, until)
             if failure is not None:
                 notices.tell(failure)  # from here on no warning takes its place
-            recorder.h = h or plan.h
             try:
-                _warn_of_motion(why, recorder.complete(), h is not None, failure)
+                _warn_of_motion(why, recorder.complete(), equal, failure)
             finally:  # a warning may be an error: the file is whole all the same
                 history = recorder.close(status, failure, why.alternation)
             if failure is not None:

@@ -422,6 +422,8 @@ class Recorder:
         self.iterations = 0
         self._complete: History | None = None
         self.closed: History | None = None
+        #: tells what the states of a run show that an error of the user's own code ends
+        self.look_back: Callable[[History], object] | None = None
         self.bank = SensorBank(bank, system, stepper, self.writer)
         self.bank.begin(state)
         self._rows = 0
@@ -459,12 +461,14 @@ class Recorder:
         """An error of the user's own code takes the history so far along as ``error.history``."""
         if error is not None:
             take_along(error, self._so_far, [segment.system for segment in self.segments])
+        self.look_back = None  # it may refer to what has this
 
     def _so_far(self) -> History:
         if self.closed is not None:
             return self.closed
         if not self.writer.closed:
             try:
+                self._look_back()
                 return self.close("failed", None)
             except StorageError:
                 raise
@@ -473,6 +477,14 @@ class Recorder:
                 if not self.writer.closed:
                     self.writer.close("failed")
         return self.writer.history()
+
+    def _look_back(self) -> None:
+        history = self.complete()
+        try:
+            if self.look_back is not None:
+                self.look_back(history)
+        except Exception as other:  # noqa: BLE001, as above: the history is closed all the same
+            logger.info("what its states show is not known: %s", other)
 
     def _row_of(
         self,

@@ -285,3 +285,25 @@ def test_parts_of_composed_steps_have_iterations_of_their_own():
     assert not found[0].any()
     third = (2 * np.sin(0.5)) ** 3 * max(map(abs, scheme.shares)) ** 3
     assert found[1][1:].all() == (third > 0.25)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("tolerance", [None, 1.0])
+def test_a_run_that_a_callback_ends_by_an_error_has_numbers_of_its_steps(tolerance):
+    """And its warnings, in its history alone: the error is what is said."""
+
+    def fail(report):
+        if report.state.index == 20:
+            raise LookupError("no more")
+
+    step = 1.0 if tolerance is None else sc.StepControl(tolerance, first=0.5, largest=0.5)
+    run = spinning(1.0), sc.EnergyMomentum(), sc.NullSpace(), step, 60.0
+    with pytest.raises(LookupError, match="no more") as caught:
+        sc.simulate(*run, callbacks=[fail], kernels="numpy")
+    history = caught.value.history
+    assert history.status == "failed" and history["step"][-1] == 20
+    if tolerance is None:
+        assert history.meta["steps"]["turn"] == pytest.approx(0.93, abs=0.01)
+        assert len(steps_warned(history)) == 1
+    else:
+        assert history.meta["steps"] == {"elements": 0.0} and "step_control" in history.meta
