@@ -158,6 +158,24 @@ def test_loads_that_change_are_those_of_steps_that_are_solved_anew(blocks, integ
     assert_the_same_events(blocks, *given, events=events, least=4)
 
 
+@pytest.mark.parametrize("name", ["nothing", CHANGING])
+def test_the_first_block_of_all_is_taken_back(name):
+    """With its loads, which were unknown before."""
+    system = scene(MORE[name][0])
+    own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
+    one, many = (Stepper(*own, kernels="numba") for _ in range(2))
+    alone = start = sc.initial_state(system)
+    report = many.advance_block(start, 20, every=True, mark=True)
+    state = report.part(6).state
+    many.rewind(report, 7)
+    for k in range(12):
+        alone = one.advance(alone).state
+        if k >= 7:
+            state = many.advance(state).state
+    np.testing.assert_array_equal(state.q, alone.q)
+    np.testing.assert_array_equal(state.p, alone.p)
+
+
 def test_a_number_that_only_dips_below_zero(blocks):
     """Between two states of a block, where a ball turns: two events within a step."""
     model = sc.Model()
