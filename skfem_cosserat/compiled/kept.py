@@ -60,8 +60,20 @@ Key = tuple[str, str, tuple[Any, ...]]
 #: of kernels that are in this process
 _ADDRESSES: dict[Key, int] = {}
 _LOADING = threading.Lock()
+#: variables of numba, behind NUMBA_, that machine code depends on
+OPTIONS = "CPU_NAME", "CPU_FEATURES", "ENABLE_AVX", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE"
 #: folders where some have been seen
 _PROMISING: set[Path] = set()
+
+
+def _begin_anew() -> None:
+    """In a process that was forked while a thread, which it has not, was loading."""
+    global _LOADING  # noqa: PLW0603
+    _LOADING = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_anew)
 
 
 @cache
@@ -93,7 +105,7 @@ def _processor() -> str:
     import llvmlite.binding as llvm
 
     features = llvm.get_host_cpu_features().flatten()
-    wanted = [os.environ.get(f"NUMBA_{name}", "") for name in ("CPU_NAME", "CPU_FEATURES")]
+    wanted = [os.environ.get(f"NUMBA_{name}", "") for name in OPTIONS]
     own = llvmlite.__version__, llvm.get_default_triple(), llvm.get_host_cpu_name(), features
     return repr((*own, *wanted))
 
@@ -108,7 +120,10 @@ def _folder(given: str | None) -> Path:
     if given is not None:
         return Path(given) / name
     home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-    return (Path(home) if home else Path.home() / ".cache") / "skfem_cosserat" / name
+    try:
+        return (Path(home) if home else Path.home() / ".cache") / "skfem_cosserat" / name
+    except RuntimeError:  # a user without a home: nothing is kept
+        return Path(os.devnull) / name
 
 
 def folder() -> Path:
@@ -157,13 +172,16 @@ def keep(key: Key, symbol: str, needs: Sequence[str], code: bytes) -> None:
     about = {"symbol": symbol, "needs": [*needs], "sha256": hashlib.sha256(code).hexdigest()}
     path = _file(key)
     part = path.with_name(f"{path.name}.{os.getpid()}.{threading.get_ident()}")
-    with suppress(OSError):
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
         part.write_bytes(json.dumps(about).encode() + b"\n" + code)
         part.replace(path)  # whole or not at all
         for other in path.parent.glob(f"{key[1]}-*.kernel"):
             if not other.name.startswith(f"{key[1]}-{stamp()}-"):
                 other.unlink()
+    except OSError:
+        with suppress(OSError):
+            part.unlink()
 
 
 def _load(key: Key) -> int | None:

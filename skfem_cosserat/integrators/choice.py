@@ -218,7 +218,7 @@ def choose(
     if not isinstance(kernels, str) or kernels not in ("auto", "numpy", "numba"):
         raise InputError("argument kernels", f"{kernels!r}, expected 'auto', 'numpy' or 'numba'")
     if kernels == "numpy":
-        return Choice("numpy", "asked for")
+        return Choice("numpy", ASKED)
     if kernels == "numba":
         if refused:
             raise InputError("argument kernels", f"'numba': {refused}")
@@ -226,9 +226,8 @@ def choose(
         if hindrance == SWITCHED_OFF:
             raise InputError("argument kernels", f"'numba': {hindrance}")
         if hindrance:
-            needs = "kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'"
-            raise ImportError(f"{needs} ({hindrance})")
-        return Choice("numba", "asked for", plan_of(system, solver is not None))
+            raise ImportError(f"{NEEDED} ({hindrance})")
+        return Choice("numba", ASKED, plan_of(system, solver is not None))
     if refused:
         if seconds >= WORTHWHILE:
             text = (
@@ -255,6 +254,9 @@ def choose(
     return Choice("numba", f"{work} with numpy{compiled}", plan, source=source)
 
 
+#: why a run takes what it takes; what an error says
+ASKED = "asked for"
+NEEDED = "kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'"
 #: why a run goes without kernels
 LONGER = "reading or compiling kernels would take longer"
 
@@ -302,6 +304,10 @@ def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | No
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         said = lines[0][:200] if lines else type(error).__name__
         why = f"numba {version('numba')} does not compile the kernels: {said}"
+        if isinstance(error, (ImportError, OSError)):  # some kernels on disk had raised hopes
+            why = f"numba cannot be imported: {said}"
+            if choice.why == ASKED:
+                raise ImportError(f"{NEEDED} ({why})") from error
         if choice.source < Source.COMPILER:  # warned of where it is worth while
             return Choice("numpy", why, seconds=choice.seconds), None
         text = f"{why}; plain numpy takes over, some {FACTOR} times slower"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from time import monotonic
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -220,6 +221,8 @@ STRIDE, MOVED = 256, 10**6
 STRIDE_KEPT, MOVED_KEPT = 128, 10**5
 #: what depends on time in loads: dead ones, moments, and those that are fixed in bodies
 LOADS = "dead", "moments", "followers"
+#: for how long (s) functions of time are asked ahead
+AHEAD = 0.2
 #: what steps change beside arrays, see :meth:`CompiledStep.rewind`
 MARKED = "factorisations", "_travelled", "_travel", "_farthest", "_factors", "_loaded"
 
@@ -292,6 +295,7 @@ class CompiledStep(CompiledScene):
         self._others = plane is not None or system is not system.tied
         self._record = np.zeros(len(RECORD))
         #: what there was before the last block of steps that may be taken back
+        self._failed: tuple[float, Exception] | None = None  # a load that steps have not come to
         self._marked: tuple[dict[str, Any], list[Floats]] | None = None
         self._nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system.tied):
@@ -477,26 +481,33 @@ class CompiledStep(CompiledScene):
 
     def _load(self, time: float) -> None:
         """Loads of a step that starts at a time (s)."""
+        failed, self._failed = self._failed, None
+        if failed is not None and failed[0] == time:
+            raise failed[1]
         loading, end = self.system.loading, time + self.h
         self.load(loading.values(end) if self.scheme.at_end else loading.averages(time, end))
 
     def _load_all(self, times: Sequence[float]) -> int:
         """Loads of several steps, from these times (s) on; of how many they are known.
 
-        Whatever a function of the user raises is left to the step that meets it.
+        What a function of the user raises is kept for the step that meets it. A slow one is not
+        asked for long ahead, as nothing is solved meanwhile.
         """
-        o, several = self._o, 0
+        o, several, begun = self._o, 0, monotonic()
         own = [(o.__dict__[name], o.__dict__[f"all_{name}"]) for name in LOADS]
         for time in times:
             try:
                 self._load(time)
-            except Exception:
+            except Exception as error:
                 if not several:
                     raise
+                self._failed = time, error
                 break
             for now, each in own:
                 each[several] = now
             several += 1
+            if monotonic() - begun > AHEAD:
+                break
         for now, each in own:
             now[:] = each[0]
         self._factors = None  # the last step's are there afterwards

@@ -590,6 +590,10 @@ class Stepper:
     [0.1, 0.0, 0.0]
     """
 
+    def __reduce_ex__(self, protocol: object) -> Any:
+        """Kernels work in arrays at their addresses: no copy would have them."""
+        raise TypeError("a Stepper cannot be copied or pickled: make another one of its system")
+
     def __repr__(self) -> str:
         methods = f"{self.integrator!r}, {self.treatment!r}"
         return f"<Stepper: {methods}, h = {self.h:g} s, kernels {self.choice.name}>"
@@ -786,8 +790,8 @@ class Stepper:
         steps : int
             How many at most; fewer are taken where something has to be looked at.
         time : callable, optional
-            Times (s) of states by their indices, one or an array; default: that of `state` and the
-            steps.
+            Times (s) of states by their indices, one or an array; default: that of `state` and as
+            many steps, whose last digit may differ from that of steps added one by one.
         every : bool
             Whether every state is kept, for ``report.part(k)``; False: the last ones only.
         h : float, optional

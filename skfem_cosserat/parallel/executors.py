@@ -118,6 +118,8 @@ class Processes(FuturesExecutor):
         Future
             Its result raises ``BrokenProcessPool`` if the worker ended before it answered.
         """
+        if function is run_packed:  # it is packed already
+            return self._threads.submit(self._ask, *args)
         return self._threads.submit(self._call, Packer().pack(Job(CALL, function, *args, **kwargs)))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -136,6 +138,12 @@ class Processes(FuturesExecutor):
         return None
 
     def _call(self, packed: Packed) -> Any:
+        """In a thread: the value of a call."""
+        outcome = read(CALL, self._ask(packed))
+        repeat(outcome.warnings)
+        return outcome.result()
+
+    def _ask(self, packed: Packed) -> Answer:
         """In a thread: have the thread's own process do the job."""
         worker: _Worker | None = getattr(self._own, "worker", None)
         if worker is None or worker.ended(0.0):
@@ -143,9 +151,7 @@ class Processes(FuturesExecutor):
             self._workers.append(worker)
         if self._ended:
             worker.process.terminate()
-        outcome = read(CALL, worker.ask(packed))
-        repeat(outcome.warnings)
-        return outcome.result()
+        return worker.ask(packed)
 
 
 class _Context(SpawnContext):

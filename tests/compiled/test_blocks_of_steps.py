@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -347,6 +349,45 @@ def test_a_load_that_fails_does_so_in_its_step(blocks):
         found.append(str(info.value))
     assert found[0] == found[1]
     assert len(seen) == 50 and 45 < sum(blocks) <= 50
+
+
+def test_a_load_that_fails_once_is_heard(blocks):
+    """It was asked ahead, and would answer when its step comes."""
+    failures = []
+
+    def force(t):
+        if t > 0.05 and not failures:
+            failures.append(t)
+            raise ConnectionError("no wind today")
+        return t
+
+    def add(model, rod, pin, end):
+        model.add("f", sc.LoadForce(end, (0, 0.1, 0), force))
+
+    with pytest.raises(sc.InputError, match="no wind today"):
+        sc.simulate(
+            *(scene(add), sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.1), kernels="numba",
+            derive=False,
+        )  # fmt: skip
+    assert blocks and len(failures) == 1
+
+
+def test_slow_loads_are_not_asked_for_long_ahead(blocks, monkeypatch):
+    given = scene(MORE[CHANGING][0]), sc.EnergyMomentum(), sc.NullSpace(), 6e-4, 0.03
+    one, _ = run(*given)
+    assert max(blocks) > 30
+    blocks.clear()
+    monkeypatch.setattr(compiled_step, "AHEAD", -1.0)  # each load is slow
+    assert_the_same(one, run(*given)[0])
+    assert set(blocks) == {1}
+
+
+def test_steppers_are_not_copied():
+    """A copy worked in the arrays of the first one, and did not move."""
+    stepper = Stepper(scene(MORE["nothing"][0]), sc.EnergyMomentum(), sc.NullSpace(), 1e-2)
+    for way in (copy.copy, copy.deepcopy, pickle.dumps):
+        with pytest.raises(TypeError, match="cannot be copied or pickled: make another one"):
+            way(stepper)
 
 
 @pytest.mark.parametrize("name", MORE)

@@ -8,6 +8,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -111,6 +112,52 @@ def test_a_folder_that_takes_no_files_costs_time_only(elsewhere, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/none")
     assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
     assert kept.cold("solve") and not kept.promising()
+
+
+def test_a_full_disk_keeps_no_part_of_a_kernel(elsewhere, monkeypatch):
+    write = Path.write_bytes
+
+    def full(path, data):
+        write(path, data[: len(data) // 2])
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
+    assert not [path for path in elsewhere.rglob("*") if path.is_file()]
+
+
+def test_a_user_without_a_home(elsewhere, monkeypatch):
+    """As in a container: nothing is kept."""
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(name, raising=False)
+
+    def nowhere():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", nowhere)
+    kept._folder.cache_clear()
+    try:
+        assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
+        assert kept.cold("solve") and not kept.promising()
+    finally:
+        kept._folder.cache_clear()
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
+def test_a_fork_while_a_thread_loads_kernels(elsewhere):
+    """It had the lock, but not the thread that would give it free."""
+    code = (
+        "import os, threading, sys; sys.path[:] = sys.argv[1:]\n"
+        "import test_compile_cache as t\n"
+        "from skfem_cosserat.compiled import kept\n"
+        "kept._LOADING.acquire()\n"
+        "child = os.fork()\n"
+        "if child == 0: os._exit(t.stacked_solver(t.Source.COMPILER) != [1.0, 2.0, 3.0])\n"
+        "sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))"
+    )
+    command = [sys.executable, "-W", "ignore", "-c", code, *sys.path]
+    assert subprocess.run(command, check=False, timeout=120).returncode == 0
 
 
 def test_kernels_from_the_disk_take_no_numba():

@@ -215,6 +215,22 @@ def test_a_numba_that_does_not_work(code, variables, why, tmp_path):
     assert done.stderr.count("PerformanceWarning") == 1 and why in done.stderr
 
 
+def test_a_numba_that_broke_after_it_had_compiled(monkeypatch):
+    """Kernels on disk are taken; where one is missing, it is said that numba cannot be imported."""
+
+    def fails(*_, **__):
+        raise ImportError("numba needs an older numpy")
+
+    monkeypatch.setattr("skfem_cosserat.compiled.bind.addresses", fails)
+    monkeypatch.setattr(choice, "promising", lambda: True)
+    run = tree(1), sc.EnergyMomentum(), sc.NullSpace(), 1e-3
+    text = "numba cannot be imported: numba needs an older numpy"
+    with pytest.raises(ImportError, match=rf"skfem-cosserat\[fast\]' \({text}"):
+        sc.Stepper(*run, kernels="numba")
+    with pytest.warns(sc.PerformanceWarning, match=f"{text}; plain numpy takes over"):
+        assert sc.Stepper(*run, steps=10**9).choice.name == "numpy"
+
+
 class OwnBalance(sc.EnergyMomentum):
     """As energy-momentum, by a balance of its own."""
 
