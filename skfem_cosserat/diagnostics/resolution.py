@@ -17,7 +17,7 @@ from ..model import System
 from ..model.limits import owner
 from ..model.parts import connected_parts
 from ..pattern import once_for_each
-from ..types import Floats, IndexArray
+from ..types import Floats, IndexArray, spread
 from .stacked import driven_alternation
 
 #: steps over which errors add up, and the part of a third difference that a step is off by
@@ -240,8 +240,7 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
     )
     if not len(known) or not system.beam_groups:
         return None
-    looks = np.unique(np.linspace(0, len(known) - 1, LOOKS).round().astype(int))
-    for k in known[looks]:
+    for k in known[spread(len(known), LOOKS)]:
         state = history["q"][k], history["constraint_force"][k]
         if not np.isfinite(state[0]).all():
             break
@@ -310,9 +309,8 @@ def _windows(history: History) -> IndexArray:
     width = min(STATES, longest)
     passed = np.concatenate([[0], np.cumsum(next_to)])
     starts = np.flatnonzero(passed[width - 1 :] - passed[: len(passed) - width + 1] == width - 1)
-    windows = min(WINDOWS, 2 + len(starts) // APART, len(starts))
-    chosen = np.linspace(0, len(starts) - 1, windows).round().astype(int)
-    return np.asarray(starts[np.unique(chosen)][:, None] + np.arange(width))
+    chosen = starts[spread(len(starts), min(WINDOWS, 2 + len(starts) // APART))]
+    return np.asarray(chosen[:, None] + np.arange(width))
 
 
 def _frames(system: System) -> IndexArray:
