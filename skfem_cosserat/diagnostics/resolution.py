@@ -39,7 +39,7 @@ FAST = 0.25
 MANY, USUAL, FAR = 6, 4, 0.25
 #: states, evenly spread, that tell the range of a motion
 SPREAD = 50
-#: numbers that are looked at together
+#: coordinates that are looked at together: so many stay in the cache
 CACHED = 2**16
 #: states at which compression is looked at; step times the frequency with which it drives rotations
 #: that alternate from step to step, above which these grow
@@ -179,8 +179,8 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     if not len(starts):
         return out
     q = history["q"]
-    spread = q[:: -(-len(q) // SPREAD)]
-    places = spread.reshape(len(spread), -1, 3).take(system.origin_rows, axis=1)
+    some = q[:: -(-len(q) // SPREAD)]
+    places = some.reshape(len(some), -1, 3).take(system.origin_rows, axis=1)
     part, extent = _extents(system, places)
     moves = extent > NOISE * system.length
     scale = np.full((system.rows, 3), shares.max() ** 3 / FAR)
