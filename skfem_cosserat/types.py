@@ -76,6 +76,17 @@ def switch(item: str, value: Any, name: str = "") -> bool:
     return bool(value)
 
 
+def spread(count: int, most: int) -> IndexArray:
+    """So many numbers from 0 on, or `most` of them, evenly spread, with the first and the last.
+
+    Examples
+    --------
+    >>> spread(4, 20).tolist(), spread(11, 3).tolist()
+    ([0, 1, 2, 3], [0, 5, 10])
+    """
+    return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
+
+
 def file_path(item: str, value: Any) -> Path:
     """The name of a file, or an error naming the argument."""
     if not isinstance(value, str | os.PathLike):

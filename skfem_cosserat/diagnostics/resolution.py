@@ -17,7 +17,7 @@ from ..model import System
 from ..model.limits import owner
 from ..model.parts import connected_parts
 from ..pattern import once_for_each
-from ..types import Floats, IndexArray
+from ..types import Floats, IndexArray, spread
 from .stacked import driven_alternation
 
 #: steps over which errors add up, and the part of a third difference that a step is off by
@@ -39,7 +39,7 @@ FAST = 0.25
 MANY, USUAL, FAR = 6, 4, 0.25
 #: states, evenly spread, that tell the range of a motion
 SPREAD = 50
-#: numbers that are looked at together
+#: coordinates that are looked at together: so many stay in the cache
 CACHED = 2**16
 #: states at which compression is looked at; step times the frequency with which it drives rotations
 #: that alternate from step to step, above which these grow
@@ -179,8 +179,8 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     if not len(starts):
         return out
     q = history["q"]
-    spread = q[:: -(-len(q) // SPREAD)]
-    places = spread.reshape(len(spread), -1, 3).take(system.origin_rows, axis=1)
+    some = q[:: -(-len(q) // SPREAD)]
+    places = some.reshape(len(some), -1, 3).take(system.origin_rows, axis=1)
     part, extent = _extents(system, places)
     moves = extent > NOISE * system.length
     scale = np.full((system.rows, 3), shares.max() ** 3 / FAR)
@@ -240,8 +240,7 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
     )
     if not len(known) or not system.beam_groups:
         return None
-    looks = np.unique(np.linspace(0, len(known) - 1, LOOKS).round().astype(int))
-    for k in known[looks]:
+    for k in known[spread(len(known), LOOKS)]:
         state = history["q"][k], history["constraint_force"][k]
         if not np.isfinite(state[0]).all():
             break
@@ -310,9 +309,8 @@ def _windows(history: History) -> IndexArray:
     width = min(STATES, longest)
     passed = np.concatenate([[0], np.cumsum(next_to)])
     starts = np.flatnonzero(passed[width - 1 :] - passed[: len(passed) - width + 1] == width - 1)
-    windows = min(WINDOWS, 2 + len(starts) // APART, len(starts))
-    chosen = np.linspace(0, len(starts) - 1, windows).round().astype(int)
-    return np.asarray(starts[np.unique(chosen)][:, None] + np.arange(width))
+    chosen = starts[spread(len(starts), min(WINDOWS, 2 + len(starts) // APART))]
+    return np.asarray(chosen[:, None] + np.arange(width))
 
 
 def _frames(system: System) -> IndexArray:

@@ -35,7 +35,7 @@ from ..model.limits import (
 )
 from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
-from ..types import MOST, real, whole
+from ..types import MOST, real, spread, whole
 from ..warn import Notices, logger, warn
 from .conditions import ActionOutcome
 from .describe import checked_asked, finish, run_formulas
@@ -528,7 +528,7 @@ def _strained_elements(system: System, history: History) -> list[tuple[tuple[str
     first = first_over_rotated(system, states)
     if first is not None and (bent := over_rotated_beam(system, states[first])):
         found.append((bent, float(history.times[first])))
-    looks = np.unique(np.linspace(0, len(states) - 1, LOOKS).round().astype(int))
+    looks = spread(len(states), LOOKS)
     if any(2 in theory.held for theory in system.theory_rows):
         points = all_rows(system, history["q"][looks], history.instants[looks])
         lams = multipliers(system, points, history["constraint_force"][looks])
@@ -645,7 +645,7 @@ def _warn_of_functions(system: System, history: History) -> None:
     """Say which function of the motion pushed out of the plane of the scene at recorded states."""
     if system.plane is None or not system.couplings.functions:
         return
-    k = np.unique(np.linspace(0, len(history) - 1, LOOKS).round().astype(int))
+    k = spread(len(history), LOOKS)
     if found := functions_off_plane(system, history.times[k], history["q"][k]):
         label, text, time = found
         warn(label, text, AccuracyWarning, time)

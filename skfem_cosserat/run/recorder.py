@@ -26,7 +26,7 @@ from ..history import EventRecord, History, HistoryWriter
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..integrators.stepper import BlockReport, force_of_state, forces_of_states
 from ..model import System
-from ..types import Floats, IndexArray, numbers
+from ..types import Floats, IndexArray, numbers, spread
 from ..warn import Notices, logger, warn
 from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
 from .sensors import Sensor, SensorBank, checked_sensors
@@ -747,7 +747,7 @@ class Recorder:
 
         These are NaN where one of them cannot be had.
         """
-        rows = np.linspace(0, self._rows - 1, min(self._rows, BETWEEN)).round().astype(np.int64)
+        rows = spread(self._rows, BETWEEN)
         integrator, starts = self.stepper.integrator, [segment.row for segment in self.segments]
         owner = np.searchsorted(starts, rows, side="right") - 1
         found = np.full(len(rows), np.nan)
