@@ -1,1 +1,1 @@
-"""Kernels compiled by numba; see README.md. Imported where they are used, in functions."""
+"""Kernels compiled by numba, which is imported only to compile; see README.md."""

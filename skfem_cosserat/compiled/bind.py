@@ -226,7 +226,7 @@ def compiling(
     `source`: see :func:`.kept.address`.
     """
     orders = sorted({group.vertices.shape[1] - 1 for group in system.beam_groups}) or [1]
-    if source == Source.COMPILER and cold(names[0]):
+    if source == Source.COMPILER and cold(family, names[0]):
         return helped(orders, names, family)
     return nullcontext()
 

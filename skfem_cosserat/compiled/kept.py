@@ -1,4 +1,4 @@
-"""Kernels as machine code: found on disk, loaded and called without numba.
+"""Kernels as machine code: found on disk, loaded and called without numba (but on Windows).
 
 Numba compiles kernels, part by part (:mod:`.jit`). What it has made is kept here as it is, and the
 next process hands it to the linker of LLVM: that takes a few milliseconds, the import of numba and
@@ -60,6 +60,8 @@ Key = tuple[str, str, tuple[Any, ...]]
 #: of kernels that are in this process
 _ADDRESSES: dict[Key, int] = {}
 _LOADING = threading.Lock()
+#: threads bind scenes one after the other: the second finds all kernels there, and starts no helper
+BINDING = threading.Lock()
 #: variables of numba, behind NUMBA_, that machine code depends on
 OPTIONS = "CPU_NAME", "CPU_FEATURES", "ENABLE_AVX", "OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE"
 #: folders where some have been seen
@@ -68,8 +70,8 @@ _PROMISING: set[Path] = set()
 
 def _begin_anew() -> None:
     """In a process that was forked while a thread, which it has not, was loading."""
-    global _LOADING  # noqa: PLW0603
-    _LOADING = threading.Lock()
+    global _LOADING, BINDING
+    _LOADING, BINDING = threading.Lock(), threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):
@@ -133,13 +135,17 @@ def folder() -> Path:
 
 def _file(key: Key) -> Path:
     family, name, kinds = key
-    text = repr((_processor(), family, kinds))
-    return folder() / f"{name}-{stamp()}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.kernel"
+    digest = hashlib.sha256(repr((_processor(), kinds)).encode()).hexdigest()[:16]
+    return folder() / f"{_named(family, name)}-{stamp()}-{digest}.kernel"
 
 
-def _files(name: str = "*") -> Iterator[Path]:
-    """Those of kernels of these sources, for whatever processor and kinds."""
-    return folder().glob(f"{name}-{stamp()}-*.kernel")
+def _named(family: str, name: str) -> str:
+    return f"{family}.{name}".replace(" ", "_")
+
+
+def _files(family: str, name: str) -> Iterator[Path]:
+    """Those of a kernel of these sources, for whatever processor and kinds."""
+    return folder().glob(f"{_named(family, name)}-{stamp()}-*.kernel")
 
 
 def loaded() -> bool:
@@ -149,14 +155,17 @@ def loaded() -> bool:
 
 def promising() -> bool:
     """Whether kernels of these sources may be on disk: the loop over a step, which all take."""
-    if folder() not in _PROMISING and any(_files("solve")):
+    if folder() not in _PROMISING and any(_files("step", "solve")):
         _PROMISING.add(folder())
     return folder() in _PROMISING
 
 
-def cold(name: str) -> bool:
-    """Whether none of a kernel is on disk."""
-    return not any(_files(name))
+def cold(family: str, name: str) -> bool:
+    """Whether none of a kernel is in this process or on disk, where it could be kept."""
+    if any(key[:2] == (family, name) for key in _ADDRESSES) or any(_files(family, name)):
+        return False
+    there = next((path for path in (folder(), *folder().parents) if path.exists()), folder())
+    return there.is_dir() and os.access(there, os.W_OK)
 
 
 def keep(key: Key, symbol: str, needs: Sequence[str], code: bytes) -> None:
@@ -176,8 +185,9 @@ def keep(key: Key, symbol: str, needs: Sequence[str], code: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         part.write_bytes(json.dumps(about).encode() + b"\n" + code)
         part.replace(path)  # whole or not at all
-        for other in path.parent.glob(f"{key[1]}-*.kernel"):
-            if not other.name.startswith(f"{key[1]}-{stamp()}-"):
+        own = _named(*key[:2])
+        for other in path.parent.glob(f"{own}-*.kernel*"):  # parts of one, too
+            if not other.name.startswith(f"{own}-{stamp()}-"):
                 other.unlink()
     except OSError:
         with suppress(OSError):
@@ -196,8 +206,7 @@ def _load(key: Key) -> int | None:
     import llvmlite.binding as llvm
 
     if os.name == "nt":  # numba names functions there that machine code may need
-        cpu_target = import_module("numba.core.registry").cpu_target
-        assert cpu_target.target_context
+        import_module("numba.core.registry").cpu_target.target_context  # noqa: B018
     linker = _linker()
     if any(llvm.address_of_symbol(name) is None for name in told["needs"]):
         return None  # the linker would end the process

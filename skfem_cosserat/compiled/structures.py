@@ -151,7 +151,8 @@ class Structure:
         key = family, tuple(names), fields
         kind = _KINDS.get(key)
         if kind is None:
-            kind = _KINDS[key] = Kind(family, dict(zip(names, fields, strict=True)))
+            made = Kind(family, dict(zip(names, fields, strict=True)))
+            kind = _KINDS.setdefault(key, made)  # that of another thread, if it was faster
         self.kind = kind
         self._values = tuple(values)
         entries: list[int] = []
@@ -159,6 +160,10 @@ class Structure:
             _put(value, entries)
         self._memory = np.array(entries, dtype=np.int64)
         self.address = self._memory.ctypes.data
+
+    def __reduce_ex__(self, protocol: object) -> Any:
+        """A copy would have its numbers, which are addresses in arrays of this one."""
+        raise TypeError("what kernels work in cannot be copied or pickled")
 
 
 class Groups(Structure):

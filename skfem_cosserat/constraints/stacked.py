@@ -134,10 +134,10 @@ class _Kernels:
                 try:
                     have_stacked(source)
                     cls.found = True
-                except NotKept:
-                    pass
-                except compile_errors():  # plain numpy goes on
-                    pass
+                except Exception as error:  # plain numpy goes on
+                    # asked late, as it imports numba
+                    if not isinstance(error, (NotKept, *compile_errors())):
+                        raise
         return cls.found
 
     @staticmethod

@@ -337,7 +337,7 @@ def installed() -> bool:
 
 
 def _hindrance() -> str | None:
-    """Why nothing can be compiled here, whatever the scene; None: numba is there and works."""
+    """Why nothing can be compiled here, whatever the scene; None: nothing is known against it."""
     if not installed():
         return "numba is not installed"
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-import threading
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..compiled import kept
 from ..compiled.kept import Source, address, entry
 from ..compiled.numbers import ENERGY, NUMBERS
 from ..compiled.plan import Plan, following, plan_of
@@ -129,8 +129,6 @@ class Rest:
 
 # -- arrays and parts of a system ------------------------------------------------------------------
 
-#: threads compile one after the other: the second finds all there, and starts no helper of its own
-COMPILING = threading.Lock()
 #: addresses of the parts; what is constant, the elimination, what changes, and beams
 Bound = tuple[IndexArray, Any, Any, Any, Any]
 
@@ -156,7 +154,7 @@ def numbers_of(scheme: Scheme) -> dict[str, float]:
 class CompiledScene:
     """Arrays and parts of one system for compiled kernels.
 
-    Needs numba; :func:`.choice.refusal` says for what there is none.
+    :func:`.choice.refusal` says for what there are none.
 
     Parameters
     ----------
@@ -252,7 +250,7 @@ class CompiledScene:
 
         system, viscous = self.system, not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
-        with COMPILING, bind.compiling(system, parts, source=self._source):
+        with kept.BINDING, bind.compiling(system, parts, source=self._source):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
             separate = separate_parts(system) if self.scheme.relative else None

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..compiled import kept
 from ..compiled.kept import Source, entry
 from ..compiled.numbers import (
     ALL_FACTORED,
@@ -67,7 +68,6 @@ from ..types import Floats, IndexArray
 from .base import Integrator
 from .called_back import CalledBack
 from .compiled_scene import (
-    COMPILING,
     Bound,
     CompiledScene,
     NearestVelocity,
@@ -294,9 +294,9 @@ class CompiledStep(CompiledScene):
         #: whether the unknowns are others than the treatment's
         self._others = plane is not None or system is not system.tied
         self._record = np.zeros(len(RECORD))
-        #: what there was before the last block of steps that may be taken back
         self._failed: tuple[float, Exception] | None = None  # a load that steps have not come to
-        self._marked: tuple[dict[str, Any], list[Floats]] | None = None
+        #: what there was before the last block of steps that may be taken back, and where it began
+        self._marked: tuple[dict[str, Any], list[Floats], State] | None = None
         self._nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system.tied):
             self._nearest = NearestVelocity(system.tied, settings, source)
@@ -544,7 +544,7 @@ class CompiledStep(CompiledScene):
         self._marked = None
         if mark:
             own = {name: getattr(self, name) for name in MARKED}
-            self._marked = own, [array.copy() for array in self._lasting]
+            self._marked = own, [array.copy() for array in self._lasting], state
         # the last two, and a third one that may be taken back
         self._record[STATES] = self._kept if every else 3
         steps, varies = len(times), self._varies(state.time)
@@ -570,16 +570,17 @@ class CompiledStep(CompiledScene):
 
     @cached_property
     def _lasting(self) -> list[Floats]:
-        """Arrays of numbers in which steps leave something to the next ones, and others."""
-        tables = self._arrays, self._tree, *self._beams, vars(self._o)
-        found = {
-            id(array): array
-            for fields in tables
-            for name, array in fields.items()
-            if isinstance(array, np.ndarray) and array.flags.writeable
-            if array.size and array.dtype.kind in "fc"
-            if not name.startswith(("log_", "all_"))
-        }
+        """Arrays in which steps leave something to the next ones, and others; no tables."""
+        found: dict[int, Floats] = {}
+        tables = [self._arrays, self._tree, *self._beams, vars(self._o)]
+        for fields in tables:
+            for name, array in fields.items():
+                if isinstance(array, dict):  # of laws
+                    tables.append(array)
+                elif isinstance(array, np.ndarray) and array.flags.writeable and array.size:
+                    numbers = array.dtype.kind in "fc" or name == "known"
+                    if numbers and not name.startswith(("log_", "all_")):
+                        found[id(array)] = array
         return [*found.values(), self._record]
 
     def rewind(self, state: State, times: Floats) -> None:
@@ -588,10 +589,10 @@ class CompiledStep(CompiledScene):
         They end at these times (s). All is then as if only these had been solved, to the last bit.
         The block has to be a marked one, of which every state is kept.
         """
-        if self._marked is None:
+        if self._marked is None or self._marked[2].q.tobytes() != state.q.tobytes():
             text = "its steps were not taken with mark=True, or others have been solved since"
             raise InputError("argument report", text)
-        own, arrays = self._marked
+        own, arrays, _ = self._marked
         vars(self).update(own)
         for array, before in zip(self._lasting, arrays, strict=True):
             array[...] = before
@@ -791,7 +792,7 @@ class CompiledPlane(CompiledStep):
         system = self.system
         parts = bind.parts_of(system, weight, ends or is_viscous(system))
         frames = plane.Frames(system)
-        with COMPILING, bind.compiling(system, parts, "plane", self._source):
+        with kept.BINDING, bind.compiling(system, parts, "plane", self._source):
             rows, outside = plane.bound_space(system, frames)
             s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
             m, _ = bind.bound_plan(system, self.plan)

@@ -860,8 +860,10 @@ class Stepper:
         ------
         InputError
             If it is of several steps that were not taken with ``mark=True``, or others were taken
-            after it.
+            after it; if it has less steps, or `steps` is no positive integer.
         """
+        if whole("argument steps", steps, 1) > report.steps:
+            raise InputError("argument steps", f"{steps}, but the report is of {report.steps}")
         if isinstance(report, BlockReport) and (steps < report.steps or report.block.stuck):
             fast = self._sized(report.step).fast
             assert fast is not None

@@ -401,6 +401,10 @@ class _Motions:
         self._made: NearestVelocity | None = None
         self._tried = False
 
+    def __reduce__(self) -> Any:
+        """None: kernels work in arrays at their addresses, and a copy of a view does without."""
+        return type(None), ()
+
     def __call__(self, q: Floats, p: Floats) -> Motion | None:
         """Of one or several states; None if there are no kernels for it."""
         if not self._tried and self._factory.choice is not None:

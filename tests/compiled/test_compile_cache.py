@@ -68,7 +68,7 @@ def stacked_solver(source):
 def test_kernels_are_looked_for_before_they_are_compiled(elsewhere, monkeypatch):
     with pytest.raises(NotKept):
         stacked_solver(Source.DISK)
-    assert kept.cold("solve") and not kept.loaded()
+    assert kept.cold("stacked", "solve") and not kept.loaded()
     assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
     (file,) = elsewhere.rglob("*.kernel")
     monkeypatch.setitem(sys.modules, "skfem_cosserat.compiled.jit", None)  # cannot be imported
@@ -111,7 +111,20 @@ def test_kernels_of_other_sources_and_processors_are_others(elsewhere, monkeypat
 def test_a_folder_that_takes_no_files_costs_time_only(elsewhere, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/none")
     assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
-    assert kept.cold("solve") and not kept.promising()
+    assert not kept.cold("step", "solve") and not kept.promising()  # no helper, no hope
+
+
+def test_families_have_files_of_their_own(elsewhere):
+    """There is a `solve` of steps, of equilibria and of many eliminations."""
+    assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
+    assert not kept.promising()  # of steps there is none
+    kept._ADDRESSES.clear()
+    assert not kept.cold("stacked", "solve") and kept.cold("step", "solve")
+
+
+def test_no_helper_starts_where_nothing_can_be_kept(elsewhere, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert not kept.cold("tree", "begin")
 
 
 def test_a_full_disk_keeps_no_part_of_a_kernel(elsewhere, monkeypatch):
@@ -139,7 +152,7 @@ def test_a_user_without_a_home(elsewhere, monkeypatch):
     kept._folder.cache_clear()
     try:
         assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
-        assert kept.cold("solve") and not kept.promising()
+        assert not kept.cold("step", "solve") and not kept.promising()  # no helper, no hope
     finally:
         kept._folder.cache_clear()
 
@@ -151,9 +164,10 @@ def test_a_fork_while_a_thread_loads_kernels(elsewhere):
         "import os, threading, sys; sys.path[:] = sys.argv[1:]\n"
         "import test_compile_cache as t\n"
         "from skfem_cosserat.compiled import kept\n"
-        "kept._LOADING.acquire()\n"
+        "kept.BINDING.acquire(); kept._LOADING.acquire()\n"
         "child = os.fork()\n"
-        "if child == 0: os._exit(t.stacked_solver(t.Source.COMPILER) != [1.0, 2.0, 3.0])\n"
+        "if child == 0:\n"
+        "    with kept.BINDING: os._exit(t.stacked_solver(t.Source.COMPILER) != [1.0, 2.0, 3.0])\n"
         "sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))"
     )
     command = [sys.executable, "-W", "ignore", "-c", code, *sys.path]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 import test_closed_loops
@@ -174,6 +176,85 @@ def test_the_first_block_of_all_is_taken_back(name):
             state = many.advance(state).state
     np.testing.assert_array_equal(state.q, alone.q)
     np.testing.assert_array_equal(state.p, alone.p)
+
+
+def test_the_last_marked_steps_alone_are_taken_back():
+    """An older report began elsewhere; at least one of its steps stays."""
+    system = scene(MORE["nothing"][0])
+    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, kernels="numba")
+    old = stepper.advance_block(sc.initial_state(system), 10, every=True, mark=True)
+    new = stepper.advance_block(old.state, 10, every=True, mark=True)
+    with pytest.raises(sc.InputError, match="others have been solved since"):
+        stepper.rewind(old, 5)
+    for steps in (0, 11, 1.5):
+        with pytest.raises(sc.InputError, match="argument steps"):
+            stepper.rewind(new, steps)
+    stepper.rewind(new, 5)
+
+
+def test_a_stored_energy_is_taken_back_with_what_it_knows():
+    system = rod_of(compiled_law())
+    own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
+    one, many = (Stepper(*own, kernels="numba") for _ in range(2))
+    alone = state = sc.initial_state(system)
+    for _ in range(3):
+        report = many.advance_block(state, 9, every=True, mark=True)
+        assert report.steps > 4
+        state = report.part(3).state
+        many.rewind(report, 4)
+    for _ in range(12):
+        alone = one.advance(alone).state
+    np.testing.assert_array_equal(state.q, alone.q)
+    np.testing.assert_array_equal(many.advance(state).state.q, one.advance(alone).state.q)
+
+
+def compiled_law():
+    """A quadratic energy, by functions that numba has compiled."""
+    from numba import njit
+
+    D = (40.0, 40.0, 40.0, 0.1, 0.1, 0.1)
+
+    def energy(eps):
+        total = 0.0 * eps[0]
+        for k in range(6):
+            total += 0.5 * D[k] * eps[k] * eps[k]
+        return total
+
+    def gradient(eps):
+        out = np.empty_like(eps)
+        for k in range(6):
+            out[k] = D[k] * eps[k]
+        return out
+
+    return {"energy": njit(energy), "gradient": njit(gradient)}
+
+
+def rod_of(functions):
+    """A rod of a section of such an energy, on a hinge."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    section = sc.SectionHyperelastic(mass=0.08, inertia=(1e-6, 1e-6), **functions)
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
+    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), (0, 0, 1)))
+    model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
+    return model.freeze()
+
+
+def test_a_copy_of_a_view_does_without_kernels():
+    """It had their velocities of the state before."""
+    system, _ = swinging_rod()
+    found = []
+
+    def condition(time, view):
+        other = copy.deepcopy(view)
+        found.append(np.array_equal(np.round(other.v - view.v, 10), np.zeros(len(view.v))))
+        return 1.0
+
+    events = [sc.Event(condition, name="look"), sc.Event(sc.ConditionEnergy(1e9), name="energy")]
+    sc.simulate(
+        *(system, sc.EnergyMomentum(), sc.NullSpace(), H, 20 * H), kernels="numba", events=events
+    )
+    assert len(found) > 10 and all(found)
 
 
 def test_a_number_that_only_dips_below_zero(blocks):

@@ -42,7 +42,7 @@ def test_long_runs_take_numba():
 
 @pytest.mark.parametrize("loaded", [False, True])
 def test_further_kernels_are_read_sooner(loaded, monkeypatch):
-    """Without the import of numba short runs have paid for them long before."""
+    """A process that has some has imported what loads them: it takes less to save that."""
     monkeypatch.setattr(choice, "READING", 0.5)
     monkeypatch.setattr(choice, "FURTHER", 0.03)
     monkeypatch.setattr(choice, "loaded", lambda: loaded)
@@ -118,7 +118,7 @@ def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):
     assert not kept.promising() and not kept._PROMISING & {kept.folder()}
     kept.folder().mkdir()
     for stamp, there in (("0123456789abcdef", False), (kept.stamp(), True)):
-        (kept.folder() / f"solve-{stamp}-0123456789abcdef.kernel").write_bytes(b"")
+        (kept.folder() / f"step.solve-{stamp}-0123456789abcdef.kernel").write_bytes(b"")
         assert kept.promising() == there
     program = (
         "import sys, skfem_cosserat as sc; from skfem_cosserat.integrators import choice\n"
