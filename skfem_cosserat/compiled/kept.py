@@ -17,7 +17,7 @@ import json
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from functools import cache
 from importlib import import_module
@@ -215,6 +215,26 @@ def _load(key: Key) -> int | None:
     return int(linker.get_function_address(told["symbol"])) or None
 
 
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """While a file is made: other processes that would make it wait, where that can be told."""
+    try:
+        import fcntl
+
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = path.with_suffix(".lock").open("w")
+        fcntl.flock(lock, fcntl.LOCK_EX)  # ends with the process, however that ends
+    except (ImportError, OSError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            os.unlink(lock.name)
+        lock.close()
+
+
 def address(family: str, name: str, kinds: Sequence[Any], source: Source = Source.COMPILER) -> int:
     """Address of a kernel for arguments of these kinds.
 
@@ -239,8 +259,11 @@ def address(family: str, name: str, kinds: Sequence[Any], source: Source = Sourc
         if place is None:
             if source < Source.COMPILER:
                 raise NotKept(name)
-            # by its name: it imports this module, and numba
-            place = int(import_module(".jit", __package__).compiled(key))
+            with _alone(_file(key)):
+                place = _load(key)  # if another process was faster
+                if place is None:
+                    # by its name: it imports this module, and numba
+                    place = int(import_module(".jit", __package__).compiled(key))
         _ADDRESSES[key] = place
     return place
 

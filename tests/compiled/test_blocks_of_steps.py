@@ -398,7 +398,11 @@ def test_where_steps_differ_in_more_than_their_start(name):
     state = stepper.advance(sc.initial_state(system)).state
     assert stepper.takes_blocks(state) == expected
     report = stepper.advance_block(state, 20)
-    assert report.steps == report.state.index - 1 == (20 if expected else 1)
+    assert report.steps == report.state.index - 1
+    if name == CHANGING:  # a step of many iterations, as these loads have one, ends a block
+        assert report.steps > 10
+    else:
+        assert report.steps == (20 if expected else 1)
     assert report.all_iterations >= report.iterations
 
 

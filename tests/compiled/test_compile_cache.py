@@ -114,6 +114,22 @@ def test_a_folder_that_takes_no_files_costs_time_only(elsewhere, monkeypatch):
     assert not kept.cold("step", "solve") and not kept.promising()  # no helper, no hope
 
 
+def test_processes_compile_a_kernel_once(elsewhere):
+    """Of several that start on an empty disk, as the workers of a study, one does; others wait."""
+    code = (
+        "import sys; sys.path[:] = sys.argv[1:]\n"
+        "import test_compile_cache as t\n"
+        "t.stacked_solver(t.Source.COMPILER)\n"
+        "from skfem_cosserat.compiled import stacked\n"
+        "print(len(stacked.solve.signatures))"
+    )
+    command = [sys.executable, "-c", code, *sys.path]
+    started = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    counts = [int(each.communicate()[0].split()[-1]) for each in started]
+    assert sorted(counts) == [0, 0, 1]
+    assert [path.suffix for path in elsewhere.rglob("*") if path.is_file()] == [".kernel"]
+
+
 def test_families_have_files_of_their_own(elsewhere):
     """There is a `solve` of steps, of equilibria and of many eliminations."""
     assert stacked_solver(Source.COMPILER) == [1.0, 2.0, 3.0]
