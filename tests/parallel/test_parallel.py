@@ -43,10 +43,10 @@ PAIRS = [
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _plain_workers():
-    """Workers step with numpy: what "auto" takes there hangs on the jobs that they had before."""
+def _plain_workers(tmp_path_factory):
+    """Workers find no kernels: what "auto" takes there hangs on the jobs that they had before."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("NUMBA_DISABLE_JIT", "1")
+        patch.setenv("NUMBA_CACHE_DIR", str(tmp_path_factory.mktemp("kernels")))
         yield
 
 
@@ -848,7 +848,7 @@ def client():
 def test_compiled_kernels_in_the_workers(monkeypatch):
     """Nothing compiled travels; each worker finds or makes its own."""
     pytest.importorskip("numba")
-    monkeypatch.delenv("NUMBA_DISABLE_JIT")
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
     arguments = swing(), sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 5e-3
     jobs = [sc.Job(f"{k}", sc.simulate, *arguments, kernels="numba") for k in range(2)]
     expected = sc.simulate(*arguments, kernels="numba")

@@ -627,7 +627,8 @@ def test_results_that_cannot_be_kept_are_refused(tmp_path):
 )  # four elements are few for the bend
 @pytest.mark.slow
 def test_two_processes_give_the_same(tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # kernels depend on what a worker did before
+    # kernels, if there were some, would depend on what a worker did before
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
     levels = {"elements": (4, 8, 16, 32), "order": (1, 2)}
     alone = refine(problems.bend, **levels)
     with sc.Processes(2) as executor:
