@@ -114,6 +114,7 @@ def test_a_folder_that_takes_no_files_costs_time_only(elsewhere, monkeypatch):
     assert not kept.cold("step", "solve") and not kept.promising()  # no helper, no hope
 
 
+@pytest.mark.slow
 def test_processes_compile_a_kernel_once(elsewhere):
     """Of several that start on an empty disk, as the workers of a study, one does; others wait."""
     code = (
@@ -173,6 +174,7 @@ def test_a_user_without_a_home(elsewhere, monkeypatch):
         kept._folder.cache_clear()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
 def test_a_fork_while_a_thread_loads_kernels(elsewhere):
     """It had the lock, but not the thread that would give it free."""
@@ -190,6 +192,7 @@ def test_a_fork_while_a_thread_loads_kernels(elsewhere):
     assert subprocess.run(command, check=False, timeout=120).returncode == 0
 
 
+@pytest.mark.slow
 def test_kernels_from_the_disk_take_no_numba():
     """Its import takes longer than they do."""
     code = (

@@ -192,6 +192,7 @@ def test_the_last_marked_steps_alone_are_taken_back():
     stepper.rewind(new, 5)
 
 
+@pytest.mark.slow
 def test_a_stored_energy_is_taken_back_with_what_it_knows():
     system = rod_of(compiled_law())
     own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
