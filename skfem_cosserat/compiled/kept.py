@@ -186,7 +186,7 @@ def keep(key: Key, symbol: str, needs: Sequence[str], code: bytes) -> None:
         part.write_bytes(json.dumps(about).encode() + b"\n" + code)
         part.replace(path)  # whole or not at all
         own = _named(*key[:2])
-        for other in path.parent.glob(f"{own}-*.kernel*"):  # parts of one, too
+        for other in path.parent.glob(f"{own}-*"):  # parts of one, and locks, too
             if not other.name.startswith(f"{own}-{stamp()}-"):
                 other.unlink()
     except OSError:

@@ -101,6 +101,12 @@ def _words(field: Any) -> int:
     raise TypeError(f"compiled kernels take no field of type {field}")
 
 
+#: beams inside another structure are only handed on to their parts: they have one kind there, so
+#: that what calls parts is compiled once for elements of all orders
+BEAM_FAMILIES = "beams", "beams_by_law", "plane_beams"
+HANDED_ON = Kind("handed_on", {})
+
+
 def _field(name: str, value: Any) -> Any:
     """What a value is as a field."""
     if isinstance(value, np.ndarray):
@@ -109,7 +115,7 @@ def _field(name: str, value: Any) -> Any:
             raise TypeError(f"array {name} for compiled kernels is not contiguous")
         return ArrayField(value.dtype.str, value.ndim)
     if isinstance(value, Structure):
-        return value.kind
+        return HANDED_ON if value.kind.family in BEAM_FAMILIES else value.kind
     if isinstance(value, tuple):
         return tuple(_field(name, each) for each in value)
     return type(value)

@@ -6,9 +6,10 @@ from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
 from .explicit import Asynchronous, Explicit
 from .generalized_alpha import GeneralizedAlpha
+from .report import StepReport
 from .scheme import Scheme, State, StepOrigin, StepWork
 from .step_balance import Evaluation, StepBalance, StepData
-from .stepper import Stepper, StepReport
+from .stepper import Stepper
 from .variational import Variational
 
 __all__ = [

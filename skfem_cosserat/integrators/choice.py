@@ -21,7 +21,7 @@ from ..model import System
 from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
-from .compiled_scene import NearestVelocity
+from .compiled_scene import CompiledMotion
 from .compiled_step import stepped
 from .energy_decaying import DecayingBalance
 from .step_balance import StepBalance
@@ -315,15 +315,15 @@ def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | No
         return Choice("numpy", why), None
 
 
-def nearest_by_kernels(system: System, choice: Choice) -> NearestVelocity | None:
-    """Velocities on the hidden constraints by the kernels of a run; None: there are none.
+def motion_by_kernels(system: System, choice: Choice) -> CompiledMotion | None:
+    """Velocities and energies of states by the kernels of a run; None: there are none.
 
     They are compiled only where the run is long enough for it.
     """
-    if choice.name != "numba" or not NearestVelocity.serves(system.tied):
+    if choice.name != "numba" or not CompiledMotion.serves(system.tied):
         return None
     try:
-        return NearestVelocity(system.tied, NewtonSettings(), choice.source)
+        return CompiledMotion(system.tied, NewtonSettings(), choice.source)
     except NotKept:
         return None
     except compile_errors():  # plain numpy takes over: nothing but time is lost

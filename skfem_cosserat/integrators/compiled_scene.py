@@ -325,11 +325,6 @@ class CompiledScene:
         a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
 
 
-def _has_laws(system: System) -> bool:
-    """Whether a section has a stored energy of its own, which need not be compiled."""
-    return any(group.elements.stored for group in system.beam_groups)
-
-
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them
 NO_FORCES = {
     *("node_matrix", "joint_curvature"),
@@ -337,29 +332,10 @@ NO_FORCES = {
 }
 
 
-class Motion(NamedTuple):
-    """What :class:`NearestVelocity` finds of one state, or of k of them.
-
-    Attributes
-    ----------
-    v : (n,) or (k, n) array
-        Velocities.
-    kinetic : float or (k,) array
-        Their kinetic energy (J).
-    stored : float or (k,) array, or None
-        Energy stored in beams (J); None: not known, as a section has a stored energy of its own.
-    """
-
-    v: Floats
-    kinetic: Floats
-    stored: Floats | None
-
-
 class NearestVelocity(CompiledScene):
     """Velocities on the hidden constraints nearest to a momentum, in the kinetic energy.
 
-    And the energies of such states. For scenes without closed loops and prescribed motion, also
-    those in a plane.
+    For scenes without closed loops and prescribed motion, also those in a plane.
 
     Parameters
     ----------
@@ -381,7 +357,57 @@ class NearestVelocity(CompiledScene):
         self.bound = function, self._projection.address, self._a.y0, self._a.p0, self._a.change
         #: whether it takes directions from where a step starts
         self.follows = bool(space.kinematics.spheres)
-        states = np.zeros((0, space.rows, 3))
+
+    def begin(self, q: Floats) -> None:
+        """Take directions of motion on spheres from the start q (n,) of a step: any will do."""
+        self._place(q, None)
+
+    @staticmethod
+    def serves(system: System) -> bool:
+        """Whether the coordinates of a scene's tree are all there is to know of its velocities."""
+        return not (system.closure.rank or system.moving)
+
+    def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
+        """See the base class."""
+        return [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
+
+    def _called_laws(self) -> list[CalledLaws]:
+        """See the base class: there are no stresses."""
+        return []
+
+
+class Motion(NamedTuple):
+    """What :class:`CompiledMotion` finds of one state, or of k of them.
+
+    Attributes
+    ----------
+    v : (n,) or (k, n) array
+        Velocities.
+    kinetic : float or (k,) array
+        Their kinetic energy (J).
+    stored : float or (k,) array, or None
+        Energy stored in beams (J); None: not known, as a section has a stored energy of its own.
+    """
+
+    v: Floats
+    kinetic: Floats
+    stored: Floats | None
+
+
+class CompiledMotion(NearestVelocity):
+    """Velocities of states, as of the base class, and their energies.
+
+    Parameters
+    ----------
+    system, settings, source
+        As for :class:`NearestVelocity`.
+    """
+
+    def __init__(
+        self, system: System, settings: NewtonSettings, source: Source = Source.COMPILER
+    ) -> None:
+        super().__init__(system, settings, source)
+        states = np.zeros((0, self.system.rows, 3))
         self._looked = dict.fromkeys(("q", "p", "v"), states) | {"energies": np.zeros((0, 2))}
         self._make_room(1)
 
@@ -404,23 +430,14 @@ class NearestVelocity(CompiledScene):
             return None
         v, energies = self._looked["v"][:count].reshape(q.shape), self._looked["energies"][:count]
         kinetic, stored = energies.T.reshape(2, *q.shape[:-1]).copy()
-        return Motion(v.copy(), kinetic, None if _has_laws(self.system) else stored)
+        return Motion(v.copy(), kinetic, None if self._lawful else stored)
 
-    def begin(self, q: Floats) -> None:
-        """Take directions of motion on spheres from the start q (n,) of a step: any will do."""
-        self._place(q, None)
-
-    @staticmethod
-    def serves(system: System) -> bool:
-        """Whether the coordinates of a scene's tree are all there is to know of its velocities."""
-        return not (system.closure.rank or system.moving)
+    @property
+    def _lawful(self) -> bool:
+        """Whether a section has a stored energy of its own, which need not be compiled."""
+        return any(group.elements.stored for group in self.system.beam_groups)
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
         """See the base class."""
-        names = [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
-        plain = bool(self.system.beam_groups) and not _has_laws(self.system)
-        return [*names, "beam_energy"] if plain else names
-
-    def _called_laws(self) -> list[CalledLaws]:
-        """See the base class: there are no stresses."""
-        return []
+        plain = bool(self.system.beam_groups) and not self._lawful
+        return [*super()._parts(weight, ends, static), *(["beam_energy"] if plain else [])]

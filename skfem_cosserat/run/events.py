@@ -13,9 +13,9 @@ from ..errors import CosseratError, Diverged, IncompatibleError, InputError
 from ..frozen import Frozen
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
-from ..integrators.choice import nearest_by_kernels
-from ..integrators.compiled_scene import Motion, NearestVelocity
-from ..integrators.stepper import BlockReport
+from ..integrators.choice import motion_by_kernels
+from ..integrators.compiled_scene import CompiledMotion, Motion
+from ..integrators.report import BlockReport
 from ..model import System, takes_scene
 from ..types import Floats, IndexArray, check_kind, positive, switch
 from ..warn import logger
@@ -398,7 +398,7 @@ class _Motions:
 
     def __init__(self, factory: StepperFactory, system: System) -> None:
         self._factory, self._system = factory, system
-        self._made: NearestVelocity | None = None
+        self._made: CompiledMotion | None = None
         self._tried = False
 
     def __reduce__(self) -> Any:
@@ -409,7 +409,7 @@ class _Motions:
         """Of one or several states; None if there are no kernels for it."""
         if not self._tried and self._factory.choice is not None:
             self._tried = True
-            self._made = nearest_by_kernels(self._system, self._factory.choice)
+            self._made = motion_by_kernels(self._system, self._factory.choice)
         return None if self._made is None else self._made(q, p)
 
 

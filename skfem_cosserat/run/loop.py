@@ -22,7 +22,7 @@ from ..diagnostics.stacked import all_rows
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
-from ..integrators.stepper import BlockReport
+from ..integrators.report import BlockReport
 from ..linear import Solver
 from ..model import System, takes_scene
 from ..model.limits import (

@@ -24,7 +24,7 @@ from ..errors import (
 )
 from ..history import EventRecord, History, HistoryWriter
 from ..integrators import Integrator, State, Stepper, StepReport
-from ..integrators.stepper import BlockReport, force_of_state, forces_of_states
+from ..integrators.report import BlockReport, force_of_state, forces_of_states
 from ..model import System
 from ..types import Floats, IndexArray, numbers, spread
 from ..warn import Notices, logger, warn

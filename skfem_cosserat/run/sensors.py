@@ -21,7 +21,7 @@ from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..integrators.compiled_scene import Motion
-from ..integrators.stepper import force_of_state
+from ..integrators.report import force_of_state
 from ..joint import Joint
 from ..model import Model, System, system_of
 from ..model.force_elements import Invariants, kind_of

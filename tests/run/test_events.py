@@ -17,7 +17,7 @@ from skfem_cosserat import diagnostics
 from skfem_cosserat.constraints import saddle
 from skfem_cosserat.history import read_meta
 from skfem_cosserat.integrators import compiled_scene
-from skfem_cosserat.integrators.compiled_scene import NearestVelocity
+from skfem_cosserat.integrators.compiled_scene import CompiledMotion
 from skfem_cosserat.run import sensors
 from skfem_cosserat.run.events import EventMonitor, TimedValue, dip
 
@@ -781,7 +781,7 @@ def looking(rod, level=1e9):
 
 def test_looks_set_nothing_up_anew(monkeypatch, kernels):
     """However many there are."""
-    made = dict.fromkeys(("Invariants", "SectionPlaces", "SaddlePoint", "NearestVelocity"), 0)
+    made = dict.fromkeys(("Invariants", "SectionPlaces", "SaddlePoint", "CompiledMotion"), 0)
 
     def counting(owner, name):
         own = getattr(owner, name)
@@ -796,7 +796,7 @@ def test_looks_set_nothing_up_anew(monkeypatch, kernels):
     counting(sensors, "Invariants")
     counting(sensors, "SectionPlaces")
     counting(saddle, "SaddlePoint")
-    counting(compiled_scene, "NearestVelocity")
+    counting(compiled_scene, "CompiledMotion")
     counts = []
     for steps in (10, 40):
         system, rod = swinging_rod()
@@ -807,7 +807,7 @@ def test_looks_set_nothing_up_anew(monkeypatch, kernels):
         assert history.events == []
         counts.append(dict(made))
     assert counts[0] == counts[1]
-    assert counts[0]["NearestVelocity"] <= 1
+    assert counts[0]["CompiledMotion"] <= 1
 
 
 def two_orders():
@@ -840,7 +840,7 @@ def test_kernels_agree_on_velocities_and_energies(name):
     system = LOOKED_AT[name]()
     history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.05)
     q, p = history["q"], history["carried"]
-    motions = NearestVelocity(system.tied, sc.NewtonSettings())
+    motions = CompiledMotion(system.tied, sc.NewtonSettings())
     v, kinetic, stored = motions(q, p)
     expected = diagnostics.Projection(system).velocities(q, p, history.times)
     assert v == pytest.approx(expected, rel=1e-11, abs=1e-11)
@@ -873,7 +873,7 @@ def test_energies_by_a_law_are_left_to_the_law():
     system = model.freeze()
     history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.01, kernels="numpy")
     q, p = history["q"][-1], history["carried"][-1]
-    motions = NearestVelocity(system.tied, sc.NewtonSettings())
+    motions = CompiledMotion(system.tied, sc.NewtonSettings())
     assert motions(q, p).stored is None
     view = sc.View(system, sc.State(0.01, 10, q, p))
     plain = view.energy()

@@ -1,0 +1,412 @@
+"""What is reported of a step: how it ended, the next state, and forces of constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from ..constraints.saddle import accelerations, nearest_velocity
+from ..errors import Diverged, InputError
+from ..model import System
+from ..newton import NewtonSettings
+from ..types import Floats
+from .base import Integrator
+from .compiled_step import BlockOfSteps
+from .scheme import State, StepOrigin, StepWork, carried_rates
+
+__all__ = ["BlockReport", "Code", "ComposedReport", "Failure", "Solved", "StepReport"]
+__all__ += ["force_of_state", "forces_of_states"]
+
+# -- what a solved step gives beside the next state ------------------------------------------------
+
+
+class Code(Enum):
+    """How a step has ended."""
+
+    SOLVED = "solved"
+    UNSOLVED = "no attempt was solved"
+    DEAD_POINT = "prescribed motion has reached a dead point of a closed loop"
+    CONTRADICTION = "prescribed motions contradict each other around a closed loop"
+
+
+@dataclass(eq=False, repr=False)
+class Failure:
+    """A step that is not solved; an error is made of it only where nothing else is tried.
+
+    Attributes
+    ----------
+    code : Code
+    state : State
+        That the step started from.
+    residual : float
+        The best one of all attempts.
+    reason, advice, effort : str
+        Why it is not solved, what to try, and what was tried.
+    residuals : sequence of lists of float
+        Of each attempt.
+    """
+
+    code: Code
+    state: State
+    residual: float
+    reason: str
+    advice: str
+    effort: str = ""
+    residuals: Sequence[list[float]] = ()
+
+    def error(self, settings: NewtonSettings) -> Diverged:
+        """What tells of it."""
+        return Diverged(
+            *(self.state.time, self.state.index + 1, self.residual, self.reason, self.advice),
+            residuals=list(self.residuals),
+            settings=settings if self.residuals else None,
+            effort=self.effort,
+        )
+
+
+@dataclass(eq=False, repr=False)
+class StepReport:
+    """What a solved step gives beside the next state.
+
+    Attributes
+    ----------
+    state : State
+        At the end of the step.
+    iterations, attempts : int
+        Newton iterations (of all attempts) and attempts (1: none was repeated).
+    residual : float
+        Scaled residual at the solution.
+    work : StepWork
+        Of loads, actuators and dampers in the step.
+    start : State
+        That it started from; of several steps, that before the last one.
+    stages : list of StepReport
+        The steps that a composed one is made of, itself otherwise.
+    code : Code
+        ``Code.SOLVED``; see :class:`Failure` for others.
+    """
+
+    code = Code.SOLVED
+    state: State
+    iterations: int
+    attempts: int
+    residual: float
+    work: StepWork
+    _solved: Solved
+
+    def __repr__(self) -> str:
+        end, name = self.state, type(self).__name__
+        return f"<{name}: to step {end.index}, t = {end.time:g} s, {self.iterations} iterations>"
+
+    @property
+    def stages(self) -> list[StepReport]:
+        """See the class."""
+        return [self]
+
+    @property
+    def steps(self) -> int:
+        """How many steps it is of: more than one for those of :meth:`Stepper.advance_block`."""
+        return 1
+
+    @property
+    def all_iterations(self) -> int:
+        """Newton iterations of all of them."""
+        return self.iterations
+
+    def part(self, k: int) -> StepReport:
+        """The k-th of them, as if it were alone; of a block of which every state is kept.
+
+        It is there until the stepper takes the next ones.
+
+        Raises
+        ------
+        InputError
+            If there is no such step, or its states were not kept.
+        """
+        if k != 0:
+            raise InputError("argument k", f"{k!r}, expected 0: the report is of one step")
+        return self
+
+    def after(self, k: int) -> State:
+        """The state at the end of the k-th of them, as of :meth:`part`, for less."""
+        return self.part(k).state
+
+    @property
+    def step(self) -> float:
+        """Its size (s)."""
+        return self._solved.h
+
+    @property
+    def start(self) -> State:
+        """See the class."""
+        return self._solved.state
+
+    @property
+    def momentum(self) -> Floats:
+        """``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
+        _, integrator, _, state, _, impulse = self._solved
+        if state.fresh or integrator.carries_node_momentum:
+            return state.p.copy()
+        # the mean of both transforms (34), (35), whose parts of lambda cancel
+        return state.p - 0.5 * impulse.reshape(-1)
+
+    @property
+    def constraint_force(self) -> Floats:
+        """``G^T lambda`` (n,) of the step (N; N m on directors)."""
+        _, integrator, h, state, _, impulse = self._solved
+        # a given momentum has the other half of the force at a node in it already
+        share = 0.5 if state.fresh and integrator.constraint_weight == 0 else 1.0
+        return (impulse / (share * h)).reshape(-1)
+
+    @property
+    def constraint_point(self) -> Floats:
+        """Where it acts: all rows (total, 3) of y, at the node or midpoint."""
+        system, integrator, _, state, y1, _ = self._solved
+        weight = integrator.constraint_weight
+        if weight == 0:
+            return system.extend(state.q, state.time)
+        out = weight * y1
+        out[: system.rows] += (1 - weight) * state.q.reshape(-1, 3)
+        out[system.rows :] += (1 - weight) * system.ground(state.time)
+        return np.asarray(out)
+
+
+@dataclass(eq=False, repr=False)
+class BlockReport(StepReport):
+    """Report of the last of several steps that were solved in one go, with the work of all.
+
+    Attributes
+    ----------
+    block : BlockOfSteps
+        All of them, until the stepper takes the next ones.
+    times : (steps,) array
+        Of their ends (s).
+    """
+
+    block: BlockOfSteps
+    times: Floats
+    _first: State
+
+    @classmethod
+    def of(
+        cls, block: BlockOfSteps, times: Floats, state: State, made: Solved, origin: StepOrigin
+    ) -> BlockReport:
+        """Report of steps from a state on; `made` is of the last of them, but for its start."""
+        taken = float(block.taken.sum())
+        work = StepWork(float(block.loads.sum()), dissipated=taken, numerical=taken)
+        own = int(block.iterations[-1]), 1, float(block.residual[-1])
+        out = cls(state, *own, work, made, block, times, state)
+        out.state = replace(state, made_by=origin)
+        out.state = replace(out._start(block.steps), plain=block.stuck)
+        out._solved = made._replace(state=out._start(block.steps - 1))
+        return out
+
+    @property
+    def steps(self) -> int:
+        """See the base class."""
+        return self.block.steps
+
+    @property
+    def all_iterations(self) -> int:
+        """See the base class."""
+        return int(self.block.iterations.sum())
+
+    def part(self, k: int) -> StepReport:
+        """See the base class."""
+        b, back = self.block, k - self.steps
+        if not 0 <= k < self.steps or len(b.q) < self.steps:
+            text = f"{k!r}, expected one of {self.steps} steps, taken with every=True"
+            raise InputError("argument k", text)
+        work = StepWork(float(b.loads[k]), dissipated=b.taken[k], numerical=b.taken[k])
+        ground = self._solved.y1[self._solved.system.rows :]  # nothing moves by prescription
+        y1 = np.concatenate([b.q[back].reshape(-1, 3), ground])
+        solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[back].copy())
+        return StepReport(
+            self.after(k), int(b.iterations[k]), 1, float(b.residual[k]), work, solved
+        )
+
+    def after(self, k: int) -> State:
+        """See the base class."""
+        return self.state if k == self.steps - 1 else self._start(k + 1)
+
+    def first(self, steps: int) -> BlockReport:
+        """The first ones of them, at least one; as :meth:`part`."""
+        last, some = self.part(steps - 1), slice(steps)
+        block = BlockOfSteps._make((False, *(each[some] for each in self.block[1:])))
+        made_by = self.state.made_by
+        assert made_by is not None
+        return self.of(block, self.times[some], self._first, last._solved, made_by)
+
+    def _start(self, k: int) -> State:
+        """Where the k-th step starts."""
+        if not k:
+            return self._first
+        b, index, back = self.block, self._first.index + k, k - 1 - self.steps
+        own = b.q[back].copy(), b.p[back].copy(), False, None, carried_rates(b.rates[back])
+        return State(float(self.times[k - 1]), index, *own, self.state.made_by)
+
+
+@dataclass(eq=False, repr=False)
+class ComposedReport(StepReport):
+    """Report of a step that is composed of others, or explicit.
+
+    Its constraint force is that of the continuous equations at the start: the steps give theirs to
+    second order only. So it is with the part of the momentum along ``G^T`` that nodes of the
+    variational scheme have: it is left out.
+    """
+
+    _stages: list[StepReport]
+
+    @classmethod
+    def of(cls, stages: list[StepReport], state: State) -> ComposedReport:
+        """Report of a step made of these ones, that ends in a state."""
+        works = np.array([stage.work for stage in stages])
+        return cls(
+            state,
+            sum(stage.iterations for stage in stages),
+            max(stage.attempts for stage in stages),
+            max(stage.residual for stage in stages),
+            StepWork(*works.sum(0).tolist()),
+            stages[0]._solved,
+            stages,
+        )
+
+    @property
+    def stages(self) -> list[StepReport]:
+        """See the base class; itself if there are none."""
+        return self._stages or [self]
+
+    @property
+    def step(self) -> float:
+        """See the base class: of all its parts, which may go back in time."""
+        return sum(stage._solved.h for stage in self.stages)
+
+    @property
+    def momentum(self) -> Floats:
+        """See the base class."""
+        system, integrator, _, _, _, _ = self._solved
+        if integrator.carries_node_momentum:
+            return super().momentum
+        return np.asarray(system.mass @ self._velocity.reshape(-1, 3)).reshape(-1)
+
+    @property
+    def _velocity(self) -> Floats:
+        """At the start (n,): on the hidden constraints, as nothing along ``G^T`` changes it."""
+        system, _, _, state, _, _ = self._solved
+        return nearest_velocity(system, self.constraint_point, state.p, state.time)
+
+    @property
+    def constraint_force(self) -> Floats:
+        """See the base class."""
+        system, _, _, state, _, _ = self._solved
+        y, v = self.constraint_point, self._velocity
+        lam = accelerations(system, state.q, v, state.time, state.turns)[1]
+        return np.asarray(system.constraints.jacobian(y).T @ lam)
+
+    @property
+    def constraint_point(self) -> Floats:
+        """See the base class: at the node."""
+        system, _, _, state, _, _ = self._solved
+        return system.extend(state.q, state.time)
+
+
+#: a step against its neighbour, below which its constraint force is nothing but rounding
+TINY = 1e-5
+
+
+def force_of_state(
+    integrator: Integrator, before: StepReport | None, step: StepReport
+) -> tuple[State, Floats] | None:
+    """A state at an end of a step, and its constraint force (n,) of the order of the scheme.
+
+    The end of the step, if forces act there, else its start. There the force is the step's own, or
+    follows from those of the steps before and after, if these act at midpoints.
+
+    Momenta p of such schemes are off the hidden constraints by ``j = p - Q p``, which changes sign
+    from step to step and makes the forces F of the steps alternate by first order. Without it,
+    ``F_before + (j_n - j_{n-1}) / h_before`` and ``F_after - (j_n - j_{n+1}) / h_after`` lie on a
+    straight line through the force of the state, up to second order. If the steps are equal, and no
+    energy is taken, that force is the mean of F. Beside a step that is smaller by far rounding of
+    j counts too much: the force of the longer one is taken, of first order.
+
+    Parameters
+    ----------
+    before : StepReport or None
+        The step that led to the start of `step`; None: there is none.
+
+    Returns
+    -------
+    (State, array) or None
+        None: at a start whose force neither step tells. With a momentum that was given the force of
+        the first step is of first order only.
+    """
+    weight, state = integrator.constraint_weight, step.start
+    if weight == 1:
+        return step.state, step.constraint_force
+    if weight == 0:
+        if isinstance(step, ComposedReport):
+            return state, step.constraint_force
+        if state.fresh:
+            return None
+        # its impulse is over half of the step before it, too
+        made, k = state.made_by, step.step
+        h = before.step if before is not None else k if made is None else made.step
+        return state, step.constraint_force * (2 * k / (h + k))
+    if before is None:
+        return None
+    h, k = before.step, step.step
+    if h == k and not integrator.loses:
+        both = before._solved.impulse + step._solved.impulse
+        return state, (0.5 / h * both).reshape(-1)
+    one, other = before.constraint_force, step.constraint_force
+    if min(h, k) < TINY * max(h, k):
+        return state, one if h > k else other
+    system = step._solved.system
+    last, own, following = (_off(system, at) for at in (before.start, state, step.state))
+    one, other = one + (own - last) / h, other - (own - following) / k
+    return state, np.asarray((k * one + h * other) / (h + k))
+
+
+def forces_of_states(integrator: Integrator, h: float, before: Floats, after: Floats) -> Floats:
+    """The same of many states between equal steps, of schemes that take no energy at midpoints.
+
+    Parameters
+    ----------
+    before, after : (N, n) arrays
+        Impulses ``h G^T lambda`` of the steps that lead to each, and of those that follow.
+    """
+    weight = integrator.constraint_weight
+    if weight in (0, 1):
+        return (before if weight else after) / h
+    return 0.5 / h * (before + after)
+
+
+def _off(system: System, state: State) -> Floats:
+    """What a state's momentum is off the hidden constraints by (n,)."""
+    v = nearest_velocity(system, system.extend(state.q, state.time), state.p, state.time)
+    return np.asarray(state.p - (system.mass @ v.reshape(-1, 3)).reshape(-1))
+
+
+class Solved(NamedTuple):
+    """What momentum and constraint force of a step are made from, when somebody asks for them.
+
+    Attributes
+    ----------
+    h : float
+    state : State
+        At the start of the step.
+    y1 : (total, 3) array
+    impulse : (rows, 3) array
+        ``h G^T lambda``.
+    """
+
+    system: System
+    integrator: Integrator
+    h: float
+    state: State
+    y1: Floats
+    impulse: Floats
