@@ -133,11 +133,11 @@ class _Kernels:
                 cls.tries = tuple(others)
                 try:
                     have_stacked(source)
-                    cls.found = True
-                except Exception as error:  # plain numpy goes on
-                    # asked late, as it imports numba
-                    if not isinstance(error, (NotKept, *compile_errors())):
-                        raise
+                except NotKept:
+                    return False
+                except compile_errors():  # plain numpy goes on
+                    return False
+                cls.found = True
         return cls.found
 
     @staticmethod

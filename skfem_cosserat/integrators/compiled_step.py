@@ -481,17 +481,17 @@ class CompiledStep(CompiledScene):
 
     def _load(self, time: float) -> None:
         """Loads of a step that starts at a time (s)."""
-        failed, self._failed = self._failed, None
-        if failed is not None and failed[0] == time:
-            raise failed[1]
+        if self._failed is not None and self._failed[0] == time:
+            error, self._failed = self._failed[1], None
+            raise error
         loading, end = self.system.loading, time + self.h
         self.load(loading.values(end) if self.scheme.at_end else loading.averages(time, end))
 
-    def _load_all(self, times: Sequence[float]) -> int:
+    def _load_all(self, times: Sequence[float], patience: float) -> int:
         """Loads of several steps, from these times (s) on; of how many they are known.
 
         What a function of the user raises is kept for the step that meets it. A slow one is not
-        asked for long ahead, as nothing is solved meanwhile.
+        asked for longer than `patience` (s), as nothing is solved meanwhile.
         """
         o, several, begun = self._o, 0, monotonic()
         own = [(o.__dict__[name], o.__dict__[f"all_{name}"]) for name in LOADS]
@@ -506,7 +506,7 @@ class CompiledStep(CompiledScene):
             for now, each in own:
                 each[several] = now
             several += 1
-            if monotonic() - begun > AHEAD:
+            if monotonic() - begun > patience:
                 break
         for now, each in own:
             now[:] = each[0]
@@ -534,12 +534,17 @@ class CompiledStep(CompiledScene):
         return self._kept if every or self._varies(time) else self._most
 
     def advance_block(
-        self, state: State, times: Floats, every: bool, mark: bool = False
+        self,
+        state: State,
+        times: Floats,
+        every: bool,
+        mark: bool = False,
+        patience: float | None = None,
     ) -> BlockOfSteps:
         """Solve steps that end at these times (s) in one go; keep `every` state, or the last two.
 
-        Fewer, where something has to be looked at. `mark`: some of them may be taken back by
-        :meth:`rewind`.
+        Fewer, where something has to be looked at, or loads are not known in time (`patience`, s).
+        `mark`: some of them may be taken back by :meth:`rewind`.
         """
         self._marked = None
         if mark:
@@ -549,7 +554,8 @@ class CompiledStep(CompiledScene):
         self._record[STATES] = self._kept if every else 3
         steps, varies = len(times), self._varies(state.time)
         if varies:
-            steps = self._load_all([state.time, *times[:-1].tolist()])
+            starts = [state.time, *times[:-1].tolist()]
+            steps = self._load_all(starts, AHEAD if patience is None else patience)
         self._record[VARYING] = varies
         solved = self._solved(state, steps, varies)
         self._record[VARYING] = 0.0
@@ -596,7 +602,7 @@ class CompiledStep(CompiledScene):
         vars(self).update(own)
         for array, before in zip(self._lasting, arrays, strict=True):
             array[...] = before
-        self.advance_block(state, times, True)
+        self.advance_block(state, times, True, patience=np.inf)  # all of them, as before
 
     @property
     def handed_on(self) -> dict[str, Floats]:

@@ -33,8 +33,8 @@ def blocks(monkeypatch):
     """Steps of each block of steps that was solved."""
     counts, block = [], CompiledStep.advance_block
 
-    def counted(self, *given):
-        found = block(self, *given)
+    def counted(self, *given, **options):
+        found = block(self, *given, **options)
         counts.append(found.steps)
         return found
 

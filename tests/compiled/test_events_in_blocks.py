@@ -13,6 +13,7 @@ from test_events import looking, swinging_rod
 
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper
+from skfem_cosserat.integrators import compiled_step
 from skfem_cosserat.run import step_size
 from skfem_cosserat.run.events import TimedValue, comes_near, dip
 from skfem_cosserat.run.sensors import Views
@@ -256,6 +257,38 @@ def test_a_copy_of_a_view_does_without_kernels():
         *(system, sc.EnergyMomentum(), sc.NullSpace(), H, 20 * H), kernels="numba", events=events
     )
     assert len(found) > 10 and all(found)
+
+
+def test_slow_loads_are_taken_back_whole(monkeypatch):
+    """However long they take then; and an error ahead is not forgotten."""
+    failures = []
+
+    def force(t):
+        if t > 0.0182 and not failures:
+            failures.append(t)
+            raise ConnectionError("no wind today")
+        return t
+
+    def add(model, rod, pin, end):
+        model.add("f", sc.LoadForce(end, (0, 0.1, 0), force))
+
+    system = scene(add)
+    own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
+    one, many = (Stepper(*own, kernels="numba") for _ in range(2))
+    alone = sc.initial_state(system)
+    report = many.advance_block(alone, 30, every=True, mark=True)
+    assert report.steps == 18 and failures
+    monkeypatch.setattr(compiled_step, "AHEAD", -1.0)  # each load is slow
+    many.rewind(report, 12)
+    state = report.part(11).state
+    for k in range(18):
+        alone = one.advance(alone).state
+        if k >= 12:
+            state = many.advance_block(state, 5, time=lambda n: 1e-3 * n).state
+            assert state.index == k + 1
+    np.testing.assert_allclose(state.q, alone.q, atol=1e-12)
+    with pytest.raises(sc.InputError, match="no wind today"):
+        many.advance(state)
 
 
 def test_a_number_that_only_dips_below_zero(blocks):
