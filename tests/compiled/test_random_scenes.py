@@ -14,14 +14,18 @@ def check(seed: int) -> None:
     assert found.same, f"{found}; {scene}"
 
 
+#: seeds whose kernels others take, too: compiling is what these tests cost
+QUICK = 0, 1, 2, 3, 5, 7, 8, 9, 10, 11
+
+
 @pytest.mark.quick
-@pytest.mark.parametrize("seed", [*range(12), 75])  # 75: EnergyDecaying in a plane
+@pytest.mark.parametrize("seed", [*QUICK, 75])  # 75: EnergyDecaying in a plane
 def test_kernels_agree_in_random_scenes(seed: int):
     check(seed)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12, 72))
+@pytest.mark.parametrize("seed", sorted({*range(72)} - {*QUICK}))
 def test_kernels_agree_in_more_random_scenes(seed: int):
     check(seed)
 
