@@ -29,7 +29,9 @@ def _warm(arguments: argparse.Namespace) -> str:
     from .constraints.stacked import have_stacked
     from .errors import PerformanceWarning
     from .integrators import EnergyDecaying, EnergyMomentum, GeneralizedAlpha, Stepper
+    from .integrators.compiled_scene import CompiledMotion
     from .model import Planar
+    from .newton import NewtonSettings
     from .statics import static
     from .warn import warn
 
@@ -42,6 +44,9 @@ def _warm(arguments: argparse.Namespace) -> str:
                     plane = model.freeze(planar=Planar(normal=(0, 0, 1)))
                     Stepper(plane, EnergyMomentum(), treatment, 1e-3, kernels="numba")
                 static(model, treatment, kernels="numba", derive=False)
+            system = model.freeze().tied
+            if CompiledMotion.serves(system):
+                CompiledMotion(system, NewtonSettings())
     try:
         have_stacked(Source.COMPILER)
     except compile_errors() as error:  # runs do without
