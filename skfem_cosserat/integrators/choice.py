@@ -95,7 +95,7 @@ MadeT = TypeVar("MadeT")
 WORTHWHILE = 25.0
 #: ... to have them read from the disk, which takes 0.04 to 0.05 s with the import of llvmlite;
 #: estimates are right to a factor of two
-READING = 0.08
+READING = 0.05
 #: ... to have further ones read where this process has some: 5 ms beside what `STARTING` is for
 FURTHER = 0.015
 #: ... to take those that this process has: to put arrays of a scene into structures for them takes

@@ -128,8 +128,10 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
         coordinates, too.
     """
     kin, tree = system.kinematics, system.tree
-    fixed = kin.fixed_axes(y)
     inertia = _vertex_inertia(system, y)
+    if _each_inert(system, inertia):
+        return
+    fixed = kin.fixed_axes(y)
     linked = {v for e in tree.edges for v in (e.child, e.parent)}
     # vertices without joints, all at once
     alone = np.array([v for v in tree.free if v not in linked], dtype=np.int64)
@@ -158,6 +160,29 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
         worst, number = _weakest(A[None], rows[:, coordinates])
         if worst >= 0:
             _report(system, coordinates[number], y, fixed)
+
+
+def _each_inert(system: Scene, inertia: Floats) -> bool:
+    """Whether each vertex has inertia enough for all coordinates that joints leave it.
+
+    These are independent where they are few. What moves with one is at least its own vertex, and at
+    most the whole scene.
+    """
+    kin = system.kinematics
+    of_joints = kin.vertex[np.concatenate([kin.hinges, kin.tracks])]
+    few = not len(of_joints) or np.bincount(of_joints).max() == 1
+    if not few or len(kin.numbers["sphere"]) or kin.elements is not None:
+        return False
+    own, masses = inertia[kin.frames], inertia[:, 0, 0]
+    sizes = own.diagonal(axis1=1, axis2=2)
+    if not ((sizes > 0).all() and (masses > 0).all()):
+        return False
+    scale = 1 / np.sqrt(sizes)
+    share = np.linalg.eigvalsh(own * scale[:, :, None] * scale[:, None, :]).min(initial=1.0)
+    turned = sizes[:, 3:]
+    most = masses.sum() * system.length**2 + turned.sum()
+    least = min(masses.min() / masses.sum(), turned.min(initial=most) / most)
+    return bool(share * least > CLEARLY)
 
 
 def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -> bool:

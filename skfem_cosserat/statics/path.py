@@ -18,7 +18,7 @@ from ..integrators.choice import choose, estimated_seconds, static_refusal
 from ..integrators.compiled_step import stepped
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
-from ..model.balance import Spin, balance
+from ..model.balance import Spin
 from ..model.limits import over_rotated_beam
 from ..newton import NewtonReport, NewtonSettings
 from ..run.describe import checked_asked, finish, path_formulas
@@ -52,8 +52,6 @@ from .static_checks import (
 
 # -- point after point of a path: steps, what limits them, critical points on the way --------------
 
-#: residual, relative to its terms, below which a start counts as an equilibrium
-BALANCED = 1e-9
 #: motion in an automatic step, against what its tangents predict, above which it is repeated
 JUMP = 2.0
 #: increments at which an iteration next to a critical point may stagnate
@@ -161,10 +159,9 @@ class Continuation:
 
     def _settle(self, first: Point) -> Point:
         """The equilibrium near a start that is none: the missing forces fade away."""
-        solver, system = self.solver, self.system
-        missing = balance(system, first.y, solver.schedule.at(first.t), turns=first.turns).R
-        solver.begin(first)
-        if solver.unbalanced(first) <= BALANCED:
+        solver = self.solver
+        missing = solver.missing(first)
+        if missing is None:
             return first
         solver.begin(first, missing)
         point, left, step = first, 1.0, 1.0

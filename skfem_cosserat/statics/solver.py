@@ -54,6 +54,8 @@ UNMOVED = "the load factor does not change what is prescribed"
 STANDS = 1e-10
 #: change of the load factor for its difference quotients
 SMALL = 1e-6
+#: residual, relative to its terms, below which a start counts as an equilibrium
+BALANCED = 1e-9
 
 
 class Problem(ABC):
@@ -842,17 +844,25 @@ class PathSolver:
 
     def begin(self, point: Point, relief: Floats | None = None) -> None:
         """Take the constraint forces at a point that was not solved here."""
+        if self._fast is None or relief is not None:  # else kernels find them where they start
+            self._adopt(point, relief)
+
+    def _adopt(self, point: Point, relief: Floats | None = None) -> None:
         self.bound.begin(point.y, self.schedule.ground(point.t), 1.0)
         self.bound.guess(False)
         R = balance(self.system, point.y, self.schedule.at(point.t), turns=point.turns).R
         self.bound.adopt(R if relief is None else R - relief)
         self._accepted = self.bound.sought
 
-    def unbalanced(self, point: Point) -> float:
-        """Residual, relative to its terms, at a point that was begun with."""
+    def missing(self, point: Point) -> Floats | None:
+        """Forces (rows, 3) that keep a point from being an equilibrium; None: it is one."""
         at = balance(self.system, point.y, self.schedule.at(point.t), turns=point.turns)
+        if isinstance(self.bound, BoundNullSpace) and not at.R.any():
+            return None  # as most references without loads
+        self._adopt(point)
         y = self.bound.configure()
-        return self.bound.relative(self.bound.reduce(at.R, y), at.size)
+        left = self.bound.relative(self.bound.reduce(at.R, y), at.size)
+        return None if left <= BALANCED else at.R
 
     def solve(
         self,
@@ -905,7 +915,7 @@ class PathSolver:
             return CompiledProblem(self._fast, self.schedule, self.settings, start, target)
         bound = self.bound
         if self._fast is not None:
-            self.begin(start, relief)
+            self._adopt(start, relief)
         elif self._accepted is not None:
             bound.sought = self._accepted
         bound.begin(start.y, self.schedule.ground(start.t), 1.0)
@@ -925,6 +935,8 @@ class PathSolver:
 
     def rate_at(self, point: Point) -> Floats:
         """Derivative (rows, 3) of the coordinates by the load factor at a point begun with."""
+        if self._fast is not None:
+            self._adopt(point)
         target = Functional(None, 1.0, 0.0)
         problem = PlainProblem(self.bound, self.schedule, self.settings, point, target)
         problem.residual()
