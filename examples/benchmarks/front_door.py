@@ -88,6 +88,8 @@ VALUES = {
 #: CPU time (s) that a scene may take before smaller ones are extrapolated
 PATIENCE = {True: 12.0, False: 120.0}
 METHODS = sc.EnergyMomentum(), sc.NullSpace()
+#: what has kernels on disk afterwards
+COMPILED = "auto" if find_spec("numba") is None else "numba"
 Measure = Callable[[], float]
 
 
@@ -476,8 +478,8 @@ def compiled(system: sc.System) -> sc.System:
 
 def bare(system: sc.System, step: float, number: int, warm: int = 1) -> float:
     """CPU time of compiled steps one by one, nothing recorded, without the first ones (s)."""
-    begun, kernels = 0.0, "auto" if find_spec("numba") is None else "numba"
-    endless = sc.steps(system, *METHODS, step, kernels=kernels)
+    begun = 0.0
+    endless = sc.steps(system, *METHODS, step, kernels=COMPILED)
     for k, _ in zip(counting(1), endless, strict=False):
         if k == warm:
             begun = time.process_time()
@@ -560,7 +562,7 @@ def many(number: int, turn: Iterator[int]) -> float:
     return cpu(runs) * 1000 / number
 
 
-def bend(elements: int, order: int) -> float:
+def bend(elements: int, order: int, kernels: str = "auto") -> float:
     """CPU time of the 45-degree bend under its tip force, by default (s)."""
     angle, radius = np.pi / 4, 100.0
     start = (0, 0, 0), (1, 0, 0), (0, 1, 0)
@@ -570,7 +572,7 @@ def bend(elements: int, order: int) -> float:
     rod = model.add("rod", sc.Beam(mesh, section, order=order, director=(0, 0, 1)))
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
     model.add("force", sc.LoadForce(rod.node("rod.end"), (0, 0, 600.0)))
-    return cpu(sc.static, model)
+    return cpu(partial(sc.static, model, kernels=kernels))
 
 
 def saved() -> Measure:
@@ -807,6 +809,7 @@ def calls(quick: bool) -> Iterator[Figure]:
     yield Figure(name, "s", partial(many, count, counting()), import_skfem, f"from {count} runs")
     for elements, order in ((16, 1), (4, 4)):
         size = f"{elements} linear elements" if order == 1 else f"{elements} elements of order 4"
+        bend(elements, order, COMPILED)
         yield Figure(
             f"static, 45-degree bend: {size}", "ms", partial(bend, elements, order), import_skfem
         )

@@ -845,20 +845,41 @@ def test_a_run_in_a_plane_is_asked_of_the_model():
         simulate(model, EnergyMomentum(), NullSpace(), 0.1, 1.0, planar=sc.Planar())
 
 
-@pytest.mark.parametrize("spins", [False, True])
-def test_inertia_of_a_chain_is_looked_at_joint_by_joint(spins):
-    """All coordinates in one matrix are looked at where a joint leaves next to nothing only."""
+@pytest.mark.parametrize("kind", ["heavy", "hinged", "spins"])
+def test_inertia_of_a_chain_is_looked_at_as_cheaply_as_it_can_be(kind):
+    """Body by body where each has enough; all in one matrix where joints leave next to nothing."""
     items, end = {}, HERE
     for k in range(12):
         a, b = np.array([0, 0, k + 0.0]), np.array([0, 0, k + 1.0])
-        inertia = (1.0, 1.0, 0.0 if spins and k == 7 else 0.1)
+        inertia = (1.0, 1.0, 0.0 if kind != "heavy" and k == 7 else 0.1)
         items[f"bar {k}"] = bar = RigidBody(1.0, inertia, position=(a + b) / 2)
-        items[f"ball {k}"] = JointSpherical(end, bar.at(a))
+        held = kind == "hinged" and k == 7
+        joint = (
+            JointRevolute(end, bar.at(a), (1.0, 0, 0)) if held else JointSpherical(end, bar.at(a))
+        )
+        items[f"joint {k}"] = joint
         end = bar.at(b)
-    if spins:
+    if kind == "spins":
         refused(lambda: freeze(**items), ["rigid body 'bar 7'", "rotation about", "no inertia"])
-    else:
-        assert "T" not in vars(freeze(**items).kinematics)
+        return
+    looked = {"recursion", "T"} & set(vars(freeze(**items).kinematics))
+    assert looked == ({"recursion"} if kind == "hinged" else set())
+
+
+def test_a_light_body_on_a_heavy_one_is_no_joint_without_inertia():
+    """Next to nothing is refused, however sound the body is by itself."""
+    for mass in (1e-3, 1e-14):
+        box = RigidBody.box(1.0, (1, 1, 1))
+        dust = RigidBody.box(mass, (1, 1, 1), position=(1.0, 0, 0))
+        items = {
+            "dust": dust,
+            "box": box,
+            "ball": JointSpherical(dust.at((0.5, 0, 0)), box.at((0.5, 0, 0))),
+        }
+        if mass == 1e-3:
+            assert "recursion" not in vars(freeze(**items).kinematics)
+        else:
+            refused(lambda: freeze(**items), ["no inertia", "rotation about"])
 
 
 def test_a_hinge_behind_another_of_the_same_axis_needs_a_mass_between():
