@@ -101,12 +101,6 @@ def _words(field: Any) -> int:
     raise TypeError(f"compiled kernels take no field of type {field}")
 
 
-#: beams inside another structure are only handed on to their parts: they have one kind there, so
-#: that what calls parts is compiled once for elements of all orders
-BEAM_FAMILIES = "beams", "beams_by_law", "plane_beams"
-HANDED_ON = Kind("handed_on", {})
-
-
 def _field(name: str, value: Any) -> Any:
     """What a value is as a field."""
     if isinstance(value, np.ndarray):
@@ -115,7 +109,7 @@ def _field(name: str, value: Any) -> Any:
             raise TypeError(f"array {name} for compiled kernels is not contiguous")
         return ArrayField(value.dtype.str, value.ndim)
     if isinstance(value, Structure):
-        return HANDED_ON if value.kind.family in BEAM_FAMILIES else value.kind
+        return value.kind
     if isinstance(value, tuple):
         return tuple(_field(name, each) for each in value)
     return type(value)
@@ -173,7 +167,7 @@ class Structure:
 
 
 class Groups(Structure):
-    """Groups of beams as one argument: whatever is in them, its type is the same.
+    """Groups of beams as one argument: what calls their parts is compiled once for all beams.
 
     Of beam parts, tables of scenes have the address of a row here, with that of each group's part;
     see :func:`.jit.call_beams`.
@@ -188,7 +182,7 @@ class Groups(Structure):
         Names of beam parts.
     """
 
-    __slots__ = ("_kept", "_rows", "members")
+    __slots__ = ("_kept", "_parts", "_rows", "members")
 
     def __init__(
         self, members: Sequence[Structure], numbers: Sequence[Any], parts: Sequence[str]
@@ -197,14 +191,16 @@ class Groups(Structure):
         own = [0 if each is None else each.ctypes.data for each in numbers]
         others = np.array(own, dtype=np.int64)
         self.members, self._kept = tuple(members), (places, others, tuple(numbers))
-        self._rows = {name: np.zeros(len(members), dtype=np.int64) for name in parts}
+        self._parts = tuple(parts)
+        self._rows = np.zeros((len(parts), len(members)), dtype=np.int64)
         ends = len(members), places.ctypes.data, others.ctypes.data
         super().__init__("groups", ("count", "places", "numbers"), ends)
 
     def place(self, name: str, addresses: Sequence[int]) -> int:
         """Address of the row of a part, of which each member has its own."""
-        self._rows[name][:] = addresses
-        return int(self._rows[name].ctypes.data)
+        row = self._rows[self._parts.index(name)]
+        row[:] = addresses
+        return int(row.ctypes.data)
 
 
 # -- arrays of a frozen system as the compiled kernels take them: one argument for many arrays -----
