@@ -43,7 +43,7 @@ def caller(beam: bool) -> Callable[..., None]:
     """Calls a part some times, from compiled code."""
     import numba
 
-    from skfem_cosserat.compiled.jit import call
+    from skfem_cosserat.compiled.jit import call, call_beams
 
     def tree_part(p: int, s: Any, m: Any, w: Any, numbers: Any, flag: int, count: int) -> None:
         for _ in range(count):
@@ -51,7 +51,7 @@ def caller(beam: bool) -> Callable[..., None]:
 
     def beam_part(p: int, g: Any, w: Any, numbers: Any, flag: int, count: int) -> None:
         for _ in range(count):
-            call(p, g, w, numbers, flag)
+            call_beams(p, g, w, numbers, flag)
 
     made: Callable[..., None] = numba.njit(beam_part if beam else tree_part)
     return made

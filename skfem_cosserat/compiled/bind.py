@@ -242,26 +242,28 @@ def addresses(
     Parameters
     ----------
     structures : (tree, plan, work, beams)
-        Of beams in several groups each has parts of its own, whose addresses stand in rows of
-        these.
+        Each group of beams has parts of its own, whose addresses stand in rows of these.
     family : {"tree", "plane"}
         In space, or in a plane.
     source : Source
         See :func:`.kept.address`.
     """
-    kinds, beams = [each.kind for each in structures], structures[-1]
-
-    def made(name: str, g: Any) -> int:
-        own = "by law" if name in BEAM_PARTS and g.family == "beams_by_law" else family
-        given = [g, kinds[2]] if name in BEAM_PARTS else kinds[:3]
-        return address(own, name, (*given, VECTOR, int), source)
-
+    *kinds, beams = *(each.kind for each in structures[:3]), structures[3]
     found: dict[str, int] = {}
     for name in names:
-        if name in BEAM_PARTS and isinstance(beams, Groups):
-            found[name] = beams.place(name, [made(name, each.kind) for each in beams.members])
+        if name in BEAM_PARTS:
+            own = [
+                address(
+                    "by law" if g.kind.family == "beams_by_law" else family,
+                    name,
+                    (g.kind, kinds[2], VECTOR, int),
+                    source,
+                )
+                for g in beams.members
+            ]
+            found[name] = beams.place(name, own)
         else:
-            found[name] = made(name, beams.kind)
+            found[name] = address(family, name, (*kinds, VECTOR, int), source)
     # the last one is that of Python code, if some is called back
     return np.array([*(found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)), 0])
 
@@ -290,12 +292,12 @@ def coordinates_of(system: System) -> list[list[Coordinate]]:
 
 def bound_beams(
     system: System,
-    group: BeamGroup | None,
+    group: BeamGroup,
     plan: Plan,
     rows: dict[str, Any] | None = None,
     stiffness: Floats | None = None,
 ) -> tuple[Any, dict[str, Any]]:
-    """One group of elements, or none; the structure, and its arrays by name.
+    """One group of elements; the structure, and its arrays by name.
 
     Parameters
     ----------
@@ -305,18 +307,6 @@ def bound_beams(
         Another one than that of the sections.
     """
     hold = bound_held(system, group, plan, rows)
-    if group is None:
-        none = np.zeros((0, 2), dtype=np.int64)
-        ends = ((0.5, 0.5),)
-        size = {"stiffness": (6, 6), "reference": (1, 6), "mass": (2, 2, 4, 4)}
-        empty = {name: np.zeros((0, *shape)) for name, shape in size.items()}
-        S = np.zeros((0, 1, 6))
-        fields = {"N": ends, "dN": ((-1.0, 1.0),), "weights": (1.0,), "base": none, **empty}
-        fields |= {"section": np.zeros(0, dtype=np.int64)}
-        fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
-        fields |= {"rotations": np.zeros((0, 2, 3, 3)), "turned": False, "diagonal": True}
-        fields |= {"S0": S, "S": S.copy(), "predicted": S.copy(), "held_stress": S} | hold
-        return structures.structure("beams", fields), fields
     elements = group.elements
     ne, nn = group.vertices.shape
     ng = len(elements.points)
@@ -378,14 +368,10 @@ def bound_groups(
 
     `rows` are arrays of :func:`bound_tree`.
 
-    One group, or none, of elastic sections is as :func:`bound_beams` has it. Else, with `viscous`,
-    which says that there are some, elements of viscous sections follow behind all others, with
-    numbers of their own; their stiffness is the viscosity.
+    With `viscous`, which says that there are some, elements of viscous sections follow behind all
+    others, with numbers of their own; their stiffness is the viscosity.
     """
     groups = system.beam_groups
-    if len(groups) < 2 and not viscous and not any(group.elements.stored for group in groups):
-        g, fields = bound_beams(system, groups[0] if groups else None, plan, rows)
-        return g, [fields]
     bound = [
         bound_by_law(system, group, plan, rows, source)
         if group.elements.stored

@@ -72,14 +72,14 @@ def first_held(system: System) -> int:
 
 
 def bound_held(
-    system: System, group: BeamGroup | None, plan: Plan, rows: dict[str, Any] | None = None
+    system: System, group: BeamGroup, plan: Plan, rows: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """Strains that elements of a group hold by rows with multipliers, see :mod:`.held`.
 
     `rows`: arrays of the rows, of :func:`bound_rows` or those in a plane; None: it holds none.
     """
-    own = [] if group is None or rows is None else system.theory_rows
-    theories = [each for each in own if group is not None and id(each.beam) in group.slices]
+    own = [] if rows is None else system.theory_rows
+    theories = [each for each in own if id(each.beam) in group.slices]
     none = np.zeros((0, 6))
     blocks, count = plan.rows, len(system.origin_rows)
     width = 3 if system.plane is not None else 6
@@ -88,16 +88,15 @@ def bound_held(
         theories = [each for each in theories if (block[each.numbers] >= 0).any()]
     shape = (0, 1, 0)
     holds = sorted({i for each in theories for i in each.held})
-    if group is not None and theories:
+    if theories:
         shape = *group.elements.reference.shape[:2], len(holds)
-    nodes = 2 if group is None else group.vertices.shape[1]
+    nodes = group.vertices.shape[1]
     # the stride of b and of a row of a block in A; the one behind each array is for what is not
     stride = 6 if width == 6 else 4
     held, on = np.full(shape, stride * len(plan.diag)), np.full(shape, width * len(blocks))
     last = stride * width * len(plan.ends)
     down, up = np.full((*shape, nodes), last), np.full((*shape, nodes), last)
     for each in theories:
-        assert group is not None
         e, p, strain = np.nonzero(block[each.numbers] >= 0)
         number = each.numbers[e, p, strain]
         k, c = block[number], place[number]

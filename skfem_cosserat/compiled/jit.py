@@ -18,7 +18,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from .kept import Key, keep
-from .numba_types import is_groups, type_of
+from .numba_types import type_of
 
 __all__ = ["call", "call_back", "call_beams", "call_with", "compiled", "function_named"]
 __all__ += ["inlined", "part", "shared"]
@@ -144,41 +144,31 @@ def _called(context: Any, builder: Any, place: Any, kinds: Any, own: Any) -> Any
 
 @intrinsic
 def call_beams(typing: Any, place: Any, g: Any, w: Any, numbers: Any, flag: Any) -> Any:
-    """Call the part of beams at an address.
+    """Call the parts of all groups of beams, some with numbers of their own.
 
-    Where g is :class:`.structures.Groups` it is that of a row of addresses: each of its groups has
-    a part of its own.
+    At the address is a row of their addresses, see :class:`.structures.Groups`.
     """
-    kinds = (g, w, numbers, flag)
-    if is_groups(g):
-        return types.float64(types.int64, *kinds), _each_group
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        place, *own = values
-        return _called(context, builder, place, kinds, own)
+        word = ir.IntType(64).as_pointer()
+        parts, words = builder.inttoptr(values[0], word), builder.bitcast(values[1], word)
+        own = [builder.load(builder.gep(words, [ir.Constant(ir.IntType(64), k)])) for k in range(3)]
+        count, places, numbers = own[0], *(builder.inttoptr(each, word) for each in own[1:])
+        kinds = signature.args[1:]
+        with cgutils.for_range(builder, count) as loop:
+            part, beams, other = (
+                builder.load(builder.gep(each, [loop.index])) for each in (parts, places, numbers)
+            )
+            beams = builder.inttoptr(beams, context.get_value_type(kinds[0]))
+            array = context.make_array(kinds[2])(context, builder, value=values[3])
+            given = builder.icmp_unsigned("!=", other, ir.Constant(other.type, 0))
+            other = builder.inttoptr(other, array.data.type)
+            array.data = builder.select(given, other, array.data)
+            chosen = [beams, values[2], array._getvalue(), values[4]]
+            _called(context, builder, part, kinds, chosen)
+        return ir.Constant(ir.DoubleType(), 0.0)
 
     return types.float64(types.int64, g, w, numbers, flag), generate
-
-
-def _each_group(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    """Call the parts of all groups, some with numbers of their own."""
-    word = ir.IntType(64).as_pointer()
-    parts, words = builder.inttoptr(values[0], word), builder.bitcast(values[1], word)
-    own = [builder.load(builder.gep(words, [ir.Constant(ir.IntType(64), k)])) for k in range(3)]
-    count, places, numbers = own[0], *(builder.inttoptr(each, word) for each in own[1:])
-    kinds = signature.args[1:]
-    with cgutils.for_range(builder, count) as loop:
-        part, beams, other = (
-            builder.load(builder.gep(each, [loop.index])) for each in (parts, places, numbers)
-        )
-        beams = builder.inttoptr(beams, context.get_value_type(kinds[0]))
-        array = context.make_array(kinds[2])(context, builder, value=values[3])
-        given = builder.icmp_unsigned("!=", other, ir.Constant(other.type, 0))
-        other = builder.inttoptr(other, array.data.type)
-        array.data = builder.select(given, other, array.data)
-        chosen = [beams, values[2], array._getvalue(), values[4]]
-        _called(context, builder, part, kinds, chosen)
-    return ir.Constant(ir.DoubleType(), 0.0)
 
 
 @intrinsic

@@ -24,13 +24,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from .structures import ArrayField
+import numpy as np
+
+from .structures import array_field
 
 __all__ = ["VECTOR", "NotKept", "Source", "address", "cold", "compile_errors", "entry", "keep"]
 __all__ += ["loaded", "promising", "stamp"]
 
 #: kind of an array of numbers: those of a step, which all parts take
-VECTOR = ArrayField("<f8", 1)
+VECTOR = array_field(np.dtype(float), 1)
 
 
 class Source(IntEnum):

@@ -15,7 +15,7 @@ from numpy import dtype
 
 from .structures import ArrayField, Kind, Structure
 
-__all__ = ["View", "is_groups", "type_of"]
+__all__ = ["View", "type_of"]
 
 _WORD = ir.IntType(64)
 
@@ -68,11 +68,6 @@ def type_of(field: Any) -> Any:
         assert len(set(own)) == 1, field
         return types.UniTuple(own[0], len(own))
     return _Type(field) if isinstance(field, Kind) else _NUMBERS[field]
-
-
-def is_groups(kind: Any) -> bool:
-    """Whether a type is that of :class:`.structures.Groups`."""
-    return isinstance(kind, _Type) and kind.family == "groups"
 
 
 @register_model(_Type)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -335,13 +334,13 @@ def sections_of(rotations: Floats, director: ComplexArray) -> tuple[ComplexArray
 
 def bound_beams(
     system: System,
-    group: BeamGroup | None,
+    group: BeamGroup,
     plan: Plan,
     frames: Frames,
     outside: dict[str, Any],
     rows: dict[str, Any] | None = None,
 ) -> tuple[Any, dict[str, Any]]:
-    """One group of elements, or none; the structure, and its arrays by name.
+    """One group of elements; the structure, and its arrays by name.
 
     Parameters
     ----------
@@ -350,17 +349,6 @@ def bound_beams(
     """
     hold = bound_held(system, group, plan, rows)
     common = {"axes": outside["axes"], "out": outside["internal"], **hold}
-    if group is None:
-        sizes = {"stiffness": (3, 3), "reference": (1, 3), "mass": (2, 2, 4, 2)}
-        sizes |= {"rotations": (2, 2), "director": (3, 2), "resultants": (6, 3)}
-        sizes |= {"triads": (2, 3, 3), **dict.fromkeys(("S0", "S", "predicted"), (1, 3))}
-        fields = {name: np.zeros((0, *size)) for name, size in sizes.items()} | common
-        fields |= {"N": ((0.5, 0.5),), "dN": ((-1.0, 1.0),), "weights": (1.0,)}
-        fields |= dict.fromkeys(("base", "frames"), np.zeros((0, 2), dtype=np.int64))
-        fields |= {"slot": np.zeros((0, 2, 2), dtype=np.int64), "lengths": np.zeros(0)}
-        fields |= {"section": np.zeros(0, dtype=np.int64), "turned": False}
-        fields |= {"held_stress": np.zeros((0, 1, 3)), "held_form": np.zeros((0, 0, 3))}
-        return structures.structure("plane_beams", fields), fields
     elements = group.elements
     ne, nn = group.vertices.shape
     ng = len(elements.points)
@@ -419,12 +407,10 @@ def bound_beams(
 def bound_groups(
     system: System, plan: Plan, frames: Frames, outside: dict[str, Any], rows: dict[str, Any]
 ) -> tuple[Any, list[dict[str, Any]]]:
-    """All groups of elements, or none; as :func:`bound_beams`."""
-    groups: Sequence[BeamGroup | None] = system.beam_groups or [None]
+    """All groups of elements; the structure, and arrays by name of each."""
+    groups = system.beam_groups
     bound = [bound_beams(system, group, plan, frames, outside, rows) for group in groups]
     members, fields = [g for g, _ in bound], [own for _, own in bound]
-    if len(bound) == 1:
-        return members[0], fields
     return structures.Groups(members, [None] * len(bound), BEAM_PARTS), fields
 
 
