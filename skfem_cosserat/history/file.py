@@ -365,7 +365,7 @@ class FileWriter:
         """
         form = tuple([(name, each.dtype.str, each.shape) for name, each in arrays.items()])
         text = f"{json.dumps(header)[:-1]}, {_listed(form)}}}".encode()
-        payload = b"".join([np.ascontiguousarray(array) for array in arrays.values()])
+        payload = b"".join([np.ascontiguousarray(each).data for each in arrays.values()])
         line = _block_line(len(text), len(payload), zlib.crc32(text), zlib.crc32(payload))
         self._write(self._end, line + text)
         self._write(self._end + len(line + text), payload)
