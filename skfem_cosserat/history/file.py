@@ -10,7 +10,7 @@ import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, lru_cache
 from math import prod
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -296,6 +296,13 @@ def _block_line(size: int, payload: int, crc: int, payload_crc: int) -> bytes:
     return b"BLOCK %010d %020d %08x %08x\n" % (size, payload, crc, payload_crc)
 
 
+@lru_cache(maxsize=16)
+def _listed(form: tuple[tuple[str, str, tuple[int, ...]], ...]) -> str:
+    """The arrays of a block in its header; most blocks of a file have the same form."""
+    listing = [{"name": name, "dtype": dtype, "shape": shape} for name, dtype, shape in form]
+    return json.dumps({"arrays": listing})[1:-1]
+
+
 def write_at(handle: BinaryIO, offset: int, data: bytes) -> None:
     """Write all of it at an offset: a full disk takes a part and says no more than how much."""
     handle.seek(offset)
@@ -356,16 +363,13 @@ class FileWriter:
         OSError
             If the system takes no more; the blocks before are committed and sound.
         """
-        listing = [
-            {"name": name, "dtype": array.dtype.str, "shape": list(array.shape)}
-            for name, array in arrays.items()
-        ]
-        text = json.dumps({**header, "arrays": listing}).encode()
-        payload = b"".join(array.tobytes() for array in arrays.values())
+        form = tuple([(name, each.dtype.str, each.shape) for name, each in arrays.items()])
+        text = f"{json.dumps(header)[:-1]}, {_listed(form)}}}".encode()
+        payload = b"".join([np.ascontiguousarray(each).data for each in arrays.values()])
         line = _block_line(len(text), len(payload), zlib.crc32(text), zlib.crc32(payload))
-        block = line + text + payload
-        self._write(self._end, block)
-        self._end += len(block)
+        self._write(self._end, line + text)
+        self._write(self._end + len(line + text), payload)
+        self._end += len(line + text) + len(payload)
         self._write(len(_MAGIC), _commit_line(self._end))
 
     def finish(
