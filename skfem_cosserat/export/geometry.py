@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..element import lagrange, lobatto_nodes
 from ..errors import InputError
@@ -67,6 +66,8 @@ def quaternions(directors: ArrayLike) -> Floats:
     >>> quaternions([quarter]).round(4).tolist()
     [[0.7071, 0.0, 0.0, 0.7071]]
     """
+    from scipy.spatial.transform import Rotation  # slow to import, seldom needed
+
     d = np.asarray(directors, dtype=float)
     u, _, vt = np.linalg.svd(np.swapaxes(d.reshape(-1, 3, 3), 1, 2))
     u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]

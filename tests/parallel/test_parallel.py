@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import copy
+import gc
 import inspect
 import logging
 import math
@@ -18,6 +19,7 @@ import warnings
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
+from unittest.mock import Mock, call
 
 import numpy as np
 import pytest
@@ -500,6 +502,14 @@ def test_errors_that_are_no_exceptions_are_outcomes(executor):
 
 
 # -- workers that end ------------------------------------------------------------------------------
+
+
+def test_workers_end_side_by_side_and_do_not_search_their_modules_for_garbage(processes):
+    assert processes.submit(gc.get_freeze_count).result() > 10_000
+    executor, worker = sc.Processes(2), Mock()
+    executor._workers = [worker, worker]
+    executor.shutdown()
+    assert worker.close.mock_calls == [call(False), call(False), call(True), call(True)]
 
 
 def test_a_killed_worker_costs_its_own_job(processes):

@@ -67,6 +67,7 @@ model.add("tip", sc.LoadForce(rod.node("beam.end"), (0, 0, 1.0)))
 system = model.freeze()
 frozen = list(sys.modules)
 sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 5e-3, kernels="numpy")
+import skfem_cosserat.export
 print([frozen, list(sys.modules)])
 """
 
@@ -87,7 +88,7 @@ def test_rigid_bodies_import_no_meshes_and_no_beams():
 
 
 def test_beams_import_nothing_that_is_heavy_and_seldom_needed():
-    """Neither building and freezing a scene, nor reading a gmsh file, nor steps of plain kernels.
+    """Neither building and freezing a scene, gmsh files, steps of plain kernels, nor exports.
 
     Before a run nothing of its layers is imported either.
     """
