@@ -428,8 +428,9 @@ def _pivoted(A: Array) -> tuple[IndexArray, Array]:
 def _pivots(C: Floats) -> Floats:
     """Sizes of the diagonal of R, of `_pivoted` of C^T.
 
-    Of many rows by Cholesky's factors of C C^T with pivoting, which has the same R: sparse rows make
-    that product cheap. It tells pivots down to 1e-7 of the largest, below which all is singular.
+    Of many rows by Cholesky's factorisation of C C^T with pivoting, which has the same R: as rows
+    are sparse, that product is cheap. It tells pivots down to 1e-7 of the largest from zero, and
+    what is below that is singular.
     """
     if len(C) <= FULL_ROWS:
         return np.asarray(abs(_pivoted(C.T)[1]))
