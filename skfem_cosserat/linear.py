@@ -131,8 +131,9 @@ def merged(pattern: FrozenPattern) -> tuple[IndexArray, csc_matrix]:
     rank[np.argsort(first)] = np.arange(len(first))
     group = rank[group.reshape(-1)]
     count = len(first)
-    cols = np.repeat(np.arange(n), np.diff(both.indptr))
-    keys = np.unique(group[cols] * count + group[both.indices])
+    near = both[:, np.sort(first)]  # of one of each group
+    cols = np.repeat(np.arange(count), np.diff(near.indptr))
+    keys = np.unique(cols * count + group[near.indices])
     j, i = np.divmod(keys, max(count, 1))
     links = csc_matrix((np.full(len(keys), -1.0), (i, j)), shape=(count, count))
     return group, links

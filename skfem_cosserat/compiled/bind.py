@@ -281,11 +281,11 @@ def _parents(system: System) -> tuple[list[int], list[int]]:
 def coordinates_of(system: System) -> list[list[Coordinate]]:
     """Coordinates of each edge, driven ones included; hinges from the parent outwards."""
     tree = system.tree
-    each: dict[int, list[Coordinate]] = {}
-    for c in [*tree.coordinates, *tree.driven]:
-        each.setdefault(c.vertex, []).append(c)
+    each = {e.child: [tree.coordinates[k] for k in tree.own[e.child]] for e in tree.edges}
+    for c in tree.driven:
+        each[c.vertex].append(c)
     return [
-        [c for c in each.get(e.child, []) if c.kind != "axis"] + tree.turns.get(e.child, [])
+        [c for c in each[e.child] if c.kind != "axis"] + tree.turns.get(e.child, [])
         for e in tree.edges
     ]
 

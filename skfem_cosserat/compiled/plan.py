@@ -105,7 +105,7 @@ class Plan:
         self.rows = rows
         waits = {count - len(rows) + k: block.waits for k, block in enumerate(rows)}
         degree, filled = limits
-        graph = _Graph(count, links.tolist(), above.tolist(), held, waits)
+        graph = _Graph(count, zip(*links.T.tolist(), strict=True), above.tolist(), held, waits)
         graph.eliminate(degree)
         left = count - len(graph.order)
         whole = graph.copy()
@@ -306,7 +306,7 @@ class _Graph:
     def __init__(
         self,
         count: int,
-        pairs: Iterable[Sequence[int]],
+        pairs: Iterable[tuple[int, int]],
         parent: Sequence[int],
         held: Collection[int],
         waits: Mapping[int, Collection[int]],
@@ -317,8 +317,7 @@ class _Graph:
         self.later: list[set[int]] = []
         self._waiting = [0] * count  # children, and others, that come first
         self._behind: dict[int, list[int]] = {}  # what waits for a vertex, besides its parent
-        links = [*pairs, *((v, p) for v, p in enumerate(parent) if p >= 0)]
-        for a, b in links:
+        for a, b in chain(pairs, ((v, p) for v, p in enumerate(parent) if p >= 0)):
             if a != b and not ({a, b} & self.held and parent[a] != b and parent[b] != a):
                 self.around[a].add(b)
                 self.around[b].add(a)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiled import kept
 from ..compiled.kept import Source, address, entry
@@ -64,14 +65,9 @@ class Rest:
         slots = np.flatnonzero(left[plan.ends].all(axis=1))
         ends = plan.ends[slots]
         each = np.where(left, size, 0)
-        first = np.cumsum(each) - each
         k = np.arange(6)
-        inside = (k[:, None] < each[ends[:, :1, None]]) & (k < each[ends[:, 1:, None]])
-        rows = np.broadcast_to(first[ends[:, :1, None]] + k[:, None], inside.shape)[inside]
-        cols = np.broadcast_to(first[ends[:, 1:, None]] + k, inside.shape)[inside]
-        places = (36 * slots[:, None, None] + 6 * k[:, None] + k)[inside]
-        count = int(each.sum())
-        pattern = shared(FrozenPattern, rows, cols, (count, count))
+        places = (36 * slots[:, None, None] + 6 * k[:, None] + k)[_inside(ends, each)]
+        pattern = shared(_of_blocks, ends, each)
         self._take = np.empty(pattern.nnz, dtype=np.int64)  # every entry is in one place only
         self._take[pattern.slot] = places
         self._numbers = (6 * np.arange(len(size))[:, None] + k)[k < each[:, None]]
@@ -125,6 +121,21 @@ class Rest:
             If the solution is not finite.
         """
         self._x[self._numbers] = self.solver.solve_again(self._x[self._numbers])
+
+
+def _inside(ends: IndexArray, size: IndexArray) -> NDArray[np.bool_]:
+    """Which entries (k, 6, 6) of blocks between vertices (k, 2) are of unknowns that these have."""
+    k = np.arange(6)
+    return np.asarray((k[:, None] < size[ends[:, :1, None]]) & (k < size[ends[:, 1:, None]]))
+
+
+def _of_blocks(ends: IndexArray, size: IndexArray) -> FrozenPattern:
+    """Pattern of the entries inside of blocks between these vertices (k, 2)."""
+    k, first, inside = np.arange(6), np.cumsum(size) - size, _inside(ends, size)
+    rows = np.broadcast_to(first[ends[:, :1, None]] + k[:, None], inside.shape)[inside]
+    cols = np.broadcast_to(first[ends[:, 1:, None]] + k, inside.shape)[inside]
+    count = int(size.sum())
+    return FrozenPattern(rows, cols, (count, count))
 
 
 # -- arrays and parts of a system ------------------------------------------------------------------

@@ -1032,3 +1032,21 @@ def test_a_look_goes_through_loops_that_have_moved_only(monkeypatch):
     assert asked == [[1], [1]]
     assert bound.clear(y, 2 * first)  # a long step: all are asked
     assert asked[-1] == [0, 1, 2]
+
+
+@pytest.mark.parametrize("smallest", [1.0, 1e-3, 1e-5, 0.0])
+def test_pivots_of_many_rows_are_those_of_their_qr_factors(smallest):
+    """By Cholesky's factors of their products; the same R, with squares of its small pivots."""
+    rng = np.random.default_rng(0)
+    rows = np.zeros((closure_module.FULL_ROWS + 20, 400))
+    for k, row in enumerate(rows):  # neighbours overlap
+        row[3 * k : 3 * k + 9] = rng.normal(size=9)
+    rows[-1] = rows[-2] + smallest * rows[-1]
+    full = abs(closure_module._pivoted(rows.T)[1])
+    found = closure_module._pivots(rows)
+    assert found.max() == pytest.approx(full.max(), rel=1e-12)
+    ratio = full.min() / full.max()
+    if smallest:
+        assert found.min() == pytest.approx(full.min(), rel=1e-12 / ratio**2)
+    else:
+        assert found.min() < closure_module.SINGULAR * found.max()
