@@ -21,6 +21,7 @@ from .relative import (
     RelativeCoordinate,
     Zero,
     angle,
+    axes,
     direction,
     displacement,
     normals,
@@ -619,8 +620,8 @@ class JointUniversal(Joint):
 
     def rows(self) -> list[Zero | Product]:
         """Spherical, and both axes normal to each other."""
-        axes = Product(direction(self.a, self.axis_a), direction(self.b, self.axis_b))
-        return [self._coincide(), axes]
+        normal = Product(direction(self.a, self.axis_a), direction(self.b, self.axis_b))
+        return [self._coincide(), normal]
 
     def freedom(self) -> Freedom:
         """Rotations about both axes."""
@@ -647,14 +648,13 @@ class JointFixed(Joint):
 
     def rows(self) -> list[Zero | Product]:
         """Spherical, and three products of one triad seen from both sides."""
-        a = [direction(self.a, e) for e in np.eye(3)]
-        b = [direction(self.b, e) for e in np.eye(3)]
+        a, b = axes(self.a), axes(self.b)
         products = [Product(a[i], b[(i + 1) % 3]) for i in range(3)]
         return [self._coincide(), *products]
 
     def branch_cosines(self) -> list[Product]:
         """See the base class."""
-        return [self._same(e) for e in np.eye(3)]
+        return list(map(Product, axes(self.a), axes(self.b)))
 
     def freedom(self) -> Freedom:
         """Nothing."""

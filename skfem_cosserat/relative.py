@@ -61,10 +61,16 @@ def point(place: Place) -> Expression:
 
 def direction(place: Place, axis: Floats) -> Expression:
     """``n = n_i d_i``, the direction that is `axis` in space in the reference configuration."""
-    components = place.material(vector("direction", "axis", axis))
-    return Expression(
-        tuple((place, i + 1, float(c)) for i, c in enumerate(components) if abs(c) > 1e-15)
-    )
+    return _of_directors(place, place.material(vector("direction", "axis", axis)).tolist())
+
+
+def axes(place: Place) -> list[Expression]:
+    """Three directions that are the axes of space in the reference configuration."""
+    return [_of_directors(place, each) for each in place.material(np.eye(3)).T.tolist()]
+
+
+def _of_directors(place: Place, components: list[float]) -> Expression:
+    return Expression(tuple((place, i + 1, c) for i, c in enumerate(components) if abs(c) > 1e-15))
 
 
 def normals(axis: Floats) -> Floats:
@@ -186,8 +192,7 @@ def rotation(name: str, a: Place, b: Place) -> RelativeCoordinate:
     are ``sin(theta) n_k = eps_kij D_ji / 2`` and ``cos(theta) = (tr D - 1)/2``; the constant is
     left out of the form.
     """
-    A = [direction(a, e) for e in np.eye(3)]
-    B = [direction(b, e) for e in np.eye(3)]
+    A, B = axes(a), axes(b)
     sines = tuple(
         (
             Product(A[(k + 2) % 3], B[(k + 1) % 3], 0.5),
