@@ -18,7 +18,7 @@ from .types import Array, ArrayLike, IndexArray
 #: rows and columns up to which a full matrix is multiplied faster than a sparse one
 FULL_ROWS = 100
 #: pairs of numbers above which scipy sorts them faster than numpy
-MANY = 100_000
+COUNTED = 100_000
 
 
 class FrozenPattern:
@@ -108,10 +108,12 @@ def order_by(*keys: IndexArray) -> IndexArray:
     """Order of whole numbers from 0 on, as `np.lexsort` gives it: by the last key first of all.
 
     Numpy sorts 16 bits by counting, and longer ones by comparison: they are taken in pieces. Many
-    pairs are counted faster by scipy, as a matrix that it brings into other forms.
+    pairs are counted faster by scipy, as a matrix that it brings into other forms, of numbers that
+    are no larger than their count: it takes memory for all up to the largest.
     """
-    if len(keys) == 2 and len(keys[0]) > MANY:
-        numbers = coo_matrix((np.arange(len(keys[0])), keys))
+    count = len(keys[0])
+    if len(keys) == 2 and count > COUNTED and max(map(np.max, keys)) <= count:
+        numbers = coo_matrix((np.arange(count), keys))
         numbers.has_canonical_format = True  # else entries of one place are summed
         return np.asarray(numbers.tocsr().tocsc().data)
     order: IndexArray | None = None

@@ -297,7 +297,7 @@ def _block_line(size: int, payload: int, crc: int, payload_crc: int) -> bytes:
 
 
 @lru_cache(maxsize=16)
-def _listed(form: tuple[tuple[str, str, tuple[int, ...]], ...]) -> str:
+def _arrays_as_json(form: tuple[tuple[str, str, tuple[int, ...]], ...]) -> str:
     """The arrays of a block in its header; most blocks of a file have the same form."""
     listing = [{"name": name, "dtype": dtype, "shape": shape} for name, dtype, shape in form]
     return json.dumps({"arrays": listing})[1:-1]
@@ -364,7 +364,8 @@ class FileWriter:
             If the system takes no more; the blocks before are committed and sound.
         """
         form = tuple([(name, each.dtype.str, each.shape) for name, each in arrays.items()])
-        text = f"{json.dumps(header)[:-1]}, {_listed(form)}}}".encode()
+        # a header has entries of its own, and the arrays as the last one
+        text = f"{json.dumps(header)[:-1]}, {_arrays_as_json(form)}}}".encode()
         payload = b"".join([np.ascontiguousarray(each).data for each in arrays.values()])
         line = _block_line(len(text), len(payload), zlib.crc32(text), zlib.crc32(payload))
         self._write(self._end, line + text)

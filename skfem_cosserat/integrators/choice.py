@@ -93,8 +93,8 @@ MadeT = TypeVar("MadeT")
 #: what kernels have to save (s) for a run to have them compiled: on an empty cache that takes 7 to
 #: 12 s on two processors, 14 to 20 s on one
 WORTHWHILE = 25.0
-#: ... to have them read from the disk, which takes 0.04 to 0.05 s with the import of llvmlite;
-#: estimates are right to a factor of two
+#: ... to have them read from the disk, which takes 0.04 to 0.05 s with the import of llvmlite; as
+#: estimates are right to a factor of two, a single run may lose 0.025 s by that
 READING = 0.05
 #: ... to have further ones read where this process has some: 5 ms beside what `STARTING` is for
 FURTHER = 0.015

@@ -165,13 +165,14 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
 def _each_inert(system: Scene, inertia: Floats) -> bool:
     """Whether each vertex has inertia enough for all coordinates that joints leave it.
 
-    These are independent where they are few. What moves with one is at least its own vertex, and at
-    most the whole scene.
+    The coordinates of a vertex are independent if at most one of them is a hinge or a slide. What
+    moves with a coordinate is at least its own vertex, and at most the whole scene: so a pivot is
+    at least ``share least`` of what it would be if all other joints were locked.
     """
     kin = system.kinematics
     of_joints = kin.vertex[np.concatenate([kin.hinges, kin.tracks])]
-    few = not len(of_joints) or np.bincount(of_joints).max() == 1
-    if not few or len(kin.numbers["sphere"]) or kin.elements is not None:
+    single = not len(of_joints) or np.bincount(of_joints).max() == 1
+    if not single or len(kin.numbers["sphere"]) or kin.elements is not None:
         return False
     own, masses = inertia[kin.frames], inertia[:, 0, 0]
     sizes = own.diagonal(axis1=1, axis2=2)

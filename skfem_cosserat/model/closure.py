@@ -429,8 +429,8 @@ def _pivots(C: Floats) -> Floats:
     """Sizes of the diagonal of R, of `_pivoted` of C^T.
 
     Of many rows by Cholesky's factorisation of C C^T with pivoting, which has the same R: as rows
-    are sparse, that product is cheap. It tells pivots down to 1e-7 of the largest from zero, and
-    what is below that is singular.
+    are sparse, that product is cheap. Pivots are zero below 1e-8 times the root of their number of
+    the largest: 1e-7 for a hundred.
     """
     if len(C) <= FULL_ROWS:
         return np.asarray(abs(_pivoted(C.T)[1]))

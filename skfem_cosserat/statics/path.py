@@ -19,7 +19,7 @@ from ..integrators.compiled_step import stepped
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
 from ..model.balance import Spin
-from ..model.limits import over_rotated_beam
+from ..model.limits import first_over_rotated, over_rotated_beam
 from ..newton import NewtonReport, NewtonSettings
 from ..run.describe import checked_asked, finish, path_formulas
 from ..run.progress import Interrupt, Progress
@@ -442,10 +442,10 @@ class Continuation:
 
     def _warn_of_elements(self, point: Point, force: Floats) -> None:
         """Say once that elements are bent or drawn farther than they can be on their own."""
-        bent = None if self.over_rotated else over_rotated_beam(self.system, point.y)
-        if bent is not None:
+        bent = not self.over_rotated and first_over_rotated(self.system, point.y[None]) is not None
+        if bent and (found := over_rotated_beam(self.system, point.y)) is not None:
             self.over_rotated = True
-            warn(*bent, AccuracyWarning, point.t)
+            warn(*found, AccuracyWarning, point.t)
         drawn = None if self.overstretched else overstretched_at(self.system, point.y, force)
         if drawn is not None:
             self.overstretched = True

@@ -843,11 +843,16 @@ class PathSolver:
         return self._problem.solution(), self._problem.t
 
     def begin(self, point: Point, relief: Floats | None = None) -> None:
-        """Take the constraint forces at a point that was not solved here."""
-        if self._fast is None or relief is not None:  # else kernels find them where they start
+        """Take the constraint forces at a point that was not solved here.
+
+        Kernels find them where they start; the plain problem adopts them there, too, if there are
+        kernels for all others.
+        """
+        if self._fast is None or relief is not None:
             self._adopt(point, relief)
 
     def _adopt(self, point: Point, relief: Floats | None = None) -> None:
+        """Have the plain problem start at a point."""
         self.bound.begin(point.y, self.schedule.ground(point.t), 1.0)
         self.bound.guess(False)
         R = balance(self.system, point.y, self.schedule.at(point.t), turns=point.turns).R
@@ -858,7 +863,7 @@ class PathSolver:
         """Forces (rows, 3) that keep a point from being an equilibrium; None: it is one."""
         at = balance(self.system, point.y, self.schedule.at(point.t), turns=point.turns)
         if isinstance(self.bound, BoundNullSpace) and not at.R.any():
-            return None  # as most references without loads
+            return None  # its residual is made of nothing else, unlike that of multipliers
         self._adopt(point)
         y = self.bound.configure()
         left = self.bound.relative(self.bound.reduce(at.R, y), at.size)

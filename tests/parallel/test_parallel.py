@@ -509,7 +509,7 @@ def test_workers_end_side_by_side_and_do_not_search_their_modules_for_garbage(pr
     executor, worker = sc.Processes(2), Mock()
     executor._workers = [worker, worker]
     executor.shutdown()
-    assert worker.close.mock_calls == [call(False), call(False), call(True), call(True)]
+    assert worker.close.mock_calls == [call(False), call(False), call(), call()]
 
 
 def test_a_killed_worker_costs_its_own_job(processes):
