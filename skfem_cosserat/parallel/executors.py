@@ -380,7 +380,7 @@ def _judge(outcomes: Sequence[Outcome], elapsed: float) -> None:
         text = (
             f"{len(outcomes)} jobs took {elapsed:.2g} s with it, but no more than {alone:.2g} s in"
             " themselves: one after the other in this process (executor=None) they would be done"
-            " sooner. Starting workers takes about a second; executors that stay open do it once"
+            " sooner. Starting workers takes half a second; executors that stay open do it once"
         )
         warn("argument executor", text, PerformanceWarning)
 
