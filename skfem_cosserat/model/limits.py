@@ -152,10 +152,10 @@ def first_over_rotated(system: System, states: Floats) -> int | None:
 @once_for_each
 def _turns_of_beams(system: System) -> list[tuple[Beam, Nodes, Nodes, Floats]]:
     """Beams, neighbours in their elements, and the least ``1 + 2 cos`` of safe angles of these."""
-    from ..mesh.bends import turns
-
     out = []
     for beam in (item for item in system.structures if is_beam(item)):
+        from ..mesh.bends import turns  # a scene without beams imports no meshes
+
         kind, inner = beam.basis.interpolation, beam.basis.connectivity
         a, b = inner[:, :-1].ravel(), inner[:, 1:].ravel()
         # in the reference there may be angles already
