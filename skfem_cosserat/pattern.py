@@ -192,7 +192,7 @@ class Shared:
         self._lock = threading.Lock()
 
     def __call__(self, make: Callable[..., MadeT], *integers: Any) -> MadeT:
-        """What `make` makes of these numbers and arrays of integers, in tuples or not.
+        """What `make` makes of these numbers, bytes and arrays of integers, in tuples or not.
 
         It is not to be changed, as others have it, too.
         """
@@ -256,13 +256,16 @@ def once_for_each(function: Callable[[KeyT], ValueT]) -> Callable[[KeyT], ValueT
 
 
 def _digest(values: Any) -> bytes:
-    """Of integers, alone, in arrays or in tuples; their types and shapes included."""
+    """Of integers, alone, in arrays, bytes or tuples; their types and shapes included."""
     digest = hashlib.blake2b(digest_size=32)
 
     def take(value: Any) -> None:
         if isinstance(value, np.ndarray) and value.dtype.kind in "iub":
             digest.update(f"{value.dtype.str}{value.shape}".encode())
             digest.update(np.ascontiguousarray(value).data)
+        elif isinstance(value, bytes):
+            digest.update(f"bytes{len(value)}".encode())
+            digest.update(value)
         elif isinstance(value, tuple) and not all(map(_is_whole, value)):
             digest.update(f"({len(value)}".encode())
             for each in value:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import lzma
+import os
 import re
 import struct
 import warnings
@@ -13,13 +14,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError, MeshError, ModelWarning
+from ..pattern import shared
 from ..types import Array, Floats, IndexArray, file_path
 from ..warn import logger, warn
 
@@ -54,10 +55,9 @@ class Groups:
     other: dict[int, int] = field(default_factory=dict)
 
 
-def physical_names(path: Path) -> dict[tuple[int, int], str]:
+def physical_names(text: bytes) -> dict[tuple[int, int], str]:
     """Names of physical groups by (dimension, tag); this section is text even in binary files."""
     names: dict[tuple[int, int], str] = {}
-    text = path.read_bytes()
     start, end = text.find(b"$" + _NAMES.encode()), text.find(b"$End" + _NAMES.encode())
     if start < 0 or end < 0:
         return names
@@ -107,15 +107,15 @@ def _entity_groups(rows: list[str], path: Path) -> dict[tuple[int, int], list[in
     return groups
 
 
-def read_gmsh41(path: Path) -> Groups:
-    """Points, vertices and lines of an ASCII file of version 4.1.
+def read_gmsh41(path: Path, content: bytes) -> Groups:
+    """Points, vertices and lines of an ASCII file of version 4.1, given its content.
 
     Raises
     ------
     MeshError
         If a section is missing, cut short or not what the format says.
     """
-    rows = [row.strip() for row in path.read_text(encoding="utf-8").splitlines()]
+    rows = [row.strip() for row in content.decode("utf-8").splitlines()]
     try:
         return _read_rows(rows, path)
     except (StopIteration, ValueError, KeyError) as error:
@@ -318,7 +318,7 @@ class LineData:
 
 
 @contextlib.contextmanager
-def read_errors(path: str | PathLike[str]) -> Iterator[None]:
+def read_errors(path: str | os.PathLike[str]) -> Iterator[None]:
     """Whatever goes wrong with what a file says is one error that names the file."""
     item = f"file '{file_path('argument path', path)}'"
     try:
@@ -331,7 +331,7 @@ def read_errors(path: str | PathLike[str]) -> Iterator[None]:
         raise MeshError(item, f"cannot be read ({type(error).__name__}: {error})") from error
 
 
-def read_lines(path: str | PathLike[str]) -> LineData:
+def read_lines(path: str | os.PathLike[str]) -> LineData:
     """Lines of a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
     file = file_path("argument path", path)
     if not file.is_file():
@@ -373,8 +373,9 @@ def _left_out(file: Path) -> list[str]:
 
 def _read_lines(file: Path) -> LineData:
     """Lines of a file of any kind."""
-    if _is_gmsh41(file, b"0"):
-        return _from_gmsh41(file)
+    content = file.read_bytes() if file.suffix.lower() == ".msh" else b""
+    if _is_gmsh41(content, b"0"):
+        return shared(_from_gmsh41, os.fsencode(file), content)
     mesh = _meshio(file)
     kinds = {block.type: len(block.data) for block in mesh.cells}
     quadratic = [kind for kind in kinds if kind.startswith("line") and kind != "line"]
@@ -387,8 +388,8 @@ def _read_lines(file: Path) -> LineData:
     if "line" not in kinds:
         raise MeshError(f"file '{file}'", f"has no lines; cells found: {kinds or 'none'}")
     lines = np.vstack([block.data for block in mesh.cells if block.type == "line"])
-    beams, nodes = _meshio_names(mesh, file)
-    if _is_gmsh41(file, b"1"):
+    beams, nodes = _meshio_names(mesh, content)
+    if _is_gmsh41(content, b"1"):
         for name, (_, dimension) in mesh.field_data.items():
             if dimension <= 1 and name not in beams and name not in nodes:
                 raise MeshError(f"file '{file}'", f"group '{name}' cannot be read; {_AS_ASCII}")
@@ -400,13 +401,9 @@ def _read_lines(file: Path) -> LineData:
 _AS_ASCII = "of a binary gmsh 4.1 file not all is understood: save it as ASCII (Mesh.Binary = 0)"
 
 
-def _is_gmsh41(file: Path, kind: bytes) -> bool:
+def _is_gmsh41(content: bytes, kind: bytes) -> bool:
     """If a file starts like a gmsh file of version 4.1, ASCII (b"0") or binary (b"1")."""
-    if file.suffix.lower() != ".msh":
-        return False
-    with file.open("rb") as stream:
-        head = stream.read(4096).split(b"$MeshFormat", 1)[-1].split()
-    return head[:2] == [b"4.1", kind]
+    return content[:4096].split(b"$MeshFormat", 1)[-1].split()[:2] == [b"4.1", kind]
 
 
 def _meshio(file: Path) -> Any:
@@ -436,15 +433,15 @@ def _meshio(file: Path) -> Any:
         raise MeshError(f"file '{file}'", f"cannot be read ({message})") from None
     except (*_BROKEN, CorruptionError, meshio.ReadError) as error:
         reason = f"{type(error).__name__}: {error}"
-        if file.is_file() and _is_gmsh41(file, b"1"):
+        if file.suffix.lower() == ".msh" and _is_gmsh41(file.read_bytes(), b"1"):
             reason += f"; {_AS_ASCII}"
         raise MeshError(f"file '{file}'", f"cannot be read ({reason})") from error
 
 
-def _from_gmsh41(file: Path) -> LineData:
-    """Lines of an ASCII gmsh 4.1 file."""
-    names = physical_names(file)
-    found = read_gmsh41(file)
+def _from_gmsh41(name: bytes, content: bytes) -> LineData:
+    """Lines of an ASCII gmsh 4.1 file, given its name and content."""
+    file, names = Path(os.fsdecode(name)), physical_names(content)
+    found = read_gmsh41(file, content)
     if not found.lines:
         quadratic = found.other.get(8, 0)
         why = f"has {quadratic} quadratic lines (line3)" if quadratic else "has no lines"
@@ -493,13 +490,13 @@ def _tagged(
         first += len(block.data)
 
 
-def _meshio_names(mesh: Any, file: Path) -> tuple[dict[str, IndexArray], dict[str, IndexArray]]:
+def _meshio_names(mesh: Any, content: bytes) -> tuple[dict[str, IndexArray], dict[str, IndexArray]]:
     """Named elements and points of whatever convention the file follows."""
     beams: dict[str, list[Any]] = {}
     nodes: dict[str, list[Any]] = {}
     tags = mesh.cell_data.get("gmsh:physical")
     if tags is not None:
-        names = physical_names(file)
+        names = physical_names(content)
         for tag, members, _ in _tagged(mesh, "line", tags):
             beams.setdefault(group_name(names, 1, tag), []).append(members)
         for tag, _, points in _tagged(mesh, "vertex", tags):
@@ -563,7 +560,7 @@ def _cleaned(
 
 
 def write_lines(
-    path: str | PathLike[str],
+    path: str | os.PathLike[str],
     lines: LineData,
     point_data: dict[str, Any] | None = None,
     cell_data: dict[str, Any] | None = None,

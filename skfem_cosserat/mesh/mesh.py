@@ -721,8 +721,10 @@ class MeshCurve(Frozen, MeshLine1):
         return self.joined(other)
 
     def directed(self) -> Self:
-        """Copy in which the elements of each beam run head to tail."""
+        """Copy in which the elements of each beam run head to tail; itself, if they do."""
         flip = topology.directed_flips(self.t, self.owners)
+        if not flip.any():
+            return self
         return replace(
             self,
             t=np.where(flip, self.t[::-1], self.t),

@@ -23,8 +23,8 @@ from .quadratic import QuadraticConstraints
 from .theories import TheoryRows
 from .tree import Spot, Tree
 
-#: share of an inertia that joints beyond may leave of it without any doubt
-CLEARLY = 1e-9
+#: share of an inertia that is as good as nothing; what joints beyond may leave without any doubt
+NOTHING, CLEARLY = 1e-12, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,15 +175,14 @@ def _each_inert(system: Scene, inertia: Floats) -> bool:
     if not single or len(kin.numbers["sphere"]) or kin.elements is not None:
         return False
     own, masses = inertia[kin.frames], inertia[:, 0, 0]
-    sizes = own.diagonal(axis1=1, axis2=2)
-    if not ((sizes > 0).all() and (masses > 0).all()):
+    turned = own.diagonal(axis1=1, axis2=2)[:, 3:].max(1)
+    if not ((turned > 0).all() and (masses > 0).all()):
         return False
-    scale = 1 / np.sqrt(sizes)
+    scale = 1 / np.sqrt(np.repeat([own[:, 0, 0], turned], 3, axis=0).T)
     share = np.linalg.eigvalsh(own * scale[:, :, None] * scale[:, None, :]).min(initial=1.0)
-    turned = sizes[:, 3:]
-    most = masses.sum() * system.length**2 + turned.sum()
+    most = masses.sum() * system.length**2 + 3 * turned.sum()
     least = min(masses.min() / masses.sum(), turned.min(initial=most) / most)
-    return bool(share * least > CLEARLY)
+    return bool(share * least > 10 * NOTHING)
 
 
 def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -> bool:
@@ -237,7 +236,7 @@ def _weakest(blocks: Floats, closure: Floats | None = None) -> tuple[int, int]:
         free = null_space(closure * scale)
         values, vectors = np.linalg.eigh(free.T @ scaled @ free)
         vectors = free @ vectors
-    bad = np.flatnonzero((values <= 1e-12).any(1))
+    bad = np.flatnonzero((values <= NOTHING).any(1))
     if not len(bad):
         return -1, -1
     e = int(bad[0])
