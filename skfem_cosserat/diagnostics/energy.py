@@ -249,16 +249,21 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
             for g in system.beam_groups
         ]
         return np.array(sum(energies) if single else [sum(energies)])
-    out = np.zeros(len(Q))
-    for beam in (s for s in system.structures if is_beam(s)):
-        out += stored_energy(beam, section_strains(system, beam, Q))
-    return out[0] if single else out
+    return sum((group_energy(g, Q) for g in system.beam_groups), np.zeros(len(Q)))
 
 
-def stored_energy(beam: Beam, strains: Floats) -> Floats:
-    """Energy (N,) stored in a beam (J), of its strains (N, ne, ng, 6)."""
-    e = beam.elements
+def stored_energy(e: BeamElements, strains: Floats) -> Floats:
+    """Energy (N,) stored in elements (J), of their strains (N, ne, ng, 6)."""
     return np.asarray(np.einsum("neg,g,e->n", beam_energy(e, strains), e.weights, e.lengths))
+
+
+def group_energy(group: BeamGroup, Q: Floats) -> Floats:
+    """Energy (N,) stored in all elements of a group (J), of configurations (N, n)."""
+    out, size = np.empty(len(Q)), _states(3 * group.rows.size)
+    for start in range(0, len(Q), size):
+        some = slice(start, start + size)
+        out[some] = stored_energy(group.elements, _strains(group.elements, group.rows, Q[some]))
+    return out
 
 
 @takes_scene
@@ -396,7 +401,7 @@ def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
     [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
     """
     Q, single = as_stack(system, "q", q)
-    out = _at_gauss_points(system, beam, Q)
+    out = _strains(*_elements(system, beam), Q)
     return out[0] if single else out
 
 
@@ -439,7 +444,7 @@ def section_strain_rates(system: System, beam: Beam, q: ArrayLike, v: ArrayLike)
     """
     Q, single = as_stack(system, "q", q)
     V, _ = as_stack(system, "v", v, Q)
-    out = _at_gauss_points(system, beam, Q, V)
+    out = _strains(*_elements(system, beam), Q, V)
     return out[0] if single else out
 
 
@@ -453,10 +458,14 @@ def group_of(system: System, beam: Beam) -> BeamGroup:
     return group
 
 
-def _at_gauss_points(system: System, beam: Beam, Q: Floats, V: Floats | None = None) -> Floats:
-    """Strains (N, ne, ng, 6) of a beam, or their rates if there are velocities."""
-    group, e = group_of(system, beam), beam.elements
-    rows = group.rows[group.slices[id(beam)]]
+def _elements(system: System, beam: Beam) -> tuple[BeamElements, IndexArray]:
+    """Of a beam, and the rows of y (ne, 4 nn) of their nodes."""
+    group = group_of(system, beam)
+    return beam.elements, group.rows[group.slices[id(beam)]]
+
+
+def _strains(e: BeamElements, rows: IndexArray, Q: Floats, V: Floats | None = None) -> Floats:
+    """Strains (N, ne, ng, 6) at the Gauss points of elements; or rates, if there are velocities."""
     xyz = 3 * rows.reshape(len(rows), -1, 4).transpose(1, 2, 0)[:, :, None]
     xyz = xyz + np.arange(3)[:, None]
     out = np.empty((len(Q), len(rows), len(e.points), 6))

@@ -31,7 +31,7 @@ from ..diagnostics import (
     reactions,
     section_strains,
 )
-from ..diagnostics.energy import potential, resultants, stored_energy
+from ..diagnostics.energy import group_energy, potential, resultants, stored_energy
 from ..diagnostics.joint_motion import relative_names, relative_series
 from ..diagnostics.jumps import at_jumps
 from ..diagnostics.stacked import all_rows
@@ -522,12 +522,20 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
 
 
 def _strain_energy(system: System) -> Formula:
-    """Of all beams together."""
-    beams = [item for item in system.structures if is_beam(item)]
+    """Of all beams together: those of a kind at once, unless their strains are wanted anyway."""
 
     def energy(h: History) -> list[Floats]:
-        energies = [stored_energy(b, h[f"beam/{b.name}/strain"]) for b in beams]
-        return [sum(energies, np.zeros(len(h)))]
+        out = np.zeros(len(h))
+        for group in system.beam_groups:
+            beams = [beam for beam in system.structures if id(beam) in group.slices]
+            strains = [f"beam/{beam.name}/strain" for beam in beams]
+            if len(beams) == 1 or set(strains) <= set(h.recorded):
+                for beam, name in zip(beams, strains, strict=True):
+                    assert is_beam(beam)
+                    out += stored_energy(beam.elements, h[name])
+            else:
+                out += group_energy(group, h["q"])
+        return [out]
 
     return energy
 
