@@ -24,7 +24,8 @@ from ..linear import SingularMatrixError
 from ..model import System
 from ..types import Floats, IndexArray
 from .base import RowSpace, dependent_rows
-from .saddle import hidden_rate, saddle_point
+from .gradients import is_network
+from .saddle import hidden_rate, nearest_velocity, saddle_point
 
 #: numbers in a matrix of all states that are worked on together
 TOGETHER = 2**17
@@ -580,6 +581,10 @@ def nearest_velocities(system: System, y: Floats, p: Floats, t: Floats) -> Float
 
     As :func:`.saddle.nearest_velocity` at each of the states y (N, total, 3), times t (N,).
     """
+    if is_network(system):
+        return np.array([
+            nearest_velocity(system, *state) for state in zip(y, p, t.tolist(), strict=True)
+        ])  # fmt: skip
     out, solver = np.empty_like(p), _velocities(system)
     for first in range(0, len(p), solver.stacked.chunk):
         some = slice(first, first + solver.stacked.chunk)

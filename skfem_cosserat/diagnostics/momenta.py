@@ -17,6 +17,7 @@ from ..history import History
 from ..integrators import State, Variational
 from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
+from ..model.loops import null_space_matrix
 from ..types import ArrayLike, Floats, check_kind, real, switch
 from .energy import mass_solver, momentum
 from .joint_motion import rates
@@ -458,10 +459,10 @@ class _Reduced(_Rule):
 
     def velocity(self, q: Floats, p: Floats, t: float) -> Floats:
         """See the base class."""
-        P = csr_matrix(self.system.null_space(q, t))
+        y = self.system.extend(q, t)
+        P = null_space_matrix(self.system, y)
         if not self.system.moving:
             return P @ self.rates(P, P.T @ p)
-        y = self.system.extend(q, t)
         start = RowSpace(self.system, y).least_norm(-ground_part(self.system, y, t))
         return P @ self.rates(P, P.T @ (p - self.mass @ start)) + start
 
@@ -609,7 +610,7 @@ def reduced_momentum(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike = 
     times = as_times(t, len(Q))
     out = np.array(
         [
-            csr_matrix(system.null_space(a, float(s))).T @ b
+            null_space_matrix(system, system.extend(a, float(s))).T @ b
             for a, b, s in zip(Q, P, times, strict=True)
         ]
     )
@@ -662,7 +663,7 @@ def velocity_from_reduced(
     rule, out = _Reduced(system), np.full(Q.shape, np.nan)
     saddle, rest = _SaddlePoint(system) if system.moving else None, np.zeros(system.n)
     for k, s in enumerate(as_times(t, len(Q))):
-        P = csr_matrix(system.null_space(Q[k], float(s)))
+        P = null_space_matrix(system, system.extend(Q[k], float(s)))
         if pi.shape != (len(Q), P.shape[1]):
             raise InputError(
                 "argument reduced",

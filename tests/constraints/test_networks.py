@@ -1,0 +1,88 @@
+"""Velocities of lattices by conjugate gradients, beside elimination."""
+
+import lattice
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import skfem_cosserat as sc
+from skfem_cosserat.constraints import saddle, stacked
+from skfem_cosserat.constraints.gradients import is_network, velocity_of_network
+from skfem_cosserat.constraints.saddle import hidden_rate, saddle_point
+
+METHODS = sc.EnergyMomentum(), sc.NullSpace()
+JOINTS = 7
+FLAT = sc.SectionRectangle(2e-3, 2e-2, sc.Material(E=5e6, nu=0.3, rho=1e3))
+
+
+def net(kind="clamped"):
+    """A lattice of flat struts that hangs on its first face."""
+    model, mesh = sc.Model(), lattice.mesh(JOINTS, 1)
+    beam = model.add("net", sc.Beam(mesh, FLAT))
+    shaken = sc.Motion(displacement=lambda t: (0.01 * t, 0.0, 0.0)) if kind == "moved" else None
+    for k in np.flatnonzero(mesh.p[0] == 0).tolist():
+        end = sc.ground(mesh.p[:, k], shaken)
+        model.add(f"clamp {k}", sc.JointFixed(end, beam.node(k)))
+    a, b = (int(k) for k in np.flatnonzero(mesh.p[0] == mesh.p[0].max())[[0, -1]])
+    if kind == "closed":
+        model.add("rod", sc.JointDistance(beam.node(a), beam.node(b)))
+    if kind == "bodies":
+        box = sc.RigidBody.box(1.0, (0.1, 0.1, 0.1), position=mesh.p[:, a])
+        model.add("box", box)
+        model.add("hinge", sc.JointRevolute(beam.node(a), box.at(mesh.p[:, a]), (0, 1.0, 0)))
+    model.add("gravity", sc.LoadGravity((0, -9.81, 0.5)))
+    return model.freeze()
+
+
+def turned(system, rng):
+    """All rows where every vertex without a joint is turned by any angle."""
+    y = system.extend(system.q0, 0.1).copy()
+    joined = {spot.vertex for jr in system.joint_rows for spot in (jr.a, jr.b)}
+    free = [v for v in range(len(system.origin_rows)) if v not in joined]
+    rows = system.origin_rows[free][:, None] + np.arange(1, 4)
+    y[rows] = y[rows] @ Rotation.random(len(free), random_state=rng).as_matrix()
+    return y
+
+
+@pytest.mark.parametrize("kind", ["clamped", "moved", "closed", "bodies"])
+def test_the_same_velocities_as_by_elimination(kind):
+    """With flat sections that are turned anyhow, on moving ground, with a closed loop."""
+    system, rng = net(kind), np.random.default_rng(3)
+    assert is_network(system)
+    y = turned(system, rng)
+    p = rng.normal(size=system.n) * np.repeat(system.mass.diagonal(), 3)
+    rate = hidden_rate(system, y, 0.1)
+    assert rate.any() == (kind == "moved")
+    found, expected = velocity_of_network(system, y, p, rate), saddle_point(system)(y, p, rate)[0]
+    np.testing.assert_allclose(found, expected, atol=1e-9 * abs(expected).max(), rtol=0)
+    left = system.constraints.rate(y, found.reshape(-1)) - rate
+    assert abs(left).max() < 1e-11 * abs(found).max()
+
+
+def test_what_a_run_derives_eliminates_nothing(monkeypatch):
+    """Series, events and pictures of a lattice: its factors would take more than its steps."""
+    system = net()
+
+    def never(*_):
+        raise AssertionError("elimination")
+
+    monkeypatch.setattr(saddle, "saddle_point", never)
+    monkeypatch.setattr(stacked, "_velocities", never)
+    event = sc.Event(sc.ConditionEnergy(1e9), sc.ActionStop(), name="never")
+    history = sc.simulate(system, *METHODS, 1e-3, 4e-3, events=[event])
+    p = history["Qp"] - history["p"]
+    v, kinetic = history["v"], history["kinetic"]
+    assert abs(np.einsum("nk,nk->n", v, p)).max() < 1e-10 * kinetic.max()  # what is lost is G^T mu
+
+
+def test_chains_of_joints_are_no_networks():
+    """Conjugate gradients take as many iterations as they have joints, and end without a result."""
+    model, end = sc.Model(), sc.ground((0, 0, 0))
+    for k in range(110):
+        bar = model.add(f"bar {k}", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(k + 0.5, 0, 0)))
+        model.add(f"hinge {k}", sc.JointRevolute(end, bar.at((k, 0, 0)), (0, 0, 1.0)))
+        end = bar.at((k + 1, 0, 0))
+    system = model.freeze()
+    assert not is_network(system)
+    y, p = system.extend(system.q0, 0.0), np.random.default_rng(1).normal(size=system.n)
+    assert velocity_of_network(system, y, p, np.zeros(system.m)) is None
