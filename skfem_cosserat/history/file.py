@@ -72,6 +72,10 @@ KINDS = "biufcU"
 BASIC = ("t", "step", "q", "p")
 
 
+#: what most entries are, and stay
+_PLAIN = frozenset({str, int, float, bool, type(None)})
+
+
 def plain(value: Any, item: str) -> Any:
     """Convert ``value`` to JSON data: numpy numbers and arrays, tuples and dicts are accepted.
 
@@ -98,12 +102,18 @@ def plain(value: Any, item: str) -> Any:
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, list | tuple):
-        return [plain(entry, f"{item}[{k}]") for k, entry in enumerate(value)]
+        return [
+            entry if type(entry) in _PLAIN else plain(entry, f"{item}[{k}]")
+            for k, entry in enumerate(value)
+        ]
     if isinstance(value, Mapping):
         for key in value:
             if not isinstance(key, str):
                 raise InputError(item, f"key {key!r} is not a string")
-        return {str(key): plain(entry, f"{item}[{key!r}]") for key, entry in value.items()}
+        return {
+            str(key): entry if type(entry) in _PLAIN else plain(entry, f"{item}[{key!r}]")
+            for key, entry in value.items()
+        }
     raise InputError(item, f"got {type(value).__name__}, expected JSON data (numbers, text, lists)")
 
 
