@@ -405,6 +405,10 @@ class Motion(NamedTuple):
     stored: Floats | None
 
 
+#: numbers of states that are looked at together: more are asked for where they are few each
+ROOM = 2**16
+
+
 class CompiledMotion(NearestVelocity):
     """Velocities of states, as of the base class, and their energies.
 
@@ -420,7 +424,7 @@ class CompiledMotion(NearestVelocity):
         super().__init__(system, settings, source)
         states = np.zeros((0, self.system.rows, 3))
         self._looked = dict.fromkeys(("q", "p", "v"), states) | {"energies": np.zeros((0, 2))}
-        self._make_room(1)
+        self._make_room(1 + ROOM // self.system.n)
 
     def _make_room(self, count: int) -> None:
         """For as many states that are looked at together."""

@@ -593,7 +593,10 @@ def test_bounces_shorter_than_a_step():
 
 
 def test_passages_are_looked_for_only_where_they_may_be(monkeypatch):
-    """One step of another size, the first one's half, where the level is far; none for a time."""
+    """Nowhere, where the level is far; a function of the user is called half way of the first step.
+
+    What it gives between two states is not known otherwise.
+    """
     sizes = []
     solved = EventMonitor.step
 
@@ -607,6 +610,10 @@ def test_passages_are_looked_for_only_where_they_may_be(monkeypatch):
     sc.simulate(*run, events=[sc.Event(sc.ConditionTime(0.3))], derive=False)
     assert sizes == []
     far = sc.ConditionSensor(height, 0.051, component=2)  # the highest point is at 0.05 m
+    sc.simulate(
+        *run, events=[sc.Event(far, name="far"), sc.Event(sc.ConditionEnergy(1e3))], derive=False
+    )
+    assert sizes == []
     several = [sc.Event(far, name="far"), sc.Event(lambda t, view: 1.0, name="never")]
     sc.simulate(*run, events=several, derive=False)
     assert sizes == [0.01]
