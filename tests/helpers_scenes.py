@@ -441,19 +441,25 @@ def triangle(last: type = JointSpherical, **options: Any) -> Model:
     return model
 
 
-def four_bar(kinds: tuple[type, ...] = (JointRevolute,) * 4) -> Model:
-    """A planar four-bar linkage in the xy plane: ground, crank, coupler, rocker."""
-    points = np.array([[0.0, 0, 0], [0, 1, 0], [2, 1.5, 0], [2, 0, 0]])
-    model = Model()
+def four_bar(
+    kinds: tuple[type, ...] = (JointRevolute,) * 4,
+    model: Model | None = None,
+    z: float = 0.0,
+    name: str = "",
+) -> Model:
+    """A planar four-bar linkage in or above the xy plane: ground, crank, coupler, rocker."""
+    points = np.array([[0.0, 0, z], [0, 1, z], [2, 1.5, z], [2, 0, z]])
+    model = Model() if model is None else model
+    size = 0.2, 0.3, 0.4
     bars = [
-        model.add(name, RigidBody.box(1.0, (0.2, 0.3, 0.4), position=points[k : k + 2].mean(0)))
-        for k, name in enumerate(("crank", "coupler", "rocker"))
+        model.add(f"{own}{name}", RigidBody.box(1.0, size, position=points[k : k + 2].mean(0)))
+        for k, own in enumerate(("crank", "coupler", "rocker"))
     ]
     before = [ground(points[0]), *(bar.at(x) for bar, x in zip(bars, points[1:], strict=True))]
     after = [*(bar.at(x) for bar, x in zip(bars, points[:3], strict=True)), ground(points[3])]
     for k, (kind, a, b) in enumerate(zip(kinds, before, after, strict=True)):
         options = {"axis": (0, 0, 1.0)} if kind is JointRevolute else {}
-        model.add(f"pin {k}", kind(a, b, **options))
+        model.add(f"pin {k}{name}", kind(a, b, **options))
     return model
 
 

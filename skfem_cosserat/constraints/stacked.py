@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, identity
-from scipy.sparse.csgraph import maximum_bipartite_matching
+from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 from scipy.sparse.linalg import splu
 
 from ..compiled.kept import NotKept, Source, compile_errors, entry, loaded
@@ -355,6 +355,14 @@ class Stacked:
         size = max(self.solver.slots, len(entries.powers))
         self.chunk = int(np.clip(TOGETHER // size, 32, 256))
 
+    @cached_property
+    def parts(self) -> IndexArray:
+        """Number (size,) of the part of the matrix that each row is in, which no entry leaves."""
+        ones = np.ones(len(self.entries.rows))
+        places, size = (self.entries.rows, self.entries.columns), self.solver.size
+        graph = coo_matrix((ones, places), shape=(size, size))
+        return np.asarray(connected_components(graph, directed=False)[1])
+
     def solve(self, y: Floats, rhs: Floats, consistent: bool) -> Iterator[tuple[Any, ...]]:
         """Solutions for states y (N, total, 3) and right-hand sides (size, N), part by part.
 
@@ -667,18 +675,26 @@ def stacked_multipliers(system: System, y: Floats, force: Floats) -> Floats:
 
 
 def _least(gram: Stacked, x: Floats, dropped: IndexArray, X: Floats, values: Floats) -> Floats:
-    """Of all multipliers that give the same forces those of least norm."""
-    entries = gram.entries
-    columns = np.zeros((len(dropped), gram.solver.size, x.shape[1]))
-    for k, d in enumerate(dropped):
-        for own, other in ((entries.rows, entries.columns), (entries.columns, entries.rows)):
-            there = np.flatnonzero(own == d)
-            columns[k, other[there]] = values[there]
-        columns[k, dropped] = 0.0
+    """Of all multipliers that give the same forces those of least norm.
+
+    Rows of separate loops do not couple: one of each is solved for at the same time.
+    """
+    entries, part = gram.entries, gram.parts
+    order = np.argsort(part[dropped], kind="stable")
+    own = part[dropped[order]]
+    turn = np.full(gram.solver.size, -1)  # of rows that are left out, among those of their part
+    turn[dropped[order]] = np.arange(len(own)) - np.searchsorted(own, own)
+    columns = np.zeros((turn.max() + 1, *x.shape))
+    for left_out, other in ((entries.rows, entries.columns), (entries.columns, entries.rows)):
+        there = np.flatnonzero((turn[left_out] >= 0) & (turn[other] < 0))
+        columns[turn[left_out[there]], other[there]] = values[there]
     # G_dropped = C^T G_kept, so the columns of (-C, I) are the null space of G^T
     C = np.array([gram.solver.solve(X, column) for column in columns])
-    inner = np.einsum("isn,jsn->nij", C, C) + np.eye(len(dropped))
-    weight = np.linalg.solve(inner, np.einsum("isn,sn->ni", C, x)[..., None])[..., 0]
-    out = x - np.einsum("isn,ni->sn", C, weight)
-    out[dropped] = weight.T
+    one = np.arange(len(part))
+    sums = csr_matrix((np.ones(len(part)), (part, one)), shape=(part.max() + 1, len(part)))
+    inner = np.array([[sums @ (a * b) for b in C] for a in C]).transpose(2, 3, 0, 1)
+    force = np.array([sums @ (a * x) for a in C]).transpose(1, 2, 0)
+    weight = np.linalg.solve(inner + np.eye(len(C)), force[..., None])[part, :, :, 0]
+    out = x - np.einsum("isn,sni->sn", C, weight)
+    out[dropped] = weight[dropped, :, turn[dropped]]
     return out

@@ -434,6 +434,22 @@ def test_multipliers_of_redundant_rows(scene, integrator):
     assert abs(lam[0] - lam[1]).max() < 1e-8 * abs(lam[0]).max()
 
 
+def test_multipliers_of_separate_loops():
+    """Of least norm in each, whatever there is beside it: by dense least squares of all rows."""
+    model = sc.Model()
+    for k, kinds in enumerate(((R, R, R, R), (R, S, S, R), (R, R, R, R), (R, R, S, R))):
+        four_bar(kinds, model, 3.0 * k, f" {k}")
+    model.add("gravity", sc.LoadGravity((0.3, -9.81, 0.2)))
+    system = model.freeze()
+    history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 1e-2, 0.1)
+    y = diagnostics.constraint_points(system, history)[2:9]
+    force = history["constraint_force"][2:9]
+    for at, f, lam in zip(y, force, diagnostics.multipliers(system, y, force), strict=True):
+        G = system.constraints.jacobian(at).toarray()
+        least = np.linalg.lstsq(G.T, f, rcond=1e-9)[0]
+        assert abs(lam - least).max() < 1e-9 * abs(least).max()
+
+
 def test_units_of_length_do_not_matter():
     """A linkage of a tenth of a micron and one of ten kilometres are the same linkage."""
     found = []

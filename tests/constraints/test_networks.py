@@ -1,8 +1,8 @@
 """Velocities of lattices by conjugate gradients, beside elimination."""
 
-import lattice
 import numpy as np
 import pytest
+from helpers_scenes import lattice_mesh
 from scipy.spatial.transform import Rotation
 
 import skfem_cosserat as sc
@@ -17,7 +17,7 @@ FLAT = sc.SectionRectangle(2e-3, 2e-2, sc.Material(E=5e6, nu=0.3, rho=1e3))
 
 def net(kind="clamped"):
     """A lattice of flat struts that hangs on its first face."""
-    model, mesh = sc.Model(), lattice.mesh(JOINTS, 1)
+    model, mesh = sc.Model(), lattice_mesh(JOINTS)
     beam = model.add("net", sc.Beam(mesh, FLAT))
     shaken = sc.Motion(displacement=lambda t: (0.01 * t, 0.0, 0.0)) if kind == "moved" else None
     for k in np.flatnonzero(mesh.p[0] == 0).tolist():
