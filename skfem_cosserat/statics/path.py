@@ -29,6 +29,7 @@ from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import Branch, branch_stage
 from .control import ArcLength, Control, DisplacementControl, LoadControl, Stage
 from .critical_points import Critical, Stability, inspect, locate_all
+from .problem import UNMOVED
 from .schedule import (
     Functional,
     Neutral,
@@ -38,7 +39,7 @@ from .schedule import (
     Solution,
     weights,
 )
-from .solver import UNMOVED, PathSolver
+from .solver import PathSolver
 from .static_checks import (
     check_growth,
     check_many,

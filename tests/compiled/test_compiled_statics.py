@@ -15,10 +15,11 @@ import skfem_cosserat as sc
 from skfem_cosserat.integrators.choice import choose
 from skfem_cosserat.integrators.compiled_step import stepped
 from skfem_cosserat.statics import solver
+from skfem_cosserat.statics.compiled import CompiledBalance, CompiledProblem
 from skfem_cosserat.statics.critical_points import FirmStability, inspect
 from skfem_cosserat.statics.path import STATIC
+from skfem_cosserat.statics.problem import PlainProblem
 from skfem_cosserat.statics.schedule import Functional, Point, Schedule
-from skfem_cosserat.statics.solver import CompiledBalance, CompiledProblem, PlainProblem
 
 pytest.importorskip("numba")
 
