@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,6 @@ from .schedule import Functional, Point, Schedule
 
 #: a balance at rest as a step without masses, all of it taken at its end
 REST = Scheme(0.0, 0.0, 1.0, weight=1.0, rate=0.0, at=1.0)
-#: increments of joints and of free vertices since the start
-STATE = ("turn", "value", "swing")
 
 
 class CompiledBalance(CompiledScene):
@@ -95,12 +94,11 @@ class CompiledBalance(CompiledScene):
             system, system.couplings_of(system.couplings.items), self._a.coupled, REST, 1.0
         )
         self._called: CalledAtRest | None = None
+        self._taken: Amplitudes | None = None
         if system.couplings.functions or spin:
             self._called = CalledAtRest(system, spin, self.plan, self._a)
             self._all[0][CALLED_BACK] = self._called.address
         self.exact = self._called is None and not system.couplings.times
-        tied = system.tied
-        self._closing = tied.closure, tied.kinematics, Reparametrisation(tied.kinematics)
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
         """See the base class."""
@@ -160,9 +158,9 @@ class CompiledBalance(CompiledScene):
         """Take independent rows of the closed loops, and the multipliers that are found there."""
         from ..compiled.bind_rows import choose_rows
 
-        closure, kin, nodal = self._closing
-        rows = closure.rows
+        closure, rows = self.system.tied.closure, self.system.tied.closure.rows
         if len(rows):
+            nodal, kin = self._nodal, self._nodal.kin
             nodal.begin(self._a.y0.copy(), self._a.ground1.copy())
             T = kin.T.values(kin.T.locate(y, nodal.fixed))
             rows = np.concatenate([s.rows for s in closure.select(y, T)])
@@ -173,6 +171,10 @@ class CompiledBalance(CompiledScene):
         if not np.array_equal(known, y):
             mu = self._balancing(y, np.setdiff1d(closure.rows, rows))
         self._a.x[-len(mu) :] = mu * self._tree["row_on"]
+
+    @cached_property
+    def _nodal(self) -> Reparametrisation:
+        return Reparametrisation(self.system.tied.kinematics)
 
     def _balancing(self, y: Floats, left_out: IndexArray) -> Floats:
         """Multipliers that balance best what acts at y, none of rows that are left out."""
@@ -185,7 +187,10 @@ class CompiledBalance(CompiledScene):
         return multipliers[self._tree["row_numbers"]]
 
     def take(self, amplitudes: Amplitudes) -> None:
-        """Take these factors of loads and actuators from now on."""
+        """Take these factors of loads and actuators from now on; each iteration asks again."""
+        if amplitudes is self._taken:
+            return
+        self._taken = amplitudes
         self.load(amplitudes.loads)
         self._coupled.drive(amplitudes.actuators[: self._coupled.channels])
         if self._called is not None:
@@ -215,6 +220,7 @@ class CompiledBalance(CompiledScene):
         kept = [each.copy() for each in following]
         self.load(amplitudes)
         self._kernel("pull")()
+        self._taken = None
         for each, before in zip(following, kept, strict=True):  # the tangent needs them
             each[:] = before
         return self._pulled.copy()
@@ -275,19 +281,6 @@ class CompiledBalance(CompiledScene):
         size = abs(increment[: self._width // 2])
         turn = float(size[self._turning].max(initial=0.0))
         return max(float(size[self._shifting].max(initial=0.0)) / self.system.length, turn), turn
-
-    def save(self) -> tuple[Floats, ...]:
-        """The increments so far."""
-        return tuple(values.copy() for values in self._moved_by())
-
-    def restore(self, saved: tuple[Floats, ...]) -> None:
-        """Back to them."""
-        for now, values in zip(self._moved_by(), saved, strict=True):
-            now[:] = values
-
-    def _moved_by(self) -> tuple[Floats, ...]:
-        """What has been moved by so far: in sum, and by what does not add up."""
-        return (self._a.total, *(self._tree[name] for name in STATE))
 
 
 class CompiledProblem(Problem):
@@ -372,13 +365,6 @@ class CompiledProblem(Problem):
 
     def _move_ground(self, t: float) -> None:
         self.balance.move_ground(self.schedule.ground(t))
-
-    def _save(self) -> Any:
-        return self.balance.save(), self._mixed
-
-    def _restore(self, saved: Any) -> None:
-        self.balance.restore(saved[0])
-        self._mixed = saved[1]
 
     def rate(self) -> Floats:
         """See the base class."""

@@ -8,7 +8,6 @@ stresses that the last increment predicts to first order, see
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
@@ -112,14 +111,6 @@ class Problem(ABC):
         """Where it is at this load factor."""
 
     @abstractmethod
-    def _save(self) -> Any:
-        """The increments so far, and the stresses predicted."""
-
-    @abstractmethod
-    def _restore(self, saved: Any) -> None:
-        """Back to them."""
-
-    @abstractmethod
     def rate(self) -> Floats:
         """Derivative (rows, 3) of the coordinates by the load factor, at a solution."""
 
@@ -185,17 +176,6 @@ class Problem(ABC):
             self.t += dt
             if self.schedule.moving:
                 self._move_ground(self.t)
-
-    def save(self) -> object:
-        """With the load factor."""
-        return self._save(), self.t
-
-    def restore(self, saved: Any) -> None:
-        """The ground goes back, too."""
-        self._restore(saved[0])
-        self.t = saved[1]
-        if self.schedule.moving:
-            self._move_ground(self.t)
 
 
 class PlainProblem(Problem):
@@ -363,10 +343,3 @@ class PlainProblem(Problem):
         self._stresses = predicted(self.system, self.at, change) if predict else None
         self.bound.move(increment)
         return change
-
-    def _save(self) -> Any:
-        return self.bound.sought, self._stresses
-
-    def _restore(self, saved: Any) -> None:
-        self.bound.sought = saved[0]
-        self._stresses = saved[1]

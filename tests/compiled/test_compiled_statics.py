@@ -86,10 +86,6 @@ def test_residual_and_increments_at_a_random_state(make, spin):
         assert other[-1] == pytest.approx(one[-1], abs=50 * exact * size)
         assert other[:-1][rest._numbering] == pytest.approx(one[:-1], abs=50 * exact * size)
         assert compiled.sizes(other) == pytest.approx(plain.sizes(one), rel=50 * exact)
-        saved = compiled.save()
-        compiled.apply(other)
-        compiled.residual()
-        compiled.restore(saved)  # to where it was, and there again, now with the plain one
         for problem, increment in ((plain, one), (compiled, other)):
             problem.residual()
             problem.apply(increment)
