@@ -168,8 +168,7 @@ class Continuation:
         point, left, step = first, 1.0, 1.0
         while left > 0:
             step = min(step, left)
-            target = Functional(None, 1.0, 0.0)
-            solution, report = solver.solve(point, target, (left - step) * missing)
+            solution, report = solver.solve(point, Functional(), (left - step) * missing)
             if solution is None:
                 self.rejected += 1
                 step /= 2

@@ -67,6 +67,8 @@ class Point:
 class Functional:
     """What fixes the place on a path: ``gradient . (y - y_0) + by_factor (t - t_0) = value``.
 
+    By default the load factor of the start.
+
     Attributes
     ----------
     gradient : (rows, 3) array or None
@@ -76,9 +78,9 @@ class Functional:
         Change of the coordinates to start from, where the tangent at the start gives none.
     """
 
-    gradient: Floats | None
-    by_factor: float
-    value: float
+    gradient: Floats | None = None
+    by_factor: float = 1.0
+    value: float = 0.0
     predictor: Floats | None = None
 
     def __call__(self, point: Point, y: Array, t: float) -> float:

@@ -186,16 +186,13 @@ class PathSolver:
 
     def look(self, point: Point) -> Floats:
         """Go to an equilibrium that was begun with; gives its constraint force (n,)."""
-        problem = self._problem = self._started(point, Functional(None, 1.0, 0.0), None, False)
+        problem = self._problem = self._started(point, Functional(), None, False)
         problem.residual()
         return np.array(problem.constraint_force()).reshape(-1)
 
     def rate_at(self, point: Point) -> Floats:
         """Derivative (rows, 3) of the coordinates by the load factor at a point begun with."""
-        if self._fast is not None:
-            self._adopt(point)
-        target = Functional(None, 1.0, 0.0)
-        problem = PlainProblem(self.bound, self.schedule, self.settings, point, target)
+        problem = self._started(point, Functional(), None, True)
         problem.residual()
         return problem.rate()
 
@@ -219,7 +216,7 @@ class PathSolver:
         None for deep trees: their matrix has unknowns that only help, and is not symmetric.
         """
         system, problem = self.system, self._problem
-        solver = (self.bound if isinstance(self.bound, BoundNullSpace) else self._along).solver
+        solver = (self.bound if isinstance(self.bound, BoundNullSpace) else self._null_space).solver
         if solver.n < solver.pattern.shape[0]:
             return None
         symmetric = system.loading.dead_only
@@ -229,7 +226,7 @@ class PathSolver:
             and np.array_equal(problem.y, point.y)
         ):
             return self._elimination.pivots(problem.stiffness(), symmetric)
-        bound, y, amplitudes = self._along, point.y, self.schedule.at(point.t)
+        bound, y, amplitudes = self._null_space, point.y, self.schedule.at(point.t)
         at = balance(system, y, amplitudes, turns=point.turns)
         bound.begin(y, y[system.rows :], 1.0)
         bound.reduce(at.R, y)
@@ -237,13 +234,13 @@ class PathSolver:
         return self._elimination.pivots(data, symmetric)
 
     @cached_property
-    def _along(self) -> BoundNullSpace:
+    def _null_space(self) -> BoundNullSpace:
         """Of the null space method: at an equilibrium its matrix is the stiffness."""
         return NullSpace().bind(self.system, 1.0)
 
     @cached_property
     def _elimination(self) -> Elimination:
-        bound = self.bound if isinstance(self.bound, BoundNullSpace) else self._along
+        bound = self.bound if isinstance(self.bound, BoundNullSpace) else self._null_space
         return Elimination(bound.solver.pattern)
 
     def _turns(self, start: Point, y: Floats) -> IndexArray | None:
