@@ -73,7 +73,7 @@ class NullSpaceBlocks:
 #: products of single entries above which parts that are full enough are multiplied as full matrices
 MANY = 40_000
 #: operations with full matrices, for each of these products, above which parts are not full enough:
-#: 60 took as long as a product (measured), and a full result takes a dense solver
+#: 60 to 90 take as long as a product (measured), and a full result takes a dense solver
 FULL = 30
 _UNIT = np.ones(1)
 
