@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, overload
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from .warn import logger
 
 
 class NewtonProblem(Protocol):
-    """What the loop needs to know."""
+    """What the loop needs to know; of a damped one also :class:`DampedProblem`."""
 
     def residual(self) -> float:
         """Evaluate at the present configuration; size of the residual against its terms."""
@@ -28,6 +28,10 @@ class NewtonProblem(Protocol):
 
     def apply(self, increment: Floats) -> None:
         """Move the configuration."""
+
+
+class DampedProblem(NewtonProblem, Protocol):
+    """What a line search needs to know: it goes back."""
 
     def save(self) -> object:
         """The present configuration, for :meth:`restore`."""
@@ -369,7 +373,15 @@ class _Stages:
 _plain = newton_loop(_Stages.evaluate, _Stages.factorise, _Stages.direct, _Stages.advance)
 
 
-def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = False) -> NewtonReport:
+@overload
+def newton(problem: NewtonProblem, settings: NewtonSettings) -> NewtonReport: ...
+
+
+@overload
+def newton(problem: DampedProblem, settings: NewtonSettings, damped: bool) -> NewtonReport: ...
+
+
+def newton(problem: Any, settings: NewtonSettings, damped: bool = False) -> NewtonReport:
     """Solve; never raises for a failing iteration, the report says why it stopped.
 
     Parameters
@@ -394,7 +406,7 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
     return report
 
 
-def _advance(problem: NewtonProblem, increment: Floats, before: float, damped: bool) -> float:
+def _advance(problem: Any, increment: Floats, before: float, damped: bool) -> float:
     if not damped:
         problem.apply(increment)
         return problem.residual()

@@ -72,6 +72,9 @@ class NullSpaceBlocks:
 
 #: products of single entries above which parts that are full enough are multiplied as full matrices
 MANY = 40_000
+#: operations with full matrices, for each of these products, above which parts are not full enough:
+#: 60 to 90 take as long as a product (measured), and a full result takes a dense solver
+FULL = 30
 _UNIT = np.ones(1)
 
 
@@ -136,9 +139,11 @@ class Congruence:
         rest = np.flatnonzero(~plain & (count[I] > 0) & (count[J] > 0))
         self._full: list[_Full] = []
         columns: list[IndexArray] = []
-        if (count[I[rest]] * count[J[rest]]).sum() > MANY:
-            self._full, columns = _full_parts(I[rest], J[rest], rest, T_rows, T_cols, shape)
-            rest = rest[:0]
+        products = count[I[rest]] * count[J[rest]]
+        if products.sum() > MANY:
+            ends = I[rest], J[rest]
+            found = _full_parts(*ends, rest, products, T_rows, T_cols, shape)
+            self._full, columns, rest = found
         self._source, self._left, self._right = _expand(I[rest], J[rest], rest, start, order)
         k, J2 = extra
         self._extra, _, self._extra_right = _expand(None, J2, np.arange(len(J2)), start, order)
@@ -206,11 +211,15 @@ def _full_parts(
     I: IndexArray,  # noqa: E741
     J: IndexArray,
     source: IndexArray,
+    products: IndexArray,
     T_rows: IndexArray,
     T_cols: IndexArray,
     shape: tuple[int, int],
-) -> tuple[list[_Full], list[IndexArray]]:
-    """Rows that contributions couple, with their columns, in parts; columns of each part."""
+) -> tuple[list[_Full], list[IndexArray], IndexArray]:
+    """Rows that contributions couple, with their columns, in parts; columns of each part.
+
+    And the contributions of parts with few `products` for their size, as of a row of short beams.
+    """
     rows, cols = shape
     used = np.zeros(rows, dtype=bool)
     used[I] = used[J] = True
@@ -218,19 +227,22 @@ def _full_parts(
     ends = np.concatenate([np.stack([I, J]), np.stack([T_rows[mine], rows + T_cols[mine]])], axis=1)
     graph = coo_matrix((np.ones(ends.shape[1]), ends), shape=(rows + cols, rows + cols))
     label = connected_components(graph, directed=False)[1]
-    found, columns = [], []
+    found, columns, few = [], [], [source[:0]]
     local = np.zeros(rows + cols, dtype=np.int64)
     for name in np.unique(label[I]):
         r = np.flatnonzero((label[:rows] == name) & used)
         c = np.flatnonzero(label[rows:] == name)
-        local[r], local[rows + c] = np.arange(len(r)), np.arange(len(c))
         which = np.flatnonzero(label[I] == name)
+        if len(r) * len(c) * (len(r) + len(c)) > FULL * products[which].sum():
+            few.append(source[which])
+            continue
+        local[r], local[rows + c] = np.arange(len(r)), np.arange(len(c))
         entries = mine[label[T_rows[mine]] == name]
         places = local[I[which]] * len(r) + local[J[which]]
         where = local[T_rows[entries]] * len(c) + local[rows + T_cols[entries]]
         found.append(_Full(len(r), len(c), source[which], places, entries, where))
         columns.append(c)
-    return found, columns
+    return found, columns, np.concatenate(few)
 
 
 class JointByJoint:

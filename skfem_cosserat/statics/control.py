@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from inspect import signature
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from ..errors import InputError
 from ..frames import Place, vector
 from ..frozen import Frozen
 from ..model import System
-from ..types import Floats, VectorLike, positive
-from .schedule import Functional, Point, finite, listed, shown, stops, turned, weights, whole
+from ..types import MOST, Floats, VectorLike, numbers, positive
+from ..types import shown as cut
+from .schedule import Functional, Point, finite, weights
 
 #: iterations at which the step is kept; it grows below and shrinks above
 WANTED = 6
@@ -21,6 +23,62 @@ WANTED = 6
 STILL = 1e-9
 #: rate of a place with a unit rate of any unknown, below which joints hold it
 HELD = 1e-12
+
+
+# -- arguments of controls: checked, and shown -----------------------------------------------------
+
+
+def _ends(
+    item: str, until: float, steps: int | None, at: Sequence[float] | None, start: float
+) -> list[float]:
+    """Values of the parameter that are hit exactly, of a path from `start`."""
+    if at is not None:
+        values = _listed(item, at)
+        if values[0] == start:
+            values = values[1:]  # it is recorded anyway
+        if not len(values):
+            raise InputError(item, f"at = {list(at)!r} is where the path starts")
+        change = np.diff(np.concatenate([[start], values]))
+        if not ((change > 0).all() or (change < 0).all()):
+            raise InputError(
+                item, f"at = {values.tolist()} does not lead one way from the start at {start:g}"
+            )
+        return [float(v) for v in values]
+    if until == start:
+        raise InputError(item, f"until = {until!r} is where the path starts")
+    count = 1 if steps is None else steps
+    return [start + (until - start) * (k / count) for k in range(1, count)] + [until]
+
+
+def _listed(item: str, at: Sequence[float]) -> Floats:
+    """Values of the parameter to hit."""
+    values = numbers(item, "at", at)
+    plain = np.asarray(at).dtype.kind in "iufO"  # no text that reads as numbers
+    if not plain or values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+        raise InputError(item, f"at = {at!r}, expected a list of numbers")
+    return values
+
+
+def _turned(item: str, turn: float | None) -> float | None:
+    """A rotation that limits steps, or none."""
+    return None if turn is None else positive(item, "turn", turn, " of rad")
+
+
+def _shown(item: object, **values: object) -> str:
+    """Arguments of an object as in a call, without those that have their default."""
+    parameters = signature(type(item)).parameters
+    return ", ".join(f"{k}={v!r}" for k, v in values.items() if v != parameters[k].default)
+
+
+def _whole(item: str, name: str, value: int) -> None:
+    """Check a positive integer."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value <= 0:
+        raise InputError(item, f"{name} = {cut(value)}, expected a positive integer")
+    if value > MOST:
+        raise InputError(item, f"{name} = {cut(value)}, expected at most {MOST:.0e}")
+
+
+# -- a control at work -----------------------------------------------------------------------------
 
 
 class Stage(ABC):
@@ -128,7 +186,7 @@ class _Steered(Control):
     ) -> None:
         item = type(self).__name__
         if steps is not None:
-            whole(item, "steps", steps)
+            _whole(item, "steps", steps)
         if at is None:
             self.until, self.at = finite(item, "until", until), None
         else:
@@ -136,11 +194,11 @@ class _Steered(Control):
                 if value is not None:
                     both = f"{name} = {value!r} and at = {at!r}"
                     raise InputError(item, f"{both}, expected one of them")
-            self.at = tuple(listed(item, at).tolist())
+            self.at = tuple(_listed(item, at).tolist())
             self.until = self.at[-1]
         self.longest = positive(item, "longest", longest)
         self.first = min(positive(item, "first", first), self.longest)
-        turn = turned(item, turn)
+        turn = _turned(item, turn)
         self.steps, self.turn = steps, turn if steps is None else None
         self.all_points = steps is None and at is None
 
@@ -154,11 +212,11 @@ class _Steered(Control):
     def _given(self) -> str:
         ends = {"until": self.until} if self.at is None else {"at": list(self.at)}
         steps = {"turn": self.turn} if self.steps is None else {"steps": self.steps}
-        return shown(self, **ends, **steps, first=self.first, longest=self.longest)
+        return _shown(self, **ends, **steps, first=self.first, longest=self.longest)
 
     def _plan(self, stage: Stage, start: float) -> None:
         stage.parameter = start
-        stage._stops = stops(type(self).__name__, self.until, self.steps, self.at, start)
+        stage._stops = _ends(type(self).__name__, self.until, self.steps, self.at, start)
         way = stage._stops[-1] - start
         stage.fixed = self.steps is not None
         stage.length = way if self.steps is not None else self.first * way
@@ -437,8 +495,8 @@ class ArcLength(Control):
     ) -> None:
         item = "ArcLength"
         self.until = None if until is None else finite(item, "until", until)
-        self.turn = turned(item, turn)
-        whole(item, "points", points)
+        self.turn = _turned(item, turn)
+        _whole(item, "points", points)
         number = finite(item, "first", first, "a number that is not zero")
         if number == 0:
             raise InputError(item, f"first = {first!r}, expected a number that is not zero")
@@ -455,7 +513,7 @@ class ArcLength(Control):
     def __repr__(self) -> str:
         given = {"points": self.points, "until": self.until, "first": self.sign * self.first}
         sizes = {"length": self.length, "longest": self.longest, "turn": self.turn}
-        return f"ArcLength({shown(self, **given, **sizes)})"
+        return f"ArcLength({_shown(self, **given, **sizes)})"
 
     def stage(self, system: System, point: Point, direction: Floats | None = None) -> Stage:
         """See the base class; `direction` (rows, 3) of the first step, on a branch."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -180,14 +180,21 @@ def _start(n: int) -> Floats:
     return np.random.default_rng(0).standard_normal(n)
 
 
+def tangent_at(
+    system: System, point: Point, amplitudes: Amplitudes, relief: Floats | None = None
+) -> ReducedTangent:
+    """Stiffness and metric at an equilibrium, see :func:`inspect`."""
+    at = balance(system, point.y, amplitudes, turns=point.turns)
+    if relief is not None:
+        at.R = at.R - relief
+    return reduced_tangent(system, point.y, amplitudes, at)
+
+
 def inspect(
     system: System, point: Point, amplitudes: Amplitudes, relief: Floats | None = None
 ) -> Stability:
     """Stability of an equilibrium, `relief` (rows, 3) are forces left out of the balance."""
-    at = balance(system, point.y, amplitudes, turns=point.turns)
-    if relief is not None:
-        at.R = at.R - relief
-    tangent = reduced_tangent(system, point.y, amplitudes, at)
+    tangent = tangent_at(system, point, amplitudes, relief)
     K = tangent.K
     size = float(abs(K.data).max(initial=0.0))
     difference = abs((K - K.T).data).max(initial=0.0)
@@ -274,11 +281,7 @@ def counted(
     firm = pivots is not None and pivots.smallest > FIRM * SUSPECT * NEUTRAL * pivots.largest
     if pivots is None or not firm or not (symmetric or pivots.skew > SKEW * pivots.largest):
         return inspect(system, point, amplitudes)
-
-    def assemble() -> ReducedTangent:
-        at = balance(system, point.y, amplitudes, turns=point.turns)
-        return reduced_tangent(system, point.y, amplitudes, at)
-
+    assemble = partial(tangent_at, system, point, amplitudes)
     unstable = pivots.negative if symmetric else int(pivots.odd)
     return FirmStability(point, unstable, symmetric, pivots.smallest, assemble)
 
@@ -379,22 +382,15 @@ Solve = Callable[[Point, Functional], tuple[Point, Floats] | None]
 class _Between:
     """Points between two of a path, by their share s of the secant."""
 
-    def __init__(
-        self,
-        system: System,
-        solve: Solve,
-        schedule: Schedule,
-        weights: Floats,
-        ends: tuple[Stability, Stability],
-    ) -> None:
-        self.system, self._solve, self.schedule = system, solve, schedule
+    def __init__(self, solve: Solve, schedule: Schedule, ends: tuple[Stability, Stability]) -> None:
+        self.system, self._solve, self.schedule = schedule.system, solve, schedule
         self.ends = self.first, self.last = ends
         start, end = self.first.point, self.last.point
-        dy = end.y[: len(weights)] - start.y[: len(weights)]
-        dt = end.t - start.t
+        dy, dt = (end.y - start.y)[: self.system.rows], end.t - start.t
+        W = weights(self.system)
         share = RIGID / max(abs(start.t), abs(end.t)) ** 2
-        self._secant = weights * dy, share * dt, float((weights * dy**2).sum()) + share * dt**2
-        none = np.zeros(system.n)
+        self._secant = W * dy, share * dt, float((W * dy**2).sum()) + share * dt**2
+        none = np.zeros(self.system.n)
         self._found: dict[float, tuple[Stability, Floats]] = {
             0.0: (self.first, none),
             1.0: (self.last, none),
@@ -464,13 +460,7 @@ class _Between:
         return self.at(s).smallest <= max(VANISHED, self.blur) * ends or self.at(s).neutral
 
 
-def locate(
-    system: System,
-    solve: Solve,
-    schedule: Schedule,
-    weights: Floats,
-    ends: tuple[Stability, Stability],
-) -> Critical | None:
+def locate(solve: Solve, schedule: Schedule, ends: tuple[Stability, Stability]) -> Critical | None:
     """The critical point between two points of a path with unlike numbers of unstable motions.
 
     The eigenvalue nearest to zero, signed by that number, is a continuous function along the
@@ -480,7 +470,7 @@ def locate(
     """
     if not ends[0].crossed(ends[1]):
         return None
-    between = _Between(system, solve, schedule, weights, ends)
+    between = _Between(solve, schedule, ends)
     try:
         s = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT, maxiter=60))
         s = between.levelled(s)
@@ -560,20 +550,16 @@ def _mean(between: _Between, samples: list[tuple[float, Stability]], s: float) -
     """The point at s by the polynomial through the samples; its triads orthonormal to rounding."""
     shares, reports = np.array([k for k, _ in samples]), [stability for _, stability in samples]
     system = between.system
-    weights = np.array(
-        [
-            np.prod((s - np.delete(shares, k)) / np.delete(x - shares, k))
-            for k, x in enumerate(shares)
-        ]
-    )
-    y = np.tensordot(weights, [stability.point.y for stability in reports], 1)
+    others = [np.delete(shares, k) for k in range(len(shares))]
+    factors = np.array([np.prod((s - x) / (a - x)) for a, x in zip(shares, others, strict=True)])
+    y = np.tensordot(factors, [stability.point.y for stability in reports], 1)
     times = np.array([stability.point.t for stability in reports])
-    t = float(weights @ times)
+    t = float(factors @ times)
     rows = system.kinematics.director_rows
     U, _, V = np.linalg.svd(y[rows])
     y[rows] = U @ V
     y[system.rows :] = between.schedule.ground(t)
-    force = np.tensordot(weights, [between.force(k) for k in shares], 1)
+    force = np.tensordot(factors, [between.force(k) for k in shares], 1)
     width = AROUND[-1]
     slope = float(np.polyder(np.polyfit((shares - s) / width, times, len(shares) - 1))[-1] / width)
     sides = (
@@ -585,17 +571,13 @@ def _mean(between: _Between, samples: list[tuple[float, Stability]], s: float) -
 
 
 def locate_all(
-    system: System,
-    solve: Solve,
-    schedule: Schedule,
-    weights: Floats,
-    ends: tuple[Stability, Stability],
+    solve: Solve, schedule: Schedule, ends: tuple[Stability, Stability]
 ) -> list[Critical]:
     """All critical points between two points of a path, one after the other, see :func:`locate`."""
     out: list[Critical] = []
     first, last = ends
     while len(out) < MOST:
-        found = locate(system, solve, schedule, weights, (first, last))
+        found = locate(solve, schedule, (first, last))
         if found is None:
             break
         out.append(found)

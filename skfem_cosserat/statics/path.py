@@ -29,6 +29,7 @@ from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import Branch, branch_stage
 from .control import ArcLength, Control, DisplacementControl, LoadControl, Stage
 from .critical_points import Critical, Stability, inspect, locate_all
+from .problem import UNMOVED
 from .schedule import (
     Functional,
     Neutral,
@@ -38,7 +39,7 @@ from .schedule import (
     Solution,
     weights,
 )
-from .solver import UNMOVED, PathSolver
+from .solver import PathSolver
 from .static_checks import (
     check_growth,
     check_many,
@@ -167,8 +168,7 @@ class Continuation:
         point, left, step = first, 1.0, 1.0
         while left > 0:
             step = min(step, left)
-            target = Functional(None, 1.0, 0.0)
-            solution, report = solver.solve(point, target, (left - step) * missing)
+            solution, report = solver.solve(point, Functional(), (left - step) * missing)
             if solution is None:
                 self.rejected += 1
                 step /= 2
@@ -219,7 +219,7 @@ class Continuation:
             if abs(stage.length) < stage.shortest:
                 raise self._failure(point, report, "the path cannot be continued", residuals)
         solution = self._before_crest(point, solution, along)
-        asked = self._accept(point, solution, stage, functional, length, along)
+        asked = self._accept(point, solution, stage, functional, length, turn, along)
         if jumps and limit is None and not along.found:
             self._warn_of_jump(point, solution)
         return solution.point, asked
@@ -299,6 +299,7 @@ class Continuation:
         stage: Stage,
         functional: Functional,
         length: float,
+        turn: float,
         along: _StepStability,
     ) -> bool:
         """Accept a point, after the critical ones that were passed; says whether it was asked."""
@@ -338,7 +339,7 @@ class Continuation:
             spent = 0, 0
         self._unrecorded = spent
         stage.adapt(solution.report.iterations, length)
-        turn, limit = rotation(self.system, point.y, solution.point.y), self.control.turn
+        limit = self.control.turn
         if limit is not None and turn > 0:
             # a step that would turn too far is not tried
             most = 0.95 * limit / turn * abs(length)
@@ -357,8 +358,7 @@ class Continuation:
                 solution, _ = solver.solve(start, target, settings=loose, plain=True)
             return None if solution is None else (solution.point, solution.constraint_force)
 
-        ends = before, after
-        return locate_all(self.system, solve, solver.schedule, weights(self.system), ends)
+        return locate_all(solve, solver.schedule, (before, after))
 
     def _jumps(self, point: Point, solution: Solution) -> bool:
         """Whether a point is much farther away than the tangents lead: on another branch."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -25,70 +24,8 @@ from ..time_function import (
     TimeFunction,
     time_function,
 )
-from ..types import MOST, Array, Floats, IndexArray, names_known, numbers, positive, real
-from ..types import shown as cut
+from ..types import Array, Floats, IndexArray, names_known, real
 from ..warn import Notices
-
-# -- arguments of controls: checked, and shown -----------------------------------------------------
-
-
-def stops(
-    item: str, until: float, steps: int | None, at: Sequence[float] | None, start: float
-) -> list[float]:
-    """Values of the parameter that are hit exactly, of a path from `start`."""
-    if at is not None:
-        values = listed(item, at)
-        if values[0] == start:
-            values = values[1:]  # it is recorded anyway
-        if not len(values):
-            raise InputError(item, f"at = {list(at)!r} is where the path starts")
-        change = np.diff(np.concatenate([[start], values]))
-        if not ((change > 0).all() or (change < 0).all()):
-            raise InputError(
-                item, f"at = {values.tolist()} does not lead one way from the start at {start:g}"
-            )
-        return [float(v) for v in values]
-    if until == start:
-        raise InputError(item, f"until = {until!r} is where the path starts")
-    count = 1 if steps is None else steps
-    return [start + (until - start) * (k / count) for k in range(1, count)] + [until]
-
-
-def listed(item: str, at: Sequence[float]) -> Floats:
-    """Values of the parameter to hit."""
-    values = numbers(item, "at", at)
-    plain = np.asarray(at).dtype.kind in "iufO"  # no text that reads as numbers
-    if not plain or values.ndim != 1 or not len(values) or not np.isfinite(values).all():
-        raise InputError(item, f"at = {at!r}, expected a list of numbers")
-    return values
-
-
-def finite(item: str, name: str, value: object, what: str = "a finite number") -> float:
-    """A finite number; `what` says which is expected."""
-    number = real(item, name, value, what)
-    if not np.isfinite(number):
-        raise InputError(item, f"{name} = {value!r}, expected {what}")
-    return number
-
-
-def turned(item: str, turn: float | None) -> float | None:
-    """A rotation that limits steps, or none."""
-    return None if turn is None else positive(item, "turn", turn, " of rad")
-
-
-def shown(item: object, **values: object) -> str:
-    """Arguments of an object as in a call, without those that have their default."""
-    parameters = signature(type(item)).parameters
-    return ", ".join(f"{k}={v!r}" for k, v in values.items() if v != parameters[k].default)
-
-
-def whole(item: str, name: str, value: int) -> None:
-    """Check a positive integer."""
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value <= 0:
-        raise InputError(item, f"{name} = {cut(value)}, expected a positive integer")
-    if value > MOST:
-        raise InputError(item, f"{name} = {cut(value)}, expected at most {MOST:.0e}")
-
 
 # -- points of a path, what fixes them, and what comes with them -----------------------------------
 
@@ -130,6 +67,8 @@ class Point:
 class Functional:
     """What fixes the place on a path: ``gradient . (y - y_0) + by_factor (t - t_0) = value``.
 
+    By default the load factor of the start.
+
     Attributes
     ----------
     gradient : (rows, 3) array or None
@@ -139,9 +78,9 @@ class Functional:
         Change of the coordinates to start from, where the tangent at the start gives none.
     """
 
-    gradient: Floats | None
-    by_factor: float
-    value: float
+    gradient: Floats | None = None
+    by_factor: float = 1.0
+    value: float = 0.0
     predictor: Floats | None = None
 
     def __call__(self, point: Point, y: Array, t: float) -> float:
@@ -197,6 +136,14 @@ class Solution:
 # -- which share of each load acts where on a path -------------------------------------------------
 
 _Channel = tuple[TimeFunction, TimeFunction | None, str]
+
+
+def finite(item: str, name: str, value: object, what: str = "a finite number") -> float:
+    """A finite number; `what` says which is expected."""
+    number = real(item, name, value, what)
+    if not np.isfinite(number):
+        raise InputError(item, f"{name} = {value!r}, expected {what}")
+    return number
 
 
 def _value(function: TimeFunction, t: float, owner: str) -> float:
@@ -337,6 +284,16 @@ class Schedule:
         return Amplitudes(loads, np.array([*numbers(self._actuators), 0.0]), spin, now)
 
 
+def load_force(system: System, y: Floats, amplitudes: Amplitudes) -> Floats:
+    """Forces (rows, 3) of loads, and of functions of the motion, at a configuration y."""
+    loading = system.loading
+    force = loading.dead_force(amplitudes.loads)
+    if not loading.dead_only:
+        force = force + loading.force(y[: system.rows], amplitudes.loads)
+        force = force + system.couplings.pushed(y, amplitudes.actuators, amplitudes.time)
+    return force
+
+
 # -- A path as a history: points with their load factor, stability and constraint forces -----------
 
 #: number of a point in the series "critical"
@@ -430,14 +387,7 @@ class PathRecorder:
 
     def _add_work(self, point: Point, q: Floats) -> None:
         """Work of the loads along the path, by the trapezoidal rule between its points."""
-        system, loading = self.system, self.system.loading
-        amplitudes = self.schedule.at(point.t)
-        force = loading.dead_force(amplitudes.loads)
-        if not loading.dead_only:
-            force = force + loading.force(point.y[: system.rows], amplitudes.loads)
-            now = amplitudes.actuators, amplitudes.time
-            force = force + system.couplings.pushed(point.y, *now)
-        force = force.reshape(-1)
+        force = load_force(self.system, point.y, self.schedule.at(point.t)).reshape(-1)
         if self._before is not None:
             q0, f0 = self._before
             self._work += float((f0 + force) @ (q - q0)) / 2

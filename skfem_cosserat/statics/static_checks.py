@@ -26,7 +26,7 @@ from ..types import Floats, IndexArray, switch
 from .branch import Branch
 from .control import ArcLength, Control, DisplacementControl, LoadControl
 from .critical_points import LOOSE, MOST_NEUTRAL, FirmStability, Stability, inspect
-from .schedule import Point, Schedule, weights
+from .schedule import Point, Schedule, load_force, weights
 
 #: rigid pieces above which free motions are not sought: the search is dense
 PIECES = 400
@@ -355,11 +355,7 @@ def _refused(
     system: System, schedule: Schedule, point: Point, free: _Free, where: str
 ) -> InputError:
     N, E = free.N, free.E
-    later = schedule.at(point.t + 1.0)
-    force = system.loading.dead_force(later.loads)
-    if not system.loading.dead_only:
-        force = force + system.loading.force(point.y[: system.rows], later.loads)
-        force = force + system.couplings.pushed(point.y, later.actuators, later.time)
+    force = load_force(system, point.y, schedule.at(point.t + 1.0))
     works = abs((E @ N).T @ force.ravel())
     k = int(works.argmax())
     worked = works[k] > 1e-9 * np.linalg.norm(force) * np.linalg.norm(E @ N[:, k])

@@ -16,6 +16,7 @@ from helpers_scenes import (
 )
 
 from skfem_cosserat import (
+    Beam,
     EnergyMomentum,
     GeneralizedAlpha,
     JointDistance,
@@ -24,19 +25,23 @@ from skfem_cosserat import (
     JointSpherical,
     LoadGravity,
     MassPoint,
+    MeshCurve,
     Model,
     Multipliers,
     NullSpace,
     RigidBody,
+    Section,
     Variational,
     ground,
     initial_state,
     project,
     simulate,
 )
+from skfem_cosserat.constraints import null_space as null_space_module
 from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.kernels import director_force, null_space_blocks, skew
 from skfem_cosserat.model import kinematics, reparametrisation
+from skfem_cosserat.model.balance import amplitudes_at, balance, balance_tangent
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 
 SCENES = {
@@ -324,6 +329,42 @@ def test_short_trees_have_one_matrix():
     assert not chain(10).kinematics.deep
     assert chain(30).kinematics.deep
     assert not swing(20).kinematics.deep
+
+
+def row_of_beams(count):
+    """Short beams, each clamped to the end of the last one."""
+    model, end = Model(), ground((0, 0, 0))
+    section = Section([1e4, 1e4, 2e4, 5, 6, 7], mass=1.0, inertia=(1e-3, 1e-3))
+    for k in range(count):
+        mesh = MeshCurve.init_line((0.1 * k, 0, 0), (0.1 * (k + 1), 0, 0), 1, name=f"rod {k}")
+        rod = model.add(f"rod {k}", Beam(mesh, section, director=(0, 0, 1)))
+        model.add(f"joint {k}", JointFixed(end, rod.node(f"rod {k}.start")))
+        end = rod.node(f"rod {k}.end")
+    return model.freeze()
+
+
+def test_a_row_of_short_beams_has_a_narrow_matrix(monkeypatch):
+    """All hang together by fixed joints; full matrices of them all give the same entries."""
+    monkeypatch.setattr(null_space_module, "shared", lambda kind, *given: kind(*given))
+
+    def matrix(count):
+        system = row_of_beams(count)
+        bound, y0 = NullSpace().bind(system, 1.0), system.extend(system.q0, 0.0)
+        bound.begin(y0, y0[system.rows :], 1.0)
+        bound.guess(False)
+        bound.move(0.1 * np.random.default_rng(1).standard_normal(system.unknowns))
+        y, amplitudes = bound.configure(), amplitudes_at(system, 0.0)
+        at = balance(system, y, amplitudes)
+        bound.reduce(at.R, y)
+        data = bound.matrix(balance_tangent(system, at, amplitudes), at.R, y, scaled=False)
+        return bound.solver.pattern.assembled(data)
+
+    found, twice = matrix(40), matrix(80)
+    assert twice.nnz < 2.1 * found.nnz < 0.4 * found.shape[0] ** 2
+    monkeypatch.setattr(null_space_module, "FULL", np.inf)
+    full = matrix(40)
+    assert full.nnz == full.shape[0] ** 2
+    assert abs(full - found).max() < 1e-13 * abs(full).max()
 
 
 def test_positions_of_deep_trees_are_those_level_by_level(monkeypatch):

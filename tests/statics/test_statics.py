@@ -26,8 +26,9 @@ from skfem_cosserat.diagnostics.stacked import blocks_matrix
 from skfem_cosserat.model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
 from skfem_cosserat.statics.critical_points import inspect
 from skfem_cosserat.statics.path import STATIC
+from skfem_cosserat.statics.problem import PlainProblem
 from skfem_cosserat.statics.schedule import Functional, Point, Schedule
-from skfem_cosserat.statics.solver import PathSolver, PlainProblem
+from skfem_cosserat.statics.solver import PathSolver
 
 EPS = 1e-40
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
