@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import eig, eigh, get_lapack_funcs
-from scipy.optimize import brentq
 from scipy.sparse import coo_matrix, csr_matrix, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
@@ -470,6 +469,8 @@ def locate(solve: Solve, schedule: Schedule, ends: tuple[Stability, Stability]) 
     """
     if not ends[0].crossed(ends[1]):
         return None
+    from scipy.optimize import brentq  # slow to import, seldom needed
+
     between = _Between(solve, schedule, ends)
     try:
         s = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT, maxiter=60))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import null_space, qr
+from scipy.linalg import lstsq, qr
 from scipy.sparse import bmat, csr_matrix, diags, vstack
 from scipy.sparse.linalg import lsqr, splu
 
@@ -389,7 +389,7 @@ def _rigid_stiffness(
     if len(joints):
         G = system.constraints.jacobian(y)[joints]
         held = np.asarray((G @ E).todense())
-        multipliers[joints] = np.linalg.lstsq(held.T, -E.T @ R.ravel(), rcond=FREE)[0]
+        multipliers[joints] = lstsq(held.T, -E.T @ R.ravel(), cond=FREE, lapack_driver="gelsy")[0]
         R = R + (G.T @ multipliers[joints]).reshape(-1, 3)
     A = A + curvature_matrix(system, y, multipliers)
     out = np.asarray((E.T @ A @ E).todense())
@@ -423,10 +423,17 @@ def _unheld(system: System, y: Floats, E: csr_matrix) -> Floats:
     there = np.flatnonzero(np.asarray(abs(E).sum(0)).ravel() > 1e-12 * system.length)
     out = np.zeros((E.shape[1], 0))
     if len(there):
-        local = null_space(matrix[:, there], rcond=FREE) if len(matrix) else np.eye(len(there))
+        local = _null_space(matrix[:, there])
         out = np.zeros((E.shape[1], local.shape[1]))
         out[there] = local
     return out
+
+
+def _null_space(A: Floats) -> Floats:
+    """Orthonormal columns that A maps to zero: a quarter of the time of singular values."""
+    Q, R, _ = qr(A.T, pivoting=True)
+    pivots = abs(np.diag(R))
+    return np.asarray(Q[:, int((pivots > FREE * pivots.max(initial=0.0)).sum()) :])
 
 
 def _echelon(N: Floats) -> Floats:
