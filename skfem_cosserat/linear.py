@@ -269,8 +269,6 @@ class Band:
         Row of each unknown.
     lower, upper : int
         Bandwidths.
-    where : (nnz,) int array
-        Places of the entries in column-major band storage, with room for exchanged rows.
     """
 
     def __init__(self, pattern: FrozenPattern) -> None:
@@ -278,12 +276,14 @@ class Band:
         self.order: IndexArray = reverse_cuthill_mckee(mirrored(pattern)[0], symmetric_mode=True)
         self.position: IndexArray = np.empty(n, dtype=np.int64)
         self.position[self.order] = np.arange(n)
-        position = self.position
-        cols = np.repeat(np.arange(n), np.diff(pattern.indptr))
-        i, j = position[pattern.indices], position[cols]
-        self.lower, self.upper = int((i - j).max(initial=0)), int((j - i).max(initial=0))
-        self.rows = 2 * self.lower + self.upper + 1
-        self.where: IndexArray = (self.lower + self.upper + i - j) + self.rows * j
+        i, j = self.ends(pattern)
+        i -= j
+        self.lower, self.upper = int(i.max(initial=0)), -int(i.min(initial=0))
+
+    def ends(self, pattern: FrozenPattern) -> tuple[Array, Array]:
+        """Rows and columns (nnz,) of the pattern's entries in this order."""
+        position = self.position.astype(pattern.indices.dtype)
+        return position[pattern.indices], np.repeat(position, np.diff(pattern.indptr))
 
 
 class SolverBanded(Solver):
@@ -309,6 +309,10 @@ class _Banded(Factors):
         self._n, self._band = pattern.shape[0], band
         rows, cols = pattern.indices, np.repeat(np.arange(self._n), np.diff(pattern.indptr))
         self._entries, self._diagonal = (rows, cols), np.flatnonzero(rows == cols)
+        #: places of the entries in column-major band storage, with room for exchanged rows
+        i, j = (each.astype(np.int64) for each in band.ends(pattern))
+        self._rows = 2 * band.lower + band.upper + 1
+        self._where = (band.lower + band.upper + i - j) + self._rows * j
         #: of rows and columns, in the order of the band; of the entries
         self._scale, self._scales = np.zeros(0), np.zeros(0)
         self._gbtrf, self._gbtrs = get_lapack_funcs(("gbtrf", "gbtrs"), dtype=np.float64)
@@ -317,9 +321,9 @@ class _Banded(Factors):
         b = self._band
         if not len(self._scale):
             self._scale_by(data)
-        flat = np.zeros(b.rows * self._n)
-        flat[b.where] = data * self._scales
-        band = flat.reshape((b.rows, self._n), order="F")
+        flat = np.zeros(self._rows * self._n)
+        flat[self._where] = data * self._scales
+        band = flat.reshape((self._rows, self._n), order="F")
         self._lu, self._pivots, info = self._gbtrf(band, b.lower, b.upper, overwrite_ab=True)
         if info != 0:
             raise SingularMatrixError("the iteration matrix is singular")

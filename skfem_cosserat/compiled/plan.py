@@ -388,7 +388,8 @@ class _Graph:
         The first of two neighbours is eliminated beside the other, and neighbours stay so: degrees
         are as many as pairs in sum, and their squares are least where all degrees are equal.
         """
-        degrees = [len(near) for near, done in zip(self.around, self._done, strict=True) if not done]
+        both = zip(self.around, self._done, strict=True)
+        degrees = [len(near) for near, done in both if not done]
         return (sum(degrees) / 2) ** 2 / max(len(degrees), 1)
 
     def _released(self, v: int) -> list[int]:

@@ -134,6 +134,24 @@ def test_patterns_sort_their_entries(monkeypatch, rows):
         assert pattern.indptr.tolist() == np.searchsorted(keys, rows * np.arange(4)).tolist()
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_patterns_of_full_blocks(seed):
+    """Against the pattern of all entries one by one: vertices without unknowns, some blocks twice."""
+    rng = np.random.default_rng(seed)
+    count, links = 12, 40 * seed
+    size = rng.choice([0, 1, 3, 6], count)
+    ends, first = rng.integers(0, count, (links, 2)), np.cumsum(size) - size
+    entries = [
+        (first[a] + i, first[b] + j) for a, b in ends for i, j in np.ndindex(size[a], size[b])
+    ]
+    rows, cols = np.array(entries, dtype=np.int64).reshape(-1, 2).T
+    blocks = FrozenPattern(ends[:, 0], ends[:, 1], (count, count)).expanded(size)
+    plain = FrozenPattern(rows, cols, (size.sum(), size.sum()))
+    assert blocks.shape == plain.shape and blocks.nnz == plain.nnz
+    for name in ("slot", "indices", "indptr"):
+        assert np.array_equal(getattr(blocks, name), getattr(plain, name)), name
+
+
 @solvers
 def test_singular_matrices_raise(name):
     """A row and column of zeros; and after it the next matrix is solved as if nothing had been."""
