@@ -363,7 +363,8 @@ class _Graph:
                 continue
             if degree > largest:
                 break
-            if len(self.order) % every == 0 and work + self._least() > most:
+            least = self._least() if len(self.order) % every == 0 else degree**2
+            if work + least > most:
                 return False
             work += degree**2
             done[v] = True
@@ -380,7 +381,7 @@ class _Graph:
             for p in self._released(v):
                 known[p] = len(around[p])
                 heapq.heappush(heap, known[p] * count + p)
-        return work <= most
+        return True
 
     def _least(self) -> float:
         """Products that the elimination of all that are left takes at least.

@@ -136,7 +136,7 @@ def test_patterns_sort_their_entries(monkeypatch, rows):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_patterns_of_full_blocks(seed):
-    """Against the pattern of all entries one by one: vertices without unknowns, some blocks twice."""
+    """Against that of entries one by one: vertices without unknowns, blocks that come twice."""
     rng = np.random.default_rng(seed)
     count, links = 12, 40 * seed
     size = rng.choice([0, 1, 3, 6], count)
