@@ -273,16 +273,10 @@ class CompiledScene:
 
     def _number(self) -> None:
         """Where the tree's coordinates are among those of the vertices."""
-        system, width = self.system, self._arrays["x"].shape[1]
-        own = system.tree.own
-        count = np.array([len(places) for places in own.values()], dtype=np.int64)
-        first = np.repeat(
-            width * np.array(list(own), dtype=np.int64) - np.cumsum(count) + count, count
-        )
-        self._numbering = np.full(system.kinematics.unknowns, -1)
-        self._numbering[[k for places in own.values() for k in places]] = first + np.arange(
-            len(first)
-        )
+        own, width = self.system.tree.own, self._arrays["x"].shape[1]
+        vertex = self.system.kinematics.vertex[: self.system.kinematics.unknowns]
+        first = np.array([numbers.start for numbers in own])
+        self._numbering = width * vertex + np.arange(len(vertex)) - first[vertex]
 
     @property
     def linear(self) -> LinearSolver | None:
