@@ -273,6 +273,28 @@ def test_unknowns_of_a_node_stay_together():
     assert (order.reshape(27, 6) - order.reshape(27, 6)[:, :1] == np.arange(6)).all()
 
 
+@pytest.mark.parametrize("mirror", [False, True])
+@pytest.mark.parametrize("diagonal", [False, True])
+def test_groups_and_symmetry_of_patterns(mirror, diagonal):
+    """Against full matrices, in which some unknowns have the same neighbours."""
+    rng = np.random.default_rng(0)
+    count = 9
+    i, j = rng.integers(0, count, (2, 14))
+    own = np.arange(count if diagonal else 0)
+    rows = np.concatenate([i, own, j if mirror else i])
+    cols = np.concatenate([j, own, i if mirror else j])
+    pattern = FrozenPattern(rows, cols, (count, count)).expanded(rng.integers(1, 4, count))
+    full = pattern.assembled(np.ones(pattern.nnz)).toarray() > 0
+    assert linear.balanced(pattern) == (mirror and diagonal)
+    assert (full == full.T).all() == mirror and full.diagonal().all() == diagonal
+    group, graph = linear.merged(pattern)
+    both = full | full.T
+    assert np.array_equal(group[:, None] == group, (both[:, :, None] == both[:, None]).all(axis=0))
+    first = [int(np.flatnonzero(group == k)[0]) for k in range(group.max() + 1)]
+    assert first == sorted(first)
+    assert np.array_equal(graph.toarray() != 0, both[np.ix_(first, first)])
+
+
 def test_permuted_pattern():
     pattern, data = grid(2)
     order = np.random.default_rng(0).permutation(pattern.shape[0])
