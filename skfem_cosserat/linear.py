@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import get_lapack_funcs
 from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import spilu, splu
 
 from .errors import CosseratError, InputError, PerformanceWarning
 from .frozen import Frozen
@@ -95,17 +95,25 @@ class Factors(ABC):
 THRESHOLD = 0.01
 
 
+def mirrored(pattern: FrozenPattern) -> tuple[csc_matrix, Array]:
+    """Pattern with all entries mirrored at the diagonal, and a mark (n,) of what each column has.
+
+    The mark is a sum of random numbers of the rows: two different sets agree once in 2^64.
+    """
+    marks = np.random.default_rng(0).integers(0, 2**63, pattern.shape[0], dtype=np.uint64)
+    both = pattern.assembled(np.ones(pattern.nnz, dtype=np.uint64))
+    columns = both.T @ marks
+    if (both @ marks != columns).any():
+        both = csc_matrix(both + both.T)
+        both.data[:] = 1
+        columns = both.T @ marks
+    return both, columns
+
+
 def balanced(pattern: FrozenPattern) -> bool:
     """Whether the pattern is its own transpose with all of the diagonal in it."""
-    n = pattern.shape[0]
-    cols = np.repeat(np.arange(n), np.diff(pattern.indptr))
-    if np.count_nonzero(pattern.indices == cols) < n:
-        return False
-    ones = pattern.assembled(np.ones(pattern.nnz))
-    mirror = csc_matrix(ones.T)
-    mirror.sort_indices()
-    same = np.array_equal(mirror.indptr, pattern.indptr)
-    return same and np.array_equal(mirror.indices, pattern.indices)
+    both, _ = mirrored(pattern)
+    return both.nnz == pattern.nnz and bool(both.diagonal().all())
 
 
 def merged(pattern: FrozenPattern) -> tuple[IndexArray, csc_matrix]:
@@ -116,35 +124,29 @@ def merged(pattern: FrozenPattern) -> tuple[IndexArray, csc_matrix]:
     group : (n,) int array
         Group of each unknown, numbered by their first ones.
     graph : sparse matrix
-        Symmetric pattern of the groups, with a diagonal.
+        Symmetric pattern of the groups.
     """
-    n = pattern.shape[0]
-    ones = pattern.assembled(np.ones(pattern.nnz))
-    both = csc_matrix(ones + ones.T)
-    # a set of rows is known by a sum of random numbers: two different ones agree once in 2^64
-    marks = np.random.default_rng(0).integers(0, 2**63, n, dtype=np.uint64)
-    sums = np.concatenate([[np.uint64(0)], np.cumsum(marks[both.indices], dtype=np.uint64)])
-    _, first, group = np.unique(
-        sums[both.indptr[1:]] - sums[both.indptr[:-1]], return_index=True, return_inverse=True
-    )
-    rank = np.empty(len(first), dtype=np.int64)
-    rank[np.argsort(first)] = np.arange(len(first))
-    group = rank[group.reshape(-1)]
-    count = len(first)
-    near = both[:, np.sort(first)]  # of one of each group
-    cols = np.repeat(np.arange(count), np.diff(near.indptr))
-    keys = np.unique(cols * count + group[near.indices])
-    j, i = np.divmod(keys, max(count, 1))
-    links = csc_matrix((np.full(len(keys), -1.0), (i, j)), shape=(count, count))
-    return group, links
+    both, columns = mirrored(pattern)
+    _, first, group = np.unique(columns, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    graph = both[:, first[order]][first[order]].astype(float)
+    graph.data[:] = -1.0
+    return rank[group.reshape(-1)], graph
 
 
 def minimum_degree(graph: csc_matrix) -> IndexArray:
-    """Groups in the order of SuperLU's multiple minimum degree."""
+    """Groups in the order of SuperLU's multiple minimum degree.
+
+    It goes with a factorisation only: the incomplete one that drops all it can costs the least.
+    """
     values = graph.copy()
     values.setdiag(1.0 + np.diff(graph.indptr))  # no pivot is exchanged
-    lu = splu(
+    lu = spilu(
         csc_matrix(values),
+        drop_tol=1.0,
+        fill_factor=1.0,
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
@@ -193,21 +195,22 @@ class Permuted:
     ----------
     order : (n,) int array
         Unknowns in the new order.
-    pattern : FrozenPattern
-        In the new order.
-    take : (nnz,) int array
-        Entries of the new pattern are ``data[take]``.
     """
 
     def __init__(self, pattern: FrozenPattern, order: IndexArray) -> None:
-        n = pattern.shape[0]
-        position = np.empty(n, dtype=np.int64)
-        position[order] = np.arange(n)
-        cols = np.repeat(position, np.diff(pattern.indptr))
+        position = np.empty(len(order), dtype=pattern.indices.dtype)
+        position[order] = np.arange(len(order))
+        entries = np.arange(pattern.nnz), position[pattern.indices], pattern.indptr
         self.order = order
-        self.pattern = FrozenPattern(position[pattern.indices], cols, pattern.shape)
-        self.take: IndexArray = np.empty(pattern.nnz, dtype=np.int64)
-        self.take[self.pattern.slot] = np.arange(pattern.nnz)
+        self._entries = csc_matrix(entries, shape=pattern.shape)[:, order]
+        self._entries.sort_indices()
+
+    def matrix(self, data: Floats) -> csc_matrix:
+        """The matrix of these entries (nnz,) of the pattern, in the new order."""
+        new = self._entries
+        out = csc_matrix((data[new.data], new.indices, new.indptr), shape=new.shape)
+        out.has_canonical_format = True
+        return out
 
 
 # -- LAPACK: small systems as full matrices, narrow ones as bands ----------------------------------
@@ -266,22 +269,21 @@ class Band:
         Row of each unknown.
     lower, upper : int
         Bandwidths.
-    where : (nnz,) int array
-        Places of the entries in column-major band storage, with room for exchanged rows.
     """
 
     def __init__(self, pattern: FrozenPattern) -> None:
         n = pattern.shape[0]
-        ones = pattern.assembled(np.ones(pattern.nnz))
-        self.order: IndexArray = reverse_cuthill_mckee((ones + ones.T).tocsr(), symmetric_mode=True)
+        self.order: IndexArray = reverse_cuthill_mckee(mirrored(pattern)[0], symmetric_mode=True)
         self.position: IndexArray = np.empty(n, dtype=np.int64)
         self.position[self.order] = np.arange(n)
-        position = self.position
-        cols = np.repeat(np.arange(n), np.diff(pattern.indptr))
-        i, j = position[pattern.indices], position[cols]
-        self.lower, self.upper = int((i - j).max(initial=0)), int((j - i).max(initial=0))
-        self.rows = 2 * self.lower + self.upper + 1
-        self.where: IndexArray = (self.lower + self.upper + i - j) + self.rows * j
+        i, j = self.ends(pattern)
+        i -= j
+        self.lower, self.upper = int(i.max(initial=0)), -int(i.min(initial=0))
+
+    def ends(self, pattern: FrozenPattern) -> tuple[Array, Array]:
+        """Rows and columns (nnz,) of the pattern's entries in this order."""
+        position = self.position.astype(pattern.indices.dtype)
+        return position[pattern.indices], np.repeat(position, np.diff(pattern.indptr))
 
 
 class SolverBanded(Solver):
@@ -307,6 +309,10 @@ class _Banded(Factors):
         self._n, self._band = pattern.shape[0], band
         rows, cols = pattern.indices, np.repeat(np.arange(self._n), np.diff(pattern.indptr))
         self._entries, self._diagonal = (rows, cols), np.flatnonzero(rows == cols)
+        #: places of the entries in column-major band storage, with room for exchanged rows
+        i, j = (each.astype(np.int64) for each in band.ends(pattern))
+        self._rows = 2 * band.lower + band.upper + 1
+        self._where = (band.lower + band.upper + i - j) + self._rows * j
         #: of rows and columns, in the order of the band; of the entries
         self._scale, self._scales = np.zeros(0), np.zeros(0)
         self._gbtrf, self._gbtrs = get_lapack_funcs(("gbtrf", "gbtrs"), dtype=np.float64)
@@ -315,9 +321,9 @@ class _Banded(Factors):
         b = self._band
         if not len(self._scale):
             self._scale_by(data)
-        flat = np.zeros(b.rows * self._n)
-        flat[b.where] = data * self._scales
-        band = flat.reshape((b.rows, self._n), order="F")
+        flat = np.zeros(self._rows * self._n)
+        flat[self._where] = data * self._scales
+        band = flat.reshape((self._rows, self._n), order="F")
         self._lu, self._pivots, info = self._gbtrf(band, b.lower, b.upper, overwrite_ab=True)
         if info != 0:
             raise SingularMatrixError("the iteration matrix is singular")
@@ -432,9 +438,8 @@ class _Ordered(Factors):
         self._permuted = Permuted(pattern, unknowns_in_order(pattern, rule))
 
     def factor(self, data: Floats) -> None:
-        new = self._permuted
         self._lu = _factorised(
-            new.pattern.assembled(data[new.take]),
+            self._permuted.matrix(data),
             permc_spec="NATURAL",
             diag_pivot_thresh=THRESHOLD,
             options={"SymmetricMode": True},

@@ -281,7 +281,7 @@ def _parents(system: System) -> tuple[list[int], list[int]]:
 def coordinates_of(system: System) -> list[list[Coordinate]]:
     """Coordinates of each edge, driven ones included; hinges from the parent outwards."""
     tree = system.tree
-    each = {e.child: [tree.coordinates[k] for k in tree.own[e.child]] for e in tree.edges}
+    each = {e.child: [tree.coordinate(k) for k in tree.own[e.child]] for e in tree.edges}
     for c in tree.driven:
         each[c.vertex].append(c)
     return [

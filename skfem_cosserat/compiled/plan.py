@@ -341,14 +341,17 @@ class _Graph:
             setattr(out, name, getattr(self, name).copy())
         return out
 
-    def eliminate(self, largest: int, most: int | None = None) -> bool:
-        """Eliminate by degree, up to a largest one; False if it takes more than `most` products."""
+    def eliminate(self, largest: int, most: float = np.inf) -> bool:
+        """Eliminate by degree, up to a largest one.
+
+        False, and perhaps not to its end, if all of them take more than `most` products.
+        """
         around, waiting, done, count = self.around, self._waiting, self._done, len(self.around)
         # degree and vertex as one number; a degree that has grown is found out when it is its turn
         heap = [len(around[v]) * count + v for v in range(count) if not (done[v] or waiting[v])]
         heapq.heapify(heap)
         known = [len(near) for near in around]  # degree in the heap
-        work = 0
+        work, every = 0, 64 + count // 32
         while heap:
             degree, v = divmod(heapq.heappop(heap), count)
             if done[v] or degree != known[v]:
@@ -360,9 +363,10 @@ class _Graph:
                 continue
             if degree > largest:
                 break
-            work += degree**2
-            if most is not None and work > most:
+            least = self._least() if len(self.order) % every == 0 else degree**2
+            if work + least > most:
                 return False
+            work += degree**2
             done[v] = True
             self.order.append(v)
             self.later.append(near)
@@ -378,6 +382,16 @@ class _Graph:
                 known[p] = len(around[p])
                 heapq.heappush(heap, known[p] * count + p)
         return True
+
+    def _least(self) -> float:
+        """Products that the elimination of all that are left takes at least.
+
+        The first of two neighbours is eliminated beside the other, and neighbours stay so: degrees
+        are as many as pairs in sum, and their squares are least where all degrees are equal.
+        """
+        both = zip(self.around, self._done, strict=True)
+        degrees = [len(near) for near, done in both if not done]
+        return (sum(degrees) / 2) ** 2 / max(len(degrees), 1)
 
     def _released(self, v: int) -> list[int]:
         """What has waited for a vertex that is dealt with, and for no other any more."""

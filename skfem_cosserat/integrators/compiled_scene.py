@@ -7,7 +7,6 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..compiled import kept
 from ..compiled.kept import Source, address, entry
@@ -62,11 +61,12 @@ class Rest:
     ) -> None:
         left = np.zeros(len(size), dtype=bool)
         left[plan.rest] = True
-        slots = np.flatnonzero(left[plan.ends].all(axis=1))
-        ends = plan.ends[slots]
         each = np.where(left, size, 0)
+        slots = np.flatnonzero(each[plan.ends].all(axis=1))
+        ends = plan.ends[slots]
         k = np.arange(6)
-        places = (36 * slots[:, None, None] + 6 * k[:, None] + k)[_inside(ends, each)]
+        inside = (k[:, None] < each[ends[:, :1, None]]) & (k < each[ends[:, 1:, None]])
+        places = (36 * slots[:, None, None] + 6 * k[:, None] + k)[inside]
         pattern = shared(_of_blocks, ends, each)
         self._take = np.empty(pattern.nnz, dtype=np.int64)  # every entry is in one place only
         self._take[pattern.slot] = places
@@ -123,19 +123,9 @@ class Rest:
         self._x[self._numbers] = self.solver.solve_again(self._x[self._numbers])
 
 
-def _inside(ends: IndexArray, size: IndexArray) -> NDArray[np.bool_]:
-    """Which entries (k, 6, 6) of blocks between vertices (k, 2) are of unknowns that these have."""
-    k = np.arange(6)
-    return np.asarray((k[:, None] < size[ends[:, :1, None]]) & (k < size[ends[:, 1:, None]]))
-
-
 def _of_blocks(ends: IndexArray, size: IndexArray) -> FrozenPattern:
-    """Pattern of the entries inside of blocks between these vertices (k, 2)."""
-    k, first, inside = np.arange(6), np.cumsum(size) - size, _inside(ends, size)
-    rows = np.broadcast_to(first[ends[:, :1, None]] + k[:, None], inside.shape)[inside]
-    cols = np.broadcast_to(first[ends[:, 1:, None]] + k, inside.shape)[inside]
-    count = int(size.sum())
-    return FrozenPattern(rows, cols, (count, count))
+    """Pattern of full blocks between these vertices (k, 2), of so many unknowns."""
+    return FrozenPattern(ends[:, 0], ends[:, 1], (len(size), len(size))).expanded(size)
 
 
 # -- arrays and parts of a system ------------------------------------------------------------------
@@ -283,16 +273,10 @@ class CompiledScene:
 
     def _number(self) -> None:
         """Where the tree's coordinates are among those of the vertices."""
-        system, width = self.system, self._arrays["x"].shape[1]
-        own = system.tree.own
-        count = np.array([len(places) for places in own.values()], dtype=np.int64)
-        first = np.repeat(
-            width * np.array(list(own), dtype=np.int64) - np.cumsum(count) + count, count
-        )
-        self._numbering = np.full(system.kinematics.unknowns, -1)
-        self._numbering[[k for places in own.values() for k in places]] = first + np.arange(
-            len(first)
-        )
+        own, width = self.system.tree.own, self._arrays["x"].shape[1]
+        vertex = self.system.kinematics.vertex[: self.system.kinematics.unknowns]
+        first = np.array([numbers.start for numbers in own])
+        self._numbering = width * vertex + np.arange(len(vertex)) - first[vertex]
 
     @property
     def linear(self) -> LinearSolver | None:

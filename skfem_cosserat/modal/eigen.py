@@ -412,7 +412,7 @@ def _check_inertia(system: System, M: csr_matrix, metric: csr_matrix) -> None:
     if not inertia[worst] > 0:
         if len(system.closure.rows):
             raise InputError("model", f"unknown {worst} of the null space has no inertia")
-        coordinate = system.kinematics.tree.coordinates[worst]
+        coordinate = system.kinematics.tree.coordinate(worst)
         raise InputError(
             system.owner[coordinate.vertex].label,
             f"its motion {coordinate.kind!r} has no inertia: give it mass",

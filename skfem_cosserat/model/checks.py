@@ -143,7 +143,7 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
             if worst >= 0:
                 own = tree.own[int(free[worst])]
                 _report(system, own[number], y, fixed)
-    if not any(tree.own.get(v) for v in linked):
+    if not any(tree.own[v] for v in linked if v < len(tree.own)):
         return
     if kin.elements is None and _clearly_inert(kin, inertia, y, fixed):
         return
@@ -289,7 +289,7 @@ def _vertex_inertia(system: Scene, y: Floats) -> Floats:
 
 
 def _report(system: Scene, number: int, y: Floats, fixed: Floats) -> None:
-    coordinate = system.tree.coordinates[number]
+    coordinate = system.tree.coordinate(number)
     item: StructuralItem = system.owner[coordinate.vertex]
     axis = np.round(system.kinematics.axes(y, fixed)[number], 6).tolist()
     what = "translation along" if coordinate.kind == "translation" else "rotation about"

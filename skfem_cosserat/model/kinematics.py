@@ -216,7 +216,7 @@ class ConstrainedElements:
                 moved += [(int(twist_of[c]), number, k) for number, k in shift_of[e]]
             for a, which in found.items():
                 one, two = which[0], which[1] if len(which) > 1 else blocks
-                own = [k for k in tree.own[a] if tree.coordinates[k].kind == "rotation"]
+                own = [k for k in tree.own[a] if tree.coordinate(k).kind == "rotation"]
                 if own:
                     whole.append((int(twist_of[c]), own[0], one, two))
                     assert all(j == i + 1 for i, j in pairwise(own))
@@ -424,7 +424,7 @@ class Kinematics:
         size = np.where(is_frame, 6, 3)
         self.twist_of = np.concatenate([[0], np.cumsum(size)])[:-1].astype(np.int64)
         self.n_twist = int(size.sum())
-        self.unknowns = len(tree.coordinates)
+        self.unknowns = tree.count
         #: first twist number that moves each unknown row of y, and which of them are directors
         free = 4 * int(is_frame.sum()) + int((~is_frame).sum())
         self.row_twist = np.zeros(free, dtype=np.int64)
@@ -450,22 +450,30 @@ class Kinematics:
         #: (coordinate numbers, (parent spot, child spot)) of points that move on spheres
         self.spheres = [
             (
-                [k for k in tree.own[e.child] if tree.coordinates[k].kind == "sphere"],
+                [k for k in tree.own[e.child] if tree.coordinate(k).kind == "sphere"],
                 (e.parent_spot, e.child_spot),
             )
             for e in tree.edges
             if e.freedom.sphere and tree.plane is None
         ]
-        cs = [*tree.coordinates, *tree.driven]
-        #: vertex of each coordinate; numbers of those of each kind, driven ones behind the others
-        self.vertex = np.array([c.vertex for c in cs], dtype=np.int64)
-        kinds = np.array([KINDS.index(c.kind) for c in cs], dtype=np.int8)
+        # as if no vertex had a parent: translations, then rotations; driven ones behind all others
+        size = np.array([*map(len, tree.own), len(tree.driven)])
+        #: vertex of each coordinate; numbers of those of each kind
+        self.vertex = np.repeat(np.arange(nv + 1), size)
+        place = np.arange(len(self.vertex)) - (np.cumsum(size) - size)[self.vertex]
+        axes = np.concatenate([tree.directions, tree.axes])
+        self.axis = axes[np.minimum(place, len(axes) - 1)]
+        kinds = (place >= len(tree.directions)).astype(np.int8)
+        joint = [*tree.coordinates.values(), *tree.driven]
+        own = np.array([c.number for c in joint], dtype=np.int64)
+        self.vertex[own] = [c.vertex for c in joint]
+        self.axis[own] = np.array([c.axis for c in joint]).reshape(-1, 3)
+        kinds[own] = [KINDS.index(c.kind) for c in joint]
         self.numbers = {kind: np.flatnonzero(kinds == k) for k, kind in enumerate(KINDS)}
         self.hinges, self.tracks = self.numbers["axis"], self.numbers["slide"]
-        self.axis = np.array([c.axis for c in cs]).reshape(len(cs), 3)
         self.axis[self.hinges] = self.axis[self.tracks] = 0.0
-        self.guided = [cs[k] for k in self.hinges]
-        self.sliding = [cs[k] for k in self.tracks]
+        self.guided = [c for c in joint if c.kind == "axis"]
+        self.sliding = [c for c in joint if c.kind == "slide"]
         #: material axes: one product gives all of them at a configuration
         self.axis_terms = [
             *[self._axis_terms(c, c.axis) for c in self.guided],
@@ -489,11 +497,10 @@ class Kinematics:
         """Whether :attr:`recursion` is faster than :attr:`T` in a step with plain numpy."""
         if self.elements is not None:
             return False
-        above: dict[int, int] = {}
-        for e in self.tree.edges:
-            own = len(self.tree.own[e.child])
-            above[e.child] = own + above.get(e.parent, len(self.tree.own.get(e.parent, ())))
-        return sum(count**2 for count in above.values()) > DEEP
+        edges, above = self.tree.edges, dict(enumerate(map(len, self.tree.own)))
+        for e in edges:
+            above[e.child] += above.get(e.parent, 0)
+        return sum(above[e.child] ** 2 for e in edges) > DEEP
 
     @cached_property
     def elements(self) -> ConstrainedElements | None:
@@ -718,7 +725,10 @@ class TwistMap:
         nv = len(kin.twist_of)
         track = np.array([c.guide for c in kin.sliding], dtype=np.int64)[self._slide_of]
         on_track = np.flatnonzero(track < nv)
-        guide = np.array([c.guide for c in kin.tree.coordinates], dtype=np.int64)[number]
+        guides = np.full(kin.unknowns, -1)
+        for k, c in kin.tree.coordinates.items():
+            guides[k] = c.guide
+        guide = guides[number]
         guided = np.flatnonzero((guide >= 0) & (guide < nv))
         pair_twist = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
         # targets, then centres, as far as they move with a vertex; which of them feel its rotation
@@ -1030,7 +1040,7 @@ class Recursion:
         kin, own, tree = self.kin, self.own, self.kin.tree
         place = np.zeros(kin.unknowns, dtype=np.int64)
         used = np.zeros((len(tree.is_frame), 6), dtype=bool)
-        for w, numbers in tree.own.items():
+        for w, numbers in enumerate(tree.own):
             place[numbers], used[w, : len(numbers)] = np.arange(len(numbers)), True
         v = self._vertex[own.rows]
         S = np.zeros((len(tree.is_frame), 6, 6), dtype=values.dtype)

@@ -26,6 +26,7 @@ With r = x_b - x_a and the guide on side a: ``omega_b - omega_a`` is the relativ
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -189,13 +190,14 @@ class Tree:
 
     is_frame: list[bool]
     plane: Plane | None = None
-    coordinates: list[Coordinate] = field(default_factory=list)
+    #: of vertices with a parent, by number; those of others are many, and alike: see `coordinate`
+    coordinates: dict[int, Coordinate] = field(default_factory=dict)
     driven: list[Coordinate] = field(default_factory=list)  # numbered behind the others
     edges: list[Edge] = field(default_factory=list)  # parents before children
     free: list[int] = field(default_factory=list)  # vertices without a parent
     depth: dict[int, int] = field(default_factory=dict)
     loops: list[Joint] = field(default_factory=list)  # joints that close a loop
-    own: dict[int, list[int]] = field(default_factory=dict)
+    own: list[range] = field(default_factory=list)  # numbers of each vertex's coordinates
     turns: dict[int, list[Coordinate]] = field(default_factory=dict)  # relative, of a child
     slides: dict[int, list[Coordinate]] = field(default_factory=dict)
     #: each with the vertex at which the tree enters it
@@ -213,6 +215,21 @@ class Tree:
         """Unit vectors (3 or 1, 3) about which free rotations are."""
         return np.eye(3) if self.plane is None else self.plane.normal[None]
 
+    @property
+    def count(self) -> int:
+        """Coordinates, without those that are driven."""
+        return self.own[-1].stop
+
+    def coordinate(self, number: int) -> Coordinate:
+        """Made when it is asked for, if its vertex has no parent."""
+        if number in self.coordinates:
+            return self.coordinates[number]
+        v = bisect_right(self.own, number, key=lambda own: own.start) - 1
+        place, shifts = number - self.own[v].start, len(self.directions)
+        if place < shifts:
+            return Coordinate("translation", v, number, self.directions[place])
+        return Coordinate("rotation", v, number, self.axes[place - shifts], centre=Spot(v))
+
     def spot_number(self, spot: Spot | None) -> int:
         """Number of a point in :attr:`spots`, -1 for none."""
         return -1 if spot is None else self.spots.setdefault(spot, len(self.spots))
@@ -220,10 +237,10 @@ class Tree:
     @cached_property
     def centres(self) -> IndexArray:
         """Centres (K,) of coordinates of vertices with joints among :attr:`spots`, else -1."""
-        out = np.full(len(self.coordinates), -1)
+        out = np.full(self.count, -1)
         for v in {v for edge in self.edges for v in (edge.child, edge.parent)}:
-            for k in self.own.get(v, ()):
-                out[k] = self.spot_number(self.coordinates[k].centre)
+            for k in self.own[v] if v < len(self.own) else ():
+                out[k] = self.spot_number(self.coordinate(k).centre)
         return out
 
     @cached_property
@@ -233,13 +250,8 @@ class Tree:
         moving: dict[int, Pairs] = {}
         for v in self.free:
             if v in children:
-                kinds = [self.coordinates[k].kind for k in self.own[v]]
-                targets = [
-                    -1 if kind == "translation" else self.spot_number(Spot(v)) for kind in kinds
-                ]
-                moving[v] = Pairs.of(
-                    [(v, k, at, True) for k, at in zip(self.own[v], targets, strict=True)]
-                )
+                centres = [(k, self.coordinate(k).centre) for k in self.own[v]]
+                moving[v] = Pairs.of([(v, k, self.spot_number(at), True) for k, at in centres])
         for edge in self.edges:
             own = Pairs.of(self.own_pairs(edge))
             above = moving.get(edge.parent)
@@ -277,7 +289,7 @@ class Tree:
         """A child, by the coordinates of its joint: rows of :class:`Pairs`."""
         c, pairs = edge.child, []
         for k in self.own[c]:
-            kind = self.coordinates[k].kind
+            kind = self.coordinate(k).kind
             if kind == "slide":
                 pairs.append((c, k, -1, False))
             elif kind != "stretch":
@@ -317,11 +329,16 @@ def build_tree(
     tree = Tree(is_frame, plane)
     edges = _connect(nv, ends, tree, elements, roots or range(nv))
     by_child = {edge.child: edge for edge in edges}
+    count = np.where(is_frame, len(tree.directions) + len(tree.axes), len(tree.directions))
+    count[[*by_child]] = 0
+    before = np.cumsum(count).tolist()  # coordinates of vertices without a parent
     adding = _Adding(tree)
-    for v in range(nv):  # numbering in vertex order keeps neighbours close
-        adding.vertex(v, by_child.get(v))
+    for v in sorted(by_child):  # numbering in vertex order keeps neighbours close
+        count[v] = adding.vertex(v, by_child[v], before[v])
+    first = (np.cumsum(count) - count).tolist()
+    tree.own = [range(k, k + size) for k, size in zip(first, count.tolist(), strict=True)]
     for k, coordinate in enumerate(tree.driven):
-        coordinate.number = len(tree.coordinates) + k
+        coordinate.number = tree.count + k
     tree.edges = edges
     return tree
 
@@ -338,16 +355,15 @@ def _connect(
     for j, end in enumerate(ends):
         for spot in (end.a, end.b):
             around.setdefault(min(spot.vertex, nv), []).append(j)
-    seen = {nv}
+    linked = around.keys() | open_elements.of.keys()
+    tree.depth = dict.fromkeys(roots, 0)
+    seen: set[int] = set()
     used: set[int] = set()
     edges: list[Edge] = []
-    for root in [nv, *roots]:
-        if root != nv:
-            if root in seen:
-                continue
-            seen.add(root)
-            tree.free.append(root)
-            tree.depth[root] = 0
+    for root in [nv, *(v for v in roots if v in linked)]:
+        if root in seen:
+            continue
+        seen.add(root)
         queue = deque([root])
         while queue:
             v = queue.popleft()
@@ -364,6 +380,8 @@ def _connect(
                 edges.append(Edge(end, child.vertex, parent.vertex, child, parent, sign))
                 queue.append(child.vertex)
             queue += open_elements.children(v, seen, tree, edges)
+    below = {edge.child for edge in edges}
+    tree.free = [v for v in roots if v not in below]
     tree.loops = [end.joint for j, end in enumerate(ends) if j not in used]  # type: ignore[misc]
     return edges
 
@@ -372,16 +390,16 @@ class _OpenElements:
     """Elements that the tree may go along, each once."""
 
     def __init__(self, elements: Sequence[ConstrainedElement]) -> None:
-        self._of: dict[int, list[ConstrainedElement]] = {}
+        self.of: dict[int, list[ConstrainedElement]] = {}  # by vertex
         for element in elements:
             for v in element.vertices:
-                self._of.setdefault(v, []).append(element)
+                self.of.setdefault(v, []).append(element)
         self._done: set[int] = set()
 
     def children(self, v: int, seen: set[int], tree: Tree, edges: list[Edge]) -> list[int]:
         """Vertices that are new from v on; an element with others that are not closes a loop."""
         out: list[int] = []
-        for element in self._of.get(v, []):
+        for element in self.of.get(v, []):
             others = [c for c in element.vertices if c != v]
             if id(element) not in self._done and not seen.intersection(others):
                 tree.elements.append((element, v))
@@ -396,46 +414,30 @@ class _OpenElements:
 
 
 class _Adding:
-    """Adds the coordinates of vertices, one vertex after the other."""
+    """Adds the coordinates of vertices with a parent, one vertex after the other."""
 
     def __init__(self, tree: Tree) -> None:
-        self.tree, self.v = tree, -1
-        self.directions, self.axes = list(tree.directions), list(tree.axes)
+        self.tree, self.v, self._before = tree, -1, 0
+        self.axes = list(tree.axes)
 
     def add(self, kind: str, axis: Floats, drive: int | None = None, **more: object) -> Coordinate:
-        tree = self.tree
-        new = Coordinate(kind, self.v, len(tree.coordinates), axis, drive=drive, **more)  # type: ignore[arg-type]
+        tree, number = self.tree, self._before + len(self.tree.coordinates)
+        new = Coordinate(kind, self.v, number, axis, drive=drive, **more)  # type: ignore[arg-type]
         if drive is None:
-            tree.coordinates.append(new)
-            tree.own[self.v].append(new.number)
+            tree.coordinates[number] = new
         else:
             tree.driven.append(new)
         return new
 
-    def vertex(self, v: int, edge: Edge | None) -> None:
-        self.v, self.tree.own[v] = v, []
-        if edge is None:
-            self._free(v)
-        elif isinstance(edge.joint, ConstrainedElement):
-            if edge.joint.rigid:
-                return
+    def vertex(self, v: int, edge: Edge, before: int) -> int:
+        """Add those of a vertex behind as many of vertices without a parent; how many these are."""
+        self.v, self._before, known = v, before, len(self.tree.coordinates)
+        if not isinstance(edge.joint, ConstrainedElement):
+            self._joint(edge, edge.joint)
+        elif not edge.joint.rigid:
             self._stretches(edge.joint)
             self._turns(edge.child_spot)
-        else:
-            self._joint(edge, edge.joint)
-
-    def _free(self, v: int) -> None:
-        """Of most vertices of beams: all at once."""
-        coordinates, own, centre = self.tree.coordinates, self.tree.own[v], Spot(v)
-        number = len(coordinates)
-        for axis in self.directions:
-            own.append(number)
-            coordinates.append(Coordinate("translation", v, number, axis))
-            number += 1
-        for axis in self.axes if self.tree.is_frame[v] else ():
-            own.append(number)
-            coordinates.append(Coordinate("rotation", v, number, axis, -1, centre))
-            number += 1
+        return len(self.tree.coordinates) - known
 
     def _turns(self, centre: Spot) -> None:
         for axis in self.axes:

@@ -38,7 +38,7 @@ import skfem_cosserat as sc
 from skfem_cosserat import Stepper
 from skfem_cosserat.compiled import plan
 from skfem_cosserat.compiled.numbers import GUESS, KNOWN
-from skfem_cosserat.compiled.plan import Plan
+from skfem_cosserat.compiled.plan import Plan, _Graph
 from skfem_cosserat.integrators import stepper
 from skfem_cosserat.integrators.compiled_step import CompiledStep
 from skfem_cosserat.linear import SingularMatrixError
@@ -365,6 +365,22 @@ def test_only_insides_of_struts_are_eliminated_in_lattices():
     count, pairs = links(4, 3)  # a small one does not
     assert len(Plan(count, pairs, [-1] * count).rest) == 0
     assert len(Plan(count, pairs, [-1] * count, thin=True).rest) == 4**3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_elimination_is_given_up_exactly_where_it_takes_too_much(seed):
+    """It is stopped early by what the rest takes at least: never where there is just enough."""
+    rng = np.random.default_rng(seed)
+    count, pairs = links(7, 1) if seed == 0 else (300, rng.integers(0, 300, (700, 2)).tolist())
+    graph = _Graph(count, pairs, [-1] * count, (), {})
+    whole, enough, less = graph.copy(), graph.copy(), graph.copy()
+    assert whole.eliminate(count)
+    work = sum(len(near) ** 2 for near in whole.later)
+    assert enough.eliminate(count, work) and enough.order == whole.order
+    assert not less.eliminate(count, work - 1)
+    early = graph.copy()
+    assert not early.eliminate(count, work // 4)
+    assert sum(len(near) ** 2 for near in early.later) <= work // 4
 
 
 def hung_lattice(order):

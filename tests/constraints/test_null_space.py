@@ -43,6 +43,7 @@ from skfem_cosserat.kernels import director_force, null_space_blocks, skew
 from skfem_cosserat.model import kinematics, reparametrisation
 from skfem_cosserat.model.balance import amplitudes_at, balance, balance_tangent
 from skfem_cosserat.model.reparametrisation import Reparametrisation
+from skfem_cosserat.model.tree import Spot
 
 SCENES = {
     **{f"tree {seed}": (lambda seed=seed: random_tree(seed)) for seed in range(40)},
@@ -80,6 +81,22 @@ def test_null_space_at_nodes_and_midpoints(name):
             # rank P = unknowns and G P = 0 bound rank G by n - unknowns from above
             assert np.linalg.matrix_rank(P) == P.shape[1] == system.unknowns
             assert np.linalg.matrix_rank(G) == system.n - P.shape[1] == system.rank == system.m
+
+
+@pytest.mark.parametrize("name", ["tree 1", "tree 5", "everything", "swing"])
+def test_coordinates_one_by_one_are_those_in_arrays(name):
+    """Also those of vertices without a parent, which are made when they are asked for."""
+    system = SCENES[name]()
+    tree, kin = system.tree, system.kinematics
+    assert [k for own in tree.own for k in own] == list(range(kin.unknowns))
+    kind = {k: each for each, numbers in kin.numbers.items() for k in numbers.tolist()}
+    each = [tree.coordinate(k) for k in range(kin.unknowns)] + tree.driven
+    for k, c in enumerate(each):
+        assert (c.number, c.kind, c.vertex) == (k, kind[k], kin.vertex[k])
+        assert c.drive is not None or k in tree.own[c.vertex]
+        assert (kin.axis[k] == (0 if c.kind in ("axis", "slide") else c.axis)).all()
+        if c.vertex in tree.free:
+            assert c.centre == (Spot(c.vertex) if c.kind == "rotation" else None)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -134,6 +134,24 @@ def test_patterns_sort_their_entries(monkeypatch, rows):
         assert pattern.indptr.tolist() == np.searchsorted(keys, rows * np.arange(4)).tolist()
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_patterns_of_full_blocks(seed):
+    """Against that of entries one by one: vertices without unknowns, blocks that come twice."""
+    rng = np.random.default_rng(seed)
+    count, links = 12, 40 * seed
+    size = rng.choice([0, 1, 3, 6], count)
+    ends, first = rng.integers(0, count, (links, 2)), np.cumsum(size) - size
+    entries = [
+        (first[a] + i, first[b] + j) for a, b in ends for i, j in np.ndindex(size[a], size[b])
+    ]
+    rows, cols = np.array(entries, dtype=np.int64).reshape(-1, 2).T
+    blocks = FrozenPattern(ends[:, 0], ends[:, 1], (count, count)).expanded(size)
+    plain = FrozenPattern(rows, cols, (size.sum(), size.sum()))
+    assert blocks.shape == plain.shape and blocks.nnz == plain.nnz
+    for name in ("slot", "indices", "indptr"):
+        assert np.array_equal(getattr(blocks, name), getattr(plain, name)), name
+
+
 @solvers
 def test_singular_matrices_raise(name):
     """A row and column of zeros; and after it the next matrix is solved as if nothing had been."""
@@ -255,12 +273,34 @@ def test_unknowns_of_a_node_stay_together():
     assert (order.reshape(27, 6) - order.reshape(27, 6)[:, :1] == np.arange(6)).all()
 
 
+@pytest.mark.parametrize("mirror", [False, True])
+@pytest.mark.parametrize("diagonal", [False, True])
+def test_groups_and_symmetry_of_patterns(mirror, diagonal):
+    """Against full matrices, in which some unknowns have the same neighbours."""
+    rng = np.random.default_rng(0)
+    count = 9
+    i, j = rng.integers(0, count, (2, 14))
+    own = np.arange(count if diagonal else 0)
+    rows = np.concatenate([i, own, j if mirror else i])
+    cols = np.concatenate([j, own, i if mirror else j])
+    pattern = FrozenPattern(rows, cols, (count, count)).expanded(rng.integers(1, 4, count))
+    full = pattern.assembled(np.ones(pattern.nnz)).toarray() > 0
+    assert linear.balanced(pattern) == (mirror and diagonal)
+    assert (full == full.T).all() == mirror and full.diagonal().all() == diagonal
+    group, graph = linear.merged(pattern)
+    both = full | full.T
+    assert np.array_equal(group[:, None] == group, (both[:, :, None] == both[:, None]).all(axis=0))
+    first = [int(np.flatnonzero(group == k)[0]) for k in range(group.max() + 1)]
+    assert first == sorted(first)
+    assert np.array_equal(graph.toarray() != 0, both[np.ix_(first, first)])
+
+
 def test_permuted_pattern():
     pattern, data = grid(2)
     order = np.random.default_rng(0).permutation(pattern.shape[0])
     new = linear.Permuted(pattern, order)
     expected = pattern.assembled(data).toarray()[np.ix_(order, order)]
-    assert (new.pattern.assembled(data[new.take]).toarray() == expected).all()
+    assert (new.matrix(data).toarray() == expected).all()
 
 
 @solvers
