@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lstsq, qr
+from scipy.linalg import qr
 from scipy.sparse import bmat, csr_matrix, diags, vstack
 from scipy.sparse.linalg import lsqr, splu
 
@@ -389,7 +389,7 @@ def _rigid_stiffness(
     if len(joints):
         G = system.constraints.jacobian(y)[joints]
         held = np.asarray((G @ E).todense())
-        multipliers[joints] = lstsq(held.T, -E.T @ R.ravel(), cond=FREE, lapack_driver="gelsy")[0]
+        multipliers[joints] = np.linalg.lstsq(held.T, -E.T @ R.ravel(), rcond=FREE)[0]
         R = R + (G.T @ multipliers[joints]).reshape(-1, 3)
     A = A + curvature_matrix(system, y, multipliers)
     out = np.asarray((E.T @ A @ E).todense())
