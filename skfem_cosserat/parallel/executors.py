@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import pickle
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -11,7 +12,6 @@ from concurrent.futures import (
     BrokenExecutor,
     CancelledError,
     Future,
-    ProcessPoolExecutor,
     ThreadPoolExecutor,
     as_completed,
 )
@@ -19,9 +19,10 @@ from concurrent.futures import (
     Executor as FuturesExecutor,
 )
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
 from multiprocessing.connection import wait
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.util import Finalize
 from time import monotonic, sleep
 from typing import Any, Protocol, runtime_checkable
 
@@ -57,6 +58,8 @@ THREADS = (
 CALL = "a call of an executor"
 #: seconds that a worker without work may take to end
 PATIENCE = 10.0
+#: bytes that a pipe holds, where the system grants them
+WIDTH = 1 << 20
 _STARTING = threading.Lock()
 
 
@@ -126,10 +129,12 @@ class Processes(FuturesExecutor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the workers: those at work when they are done."""
         self._threads.shutdown(wait, cancel_futures=cancel_futures)
-        for worker in self._workers:
-            worker.close(False)
-        for worker in self._workers if wait else ():  # they end side by side
-            worker.close()
+        if not wait:
+            threading.Thread(target=self.shutdown).start()
+            return
+        for waiting in False, True:  # they end side by side
+            for worker in self._workers:
+                worker.close(waiting)
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> bool | None:
         if kind is not None:  # nobody will ask for what is under way
@@ -157,54 +162,90 @@ class Processes(FuturesExecutor):
         return worker.ask(packed)
 
 
-def _spare_modules() -> None:
-    """Have a worker not search its modules for garbage: that takes 0.1 s when the worker ends."""
-    gc.freeze()
+def _serve(jobs: Any, answers: Any) -> None:
+    """In a worker: do what comes until nothing more comes. Ctrl-C is for jobs alone."""
+    gc.freeze()  # to search all modules for garbage would take 0.1 s when the worker ends
+    handler, packed = signal.signal(signal.SIGINT, signal.SIG_IGN), _received(jobs)
+    while packed is not None:
+        try:
+            signal.signal(signal.SIGINT, handler)
+            answer: Any = run_packed(packed)
+        except BaseException as error:  # noqa: BLE001, not of the job: for the one that asked
+            answer = error
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        with suppress(OSError):  # nobody may be there to read it
+            _send(answers, answer)
+        packed = _received(jobs)
 
 
-class _Context(SpawnContext):
-    """Starts processes as "spawn" does, and knows the last one."""
+def _send(pipe: Any, thing: Any) -> None:
+    """Send plain data; arrays go as they are, as further messages."""
+    buffers: list[pickle.PickleBuffer] = []
+    data = pickle.dumps(thing, pickle.HIGHEST_PROTOCOL, buffer_callback=buffers.append)
+    pipe.send((data, len(buffers)))
+    for buffer in buffers:
+        pipe.send_bytes(buffer)
 
-    process: SpawnProcess
 
-    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]
-        """A new process."""
-        self.process = SpawnProcess(*args, **kwargs)
-        return self.process
+def _received(pipe: Any) -> Any:
+    """What was sent from the other end; None if that is closed."""
+    try:
+        data, count = pipe.recv()
+        return pickle.loads(data, buffers=[bytearray(pipe.recv_bytes()) for _ in range(count)])
+    except (EOFError, OSError):
+        return None
+
+
+def _end(jobs: Any) -> None:
+    with suppress(OSError):  # it may have ended
+        _send(jobs, None)
+    jobs.close()
 
 
 class _Worker:
-    """A pool of one process: when it breaks, it costs nobody else's job."""
+    """A process with pipes to and from it: when it breaks, it costs nobody else's job."""
 
     def __init__(self, threads: int | None) -> None:
-        context = _Context()
-        self._pool = ProcessPoolExecutor(1, context)
+        context = get_context("spawn")
+        jobs, self._jobs = context.Pipe(duplex=False)
+        self._answers, answers = context.Pipe(duplex=False)
+        with suppress(ImportError, AttributeError, OSError):  # it need not wait for the reader
+            import fcntl
+
+            fcntl.fcntl(answers.fileno(), fcntl.F_SETPIPE_SZ, WIDTH)
+        self.process = context.Process(target=_serve, args=(jobs, answers))
         with _STARTING, _environment(threads):
-            self._pool.submit(_spare_modules)  # starts the process
-        self.process = context.process
+            self.process.start()
+        jobs.close()
+        answers.close()
+        # also when nobody needs it any more, and before this process waits for others to end
+        self._end = Finalize(self, _end, (self._jobs,), exitpriority=0)
 
     def ask(self, packed: Packed) -> Answer:
         """Send a job and wait for the answer."""
-        try:
-            return self._pool.submit(run_packed, packed).result()
-        except BrokenProcessPool as error:
+        with suppress(OSError):  # it may have ended: then there is no answer
+            _send(self._jobs, packed)
+        answer = _received(self._answers)
+        if answer is None:
             self.close()
-            raise WorkerEndedError(f"its worker process ended {self._ending()}") from error
+            raise WorkerEndedError(f"its worker process ended {self._ending()}")
+        if isinstance(answer, BaseException):
+            raise answer
+        return answer
 
     def close(self, waiting: bool = True) -> None:
         """Let it end when it is done; threads that a job left running do not keep it."""
-        self._pool.shutdown(wait=False)
-        if waiting:
-            if not self.ended(PATIENCE):
-                self.process.kill()
-            self._pool.shutdown()
+        self._end()
+        if waiting and not self.ended(PATIENCE):
+            self.process.kill()
+            self.process.join()
 
     def ended(self, patience: float) -> bool:
         """Whether its process has ended after so many seconds, if not before."""
         return bool(wait([self.process.sentinel], patience))
 
     def _ending(self) -> str:
-        until = monotonic() + PATIENCE  # the executor's own thread may be about to note the code
+        until = monotonic() + PATIENCE  # a thread that starts another may be about to note the code
         while (code := self.process.exitcode) is None and monotonic() < until:
             sleep(0.01)
         if code is not None and code < 0:

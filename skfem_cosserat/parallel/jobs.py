@@ -13,6 +13,9 @@ from functools import partial
 from types import BuiltinFunctionType, FunctionType, MethodType
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import InputError, JobError
 from ..frames import Attached, Item
 from ..model import Model, System
@@ -172,15 +175,20 @@ def done_here(job: Job) -> Outcome:
 # -- there and back --------------------------------------------------------------------------------
 
 
+#: bytes of an array from which on it travels apart
+LARGE = 4096
+
+
 class Answer(NamedTuple):
     """What comes back from a worker: plain data, whatever the job gave or raised.
 
-    `data` is the pickled value, or the pickled error if `failed`; `what` says in words what it is,
-    for the case that it cannot be read.
+    `data` is the pickled value, or the pickled error if `failed`, `arrays` are the numbers of its
+    arrays; `what` says in words what it is, for the case that it cannot be read.
     """
 
     failed: bool
     data: bytes
+    arrays: list[NDArray[np.uint8]]
     what: str
     seconds: float
     traceback: str
@@ -290,19 +298,32 @@ def run_packed(packed: Packed) -> Answer:
             f"it cannot be read in the worker process ({in_words(reading.error)}): what it refers"
             " to must be importable there"
         )
-        return Answer(True, b"", what, float("nan"), _text(reading.error), [])
+        return Answer(True, b"", [], what, float("nan"), _text(reading.error), [])
     value, error, seconds, text, warned = call(name, function, args, kwargs)
-    sending, data = Caught(), b""
+    sending, data, arrays = Caught(), b"", []
     with sending:
-        data = pickle.dumps(value if error is None else error, pickle.HIGHEST_PROTOCOL)
+        data, arrays = _pickled(value if error is None else error)
     _keep(systems)
     if error is not None:
-        return Answer(True, data, f"it raised {in_words(error)}", seconds, text, warned)
+        return Answer(True, data, arrays, f"it raised {in_words(error)}", seconds, text, warned)
     what = f"its value, of type {type(value).__name__}"
     if sending.error is not None:
         what += f", cannot travel between processes: {in_words(sending.error)}"
-        return Answer(True, b"", what, seconds, _text(sending.error), warned)
-    return Answer(False, data, what, seconds, "", warned)
+        return Answer(True, b"", [], what, seconds, _text(sending.error), warned)
+    return Answer(False, data, arrays, what, seconds, "", warned)
+
+
+def _pickled(value: Any) -> tuple[bytes, list[NDArray[np.uint8]]]:
+    """As bytes, and copies of large arrays: within the bytes they would be copied many times."""
+    arrays = []
+
+    def within(buffer: pickle.PickleBuffer) -> bool:
+        numbers = np.frombuffer(buffer.raw(), np.uint8)
+        if numbers.size >= LARGE:
+            arrays.append(numbers.copy())
+        return numbers.size < LARGE
+
+    return pickle.dumps(value, pickle.HIGHEST_PROTOCOL, buffer_callback=within), arrays
 
 
 def read(name: str, answer: Answer) -> Outcome:
@@ -313,7 +334,7 @@ def read(name: str, answer: Answer) -> Outcome:
         return Outcome(name, None, error, *told)
     content, reading = None, Caught()
     with reading:
-        content = pickle.loads(answer.data)
+        content = pickle.loads(answer.data, buffers=answer.arrays)
     wrong = None
     if reading.error is not None:
         wrong = in_words(reading.error)
