@@ -6,6 +6,7 @@ import gc
 import os
 import pickle
 import signal
+import socket
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import (
@@ -24,7 +25,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import wait
 from multiprocessing.util import Finalize
 from time import monotonic, sleep
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 from ..errors import CosseratWarning, InputError, JobError, PerformanceWarning
 from ..run.progress import Interrupt, Progress
@@ -58,7 +59,7 @@ THREADS = (
 CALL = "a call of an executor"
 #: seconds that a worker without work may take to end
 PATIENCE = 10.0
-#: bytes that a pipe holds, where the system grants them
+#: bytes that a worker can send before somebody reads them, where the system grants so many
 WIDTH = 1 << 20
 _STARTING = threading.Lock()
 
@@ -162,82 +163,80 @@ class Processes(FuturesExecutor):
         return worker.ask(packed)
 
 
-def _serve(jobs: Any, answers: Any) -> None:
-    """In a worker: do what comes until nothing more comes. Ctrl-C is for jobs alone."""
+def _serve(end: socket.socket) -> None:
+    """In a worker: do what comes until nothing more comes. Ctrl-C ends jobs, and no worker."""
     gc.freeze()  # to search all modules for garbage would take 0.1 s when the worker ends
-    handler, packed = signal.signal(signal.SIGINT, signal.SIG_IGN), _received(jobs)
-    while packed is not None:
+    handler, pipe = signal.signal(signal.SIGINT, signal.SIG_IGN), _pipe(end)
+    while (packed := _received(pipe)) is not None:
+        answer: Answer | KeyboardInterrupt
         try:
             signal.signal(signal.SIGINT, handler)
-            answer: Any = run_packed(packed)
-        except BaseException as error:  # noqa: BLE001, not of the job: for the one that asked
+            answer = run_packed(packed)
+        except KeyboardInterrupt as error:
             answer = error
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        with suppress(OSError):  # nobody may be there to read it
-            _send(answers, answer)
-        packed = _received(jobs)
+        _send(pipe, answer)
+
+
+def _pipe(end: socket.socket) -> Any:
+    """A file: what is written to it is read at the other end, and the other way round."""
+    end.settimeout(None)  # whatever the default of other sockets is
+    end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, WIDTH)
+    with end:
+        return end.makefile("rwb")
 
 
 def _send(pipe: Any, thing: Any) -> None:
-    """Send plain data; arrays go as they are, as further messages."""
-    buffers: list[pickle.PickleBuffer] = []
-    data = pickle.dumps(thing, pickle.HIGHEST_PROTOCOL, buffer_callback=buffers.append)
-    pipe.send((data, len(buffers)))
-    for buffer in buffers:
-        pipe.send_bytes(buffer)
+    """Send plain data, large arrays without a copy; it is lost if nobody is there any more."""
+    with suppress(OSError):
+        pickle.dump(thing, pipe, pickle.HIGHEST_PROTOCOL)
+        pipe.flush()
 
 
 def _received(pipe: Any) -> Any:
-    """What was sent from the other end; None if that is closed."""
+    """What was sent from the other end; None if nobody is there any more."""
     try:
-        data, count = pipe.recv()
-        return pickle.loads(data, buffers=[bytearray(pipe.recv_bytes()) for _ in range(count)])
-    except (EOFError, OSError):
+        return pickle.load(pipe)
+    except (EOFError, OSError, pickle.UnpicklingError):
         return None
 
 
-def _end(jobs: Any) -> None:
-    with suppress(OSError):  # it may have ended
-        _send(jobs, None)
-    jobs.close()
+def _finish(pipe: Any) -> None:
+    """Tell a worker that nothing more comes."""
+    _send(pipe, None)
+    with suppress(OSError):  # what could not be sent
+        pipe.close()
 
 
 class _Worker:
-    """A process with pipes to and from it: when it breaks, it costs nobody else's job."""
+    """A process and a pipe to it: when it breaks, it costs nobody else's job."""
 
     def __init__(self, threads: int | None) -> None:
-        context = get_context("spawn")
-        jobs, self._jobs = context.Pipe(duplex=False)
-        self._answers, answers = context.Pipe(duplex=False)
-        with suppress(ImportError, AttributeError, OSError):  # it need not wait for the reader
-            import fcntl
-
-            fcntl.fcntl(answers.fileno(), fcntl.F_SETPIPE_SZ, WIDTH)
-        self.process = context.Process(target=_serve, args=(jobs, answers))
-        with _STARTING, _environment(threads):
+        end, other = socket.socketpair()
+        self.process = get_context("spawn").Process(target=_serve, args=(other,))
+        with other, _STARTING, _environment(threads):
             self.process.start()
-        jobs.close()
-        answers.close()
-        # also when nobody needs it any more, and before this process waits for others to end
-        self._end = Finalize(self, _end, (self._jobs,), exitpriority=0)
+        self._pipe = _pipe(end)
+        # also when nobody has it any more, and before this process waits for others at its own end
+        self._finish = Finalize(self, _finish, (self._pipe,), exitpriority=0)
 
     def ask(self, packed: Packed) -> Answer:
         """Send a job and wait for the answer."""
-        with suppress(OSError):  # it may have ended: then there is no answer
-            _send(self._jobs, packed)
-        answer = _received(self._answers)
+        _send(self._pipe, packed)
+        answer = _received(self._pipe)
         if answer is None:
             self.close()
             raise WorkerEndedError(f"its worker process ended {self._ending()}")
-        if isinstance(answer, BaseException):
+        if isinstance(answer, KeyboardInterrupt):
             raise answer
-        return answer
+        return cast("Answer", answer)
 
     def close(self, waiting: bool = True) -> None:
         """Let it end when it is done; threads that a job left running do not keep it."""
-        self._end()
-        if waiting and not self.ended(PATIENCE):
-            self.process.kill()
+        self._finish()
+        if waiting:
+            if not self.ended(PATIENCE):
+                self.process.kill()
             self.process.join()
 
     def ended(self, patience: float) -> bool:
