@@ -555,7 +555,7 @@ def test_what_is_under_way_is_done_when_nobody_waits_for_the_end(request):
     first, second = (future.result() for future in futures)
     assert first == second
     executor.shutdown()
-    assert executor._workers[0].process.exitcode == 0
+    assert executor._workers[0]._ending() == "with exit code 0"
 
 
 def test_half_an_answer_is_none():
