@@ -593,6 +593,24 @@ def test_workers_end_with_a_script_that_does_not_end_them(tmp_path, kept):
     assert done.stdout.split() == ["2.0", str(int(kept != "None"))] and not done.stderr
 
 
+@pytest.mark.slow
+def test_workers_end_when_their_process_is_killed(tmp_path):
+    """Those with a job, too: else whoever reads what they print would wait for ever."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os, signal, time\n"
+        "import skfem_cosserat as sc\n"
+        "if __name__ == '__main__':\n"
+        "    executor = sc.Processes(2)\n"
+        "    executor.submit(time.sleep, 3.0)\n"
+        "    executor.submit(abs, 1).result()\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    command = [sys.executable, str(script)]
+    done = subprocess.run(command, capture_output=True, timeout=60, check=False)
+    assert done.returncode == -signal.SIGKILL
+
+
 def test_a_killed_worker_costs_its_own_job(processes):
     jobs = [sc.Job(f"{k}", *((killed,) if k == 1 else (slow, 0.01))) for k in range(6)]
     outcomes = sc.run_all(jobs, processes)
