@@ -155,7 +155,7 @@ def _anew(
 ) -> System:
     items = system.structures, joints, loads, drives, system.couplings.items, system.dampings
     with Notices(system.warnings) as notices:
-        out = System(*items, placed)
+        out = System(*items, placed).check()
         out = out if system.plane is None else out.within(system.plane)
         if out.immovable is not None:  # a run goes on as far as it can
             warn(*out.immovable, ModelWarning)
@@ -375,7 +375,7 @@ class Model:
                 _couplings(items),
                 [i for i in items if isinstance(i, RayleighDamping)],
                 scene=dict(self._items),
-            )
+            ).check()
             system = system if planar is None else confined(system, planar)
             if system.immovable is not None:
                 raise InputError(*system.immovable)

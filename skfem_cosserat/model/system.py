@@ -143,7 +143,6 @@ class System:
         self._space: System | None = None
         self._tied: System | None = None
         self._build_tree()
-        check_inertia(self, self.spanned, lambda: closure_rows(self))
         self._lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -228,6 +227,11 @@ class System:
             lock_arrays(arrays)
 
     # -- construction ------------------------------------------------------------------------------
+
+    def check(self) -> System:
+        """Refuse motions without inertia; gives it back. What was pickled has been checked."""
+        check_inertia(self, self.spanned, lambda: closure_rows(self))
+        return self
 
     def _number(self) -> None:
         self.first: dict[int, tuple[int, int]] = {}

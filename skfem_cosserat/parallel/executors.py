@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import gc
 import os
+import pickle
 import signal
+import socket
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import (
     BrokenExecutor,
     CancelledError,
     Future,
-    ProcessPoolExecutor,
     ThreadPoolExecutor,
     as_completed,
 )
@@ -19,11 +20,12 @@ from concurrent.futures import (
     Executor as FuturesExecutor,
 )
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from multiprocessing import get_context
 from multiprocessing.connection import wait
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.util import Finalize
 from time import monotonic, sleep
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast, runtime_checkable
 
 from ..errors import CosseratWarning, InputError, JobError, PerformanceWarning
 from ..run.progress import Interrupt, Progress
@@ -57,6 +59,8 @@ THREADS = (
 CALL = "a call of an executor"
 #: seconds that a worker without work may take to end
 PATIENCE = 10.0
+#: bytes that a worker can send before somebody reads them, where the system grants so many
+WIDTH = 1 << 20
 _STARTING = threading.Lock()
 
 
@@ -126,10 +130,12 @@ class Processes(FuturesExecutor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the workers: those at work when they are done."""
         self._threads.shutdown(wait, cancel_futures=cancel_futures)
-        for worker in self._workers:
-            worker.close(False)
-        for worker in self._workers if wait else ():  # they end side by side
-            worker.close()
+        if not wait:
+            threading.Thread(target=self.shutdown).start()
+            return
+        for waiting in False, True:  # they end side by side
+            for worker in self._workers:
+                worker.close(waiting)
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> bool | None:
         if kind is not None:  # nobody will ask for what is under way
@@ -157,54 +163,88 @@ class Processes(FuturesExecutor):
         return worker.ask(packed)
 
 
-def _spare_modules() -> None:
-    """Have a worker not search its modules for garbage: that takes 0.1 s when the worker ends."""
-    gc.freeze()
+def _serve(end: socket.socket) -> None:
+    """In a worker: do what comes until nothing more comes. Ctrl-C ends jobs, and no worker."""
+    gc.freeze()  # to search all modules for garbage would take 0.1 s when the worker ends
+    handler, pipe = signal.signal(signal.SIGINT, signal.SIG_IGN), _pipe(end)
+    while (packed := _received(pipe)) is not None:
+        answer: Answer | KeyboardInterrupt
+        try:
+            signal.signal(signal.SIGINT, handler)
+            answer = run_packed(packed)
+        except KeyboardInterrupt as error:
+            answer = error
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _send(pipe, answer)
 
 
-class _Context(SpawnContext):
-    """Starts processes as "spawn" does, and knows the last one."""
+def _pipe(end: socket.socket) -> Any:
+    """A file: what is written to it is read at the other end, and the other way round."""
+    end.settimeout(None)  # whatever the default of other sockets is
+    end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, WIDTH)
+    with end:
+        return end.makefile("rwb")
 
-    process: SpawnProcess
 
-    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]
-        """A new process."""
-        self.process = SpawnProcess(*args, **kwargs)
-        return self.process
+def _send(pipe: Any, thing: Any) -> None:
+    """Send plain data, large arrays without a copy; it is lost if nobody is there any more."""
+    with suppress(OSError):
+        pickle.dump(thing, pipe, pickle.HIGHEST_PROTOCOL)
+        pipe.flush()
+
+
+def _received(pipe: Any) -> Any:
+    """What was sent from the other end; None if nobody is there any more."""
+    try:
+        return pickle.load(pipe)
+    except (EOFError, OSError, pickle.UnpicklingError):
+        return None
+
+
+def _finish(pipe: Any) -> None:
+    """Tell a worker that nothing more comes."""
+    _send(pipe, None)
+    with suppress(OSError):  # what could not be sent
+        pipe.close()
 
 
 class _Worker:
-    """A pool of one process: when it breaks, it costs nobody else's job."""
+    """A process and a pipe to it: when it breaks, it costs nobody else's job."""
 
     def __init__(self, threads: int | None) -> None:
-        context = _Context()
-        self._pool = ProcessPoolExecutor(1, context)
-        with _STARTING, _environment(threads):
-            self._pool.submit(_spare_modules)  # starts the process
-        self.process = context.process
+        end, other = socket.socketpair()
+        self.process = get_context("spawn").Process(target=_serve, args=(other,))
+        with other, _STARTING, _environment(threads):
+            self.process.start()
+        self._pipe = _pipe(end)
+        # also when nobody has it any more, and before this process waits for others at its own end
+        self._finish = Finalize(self, _finish, (self._pipe,), exitpriority=0)
 
     def ask(self, packed: Packed) -> Answer:
         """Send a job and wait for the answer."""
-        try:
-            return self._pool.submit(run_packed, packed).result()
-        except BrokenProcessPool as error:
+        _send(self._pipe, packed)
+        answer = _received(self._pipe)
+        if answer is None:
             self.close()
-            raise WorkerEndedError(f"its worker process ended {self._ending()}") from error
+            raise WorkerEndedError(f"its worker process ended {self._ending()}")
+        if isinstance(answer, KeyboardInterrupt):
+            raise answer
+        return cast("Answer", answer)
 
     def close(self, waiting: bool = True) -> None:
         """Let it end when it is done; threads that a job left running do not keep it."""
-        self._pool.shutdown(wait=False)
+        self._finish()
         if waiting:
             if not self.ended(PATIENCE):
                 self.process.kill()
-            self._pool.shutdown()
+            self.process.join()
 
     def ended(self, patience: float) -> bool:
         """Whether its process has ended after so many seconds, if not before."""
         return bool(wait([self.process.sentinel], patience))
 
     def _ending(self) -> str:
-        until = monotonic() + PATIENCE  # the executor's own thread may be about to note the code
+        until = monotonic() + PATIENCE  # a thread that starts another may be about to note the code
         while (code := self.process.exitcode) is None and monotonic() < until:
             sleep(0.01)
         if code is not None and code < 0:

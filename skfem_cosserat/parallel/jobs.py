@@ -13,6 +13,9 @@ from functools import partial
 from types import BuiltinFunctionType, FunctionType, MethodType
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import InputError, JobError
 from ..frames import Attached, Item
 from ..model import Model, System
@@ -172,15 +175,43 @@ def done_here(job: Job) -> Outcome:
 # -- there and back --------------------------------------------------------------------------------
 
 
+#: bytes of an array from which on it is apart from what has it
+LARGE = 4096
+
+
+class Pickled(NamedTuple):
+    """A pickled object, large arrays apart: within the bytes they would be copied at each turn."""
+
+    data: bytes
+    arrays: list[NDArray[np.uint8]]
+
+    @classmethod
+    def of(cls, thing: Any) -> Pickled:
+        """Pickle a thing; its arrays are copied."""
+        arrays = []
+
+        def within(buffer: pickle.PickleBuffer) -> bool:
+            numbers = np.frombuffer(buffer.raw(), np.uint8)
+            if numbers.size >= LARGE:
+                arrays.append(numbers.copy())
+            return numbers.size < LARGE
+
+        return cls(pickle.dumps(thing, pickle.HIGHEST_PROTOCOL, buffer_callback=within), arrays)
+
+    def load(self) -> Any:
+        """The thing again; its arrays are these."""
+        return pickle.loads(self.data, buffers=self.arrays)
+
+
 class Answer(NamedTuple):
     """What comes back from a worker: plain data, whatever the job gave or raised.
 
-    `data` is the pickled value, or the pickled error if `failed`; `what` says in words what it is,
-    for the case that it cannot be read.
+    `content` is the value, or the error if `failed`, None if it cannot be pickled; `what` says in
+    words what it is, for the case that it cannot be read.
     """
 
     failed: bool
-    data: bytes
+    content: Pickled | None
     what: str
     seconds: float
     traceback: str
@@ -290,30 +321,30 @@ def run_packed(packed: Packed) -> Answer:
             f"it cannot be read in the worker process ({in_words(reading.error)}): what it refers"
             " to must be importable there"
         )
-        return Answer(True, b"", what, float("nan"), _text(reading.error), [])
+        return Answer(True, None, what, float("nan"), _text(reading.error), [])
     value, error, seconds, text, warned = call(name, function, args, kwargs)
-    sending, data = Caught(), b""
+    sending, content = Caught(), None
     with sending:
-        data = pickle.dumps(value if error is None else error, pickle.HIGHEST_PROTOCOL)
+        content = Pickled.of(value if error is None else error)
     _keep(systems)
     if error is not None:
-        return Answer(True, data, f"it raised {in_words(error)}", seconds, text, warned)
+        return Answer(True, content, f"it raised {in_words(error)}", seconds, text, warned)
     what = f"its value, of type {type(value).__name__}"
     if sending.error is not None:
         what += f", cannot travel between processes: {in_words(sending.error)}"
-        return Answer(True, b"", what, seconds, _text(sending.error), warned)
-    return Answer(False, data, what, seconds, "", warned)
+        return Answer(True, None, what, seconds, _text(sending.error), warned)
+    return Answer(False, content, what, seconds, "", warned)
 
 
 def read(name: str, answer: Answer) -> Outcome:
     """The outcome that an answer holds."""
     told = answer.seconds, answer.traceback, answer.warnings
-    if not answer.data:
+    if answer.content is None:
         error = JobError(name, answer.what)
         return Outcome(name, None, error, *told)
     content, reading = None, Caught()
     with reading:
-        content = pickle.loads(answer.data)
+        content = answer.content.load()
     wrong = None
     if reading.error is not None:
         wrong = in_words(reading.error)

@@ -12,6 +12,8 @@ import multiprocessing
 import os
 import pickle
 import signal
+import socket
+import subprocess
 import sys
 import threading
 import time
@@ -30,6 +32,7 @@ import skfem_cosserat as sc
 from skfem_cosserat.linear import SingularMatrixError
 from skfem_cosserat.parallel import executors
 from skfem_cosserat.parallel import jobs as parallel_jobs
+from skfem_cosserat.parallel.executors import _finish, _pipe, _received, _send
 from skfem_cosserat.parallel.jobs import read
 from skfem_cosserat.run.describe import fingerprint
 from skfem_cosserat.warn import warn
@@ -509,7 +512,103 @@ def test_workers_end_side_by_side_and_do_not_search_their_modules_for_garbage(pr
     executor, worker = sc.Processes(2), Mock()
     executor._workers = [worker, worker]
     executor.shutdown()
-    assert worker.close.mock_calls == [call(False), call(False), call(), call()]
+    assert worker.close.mock_calls == [call(False), call(False), call(True), call(True)]
+
+
+def test_arrays_come_back_as_they_were(executor):
+    """Also large ones, which travel apart, ones that cannot be written to, and strided ones."""
+    (outcome,) = sc.run_all([sc.Job("arrays", arrays)], executor)
+    for sent, found in zip(arrays(), outcome.result(), strict=True):
+        assert found.dtype == sent.dtype and found.tolist() == sent.tolist()
+        assert found.flags.writeable == sent.flags.writeable
+
+
+def arrays():
+    """Of each kind that numpy pickles in a way of its own."""
+    fixed = np.arange(10_000.0)
+    fixed.flags.writeable = False
+    many = np.random.default_rng(1).normal(size=(300, 200))
+    texts = np.array(["one", "eleven"])
+    return many, many.T, many[::2, 1:], fixed, np.float64(many[0]), texts, np.zeros((0, 3))
+
+
+def test_ctrl_c_ends_a_job_and_no_worker(processes):
+    processes.submit(pid, 0.0).result()
+    alive = [worker.process for worker in processes._workers if worker.process.is_alive()]
+    for process in alive:  # between two jobs
+        os.kill(process.pid, signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        processes.submit(signal.raise_signal, signal.SIGINT).result()
+    assert processes.submit(pid, 0.0).result() in [process.pid for process in alive]
+    assert all(process.is_alive() for process in alive)
+
+
+@pytest.mark.slow
+def test_what_is_under_way_is_done_when_nobody_waits_for_the_end(request):
+    socket.setdefaulttimeout(0.1)  # is for other connections
+    request.addfinalizer(lambda: socket.setdefaulttimeout(None))
+    executor = sc.Processes(1)
+    futures = [executor.submit(pid, 0.3) for _ in range(2)]
+    executor.shutdown(wait=False)
+    with pytest.raises(RuntimeError):
+        executor.submit(pid, 0.0)
+    first, second = (future.result() for future in futures)
+    assert first == second
+    executor.shutdown()
+    assert executor._workers[0]._ending() == "with exit code 0"
+
+
+def test_half_an_answer_is_none():
+    """As of a worker that is killed while it writes, of one that has ended, and to one."""
+    ours, theirs = (_pipe(end) for end in socket.socketpair())
+    theirs.write(pickle.dumps(arrays(), 5)[:-100])
+    theirs.close()
+    assert _received(ours) is None
+    assert _received(ours) is None
+    _send(ours, list(range(100_000)))
+    _finish(ours)
+    assert ours.closed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kept", ["executor", "None"])
+def test_workers_end_with_a_script_that_does_not_end_them(tmp_path, kept):
+    """At its end, or as soon as nobody has the executor any more."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import math, multiprocessing as mp, time\n"
+        "import skfem_cosserat as sc\n"
+        "def main():\n"
+        "    executor = sc.Processes(1)\n"
+        "    print(executor.submit(math.sqrt, 4.0).result())\n"
+        f"    return {kept}\n"
+        "if __name__ == '__main__':\n"
+        "    executor, until = main(), time.monotonic() + 9.0\n"
+        "    while executor is None and mp.active_children() and time.monotonic() < until:\n"
+        "        time.sleep(0.01)\n"
+        "    print(len(mp.active_children()))\n"
+    )
+    command = [sys.executable, str(script)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout.split() == ["2.0", str(int(kept != "None"))] and not done.stderr
+
+
+@pytest.mark.slow
+def test_workers_end_when_their_process_is_killed(tmp_path):
+    """Those with a job, too: else whoever reads what they print would wait for ever."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os, signal, time\n"
+        "import skfem_cosserat as sc\n"
+        "if __name__ == '__main__':\n"
+        "    executor = sc.Processes(2)\n"
+        "    executor.submit(time.sleep, 3.0)\n"
+        "    executor.submit(abs, 1).result()\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    command = [sys.executable, str(script)]
+    done = subprocess.run(command, capture_output=True, timeout=60, check=False)
+    assert done.returncode == -signal.SIGKILL
 
 
 def test_a_killed_worker_costs_its_own_job(processes):
