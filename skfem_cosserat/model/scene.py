@@ -27,8 +27,10 @@ from ..time_function import (
 )
 from ..types import ArrayLike, Floats, names_known
 from ..warn import Notices, warn
+from .checks import check_inertia
 from .ground import Placed
 from .groups import Structure
+from .loops import closure_rows
 from .parts import warn_of_loose_parts
 from .plane import Planar, Planarity, confined, inspect
 from .system import System, listed
@@ -146,6 +148,12 @@ def _changed(
     return _anew(system, joints, system.loads, drives, placed)
 
 
+def _checked(system: System) -> System:
+    """The same, if all that moves has inertia; a system out of a pickle has been checked before."""
+    check_inertia(system, system.spanned, lambda: closure_rows(system))
+    return system
+
+
 def _anew(
     system: System,
     joints: Sequence[Joint],
@@ -155,7 +163,7 @@ def _anew(
 ) -> System:
     items = system.structures, joints, loads, drives, system.couplings.items, system.dampings
     with Notices(system.warnings) as notices:
-        out = System(*items, placed).check()
+        out = _checked(System(*items, placed))
         out = out if system.plane is None else out.within(system.plane)
         if out.immovable is not None:  # a run goes on as far as it can
             warn(*out.immovable, ModelWarning)
@@ -367,7 +375,7 @@ class Model:
                 )
         before = [notice for i in structures if is_beam(i) for notice in i.warnings]
         with Notices(before) as notices:
-            system = System(
+            found = System(
                 structures,
                 [i for i in items if isinstance(i, Joint)],
                 [i for i in items if isinstance(i, Load)],
@@ -375,8 +383,8 @@ class Model:
                 _couplings(items),
                 [i for i in items if isinstance(i, RayleighDamping)],
                 scene=dict(self._items),
-            ).check()
-            system = system if planar is None else confined(system, planar)
+            )
+            system = _checked(found) if planar is None else confined(_checked(found), planar)
             if system.immovable is not None:
                 raise InputError(*system.immovable)
             warn_of_loose_parts(system)

@@ -30,7 +30,6 @@ from ..warn import Notices
 from .checks import (
     JointRows,
     check_drives,
-    check_inertia,
     check_joints,
     check_mobility,
 )
@@ -43,7 +42,6 @@ from .loading import FunctionLoad, Loading
 from .loops import (
     almost_redundant,
     close_loops,
-    closure_rows,
     null_space_matrix,
     redundancies,
     tree_values,
@@ -227,11 +225,6 @@ class System:
             lock_arrays(arrays)
 
     # -- construction ------------------------------------------------------------------------------
-
-    def check(self) -> System:
-        """Refuse motions without inertia; gives it back. What was pickled has been checked."""
-        check_inertia(self, self.spanned, lambda: closure_rows(self))
-        return self
 
     def _number(self) -> None:
         self.first: dict[int, tuple[int, int]] = {}
