@@ -197,7 +197,7 @@ KEPT, LARGEST = 64_000_000, 32_000_000
 
 
 class Shared:
-    """Results of functions of integers; those that were used last are kept.
+    """Results of functions of integers, or of bytes; those that were used last are kept.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def _memory(value: Any) -> int:
     if isinstance(value, np.ndarray):
         return value.nbytes
     if isinstance(value, dict):
-        return 200 * len(value)
+        return 200 * len(value) + sum(map(_memory, value.values()))
     if isinstance(value, list | tuple):
         return 64 + sum(map(_memory, value))
     return 64 + (sum(map(_memory, vars(value).values())) if hasattr(value, "__dict__") else 0)

@@ -1,26 +1,31 @@
-"""Velocities on the hidden constraints by conjugate gradients, for lattices and other networks.
+"""Velocities on the hidden constraints by conjugate gradients, for large lattices.
 
-What elimination along chains and trees leaves of a network is filled in: its factors take more time
-and memory than all steps of a run. Its mass matrix couples neighbours only, and is far from
-singular: some twenty products with it give all digits.
+What elimination along chains and trees leaves of a lattice is filled in: its factors take more time
+and memory than all steps of a run. Its mass matrix couples neighbours only. It is far from singular
+where each vertex is seen by itself, with the bodies that hang on it by joints: some twenty products
+with the matrix give all digits.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from scipy.sparse import csr_matrix, identity, kron
+from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, identity, kron
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
 
 from ..compiled.plan import plan_of
 from ..model import System
 from ..model.loops import null_space_matrix
 from ..pattern import once_for_each
-from ..types import Floats
+from ..types import Floats, IndexArray
 from .base import RowSpace
 
 #: vertices left by elimination along chains and trees above which these velocities are taken
 LEFT = 100
-#: iterations at most: a network needs a quarter of it
-MOST = 200
+#: iterations at most: four times those of a lattice
+MOST = 100
 #: residual, relative to the momentum, where iterations end, and above which there is no solution
 DONE, WRONG = 1e-15, 1e-11
 
@@ -29,7 +34,7 @@ DONE, WRONG = 1e-15, 1e-11
 def is_network(system: System) -> bool:
     """Whether elimination leaves many vertices of a scene, and few coordinates move each of them.
 
-    Long chains of joints need as many iterations as they have joints.
+    Of long chains of joints P is full.
     """
     own = system.tied
     kin = own.kinematics
@@ -39,9 +44,19 @@ def is_network(system: System) -> bool:
 
 
 @once_for_each
-def _mass(system: System) -> csr_matrix:
-    """With the factor I_3."""
-    return csr_matrix(kron(system.mass, identity(3)))
+def _masses(system: System) -> tuple[csr_matrix, csr_matrix]:
+    """With the factor I_3: all, and those inside of vertices with the bodies that hang on them."""
+    count = len(system.origin_rows)
+    joints = [(e.child, e.parent) for e in system.tied.tree.edges if e.parent < count]
+    i, j = np.array(joints, dtype=np.int64).reshape(-1, 2).T
+    graph = coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count))
+    part: IndexArray = connected_components(graph, directed=False)[1]
+    size = np.diff(system.origin_rows, append=system.rows)
+    part, mass = np.repeat(part, size), system.mass.tocoo()
+    own = part[mass.row] == part[mass.col]
+    inside = csr_matrix((mass.data[own], (mass.row[own], mass.col[own])), shape=mass.shape)
+    whole, near = (csr_matrix(kron(each, identity(3))) for each in (mass, inside))
+    return whole, near
 
 
 def velocity_of_network(system: System, y: Floats, p: Floats, rate: Floats) -> Floats | None:
@@ -58,30 +73,37 @@ def velocity_of_network(system: System, y: Floats, p: Floats, rate: Floats) -> F
     Returns
     -------
     (n,) array or None
-        None: too many iterations were needed.
+        None: too many iterations were needed, or a momentum is not finite.
     """
-    mass = _mass(system)
+    if not np.isfinite(p).all():
+        return None
+    mass, inside = _masses(system)
     P = null_space_matrix(system.tied, y)
     across = P.T.tocsr()
     v = RowSpace(system, y).least_norm(rate) if rate.any() else np.zeros(system.n)
-    inertia = np.asarray(P.multiply(mass @ P).sum(axis=0)).ravel()
+    try:
+        near = splu(csc_matrix(across @ inside @ P), options={"SymmetricMode": True}).solve
+    except RuntimeError:  # SuperLU: exactly singular
+        return None
+    first = across @ (p - mass @ v)
+    change = _descent(mass, P, across, near, first)
+    if change is None:
+        return None
+    v += P @ change
     left = across @ (p - mass @ v)
-    size = abs(left).max(initial=0.0)
-    for _ in range(2):  # rounding of the first time is taken away by the second one
-        change = _descent(mass, P, across, inertia, left)
-        if change is None:
-            return None
-        v += P @ change
-        left = across @ (p - mass @ v)
-    return v if abs(left).max(initial=0.0) <= WRONG * size else None
+    return v if abs(left).max(initial=0.0) <= WRONG * abs(first).max(initial=0.0) else None
 
 
 def _descent(
-    mass: csr_matrix, P: csr_matrix, across: csr_matrix, inertia: Floats, rhs: Floats
+    mass: csr_matrix,
+    P: csr_matrix,
+    across: csr_matrix,
+    near: Callable[[Floats], Floats],
+    rhs: Floats,
 ) -> Floats | None:
-    """``(P^T M P)^-1 rhs`` by conjugate gradients, each coordinate scaled by its own inertia."""
+    """``(P^T M P)^-1 rhs`` by conjugate gradients; `near` is the inverse of much of the matrix."""
     x, r = np.zeros_like(rhs), rhs.copy()
-    z = r / inertia
+    z = near(r)
     direction, first = z.copy(), float(r @ z)
     now = first
     for _ in range(MOST):
@@ -91,7 +113,7 @@ def _descent(
         length = now / float(direction @ image)
         x += length * direction
         r -= length * image
-        z = r / inertia
+        z = near(r)
         now, before = float(r @ z), now
         direction = z + (now / before) * direction
     return None

@@ -590,9 +590,8 @@ def nearest_velocities(system: System, y: Floats, p: Floats, t: Floats) -> Float
     As :func:`.saddle.nearest_velocity` at each of the states y (N, total, 3), times t (N,).
     """
     if is_network(system):
-        return np.array([
-            nearest_velocity(system, *state) for state in zip(y, p, t.tolist(), strict=True)
-        ])  # fmt: skip
+        states = zip(y, p, t.tolist(), strict=True)
+        return np.array([nearest_velocity(system, *each) for each in states]).reshape(p.shape)
     out, solver = np.empty_like(p), _velocities(system)
     for first in range(0, len(p), solver.stacked.chunk):
         some = slice(first, first + solver.stacked.chunk)

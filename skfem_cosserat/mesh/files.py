@@ -551,12 +551,15 @@ def _cleaned(
             keep[e] = first
     kept = np.flatnonzero(keep == np.arange(len(lines)))
     place = np.searchsorted(kept, keep)
-    return LineData(
+    found = LineData(
         points=points[used].T.copy(),
-        t=number[lines[kept]].T,
+        t=number[lines[kept]].T.copy(),
         beams={name: np.unique(place[index]) for name, index in beams.items()},
         nodes={name: number[index] for name, index in nodes.items()},
     )
+    for array in (found.points, found.t, *found.beams.values(), *found.nodes.values()):
+        array.flags.writeable = False  # who reads the file again has the same
+    return found
 
 
 def write_lines(

@@ -381,24 +381,6 @@ class _Trials:
         """Of the step itself."""
         return self._reports.part(self._k)
 
-    @cached_property
-    def middle(self) -> Views | None:
-        """Half way through the step, by the cubic through both its ends; None: not known.
-
-        Solving half a step takes a stepper of its own.
-        """
-        view, system = self.watch.view, self.watch.system
-        if system.moving or system.couplings.count:  # of which views of several states know nothing
-            return None
-        ends = self.state, self.report.state
-        t, q, p = (np.array([getattr(each, name) for each in ends]) for name in ("time", "q", "p"))
-        try:
-            v = view._many(t, q, p).v
-        except (CosseratError, ArithmeticError):
-            return None
-        half = q.mean(axis=0) + self.h / 8 * (v[0] - v[1])
-        return view._many(t.mean(keepdims=True), half[None], p.mean(axis=0)[None])
-
     def of(self, event: Event) -> Trial:
         """The number of an event at their ends."""
 
@@ -640,12 +622,6 @@ class EventMonitor:
             before = TimedValue(time - trials.state.time, side * value)
             if self._jumps(event, value):
                 return None
-        elif trials.middle is not None:
-            numbers = event._values(trials.middle)
-            if numbers is not None:
-                bent = a.f - 2 * numbers[0] + b.f
-                if side * numbers[0] > 2 * side * bent:  # what is tried below ends there, too
-                    return None
         sized = trials.of(event)
 
         def trial(size: float) -> tuple[float, StepReport]:
