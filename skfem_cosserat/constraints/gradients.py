@@ -8,12 +8,10 @@ with the matrix give all digits.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix, identity, kron
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from ..compiled.plan import plan_of
 from ..model import System
@@ -26,15 +24,16 @@ from .base import RowSpace
 LEFT = 100
 #: iterations at most: four times those of a lattice
 MOST = 100
-#: residual, relative to the momentum, where iterations end, and above which there is no solution
-DONE, WRONG = 1e-15, 1e-11
+#: residual, relative to the momentum, where iterations end: far below rounding, as moments of thin
+#: sections are small beside forces; and above which there is no solution
+DONE, WRONG = 1e-17, 1e-11
 
 
 @once_for_each
-def is_network(system: System) -> bool:
+def is_lattice(system: System) -> bool:
     """Whether elimination leaves many vertices of a scene, and few coordinates move each of them.
 
-    Of long chains of joints P is full.
+    The null space matrix P of long chains of joints is full.
     """
     own = system.tied
     kin = own.kinematics
@@ -59,7 +58,7 @@ def _masses(system: System) -> tuple[csr_matrix, csr_matrix]:
     return whole, near
 
 
-def velocity_of_network(system: System, y: Floats, p: Floats, rate: Floats) -> Floats | None:
+def velocity_of_lattice(system: System, y: Floats, p: Floats, rate: Floats) -> Floats | None:
     """As :func:`.saddle.nearest_velocity`: ``v = P nu + v_0``, ``P^T M P nu = P^T (p - M v_0)``.
 
     Parameters
@@ -86,34 +85,12 @@ def velocity_of_network(system: System, y: Floats, p: Floats, rate: Floats) -> F
     except RuntimeError:  # SuperLU: exactly singular
         return None
     first = across @ (p - mass @ v)
-    change = _descent(mass, P, across, near, first)
-    if change is None:
+    shape = P.shape[1], P.shape[1]
+    reduced = LinearOperator(shape, matvec=lambda nu: across @ (mass @ (P @ nu)), dtype=float)
+    preconditioner = LinearOperator(shape, matvec=near, dtype=float)
+    nu, left = cg(reduced, first, rtol=DONE, atol=0.0, maxiter=MOST, M=preconditioner)
+    if left:
         return None
-    v += P @ change
-    left = across @ (p - mass @ v)
-    return v if abs(left).max(initial=0.0) <= WRONG * abs(first).max(initial=0.0) else None
-
-
-def _descent(
-    mass: csr_matrix,
-    P: csr_matrix,
-    across: csr_matrix,
-    near: Callable[[Floats], Floats],
-    rhs: Floats,
-) -> Floats | None:
-    """``(P^T M P)^-1 rhs`` by conjugate gradients; `near` is the inverse of much of the matrix."""
-    x, r = np.zeros_like(rhs), rhs.copy()
-    z = near(r)
-    direction, first = z.copy(), float(r @ z)
-    now = first
-    for _ in range(MOST):
-        if now <= DONE**2 * first:
-            return x
-        image = across @ (mass @ (P @ direction))
-        length = now / float(direction @ image)
-        x += length * direction
-        r -= length * image
-        z = near(r)
-        now, before = float(r @ z), now
-        direction = z + (now / before) * direction
-    return None
+    v += P @ nu
+    rest = across @ (p - mass @ v)
+    return v if abs(rest).max(initial=0.0) <= WRONG * abs(first).max(initial=0.0) else None

@@ -14,7 +14,7 @@ from ..model.balance import amplitudes_at, balance
 from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
 from .base import dependent_rows, rows_touching
-from .gradients import is_network, velocity_of_network
+from .gradients import is_lattice, velocity_of_lattice
 
 RANK_TOLERANCE = 1e-9  # of normalised constraint rows, as in the model
 #: share of the scene's extent by which constraints are differenced along the motion
@@ -110,8 +110,8 @@ def nearest_velocity(system: System, y: Floats, p: Floats, t: float) -> Floats:
     ``M v = p - G(y)^T mu``, ``G(y) v + g_t = 0`` at y (total, 3).
     """
     rate, found = hidden_rate(system, y, t), None
-    if is_network(system):
-        found = velocity_of_network(system, y, p, rate)
+    if is_lattice(system):
+        found = velocity_of_lattice(system, y, p, rate)
     return saddle_point(system)(y, p, rate)[0] if found is None else found
 
 

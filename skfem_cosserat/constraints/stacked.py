@@ -24,7 +24,7 @@ from ..linear import SingularMatrixError
 from ..model import System
 from ..types import Floats, IndexArray
 from .base import RowSpace, dependent_rows
-from .gradients import is_network
+from .gradients import is_lattice
 from .saddle import hidden_rate, nearest_velocity, saddle_point
 
 #: numbers in a matrix of all states that are worked on together
@@ -589,7 +589,7 @@ def nearest_velocities(system: System, y: Floats, p: Floats, t: Floats) -> Float
 
     As :func:`.saddle.nearest_velocity` at each of the states y (N, total, 3), times t (N,).
     """
-    if is_network(system):
+    if is_lattice(system):
         states = zip(y, p, t.tolist(), strict=True)
         return np.array([nearest_velocity(system, *each) for each in states]).reshape(p.shape)
     out, solver = np.empty_like(p), _velocities(system)

@@ -72,7 +72,7 @@ KINDS = "biufcU"
 BASIC = ("t", "step", "q", "p")
 
 
-#: what most entries are, and stay
+#: types of most entries, which are kept as they are
 _PLAIN = frozenset({str, int, float, bool, type(None)})
 
 

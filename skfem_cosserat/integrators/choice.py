@@ -14,7 +14,7 @@ import numpy as np
 from ..compiled.kept import NotKept, Source, compile_errors, loaded, promising
 from ..compiled.plan import Plan, plan_of
 from ..constraints import Multipliers, NullSpace, Treatment
-from ..constraints.gradients import is_network
+from ..constraints.gradients import is_lattice
 from ..errors import InputError, PerformanceWarning
 from ..frames import TOLERANCE
 from ..linear import Solver
@@ -319,10 +319,10 @@ def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | No
 def motion_by_kernels(system: System, choice: Choice) -> CompiledMotion | None:
     """Velocities and energies of states by the kernels of a run; None: there are none.
 
-    They are compiled only where the run is long enough for it. Networks do without elimination.
+    They are compiled only where the run is long enough for it. Large lattices do without them.
     """
     own = system.tied
-    if choice.name != "numba" or not CompiledMotion.serves(own) or is_network(system):
+    if choice.name != "numba" or not CompiledMotion.serves(own) or is_lattice(system):
         return None
     try:
         return CompiledMotion(own, NewtonSettings(), choice.source)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import skfem_cosserat as sc
 from skfem_cosserat.constraints import gradients, saddle, stacked
-from skfem_cosserat.constraints.gradients import is_network, velocity_of_network
+from skfem_cosserat.constraints.gradients import is_lattice, velocity_of_lattice
 from skfem_cosserat.constraints.saddle import hidden_rate, saddle_point
 from skfem_cosserat.integrators import choice
 from skfem_cosserat.linear import SingularMatrixError
@@ -59,11 +59,11 @@ def test_the_same_velocities_as_by_elimination(kind, monkeypatch):
     """With flat sections, on moving ground, with a closed loop, with what hangs on hinges."""
     monkeypatch.setattr(gradients, "MOST", 40)  # iterations, in all of these
     system = net(kind)
-    assert is_network(system)
+    assert is_lattice(system)
     y, p = sought(system)
     rate = hidden_rate(system, y, 0.1)
     assert rate.any() == (kind == "moved")
-    found, expected = velocity_of_network(system, y, p, rate), saddle_point(system)(y, p, rate)[0]
+    found, expected = velocity_of_lattice(system, y, p, rate), saddle_point(system)(y, p, rate)[0]
     np.testing.assert_allclose(found, expected, atol=1e-9 * abs(expected).max(), rtol=0)
     P = null_space_matrix(system, y)
     rest = P.T @ (p - (system.mass @ found.reshape(-1, 3)).ravel())
@@ -79,7 +79,7 @@ def test_what_does_not_converge_is_eliminated(change, monkeypatch):
     system = net()
     y, p = sought(system)
     rate = np.zeros(system.m)
-    assert velocity_of_network(system, y, p, rate) is None
+    assert velocity_of_lattice(system, y, p, rate) is None
     expected = saddle_point(system)(y, p, rate)[0]
     assert np.array_equal(saddle.nearest_velocity(system, y, p, 0.0), expected)
     assert stacked.nearest_velocities(system, y[None][:0], p[None][:0], np.zeros(0)).size == 0
@@ -106,6 +106,8 @@ def test_what_a_run_derives_eliminates_nothing(monkeypatch):
     monkeypatch.setattr(saddle, "saddle_point", never)
     monkeypatch.setattr(stacked, "_velocities", never)
     monkeypatch.setattr(choice, "CompiledMotion", never)
+    compiled = choice.Choice("numba", choice.ASKED)
+    assert choice.motion_by_kernels(system, compiled) is None
     event = sc.Event(sc.ConditionEnergy(1e9), sc.ActionStop(), name="never")
     history = sc.simulate(system, *METHODS, 1e-3, 4e-3, events=[event])
     p = history["Qp"] - history["p"]
@@ -113,11 +115,11 @@ def test_what_a_run_derives_eliminates_nothing(monkeypatch):
     assert abs(np.einsum("nk,nk->n", v, p)).max() < 1e-10 * kinetic.max()  # what is lost is G^T mu
 
 
-def test_chains_of_joints_are_no_networks():
+def test_chains_of_joints_are_no_lattices():
     """Elimination leaves nothing of them, and their null space matrix is full."""
     model, end = sc.Model(), sc.ground((0, 0, 0))
     for k in range(110):
         bar = model.add(f"bar {k}", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(k + 0.5, 0, 0)))
         model.add(f"hinge {k}", sc.JointRevolute(end, bar.at((k, 0, 0)), (0, 0, 1.0)))
         end = bar.at((k + 1, 0, 0))
-    assert not is_network(model.freeze())
+    assert not is_lattice(model.freeze())
