@@ -2,7 +2,7 @@
 
 What elimination along chains and trees leaves of a lattice is filled in: its factors take more time
 and memory than all steps of a run. Its mass matrix couples neighbours only. It is far from singular
-where each vertex is seen by itself, with the bodies that hang on it by joints: some twenty products
+where each vertex is seen by itself, with the bodies that hang on it by joints: some thirty products
 with the matrix give all digits.
 """
 
@@ -22,7 +22,7 @@ from .base import RowSpace
 
 #: vertices left by elimination along chains and trees above which these velocities are taken
 LEFT = 100
-#: iterations at most: four times those of a lattice
+#: iterations at most: three times those of a lattice
 MOST = 100
 #: residual, relative to the momentum, where iterations end: far below rounding, as moments of thin
 #: sections are small beside forces; and above which there is no solution
