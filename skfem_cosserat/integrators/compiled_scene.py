@@ -305,19 +305,25 @@ class CompiledScene:
 
     def load(self, amplitudes: Floats) -> None:
         """Take these factors of the loads' channels."""
-        a, moments, followers = self._a, self._moments, self._followers
-        factors = amplitudes.tolist()
+        a, factors = self._a, amplitudes.tolist()
         if factors == self._factors:  # a pulse that is over, most of the time
             return
         self._factors = factors
-        self._dead = dead = self.system.loading.dead_force(amplitudes)
-        if not self._evaluated:
-            a.external[:] = dead
-            return
-        a.dead[:] = dead
-        amplitudes = np.append(amplitudes, self._drag_factor)
-        a.moments[:] = amplitudes[moments.channels, None] * moments.values
-        a.followers[:] = amplitudes[followers.channels, None, None] * followers.values
+        self._dead = self.system.loading.dead_force(amplitudes)
+        if self._evaluated:
+            a.dead[:] = self._dead
+            a.moments[:], a.followers[:] = self._following(amplitudes)
+        else:
+            a.external[:] = self._dead
+
+    def _following(self, amplitudes: Floats) -> tuple[Floats, Floats]:
+        """Moments and forces that follow the motion, of one step or, (k, channels), of several."""
+        moments, followers, a = self._moments, self._followers, amplitudes
+        a = np.concatenate([a, np.full((*a.shape[:-1], 1), self._drag_factor)], axis=-1)
+        return (
+            a[..., moments.channels, None] * moments.values,
+            a[..., followers.channels, None, None] * followers.values,
+        )
 
 
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them

@@ -456,7 +456,7 @@ class CompiledStep(CompiledScene):
         system, t, scheme = self.system, state.time, self.scheme
         self._time = t
         if not (loaded or (self._loaded and system.loading.constant)):
-            self._load(t)
+            self.load(self._factors_at(t))
             self._loaded = True
         self._coupled.begin(state)
         moving = bool(system.moving)
@@ -479,13 +479,13 @@ class CompiledStep(CompiledScene):
         if self._called_back is not None:
             self._called_back.begin(state, self.h, scheme, self.rates0)
 
-    def _load(self, time: float) -> None:
-        """Loads of a step that starts at a time (s)."""
+    def _factors_at(self, time: float) -> Floats:
+        """Factors of all loads' channels in a step that starts at a time (s)."""
         if self._failed is not None and self._failed[0] == time:
             error, self._failed = self._failed[1], None
             raise error
         loading, end = self.system.loading, time + self.h
-        self.load(loading.values(end) if self.scheme.at_end else loading.averages(time, end))
+        return loading.values(end) if self.scheme.at_end else loading.averages(time, end)
 
     def _load_all(self, times: Sequence[float], patience: float) -> int:
         """Loads of several steps, from these times (s) on; of how many they are known.
@@ -493,25 +493,27 @@ class CompiledStep(CompiledScene):
         What a function of the user raises is kept for the step that meets it. A slow one is not
         asked for longer than `patience` (s), as nothing is solved meanwhile.
         """
-        o, several, begun = self._o, 0, monotonic()
-        own = [(o.__dict__[name], o.__dict__[f"all_{name}"]) for name in LOADS]
-        for time in times:
-            try:
-                self._load(time)
-            except Exception as error:
-                if not several:
-                    raise
-                self._failed = time, error
-                break
-            for now, each in own:
-                each[several] = now
-            several += 1
-            if monotonic() - begun > patience:
-                break
-        for now, each in own:
-            now[:] = each[0]
-        self._factors = None  # the last step's are there afterwards
-        return several
+        o, begun, loading = self._o, monotonic(), self.system.loading
+        factors: Any = loading.ahead(times, self.h)
+        if factors is None:
+            factors = []
+            for time in times:
+                try:
+                    factors.append(self._factors_at(time))
+                except Exception as error:
+                    if not factors:
+                        raise
+                    self._failed = time, error
+                    break
+                if monotonic() - begun > patience:
+                    break
+        factors = np.array(factors)
+        found = loading.dead_force(factors), *(self._following(factors) if self._evaluated else ())
+        for name, each in zip(LOADS, found, strict=False):
+            o.__dict__[f"all_{name}"][: len(factors)] = each
+            o.__dict__[name][:] = each[0]
+        self._factors = None  # those of another step may have been there
+        return len(factors)
 
     def solve(self, state: State) -> tuple[int, float] | None:
         """Solve the step that follows `state`: iterations and residual; None: not converged."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -29,6 +29,7 @@ from ..time_function import (
     TimeFunction,
     constant_after,
     numbers_of,
+    of_the_user,
 )
 from ..types import Array, Floats, IndexArray, numbers
 from .groups import BeamGroup, Group
@@ -268,6 +269,21 @@ class Loading:
             return self._last
         return self._checked_each(lambda time: time.average(t0, t1), t1)
 
+    def ahead(self, starts: Sequence[float], h: float) -> Floats | None:
+        """Exact means of all channels over steps of size h from these times on (k, channels).
+
+        The numbers that :meth:`averages` gives. None: they have to be asked for step by step, as
+        functions of users may be slow, or raise, and so does what looks at them.
+        """
+        if self.guard is not None or any(map(of_the_user, self.times)):
+            return None
+        steps = [(t, t + h) for t in starts]
+        out = np.array([[time.average(a, b) for time in self.times] for a, b in steps])
+        over = [min(each) >= self.constant_after for each in steps]
+        if any(over):
+            out[over] = self._last
+        return out
+
     def values(self, t: float) -> Floats:
         """All channels at time `t`."""
         return self._checked_each(lambda time: time.value(t), t)
@@ -282,7 +298,10 @@ class Loading:
         return self.checked(np.array(numbers_of(self.times, self.owners, number, t)), t)
 
     def dead_force(self, amplitudes: Floats) -> Floats:
-        """Generalised force (rows, 3) of the loads that do not depend on y."""
+        """Generalised force (..., rows, 3) of the loads that do not depend on y.
+
+        `amplitudes` (..., channels) are those of one step, or of several.
+        """
         return self._constant_force if amplitudes is self._numbers else self._sum(amplitudes)
 
     @cached_property
@@ -304,7 +323,10 @@ class Loading:
         return out
 
     def _sum(self, amplitudes: Floats) -> Floats:
-        return (amplitudes.take(self.dead_channels) @ self.dead).reshape(-1, 3)
+        factors = amplitudes.take(self.dead_channels, axis=-1)
+        if factors.ndim > 1 and isinstance(self.dead, np.ndarray):
+            factors = factors[:, None]  # products of vectors, whose rounding is that of one step
+        return (factors @ self.dead).reshape(*amplitudes.shape[:-1], -1, 3)
 
     def force(self, y: Array, amplitudes: Floats) -> Array:
         """Generalised force (rows, 3) of the loads that depend on y (follower forces, moments)."""

@@ -485,8 +485,8 @@ def _loads(loading: Loading, plane: Plane) -> OutOfPlane:
                 break
 
 
-def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None]:
-    """Check of the factors of all channels at a time, of vectors that are functions of it."""
+def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None] | None:
+    """Check of the factors of all channels at a time, if some vector is a function of it."""
     watched = [
         site
         for site in loading.sites()
@@ -504,7 +504,7 @@ def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None]:
                     f" to, by {off:.6g} at t = {t:g} s",
                 )
 
-    return check
+    return check if watched else None
 
 
 def _coupling(system: System, item: Coupling, plane: Plane) -> OutOfPlane:
