@@ -807,6 +807,7 @@ def bound_carried(
             for name in ("q", "p", "impulse")
         },
         "log_rates": np.empty((most[0], count * rows, 3)),
+        "log_turns": np.empty((most[0], len(arrays["coupled"]))),
         "log_numbers": np.empty((most[1], len(LOGGED))),
         # dead loads get into the balance by those that are evaluated, if there are any
         "dead": arrays["dead"] if evaluated else arrays["external"],

@@ -26,16 +26,19 @@ SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(19, 25)
 #: go: how many are asked for and done, and matrices factored in all; how far coordinates of closed
 #: loops may go before their rows are looked at, and how far they went since. Energy that moved
 #: velocities took in a step (J), and whether velocities are still to be moved; of how many steps,
-#: the last ones, states and impulses are kept; whether each step has loads of its own
+#: the last ones, states and impulses are kept; whether each step has loads of its own. What force
+#: elements dissipate in a step, and the part of the scheme in it (J)
 RECORD = (
     *LOOP,
     *("start", "known", "work", "asked", "done", "all_factored"),
     *("clearance", "travelled", "taken", "unmoved", "states", "varying"),
+    *("dissipated", "numerical"),
 )
 GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(8, 14)
 CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES, VARYING = range(14, 20)
+DISSIPATED, BY_SCHEME = 20, 21
 #: what is kept of these numbers for each of the steps in one go
-LOGGED = ITERATIONS, RESIDUAL, WORK, TAKEN
+LOGGED = ITERATIONS, RESIDUAL, WORK, TAKEN, DISSIPATED, BY_SCHEME
 
 #: iterations up to which no frame can have got to half a turn, where there are no closed loops
 SHORT = 8
@@ -77,11 +80,12 @@ ENERGY, COMPLEX_ENERGY, GRADIENT, COMPLEX_GRADIENT, HESSIAN = range(5)
 #: the scheme in it, and what the ground does (J); forces of an actuator, invariants and coordinates
 #: at the start, forces by invariants, travel of the coordinates. Where forces are those at the end
 #: of a step, also by the forces at its start: those of an actuator, what is dissipated, what the
-#: ground does
+#: ground does. Whether full turns are counted on from step to step
 STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND = range(6)
 AMPLITUDE, PI0, XI0, S, TRAVEL = 6, 12, 19, 25, 32
 AMPLITUDE0, LOST0, GROUND0 = 38, 44, 45
-COUPLED = 46
+WINDS = 46
+COUPLED = 47
 
 #: of the extra velocity of energy-decaying steps, numpy's and compiled ones: what is added to the
 #: diagonal of a singular matrix, of its size (where all velocities are parallel); products with the

@@ -142,16 +142,22 @@ def stay_in_plane(o: Any) -> None:
 
 
 @inlined
-def keep(o: Any, numbers: Floats, record: Floats) -> None:
+def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
     """Keep what a step has found: the state at its end, and the impulse of its constraints.
 
     ``h G^T lambda`` is what balances the step, and what moved its velocities: at the node of the
     start that is what the step before has left.
     """
+    record[n.DISSIPATED], record[n.BY_SCHEME] = 0.0, 0.0
+    for c in range(coupled.shape[0]):
+        record[n.DISSIPATED] += coupled[c, n.LOST]
+        record[n.BY_SCHEME] += coupled[c, n.NUMERICAL]
     k, early, moved = int(record[n.DONE]) - 1, numbers[n.WEIGHT] == 0.0, len(o.moved) > 0
     for i in range(len(n.LOGGED)):
         o.log_numbers[k, i] = record[n.LOGGED[i]]
     k %= int(record[n.STATES])
+    for c in range(coupled.shape[0]):
+        o.log_turns[k, c] = coupled[c, n.TURNED]
     R, closing, change, rates, after = o.R, o.closing, o.change, o.rates, o.after
     q, p, impulse, log_rates, y1, carried = (
         o.log_q,
@@ -199,8 +205,11 @@ def take_loads(o: Any, k: int) -> None:
 
 
 @inlined
-def go_on(o: Any, record: Floats) -> None:
+def go_on(o: Any, coupled: Floats, record: Floats) -> None:
     """The next step starts where the last one ended."""
+    for c in range(coupled.shape[0]):
+        if coupled[c, n.WINDS] != 0.0:
+            coupled[c, n.TURNS] = np.floor(coupled[c, n.TURNED] + 0.5)
     if record[n.VARYING] != 0.0:
         take_loads(o, int(record[n.DONE]))
     y0, y1, p0, carried, rates, after = o.y0, o.y1, o.p0, o.carried, o.rates, o.after

@@ -291,11 +291,11 @@ def solve(steps: Any, flag: int) -> float:
         record[n.DONE] += 1.0
         finish_rates(o, numbers, record)
         stay_in_plane(o)
-        keep(o, numbers, record)
+        keep(o, w.coupled, numbers, record)
         if record[n.DONE] >= record[n.ASKED] or record[n.ITERATIONS] > n.SHORT:
             return 1.0
         if record[n.UNMOVED] > 0.0:
             return 1.0
         if looped and (w.found[1] >= n.SHORT_WAY or record[n.TRAVELLED] >= record[n.CLEARANCE]):
             return 1.0
-        go_on(o, record)
+        go_on(o, w.coupled, record)

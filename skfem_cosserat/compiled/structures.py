@@ -341,7 +341,8 @@ CARRIED = (
     *("y0", "y1", "p0", "carried", "mass_data", "mass_indices", "mass_indptr"),
     *("rates", "after", "table", "before", "moved", "scratch", "rate0", "drift", "of_drift"),
     *("nearest", "near_y", "near_p", "velocity", "change", "flow", "normal", "limit"),
-    *("R", "closing", "moved_force", "log_q", "log_p", "log_rates", "log_impulse", "log_numbers"),
+    *("R", "closing", "moved_force", "log_q", "log_p", "log_rates", "log_impulse", "log_turns"),
+    "log_numbers",
     *("dead", "moments", "followers", "all_dead", "all_moments", "all_followers"),
 )
 #: all that a projection of velocities takes; looks at k states: q, p and v (k, rows, 3), energies

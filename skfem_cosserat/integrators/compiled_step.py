@@ -50,6 +50,7 @@ from ..compiled.numbers import (
     VARYING,
     VISCOUS_END,
     VISCOUS_START,
+    WINDS,
     WORK,
 )
 from ..compiled.plan import Plan
@@ -102,6 +103,8 @@ class Coupled:
         turning = COUPLED * np.array([number[id(i)] for i in couplings.angles], dtype=np.int64)
         #: where full turns are: at the start of a step and at its end
         self._turns, self._turned = TURNS + turning, TURNED + turning
+        self._angles = [number[id(i)] for i in couplings.angles]
+        columns[self._angles, WINDS] = 1.0
         self._vectors = [(number[id(i)], i) for i in couplings.items if _turns_freely(i)]
         #: channels of actuators
         self.channels = len(couplings.times)
@@ -114,6 +117,15 @@ class Coupled:
         self._h, self._late = h, scheme.at_end and scheme.rate > 0  # not at rest
         # at its end the velocity is that along a way of its own
         self._columns[:, STEP] = 2 / scheme.rate if self._late else h
+
+    @property
+    def alike(self) -> bool:
+        """Whether steps differ in nothing but the state: no actuators, nothing to be told of."""
+        return not (self._driven[0] or self._vectors or (self._late and self._couplings.count))
+
+    def turns_of(self, log: Floats) -> IndexArray:
+        """Full turns (k, angles) of all angles, of k steps that were solved in one go."""
+        return np.rint(log[:, self._angles]).astype(np.int64)
 
     def begin(self, state: State) -> None:
         """Forces of actuators, and full turns at the start of a step."""
@@ -240,8 +252,11 @@ class BlockOfSteps(NamedTuple):
         States at their ends; k = 0 where no rates are carried.
     impulse : (kept, rows, 3) array
         ``h G^T lambda``.
-    iterations, residual, loads, taken : (steps,) arrays
-        Newton iterations, scaled residual, work of the loads, and what the scheme took (J).
+    turns : (kept, angles) array
+        Full turns of the angles of force elements.
+    iterations, residual, loads, dissipated, numerical : (steps,) arrays
+        Newton iterations, scaled residual, work of the loads, what was lost, and the part of the
+        scheme in it (J).
     """
 
     stuck: bool
@@ -249,10 +264,12 @@ class BlockOfSteps(NamedTuple):
     p: Floats
     rates: Floats
     impulse: Floats
+    turns: IndexArray
     iterations: IndexArray
     residual: Floats
     loads: Floats
-    taken: Floats
+    dissipated: Floats
+    numerical: Floats
 
     @property
     def steps(self) -> int:
@@ -317,7 +334,8 @@ class CompiledStep(CompiledScene):
         #: whether nothing changes from step to step but the state, where loads do not
         self._alike = not (
             system.moving
-            or system.couplings.count
+            or not self._coupled.alike
+            or self._called_back is not None
             or system.drag is not None
             or self._viscous is not None
             or self._rest is not None
@@ -564,7 +582,7 @@ class CompiledStep(CompiledScene):
         if solved and self.unmoved:  # the general way moves velocities
             solved = self._take_back(False)
         done, o, n, rows = int(self._record[DONE]), self._o, self.system.n, self.system.rows
-        iterations, residual, loads, taken = o.log_numbers[:done].T.copy()
+        iterations, residual, loads, taken, lost, numerical = o.log_numbers[:done].T.copy()
         kept: Any = slice(done) if every else np.arange(max(0, done - 2), done) % 3
         count = done if every else len(kept)
         return BlockOfSteps(
@@ -573,7 +591,8 @@ class CompiledStep(CompiledScene):
             o.log_p[kept, :rows].reshape(count, n),
             o.log_rates[kept].reshape(count, len(o.table), n),
             o.log_impulse[kept, :rows],
-            *(iterations.astype(np.int64), residual, loads, taken),
+            self._coupled.turns_of(o.log_turns[kept]),
+            *(iterations.astype(np.int64), residual, loads, lost + taken, numerical + taken),
         )
 
     @cached_property
@@ -703,7 +722,8 @@ class CompiledStep(CompiledScene):
         taken = float(self._record[TAKEN])
         work = self._coupled.work(loads, lost)
         if taken:
-            work = work._replace(dissipated=work.dissipated + taken, numerical=taken)
+            lost, numerical = work.dissipated + taken, work.numerical + taken
+            work = work._replace(dissipated=lost, numerical=numerical)
         if self.scheme.decay:
             own = self._decay_work()
             lost, numerical = work.dissipated + own, work.numerical + own

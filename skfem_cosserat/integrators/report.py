@@ -196,10 +196,10 @@ class BlockReport(StepReport):
         cls, block: BlockOfSteps, times: Floats, state: State, made: Solved, origin: StepOrigin
     ) -> BlockReport:
         """Report of steps from a state on; `made` is of the last of them, but for its start."""
-        taken = float(block.taken.sum())
-        work = StepWork(float(block.loads.sum()), dissipated=taken, numerical=taken)
-        own = int(block.iterations[-1]), 1, float(block.residual[-1])
-        out = cls(state, *own, work, made, block, times, state)
+        own = (float(each.sum()) for each in (block.loads, block.dissipated, block.numerical))
+        work = _work(*own)
+        last = int(block.iterations[-1]), 1, float(block.residual[-1])
+        out = cls(state, *last, work, made, block, times, state)
         out.state = replace(state, made_by=origin)
         out.state = replace(out._start(block.steps), plain=block.stuck)
         out._solved = made._replace(state=out._start(block.steps - 1))
@@ -221,7 +221,7 @@ class BlockReport(StepReport):
         if not 0 <= k < self.steps or len(b.q) < self.steps:
             text = f"{k!r}, expected one of {self.steps} steps, taken with every=True"
             raise InputError("argument k", text)
-        work = StepWork(float(b.loads[k]), dissipated=b.taken[k], numerical=b.taken[k])
+        work = _work(float(b.loads[k]), float(b.dissipated[k]), float(b.numerical[k]))
         ground = self._solved.y1[self._solved.system.rows :]  # nothing moves by prescription
         y1 = np.concatenate([b.q[back].reshape(-1, 3), ground])
         solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[back].copy())
@@ -246,8 +246,14 @@ class BlockReport(StepReport):
         if not k:
             return self._first
         b, index, back = self.block, self._first.index + k, k - 1 - self.steps
-        own = b.q[back].copy(), b.p[back].copy(), False, None, carried_rates(b.rates[back])
+        turns = b.turns[back].copy() if b.turns.size else None
+        own = b.q[back].copy(), b.p[back].copy(), False, turns, carried_rates(b.rates[back])
         return State(float(self.times[k - 1]), index, *own, self.state.made_by)
+
+
+def _work(loads: float, dissipated: float, numerical: float) -> StepWork:
+    """Of steps in one go, in which neither actuators nor the ground work."""
+    return StepWork(loads, dissipated=dissipated, numerical=numerical)
 
 
 @dataclass(eq=False, repr=False)

@@ -508,7 +508,7 @@ class EventMonitor:
         if self._earlier is None:
             return alone
         block, looks = report.block, (self._earlier, self._now)
-        views = self.view._many(report.times, block.q, block.p)
+        views = self.view._many(report.times, block.q, block.p, block.turns)
         columns = [event._values(views) for event in self.events]
         if any(column is None for column in columns):
             return alone

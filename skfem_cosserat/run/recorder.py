@@ -236,7 +236,7 @@ class Works:
             After each of them: work of the loads, what is dissipated, and the scheme's part of it.
         """
         begun, block = (self.loads, self.dissipated, self._numerical), report.block
-        added = block.loads, block.taken, block.taken
+        added = block.loads, block.dissipated, block.numerical
         sums = np.cumsum(np.c_[begun, added], axis=1)[:, 1:]
         self.loads, self.dissipated, self._numerical = sums[:, -1].tolist()
         self._largest = max(self._largest, float(abs(sums[:2]).max()))
@@ -651,6 +651,8 @@ class Recorder:
             "dissipated": dissipated[own],
             "taken": numerical[own],
         }
+        if self._angles:
+            rows["turns"] = block.turns[own]
         if self.varying:
             rows["step_size"] = np.full(count, h)
         if self._remembered:

@@ -27,7 +27,7 @@ from ..model import Model, System, system_of
 from ..model.force_elements import Invariants, kind_of
 from ..model.scene import joint_of
 from ..model.system import FROM
-from ..types import ArrayLike, Floats, check_kind, numbers
+from ..types import ArrayLike, Floats, IndexArray, check_kind, numbers
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -85,9 +85,9 @@ class View:
         out._readings, out._motions = self._readings, self._motions
         return out
 
-    def _many(self, time: Floats, q: Floats, p: Floats) -> Views:
+    def _many(self, time: Floats, q: Floats, p: Floats, turns: IndexArray) -> Views:
         """Several states of the same system, which share what is set up for it."""
-        return Views(self.system, time, q, p, self._motions, self._readings)
+        return Views(self.system, time, q, p, turns, self._motions, self._readings)
 
     def _find_motions(self, by: Motions) -> None:
         """Ask this for velocities and energies first; so do views that are made from this one."""
@@ -203,7 +203,7 @@ class View:
 class Views:
     """Several states of a run as conditions see them together, as far as steps in one go have them.
 
-    So the system has no force elements, and nothing moves by prescription.
+    So nothing moves by prescription.
 
     Parameters
     ----------
@@ -212,6 +212,8 @@ class Views:
         (s)
     q, p : (k, n) array
         Configurations and momenta.
+    turns : (k, angles) array
+        Full turns of the angles of force elements.
     motions : callable, optional
         As of a :class:`View`, asked first.
     readings : dict, optional
@@ -224,10 +226,11 @@ class Views:
         time: Floats,
         q: Floats,
         p: Floats,
+        turns: IndexArray,
         motions: Motions | None = None,
         readings: dict[tuple[str, str | None], _Reading] | None = None,
     ) -> None:
-        self.system, self.time, self.q, self._p = system, time, q, p
+        self.system, self.time, self.q, self._p, self._turns = system, time, q, p, turns
         self._motion = None if motions is None else partial(motions, q, p)
         self._readings = {} if readings is None else readings
 
@@ -252,6 +255,9 @@ class Views:
         """See :class:`View` (k,)."""
         stored = self._found.stored
         stored = diagnostics.strain_energy(self.system, self.q) if stored is None else stored
+        if self.system.couplings.count:
+            given = self.system, self.q, self.time, self._turns
+            stored = stored + diagnostics.coupling_energy(*given)
         return self._found.kinetic + stored
 
     @cached_property

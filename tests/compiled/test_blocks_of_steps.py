@@ -315,7 +315,7 @@ MORE = {
     "loads of all kinds that change": (lambda model, rod, pin, end: add_changing(model, end), True),
     "a damper": (
         lambda model, rod, pin, end: model.add("d", sc.JointSpringDamper(pin, damping=0.01)),
-        False,
+        True,
     ),
     "a motor": (
         lambda model, rod, pin, end: model.add("m", sc.JointDrive(pin, lambda t: t**2)),
