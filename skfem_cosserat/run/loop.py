@@ -394,8 +394,8 @@ def simulate(
         _check_run(callbacks, path, state)
         found = checked_events(events, integrator, system)
         watch = EventMonitor(found, factory, system, state) if found else None
-        looked = bool(callbacks or sensors or callable(progress))
-        extent = state, until, count, every, at, eventful, looked
+        looked = bool(callbacks or callable(progress))
+        extent = state, until, count, every, at, eventful, looked, bool(sensors)
         plan, wanted = _planned(step, factory, stepper, *extent)
         expected = wanted.rows if isinstance(wanted, Numbered) else None
         about = path, sensors, varying, notices, expected
@@ -486,10 +486,12 @@ def _planned(
     at: Sequence[float] | None,
     eventful: bool,
     looked: bool,
+    seen: bool,
 ) -> tuple[SteppingPlan, Wanted]:
     """How a run goes on in time, and which of its states are recorded.
 
-    Steps are taken in one go, unless something looks at each (`looked`).
+    Steps are taken in one go, unless something looks at each (`looked`). Sensors see every state
+    (`seen`), many at a time.
     """
     if isinstance(step, StepControl):
         wanted = timed(state, until, every, at, exact=True)
@@ -497,7 +499,7 @@ def _planned(
     if eventful:
         wanted = timed(state, until, every, at, exact=False)
         return FixedSteps(stepper, state, count, until, alone=looked), wanted
-    numbered = Numbered(state, stepper.h, count, every, at)
+    numbered = Numbered(state, stepper.h, count, every, at, seen)
     return FixedSteps(stepper, state, count, None, None if looked else numbered.ahead), numbered
 
 

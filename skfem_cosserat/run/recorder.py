@@ -822,12 +822,21 @@ class Numbered:
         Steps.
     every, at
         See :func:`simulate`.
+    seen : bool
+        Whether sensors see every state.
     """
 
     def __init__(
-        self, state: State, h: float, count: int, every: int, at: Sequence[float] | None
+        self,
+        state: State,
+        h: float,
+        count: int,
+        every: int,
+        at: Sequence[float] | None,
+        seen: bool = False,
     ) -> None:
         self._first, self._count, self._every = state.index, count, int(every)
+        self._seen = seen
         #: numbers asked for, in order; None: every k-th
         self._at = None if at is None else _numbers(state, h, count, every, at)
 
@@ -844,14 +853,14 @@ class Numbered:
         return np.searchsorted(self._at, k, "right") > np.searchsorted(self._at, k)
 
     def _dense(self, k: int) -> bool:
-        """Whether many of the states after the k-th are recorded."""
-        if self._at is None:
-            return self._every < SPARSE
+        """Whether many of the states after the k-th are recorded, or all of them seen."""
+        if self._seen or self._at is None:
+            return self._seen or self._every < SPARSE
         near = self._at[np.searchsorted(self._at, k) :][:SPARSE]
         return len(near) == SPARSE and bool(near[-1] - k < SPARSE * SPARSE)
 
     def ahead(self, state: State) -> tuple[int, bool]:
-        """Steps that may be taken in one go, and whether states between them are recorded.
+        """Steps that may be taken in one go, and whether states between them are kept.
 
         If few are, they end where one is, and the step after it, which completes its row, is taken
         alone; as are the first three, which complete that of the start.

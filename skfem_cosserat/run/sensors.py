@@ -21,7 +21,7 @@ from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
 from ..integrators import State, Stepper, StepReport
 from ..integrators.compiled_scene import Motion
-from ..integrators.report import force_of_state
+from ..integrators.report import BlockReport, force_of_state
 from ..joint import Joint
 from ..model import Model, System, system_of
 from ..model.force_elements import Invariants, kind_of
@@ -226,7 +226,7 @@ class Views:
         time: Floats,
         q: Floats,
         p: Floats,
-        turns: IndexArray,
+        turns: IndexArray | None = None,
         motions: Motions | None = None,
         readings: dict[tuple[str, str | None], _Reading] | None = None,
     ) -> None:
@@ -325,7 +325,7 @@ class _Reading:
 
 def _seen(system: System, t: Floats, q: Floats, sensor: Sensor) -> Floats:
     """What a sensor without forces sees at states q (k, n), times t (k,)."""
-    return sensor.values(system, window_of(system, [], [])._replace(t=t, q=q))
+    return sensor.values(system, window_of(system, t, q))
 
 
 def _seen_rates(system: System, t: Floats, q: Floats, v: Floats, sensor: Sensor) -> Floats:
@@ -780,7 +780,7 @@ class SensorBank:
         self._integrator = stepper.integrator
         self._before: StepReport | None = None
         self._forces = any(sensor.forces for sensor in sensors.values())
-        self._states: list[State] = []
+        self._seen: list[tuple[Floats, Floats]] = []
         self._shapes: dict[str, Floats] = {}
         self._steps: list[tuple[float, Floats, Floats]] = []
 
@@ -794,33 +794,42 @@ class SensorBank:
     def begin(self, state: State) -> None:
         """The state a run starts from."""
         if self.sensors:
-            self._states.append(state)
+            self._seen.append((np.array([state.time]), state.q[None]))
 
     def take(self, report: StepReport) -> None:
-        """A step is done."""
+        """Steps are done, one or several; of these every state is kept."""
         if not self.sensors:
             return
-        self._states.append(report.state)
+        if isinstance(report, BlockReport):
+            self._seen.append((report.times, report.block.q.copy()))
+        else:
+            self.begin(report.state)
         if self._forces:
-            found = force_of_state(self._integrator, self._before, report)
-            self._before = report
-            if found is not None:
-                state, force = found
-                y = self.system.extend(state.q, state.time)
-                self._steps.append((state.time, y, force))
-        if len(self._states) >= BLOCK:
+            for k in range(report.steps):
+                self._take_force(report.part(k))
+        if sum(len(t) for t, _ in self._seen) >= BLOCK:
             self.flush()
+
+    def _take_force(self, report: StepReport) -> None:
+        found = force_of_state(self._integrator, self._before, report)
+        self._before = report
+        if found is not None:
+            state, force = found
+            y = self.system.extend(state.q, state.time)
+            self._steps.append((state.time, y, force))
 
     def flush(self) -> None:
         """Write what has been collected."""
-        if not self._states and not self._steps:
+        if not self._seen and not self._steps:
             return
-        window = window_of(self.system, self._states, self._steps)
+        none = np.zeros(0), np.zeros((0, self.system.n))
+        t, q = map(np.concatenate, zip(none, *self._seen, strict=True))
+        window = window_of(self.system, t, q, self._steps)
         arrays = {}
         for name, sensor in self.sensors.items():
             arrays[f"{name}/t"] = window.step_t if sensor.forces else window.t
             arrays[f"{name}/x"] = self._values(name, sensor, window)
-        self._states.clear()
+        self._seen.clear()
         self._steps.clear()
         self.writer.sense(arrays)
 
@@ -857,12 +866,12 @@ def seen(name: str, sensor: Sensor, system: System, window: Window) -> Floats:
 
 
 def window_of(
-    system: System, states: Sequence[State], steps: Sequence[tuple[float, Floats, Floats]]
+    system: System, t: Floats, q: Floats, steps: Sequence[tuple[float, Floats, Floats]] = ()
 ) -> Window:
-    """What has been collected: states, and instants, rows and forces of those that have forces."""
+    """Of states q (k, n) at times t, and instants, rows and forces of those that have forces."""
     return Window(
-        np.array([state.time for state in states]),
-        np.array([state.q for state in states]).reshape(-1, system.n),
+        t,
+        q,
         np.array([t for t, _, _ in steps]),
         np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3),
         np.array([f for _, _, f in steps]).reshape(-1, system.n),
@@ -887,7 +896,7 @@ def checked_sensors(
         for each in sensor.items():
             if id(each) not in known:
                 raise InputError(item, f"the {each.label} of {name!r} is not in this system")
-    window = window_of(system, [start], [])
+    window = window_of(system, np.array([start.time]), start.q[None])
     for name, sensor in sensors.items():
         if not sensor.forces:
             seen(name, sensor, system, window)

@@ -181,10 +181,35 @@ def test_whatever_looks_at_steps_sees_each(blocks):
     given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 1.5
     shown = []
     run(*given, every=150, progress=lambda time, until: shown.append(time))
-    sensor = sc.SensorPosition(system.structures[0].node("mid"))
-    history, _ = run(*given, every=150, sensors={"mass": sensor})
-    assert len(shown) == 150 and len(history.sensors["mass"].values) == 151
+    assert len(shown) == 150
     assert not blocks
+
+
+@pytest.mark.parametrize("every", [1, 40, 10**6])
+def test_sensors_see_each_of_many_steps(blocks, every):
+    """As many at a time as there are, and what they would see of single steps."""
+    system = swing.scene("published").freeze(planar=sc.Planar())
+    given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 3.0
+    beam = system.structures[0]
+    mass = beam.node("mid")
+    sensors = {
+        "place": sc.SensorPosition(mass),
+        "speed": sc.SensorVelocity(mass),
+        "pull": sc.SensorAcceleration(mass),
+        "bend": sc.SensorStrain(beam, 0.1),
+        "force": sc.SensorReaction(system.joints[0]),
+        "own": sc.SensorQuantity(lambda system, q, t: q[:, :2] * t[:, None]),
+    }
+    options = {"every": every, "sensors": sensors}
+    one, _ = run(*given, **options, callbacks=[lambda report: None])
+    assert not blocks
+    many, _ = run(*given, **options)
+    assert_the_same(one, many)
+    assert max(blocks) > 100
+    for name in sensors:
+        np.testing.assert_array_equal(one.sensors[name].times, many.sensors[name].times)
+        np.testing.assert_array_equal(one.sensors[name].values, many.sensors[name].values)
+    assert len(many.sensors["place"].values) == 301
 
 
 def test_states_that_are_asked_for_end_blocks(blocks):
@@ -296,6 +321,19 @@ def add_over(model, rod, pin, end):
     model.add("b", sc.LoadForce(end, (3e-3, 0, 0), sc.RampSmooth(0.01, 0.05)))
 
 
+def add_springs(model, rod, pin, end):
+    """Force elements of all kinds that go through many steps; one winds up by some turns."""
+    model.add("hinge spring", sc.JointSpringDamper(pin, stiffness=0.02, damping=1e-3))
+    model.add("strut", sc.SpringDamper(sc.ground((0.5, 0, 1)), end, stiffness=0.05, damping=0.01))
+    model.add("cable", sc.Cable(sc.ground((1, 0, 0.2)), end, 0.5, length=0.21))
+    inertia, at = (1e-3, 2e-3, 2e-3), (0, 1, 0)
+    body = sc.RigidBody(0.1, inertia, position=at, angular_velocity=(200.0, 0, 0))
+    wheel = model.add("wheel", body)
+    axle = sc.JointRevolute(sc.ground((0, 1, 0)), wheel.at(at), axis=(1, 0, 0))
+    model.add("axle", axle)
+    model.add("winding", sc.JointSpringDamper(axle, stiffness=0.05, damping=1e-3))
+
+
 MORE = {
     "nothing": (lambda model, rod, pin, end: None, True),
     "a load that moves with it": (
@@ -313,6 +351,13 @@ MORE = {
         True,
     ),
     "loads of all kinds that change": (lambda model, rod, pin, end: add_changing(model, end), True),
+    "springs, dampers and a cable": (add_springs, True),
+    "a bushing that turns": (
+        lambda model, rod, pin, end: model.add(
+            "b", sc.Bushing(sc.ground((1, 0, 0)), end, 0.1 * np.eye(6), 1e-3 * np.eye(6))
+        ),
+        False,
+    ),
     "a damper": (
         lambda model, rod, pin, end: model.add("d", sc.JointSpringDamper(pin, damping=0.01)),
         True,
@@ -335,6 +380,24 @@ def test_loads_that_are_known_ahead_are_those_of_each_step(blocks, add):
     assert not blocks
     assert_the_same(one, run(*given)[0])
     assert max(blocks) > 60
+
+
+@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
+@pytest.mark.parametrize("integrator", EVERY_SCHEME, ids=repr)
+def test_force_elements_do_the_same_work(blocks, integrator, treatment):
+    """Turns, what is lost and what is stored; schemes that need rates at their ends go one by one."""
+    given = scene(add_springs), integrator, treatment, 6e-4, 0.12
+    one, _ = run(*given, callbacks=[lambda report: None])
+    assert not blocks
+    many, _ = run(*given)
+    assert_the_same(one, many)
+    composed = isinstance(integrator, sc.Composition | sc.EnergyDecaying)
+    assert (composed or integrator.scheme(1.0).at_end) == (not blocks)
+    last, _ = run(*given, every=200)
+    for name in ("q", "turns", "dissipated"):
+        np.testing.assert_array_equal(last[name][-1], one[name][-1])
+    turns = many["turns"].max(axis=0)
+    assert turns.tolist() == [0, 3] and many["dissipated"][-1] > 1.0
 
 
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 import test_closed_loops
 from helpers_kernels import integrators, treatments
-from test_blocks_of_steps import CHANGING, MORE, assert_the_same, blocks, run, scene
+from test_blocks_of_steps import (
+    CHANGING,
+    MORE,
+    add_springs,
+    assert_the_same,
+    blocks,
+    run,
+    scene,
+)
 from test_events import looking, swinging_rod
 
 import skfem_cosserat as sc
@@ -413,9 +421,21 @@ def test_a_class_of_its_own_counts_by_its_own_value(blocks):
     assert half.time == pytest.approx(whole.time, abs=1e-11) and blocks
 
 
-def test_conditions_see_the_same_together(kernels):
+def test_energy_of_what_winds_up(blocks):
+    """Energies of force elements count with full turns of their angles."""
+    system = scene(add_springs)
+    given = system, sc.EnergyMomentum(), sc.NullSpace(), 6e-4, 0.12
+    energy = sc.simulate(*given, kernels="numba")["energy"]
+    levels = np.quantile(energy, [0.2, 0.4, 0.6, 0.8])
+    events = [sc.Event(sc.ConditionEnergy(x), name=f"{x} J") for x in levels.tolist()]
+    assert_the_same_events(blocks, *given, events=events, least=4)
+    assert max(blocks) > 20
+
+
+@pytest.mark.parametrize("sprung", [False, True])
+def test_conditions_see_the_same_together(kernels, sprung):
     """As one by one: whether velocities and energies come by kernels or not."""
-    system, rod = swinging_rod()
+    system, rod = swinging_rod(sprung)
     history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), H, 0.1)
     rows = slice(3, 20)
     views = Views(system, history.times[rows], history["q"][rows], history["carried"][rows])

@@ -779,13 +779,15 @@ def test_an_event_after_the_last_state_in_the_file_has_not_happened(tmp_path):
 # -- what a look costs -----------------------------------------------------------------------------
 
 
-def swinging_rod():
-    """A beam on a hinge, as compiled kernels take it."""
+def swinging_rod(sprung=False):
+    """A beam on a hinge, as compiled kernels take it, perhaps with a spring."""
     model, mesh = sc.Model(), sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 6, name="rod")
     rod = model.add("rod", sc.Beam(mesh, full_section(), order=1, director=(0, 1, 0)))
     hinge = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
     model.add("hinge", hinge)
     model.add("gravity", sc.LoadGravity((0, -G, 0)))
+    if sprung:
+        model.add("spring", sc.JointSpringDamper(hinge, stiffness=3.0, damping=0.1))
     return model.freeze(), rod
 
 
