@@ -379,14 +379,13 @@ def bound_groups(
         for group in groups
     ]
     numbers: list[Any] = [None] * len(bound)
-    for group in groups:
-        eta = group.elements.viscosity
-        if viscous and eta is not None:
-            g, fields = bound_beams(system, group, plan, stiffness=eta)
-            numbers.append(np.zeros(len(NUMBERS)))
-            bound.append(
-                (g, fields | {"numbers": numbers[-1], "viscosity": fields["stiffness"].copy()})
-            )
+    damped = [group for group in groups if viscous and group.elements.viscosity is not None]
+    every = np.zeros((len(damped), len(NUMBERS)))
+    for group, own in zip(damped, every, strict=True):
+        g, fields = bound_beams(system, group, plan, stiffness=group.elements.viscosity)
+        numbers.append(own)
+        more = {"numbers": own, "all_numbers": every, "viscosity": fields["stiffness"].copy()}
+        bound.append((g, fields | more))
     return Groups([g for g, _ in bound], numbers, BEAM_PARTS), [fields for _, fields in bound]
 
 
@@ -755,6 +754,7 @@ def bound_carried(
     normal: Floats | None = None,
     most: tuple[int, int] = (3, 1),
     evaluated: bool = False,
+    viscous: Floats | None = None,
 ) -> tuple[Any, dict[str, Any]]:
     """What steps carry on, by rows in space; the structure, and its arrays by name.
 
@@ -773,6 +773,8 @@ def bound_carried(
         Steps whose states are kept, and most steps in one go.
     evaluated : bool
         Whether loads are evaluated in each iteration.
+    viscous : (k, numbers) array, optional
+        Numbers of groups of viscous elements.
     """
     rows, mass = system.rows, system.mass.tocsr()
     count, before, moved = rates
@@ -809,6 +811,7 @@ def bound_carried(
         "log_rates": np.empty((most[0], count * rows, 3)),
         "log_turns": np.empty((most[0], len(arrays["coupled"]))),
         "log_numbers": np.empty((most[1], len(LOGGED))),
+        "viscous": np.zeros((0, len(NUMBERS))) if viscous is None else viscous,
         # dead loads get into the balance by those that are evaluated, if there are any
         "dead": arrays["dead"] if evaluated else arrays["external"],
         **{name: arrays[name] for name in ("moments", "followers")},

@@ -152,6 +152,9 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
     for c in range(coupled.shape[0]):
         record[n.DISSIPATED] += coupled[c, n.LOST]
         record[n.BY_SCHEME] += coupled[c, n.NUMERICAL]
+    record[n.VISCOUS] = 0.0
+    for g in range(o.viscous.shape[0]):
+        record[n.VISCOUS] += o.viscous[g, n.VISCOUS_END]
     k, early, moved = int(record[n.DONE]) - 1, numbers[n.WEIGHT] == 0.0, len(o.moved) > 0
     for i in range(len(n.LOGGED)):
         o.log_numbers[k, i] = record[n.LOGGED[i]]

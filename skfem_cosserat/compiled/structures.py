@@ -336,13 +336,13 @@ FLOW = (
 #: carried on, one block of rows after the other, and the numbers of the scheme for them; addresses
 #: of what moves velocities, with the rows it takes and gives, and the change of momentum; what
 #: dampers take of the rates, see `WORK`; what is kept of each of the steps in one go; where loads
-#: are taken from, and those of each of the steps
+#: are taken from, and those of each of the steps; numbers of viscous elements
 CARRIED = (
     *("y0", "y1", "p0", "carried", "mass_data", "mass_indices", "mass_indptr"),
     *("rates", "after", "table", "before", "moved", "scratch", "rate0", "drift", "of_drift"),
     *("nearest", "near_y", "near_p", "velocity", "change", "flow", "normal", "limit"),
     *("R", "closing", "moved_force", "log_q", "log_p", "log_rates", "log_impulse", "log_turns"),
-    "log_numbers",
+    *("log_numbers", "viscous"),
     *("dead", "moments", "followers", "all_dead", "all_moments", "all_followers"),
 )
 #: all that a projection of velocities takes; looks at k states: q, p and v (k, rows, 3), energies

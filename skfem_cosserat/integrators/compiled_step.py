@@ -215,13 +215,21 @@ class Viscous:
             fields["numbers"][[MASS, START, END, ENDS]] = 0.0, -0.5, 0.5, 1.0
             fields["stiffness"][:] = (2 / way) * fields["viscosity"]
 
+    @property
+    def numbers(self) -> Floats:
+        """Of all groups (k, numbers), in place."""
+        return np.asarray(self._bound[0]["all_numbers"])
+
     def dissipated(self, h: float, late: bool) -> float:
         """Lost in the step evaluated last (J), of size h (s); `late`: by the forces at its ends."""
-        end = sum(float(fields["numbers"][VISCOUS_END]) for fields in self._bound)
+        end = sum(self.numbers[:, VISCOUS_END].tolist())
         if late:
-            start = sum(float(fields["numbers"][VISCOUS_START]) for fields in self._bound)
-            end = 0.5 * (start + end)
-        return h * max(0.0, end / self._way)
+            end = 0.5 * (sum(self.numbers[:, VISCOUS_START].tolist()) + end)
+        return float(self.lost(end, h))
+
+    def lost(self, found: Any, h: float) -> Any:
+        """The same by what kernels have found in one step or in several, see `VISCOUS_END`."""
+        return h * np.maximum(0.0, found / self._way)
 
 
 # -- steps: the same iteration as that of the stepper, in a few compiled calls ---------------------
@@ -317,11 +325,11 @@ class CompiledStep(CompiledScene):
         self._nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system.tied):
             self._nearest = NearestVelocity(system.tied, settings, source)
+        viscous = [fields for fields in self._beams if "viscosity" in fields]
+        self._viscous = Viscous(viscous) if viscous else None
         self._carry(scheme)
         self._called_back: CalledBack | None = None
         self._couple(scheme, h)
-        viscous = [fields for fields in self._beams if "viscosity" in fields]
-        self._viscous = Viscous(viscous) if viscous else None
         self._resist(h)
         self._decaying = self._of_decay() if scheme.decay else []
         self._rows = np.zeros(0, dtype=np.int64)
@@ -337,7 +345,7 @@ class CompiledStep(CompiledScene):
             or not self._coupled.alike
             or self._called_back is not None
             or system.drag is not None
-            or self._viscous is not None
+            or (self._viscous is not None and scheme.at_end)
             or self._rest is not None
             or (self._moves and self._nearest is None)
             or (scheme.at_end and not system.loading.dead_only)
@@ -357,7 +365,8 @@ class CompiledStep(CompiledScene):
         self._most = max(3, min(STRIDE, MOVED // n))
         nearest = None if self._nearest is None else self._nearest.bound
         own = counts, nearest, self._normal, (self._kept, self._most), self._evaluated
-        self._carried, arrays = bind.bound_carried(self.system, self._arrays, *own)
+        viscous = None if self._viscous is None else self._viscous.numbers
+        self._carried, arrays = bind.bound_carried(self.system, self._arrays, *own, viscous)
         self._o = SimpleNamespace(**arrays)
         self._set_rates(scheme)
 
@@ -582,7 +591,10 @@ class CompiledStep(CompiledScene):
         if solved and self.unmoved:  # the general way moves velocities
             solved = self._take_back(False)
         done, o, n, rows = int(self._record[DONE]), self._o, self.system.n, self.system.rows
-        iterations, residual, loads, taken, lost, numerical = o.log_numbers[:done].T.copy()
+        logged = o.log_numbers[:done].T.copy()
+        iterations, residual, loads, taken, lost, numerical, viscous = logged
+        if self._viscous is not None:
+            lost = self._viscous.lost(viscous, self.h) + lost
         kept: Any = slice(done) if every else np.arange(max(0, done - 2), done) % 3
         count = done if every else len(kept)
         return BlockOfSteps(

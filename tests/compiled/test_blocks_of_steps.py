@@ -334,6 +334,18 @@ def add_springs(model, rod, pin, end):
     model.add("winding", sc.JointSpringDamper(axle, stiffness=0.05, damping=1e-3))
 
 
+def add_viscous(model, rod, pin, end):
+    """A second rod, whose sections are viscous."""
+    mesh = sc.MeshCurve.init_line((0, 1, 0), (1, 1, 0), 5, name="other")
+    section = sc.SectionCircle(5e-3, sc.Material(E=5e6, nu=0.4, rho=1100)).damped(
+        viscosity=[0.1, 0.1, 0.1, 1e-5, 1e-5, 1e-5]
+    )
+    other = model.add("other", sc.Beam(mesh, section, director=(0, 1, 0)))
+    hinge = sc.JointRevolute(sc.ground((0, 1, 0)), other.node("other.start"), axis=(0, 1, 0))
+    model.add("hinge", hinge)
+    model.add("damper", sc.JointSpringDamper(hinge, damping=1e-3))
+
+
 MORE = {
     "nothing": (lambda model, rod, pin, end: None, True),
     "a load that moves with it": (
@@ -352,6 +364,7 @@ MORE = {
     ),
     "loads of all kinds that change": (lambda model, rod, pin, end: add_changing(model, end), True),
     "springs, dampers and a cable": (add_springs, True),
+    "viscous sections": (add_viscous, True),
     "a bushing that turns": (
         lambda model, rod, pin, end: model.add(
             "b", sc.Bushing(sc.ground((1, 0, 0)), end, 0.1 * np.eye(6), 1e-3 * np.eye(6))
@@ -384,8 +397,21 @@ def test_loads_that_are_known_ahead_are_those_of_each_step(blocks, add):
 
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
 @pytest.mark.parametrize("integrator", EVERY_SCHEME, ids=repr)
+def test_viscous_sections_lose_the_same(blocks, integrator, treatment):
+    given = scene(add_viscous), integrator, treatment, 6e-4, 0.09
+    one, _ = run(*given, callbacks=[lambda report: None])
+    assert not blocks
+    many, _ = run(*given)
+    assert_the_same(one, many)
+    composed = isinstance(integrator, sc.Composition | sc.EnergyDecaying)
+    assert (composed or integrator.scheme(1.0).at_end) == (not blocks)
+    assert many["dissipated"][-1] > 1e-6
+
+
+@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
+@pytest.mark.parametrize("integrator", EVERY_SCHEME, ids=repr)
 def test_force_elements_do_the_same_work(blocks, integrator, treatment):
-    """Turns, what is lost and what is stored; schemes that need rates at their ends go one by one."""
+    """Turns, losses and stored energy; schemes that need rates at their ends go one by one."""
     given = scene(add_springs), integrator, treatment, 6e-4, 0.12
     one, _ = run(*given, callbacks=[lambda report: None])
     assert not blocks
