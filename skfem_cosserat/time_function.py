@@ -433,6 +433,19 @@ def time_function(item: str, value: Amplitude) -> TimeFunction:
     return FunctionOfTime(value)
 
 
+def averages_ahead(
+    times: Sequence[TimeFunction], starts: Sequence[float], h: float
+) -> Floats | None:
+    """Means (k, functions) over steps of size h (s) from these times (s) on.
+
+    None: there are functions of users, which may be slow, or raise: they are asked step by step.
+    """
+    if any(map(of_the_user, times)):
+        return None
+    out = [[time.average(t, t + h) for time in times] for t in starts]
+    return np.array(out).reshape(len(starts), len(times))
+
+
 @dataclass(frozen=True, eq=False)
 class Component(Frozen):
     """One component of a function of time that gives three; errors name item and argument."""

@@ -29,6 +29,7 @@ from .numbers import (
     COMPLEX_ENERGY,
     COMPLEX_GRADIENT,
     COUPLED,
+    DRIVEN,
     ENERGY,
     GRADIENT,
     HESSIAN,
@@ -816,7 +817,8 @@ def bound_carried(
         "dead": arrays["dead"] if evaluated else arrays["external"],
         **{name: arrays[name] for name in ("moments", "followers")},
     }
-    several = 0 if system.loading.constant else most[0]
+    several = 0 if system.loading.constant and system.couplings.constant else most[0]
+    fields["all_driven"] = np.empty((several, len(arrays["coupled"]), DRIVEN))
     for name in ("dead", "moments", "followers"):
         fields[f"all_{name}"] = np.empty((several, *fields[name].shape))
     return structures.structure("carried", fields), fields

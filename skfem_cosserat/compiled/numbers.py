@@ -28,18 +28,18 @@ SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(19, 25)
 #: velocities took in a step (J), and whether velocities are still to be moved; of how many steps,
 #: the last ones, states and impulses are kept; whether each step has loads of its own. What force
 #: elements dissipate in a step, and the part of the scheme in it (J); what viscous sections do (J),
-#: for ways of one second
+#: for ways of one second; work of actuators (J)
 RECORD = (
     *LOOP,
     *("start", "known", "work", "asked", "done", "all_factored"),
     *("clearance", "travelled", "taken", "unmoved", "states", "varying"),
-    *("dissipated", "numerical", "viscous"),
+    *("dissipated", "numerical", "viscous", "actuators"),
 )
 GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(8, 14)
 CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES, VARYING = range(14, 20)
-DISSIPATED, BY_SCHEME, VISCOUS = 20, 21, 22
+DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS = 20, 21, 22, 23
 #: what is kept of these numbers for each of the steps in one go
-LOGGED = ITERATIONS, RESIDUAL, WORK, TAKEN, DISSIPATED, BY_SCHEME, VISCOUS
+LOGGED = ITERATIONS, RESIDUAL, WORK, TAKEN, DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS
 
 #: iterations up to which no frame can have got to half a turn, where there are no closed loops
 SHORT = 8
@@ -85,6 +85,8 @@ ENERGY, COMPLEX_ENERGY, GRADIENT, COMPLEX_GRADIENT, HESSIAN = range(5)
 STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND = range(6)
 AMPLITUDE, PI0, XI0, S, TRAVEL = 6, 12, 19, 25, 32
 AMPLITUDE0, LOST0, GROUND0 = 38, 44, 45
+#: channels of an actuator
+DRIVEN = 6
 WINDS = 46
 COUPLED = 47
 

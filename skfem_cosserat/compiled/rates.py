@@ -148,10 +148,12 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
     ``h G^T lambda`` is what balances the step, and what moved its velocities: at the node of the
     start that is what the step before has left.
     """
-    record[n.DISSIPATED], record[n.BY_SCHEME] = 0.0, 0.0
+    record[n.DISSIPATED], record[n.BY_SCHEME], record[n.ACTUATORS] = 0.0, 0.0, 0.0
     for c in range(coupled.shape[0]):
         record[n.DISSIPATED] += coupled[c, n.LOST]
         record[n.BY_SCHEME] += coupled[c, n.NUMERICAL]
+        for i in range(n.DRIVEN):
+            record[n.ACTUATORS] += coupled[c, n.AMPLITUDE + i] * coupled[c, n.TRAVEL + i]
     record[n.VISCOUS] = 0.0
     for g in range(o.viscous.shape[0]):
         record[n.VISCOUS] += o.viscous[g, n.VISCOUS_END]
@@ -192,8 +194,11 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
 
 
 @inlined
-def take_loads(o: Any, k: int) -> None:
-    """Loads of the k-th of several steps."""
+def take_loads(o: Any, coupled: Floats, k: int) -> None:
+    """Loads, and forces of actuators, of the k-th of several steps."""
+    for c in range(coupled.shape[0]):
+        for i in range(n.DRIVEN):
+            coupled[c, n.AMPLITUDE + i] = o.all_driven[k, c, i]
     dead, moments, followers = o.dead, o.moments, o.followers
     for r in range(dead.shape[0]):
         for c in range(3):
@@ -214,7 +219,7 @@ def go_on(o: Any, coupled: Floats, record: Floats) -> None:
         if coupled[c, n.WINDS] != 0.0:
             coupled[c, n.TURNS] = np.floor(coupled[c, n.TURNED] + 0.5)
     if record[n.VARYING] != 0.0:
-        take_loads(o, int(record[n.DONE]))
+        take_loads(o, coupled, int(record[n.DONE]))
     y0, y1, p0, carried, rates, after = o.y0, o.y1, o.p0, o.carried, o.rates, o.after
     for r in range(p0.shape[0]):
         for c in range(3):

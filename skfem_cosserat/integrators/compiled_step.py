@@ -13,14 +13,18 @@ import numpy as np
 from ..compiled import kept
 from ..compiled.kept import Source, entry
 from ..compiled.numbers import (
+    ACTUATORS,
     ALL_FACTORED,
     AMPLITUDE,
     AMPLITUDE0,
     ASKED,
+    BY_SCHEME,
     CALLED_BACK,
     CLEARANCE,
     COUPLED,
+    DISSIPATED,
     DONE,
+    DRIVEN,
     END,
     ENDS,
     GROUND,
@@ -29,11 +33,9 @@ from ..compiled.numbers import (
     ITERATIONS,
     KEPT,
     KNOWN,
-    LOST,
     LOST0,
     MASS,
     NUMBERS,
-    NUMERICAL,
     RECORD,
     RESIDUAL,
     SHORT,
@@ -65,6 +67,7 @@ from ..model.balance import amplitudes_at, external_force
 from ..model.force_elements import Couplings, warn_of_jump
 from ..model.plane import Plane
 from ..newton import NewtonSettings
+from ..time_function import averages_ahead
 from ..types import Floats, IndexArray
 from .base import Integrator
 from .called_back import CalledBack
@@ -120,16 +123,31 @@ class Coupled:
 
     @property
     def alike(self) -> bool:
-        """Whether steps differ in nothing but the state: no actuators, nothing to be told of."""
-        return not (self._driven[0] or self._vectors or (self._late and self._couplings.count))
+        """Whether steps differ in nothing but the state and known forces of actuators."""
+        return not (self._vectors or (self._late and self._couplings.count))
 
     def turns_of(self, log: Floats) -> IndexArray:
         """Full turns (k, angles) of all angles, of k steps that were solved in one go."""
         return np.rint(log[:, self._angles]).astype(np.int64)
 
-    def begin(self, state: State) -> None:
-        """Forces of actuators, and full turns at the start of a step."""
-        if self._driven[0]:
+    def forces_at(self, time: float) -> Floats:
+        """Forces (channels,) of actuators in a step that starts at a time (s)."""
+        return self._couplings.averages(time, time + self._h)[:-1] if self.channels else NONE
+
+    def ahead(self, times: Sequence[float]) -> Floats | None:
+        """The same of steps from these times (s) on (k, channels); None: not known yet."""
+        return averages_ahead(self._couplings.times, times, self._h)
+
+    def driven(self, forces: Floats) -> Floats:
+        """Forces (k, channels) of actuators, by force elements (k, count, DRIVEN)."""
+        out = np.zeros((len(forces), len(self._columns), DRIVEN))
+        rows, columns = self._driven
+        out[:, rows, np.array(columns, dtype=np.int64) - AMPLITUDE] = forces
+        return out
+
+    def begin(self, state: State, loaded: bool = False) -> None:
+        """Forces of actuators, unless they are there, and full turns at the start of a step."""
+        if self._driven[0] and not loaded:
             start, end = state.time, state.time + self._h
             if self._late:
                 rows, columns = self._driven
@@ -137,7 +155,7 @@ class Coupled:
                 at_start = rows, [c + AMPLITUDE0 - AMPLITUDE for c in columns]
                 self._columns[at_start] = self._couplings.values(start)[:-1]
             else:
-                self.drive(self._couplings.averages(start, end)[:-1])
+                self.drive(self.forces_at(start))
         self.turn(state.turns)
 
     def drive(self, forces: Floats) -> None:
@@ -162,25 +180,20 @@ class Coupled:
             return None
         return np.rint(self._columns.take(self._turned)).astype(np.int64)
 
-    def work(self, loads: float, lost: float) -> StepWork:
+    def work(self, loads: float, lost: float, record: Floats) -> StepWork:
         """Work of the step, with that of the loads and what is lost elsewhere (J)."""
         if not self._couplings.count:
             return StepWork(loads, dissipated=lost)
         # in one go, few elements or many
-        sums = self._columns.sum(0)
-        taken, ground, numerical = float(sums[LOST]), float(sums[GROUND]), sums[NUMERICAL]
+        sums, (taken, numerical) = self._columns.sum(0), record[[DISSIPATED, BY_SCHEME]].tolist()
+        ground, actuators = float(sums[GROUND]), float(record[ACTUATORS])
         if self._late:  # by the trapezoidal rule; what is lost is along a way of its own
             taken = 0.5 * (taken + float(sums[LOST0])) * self._h / float(self._columns[0, STEP])
             ground = 0.5 * (ground + float(sums[GROUND0]))
-        lost, actuators = lost + taken, 0.0
-        if self._driven[0]:
-            k, forces = self._driven[0], self._columns[self._driven]
-            if self._late:
-                columns = [c + AMPLITUDE0 - AMPLITUDE for c in self._driven[1]]
-                forces = 0.5 * (forces + self._columns[k, columns])
-            travel = self._columns[k, [c + TRAVEL - AMPLITUDE for c in self._driven[1]]]
-            actuators = float((forces * travel).sum())
-        return StepWork(loads, actuators, lost, ground, float(numerical))
+            k, columns = self._driven[0], np.array(self._driven[1], dtype=np.int64) - AMPLITUDE
+            forces = self._columns[self._driven] + self._columns[k, columns + AMPLITUDE0]
+            actuators = float((0.5 * forces * self._columns[k, columns + TRAVEL]).sum())
+        return StepWork(loads, actuators, lost + taken, ground, numerical)
 
 
 def _turns_freely(item: Coupling) -> bool:
@@ -241,6 +254,8 @@ STRIDE, MOVED = 256, 10**6
 STRIDE_KEPT, MOVED_KEPT = 128, 10**5
 #: what depends on time in loads: dead ones, moments, and those that are fixed in bodies
 LOADS = "dead", "moments", "followers"
+#: forces of no actuators
+NONE = np.zeros(0)
 #: for how long (s) functions of time are asked ahead
 AHEAD = 0.2
 #: what steps change beside arrays, see :meth:`CompiledStep.rewind`
@@ -262,9 +277,9 @@ class BlockOfSteps(NamedTuple):
         ``h G^T lambda``.
     turns : (kept, angles) array
         Full turns of the angles of force elements.
-    iterations, residual, loads, dissipated, numerical : (steps,) arrays
-        Newton iterations, scaled residual, work of the loads, what was lost, and the part of the
-        scheme in it (J).
+    iterations, residual, loads, actuators, dissipated, numerical : (steps,) arrays
+        Newton iterations, scaled residual, work of the loads and of actuators, what was lost, and
+        the part of the scheme in it (J).
     """
 
     stuck: bool
@@ -276,6 +291,7 @@ class BlockOfSteps(NamedTuple):
     iterations: IndexArray
     residual: Floats
     loads: Floats
+    actuators: Floats
     dissipated: Floats
     numerical: Floats
 
@@ -485,7 +501,7 @@ class CompiledStep(CompiledScene):
         if not (loaded or (self._loaded and system.loading.constant)):
             self.load(self._factors_at(t))
             self._loaded = True
-        self._coupled.begin(state)
+        self._coupled.begin(state, loaded)
         moving = bool(system.moving)
         self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
         self.rates0 = self.integrator.start(system.tied, state, self.h) if scheme.table else None
@@ -522,19 +538,25 @@ class CompiledStep(CompiledScene):
         """
         o, begun, loading = self._o, monotonic(), self.system.loading
         factors: Any = loading.ahead(times, self.h)
-        if factors is None:
-            factors = []
+        forces: Any = self._coupled.ahead(times)
+        if factors is None or forces is None:
+            factors, forces = [], []
             for time in times:
                 try:
-                    factors.append(self._factors_at(time))
+                    own = self._factors_at(time), self._coupled.forces_at(time)
                 except Exception as error:
                     if not factors:
                         raise
                     self._failed = time, error
                     break
+                factors.append(own[0])
+                forces.append(own[1])
                 if monotonic() - begun > patience:
                     break
-        factors = np.array(factors)
+        factors, forces = np.array(factors), np.array(forces)
+        if forces.size:
+            o.all_driven[: len(forces)] = self._coupled.driven(forces)
+            self._coupled.drive(forces[0])
         found = loading.dead_force(factors), *(self._following(factors) if self._evaluated else ())
         for name, each in zip(LOADS, found, strict=False):
             o.__dict__[f"all_{name}"][: len(factors)] = each
@@ -554,9 +576,10 @@ class CompiledStep(CompiledScene):
         return self._alike and not (self.scheme.at_end and self._varies(time))
 
     def _varies(self, time: float) -> bool:
-        """Whether loads may change after this time (s)."""
+        """Whether loads, or forces of actuators, may change after this time (s)."""
         loading = self.system.loading
-        return not (loading.constant or time >= loading.constant_after)
+        constant = loading.constant or time >= loading.constant_after
+        return not (constant and self.system.couplings.constant)
 
     def most(self, time: float, every: bool) -> int:
         """Most steps in one go from this time (s) on."""
@@ -592,7 +615,7 @@ class CompiledStep(CompiledScene):
             solved = self._take_back(False)
         done, o, n, rows = int(self._record[DONE]), self._o, self.system.n, self.system.rows
         logged = o.log_numbers[:done].T.copy()
-        iterations, residual, loads, taken, lost, numerical, viscous = logged
+        iterations, residual, loads, taken, lost, numerical, viscous, actuators = logged
         if self._viscous is not None:
             lost = self._viscous.lost(viscous, self.h) + lost
         kept: Any = slice(done) if every else np.arange(max(0, done - 2), done) % 3
@@ -604,7 +627,8 @@ class CompiledStep(CompiledScene):
             o.log_rates[kept].reshape(count, len(o.table), n),
             o.log_impulse[kept, :rows],
             self._coupled.turns_of(o.log_turns[kept]),
-            *(iterations.astype(np.int64), residual, loads, lost + taken, numerical + taken),
+            *(iterations.astype(np.int64), residual),
+            *(loads, actuators, lost + taken, numerical + taken),
         )
 
     @cached_property
@@ -732,7 +756,7 @@ class CompiledStep(CompiledScene):
             # by the trapezoidal rule
             loads = 0.5 * (loads + self._work_at_start())
         taken = float(self._record[TAKEN])
-        work = self._coupled.work(loads, lost)
+        work = self._coupled.work(loads, lost, self._record)
         if taken:
             lost, numerical = work.dissipated + taken, work.numerical + taken
             work = work._replace(dissipated=lost, numerical=numerical)

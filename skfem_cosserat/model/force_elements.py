@@ -569,7 +569,8 @@ class Couplings:
         self._factors = len(self.times) + np.arange(len(self.functions))
         self.times += [function.term.time for function in self.functions]
         self.owners += [function.load for function in self.functions]
-        self._constant = all(isinstance(time, Constant) for time in self.times)
+        #: whether no actuator depends on time
+        self.constant = all(isinstance(time, Constant) for time in self.times)
         self._amplitudes: Floats | None = None
         none = np.zeros((0, 2), dtype=np.int64)
         pairs = [*(g.pairs for g in self._groups), *(f.pairs for f in self.functions)]
@@ -777,7 +778,7 @@ class Couplings:
         if self._amplitudes is not None:
             return self._amplitudes
         out = self._each(lambda time: time.average(t0, t1), t1)
-        if self._constant:
+        if self.constant:
             self._amplitudes = out
         return out
 

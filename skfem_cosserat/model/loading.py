@@ -27,9 +27,9 @@ from ..pattern import product_form
 from ..time_function import (
     Constant,
     TimeFunction,
+    averages_ahead,
     constant_after,
     numbers_of,
-    of_the_user,
 )
 from ..types import Array, Floats, IndexArray, numbers
 from .groups import BeamGroup, Group
@@ -272,15 +272,12 @@ class Loading:
     def ahead(self, starts: Sequence[float], h: float) -> Floats | None:
         """Exact means of all channels over steps of size h from these times on (k, channels).
 
-        The numbers that :meth:`averages` gives. None: they have to be asked for step by step, as
-        functions of users may be slow, or raise, and so does what looks at them.
+        The numbers that :meth:`averages` gives. None: they have to be asked for step by step, see
+        :func:`.averages_ahead`; or something looks at them, which may raise.
         """
-        if self.guard is not None or any(map(of_the_user, self.times)):
-            return None
-        steps = [(t, t + h) for t in starts]
-        out = np.array([[time.average(a, b) for time in self.times] for a, b in steps])
-        over = [min(each) >= self.constant_after for each in steps]
-        if any(over):
+        out = averages_ahead(self.times, starts, h) if self.guard is None else None
+        over = [min(t, t + h) >= self.constant_after for t in starts]
+        if out is not None and any(over):
             out[over] = self._last
         return out
 

@@ -227,21 +227,21 @@ class Works:
         sums = abs(self.loads), abs(self.actuators), abs(self.drives), abs(self.dissipated)
         self._largest = max(self._largest, *sums)
 
-    def add_block(self, report: BlockReport) -> tuple[Floats, Floats, Floats]:
-        """Steps in one go are done, in which neither drives nor actuators work.
+    def add_block(self, report: BlockReport) -> Floats:
+        """Steps in one go are done, in which no drives work.
 
         Returns
         -------
-        (steps,) arrays
-            After each of them: work of the loads, what is dissipated, and the scheme's part of it.
+        (4, steps) array
+            After each of them: work of the loads and of actuators, what is dissipated, and the
+            scheme's part of it.
         """
-        begun, block = (self.loads, self.dissipated, self._numerical), report.block
-        added = block.loads, block.dissipated, block.numerical
-        sums = np.cumsum(np.c_[begun, added], axis=1)[:, 1:]
-        self.loads, self.dissipated, self._numerical = sums[:, -1].tolist()
-        self._largest = max(self._largest, float(abs(sums[:2]).max()))
+        begun = self.loads, self.actuators, self.dissipated, self._numerical
+        sums: Floats = np.cumsum(np.c_[begun, report.block[-4:]], axis=1)[:, 1:]
+        self.loads, self.actuators, self.dissipated, self._numerical = sums[:, -1].tolist()
+        self._largest = max(self._largest, float(abs(sums[:3]).max()))
         self._q, self._now = report.state.q, (*self._now[:2], report.state)
-        return sums[0], sums[1], sums[2]
+        return sums
 
     def _force(self, report: StepReport, before: StepReport | None) -> Floats:
         """Constraint force of a step; at a node it is over half of the step before it, too."""
@@ -596,7 +596,7 @@ class Recorder:
         start, between = (self._row, self._numerical, self._kept), None
         if block is not None:
             sums = self.works.add_block(block)
-            between = self._between(block, *sums) if every else None
+            between = self._between(block, sums) if every else None
         else:
             self.works.add(report)
         self.bank.take(report)
@@ -613,10 +613,10 @@ class Recorder:
             self._rows += len(between["t"])
             self.writer.extend(between)
 
-    def _between(
-        self, report: BlockReport, loads: Floats, dissipated: Floats, numerical: Floats
-    ) -> dict[str, Any] | None:
+    def _between(self, report: BlockReport, sums: Floats) -> dict[str, Any] | None:
         """Rows of the states between steps that were solved in one go, by arrays; None: no rows.
+
+        `sums`: see :meth:`StepWorks.add_block`.
 
         The same as of single steps: see :meth:`_row_of` for what is in a row, and
         :meth:`_complete_row` for what the step after a state says of it.
@@ -645,11 +645,11 @@ class Recorder:
             "newton_iterations": block.iterations[own],
             "attempts": np.ones(count, dtype=np.int64),
             "residual": block.residual[own],
-            "work_loads": loads[own],
-            "work_actuators": np.full(count, works.actuators),
+            "work_loads": sums[0, own],
+            "work_actuators": sums[1, own],
             "work_drives": np.full(count, works.drives),
-            "dissipated": dissipated[own],
-            "taken": numerical[own],
+            "dissipated": sums[2, own],
+            "taken": sums[3, own],
         }
         if self._angles:
             rows["turns"] = block.turns[own]

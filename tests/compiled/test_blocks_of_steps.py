@@ -334,6 +334,26 @@ def add_springs(model, rod, pin, end):
     model.add("winding", sc.JointSpringDamper(axle, stiffness=0.05, damping=1e-3))
 
 
+def add_motors(model, rod, pin, end):
+    """Actuators: one by a function of a user, one beside a spring, two on one hinge."""
+    add_springs(model, rod, pin, end)
+    model.add("servo", sc.JointActuator(pin, lambda t: 1e-3 * np.sin(40 * t)))
+    axle = model["axle"]
+    model.add("motor", sc.JointActuator(axle, sc.Harmonic(0.5, 20.0)))
+    model.add("brake", sc.JointActuator(axle, sc.RampSmooth(0.02, 0.07, last=-0.3)))
+
+
+def add_known_motors(model, rod, pin, end):
+    """Actuators whose forces are known ahead, without loads that change."""
+    model.add("servo", sc.JointActuator(pin, sc.Table([0, 0.05, 0.1], [0, 2e-3, -1e-3])))
+
+
+def add_steady_motor(model, rod, pin, end):
+    """An actuator of one force, with a load that changes."""
+    model.add("servo", sc.JointActuator(pin, 1e-3))
+    model.add("push", sc.LoadForce(end, (0, 1e-3, 0), sc.Harmonic(1.0, 20.0)))
+
+
 def add_viscous(model, rod, pin, end):
     """A second rod, whose sections are viscous."""
     mesh = sc.MeshCurve.init_line((0, 1, 0), (1, 1, 0), 5, name="other")
@@ -395,6 +415,22 @@ def test_loads_that_are_known_ahead_are_those_of_each_step(blocks, add):
     assert max(blocks) > 60
 
 
+@pytest.mark.parametrize("add", [add_motors, add_known_motors, add_steady_motor])
+@pytest.mark.parametrize("integrator", EVERY_SCHEME, ids=repr)
+def test_actuators_do_the_same_work(blocks, integrator, add):
+    given = scene(add), integrator, sc.NullSpace(), 6e-4, 0.078
+    one, _ = run(*given, callbacks=[lambda report: None])
+    assert not blocks
+    many, _ = run(*given)
+    assert_the_same(one, many)
+    composed = isinstance(integrator, sc.Composition | sc.EnergyDecaying)
+    assert (composed or integrator.scheme(1.0).at_end) == (not blocks)
+    last, _ = run(*given, every=130)
+    for name in ("q", "work_actuators", "dissipated"):
+        np.testing.assert_array_equal(last[name][-1], one[name][-1])
+    assert abs(many["work_actuators"]).max() > 1e-5
+
+
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
 @pytest.mark.parametrize("integrator", EVERY_SCHEME, ids=repr)
 def test_viscous_sections_lose_the_same(blocks, integrator, treatment):
@@ -443,7 +479,8 @@ def test_loads_that_change_are_those_of_each_step(blocks, integrator, treatment)
     np.testing.assert_array_equal(last["work_loads"][-1], one["work_loads"][-1])
 
 
-def test_a_load_that_fails_does_so_in_its_step(blocks):
+@pytest.mark.parametrize("of", ["a load", "an actuator"])
+def test_what_fails_does_so_in_its_step(blocks, of):
     """What a function of the user raises comes where the step comes that it is asked for."""
 
     def force(t):
@@ -452,7 +489,8 @@ def test_a_load_that_fails_does_so_in_its_step(blocks):
         return t
 
     def add(model, rod, pin, end):
-        model.add("f", sc.LoadForce(end, (0, 0.1, 0), force))
+        motor = sc.JointActuator(pin, force)
+        model.add("f", motor if of == "an actuator" else sc.LoadForce(end, (0, 0.1, 0), force))
 
     given = scene(add), sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.1
     seen, found = [], []
