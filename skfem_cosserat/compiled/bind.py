@@ -818,7 +818,7 @@ def bound_carried(
         **{name: arrays[name] for name in ("moments", "followers")},
     }
     several = 0 if system.loading.constant and system.couplings.constant else most[0]
-    fields["all_driven"] = np.empty((several, len(arrays["coupled"]), DRIVEN))
+    fields["all_driven"] = np.zeros((several, len(arrays["coupled"]), DRIVEN))
     for name in ("dead", "moments", "followers"):
         fields[f"all_{name}"] = np.empty((several, *fields[name].shape))
     return structures.structure("carried", fields), fields
