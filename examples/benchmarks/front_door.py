@@ -17,6 +17,7 @@ Run ``python examples/benchmarks/front_door.py --help`` for the choices. Measure
 from __future__ import annotations
 
 import json
+import math
 import os
 import resource
 import subprocess
@@ -514,6 +515,48 @@ def derived(quick: bool) -> Iterator[Figure]:
         yield Figure(f"simulate, {name}", "s", ours, partial(bare, system, step, number + 1))
 
 
+def _with_loads(model: sc.Model, rod: sc.Beam, hinge: sc.Joint, what: str) -> None:
+    """Put something more into a scene of a rod on a hinge."""
+    end = rod.node("rod.end")
+    if what == "a load by a Table":
+        model.add("more", sc.LoadForce(end, (0.1, 0, 0), sc.Table([0, 1, 4], [0, 1, 0])))
+    elif what == "a load by a Python function":
+        model.add("more", sc.LoadForce(end, (0.1, 0, 0), lambda t: math.sin(3 * t)))
+    elif what == "a spring and damper":
+        model.add("more", sc.JointSpringDamper(hinge, stiffness=1.0, damping=0.01))
+    elif what == "a motor by Harmonic":
+        model.add("more", sc.JointActuator(hinge, sc.Harmonic(0.1, 1.0)))
+    elif what == "a prescribed turn":
+        model.add("more", sc.JointDrive(hinge, sc.RampSmooth(0, 4)))
+
+
+def laden() -> Iterator[Figure]:
+    """A run that keeps the last state, with one thing more, beside that without it."""
+    steel = sc.SectionCircle(radius=5e-3, material=sc.Material(E=210e9, nu=0.3, rho=7850))
+
+    def run(what: str = "") -> float:
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 20, name="rod")
+        section = steel.damped(viscosity=[1.0] * 6) if what == "viscous sections" else steel
+        model = sc.Model()
+        rod = model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
+        start, end = rod.node("rod.start"), rod.node("rod.end")
+        hinge = model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), start, axis=(0, 1, 0)))
+        model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+        _with_loads(model, rod, hinge, what)
+        sensors = {"tip": sc.SensorPosition(end)} if what == "a sensor" else None
+        callbacks = [lambda report: None] if what == "a callback" else []
+        own = (model.freeze(), *METHODS, 1e-3, 2.0)
+        more: dict[str, Any] = {"every": 2000, "sensors": sensors, "callbacks": callbacks}
+        return cpu(sc.simulate, *own, kernels=COMPILED, **more)
+
+    for what in (
+        *("a load by a Table", "a load by a Python function", "a spring and damper"),
+        *("a motor by Harmonic", "viscous sections", "a sensor", "a prescribed turn", "a callback"),
+    ):
+        name = f"2000 steps of a rod with {what}, to the rod alone"
+        yield Figure(name, "s", partial(run, what), run)
+
+
 def events() -> Figure:
     """Events that do not happen, by two conditions."""
     system, level = three_bar_swing.build(), 1e9
@@ -814,6 +857,7 @@ def calls(quick: bool) -> Iterator[Figure]:
             f"static, 45-degree bend: {size}", "ms", partial(bend, elements, order), import_skfem
         )
     yield events()
+    yield from laden()
 
 
 def rows_of_calls(quick: bool, repeats: int, folder: Any) -> Iterator[dict[str, Any]]:
