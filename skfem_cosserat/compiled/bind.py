@@ -782,7 +782,7 @@ def bound_carried(
     none = np.zeros((0, 3))
     function, structure, *near = (0, 0, none, none, none) if nearest is None else nearest
     fields = {
-        **{name: arrays[name] for name in ("y0", "y1", "p0", "carried")},
+        **{name: arrays[name] for name in ("y0", "y1", "p0", "carried", "ground1")},
         **{name: arrays.get(name, none) for name in ("rate0", "drift")},
         "of_drift": np.zeros(count),
         "mass_data": mass.data,
@@ -817,7 +817,11 @@ def bound_carried(
         "dead": arrays["dead"] if evaluated else arrays["external"],
         **{name: arrays[name] for name in ("moments", "followers")},
     }
-    several = 0 if system.loading.constant and system.couplings.constant else most[0]
+    same = system.loading.constant and system.couplings.constant and not system.moving
+    several = 0 if same else most[0]
+    # at both ends of each step
+    ground = several if system.moving else 0, 2, *fields["ground1"].shape
+    fields["all_ground"] = np.zeros(ground)
     fields["all_driven"] = np.zeros((several, len(arrays["coupled"]), DRIVEN))
     for name in ("dead", "moments", "followers"):
         fields[f"all_{name}"] = np.empty((several, *fields[name].shape))

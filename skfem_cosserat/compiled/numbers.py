@@ -28,18 +28,21 @@ SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(19, 25)
 #: velocities took in a step (J), and whether velocities are still to be moved; of how many steps,
 #: the last ones, states and impulses are kept; whether each step has loads of its own. What force
 #: elements dissipate in a step, and the part of the scheme in it (J); what viscous sections do (J),
-#: for ways of one second; work of actuators (J)
+#: for ways of one second; work of actuators, and of the ground through force elements (J)
 RECORD = (
     *LOOP,
     *("start", "known", "work", "asked", "done", "all_factored"),
     *("clearance", "travelled", "taken", "unmoved", "states", "varying"),
-    *("dissipated", "numerical", "viscous", "actuators"),
+    *("dissipated", "numerical", "viscous", "actuators", "ground"),
 )
 GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(8, 14)
 CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES, VARYING = range(14, 20)
-DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS = 20, 21, 22, 23
+DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS, BY_GROUND = range(20, 25)
 #: what is kept of these numbers for each of the steps in one go
-LOGGED = ITERATIONS, RESIDUAL, WORK, TAKEN, DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS
+LOGGED = (
+    *(ITERATIONS, RESIDUAL, WORK, TAKEN),
+    *(DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS, BY_GROUND),
+)
 
 #: iterations up to which no frame can have got to half a turn, where there are no closed loops
 SHORT = 8

@@ -148,13 +148,14 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
     ``h G^T lambda`` is what balances the step, and what moved its velocities: at the node of the
     start that is what the step before has left.
     """
-    record[n.DISSIPATED], record[n.BY_SCHEME], record[n.ACTUATORS] = 0.0, 0.0, 0.0
+    for i in range(n.DISSIPATED, n.BY_GROUND + 1):
+        record[i] = 0.0
     for c in range(coupled.shape[0]):
         record[n.DISSIPATED] += coupled[c, n.LOST]
         record[n.BY_SCHEME] += coupled[c, n.NUMERICAL]
+        record[n.BY_GROUND] += coupled[c, n.GROUND]
         for i in range(n.DRIVEN):
             record[n.ACTUATORS] += coupled[c, n.AMPLITUDE + i] * coupled[c, n.TRAVEL + i]
-    record[n.VISCOUS] = 0.0
     for g in range(o.viscous.shape[0]):
         record[n.VISCOUS] += o.viscous[g, n.VISCOUS_END]
     k, early, moved = int(record[n.DONE]) - 1, numbers[n.WEIGHT] == 0.0, len(o.moved) > 0
@@ -195,7 +196,13 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
 
 @inlined
 def take_loads(o: Any, coupled: Floats, k: int) -> None:
-    """Loads, and forces of actuators, of the k-th of several steps."""
+    """Loads, forces of actuators and the moving ground of the k-th of several steps."""
+    ground1, rows = o.ground1, o.p0.shape[0]
+    if o.all_ground.shape[0] > 0:
+        for r in range(ground1.shape[0]):
+            for c in range(3):
+                o.y0[rows + r, c] = o.all_ground[k, 0, r, c]
+                ground1[r, c] = o.all_ground[k, 1, r, c]
     for c in range(coupled.shape[0]):
         for i in range(n.DRIVEN):
             coupled[c, n.AMPLITUDE + i] = o.all_driven[k, c, i]

@@ -344,7 +344,7 @@ CARRIED = (
     *("R", "closing", "moved_force", "log_q", "log_p", "log_rates", "log_impulse", "log_turns"),
     *("log_numbers", "viscous"),
     *("dead", "moments", "followers", "all_dead", "all_moments", "all_followers"),
-    "all_driven",
+    *("all_driven", "ground1", "all_ground"),
 )
 #: all that a projection of velocities takes; looks at k states: q, p and v (k, rows, 3), energies
 #: (k, 2); steps; an iteration to an equilibrium, with right-hand

@@ -18,6 +18,7 @@ from ..compiled.numbers import (
     AMPLITUDE,
     AMPLITUDE0,
     ASKED,
+    BY_GROUND,
     BY_SCHEME,
     CALLED_BACK,
     CLEARANCE,
@@ -27,7 +28,6 @@ from ..compiled.numbers import (
     DRIVEN,
     END,
     ENDS,
-    GROUND,
     GROUND0,
     GUESS,
     ITERATIONS,
@@ -184,10 +184,10 @@ class Coupled:
         """Work of the step, with that of the loads and what is lost elsewhere (J)."""
         if not self._couplings.count:
             return StepWork(loads, dissipated=lost)
-        # in one go, few elements or many
-        sums, (taken, numerical) = self._columns.sum(0), record[[DISSIPATED, BY_SCHEME]].tolist()
-        ground, actuators = float(sums[GROUND]), float(record[ACTUATORS])
+        found = DISSIPATED, BY_SCHEME, BY_GROUND, ACTUATORS
+        taken, numerical, ground, actuators = record.take(found).tolist()
         if self._late:  # by the trapezoidal rule; what is lost is along a way of its own
+            sums = self._columns.sum(0)
             taken = 0.5 * (taken + float(sums[LOST0])) * self._h / float(self._columns[0, STEP])
             ground = 0.5 * (ground + float(sums[GROUND0]))
             k, columns = self._driven[0], np.array(self._driven[1], dtype=np.int64) - AMPLITUDE
@@ -277,9 +277,12 @@ class BlockOfSteps(NamedTuple):
         ``h G^T lambda``.
     turns : (kept, angles) array
         Full turns of the angles of force elements.
-    iterations, residual, loads, actuators, dissipated, numerical : (steps,) arrays
-        Newton iterations, scaled residual, work of the loads and of actuators, what was lost, and
-        the part of the scheme in it (J).
+    ground : (kept, g, 3) array
+        Rows of the ground.
+    iterations, residual : (steps,) arrays
+        Newton iterations, scaled residual.
+    loads, actuators, dissipated, by_ground, numerical : (steps,) arrays
+        Works (J), as in :class:`.scheme.StepWork`.
     """
 
     stuck: bool
@@ -288,12 +291,19 @@ class BlockOfSteps(NamedTuple):
     rates: Floats
     impulse: Floats
     turns: IndexArray
+    ground: Floats
     iterations: IndexArray
     residual: Floats
     loads: Floats
     actuators: Floats
     dissipated: Floats
+    by_ground: Floats
     numerical: Floats
+
+    @property
+    def works(self) -> tuple[Floats, ...]:
+        """Those of :class:`.scheme.StepWork`, in their order."""
+        return self[-5:]
 
     @property
     def steps(self) -> int:
@@ -357,7 +367,7 @@ class CompiledStep(CompiledScene):
         self._travelled = self._travel = self._farthest = np.inf
         #: whether nothing changes from step to step but the state, where loads do not
         self._alike = not (
-            system.moving
+            (system.moving and (scheme.at_end or self.looped))
             or not self._coupled.alike
             or self._called_back is not None
             or system.drag is not None
@@ -503,7 +513,7 @@ class CompiledStep(CompiledScene):
             self._loaded = True
         self._coupled.begin(state, loaded)
         moving = bool(system.moving)
-        self._place(state.q, (system.ground(t), system.ground(t + self.h)) if moving else None)
+        self._place(state.q, self._ground_at(t) if moving and not loaded else None)
         self.rates0 = self.integrator.start(system.tied, state, self.h) if scheme.table else None
         if system.drag is not None:
             known = self._drag_factor * state.q
@@ -522,6 +532,10 @@ class CompiledStep(CompiledScene):
         if self._called_back is not None:
             self._called_back.begin(state, self.h, scheme, self.rates0)
 
+    def _ground_at(self, time: float) -> tuple[Floats, Floats]:
+        """Rows of the ground at both ends of a step that starts at a time (s)."""
+        return self.system.ground(time), self.system.ground(time + self.h)
+
     def _factors_at(self, time: float) -> Floats:
         """Factors of all loads' channels in a step that starts at a time (s)."""
         if self._failed is not None and self._failed[0] == time:
@@ -536,14 +550,16 @@ class CompiledStep(CompiledScene):
         What a function of the user raises is kept for the step that meets it. A slow one is not
         asked for longer than `patience` (s), as nothing is solved meanwhile.
         """
-        o, begun, loading = self._o, monotonic(), self.system.loading
-        factors: Any = loading.ahead(times, self.h)
+        o, begun, loading, moving = self._o, monotonic(), self.system.loading, self.system.moving
+        factors: Any = None if moving else loading.ahead(times, self.h)
         forces: Any = self._coupled.ahead(times)
+        ground: list[Any] = []
         if factors is None or forces is None:
             factors, forces = [], []
             for time in times:
                 try:
                     own = self._factors_at(time), self._coupled.forces_at(time)
+                    ground += [self._ground_at(time)] if moving else []
                 except Exception as error:
                     if not factors:
                         raise
@@ -554,6 +570,9 @@ class CompiledStep(CompiledScene):
                 if monotonic() - begun > patience:
                     break
         factors, forces = np.array(factors), np.array(forces)
+        if moving:
+            o.all_ground[: len(ground)] = ground
+            o.y0[self.system.rows :], o.ground1[:] = ground[0]
         if forces.size:
             o.all_driven[: len(forces)] = self._coupled.driven(forces)
             self._coupled.drive(forces[0])
@@ -576,10 +595,10 @@ class CompiledStep(CompiledScene):
         return self._alike and not (self.scheme.at_end and self._varies(time))
 
     def _varies(self, time: float) -> bool:
-        """Whether loads, or forces of actuators, may change after this time (s)."""
+        """Whether loads, forces of actuators or the ground may change after this time (s)."""
         loading = self.system.loading
         constant = loading.constant or time >= loading.constant_after
-        return not (constant and self.system.couplings.constant)
+        return not (constant and self.system.couplings.constant and not self.system.moving)
 
     def most(self, time: float, every: bool) -> int:
         """Most steps in one go from this time (s) on."""
@@ -595,6 +614,7 @@ class CompiledStep(CompiledScene):
     ) -> BlockOfSteps:
         """Solve steps that end at these times (s) in one go; keep `every` state, or the last two.
 
+        Every state is kept where the ground moves, as it does work by the force of each step.
         Fewer, where something has to be looked at, or loads are not known in time (`patience`, s).
         `mark`: some of them may be taken back by :meth:`rewind`.
         """
@@ -602,6 +622,7 @@ class CompiledStep(CompiledScene):
         if mark:
             own = {name: getattr(self, name) for name in MARKED}
             self._marked = own, [array.copy() for array in self._lasting], state
+        every = every or bool(self.system.moving)
         # the last two, and a third one that may be taken back
         self._record[STATES] = self._kept if every else 3
         steps, varies = len(times), self._varies(state.time)
@@ -615,7 +636,7 @@ class CompiledStep(CompiledScene):
             solved = self._take_back(False)
         done, o, n, rows = int(self._record[DONE]), self._o, self.system.n, self.system.rows
         logged = o.log_numbers[:done].T.copy()
-        iterations, residual, loads, taken, lost, numerical, viscous, actuators = logged
+        iterations, residual, loads, taken, lost, numerical, viscous, actuators, ground = logged
         if self._viscous is not None:
             lost = self._viscous.lost(viscous, self.h) + lost
         kept: Any = slice(done) if every else np.arange(max(0, done - 2), done) % 3
@@ -627,9 +648,16 @@ class CompiledStep(CompiledScene):
             o.log_rates[kept].reshape(count, len(o.table), n),
             o.log_impulse[kept, :rows],
             self._coupled.turns_of(o.log_turns[kept]),
+            self._grounds(count),
             *(iterations.astype(np.int64), residual),
-            *(loads, actuators, lost + taken, numerical + taken),
+            *(loads, actuators, lost + taken, ground, numerical + taken),
         )
+
+    def _grounds(self, count: int) -> Floats:
+        """Rows of the ground (count, g, 3) at the ends of steps that were solved in one go."""
+        if self.system.moving:
+            return self._o.all_ground[:count, 1].copy()
+        return np.broadcast_to(self._o.ground1, (count, *self._o.ground1.shape))
 
     @cached_property
     def _lasting(self) -> list[Floats]:

@@ -196,7 +196,7 @@ class BlockReport(StepReport):
         cls, block: BlockOfSteps, times: Floats, state: State, made: Solved, origin: StepOrigin
     ) -> BlockReport:
         """Report of steps from a state on; `made` is of the last of them, but for its start."""
-        work = _work(*(float(each.sum()) for each in block[-4:]))
+        work = StepWork(*(float(each.sum()) for each in block.works))
         last = int(block.iterations[-1]), 1, float(block.residual[-1])
         out = cls(state, *last, work, made, block, times, state)
         out.state = replace(state, made_by=origin)
@@ -220,9 +220,8 @@ class BlockReport(StepReport):
         if not 0 <= k < self.steps or len(b.q) < self.steps:
             text = f"{k!r}, expected one of {self.steps} steps, taken with every=True"
             raise InputError("argument k", text)
-        work = _work(*(float(each[k]) for each in b[-4:]))
-        ground = self._solved.y1[self._solved.system.rows :]  # nothing moves by prescription
-        y1 = np.concatenate([b.q[back].reshape(-1, 3), ground])
+        work = StepWork(*(float(each[k]) for each in b.works))
+        y1 = np.concatenate([b.q[back].reshape(-1, 3), b.ground[back]])
         solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[back].copy())
         return StepReport(
             self.after(k), int(b.iterations[k]), 1, float(b.residual[k]), work, solved
@@ -248,11 +247,6 @@ class BlockReport(StepReport):
         turns = b.turns[back].copy() if b.turns.size else None
         own = b.q[back].copy(), b.p[back].copy(), False, turns, carried_rates(b.rates[back])
         return State(float(self.times[k - 1]), index, *own, self.state.made_by)
-
-
-def _work(loads: float, actuators: float, dissipated: float, numerical: float) -> StepWork:
-    """Of steps in one go, in which the ground does no work."""
-    return StepWork(loads, actuators, dissipated, numerical=numerical)
 
 
 @dataclass(eq=False, repr=False)

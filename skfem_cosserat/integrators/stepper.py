@@ -456,7 +456,7 @@ class Stepper:
             return self.advance(replace(state, plain=True), next_time, h)
         self._first, self._left_in_a_row = False, 0
         times = times[: block.steps]
-        y1 = self.system.extend(block.q[-1], float(times[-1]))
+        y1 = np.concatenate([block.q[-1].reshape(-1, 3), block.ground[-1]])
         made = Solved(self.system, self.integrator, size, state, y1, fast.impulse)
         return BlockReport.of(block, times, state, made, self._made_by(size))
 

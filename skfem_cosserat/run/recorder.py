@@ -228,20 +228,37 @@ class Works:
         self._largest = max(self._largest, *sums)
 
     def add_block(self, report: BlockReport) -> Floats:
-        """Steps in one go are done, in which no drives work.
+        """Steps in one go are done; :meth:`finish` has had the report of the first one before.
 
         Returns
         -------
-        (4, steps) array
-            After each of them: work of the loads and of actuators, what is dissipated, and the
-            scheme's part of it.
+        (5, steps) array
+            After each of them: work of the loads, of actuators and of drives, what is dissipated,
+            and the scheme's part of it.
         """
         begun = self.loads, self.actuators, self.dissipated, self._numerical
-        sums: Floats = np.cumsum(np.c_[begun, report.block[-4:]], axis=1)[:, 1:]
+        loads, actuators, dissipated, _, numerical = report.block.works
+        added = np.c_[begun, (loads, actuators, dissipated, numerical)]
+        sums: Floats = np.cumsum(added, axis=1)[:, 1:]
         self.loads, self.actuators, self.dissipated, self._numerical = sums[:, -1].tolist()
         self._largest = max(self._largest, float(abs(sums[:3]).max()))
+        drives = self._drives_along(report) if self._driven else [self.drives] * report.steps
         self._q, self._now = report.state.q, (*self._now[:2], report.state)
-        return sums
+        return np.insert(sums, 2, drives, axis=0)
+
+    def _drives_along(self, report: BlockReport) -> list[float]:
+        """Work of drives after each of several steps, each with what the next one makes of it."""
+        block, out = report.block, list[float]()
+        changes = np.diff(block.q, axis=0, prepend=self._q[None])
+        forces = block.impulse.reshape(changes.shape) / report.step
+        forces[0] = report.part(0).constraint_force  # at a start it may be over half a step
+        for k, (force, change) in enumerate(zip(forces, changes, strict=True)):
+            if k:
+                self._end(force)
+                out.append(self.drives)
+            self._add_drives(float(block.by_ground[k]), force, change)
+            self._largest = max(self._largest, abs(self.drives))
+        return [*out, self.drives]
 
     def _force(self, report: StepReport, before: StepReport | None) -> Floats:
         """Constraint force of a step; at a node it is over half of the step before it, too."""
@@ -257,13 +274,16 @@ class Works:
         self.dissipated += work.dissipated
         self._numerical += work.numerical
         if force is not None:
-            change = q - self._q
-            self.drives += work.ground - self._own * float(force @ change)
-            if self._last is not None:
-                self.drives -= self._before * float(self._last @ change)
-                self._last = force
-            self._waiting, self._ending = (change if self._next else None), force
+            self._add_drives(work.ground, force, q - self._q)
         self._q = q
+
+    def _add_drives(self, ground: float, force: Floats, change: Floats) -> None:
+        """Work of drives along a change of q, and what the ground does through force elements."""
+        self.drives += ground - self._own * float(force @ change)
+        if self._last is not None:
+            self.drives -= self._before * float(self._last @ change)
+            self._last = force
+        self._waiting, self._ending = (change if self._next else None), force
 
     def finish(self, report: StepReport) -> None:
         """The step that follows the last one: its constraint force ends that one's work."""
@@ -627,7 +647,7 @@ class Recorder:
         k = np.flatnonzero(self.wanted(index, report.times[:-1], report.step))
         if not len(k):
             return None
-        block, works, integrator = report.block, self.works, self.stepper.integrator
+        block, integrator = report.block, self.stepper.integrator
         # as slices: no copies
         own, after = (slice(0, -1), slice(1, None)) if len(k) == len(index) else (k, k + 1)
         h, impulse = report.step, block.impulse.reshape(report.steps, -1)
@@ -647,9 +667,9 @@ class Recorder:
             "residual": block.residual[own],
             "work_loads": sums[0, own],
             "work_actuators": sums[1, own],
-            "work_drives": np.full(count, works.drives),
-            "dissipated": sums[2, own],
-            "taken": sums[3, own],
+            "work_drives": sums[2, own],
+            "dissipated": sums[3, own],
+            "taken": sums[4, own],
         }
         if self._angles:
             rows["turns"] = block.turns[own]

@@ -203,8 +203,6 @@ class View:
 class Views:
     """Several states of a run as conditions see them together, as far as steps in one go have them.
 
-    So nothing moves by prescription.
-
     Parameters
     ----------
     system : System

@@ -354,6 +354,47 @@ def add_steady_motor(model, rod, pin, end):
     model.add("push", sc.LoadForce(end, (0, 0, 1e-3), sc.Harmonic(1.0, 20.0)))
 
 
+def add_driven(model, rod, pin, end):
+    """Prescribed motion of all kinds: of a hinge, and of ground that a spring and a rope hold."""
+    model.add("drive", sc.JointDrive(pin, lambda t: 5 * t**2))
+    motion = sc.Motion(lambda t: (0, 0.1 * np.sin(30 * t) ** 2, 0.1 * t * t))
+    support = sc.ground((0.5, 0, 1), motion)
+    model.add("strut", sc.SpringDamper(support, end, stiffness=0.05, damping=0.01))
+    bob = model.add("bob", sc.MassPoint(0.01, (0.5, 0, 0.5)))
+    model.add("rope", sc.JointDistance(support, bob.place()))
+    model.add("push", sc.LoadForce(end, (0, 1e-3, 0), sc.Harmonic(1.0, 20.0)))
+
+
+def add_known_drive(model, rod, pin, end):
+    """A hinge that turns by a function of ours, more than once."""
+    body = sc.RigidBody(0.1, (1e-3, 2e-3, 2e-3), position=(0, 1, 0))
+    wheel = model.add("wheel", body)
+    axle = model.add(
+        "axle", sc.JointRevolute(sc.ground((0, 1, 0)), wheel.at((0, 1, 0)), axis=(1, 0, 0))
+    )
+    model.add("drive", sc.JointDrive(axle, sc.RampSmooth(0, 0.1, last=5.0)))
+    bob = model.add("bob", sc.MassPoint(0.01, (0, 1, 1)))
+    model.add("strut", sc.SpringDamper(wheel.at((0, 1, 0.1)), bob.place(), 1.0, damping=0.01))
+
+
+def add_driven_loop(model, rod, pin, end):
+    """A motor of a four-bar linkage beside the rod."""
+    bars = [
+        model.add(f"bar {k}", sc.RigidBody(0.1, (1e-3, 1e-3, 1e-3), position=x))
+        for k, x in enumerate(((0, 2, 0.5), (0.5, 2, 1), (1, 2, 0.5)))
+    ]
+    places = (0, 2, 0), (0, 2, 1), (1, 2, 1), (1, 2, 0)
+    sides = [sc.ground(places[0]), bars[0].at(places[0])]
+    crank = model.add("crank", sc.JointRevolute(*sides, axis=(0, 1, 0)))
+    for k in (1, 2):
+        sides = [bars[k - 1].at(places[k]), bars[k].at(places[k])]
+        model.add(f"pin {k}", sc.JointRevolute(*sides, axis=(0, 1, 0)))
+    model.add(
+        "pin 3", sc.JointRevolute(sc.ground(places[3]), bars[2].at(places[3]), axis=(0, 1, 0))
+    )
+    model.add("drive", sc.JointDrive(crank, lambda t: t**2))
+
+
 def add_viscous(model, rod, pin, end):
     """A second rod, whose sections are viscous."""
     mesh = sc.MeshCurve.init_line((0, 1, 0), (1, 1, 0), 5, name="other")
@@ -397,6 +438,10 @@ MORE = {
     ),
     "a motor": (
         lambda model, rod, pin, end: model.add("m", sc.JointDrive(pin, lambda t: t**2)),
+        True,
+    ),
+    "a motor in a closed loop": (
+        add_driven_loop,
         False,
     ),
 }
@@ -429,6 +474,26 @@ def test_actuators_do_the_same_work(blocks, integrator, add):
     for name in ("q", "work_actuators", "dissipated"):
         np.testing.assert_array_equal(last[name][-1], one[name][-1])
     assert abs(many["work_actuators"]).max() > 1e-6
+
+
+@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
+@pytest.mark.parametrize("add", [add_driven, add_known_drive])
+@pytest.mark.parametrize("integrator", EVERY_SCHEME, ids=repr)
+def test_prescribed_motion_does_the_same_work(blocks, integrator, add, treatment):
+    """Recorded or not, seen by sensors of forces or not."""
+    given = scene(add), integrator, treatment, 6e-4, 0.06
+    one, error = run(*given, callbacks=[lambda report: None])
+    assert not blocks
+    many, other = run(*given)
+    assert_the_same(one, many)
+    assert str(error) == str(other)
+    composed = isinstance(integrator, sc.Composition | sc.EnergyDecaying)
+    late = composed or integrator.scheme(1.0).at_end
+    assert late or integrator.scheme(1.0).moved or blocks
+    last, _ = run(*given, every=100)
+    for name in ("q", "work_drives", "dissipated"):
+        np.testing.assert_array_equal(last[name][-1], one[name][-1])
+    assert abs(np.nan_to_num(many["work_drives"])).max() > 1e-6
 
 
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
@@ -479,18 +544,22 @@ def test_loads_that_change_are_those_of_each_step(blocks, integrator, treatment)
     np.testing.assert_array_equal(last["work_loads"][-1], one["work_loads"][-1])
 
 
-@pytest.mark.parametrize("of", ["a load", "an actuator"])
+@pytest.mark.parametrize("of", ["a load", "an actuator", "a drive"])
 def test_what_fails_does_so_in_its_step(blocks, of):
     """What a function of the user raises comes where the step comes that it is asked for."""
 
     def force(t):
         if t > 0.05:
             raise RuntimeError("no wind is known")
-        return t
+        return t * t
 
     def add(model, rod, pin, end):
-        motor = sc.JointActuator(pin, force)
-        model.add("f", motor if of == "an actuator" else sc.LoadForce(end, (0, 0.1, 0), force))
+        made = {
+            "a load": lambda: sc.LoadForce(end, (0, 0.1, 0), force),
+            "an actuator": lambda: sc.JointActuator(pin, force),
+            "a drive": lambda: sc.JointDrive(pin, force),
+        }
+        model.add("f", made[of]())
 
     given = scene(add), sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.1
     seen, found = [], []
