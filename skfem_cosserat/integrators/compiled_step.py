@@ -367,7 +367,7 @@ class CompiledStep(CompiledScene):
         self._travelled = self._travel = self._farthest = np.inf
         #: whether nothing changes from step to step but the state, where loads do not
         self._alike = not (
-            (system.moving and (scheme.at_end or self.looped))
+            (system.moving and scheme.at_end)
             or not self._coupled.alike
             or self._called_back is not None
             or system.drag is not None

@@ -298,9 +298,8 @@ def simulate(
         run ended.
     every : int
         Record every k-th step (the first and the last state always). Compiled kernels take many
-        steps in one go, recorded ones too, where there are no force elements, damping and
-        prescribed motion: the same steps for less, unless callbacks, sensors or a function for
-        `progress` look at each.
+        steps in one go, recorded ones too: the same steps for less, unless callbacks or a function
+        for `progress` look at each. Page 12 of the guide says in which scenes they do not.
     at : sequence of float, optional
         Record the states nearest to these times instead, beside the first and the last.
     callbacks : sequence of callable

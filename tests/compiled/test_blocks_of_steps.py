@@ -440,10 +440,6 @@ MORE = {
         lambda model, rod, pin, end: model.add("m", sc.JointDrive(pin, lambda t: t**2)),
         True,
     ),
-    "a motor in a closed loop": (
-        add_driven_loop,
-        False,
-    ),
 }
 
 
@@ -477,7 +473,7 @@ def test_actuators_do_the_same_work(blocks, integrator, add):
 
 
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
-@pytest.mark.parametrize("add", [add_driven, add_known_drive])
+@pytest.mark.parametrize("add", [add_driven, add_known_drive, add_driven_loop])
 @pytest.mark.parametrize("integrator", EVERY_SCHEME, ids=repr)
 def test_prescribed_motion_does_the_same_work(blocks, integrator, add, treatment):
     """Recorded or not, seen by sensors of forces or not."""
