@@ -308,7 +308,8 @@ def _clenshaw_curtis(n: int) -> tuple[Floats, Floats, Floats]:
 
 
 _ALL, _LESS = _clenshaw_curtis(16), _clenshaw_curtis(8)
-_AT, _BY = _ALL[0].tolist(), _ALL[1].tolist()
+#: without both ends, at which a function is asked exactly: it may not be defined beyond them
+_INSIDE, _BY = _ALL[0][1:-1].tolist(), _ALL[1].tolist()
 #: what tells of an error: the difference to every second point, and a coefficient that sees kinks
 #: where both agree by chance
 _SIGNS = (_ALL[1] - np.insert(_LESS[1], range(1, 9), 0.0)).tolist(), _ALL[2].tolist()
@@ -349,28 +350,36 @@ class FunctionOfTime(Frozen):
         self.kinks = np.sort(numbers("function of time", "kinks", kinks))
         if self.kinks.ndim != 1 or not np.isfinite(self.kinks).all():
             raise InputError("function of time", f"kinks = {kinks!r}, expected finite times")
+        self._listed: list[float] = self.kinks.tolist()
 
     def _brief(self) -> str:
         return brief(self.function)
 
     def value(self, t: float) -> float:
         """The function's value, which must be a finite number."""
-        try:
-            out = self.function(t)
-        except Exception as error:
-            raise failed("function of time", "it", error, t) from error
-        if isinstance(out, float) and math.isfinite(out):
-            return float(out)  # by far the most common, those of numpy among them
-        number = numbers("function of time", f"value at t = {t!r}", out)
-        if number.shape != () or not np.isfinite(number):
-            raise InputError("function of time", f"value {out!r} at t = {t!r}, expected a number")
-        return float(number)
+        return self._values([t])[0]
+
+    def _values(self, times: Sequence[float]) -> list[float]:
+        """The function's values, up to the first that is no finite number."""
+        out, function = [], self.function
+        for t in times:
+            try:
+                value = function(t)
+            except Exception as error:
+                raise failed("function of time", "it", error, t) from error
+            if not (isinstance(value, float) and math.isfinite(value)):
+                number = numbers("function of time", f"value at t = {t!r}", value)
+                if number.shape != () or not np.isfinite(number):
+                    wrong = f"value {value!r} at t = {t!r}, expected a number"
+                    raise InputError("function of time", wrong)
+                value = float(number)
+            out.append(float(value))
+        return out
 
     def average(self, t0: float, t1: float) -> float:
         """Mean over [t0, t1]."""
         t0, t1 = min(t0, t1), max(t0, t1)
-        inside = self.kinks[(self.kinks > t0) & (self.kinks < t1)]
-        ends = [t0, *inside.tolist(), t1]
+        ends = [t0, *(t for t in self._listed if t0 < t < t1), t1]
         return sum(self._integral(a, b) for a, b in pairwise(ends)) / (t1 - t0)
 
     def _integral(self, a: float, b: float) -> float:
@@ -389,7 +398,7 @@ class FunctionOfTime(Frozen):
 
     def _piece(self, a: float, b: float) -> _Piece:
         mid, half = (a + b) / 2, (b - a) / 2
-        f = [self.value(mid + half * x) for x in _AT]
+        f = self._values([a, *(mid + half * x for x in _INSIDE), b])
         error = 0.0
         if b - a > 1e-14 * max(abs(a), abs(b)):  # else a jump, pinned down to rounding
             error = half * max(abs(sum(map(mul, each, f))) for each in _SIGNS)

@@ -112,6 +112,10 @@ def test_averages_find_a_jump_wherever_it_is(count):
         pytest.approx(100 * (np.cos(0.6) - np.cos(0.63)) / 3, rel=1e-14)
     )
     assert len(calls) == 17
+    for k in range(1, 300):  # a function that is defined up to the ends of a step only
+        calls.clear()
+        sc.FunctionOfTime(lambda t: calls.append(t) or 1.0).average(0.013 * k, 0.0171 * k)
+        assert (min(calls), max(calls)) == (0.013 * k, 0.0171 * k)
     calls.clear()
 
     def noisy(t):
