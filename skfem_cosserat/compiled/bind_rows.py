@@ -72,7 +72,7 @@ def _no_rows() -> dict[str, Any]:
     """The same where there are none, which takes a twentieth of the time."""
     lists = ("products", "linear", "weighted", "pairs", "numbers")
     return {
-        **{f"row_{name}": np.zeros((0, 8), dtype=np.int64) for name in lists},
+        **{f"row_{name}": np.zeros((0, 6), dtype=np.int64) for name in lists},
         **{f"row_{name}": room((0, 6)) for name in ("constant", "size", "on", "weight")},
         "row_kept": room((0, 6), bool),
         **{f"row_{name}": np.zeros(0) for name in ("factors", "linear_factors")},
