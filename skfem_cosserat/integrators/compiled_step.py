@@ -545,7 +545,7 @@ class CompiledStep(CompiledScene):
         return loading.values(end) if self.scheme.at_end else loading.averages(time, end)
 
     def _load_all(self, times: Sequence[float], patience: float) -> int:
-        """Loads of several steps, from these times (s) on; of how many they are known.
+        """Loads, motors and ground of steps from these times (s) on; of how many they are known.
 
         What a function of the user raises is kept for the step that meets it. A slow one is not
         asked for longer than `patience` (s), as nothing is solved meanwhile.
@@ -591,7 +591,7 @@ class CompiledStep(CompiledScene):
         return int(self._record[ITERATIONS]), self.residual
 
     def takes_blocks(self, time: float) -> bool:
-        """Whether steps from this time (s) on differ in where they start and in loads only."""
+        """Whether steps from this time (s) on differ in nothing but their start and functions of it."""
         return self._alike and not (self.scheme.at_end and self._varies(time))
 
     def _varies(self, time: float) -> bool:
