@@ -591,7 +591,7 @@ class CompiledStep(CompiledScene):
         return int(self._record[ITERATIONS]), self.residual
 
     def takes_blocks(self, time: float) -> bool:
-        """Whether steps from this time (s) on differ in nothing but their start and functions of it."""
+        """Whether steps from this time (s) on differ in nothing but state and known functions."""
         return self._alike and not (self.scheme.at_end and self._varies(time))
 
     def _varies(self, time: float) -> bool:
