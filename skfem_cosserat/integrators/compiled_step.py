@@ -113,7 +113,10 @@ class Coupled:
         self.channels = len(couplings.times)
         # of each time of an actuator, in their order
         driven = [number[id(item)] for item in couplings.owners]
-        self._driven = driven, [AMPLITUDE + driven[:k].count(c) for k, c in enumerate(driven)]
+        self._driven = (
+            np.array(driven, dtype=np.int64),
+            np.array([driven[:k].count(c) for k, c in enumerate(driven)], dtype=np.int64),
+        )
 
     def resize(self, scheme: Scheme, h: float) -> None:
         """Take steps of another size (s)."""
@@ -141,26 +144,27 @@ class Coupled:
     def driven(self, forces: Floats) -> Floats:
         """Forces (k, channels) of actuators, by force elements (k, count, DRIVEN)."""
         out = np.zeros((len(forces), len(self._columns), DRIVEN))
-        rows, columns = self._driven
-        out[:, rows, np.array(columns, dtype=np.int64) - AMPLITUDE] = forces
+        out[:, *self._driven] = forces
         return out
 
     def begin(self, state: State, loaded: bool = False) -> None:
         """Forces of actuators, unless they are there, and full turns at the start of a step."""
-        if self._driven[0] and not loaded:
+        if self.channels and not loaded:
             start, end = state.time, state.time + self._h
             if self._late:
-                rows, columns = self._driven
                 self.drive(self._couplings.values(end)[:-1])
-                at_start = rows, [c + AMPLITUDE0 - AMPLITUDE for c in columns]
-                self._columns[at_start] = self._couplings.values(start)[:-1]
+                self._of_actuators(AMPLITUDE0)[self._driven] = self._couplings.values(start)[:-1]
             else:
                 self.drive(self.forces_at(start))
         self.turn(state.turns)
 
+    def _of_actuators(self, first: int) -> Floats:
+        """Columns (count, DRIVEN) from one on, in place: what force elements have by channels."""
+        return self._columns[:, first : first + DRIVEN]
+
     def drive(self, forces: Floats) -> None:
         """Take these of the actuators' channels."""
-        self._columns[self._driven] = forces
+        self._of_actuators(AMPLITUDE)[self._driven] = forces
 
     def turn(self, turns: IndexArray | None) -> None:
         """Take these full turns at the start of a step, as in a state."""
@@ -190,9 +194,8 @@ class Coupled:
             sums = self._columns.sum(0)
             taken = 0.5 * (taken + float(sums[LOST0])) * self._h / float(self._columns[0, STEP])
             ground = 0.5 * (ground + float(sums[GROUND0]))
-            k, columns = self._driven[0], np.array(self._driven[1], dtype=np.int64) - AMPLITUDE
-            forces = self._columns[self._driven] + self._columns[k, columns + AMPLITUDE0]
-            actuators = float((0.5 * forces * self._columns[k, columns + TRAVEL]).sum())
+            forces = self._of_actuators(AMPLITUDE) + self._of_actuators(AMPLITUDE0)
+            actuators = float((0.5 * forces * self._of_actuators(TRAVEL)).sum())
         return StepWork(loads, actuators, lost + taken, ground, numerical)
 
 
@@ -252,6 +255,9 @@ class Viscous:
 #: as Ctrl-C waits for them; the same where every state is kept
 STRIDE, MOVED = 256, 10**6
 STRIDE_KEPT, MOVED_KEPT = 128, 10**5
+#: states of a block that are kept at least, beside one that may be taken back: starts and ends of
+#: three steps, from which the last constraint force follows where no step comes after it
+LAST = 4
 #: what depends on time in loads: dead ones, moments, and those that are fixed in bodies
 LOADS = "dead", "moments", "followers"
 #: forces of no actuators
@@ -303,7 +309,7 @@ class BlockOfSteps(NamedTuple):
     @property
     def works(self) -> tuple[Floats, ...]:
         """Those of :class:`.scheme.StepWork`, in their order."""
-        return self[-5:]
+        return self.loads, self.actuators, self.dissipated, self.by_ground, self.numerical
 
     @property
     def steps(self) -> int:
@@ -387,8 +393,8 @@ class CompiledStep(CompiledScene):
         self._moves = bool(scheme.moved) and self.system.m > 0
         counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
         n = max(1, self.system.n)
-        self._kept = max(3, min(STRIDE, STRIDE_KEPT, MOVED_KEPT // n))
-        self._most = max(3, min(STRIDE, MOVED // n))
+        self._kept = max(LAST + 1, min(STRIDE, STRIDE_KEPT, MOVED_KEPT // n))
+        self._most = max(LAST + 1, min(STRIDE, MOVED // n))
         nearest = None if self._nearest is None else self._nearest.bound
         own = counts, nearest, self._normal, (self._kept, self._most), self._evaluated
         viscous = None if self._viscous is None else self._viscous.numbers
@@ -612,7 +618,7 @@ class CompiledStep(CompiledScene):
         mark: bool = False,
         patience: float | None = None,
     ) -> BlockOfSteps:
-        """Solve steps that end at these times (s) in one go; keep `every` state, or the last two.
+        """Solve steps that end at these times (s) in one go; keep `every` state, or the last.
 
         Every state is kept where the ground moves, as it does work by the force of each step.
         Fewer, where something has to be looked at, or loads are not known in time (`patience`, s).
@@ -623,8 +629,7 @@ class CompiledStep(CompiledScene):
             own = {name: getattr(self, name) for name in MARKED}
             self._marked = own, [array.copy() for array in self._lasting], state
         every = every or bool(self.system.moving)
-        # the last two, and a third one that may be taken back
-        self._record[STATES] = self._kept if every else 3
+        self._record[STATES] = self._kept if every else LAST + 1
         steps, varies = len(times), self._varies(state.time)
         if varies:
             starts = [state.time, *times[:-1].tolist()]
@@ -639,7 +644,7 @@ class CompiledStep(CompiledScene):
         iterations, residual, loads, taken, lost, numerical, viscous, actuators, ground = logged
         if self._viscous is not None:
             lost = self._viscous.lost(viscous, self.h) + lost
-        kept: Any = slice(done) if every else np.arange(max(0, done - 2), done) % 3
+        kept: Any = slice(done) if every else np.arange(max(0, done - LAST), done) % (LAST + 1)
         count = done if every else len(kept)
         return BlockOfSteps(
             not solved,

@@ -118,7 +118,7 @@ class StepReport:
         return self.iterations
 
     def part(self, k: int) -> StepReport:
-        """The k-th of them, as if it were alone; of a block of which every state is kept.
+        """The k-th of them, as if it were alone; the last three, or any, if every state is kept.
 
         It is there until the stepper takes the next ones.
 
@@ -217,7 +217,8 @@ class BlockReport(StepReport):
     def part(self, k: int) -> StepReport:
         """See the base class."""
         b, back = self.block, k - self.steps
-        if not 0 <= k < self.steps or len(b.q) < self.steps:
+        known = self.steps - len(b.q)  # without those whose start is not kept
+        if not (known + 1 if known else 0) <= k < self.steps:
             text = f"{k!r}, expected one of {self.steps} steps, taken with every=True"
             raise InputError("argument k", text)
         work = StepWork(*(float(each[k]) for each in b.works))

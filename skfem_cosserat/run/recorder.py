@@ -556,7 +556,6 @@ class Recorder:
         if row and not np.isfinite(row["constraint_force"]).all() and row is not self._first:
             before, known = None, list[tuple[float, Floats]]()
             for step in self._steps:
-                before = before if step.steps == 1 else None
                 found = force_of_state(self.stepper.integrator, before, step)
                 known += [] if found is None else [(found[0].time, found[1])]
                 before = step
@@ -615,11 +614,12 @@ class Recorder:
         self._complete_row(report.part(0) if every else report)
         start, between = (self._row, self._numerical, self._kept), None
         if block is not None:
+            last = range(max(1, block.steps - 3), block.steps)
+            self._steps.extend(block.part(k) for k in last)
             sums = self.works.add_block(block)
             between = self._between(block, sums) if every else None
         else:
             self.works.add(report)
-        self.bank.take(report)
         self.iterations += report.all_iterations
         state = self._before = report.state
         force = None
@@ -632,16 +632,16 @@ class Recorder:
             self._taken.extend(between.pop("taken").tolist())
             self._rows += len(between["t"])
             self.writer.extend(between)
+        self.bank.take(report)  # last, as an own sensor may raise
 
     def _between(self, report: BlockReport, sums: Floats) -> dict[str, Any] | None:
         """Rows of the states between steps that were solved in one go, by arrays; None: no rows.
 
-        `sums`: see :meth:`StepWorks.add_block`.
+        `sums`: see :meth:`Works.add_block`.
 
         The same as of single steps: see :meth:`_row_of` for what is in a row, and
         :meth:`_complete_row` for what the step after a state says of it.
         """
-        self._steps.extend(report.part(k) for k in range(max(1, report.steps - 3), report.steps))
         first = report.part(0).state.index
         index = np.arange(first, first + report.steps - 1)
         k = np.flatnonzero(self.wanted(index, report.times[:-1], report.step))

@@ -868,8 +868,8 @@ def window_of(
 ) -> Window:
     """Of states q (k, n) at times t, and instants, rows and forces of those that have forces."""
     return Window(
-        t,
-        q,
+        np.array(t),
+        np.array(q),  # an own sensor may write there
         np.array([t for t, _, _ in steps]),
         np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3),
         np.array([f for _, _, f in steps]).reshape(-1, system.n),
