@@ -29,7 +29,7 @@ from ..model import System
 from ..types import Floats, IndexArray, numbers, spread
 from ..warn import Notices, logger, warn
 from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
-from .sensors import Sensor, SensorBank, checked_sensors
+from .sensors import BLOCK, Sensor, SensorBank, checked_sensors
 
 # -- work done since the start of a run, and the balance of energy at its end ----------------------
 
@@ -620,6 +620,7 @@ class Recorder:
             between = self._between(block, sums) if every else None
         else:
             self.works.add(report)
+        self.bank.take(report)
         self.iterations += report.all_iterations
         state = self._before = report.state
         force = None
@@ -632,7 +633,7 @@ class Recorder:
             self._taken.extend(between.pop("taken").tolist())
             self._rows += len(between["t"])
             self.writer.extend(between)
-        self.bank.take(report)  # last, as an own sensor may raise
+        self.bank.flush(BLOCK)  # at last, as an own sensor may raise
 
     def _between(self, report: BlockReport, sums: Floats) -> dict[str, Any] | None:
         """Rows of the states between steps that were solved in one go, by arrays; None: no rows.

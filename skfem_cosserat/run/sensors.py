@@ -805,8 +805,6 @@ class SensorBank:
         if self._forces:
             for k in range(report.steps):
                 self._take_force(report.part(k))
-        if sum(len(t) for t, _ in self._seen) >= BLOCK:
-            self.flush()
 
     def _take_force(self, report: StepReport) -> None:
         found = force_of_state(self._integrator, self._before, report)
@@ -816,9 +814,9 @@ class SensorBank:
             y = self.system.extend(state.q, state.time)
             self._steps.append((state.time, y, force))
 
-    def flush(self) -> None:
-        """Write what has been collected."""
-        if not self._seen and not self._steps:
+    def flush(self, least: int = 0) -> None:
+        """Write what has been collected, if it is at least so many states; own sensors may raise."""
+        if not (self._seen or self._steps) or sum(len(t) for t, _ in self._seen) < least:
             return
         none = np.zeros(0), np.zeros((0, self.system.n))
         t, q = map(np.concatenate, zip(none, *self._seen, strict=True))

@@ -603,7 +603,7 @@ def test_a_class_of_a_user_is_asked_step_by_step(blocks, item):
 
     given = scene(add), sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.1
     with pytest.raises(
-        sc.InputError, match="'f': its function of time failed at t = 0.051"
+        sc.InputError, match=r"'f': its function of time failed at t = 0\.051"
     ) as info:
         sc.simulate(*given, kernels="numba", derive=False)
     assert len(info.value.history) == 51 and 45 < sum(blocks) <= 50
