@@ -815,7 +815,7 @@ class SensorBank:
             self._steps.append((state.time, y, force))
 
     def flush(self, least: int = 0) -> None:
-        """Write what has been collected, if it is at least so many states; own sensors may raise."""
+        """Write what has been collected, if it is so many states at least; a sensor may raise."""
         if not (self._seen or self._steps) or sum(len(t) for t, _ in self._seen) < least:
             return
         none = np.zeros(0), np.zeros((0, self.system.n))
