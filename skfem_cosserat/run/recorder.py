@@ -279,9 +279,9 @@ class Works:
 
     def _add_drives(self, ground: float, force: Floats, change: Floats) -> None:
         """Work of drives along a change of q, and what the ground does through force elements."""
-        self.drives += ground - self._own * float(force @ change)
+        self.drives += ground - self._own * _along(force, change)
         if self._last is not None:
-            self.drives -= self._before * float(self._last @ change)
+            self.drives -= self._before * _along(self._last, change)
             self._last = force
         self._waiting, self._ending = (change if self._next else None), force
 
@@ -292,7 +292,7 @@ class Works:
 
     def _end(self, force: Floats | None) -> None:
         if self._waiting is not None and force is not None:
-            self.drives -= self._next * float(force @ self._waiting)
+            self.drives -= self._next * _along(force, self._waiting)
             self._waiting = None
 
     @property
@@ -324,7 +324,7 @@ class Works:
             return None
         drives, lost = self.drives, self.dissipated - self._numerical
         if self._waiting is not None:
-            drives -= self._next * float(self._ending @ self._waiting)
+            drives -= self._next * _along(self._ending, self._waiting)
         works = self.loads, self.actuators, drives, lost
         scale = max(abs(start), abs(end), self._largest)
         held = 0.0 if force is None else float(np.nansum(abs(force * state.q)))
@@ -337,6 +337,11 @@ class Works:
     def known_drives(self) -> float:
         """Work of drives (J); NaN while a part of it is unknown."""
         return self.drives if self._waiting is None else np.nan
+
+
+def _along(force: Floats, change: Floats) -> float:
+    """Work of a force; the sum does not depend, as of BLAS, on where in memory they begin."""
+    return float((force * change).sum())
 
 
 # -- which states are recorded, and when a row of the history is complete --------------------------
