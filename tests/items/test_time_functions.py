@@ -109,7 +109,7 @@ def test_averages_find_a_jump_wherever_it_is(count):
         assert abs(0.1 * kink.average(0.0, 0.1) - gap**2 / 2) < 1e-15
     calls = []
     assert sc.FunctionOfTime(lambda t: calls.append(t) or np.sin(3 * t)).average(0.2, 0.21) == (
-        pytest.approx(100 * (np.cos(0.6) - np.cos(0.63)) / 3, rel=1e-14)
+        pytest.approx(np.sin(0.615) * np.sin(0.015) / 0.015, rel=1e-13)
     )
     assert len(calls) == 17
     for k in range(1, 300):  # a function that is defined up to the ends of a step only
