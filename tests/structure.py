@@ -1,128 +1,107 @@
-"""How the package is built, in numbers: a report, no aim by itself.
+"""How large the package, its tests and the examples are, and whether that is within their budget.
 
     python tests/structure.py [--simulate]
 
-``--simulate`` also counts in how many modules a call of ``simulate`` and a step in numpy run code.
+The size is the number of nodes of the syntax tree without docstrings, so neither layout nor names
+nor comments change it. Constants are the numbers, and tuples of numbers, that modules and classes
+give an upper-case name. ``budget.txt`` has the largest size that each folder may have; the program
+ends with 1 if one is larger. ``--simulate`` also counts in how many modules a call of ``simulate``
+and a step in numpy run code.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import io
 import sys
-import tokenize
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from itertools import combinations
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
-PACKAGE = Path(__file__).resolve().parents[1] / "skfem_cosserat"
-#: identical lines in a row that make a passage
-PASSAGE = 6
-_LAYOUT = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT}
-_LAYOUT |= {tokenize.ENCODING, tokenize.ENDMARKER}
+ROOT = Path(__file__).resolve().parents[1]
+#: folders by their names in budget.txt
+FOLDERS = {"package": "skfem_cosserat", "tests": "tests", "examples": "examples"}
+_DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
-def sources() -> dict[Path, str]:
-    """Text of each file of the package."""
-    return {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
+def docstring(node: ast.AST) -> list[ast.AST]:
+    """The nodes of the docstring of a module, class or function."""
+    if isinstance(node, _DOCUMENTED) and node.body and isinstance(node.body[0], ast.Expr):
+        value = node.body[0].value
+        if isinstance(value, ast.Constant) and isinstance(value.value, str):
+            return [node.body[0], value]
+    return []
 
 
-def code_lines(text: str) -> int:
-    """Lines that hold code: no docstrings, comments, blanks."""
-    lines: set[int] = set()
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type not in _LAYOUT:
-            lines.update(range(token.start[0], token.end[0] + 1))
-    for node in ast.walk(ast.parse(text)):
-        if not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
-            continue
-        if isinstance(node.value.value, str):
-            lines.difference_update(range(node.lineno, (node.end_lineno or 0) + 1))
-    return len(lines)
+def size(tree: ast.Module) -> int:
+    """Number of nodes of a syntax tree, without docstrings and the contexts of names."""
+    nodes = [node for node in ast.walk(tree) if not isinstance(node, ast.expr_context)]
+    return len(nodes) - sum(len(docstring(node)) for node in nodes)
 
 
-def name_of(path: Path) -> str:
-    """Dotted, below the package."""
-    parts = path.relative_to(PACKAGE).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+def is_number(value: ast.expr) -> bool:
+    """Tell whether an expression is a number or a sequence of numbers."""
+    match value:
+        case ast.Constant(value=bool()):
+            return False
+        case ast.Constant(value=int() | float()):
+            return True
+        case ast.UnaryOp(operand=operand):
+            return is_number(operand)
+        case ast.BinOp(left=left, right=right):
+            return is_number(left) or is_number(right)
+        case ast.Tuple(elts=parts) | ast.List(elts=parts):
+            return bool(parts) and all(map(is_number, parts))
+    return False
 
 
-def importers(texts: dict[Path, str]) -> dict[str, set[str]]:
-    """Which modules import each one; those of `__init__` files and for annotations count not."""
-    known = {name_of(path) for path in texts}
-    found: dict[str, set[str]] = defaultdict(set)
-    for path, text in texts.items():
-        own = name_of(path)
-        if path.name == "__init__.py":
-            continue
-        for node in _run(ast.parse(text)):
-            if isinstance(node, ast.ImportFrom) and node.level:
-                base = own.split(".")[: -node.level]
-                base += node.module.split(".") if node.module else []
-                for alias in node.names:
-                    name = ".".join([*base, alias.name])
-                    name = name if name in known else ".".join(base)
-                    if name and name != own:
-                        found[name].add(own)
-    return found
+def assigned(node: ast.stmt) -> Iterable[tuple[ast.expr, ast.expr]]:
+    """Targets and values of an assignment, those of a tuple one by one."""
+    match node:
+        case ast.Assign(targets=[ast.Tuple(elts=names), *_], value=ast.Tuple(elts=values)):
+            return zip(names, values, strict=True)
+        case ast.Assign(targets=[ast.Tuple(elts=names), *_], value=value):
+            return [(name, value) for name in names]
+        case ast.Assign(targets=[name, *_], value=value):
+            return [(name, value)]
+        case ast.AnnAssign(target=name, value=ast.expr() as value):
+            return [(name, value)]
+    return []
 
 
-def _run(node: ast.AST) -> Iterable[ast.AST]:
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
-            continue
-        yield child
-        yield from _run(child)
-
-
-def passages(texts: dict[Path, str]) -> int:
-    """Pairs of files that share a passage; imports are none."""
-    where: dict[tuple[str, ...], set[Path]] = defaultdict(set)
-    for path, text in texts.items():
-        lines = [line.strip() for line in text.splitlines()]
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.Import | ast.ImportFrom):
-                for k in range(node.lineno - 1, node.end_lineno or node.lineno):
-                    lines[k] = ""
-        lines = [line for line in lines if line and not line.startswith("#")]
-        for k in range(len(lines) - PASSAGE + 1):
-            where[tuple(lines[k : k + PASSAGE])].add(path)
-    return len({pair for paths in where.values() for pair in combinations(sorted(paths), 2)})
-
-
-def reasons(texts: dict[Path, str]) -> int:
-    """Reasons to refuse compiled kernels."""
-    found: set[str] = set()
-    for path, text in texts.items():
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.Dict) and path.name == "choice.py":
-                found |= {ast.unparse(key) for key in node.keys if key is not None}
-            if isinstance(node, ast.Constant | ast.JoinedStr):
-                said = ast.unparse(node)
-                if "compiled" in said and ("no compiled" in said or "gives no scheme" in said):
-                    found.add(said)
-                if "there are compiled" in said:
-                    found.add(said)
-    parts = {one for one in found for other in found if one != other and one.strip("'f") in other}
-    return len(found - parts) - 1  # the sentence that lists the reasons
-
-
-def methods(texts: dict[Path, str], name: str, abstract: bool) -> int:
-    """Public methods of a class; properties do not count, or with `abstract` all but those."""
+def constants(body: Iterable[ast.stmt]) -> int:
+    """Number of constants of a module or class, those of its classes included."""
     found = 0
-    for text in texts.values():
-        for node in ast.walk(ast.parse(text)):
-            if not (isinstance(node, ast.ClassDef) and node.name == name):
-                continue
-            for each in node.body:
-                if isinstance(each, ast.FunctionDef) and not each.name.startswith("_"):
-                    marks = [ast.unparse(mark) for mark in each.decorator_list]
-                    found += "abstractmethod" in marks if abstract else not marks
+    for node in body:
+        if isinstance(node, ast.ClassDef):
+            found += constants(node.body)
+        found += sum(
+            isinstance(name, ast.Name) and name.id == name.id.upper() and is_number(value)
+            for name, value in assigned(node)
+        )
     return found
+
+
+def measured(folder: Path) -> tuple[Counter[str], Counter[str]]:
+    """Numbers of a folder, and the sizes of what it contains."""
+    total, parts = Counter[str](), Counter[str]()
+    for path in sorted(folder.rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        classes = sum(isinstance(node, ast.ClassDef) for node in ast.walk(tree))
+        own = size(tree)
+        total.update(files=1, size=own, constants=constants(tree.body), classes=classes)
+        inside = path.relative_to(folder).parts
+        parts[inside[0] if len(inside) > 1 else "."] += own
+    return total, parts
+
+
+def budget() -> dict[str, int]:
+    """Largest size of each folder, from budget.txt."""
+    lines = (ROOT / "tests" / "budget.txt").read_text(encoding="utf-8").splitlines()
+    rows = [line.split() for line in lines if line and not line.startswith("#")]
+    return {name: int(number) for name, number in rows}
 
 
 def modules_of(action: Callable[[], object]) -> int:
@@ -137,7 +116,7 @@ def modules_of(action: Callable[[], object]) -> int:
         action()
     finally:
         sys.setprofile(None)
-    return sum(name.startswith(str(PACKAGE)) for name in seen)
+    return sum(name.startswith(str(ROOT / FOLDERS["package"])) for name in seen)
 
 
 def modules_of_runs() -> dict[str, int]:
@@ -161,42 +140,25 @@ def modules_of_runs() -> dict[str, int]:
     }
 
 
-def counts(run: bool = False) -> dict[str, int]:
-    """The table."""
-    texts = sources()
-    files = Counter(path.name for path in texts if path.name != "__init__.py")
-    classes = Counter(
-        node.name
-        for text in texts.values()
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.ClassDef)
-    )
-    single = [name for name, by in importers(texts).items() if len(by) == 1]
-    table = {
-        "files": len(texts),
-        "lines of code": sum(map(code_lines, texts.values())),
-        "modules with one importer": len(single),
-        "names of files and classes used twice": sum(
-            count > 1 for names in (files, classes) for count in names.values()
-        ),
-        "pairs of files that share six lines": passages(texts),
-        "reasons to refuse kernels": reasons(texts),
-        "methods a treatment of one's own has to give": methods(texts, "BoundTreatment", True),
-        "methods an integrator of one's own may give": methods(texts, "Integrator", False),
-    }
-    if run:
-        table |= modules_of_runs()
-    return table
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table."""
+    """Print the numbers; return 1 if a folder is larger than its budget."""
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n", 1)[0])
     parser.add_argument("--simulate", action="store_true", help="count modules of a run, too")
     options = parser.parse_args(arguments)
-    for name, count in counts(options.simulate).items():
-        sys.stdout.write(f"{count:7d}  {name}\n")
-    return 0
+    too_large = 0
+    for name, most in budget().items():
+        total, parts = measured(ROOT / FOLDERS[name])
+        over = total["size"] > most
+        too_large |= over
+        numbers = ", ".join(f"{key} {total[key]}" for key in ("files", "classes", "constants"))
+        verdict = "TOO LARGE" if over else "within"
+        sys.stdout.write(f"{name}: size {total['size']}, {verdict} {most}; {numbers}\n")
+        for part, number in sorted(parts.items()):
+            sys.stdout.write(f"{number:9d}  {part}\n")
+    if options.simulate:
+        for name, count in modules_of_runs().items():
+            sys.stdout.write(f"{count:9d}  {name}\n")
+    return too_large
 
 
 if __name__ == "__main__":
