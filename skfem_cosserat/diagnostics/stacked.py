@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.sparse import block_diag, coo_matrix, csr_matrix, diags, identity, kron, spmatrix
+from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, diags, identity, kron, spmatrix
 from scipy.sparse.linalg import eigsh, splu
 
 from ..constraints.base import RowSpace
@@ -405,7 +405,7 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     )
     shape_of = (3 * count, 3 * count)
     M = coo_matrix((entries.ravel(), [each.ravel() for each in at]), shape_of).tocsc()
-    K = block_diag(blocks, format="csc")
+    K = bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape_of).tocsc()
     if 3 * count <= DENSE:
         top = 3 * count - 1
         value, shape = eigh(K.toarray(), M.toarray(), subset_by_index=[top, top])
