@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.sparse import block_diag
+from scipy.sparse import block_diag, csr_matrix
 from skfem import BilinearForm, asm, condense, solve
 
 import skfem_cosserat as sc
@@ -37,7 +37,7 @@ def main(elements: int = 8, order: int = 2, foundation: float = 0.0) -> dict[str
     f = np.zeros(basis.N)
     f[12 * tip + 1] = FORCE
     # The directors of a node turn together: qdot = P (phidot, omega), 6 unknowns for each node.
-    P = block_diag(list(null_space_blocks(beam.triads)), format="csr")
+    P = block_diag([csr_matrix(block) for block in null_space_blocks(beam.triads)], format="csr")
     clamp = 6 * root + np.arange(6)
     u = P @ solve(*condense(P.T @ K @ P, P.T @ f, D=clamp))
     EI, GA = section.stiffness[3, 3], section.stiffness[0, 0]
