@@ -1,0 +1,324 @@
+"""Lines of decks of Abaqus and Nastran, which hold whole models.
+
+Nodes, lines and sets are read, and what cannot change them is counted. Anything else is an error
+with its line: no keyword or card that is not listed here is passed by.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..errors import MeshError
+from ..types import names_known
+
+
+@dataclass(eq=False)
+class Deck:
+    """Mesh of a deck, with the numbers that it gives to nodes and elements.
+
+    Attributes
+    ----------
+    nodes : dict of int to list of float
+        Coordinates (m).
+    lines : dict of int to list of int
+        Both nodes of each element that is a line.
+    node_sets, element_sets : dict of str to set of int
+        Members of sets; elements that are no lines, too.
+    left : Counter of str
+        What is not read, and how often it occurs.
+    """
+
+    nodes: dict[int, list[float]] = field(default_factory=dict)
+    lines: dict[int, list[int]] = field(default_factory=dict)
+    node_sets: dict[str, set[int]] = field(default_factory=dict)
+    element_sets: dict[str, set[int]] = field(default_factory=dict)
+    left: Counter[str] = field(default_factory=Counter)
+
+    def add_node(self, number: int, words: list[str]) -> None:
+        """Take a node; a coordinate that is left out is zero."""
+        if number in self.nodes:
+            raise ValueError(f"node {number} is given twice")
+        self.nodes[number] = [_real(word) for word in [*words, "", ""][:3]]
+
+    def add_line(self, number: int, ends: Iterable[str]) -> None:
+        """Take an element."""
+        if number in self.lines:
+            raise ValueError(f"element {number} is given twice")
+        self.lines[number] = [int(end) for end in ends]
+
+
+def _real(word: str) -> float:
+    """A number as Fortran writes it, such as 1.5, 1.5D+3 or 1.5+3; nothing is zero."""
+    number = re.sub(r"(?<=[\d.])(?=[+-])", "E", word.upper().replace("D", "E"))
+    return float(number or "0")
+
+
+@contextlib.contextmanager
+def _at(place: str) -> Iterator[None]:
+    """Say of errors where in the deck they are."""
+    try:
+        yield
+    except ValueError as error:
+        raise MeshError(place, str(error)) from error
+
+
+_UNKNOWN = "is not understood, and may change nodes or elements: write all of them out"
+_QUADRATIC = "has quadratic lines; only lines with two nodes are read: mesh with order 1"
+
+
+def _rows(file: Path) -> list[tuple[int, str]]:
+    """Rows of a text with their numbers."""
+    return [*enumerate(file.read_text(encoding="utf-8", errors="replace").splitlines(), start=1)]
+
+
+# -- Abaqus, CalculiX ------------------------------------------------------------------------------
+
+_LINES = re.compile(r"(B[23][13](OS)?|PIPE[23]1|ELBOW31[BC]?|T[23]D2|FRAME[23]D)[HRTE]*")
+_LINES_OF_THREE = re.compile(r"(B[23]2(OS)?|PIPE[23]2|ELBOW32|T[23]D3)[HRTE]*")
+#: Keywords that are read, with the parameters that are understood.
+_READ = {
+    "NODE": "NSET",
+    "ELEMENT": "TYPE ELSET",
+    "NSET": "NSET GENERATE INSTANCE INTERNAL UNSORTED",
+    "ELSET": "ELSET GENERATE INSTANCE INTERNAL UNSORTED",
+    "HEADING": "SPARSE",
+    "PREPRINT": "CONTACT ECHO HISTORY MODEL PARSUBSTITUTION PARVALUES",
+    "ASSEMBLY": "NAME",
+    "PART": "NAME",
+    "INSTANCE": "NAME PART",
+    **dict.fromkeys(("ENDASSEMBLY", "ENDPART", "ENDINSTANCE", "ENDSTEP"), ""),
+}
+#: Keywords before the first step that leave nodes and elements as they are.
+_BESIDE = re.compile(
+    r"(BEAMGENERAL|BEAM|CONNECTOR|FRAME|MEMBRANE|SHELLGENERAL|SHELL|SOLID)SECTION|"
+    r"CONNECTOR(BEHAVIOR|DAMPING|ELASTICITY)|CONTACT(INCLUSIONS|PAIR|PROPERTYASSIGNMENT)?|"
+    r"(DISTRIBUTING|KINEMATIC)?COUPLING|DISTRIBUTING|KINEMATIC|SURFACE(BEHAVIOR|INTERACTION)?|"
+    r"SECTION(CONTROLS|POINTS)|TRANSVERSESHEAR(STIFFNESS)?|(BEAMADDED|ROTARY)INERTIA|"
+    r"(NONSTRUCTURAL)?MASS|CENTROID|SHEARCENTER|NORMAL|ORIENTATION|TRANSFORM|"
+    r"AMPLITUDE|BOUNDARY|CLEARANCE|DASHPOT|EQUATION|FRICTION|GAP|HOURGLASSSTIFFNESS|"
+    r"INITIALCONDITIONS|MPC|PHYSICALCONSTANTS|RELEASE|RESTART|RIGIDBODY|SPRING|STEP|TIE|TIMEPOINTS|"
+    r"MATERIAL|CONDUCTIVITY|CREEP|DAMPING|DENSITY|DEPVAR|ELASTIC|EXPANSION|HYPERELASTIC|PLASTIC|"
+    r"SPECIFICHEAT|USERMATERIAL|VISCOELASTIC"
+)
+
+
+@dataclass(eq=False)
+class Keyword:
+    """A keyword of Abaqus with its parameters and the words of its data lines."""
+
+    shown: str
+    place: str
+    options: dict[str, str]
+    rows: list[list[str]]
+
+    @property
+    def name(self) -> str:
+        """The keyword in capitals, without blanks."""
+        return self.shown.replace(" ", "")
+
+
+def _add_keywords(file: Path, found: list[Keyword]) -> None:
+    """Keywords of a file and, at their place, of those that it includes."""
+    head = ""
+    for number, row in _rows(file):
+        row = row.strip()
+        if not row or row.startswith("**"):
+            continue
+        if not (head or row.startswith("*")):
+            if not found:
+                raise MeshError(f"line {number}", f"{row!r} stands before the first keyword")
+            found[-1].rows.append([word.strip() for word in row.split(",")])
+            continue
+        head += row
+        if head.endswith(","):  # it goes on in the next line
+            continue
+        name, *words = head.split(",")
+        pairs = [word.partition("=") for word in words]
+        options = {"".join(key.upper().split()): text.strip(' "') for key, _, text in pairs}
+        name, head = " ".join(name.upper().strip("*").split()), ""
+        if name == "INCLUDE":
+            _add_keywords(file.parent / options.get("INPUT", ""), found)
+        else:
+            found.append(Keyword(name, f"line {number}: *{name}", options, []))
+
+
+def read_abaqus(file: Path) -> Deck:
+    """Read a deck of at most one part, which is not moved."""
+    keywords: list[Keyword] = []
+    _add_keywords(file, keywords)
+    count = Counter(keyword.name for keyword in keywords)
+    for name in ("PART", "INSTANCE", "ASSEMBLY", "STEP"):
+        ends = count[f"END{name}"]
+        if count[name] != ends or (ends > 1 and name != "STEP"):
+            text = f"found {count[name]}, and *END {name} {ends} times"
+            raise MeshError(f"*{name}", f"{text}: only whole decks of one part are read")
+    deck, steps = Deck(), False
+    for keyword in keywords:
+        steps |= keyword.name == "STEP"
+        if keyword.name in _READ:
+            for option in sorted(keyword.options.keys() - set(_READ[keyword.name].split())):
+                raise MeshError(f"{keyword.place}, {option}", _UNKNOWN)
+        elif steps or _BESIDE.fullmatch(keyword.name):
+            deck.left[f"*{keyword.shown}"] += 1
+        else:
+            raise MeshError(keyword.place, _UNKNOWN)
+    for name, read in _ABAQUS.items():  # sets name nodes and elements of the whole deck
+        for keyword in keywords:
+            if keyword.name == name:
+                with _at(keyword.place):
+                    read(deck, keyword)
+    return deck
+
+
+def _read_instance(_: Deck, keyword: Keyword) -> None:
+    """``*INSTANCE``: its part stays where it is."""
+    if any(_real(word) for row in keyword.rows for word in row):
+        raise ValueError("moves its part, which is not read: give nodes where they are")
+
+
+def _read_nodes(deck: Deck, keyword: Keyword) -> None:
+    """``*NODE``: number and coordinates."""
+    for number, *words in keyword.rows:
+        deck.add_node(int(number), words)
+        _members(deck.node_sets, keyword.options.get("NSET", "")).add(int(number))
+
+
+def _read_elements(deck: Deck, keyword: Keyword) -> None:
+    """``*ELEMENT``: number and nodes; a third one of a line is for its orientation."""
+    kind = keyword.options.get("TYPE", "").upper()
+    if _LINES_OF_THREE.fullmatch(kind):
+        raise ValueError(f"TYPE={kind} {_QUADRATIC}")
+    if not _LINES.fullmatch(kind):
+        deck.left[f"*ELEMENT of type {kind}"] += 1
+        return
+    for row in keyword.rows:
+        number, *nodes = filter(None, row)
+        if len(nodes) not in (2, 3):
+            raise ValueError(f"element {number} has {len(nodes)} nodes")
+        deck.add_line(int(number), nodes[:2])
+        _members(deck.element_sets, keyword.options.get("ELSET", "")).add(int(number))
+
+
+def _members(sets: dict[str, set[int]], name: str) -> set[int]:
+    """Members of a set, which has one name in whatever letters it is written."""
+    return sets.setdefault(next((k for k in sets if k.upper() == name.upper()), name), set())
+
+
+def _read_set(deck: Deck, keyword: Keyword) -> None:
+    """``*NSET``, ``*ELSET``: numbers, ranges, or sets from before."""
+    of_nodes = keyword.name == "NSET"
+    known: Iterable[int] = deck.nodes if of_nodes else deck.lines
+    sets = deck.node_sets if of_nodes else deck.element_sets
+    members = _members(sets, keyword.options[keyword.name])
+    for row in keyword.rows:
+        words = [word.rpartition(".")[2] for word in row if word]
+        if "GENERATE" in keyword.options:
+            first, last, step = [*map(int, words), 1][:3]
+            members |= {k for k in known if k in range(first, last + 1, step)}
+            continue
+        for word in words:
+            if word.isdigit():
+                members.add(int(word))
+            elif other := _members(sets, word):
+                members |= other
+            else:
+                raise ValueError(f"unknown set '{word}'; {names_known(word, sets, 'sets')}")
+
+
+_ABAQUS: dict[str, Callable[[Deck, Keyword], None]] = {
+    "INSTANCE": _read_instance,
+    "NODE": _read_nodes,
+    "ELEMENT": _read_elements,
+    "NSET": _read_set,
+    "ELSET": _read_set,
+}
+
+# -- Nastran ---------------------------------------------------------------------------------------
+
+#: Lines, and the field of their first node.
+_BARS = {"CBAR": 2, "CBEAM": 2, "CROD": 2, "CTUBE": 2, "CONROD": 1}
+#: Cards that leave nodes and lines as they are: properties, materials, other elements, systems of
+#: coordinates (a GRID that is given in one is refused), supports, loads, cases.
+_CARDS = re.compile(
+    r"P(BAR|BEAM|ROD|TUBE|SHELL|SOLID|LSOLID|COMP|BUSH|ELAS|DAMP|MASS|GAP|VISC|SHEAR|LOAD)\w*|"
+    r"MAT\w+|C(QUAD|TRI|TETRA|HEXA|PENTA|PYRA|SHEAR|BUSH|ELAS|DAMP|MASS|VISC|GAP|WELD|FAST)\w*|"
+    r"CONM[12]|PLOTEL|RBE[123]|RBAR1?|RROD|MPC(ADD)?|SPC(1|ADD|D)?|SUPORT1?|[ABCQ]SET1?|CORD[12]\w|"
+    r"BAROR|BEAMOR|SPOINT|EPOINT|PARAM|MDLPRM|EIG\w+|FREQ\d?|TSTEP(NL)?|NLPARM|[TRD]LOAD[12]?|"
+    r"D(AREA|ELAY|PHASE)|LOAD|LSEQ|FORCE\d?|MOMENT\d?|GRAV|ACCEL1?|RFORCE|TEMP\w*|TABLE\w+|SET\d"
+)
+
+
+def read_nastran(file: Path) -> Deck:
+    """Read bulk data, which begin at BEGIN BULK if there is such a line."""
+    rows = [(number, row.upper()) for number, row in _rows(file)]
+    begins = [k for k, (_, row) in enumerate(rows, start=1) if row.split()[:1] == ["BEGIN"]]
+    first = begins[0] if begins else 0
+    for number, row in rows:
+        if number in begins[1:] or row.startswith("INCLUDE"):
+            raise MeshError(f"line {number}: {row.strip()}", _UNKNOWN)
+    deck = Deck()
+    for place, name, *words in _cards(rows[first:]):
+        with _at(f"{place}: {name}"):
+            if name == "GRID":
+                _read_grid(deck, words)
+            elif name in _BARS:
+                _read_bar(deck, name, words)
+            elif name == "CBEAM3":
+                raise ValueError(_QUADRATIC)
+            elif _CARDS.fullmatch(name) or (name == "GRDSET" and words[1] in ("", "0")):
+                deck.left[name] += 1
+            else:
+                raise ValueError(_UNKNOWN)
+    return deck
+
+
+def _cards(rows: list[tuple[int, str]]) -> list[list[str]]:
+    """Place, name and words of each card up to ENDDATA, in any of the three formats."""
+    cards: list[list[str]] = []
+    for number, text in rows:
+        row = text.partition("$")[0].rstrip().expandtabs(8)
+        if row.startswith("ENDDATA"):
+            return cards
+        head, free, rest = row.partition(",")
+        head = (head if free else row[:8]).strip()
+        count = 4 if "*" in head else 8
+        width = 64 // count
+        words = rest.split(",") if free else [row[k : k + width] for k in range(8, 72, width)]
+        if len(words) > count + 1:
+            raise MeshError(f"line {number}", f"{len(words)} fields, expected at most {count + 1}")
+        if head[:1] not in ("", "+", "*"):
+            cards.append([f"line {number}", head.rstrip("* ")])
+        if cards and row:
+            cards[-1] += map(str.strip, [*words, *[""] * count][:count])
+    raise MeshError("ENDDATA", "is missing: the file is cut short")
+
+
+def _read_grid(deck: Deck, words: list[str]) -> None:
+    """``GRID``: number, system, coordinates."""
+    if words[1] not in ("", "0"):
+        text = f"node {words[0]} is given in the system {words[1]}, which is not read"
+        raise ValueError(f"{text}: give it in the basic system")
+    deck.add_node(int(words[0]), words[2:5])
+
+
+def _read_bar(deck: Deck, name: str, words: list[str]) -> None:
+    """Lines: number, property, nodes; of CBAR and CBEAM orientation, pins, offsets, too."""
+    deck.add_line(int(words[0]), words[_BARS[name] : _BARS[name] + 2])
+    deck.left["property ids"] += 1
+    if name in ("CBAR", "CBEAM"):
+        deck.left["orientations of CBAR and CBEAM"] += 1
+        deck.left["pins of CBAR and CBEAM"] += any(words[8:10])
+        if any(map(_real, words[10:16])):
+            raise ValueError(f"element {words[0]} has offsets of its ends, which are not read")
+
+
+#: Reader of a deck by the suffix of its file.
+DECKS: dict[str, Callable[[Path], Deck]] = {
+    ".inp": read_abaqus,
+    **dict.fromkeys((".bdf", ".fem", ".nas"), read_nastran),
+}
