@@ -12,9 +12,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ..errors import MeshError
-from ..types import names_known
 
 
 @dataclass(eq=False)
@@ -27,8 +27,8 @@ class Deck:
         Coordinates (m).
     lines : dict of int to list of int
         Both nodes of each element that is a line.
-    node_sets, element_sets : dict of str to set of int
-        Members of sets; elements that are no lines, too.
+    node_sets, line_sets : dict of str to set of int
+        Members of sets; there may be others among them that the deck does not have.
     left : Counter of str
         What is not read, and how often it occurs.
     """
@@ -36,20 +36,21 @@ class Deck:
     nodes: dict[int, list[float]] = field(default_factory=dict)
     lines: dict[int, list[int]] = field(default_factory=dict)
     node_sets: dict[str, set[int]] = field(default_factory=dict)
-    element_sets: dict[str, set[int]] = field(default_factory=dict)
+    line_sets: dict[str, set[int]] = field(default_factory=dict)
     left: Counter[str] = field(default_factory=Counter)
 
-    def add_node(self, number: int, words: list[str]) -> None:
-        """Take a node; a coordinate that is left out is zero."""
-        if number in self.nodes:
-            raise ValueError(f"node {number} is given twice")
-        self.nodes[number] = [_real(word) for word in [*words, "", ""][:3]]
 
-    def add_line(self, number: int, ends: Iterable[str]) -> None:
-        """Take an element."""
-        if number in self.lines:
-            raise ValueError(f"element {number} is given twice")
-        self.lines[number] = [int(end) for end in ends]
+def _add(known: dict[int, Any], number: str, value: Any) -> int:
+    """Take a node or an element."""
+    if int(number) in known:
+        raise ValueError(f"number {number} is given twice")
+    known[int(number)] = value
+    return int(number)
+
+
+def _place(words: list[str]) -> list[float]:
+    """Coordinates; one that is left out is zero."""
+    return [_real(word) for word in [*words, "", ""][:3]]
 
 
 def _real(word: str) -> float:
@@ -68,7 +69,7 @@ def _at(place: str) -> Iterator[None]:
 
 
 _UNKNOWN = "is not understood, and may change nodes or elements: write all of them out"
-_QUADRATIC = "has quadratic lines; only lines with two nodes are read: mesh with order 1"
+_QUADRATIC = "is a quadratic line; only lines with two nodes are read: mesh with order 1"
 
 
 def _rows(file: Path) -> list[tuple[int, str]]:
@@ -97,7 +98,7 @@ _READ = {
 _BESIDE = re.compile(
     r"(BEAMGENERAL|BEAM|CONNECTOR|FRAME|MEMBRANE|SHELLGENERAL|SHELL|SOLID)SECTION|"
     r"CONNECTOR(BEHAVIOR|DAMPING|ELASTICITY)|CONTACT(INCLUSIONS|PAIR|PROPERTYASSIGNMENT)?|"
-    r"(DISTRIBUTING|KINEMATIC)?COUPLING|DISTRIBUTING|KINEMATIC|SURFACE(BEHAVIOR|INTERACTION)?|"
+    r"(DISTRIBUTING|KINEMATIC)?COUPLING|DISTRIBUTING|DISTRIBUTION(TABLE)?|KINEMATIC|SURFACE(BEHAVIOR|INTERACTION)?|"
     r"SECTION(CONTROLS|POINTS)|TRANSVERSESHEAR(STIFFNESS)?|(BEAMADDED|ROTARY)INERTIA|"
     r"(NONSTRUCTURAL)?MASS|CENTROID|SHEARCENTER|NORMAL|ORIENTATION|TRANSFORM|"
     r"AMPLITUDE|BOUNDARY|CLEARANCE|DASHPOT|EQUATION|FRICTION|GAP|HOURGLASSSTIFFNESS|"
@@ -153,10 +154,11 @@ def read_abaqus(file: Path) -> Deck:
     _add_keywords(file, keywords)
     count = Counter(keyword.name for keyword in keywords)
     for name in ("PART", "INSTANCE", "ASSEMBLY", "STEP"):
-        ends = count[f"END{name}"]
-        if count[name] != ends or (ends > 1 and name != "STEP"):
-            text = f"found {count[name]}, and *END {name} {ends} times"
-            raise MeshError(f"*{name}", f"{text}: only whole decks of one part are read")
+        if count[name] > count[f"END{name}"]:
+            raise MeshError(f"*{name}", f"has no *END {name}: the file is cut short")
+    if count["PART"] > 1 or count["INSTANCE"] > 1:
+        text = f"{count['PART']} parts, {count['INSTANCE']} instances: each has nodes of its own"
+        raise MeshError("*PART", f"{text}, and only one is read")
     deck, steps = Deck(), False
     for keyword in keywords:
         steps |= keyword.name == "STEP"
@@ -184,12 +186,15 @@ def _read_instance(_: Deck, keyword: Keyword) -> None:
 def _read_nodes(deck: Deck, keyword: Keyword) -> None:
     """``*NODE``: number and coordinates."""
     for number, *words in keyword.rows:
-        deck.add_node(int(number), words)
-        _members(deck.node_sets, keyword.options.get("NSET", "")).add(int(number))
+        members = _members(deck.node_sets, keyword.options.get("NSET", ""))
+        members.add(_add(deck.nodes, number, _place(words)))
 
 
 def _read_elements(deck: Deck, keyword: Keyword) -> None:
-    """``*ELEMENT``: number and nodes; a third one of a line is for its orientation."""
+    """``*ELEMENT``: number and nodes; a third one of a line is for its orientation.
+
+    meshio calls lines of three nodes B33, of which one is on the line: a third node is refused.
+    """
     kind = keyword.options.get("TYPE", "").upper()
     if _LINES_OF_THREE.fullmatch(kind):
         raise ValueError(f"TYPE={kind} {_QUADRATIC}")
@@ -198,10 +203,10 @@ def _read_elements(deck: Deck, keyword: Keyword) -> None:
         return
     for row in keyword.rows:
         number, *nodes = filter(None, row)
-        if len(nodes) not in (2, 3):
+        if len(nodes) not in ((2,) if kind.startswith("B33") else (2, 3)):
             raise ValueError(f"element {number} has {len(nodes)} nodes")
-        deck.add_line(int(number), nodes[:2])
-        _members(deck.element_sets, keyword.options.get("ELSET", "")).add(int(number))
+        members = _members(deck.line_sets, keyword.options.get("ELSET", ""))
+        members.add(_add(deck.lines, number, [*map(int, nodes[:2])]))
 
 
 def _members(sets: dict[str, set[int]], name: str) -> set[int]:
@@ -213,21 +218,16 @@ def _read_set(deck: Deck, keyword: Keyword) -> None:
     """``*NSET``, ``*ELSET``: numbers, ranges, or sets from before."""
     of_nodes = keyword.name == "NSET"
     known: Iterable[int] = deck.nodes if of_nodes else deck.lines
-    sets = deck.node_sets if of_nodes else deck.element_sets
-    members = _members(sets, keyword.options[keyword.name])
+    sets = deck.node_sets if of_nodes else deck.line_sets
+    members = _members(sets, keyword.options.get(keyword.name, ""))
     for row in keyword.rows:
         words = [word.rpartition(".")[2] for word in row if word]
         if "GENERATE" in keyword.options:
             first, last, step = [*map(int, words), 1][:3]
             members |= {k for k in known if k in range(first, last + 1, step)}
-            continue
-        for word in words:
-            if word.isdigit():
-                members.add(int(word))
-            elif other := _members(sets, word):
-                members |= other
-            else:
-                raise ValueError(f"unknown set '{word}'; {names_known(word, sets, 'sets')}")
+        else:
+            for word in words:
+                members |= {int(word)} if word.isdigit() else _members(sets, word)
 
 
 _ABAQUS: dict[str, Callable[[Deck, Keyword], None]] = {
@@ -255,14 +255,10 @@ _CARDS = re.compile(
 
 def read_nastran(file: Path) -> Deck:
     """Read bulk data, which begin at BEGIN BULK if there is such a line."""
-    rows = [(number, row.upper()) for number, row in _rows(file)]
-    begins = [k for k, (_, row) in enumerate(rows, start=1) if row.split()[:1] == ["BEGIN"]]
-    first = begins[0] if begins else 0
-    for number, row in rows:
-        if number in begins[1:] or row.startswith("INCLUDE"):
-            raise MeshError(f"line {number}: {row.strip()}", _UNKNOWN)
+    rows = _rows(file)
+    begins = [number for number, row in rows if row.upper().split()[:1] == ["BEGIN"]]
     deck = Deck()
-    for place, name, *words in _cards(rows[first:]):
+    for place, name, *words in _cards(rows[begins[0] if begins else 0 :]):
         with _at(f"{place}: {name}"):
             if name == "GRID":
                 _read_grid(deck, words)
@@ -281,7 +277,7 @@ def _cards(rows: list[tuple[int, str]]) -> list[list[str]]:
     """Place, name and words of each card up to ENDDATA, in any of the three formats."""
     cards: list[list[str]] = []
     for number, text in rows:
-        row = text.partition("$")[0].rstrip().expandtabs(8)
+        row = text.partition("$")[0].rstrip().expandtabs(8).upper()
         if row.startswith("ENDDATA"):
             return cards
         head, free, rest = row.partition(",")
@@ -303,12 +299,12 @@ def _read_grid(deck: Deck, words: list[str]) -> None:
     if words[1] not in ("", "0"):
         text = f"node {words[0]} is given in the system {words[1]}, which is not read"
         raise ValueError(f"{text}: give it in the basic system")
-    deck.add_node(int(words[0]), words[2:5])
+    _add(deck.nodes, words[0], _place(words[2:5]))
 
 
 def _read_bar(deck: Deck, name: str, words: list[str]) -> None:
     """Lines: number, property, nodes; of CBAR and CBEAM orientation, pins, offsets, too."""
-    deck.add_line(int(words[0]), words[_BARS[name] : _BARS[name] + 2])
+    _add(deck.lines, words[0], [*map(int, words[_BARS[name] : _BARS[name] + 2])])
     deck.left["property ids"] += 1
     if name in ("CBAR", "CBEAM"):
         deck.left["orientations of CBAR and CBEAM"] += 1

@@ -34,24 +34,27 @@ from .decks import DECKS, Deck
 VERTEX, LINE = 15, 1
 #: Its numbers of lines of more nodes than two, by the number of nodes.
 _CURVED = {8: 3, 26: 4, 27: 5, 28: 6, **{59 + count: count for count in range(7, 12)}}
-#: Sections that leave nodes and cells as they are, beside those that are read.
-_SECTIONS = {"Comments", "ElementData", "ElementNodeData", "GhostElements"} | {
-    *("InterpolationScheme", "MeshFormat", "NodeData", "Parametrizations", "Periodic")
-}
+#: Sections that are read, and those that leave nodes and cells as they are.
+_SECTIONS = re.compile(
+    r"MeshFormat|PhysicalNames|Entities|Nodes|Elements|Comments|Periodic|Parametrizations|"
+    r"GhostElements|InterpolationScheme|(Node|Element|ElementNode)Data"
+)
 #: Section in which gmsh keeps the names of physical groups.
 _NAMES = "PhysicalNames"
 
 
 @dataclass(eq=False)
 class Groups:
-    """Cells of a file by type, with the physical groups each is in.
+    """Cells of a file and its physical groups.
 
     Attributes
     ----------
     points : (n, 3)
         Points (m).
-    lines, vertices : lists of (nodes, groups)
-        Nodes (n, 2) or (n, 1) of cells, and the tags of the groups that all of them are in.
+    lines : list of (n, 2)
+        Nodes of lines.
+    beams, nodes : dict of str to list of (n,)
+        Numbers of lines and of points in groups, by name.
     other : list of (n, k)
         Nodes of other cells.
     cells : Counter of str
@@ -59,8 +62,9 @@ class Groups:
     """
 
     points: Floats
-    lines: list[tuple[IndexArray, list[int]]] = field(default_factory=list)
-    vertices: list[tuple[IndexArray, list[int]]] = field(default_factory=list)
+    lines: list[IndexArray] = field(default_factory=list)
+    beams: dict[str, list[Any]] = field(default_factory=dict)
+    nodes: dict[str, list[Any]] = field(default_factory=dict)
     other: list[IndexArray] = field(default_factory=list)
     cells: Counter[str] = field(default_factory=Counter)
 
@@ -127,7 +131,7 @@ def read_gmsh41(path: Path, content: bytes) -> Groups:
     """
     rows = [row.strip() for row in content.decode("utf-8").splitlines()]
     try:
-        return _read_rows(rows, path)
+        return _read_rows(rows, path, physical_names(content))
     except (StopIteration, ValueError, KeyError) as error:
         if isinstance(error, MeshError):
             raise
@@ -136,12 +140,12 @@ def read_gmsh41(path: Path, content: bytes) -> Groups:
         ) from error
 
 
-def _read_rows(rows: list[str], path: Path) -> Groups:
+def _read_rows(rows: list[str], path: Path, names: Mapping[tuple[int, int], str]) -> Groups:
     """Contents of the sections."""
     sections = Counter(row[1:] for row in rows if row.startswith("$") and row[:4] != "$End")
     for name, times in sections.items():
-        if name not in _SECTIONS | {_NAMES, "Entities", "Nodes", "Elements"} or times > 1:
-            raise MeshError(f"section ${name}", "is not understood, or is there twice")
+        if not _SECTIONS.fullmatch(name) or (times > 1 and name in ("Nodes", "Elements")):
+            raise MeshError(f"file '{path}'", f"section ${name} is not understood, or there twice")
     entity = _entity_groups(rows, path)
     words = _section(rows, "Nodes", path)
     blocks, count, _, _ = _integers(words, 4)
@@ -173,11 +177,15 @@ def _read_rows(rows: list[str], path: Path) -> Groups:
         nodes = order[place]
         if (known[nodes] != each).any():
             raise KeyError(f"node {each[known[nodes] != each][0]}")
-        if kind in (VERTEX, LINE):
-            target = out.vertices if kind == VERTEX else out.lines
-            target.append((nodes, entity.get((dim, tag), [])))
-        else:
+        sets, members = out.nodes, nodes[:, 0]
+        if kind == LINE:
+            sets, members = out.beams, out.cells["line"] + np.arange(size)
+            out.lines.append(nodes)
+        elif kind != VERTEX:
+            sets = {}
             out.other.append(nodes)
+        for group in entity.get((dim, tag), []):
+            sets.setdefault(group_name(names, dim, group), []).append(members)
         name = f"line{_CURVED.get(kind, '')}" if kind in _CURVED or kind == LINE else f"type {kind}"
         out.cells[name] += size
     return out
@@ -347,7 +355,7 @@ def read_lines(path: str | os.PathLike[str]) -> LineData:
     """Lines of a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
     file = file_path("argument path", path)
     if not file.is_file():
-        raise MeshError(f"file '{file}'", "does not exist")
+        raise MeshError(f"file '{file}'", "does not exist, or is no file")
     lines = _read_lines(file)
     if not np.isfinite(lines.points).all() or abs(lines.points).max() > 1e150:
         raise MeshError(f"file '{file}'", "has coordinates that are not finite or too large")
@@ -397,8 +405,14 @@ def _from_deck(file: Path, deck: Deck) -> LineData:
         warn(f"file '{file}'", text, ModelWarning)
     numbers = {node: k for k, node in enumerate(deck.nodes)}
     order = {element: k for k, element in enumerate(deck.lines)}
-    beams = {k: [[order[e] for e in v & order.keys()]] for k, v in deck.element_sets.items()}
-    nodes = {k: [[numbers[n] for n in v & ends]] for k, v in deck.node_sets.items()}
+    beams = {
+        k: [[order[e] for e in v & order.keys()]]
+        for k, v in deck.line_sets.items()
+        if k and v & order.keys()
+    }
+    nodes = {
+        k: [[numbers[n] for n in v & ends]] for k, v in deck.node_sets.items() if k and v & ends
+    }
     lines = np.array([[numbers[n] for n in pair] for pair in deck.lines.values()])
     return _cleaned(file, np.array([*deck.nodes.values()]), lines, _arrays(beams), _arrays(nodes))
 
@@ -421,8 +435,20 @@ def _is_gmsh41(content: bytes, kind: bytes) -> bool:
     return content[:4096].split(b"$MeshFormat", 1)[-1].split()[:2] == [b"4.1", kind]
 
 
+#: What meshio drops in silence or reads on for ever: suffix, pattern, what to say.
+_BEFORE = (
+    (".ply", rb"\A(?!.*^end_header\s*$)", "its header has no end"),
+    (".obj", rb"^l\s", "has lines in an .obj file, which are not read: save it as .msh or .vtu"),
+    (".vtu", rb"<Piece.*<Piece", "has several pieces, of which one would be read: merge them"),
+    ((".xdmf", ".xmf"), rb"BaseOffset|<xi:", "has BaseOffset or xi:include, which are not read"),
+    ((".tec", ".dat"), rb"^\s*ZONE.*^\s*ZONE", "has several zones, of which one would be read"),
+)
+
+
 def reason(error: Exception) -> str:
     """Words for a user about an error of a reader."""
+    if isinstance(error, KeyError):
+        return f"{' '.join(map(str, error.args))} is unknown or missing"
     if isinstance(error, ImportError):
         return f"the package {error.name} is needed, and is not installed"
     return " ".join(str(error).split()) or "it is damaged, or not what its name says"
@@ -435,12 +461,14 @@ def _meshio(file: Path, content: bytes) -> Any:
 
     said = io.StringIO()
     item = f"file '{file}'"
-    end = re.compile(rb"^end_header\s*$", re.MULTILINE)  # meshio reads on for ever without it
-    if file.suffix.lower() == ".ply" and not end.search(content):
-        raise MeshError(item, "its header has no end")
-    if content.count(b"<Piece") > 1:
-        raise MeshError(item, "has several pieces, of which only one would be read: merge them")
+    for suffix, pattern, text in _BEFORE:
+        if file.name.lower().endswith(suffix) and re.search(pattern, content, re.MULTILINE | re.DOTALL):
+            raise MeshError(item, text)
     why = f"; {_AS_ASCII}" if _is_gmsh41(content, b"1") else ""
+    if file.suffix.lower() in (".vtk", ".vtu"):
+        why = "; only unstructured grids of lines with two nodes are read, no polylines"
+    if not content.strip():
+        raise MeshError(item, "is empty")
     try:
         with (
             contextlib.redirect_stdout(said),
@@ -462,22 +490,11 @@ def _meshio(file: Path, content: bytes) -> Any:
 
 def _from_gmsh41(name: bytes, content: bytes) -> LineData:
     """Lines of an ASCII gmsh 4.1 file, given its name and content."""
-    file, names = Path(os.fsdecode(name)), physical_names(content)
+    file = Path(os.fsdecode(name))
     found = read_gmsh41(file, content)
     _check_cells(file, found.cells)
-    beams: dict[str, list[Any]] = {}
-    first = 0
-    for nodes, tags in found.lines:
-        for tag in tags:
-            own = first + np.arange(len(nodes))
-            beams.setdefault(group_name(names, 1, tag), []).append(own)
-        first += len(nodes)
-    points: dict[str, list[Any]] = {}
-    for nodes, tags in found.vertices:
-        for tag in tags:
-            points.setdefault(group_name(names, 0, tag), []).append(nodes[:, 0])
-    lines = np.concatenate([nodes for nodes, _ in found.lines])
-    return _cleaned(file, found.points, lines, _arrays(beams), _arrays(points), found.other)
+    lines, nodes = np.concatenate(found.lines), _arrays(found.nodes)
+    return _cleaned(file, found.points, lines, _arrays(found.beams), nodes, found.other)
 
 
 def _arrays(names: dict[str, list[Any]]) -> dict[str, IndexArray]:
