@@ -256,7 +256,7 @@ _CARDS = re.compile(
 def read_nastran(file: Path) -> Deck:
     """Read bulk data, which begin at BEGIN BULK if there is such a line."""
     rows = _rows(file)
-    begins = [number for number, row in rows if row.upper().split()[:1] == ["BEGIN"]]
+    begins = [number for number, row in rows if row.upper().split() == ["BEGIN", "BULK"]]
     deck = Deck()
     for place, name, *words in _cards(rows[begins[0] if begins else 0 :]):
         with _at(f"{place}: {name}"):

@@ -462,7 +462,9 @@ def _meshio(file: Path, content: bytes) -> Any:
     said = io.StringIO()
     item = f"file '{file}'"
     for suffix, pattern, text in _BEFORE:
-        if file.name.lower().endswith(suffix) and re.search(pattern, content, re.MULTILINE | re.DOTALL):
+        if file.name.lower().endswith(suffix) and re.search(
+            pattern, content, re.MULTILINE | re.DOTALL
+        ):
             raise MeshError(item, text)
     why = f"; {_AS_ASCII}" if _is_gmsh41(content, b"1") else ""
     if file.suffix.lower() in (".vtk", ".vtu"):
