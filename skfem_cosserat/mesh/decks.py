@@ -163,80 +163,55 @@ def read_abaqus(file: Path) -> Deck:
     for keyword in keywords:
         steps |= keyword.name == "STEP"
         if keyword.name in _READ:
-            for option in sorted(keyword.options.keys() - set(_READ[keyword.name].split())):
+            for option in keyword.options.keys() - set(_READ[keyword.name].split()):
                 raise MeshError(f"{keyword.place}, {option}", _UNKNOWN)
         elif steps or _BESIDE.fullmatch(keyword.name):
             deck.left[f"*{keyword.shown}"] += 1
         else:
             raise MeshError(keyword.place, _UNKNOWN)
-    for name, read in _ABAQUS.items():  # sets name nodes and elements of the whole deck
-        for keyword in keywords:
-            if keyword.name == name:
-                with _at(keyword.place):
-                    read(deck, keyword)
+    keywords.sort(key=lambda keyword: keyword.name.endswith("SET"))  # a range is of what there is
+    for keyword in keywords:
+        with _at(keyword.place):
+            _read_keyword(deck, keyword.name, keyword.options, keyword.rows)
     return deck
 
 
-def _read_instance(_: Deck, keyword: Keyword) -> None:
-    """``*INSTANCE``: its part stays where it is."""
-    if any(_real(word) for row in keyword.rows for word in row):
-        raise ValueError("moves its part, which is not read: give nodes where they are")
-
-
-def _read_nodes(deck: Deck, keyword: Keyword) -> None:
-    """``*NODE``: number and coordinates."""
-    for number, *words in keyword.rows:
-        members = _members(deck.node_sets, keyword.options.get("NSET", ""))
-        members.add(_add(deck.nodes, number, _place(words)))
-
-
-def _read_elements(deck: Deck, keyword: Keyword) -> None:
-    """``*ELEMENT``: number and nodes; a third one of a line is for its orientation.
-
-    meshio calls lines of three nodes B33, of which one is on the line: a third node is refused.
-    """
-    kind = keyword.options.get("TYPE", "").upper()
+def _read_keyword(deck: Deck, name: str, options: dict[str, str], rows: list[list[str]]) -> None:
+    """Take nodes, elements, or members of a set: numbers, ranges, or other sets."""
+    nodes = name in ("NODE", "NSET")
+    sets = deck.node_sets if nodes else deck.line_sets
+    known: Iterable[int] = deck.nodes if nodes else deck.lines
+    members = _members(sets, options.get("NSET" if nodes else "ELSET", ""))
+    kind = options.get("TYPE", "").upper()
     if _LINES_OF_THREE.fullmatch(kind):
         raise ValueError(f"TYPE={kind} {_QUADRATIC}")
-    if not _LINES.fullmatch(kind):
+    if name == "ELEMENT" and not _LINES.fullmatch(kind):
         deck.left[f"*ELEMENT of type {kind}"] += 1
         return
-    for row in keyword.rows:
-        number, *nodes = filter(None, row)
-        if len(nodes) not in ((2,) if kind.startswith("B33") else (2, 3)):
-            raise ValueError(f"element {number} has {len(nodes)} nodes")
-        members = _members(deck.line_sets, keyword.options.get("ELSET", ""))
-        members.add(_add(deck.lines, number, [*map(int, nodes[:2])]))
+    for row in rows:
+        words = [word for word in row if word]
+        if name == "INSTANCE" and any(map(_real, row)):
+            raise ValueError("moves its part, which is not read: give nodes where they are")
+        if name == "NODE":
+            members.add(_add(deck.nodes, row[0], _place(row[1:])))
+        elif name == "ELEMENT":
+            # A third node is for the orientation. meshio calls lines of three nodes B33, though.
+            if len(words) not in (3, 3 if kind.startswith("B33") else 4):
+                raise ValueError(f"element {row[0]} has {len(words) - 1} nodes")
+            members.add(_add(deck.lines, row[0], [*map(int, words[1:3])]))
+        elif "GENERATE" in options:
+            first, last, step = [*map(int, words), 1][:3]
+            members |= {k for k in known if k in range(first, last + 1, step)}
+        elif name in ("NSET", "ELSET"):
+            for word in words:
+                number = word.rpartition(".")[2]  # behind the name of an instance
+                members |= {int(number)} if number.isdigit() else _members(sets, number)
 
 
 def _members(sets: dict[str, set[int]], name: str) -> set[int]:
     """Members of a set, which has one name in whatever letters it is written."""
     return sets.setdefault(next((k for k in sets if k.upper() == name.upper()), name), set())
 
-
-def _read_set(deck: Deck, keyword: Keyword) -> None:
-    """``*NSET``, ``*ELSET``: numbers, ranges, or sets from before."""
-    of_nodes = keyword.name == "NSET"
-    known: Iterable[int] = deck.nodes if of_nodes else deck.lines
-    sets = deck.node_sets if of_nodes else deck.line_sets
-    members = _members(sets, keyword.options.get(keyword.name, ""))
-    for row in keyword.rows:
-        words = [word.rpartition(".")[2] for word in row if word]
-        if "GENERATE" in keyword.options:
-            first, last, step = [*map(int, words), 1][:3]
-            members |= {k for k in known if k in range(first, last + 1, step)}
-        else:
-            for word in words:
-                members |= {int(word)} if word.isdigit() else _members(sets, word)
-
-
-_ABAQUS: dict[str, Callable[[Deck, Keyword], None]] = {
-    "INSTANCE": _read_instance,
-    "NODE": _read_nodes,
-    "ELEMENT": _read_elements,
-    "NSET": _read_set,
-    "ELSET": _read_set,
-}
 
 # -- Nastran ---------------------------------------------------------------------------------------
 
@@ -260,8 +235,11 @@ def read_nastran(file: Path) -> Deck:
     deck = Deck()
     for place, name, *words in _cards(rows[begins[0] if begins else 0 :]):
         with _at(f"{place}: {name}"):
-            if name == "GRID":
-                _read_grid(deck, words)
+            if name == "GRID" and words[1] in ("", "0"):
+                _add(deck.nodes, words[0], _place(words[2:5]))
+            elif name == "GRID":
+                text = f"node {words[0]} is given in the system {words[1]}, which is not read"
+                raise ValueError(f"{text}: give it in the basic system")
             elif name in _BARS:
                 _read_bar(deck, name, words)
             elif name == "CBEAM3":
@@ -292,14 +270,6 @@ def _cards(rows: list[tuple[int, str]]) -> list[list[str]]:
         if cards and row:
             cards[-1] += map(str.strip, [*words, *[""] * count][:count])
     raise MeshError("ENDDATA", "is missing: the file is cut short")
-
-
-def _read_grid(deck: Deck, words: list[str]) -> None:
-    """``GRID``: number, system, coordinates."""
-    if words[1] not in ("", "0"):
-        text = f"node {words[0]} is given in the system {words[1]}, which is not read"
-        raise ValueError(f"{text}: give it in the basic system")
-    _add(deck.nodes, words[0], _place(words[2:5]))
 
 
 def _read_bar(deck: Deck, name: str, words: list[str]) -> None:

@@ -11,7 +11,7 @@ import struct
 import warnings
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
 from pathlib import Path
@@ -32,8 +32,11 @@ from .decks import DECKS, Deck
 
 #: gmsh's numbers of cell types, and nodes a cell.
 VERTEX, LINE = 15, 1
-#: Its numbers of lines of more nodes than two, by the number of nodes.
-_CURVED = {8: 3, 26: 4, 27: 5, 28: 6, **{59 + count: count for count in range(7, 12)}}
+#: Names of its lines, by their number; those of more nodes than two are refused.
+_KINDS = {
+    **{LINE: "line", 8: "line3", 26: "line4", 27: "line5", 28: "line6"},
+    **{62: "line7", 63: "line8", 64: "line9", 65: "line10", 66: "line11"},
+}
 #: Sections that are read, and those that leave nodes and cells as they are.
 _SECTIONS = re.compile(
     r"MeshFormat|PhysicalNames|Entities|Nodes|Elements|Comments|Periodic|Parametrizations|"
@@ -186,8 +189,7 @@ def _read_rows(rows: list[str], path: Path, names: Mapping[tuple[int, int], str]
             out.other.append(nodes)
         for group in entity.get((dim, tag), []):
             sets.setdefault(group_name(names, dim, group), []).append(members)
-        name = f"line{_CURVED.get(kind, '')}" if kind in _CURVED or kind == LINE else f"type {kind}"
-        out.cells[name] += size
+        out.cells[_KINDS.get(kind, f"type {kind}")] += size
     return out
 
 
@@ -388,8 +390,7 @@ def _read_lines(file: Path) -> LineData:
 def _from_deck(file: Path, deck: Deck) -> LineData:
     """Lines of a deck, with a warning of what is not read."""
     ends = {node for nodes in deck.lines.values() for node in nodes}
-    if not ends <= deck.nodes.keys():
-        missing = min(ends - deck.nodes.keys())
+    for missing in ends - deck.nodes.keys():
         raise MeshError(f"node {missing}", "belongs to an element, and is not given")
     left = deck.left
     for name, members in deck.node_sets.items():
@@ -403,18 +404,19 @@ def _from_deck(file: Path, deck: Deck) -> LineData:
             " give sections, directors, joints and loads to the items of the model"
         )
         warn(f"file '{file}'", text, ModelWarning)
-    numbers = {node: k for k, node in enumerate(deck.nodes)}
-    order = {element: k for k, element in enumerate(deck.lines)}
+    place = {node: k for k, node in enumerate(deck.nodes)}
+    lines = np.array([[place[node] for node in pair] for pair in deck.lines.values()])
     beams = {
-        k: [[order[e] for e in v & order.keys()]]
-        for k, v in deck.line_sets.items()
-        if k and v & order.keys()
+        name: np.flatnonzero(np.isin([*deck.lines], [*members]))
+        for name, members in deck.line_sets.items()
+        if name and members & deck.lines.keys()
     }
     nodes = {
-        k: [[numbers[n] for n in v & ends]] for k, v in deck.node_sets.items() if k and v & ends
+        name: np.array(sorted(place[node] for node in members & ends))
+        for name, members in deck.node_sets.items()
+        if name and members & ends
     }
-    lines = np.array([[numbers[n] for n in pair] for pair in deck.lines.values()])
-    return _cleaned(file, np.array([*deck.nodes.values()]), lines, _arrays(beams), _arrays(nodes))
+    return _cleaned(file, np.array([*deck.nodes.values()]), lines, beams, nodes)
 
 
 def _check_cells(file: Path, cells: Counter[str]) -> None:
@@ -507,31 +509,18 @@ def _arrays(names: dict[str, list[Any]]) -> dict[str, IndexArray]:
     }
 
 
-def _tagged(
-    mesh: Any, kind: str, tags: Iterable[Array]
-) -> Iterable[tuple[int, IndexArray, IndexArray]]:
-    """(tag, cell numbers among all of the kind, nodes) of physical groups of one kind of cell."""
-    first = 0
-    for block, values in zip(mesh.cells, tags, strict=True):
-        if block.type != kind:
-            continue
-        for tag in np.unique(values[values != 0]).tolist():
-            members = np.flatnonzero(values == tag)
-            yield tag, first + members, np.unique(block.data[members])
-        first += len(block.data)
-
-
 def _meshio_names(mesh: Any, content: bytes) -> tuple[dict[str, IndexArray], dict[str, IndexArray]]:
     """Named elements and points of whatever convention the file follows."""
     beams: dict[str, list[Any]] = {}
     nodes: dict[str, list[Any]] = {}
-    tags = mesh.cell_data.get("gmsh:physical")
-    if tags is not None:
-        names = physical_names(content)
-        for tag, members, _ in _tagged(mesh, "line", tags):
-            beams.setdefault(group_name(names, 1, tag), []).append(members)
-        for tag, _, points in _tagged(mesh, "vertex", tags):
-            nodes.setdefault(group_name(names, 0, tag), []).append(points)
+    if "gmsh:physical" in mesh.cell_data:
+        names, tags = physical_names(content), mesh.cell_data_dict["gmsh:physical"]
+        for dim, (kind, sets) in enumerate((("vertex", nodes), ("line", beams))):
+            cells = [block.data for block in mesh.cells if block.type == kind]
+            for tag in set(tags.get(kind, ())) - {0}:
+                members = np.flatnonzero(tags[kind] == tag)
+                own = members if dim else np.concatenate(cells)[members, 0]
+                sets.setdefault(group_name(names, dim, tag), []).append(own)
     else:
         for name, parts in mesh.cell_sets_dict.items():
             if "line" in parts and not name.startswith("gmsh:"):
