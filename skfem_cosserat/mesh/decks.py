@@ -104,7 +104,8 @@ _BESIDE = re.compile(
     r"AMPLITUDE|BOUNDARY|CLEARANCE|DASHPOT|EQUATION|FRICTION|GAP|HOURGLASSSTIFFNESS|"
     r"INITIALCONDITIONS|MPC|PHYSICALCONSTANTS|RELEASE|RESTART|RIGIDBODY|SPRING|STEP|TIE|TIMEPOINTS|"
     r"MATERIAL|CONDUCTIVITY|CREEP|DAMPING|DENSITY|DEPVAR|ELASTIC|EXPANSION|HYPERELASTIC|PLASTIC|"
-    r"SPECIFICHEAT|USERMATERIAL|VISCOELASTIC"
+    r"SPECIFICHEAT|USERMATERIAL|VISCOELASTIC|[CD]LOAD|DSLOAD|TEMPERATURE|"
+    r"(NODE|ELEMENT|EL|CONTACT)?(FILE|PRINT|OUTPUT)"
 )
 
 
@@ -269,7 +270,7 @@ def _cards(rows: list[tuple[int, str]]) -> list[list[str]]:
             cards.append([f"line {number}", head.rstrip("* ")])
         if cards and row:
             cards[-1] += map(str.strip, [*words, *[""] * count][:count])
-    raise MeshError("ENDDATA", "is missing: the file is cut short")
+    raise MeshError("ENDDATA", "is missing: the file is cut short, or give it this last line")
 
 
 def _read_bar(deck: Deck, name: str, words: list[str]) -> None:
