@@ -427,10 +427,18 @@ def test_a_part_of_a_file_is_never_taken_for_the_whole(tmp_path, name, words):
         read_mesh(tmp_path / name)
 
 
-def test_the_whole_is_read_where_it_is_lines(tmp_path):
-    """The same pieces alone, so that the tests above refuse what they name and nothing else."""
-    (tmp_path / "a.vtu").write_text(VTU.format(LINES))
-    assert read_mesh(tmp_path / "a.vtu").t.T.tolist() == [[0, 1], [1, 2]]
+MEDIT = "MeshVersionFormatted 2\nDimension 3\nVertices\n3\n{}\nEdges\n2\n1 2 0\n2 3 0\n{}\nEnd\n"
+WHOLE = {
+    "a.vtu": VTU.format(LINES),
+    "a.mesh": MEDIT.format("0 0 0 0\n1 0 0 0\n2 0 0 0", "Ridges\n1\n1"),
+}
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_the_whole_is_read_where_it_is_lines(tmp_path, name):
+    """Tests above refuse what they name, and nothing else; ridges say how to draw a surface."""
+    (tmp_path / name).write_text(WHOLE[name])
+    assert read_mesh(tmp_path / name).t.T.tolist() == [[0, 1], [1, 2]]
 
 
 @pytest.mark.parametrize("kind", ["41", "22"])
