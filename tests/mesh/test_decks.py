@@ -57,8 +57,8 @@ def test_one_portal_however_it_is_written(tmp_path, name):
 
 @pytest.mark.parametrize("kind", ["B21", "B23H", "B31OS", "B31R", "B33", "PIPE31H", "T3D2T"])
 def test_elements_with_two_nodes(tmp_path, kind):
-    (tmp_path / "a.inp").write_text(NODES + BARS.replace("B31", kind))
-    assert read_mesh(tmp_path / "a.inp").nelements == 2
+    (tmp_path / "a.inp").write_text(NODES + BARS.replace("B31", kind) + GIRDER)
+    assert read_mesh(tmp_path / "a.inp").nelements == 4
 
 
 def test_beams_beside_shells(tmp_path):
