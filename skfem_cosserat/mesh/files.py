@@ -11,7 +11,7 @@ import struct
 import warnings
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice, pairwise
 from pathlib import Path
@@ -23,6 +23,7 @@ from ..errors import InputError, MeshError, ModelWarning
 from ..pattern import shared
 from ..types import Array, Floats, IndexArray, file_path
 from ..warn import logger, warn
+from .decks import DECKS, Deck
 
 # -- ASCII gmsh files of points and lines: written in 4.1 and 2.2, read in 4.1 ---------------------
 #
@@ -31,28 +32,44 @@ from ..warn import logger, warn
 
 #: gmsh's numbers of cell types, and nodes a cell.
 VERTEX, LINE = 15, 1
+#: Names of its lines, by their number; those of more nodes than two are refused.
+_KINDS = {
+    **{LINE: "line", 8: "line3", 26: "line4", 27: "line5", 28: "line6"},
+    **{62: "line7", 63: "line8", 64: "line9", 65: "line10", 66: "line11"},
+}
+#: Sections that are read, and those that leave nodes and cells as they are.
+_SECTIONS = re.compile(
+    r"MeshFormat|PhysicalNames|Entities|Nodes|Elements|Comments|Periodic|Parametrizations|"
+    r"GhostElements|InterpolationScheme|(Node|Element|ElementNode)Data"
+)
 #: Section in which gmsh keeps the names of physical groups.
 _NAMES = "PhysicalNames"
 
 
 @dataclass(eq=False)
 class Groups:
-    """Cells of a file by type, with the physical groups each is in.
+    """Cells of a file and its physical groups.
 
     Attributes
     ----------
     points : (n, 3)
         Points (m).
-    lines, vertices : lists of (nodes, groups)
-        Nodes (n, 2) or (n, 1) of cells, and the tags of the groups that all of them are in.
-    other : dict of int to int
-        Number of cells of any other type, by gmsh's number of the type.
+    lines : list of (n, 2)
+        Nodes of lines.
+    beams, nodes : dict of str to list of (n,)
+        Numbers of lines and of points in groups, by name.
+    other : list of (n, k)
+        Nodes of other cells.
+    cells : Counter of str
+        Number of cells of each type.
     """
 
     points: Floats
-    lines: list[tuple[IndexArray, list[int]]] = field(default_factory=list)
-    vertices: list[tuple[IndexArray, list[int]]] = field(default_factory=list)
-    other: dict[int, int] = field(default_factory=dict)
+    lines: list[IndexArray] = field(default_factory=list)
+    beams: dict[str, list[Any]] = field(default_factory=dict)
+    nodes: dict[str, list[Any]] = field(default_factory=dict)
+    other: list[IndexArray] = field(default_factory=list)
+    cells: Counter[str] = field(default_factory=Counter)
 
 
 def physical_names(text: bytes) -> dict[tuple[int, int], str]:
@@ -117,17 +134,21 @@ def read_gmsh41(path: Path, content: bytes) -> Groups:
     """
     rows = [row.strip() for row in content.decode("utf-8").splitlines()]
     try:
-        return _read_rows(rows, path)
+        return _read_rows(rows, path, physical_names(content))
     except (StopIteration, ValueError, KeyError) as error:
         if isinstance(error, MeshError):
             raise
         raise MeshError(
-            f"file '{path}'", f"is not a sound gmsh 4.1 file ({type(error).__name__}: {error})"
+            f"file '{path}'", f"is not a sound gmsh 4.1 file: {reason(error)}"
         ) from error
 
 
-def _read_rows(rows: list[str], path: Path) -> Groups:
+def _read_rows(rows: list[str], path: Path, names: Mapping[tuple[int, int], str]) -> Groups:
     """Contents of the sections."""
+    sections = Counter(row[1:] for row in rows if row.startswith("$") and row[:4] != "$End")
+    for name, times in sections.items():
+        if not _SECTIONS.fullmatch(name) or (times > 1 and name in ("Nodes", "Elements")):
+            raise MeshError(f"file '{path}'", f"section ${name} is not understood, or there twice")
     entity = _entity_groups(rows, path)
     words = _section(rows, "Nodes", path)
     blocks, count, _, _ = _integers(words, 4)
@@ -153,17 +174,22 @@ def _read_rows(rows: list[str], path: Path) -> Groups:
         k += 1 + size
         if len(part) < size:
             raise MeshError(f"file '{path}'", "is cut short in section $Elements")
-        if kind in (VERTEX, LINE):
-            width = 2 if kind == VERTEX else 3
-            each = np.array(" ".join(part).split(), dtype=np.int64).reshape(size, width)[:, 1:]
-            place = np.minimum(np.searchsorted(known, each, sorter=order), count - 1)
-            nodes = order[place]
-            if (known[nodes] != each).any():
-                raise KeyError(f"node {each[known[nodes] != each][0]}")
-            target = out.vertices if kind == VERTEX else out.lines
-            target.append((nodes, entity.get((dim, tag), [])))
-        else:
-            out.other[kind] = out.other.get(kind, 0) + size
+        width = {VERTEX: 2, LINE: 3}.get(kind, -1)
+        each = np.array(" ".join(part).split(), dtype=np.int64).reshape(size, width)[:, 1:]
+        place = np.minimum(np.searchsorted(known, each, sorter=order), count - 1)
+        nodes = order[place]
+        if (known[nodes] != each).any():
+            raise KeyError(f"node {each[known[nodes] != each][0]}")
+        sets, members = out.nodes, nodes[:, 0]
+        if kind == LINE:
+            sets, members = out.beams, out.cells["line"] + np.arange(size)
+            out.lines.append(nodes)
+        elif kind != VERTEX:
+            sets = {}
+            out.other.append(nodes)
+        for group in entity.get((dim, tag), []):
+            sets.setdefault(group_name(names, dim, group), []).append(members)
+        out.cells[_KINDS.get(kind, f"type {kind}")] += size
     return out
 
 
@@ -291,10 +317,6 @@ _BROKEN = (
     *(MemoryError, NameError, OSError, RuntimeError, StopIteration, SyntaxError, TypeError),
     *(ValueError, lzma.LZMAError, struct.error, zlib.error),
 )
-#: Files of Abaqus and Nastran, which hold whole models: what is read of them.
-_ABAQUS, _NASTRAN = {".inp"}, {".bdf", ".fem", ".nas"}
-_ABAQUS_READ = {"", "NODE", "ELEMENT", "NSET", "ELSET", "INCLUDE", "HEADING", "PREPRINT"}
-_NASTRAN_READ = {"GRID", "CBAR", "CBEAM", "CBUSH", "CBUSH1D", "CGAP", "CROD", "ENDDATA"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,66 +350,32 @@ def read_errors(path: str | os.PathLike[str]) -> Iterator[None]:
             raise
         raise MeshError(item, str(error)) from error
     except _BROKEN as error:
-        raise MeshError(item, f"cannot be read ({type(error).__name__}: {error})") from error
+        raise MeshError(item, f"cannot be read: {reason(error)}") from error
 
 
 def read_lines(path: str | os.PathLike[str]) -> LineData:
     """Lines of a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
     file = file_path("argument path", path)
     if not file.is_file():
-        raise MeshError(f"file '{file}'", "does not exist")
+        raise MeshError(f"file '{file}'", "does not exist, or is no file")
     lines = _read_lines(file)
     if not np.isfinite(lines.points).all() or abs(lines.points).max() > 1e150:
         raise MeshError(f"file '{file}'", "has coordinates that are not finite or too large")
-    if left := _left_out(file):
-        text = (
-            f"only nodes, elements and sets are read, not {', '.join(left)}:"
-            " give sections, directors, joints and loads to the items of the model"
-        )
-        warn(f"file '{file}'", text, ModelWarning)
     return lines
-
-
-def _left_out(file: Path) -> list[str]:
-    """What a file of Abaqus or Nastran says beside the mesh, and how often."""
-    kind = file.suffix.lower()
-    if kind not in _ABAQUS | _NASTRAN:
-        return []
-    text = file.read_text(encoding="utf-8", errors="replace").upper()
-    if kind in _ABAQUS:
-        words = re.findall(r"^\*(?!\*)([^,\n]*)", text, re.MULTILINE)
-        found = Counter(
-            f"*{' '.join(word.split())}"
-            for word in words
-            if word.strip() not in _ABAQUS_READ and not word.strip().startswith("END")
-        )
-    else:
-        rows = text.partition("BEGIN BULK")[2].splitlines()
-        cards = Counter(re.findall(r"^[A-Z][A-Z0-9]*", "\n".join(rows), re.MULTILINE))
-        found = Counter({card: k for card, k in cards.items() if card not in _NASTRAN_READ})
-        bars = sum(cards[card] for card in ("CBAR", "CBEAM"))
-        lines = sum(cards[card] for card in _NASTRAN_READ - {"GRID", "ENDDATA"})
-        found |= Counter({"property ids": lines, "orientations of CBAR and CBEAM": bars})
-    return [f"{name} ({count})" for name, count in found.items() if count]
 
 
 def _read_lines(file: Path) -> LineData:
     """Lines of a file of any kind."""
-    content = file.read_bytes() if file.suffix.lower() == ".msh" else b""
+    if read := DECKS.get(file.suffix.lower()):
+        return _from_deck(file, read(file))
+    content = file.read_bytes()
     if _is_gmsh41(content, b"0"):
         return shared(_from_gmsh41, os.fsencode(file), content)
-    mesh = _meshio(file)
-    kinds = {block.type: len(block.data) for block in mesh.cells}
-    quadratic = [kind for kind in kinds if kind.startswith("line") and kind != "line"]
-    if quadratic:
-        raise MeshError(
-            f"file '{file}'",
-            f"has {kinds[quadratic[0]]} cells of type '{quadratic[0]}'; only lines with two nodes"
-            " are read: mesh with order 1 (elements of any order are made by DirectorBasis)",
-        )
-    if "line" not in kinds:
-        raise MeshError(f"file '{file}'", f"has no lines; cells found: {kinds or 'none'}")
+    mesh = _meshio(file, content)
+    _check_cells(file, Counter({block.type: len(block.data) for block in mesh.cells}))
     lines = np.vstack([block.data for block in mesh.cells if block.type == "line"])
+    if lines.shape[1] != 2:
+        raise MeshError(f"file '{file}'", f"has polylines of {lines.shape[1]} nodes: split them")
     beams, nodes = _meshio_names(mesh, content)
     if _is_gmsh41(content, b"1"):
         for name, (_, dimension) in mesh.field_data.items():
@@ -395,7 +383,48 @@ def _read_lines(file: Path) -> LineData:
                 raise MeshError(f"file '{file}'", f"group '{name}' cannot be read; {_AS_ASCII}")
     points = np.zeros((len(mesh.points), 3))
     points[:, : mesh.points.shape[1]] = mesh.points
-    return _cleaned(file, points, lines, beams, nodes)
+    others = [block.data for block in mesh.cells if block.type not in ("line", "vertex")]
+    return _cleaned(file, points, lines, beams, nodes, others)
+
+
+def _from_deck(file: Path, deck: Deck) -> LineData:
+    """Lines of a deck, with a warning of what is not read."""
+    ends = {node for nodes in deck.lines.values() for node in nodes}
+    for missing in ends - deck.nodes.keys():
+        raise MeshError(f"node {missing}", "belongs to an element, and is not given")
+    deck.left["nodes of no line, in sets too"] = len(deck.nodes.keys() - ends)
+    said = ", ".join(f"{name} ({count})" for name, count in deck.left.items() if count)
+    if not ends:
+        raise MeshError(f"file '{file}'", f"has no lines; found: {said or 'none'}")
+    if said:
+        text = (
+            f"only nodes, elements and sets are read, not {said}:"
+            " give sections, directors, joints and loads to the items of the model"
+        )
+        warn(f"file '{file}'", text, ModelWarning)
+    place = {node: k for k, node in enumerate(deck.nodes)}
+    lines = np.array([[place[node] for node in pair] for pair in deck.lines.values()])
+    beams = {
+        name: np.flatnonzero(np.isin([*deck.lines], [*members]))
+        for name, members in deck.line_sets.items()
+        if name and members & deck.lines.keys()
+    }
+    nodes = {
+        name: np.array(sorted(place[node] for node in members & ends))
+        for name, members in deck.node_sets.items()
+        if name and members & ends
+    }
+    return _cleaned(file, np.array([*deck.nodes.values()]), lines, beams, nodes)
+
+
+def _check_cells(file: Path, cells: Counter[str]) -> None:
+    """Refuse a file without lines, or with lines of more nodes than two."""
+    item, expected = f"file '{file}'", "only lines with two nodes are read: mesh with order 1"
+    for kind, count in cells.items():
+        if (kind.startswith("line") and kind != "line") or kind.endswith("_CURVE"):
+            raise MeshError(item, f"has {count} cells of type '{kind}'; {expected}")
+    if not cells["line"]:
+        raise MeshError(item, f"has no lines; cells found: {dict(cells) or 'none'}")
 
 
 _AS_ASCII = "of a binary gmsh 4.1 file not all is understood: save it as ASCII (Mesh.Binary = 0)"
@@ -406,19 +435,47 @@ def _is_gmsh41(content: bytes, kind: bytes) -> bool:
     return content[:4096].split(b"$MeshFormat", 1)[-1].split()[:2] == [b"4.1", kind]
 
 
-def _meshio(file: Path) -> Any:
-    """Read by meshio, which prints and leaves the interpreter when it fails."""
+#: What meshio drops in silence or reads on for ever: suffix, pattern, what to say.
+_BEFORE = (
+    (".ply", rb"\A(?!.*^end_header\s*$)", "its header has no end"),
+    (".obj", rb"^l\s", "has lines in an .obj file, which are not read: save it as .msh or .vtu"),
+    (".vtu", rb"<Piece.*<Piece", "has several pieces, of which one would be read: merge them"),
+    ((".xdmf", ".xmf"), rb"BaseOffset|<xi:", "has BaseOffset or xi:include, which are not read"),
+    ((".tec", ".dat"), rb"^\s*ZONE.*^\s*ZONE", "has several zones, of which one would be read"),
+)
+
+
+#: What meshio may say of a file that it reads as a whole.
+_HARMLESS = re.compile(
+    r"tag data that couldn't|tags of string type|some time data|"
+    r"keyword (RequiredVertices|TangentAtVertices|Tangents|Ridges)\."
+)
+
+
+def reason(error: Exception) -> str:
+    """Words for a user about an error of a reader."""
+    if isinstance(error, KeyError):
+        return f"{' '.join(map(str, error.args))} is unknown or missing"
+    if isinstance(error, ImportError):
+        return f"the package {error.name} is needed, and is not installed"
+    return " ".join(str(error).split()) or "it is damaged, or not what its name says"
+
+
+def _meshio(file: Path, content: bytes) -> Any:
+    """Read by meshio, which prints what it drops, and leaves the interpreter when it fails."""
     import meshio  # slow to import: gmsh files do without
     from meshio._exceptions import CorruptionError
 
     said = io.StringIO()
-    if file.suffix.lower() in _NASTRAN:  # meshio reads on for ever behind the end of the file
-        bulk = file.read_text(encoding="utf-8", errors="replace").partition("BEGIN BULK")[2]
-        if not any(len(row) >= 4 and row[0] not in "$/#" for row in bulk.splitlines()[1:]):
-            raise MeshError(f"file '{file}'", "has no entries after BEGIN BULK")
-    end = re.compile(rb"^end_header\s*$", re.MULTILINE)  # the same
-    if file.suffix.lower() == ".ply" and not end.search(file.read_bytes()):
-        raise MeshError(f"file '{file}'", "its header has no end")
+    item, name = f"file '{file}'", file.name.lower()
+    for suffix, pattern, text in _BEFORE:
+        if name.endswith(suffix) and re.search(pattern, content, re.MULTILINE | re.DOTALL):
+            raise MeshError(item, text)
+    why = f"; {_AS_ASCII}" if _is_gmsh41(content, b"1") else ""
+    if name.endswith((".vtk", ".vtu")):
+        why = "; only unstructured grids of lines with two nodes are read, no polylines"
+    if not content.strip():
+        raise MeshError(item, "is empty")
     try:
         with (
             contextlib.redirect_stdout(said),
@@ -427,45 +484,24 @@ def _meshio(file: Path) -> Any:
             np.errstate(all="ignore"),
         ):
             warnings.simplefilter("ignore")
-            return meshio.read(file)
+            mesh = meshio.read(file)
     except SystemExit:
-        message = " ".join(said.getvalue().split()) or "no reason given"
-        raise MeshError(f"file '{file}'", f"cannot be read ({message})") from None
+        mesh = None  # it says why
     except (*_BROKEN, CorruptionError, meshio.ReadError) as error:
-        reason = f"{type(error).__name__}: {error}"
-        if file.suffix.lower() == ".msh" and _is_gmsh41(file.read_bytes(), b"1"):
-            reason += f"; {_AS_ASCII}"
-        raise MeshError(f"file '{file}'", f"cannot be read ({reason})") from error
+        raise MeshError(item, f"cannot be read: {reason(error)}{why}") from error
+    for text in " ".join(said.getvalue().split()).split("Warning: "):
+        if text and not _HARMLESS.search(text):
+            raise MeshError(item, f"cannot be read as a whole: {text}{why}")
+    return mesh
 
 
 def _from_gmsh41(name: bytes, content: bytes) -> LineData:
     """Lines of an ASCII gmsh 4.1 file, given its name and content."""
-    file, names = Path(os.fsdecode(name)), physical_names(content)
+    file = Path(os.fsdecode(name))
     found = read_gmsh41(file, content)
-    if not found.lines:
-        quadratic = found.other.get(8, 0)
-        why = f"has {quadratic} quadratic lines (line3)" if quadratic else "has no lines"
-        raise MeshError(
-            f"file '{file}'", f"{why}; only lines with two nodes are read: mesh with order 1"
-        )
-    if 8 in found.other:
-        raise MeshError(
-            f"file '{file}'",
-            f"has {found.other[8]} quadratic lines (line3); only lines with two nodes are read",
-        )
-    beams: dict[str, list[Any]] = {}
-    first = 0
-    for nodes, tags in found.lines:
-        for tag in tags:
-            own = first + np.arange(len(nodes))
-            beams.setdefault(group_name(names, 1, tag), []).append(own)
-        first += len(nodes)
-    points: dict[str, list[Any]] = {}
-    for nodes, tags in found.vertices:
-        for tag in tags:
-            points.setdefault(group_name(names, 0, tag), []).append(nodes[:, 0])
-    lines = np.concatenate([nodes for nodes, _ in found.lines])
-    return _cleaned(file, found.points, lines, _arrays(beams), _arrays(points))
+    _check_cells(file, found.cells)
+    lines, nodes = np.concatenate(found.lines), _arrays(found.nodes)
+    return _cleaned(file, found.points, lines, _arrays(found.beams), nodes, found.other)
 
 
 def _arrays(names: dict[str, list[Any]]) -> dict[str, IndexArray]:
@@ -476,31 +512,18 @@ def _arrays(names: dict[str, list[Any]]) -> dict[str, IndexArray]:
     }
 
 
-def _tagged(
-    mesh: Any, kind: str, tags: Iterable[Array]
-) -> Iterable[tuple[int, IndexArray, IndexArray]]:
-    """(tag, cell numbers among all of the kind, nodes) of physical groups of one kind of cell."""
-    first = 0
-    for block, values in zip(mesh.cells, tags, strict=True):
-        if block.type != kind:
-            continue
-        for tag in np.unique(values[values != 0]).tolist():
-            members = np.flatnonzero(values == tag)
-            yield tag, first + members, np.unique(block.data[members])
-        first += len(block.data)
-
-
 def _meshio_names(mesh: Any, content: bytes) -> tuple[dict[str, IndexArray], dict[str, IndexArray]]:
     """Named elements and points of whatever convention the file follows."""
     beams: dict[str, list[Any]] = {}
     nodes: dict[str, list[Any]] = {}
-    tags = mesh.cell_data.get("gmsh:physical")
-    if tags is not None:
-        names = physical_names(content)
-        for tag, members, _ in _tagged(mesh, "line", tags):
-            beams.setdefault(group_name(names, 1, tag), []).append(members)
-        for tag, _, points in _tagged(mesh, "vertex", tags):
-            nodes.setdefault(group_name(names, 0, tag), []).append(points)
+    if "gmsh:physical" in mesh.cell_data:
+        names, tags = physical_names(content), mesh.cell_data_dict["gmsh:physical"]
+        for dim, (kind, sets) in enumerate((("vertex", nodes), ("line", beams))):
+            cells = [block.data for block in mesh.cells if block.type == kind]
+            for tag in set(tags.get(kind, ())) - {0}:
+                members = np.flatnonzero(tags[kind] == tag)
+                own = members if dim else np.concatenate(cells)[members, 0]
+                sets.setdefault(group_name(names, dim, tag), []).append(own)
     else:
         for name, parts in mesh.cell_sets_dict.items():
             if "line" in parts and not name.startswith("gmsh:"):
@@ -522,16 +545,19 @@ def _cleaned(
     lines: Array,
     beams: dict[str, IndexArray],
     nodes: dict[str, IndexArray],
+    others: Sequence[IndexArray] = (),
 ) -> LineData:
     """Without points that belong to no line and without repetitions of a line for each group."""
     used = np.unique(lines)
     number = np.full(len(points), -1)
+    for cells in others:
+        number[cells] = -2
     number[used] = np.arange(len(used))
     if len(used) < len(points):
         logger.info("%s: dropped %d points that belong to no line", file, len(points) - len(used))
     for name, index in nodes.items():
-        if (number[index] < 0).any():
-            place = points[index[number[index] < 0][0]].tolist()
+        if (number[index] == -1).any():
+            place = points[index[number[index] == -1][0]].tolist()
             raise MeshError(
                 f"node '{name}'", f"at {place} in file '{file}' belongs to no line of the mesh"
             )
@@ -555,7 +581,7 @@ def _cleaned(
         points=points[used].T.copy(),
         t=number[lines[kept]].T.copy(),
         beams={name: np.unique(place[index]) for name, index in beams.items()},
-        nodes={name: number[index] for name, index in nodes.items()},
+        nodes={name: number[index[number[index] >= 0]] for name, index in nodes.items()},
     )
     for array in (found.points, found.t, *found.beams.values(), *found.nodes.values()):
         array.flags.writeable = False  # who reads the file again has the same

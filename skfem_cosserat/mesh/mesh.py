@@ -829,16 +829,20 @@ def read_mesh(path: str | PathLike[str]) -> MeshCurve:
     ----------
     path : path
         gmsh ``.msh`` 4.1 or 2.2: physical lines are beams, physical points are named nodes. VTU:
-        cell data ``beam:NAME`` and point data ``node:NAME``, 1 for members and 0 for others. Other
-        formats as far as meshio reads them: sets of cells are beams, sets of points are nodes. What
-        else an ``.inp`` or ``.bdf`` file says (sections, orientations, materials, property ids) is
-        not read: a :class:`ModelWarning` names it.
+        cell data ``beam:NAME`` and point data ``node:NAME``, 1 for members and 0 for others. Decks
+        of Abaqus and CalculiX (``.inp``): elements with two nodes, ``*ELSET`` are beams, ``*NSET``
+        are nodes. Decks of Nastran (``.bdf``, ``.nas``, ``.fem``): CBAR, CBEAM, CROD, CTUBE,
+        CONROD. What else a deck says (sections, orientations, materials, other elements, steps) is
+        not read: a :class:`ModelWarning` names it. Other formats as far as meshio reads them: sets
+        of cells are beams, sets of points are nodes. Cells that are no lines are left out.
 
     Raises
     ------
     MeshError
-        If the file cannot be read or is damaged, has no lines, has quadratic lines, or names a
-        point that belongs to no line. It names the file.
+        If the file cannot be read or is damaged, has no lines, has lines or polylines of more than
+        two nodes, or names a point that belongs to no cell. A deck is refused for each keyword or
+        card that is not known to leave nodes and elements as they are (``*NGEN``, a second
+        ``*PART``, a GRID in another system of coordinates, offsets of ends). It names the file.
 
     Examples
     --------
