@@ -15,7 +15,7 @@ from ..constraints.saddle import nearest_velocity
 from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError, PerformanceWarning
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
-from ..model.limits import FAR_TURN, fastest_turn, over_rotated, overstretched, undefined
+from ..model.limits import FAR_TURN, fastest_turn, jump, over_rotated, overstretched, undefined
 from ..model.loops import BROKEN, contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
@@ -359,6 +359,12 @@ class Stepper:
 
     def _step(self, state: State, time: float, h: float) -> StepReport:
         origin = self._made_by(h)
+        if self.system.moving and (reason := jump(self.system, state.time, time)):
+            advice = (
+                "no motion can follow a jump: let it take several steps, as"
+                " RampSmooth(begin, end, first=..., last=...) does"
+            )
+            raise Failure(Code.JUMP, state, 0.0, reason, advice).error(self.settings)
         if self._march is not None:
             if h != self.h:
                 raise IncompatibleError(
@@ -451,6 +457,12 @@ class Stepper:
         after = np.arange(1, min(steps, fast.most(state.time, every)) + 1)
         ends = state.time + size * after if time is None else time(state.index + after)
         times = np.asarray(ends, dtype=float)
+        if self.system.moving:
+            pairs = zip([state.time, *times[:-1].tolist()], times.tolist(), strict=True)
+            jumps = [k for k, pair in enumerate(pairs) if jump(self.system, *pair)]
+            times = times[: jumps[0]] if jumps else times
+            if not len(times):
+                return self.advance(state, next_time, h)
         block = fast.advance_block(state, times, every, mark)
         if not block.steps:
             return self.advance(replace(state, plain=True), next_time, h)

@@ -448,12 +448,13 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
 
 
 def broken_constraint(system: System, y: Floats, tolerance: float) -> str | None:
-    """Which constraint does not hold at y, and by how much; relative to its terms."""
+    """Which constraint does not hold at y, and by how much, or holds on another branch only."""
     g = abs(system.constraints.values(y))
     # a point held at the origin may be off by rounding, with no terms to compare that with
     excess = g - tolerance * (system.constraints.magnitudes(y) + 1e-7 * system.length)
     if not excess.max(initial=0.0) > 0:
-        return None
+        wrong = system.wrong_branch(y)
+        return wrong and f"is on another branch, to which no motion leads: {wrong}"
     row = int(excess.argmax())
     return f"violates the constraint of the {constraint_owner(system, row)} by {g[row]:.6g}"
 

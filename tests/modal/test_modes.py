@@ -819,7 +819,7 @@ def test_bad_states():
     bad(lambda: sc.modes(system, np.zeros(5), 1), "shape (5,)", "(12,)")
     bad(lambda: sc.modes(system, np.full(12, np.nan), 1), "entry 0", "nan")
     bad(lambda: sc.modes(system, {"q": 1}, 1), "dict", "History")
-    bad(lambda: sc.modes(system, 1.1 * system.q0, 1), "violates", "row")
+    bad(lambda: sc.modes(system, 1.1 * system.q0, 1), "violates")
     history = sc.simulate(other, sc.Variational(), sc.NullSpace(), 0.01, until=0.01)
     bad(lambda: sc.modes(system, history, 1), "another model", "mass")
     bad(lambda: sc.modes(other, (history, 5), 1), "5", "2 states")
