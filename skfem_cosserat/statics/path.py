@@ -61,6 +61,8 @@ CRITICAL = 1e-5
 NEAR = 1e-6
 #: smallest eigenvalue of the stiffness, against that at the start, below which it is nearly lost
 LIMP = 0.05
+#: part of a step from a point without stiffness, in which less than half of the motion is due
+SHORT = 0.1
 #: what to do about limit points
 BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
 #: what is raised where nothing can be found out about a path that has ended
@@ -409,6 +411,15 @@ class Continuation:
 
         after = solution.point
         motion = size(after.y[:rows] - point.y[:rows])
+        first, last = self._first, self._stability
+        if first is not None and last is not None and last.pivot <= CRITICAL * first.pivot:
+            # tangents of a limit point lead anywhere, but what goes on from there moves less at once
+            near, _ = self._solve(point, Functional(None, 1.0, SHORT * (after.t - point.t)))
+            self._solve(point, Functional(None, 1.0, after.t - point.t))  # is the last one again
+            if motion > NEAR and (
+                near is None or size(near.point.y[:rows] - point.y[:rows]) > motion / 2
+            ):
+                return True
         if motion <= max(NEAR, JUMP * size(solution.predicted)):
             return False
         try:
