@@ -413,7 +413,7 @@ class Continuation:
         motion = size(after.y[:rows] - point.y[:rows])
         first, last = self._first, self._stability
         if first is not None and last is not None and last.pivot <= CRITICAL * first.pivot:
-            # tangents of a limit point lead anywhere, but what goes on from there moves less at once
+            # tangents of a limit point lead anywhere, what goes on from there moves less at once
             near, _ = self._solve(point, Functional(None, 1.0, SHORT * (after.t - point.t)))
             self._solve(point, Functional(None, 1.0, after.t - point.t))  # is the last one again
             if motion > NEAR and (
