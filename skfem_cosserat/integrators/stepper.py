@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import isfinite
 from typing import Any
 
@@ -458,9 +459,8 @@ class Stepper:
         ends = state.time + size * after if time is None else time(state.index + after)
         times = np.asarray(ends, dtype=float)
         if self.system.moving:
-            pairs = zip([state.time, *times[:-1].tolist()], times.tolist(), strict=True)
-            jumps = [k for k, pair in enumerate(pairs) if jump(self.system, *pair)]
-            times = times[: jumps[0]] if jumps else times
+            pairs = enumerate(pairwise([state.time, *times.tolist()]))
+            times = times[: next((k for k, pair in pairs if jump(self.system, *pair)), None)]
             if not len(times):
                 return self.advance(state, next_time, h)
         block = fast.advance_block(state, times, every, mark)

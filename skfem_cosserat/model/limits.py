@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..coupling import Coupling
-from ..frames import Item, StructuralItem, is_beam
+from ..frames import StructuralItem, is_beam
 from ..joint import Joint, JointDrive
 from ..pattern import once_for_each
 from ..types import Floats, IndexArray
@@ -73,23 +71,19 @@ def owner(system: System, row: int) -> StructuralItem:
 #: second difference of prescribed motion (rad, relative to the extent) that may be a jump; what it
 #: shrinks to at most, with half the interval, if it is none; interval, against time, that tells
 JUMP, SHRINKS, STEEPEST = 1e-6, 0.6, 1e-14
-#: rows of a frame that are lengths, and those that turn
-_TURNS = np.array([[0.0], [1.0], [1.0], [1.0]])
-_LENGTHS = 1 - _TURNS
 
 
 @once_for_each
-def _followed(system: System) -> tuple[Floats, dict[int, Item]]:
-    """Weights of the ground's rows that constraints or dampers feel, and of which item by frame."""
+def _followed(system: System) -> tuple[Floats, dict[int, Joint | JointDrive]]:
+    """Weights of the ground's rows that constraints feel, and of which item each frame is."""
     weights = np.zeros((system.grounds.rows // 4, 4, 3))
-    owners: dict[int, Item] = {}
-    damped = [each for each in system.couplings.items if each.damping.any()]
-    items: list[Joint | Coupling] = [*system.joints, *damped]
-    for item in items:
-        for place in (item.a, item.b):
+    owners: dict[int, Joint | JointDrive] = {}
+    for joint in system.joints:
+        for place in (joint.a, joint.b):
             if place.motion is not None:
-                weights[system.grounds.number(place)] = _LENGTHS / system.length + _TURNS
-                owners[system.grounds.number(place)] = item
+                weights[system.grounds.number(place)] = 1.0
+                owners[system.grounds.number(place)] = joint
+    weights[:, 0] /= system.length
     for drive in system.drives:
         k = system.grounds.number(drive.place)
         turning = drive.coordinate.kind == "angle"  # felt by its cosine and sine
@@ -104,36 +98,31 @@ def jump(system: System, t0: float, t1: float) -> str | None:
     The second difference of one that is continuous shrinks with the interval, however steep it is.
     """
     weights, owners = _followed(system)
-    times = [min(t0, t1), (t0 + t1) / 2, max(t0, t1)]
-    rows = [system.ground(t) for t in times]
-    shortest, bend = STEEPEST * max(abs(t0), abs(t1)), _bend(weights, rows)
-    while bend.max() > JUMP and times[2] - times[0] > shortest:
-        for k in (1, 3):
-            times.insert(k, (times[k - 1] + times[k]) / 2)
-            rows.insert(k, system.ground(times[k]))
-        halves = [_bend(weights, rows[k : k + 3]) for k in (0, 2)]
-        stays = [np.where(half > SHRINKS * bend, half, 0.0) for half in halves]
-        k = 0 if stays[0].max() >= stays[1].max() else 2
-        times, rows, bend = times[k : k + 3], rows[k : k + 3], stays[k // 2]
-        weights = weights * (bend > 0)
-    if bend.max() <= JUMP:
+    ground, (a, b) = cache(system.ground), sorted((t0, t1))
+
+    def bend(a: float, b: float) -> Floats:
+        return np.asarray(weights * abs(ground(a) - 2 * ground((a + b) / 2) + ground(b)))
+
+    now, shortest = bend(a, b), STEEPEST * max(abs(a), abs(b))
+    while now.max() > JUMP and b - a > shortest:
+        found = []
+        for half in ((a, (a + b) / 2), ((a + b) / 2, b)):
+            later = bend(*half)
+            found.append((np.where(later > SHRINKS * now, later, 0.0), half))
+        now, (a, b) = max(found, key=lambda each: each[0].max())
+        weights = weights * (now > 0)
+    if now.max() <= JUMP:
         return None
-    frame = int(bend.max(axis=1).argmax()) // 4
-    item, when = owners[frame], f"jumps at t = {times[2]:.6g} s"
+    frame = int(now.max(axis=1).argmax()) // 4
+    item, when = owners[frame], f"jumps at t = {b:.6g} s"
     if isinstance(item, JointDrive):
-        return f"the {item.label} {when}: {reached(item, times[0])}, then {reached(item, times[2])}"
-    before, after = (each[4 * frame : 4 * frame + 4] for each in (rows[0], rows[2]))
-    far = np.linalg.norm(after - before, axis=1)
+        return f"the {item.label} {when}: {reached(item, a)}, then {reached(item, b)}"
+    far = np.linalg.norm((ground(b) - ground(a)).reshape(-1, 4, 3)[frame], axis=1)
     turn = 2 * np.arcsin(min(1.0, float(np.linalg.norm(far[1:])) / np.sqrt(8)))
     return (
         f"the prescribed motion of the ground at the {item.label} {when}, by {far[0]:.6g} m and"
         f" {turn:.6g} rad"
     )
-
-
-def _bend(weights: Floats, rows: Sequence[Floats]) -> Floats:
-    """Second differences of the ground's rows at three instants, weighted."""
-    return np.asarray(weights * abs(rows[0] - 2 * rows[1] + rows[2]))
 
 
 # -- elements bent so far that they give way: why Newton's method fails on a mesh too coarse -------

@@ -251,20 +251,16 @@ class Continuation:
         ends = target + np.sign(length) * width * np.array([-k for k in AROUND[::-1]] + [*AROUND])
         samples: list[Solution] = []
         for t in ends.tolist():
-            found, _ = self._solve(point, Functional(None, 1.0, t - point.t))
+            found, _ = self._solve(point, Functional(value=t - point.t))
             if found is None or self._jumps(point, found):
                 return None
             samples.append(found)
-        limit, last = self.control.turn, samples[-1]
-        if limit is not None and rotation(self.system, point.y, last.point.y) > limit:
-            return None
         points = [each.point for each in samples]
         forces = [each.constraint_force for each in samples]
         at, force = interpolated(self.solver.schedule, target, ends, points, forces)
-        at = replace(at, t=target)
         if self.solver.missing(at) is not None:
             return None
-        return replace(last, point=at, constraint_force=force), last
+        return replace(samples[-1], point=at, constraint_force=force), samples[-1]
 
     def _warn_of_jump(self, point: Point, solution: Solution) -> None:
         """Say that a step of a size that was given may have left out a limit point."""
@@ -414,8 +410,8 @@ class Continuation:
         first, last = self._first, self._stability
         if first is not None and last is not None and last.pivot <= CRITICAL * first.pivot:
             # tangents of a limit point lead anywhere, what goes on from there moves less at once
-            near, _ = self._solve(point, Functional(None, 1.0, SHORT * (after.t - point.t)))
-            self._solve(point, Functional(None, 1.0, after.t - point.t))  # is the last one again
+            near, _ = self._solve(point, Functional(value=SHORT * (after.t - point.t)))
+            self._solve(point, Functional(value=after.t - point.t))  # is the last one again
             if motion > NEAR and (
                 near is None or size(near.point.y[:rows] - point.y[:rows]) > motion / 2
             ):
