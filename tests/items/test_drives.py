@@ -669,15 +669,12 @@ PAIR = (sc.Variational(), sc.NullSpace())
 #: until t = 0.1537 s at rest, then by 0.2: at once, or within some time
 JUMPS = {
     "at the end of a step": lambda t: 0.2 * (t >= 0.1),
-    "after the end of a step": lambda t: 0.2 * (t > 0.1),
     "in a step": lambda t: 0.2 * (t > 0.1537),
     "from the start": lambda t: 0.2 * (t > 0),
     "in steps of a record": lambda t: 1e-3 * np.floor(t / 0.03),
 }
 STEEP = {
-    "within 1 ms": lambda t: 0.2 * min(1.0, max(0.0, (t - 0.1537) / 1e-3)),
     "within 0.1 ns": lambda t: 0.2 * min(1.0, max(0.0, (t - 0.1537) / 1e-10)),
-    "with a kink": lambda t: max(0.0, t - 0.1537),
     "declared kinks": sc.FunctionOfTime(lambda t: max(0.0, 0.1 - abs(t - 0.2)), kinks=[0.1, 0.2]),
     "a radian a step": lambda t: 150 * t**2,
     "wrapped angle": lambda t: (40 * t**2) % (2 * np.pi),
