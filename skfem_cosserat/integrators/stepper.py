@@ -460,7 +460,7 @@ class Stepper:
         times = np.asarray(ends, dtype=float)
         if self.system.moving:
             pairs = enumerate(pairwise([state.time, *times.tolist()]))
-            times = times[: next((k for k, pair in pairs if jump(self.system, *pair)), None)]
+            times = times[: next((k for k, pair in pairs if self._ends_block(*pair)), None)]
             if not len(times):
                 return self.advance(state, next_time, h)
         block = fast.advance_block(state, times, every, mark)
@@ -471,6 +471,13 @@ class Stepper:
         y1 = np.concatenate([block.q[-1].reshape(-1, 3), block.ground[-1]])
         made = Solved(self.system, self.integrator, size, state, y1, fast.impulse)
         return BlockReport.of(block, times, state, made, self._made_by(size))
+
+    def _ends_block(self, t0: float, t1: float) -> bool:
+        """Whether a step has prescribed motion that jumps or fails, which :meth:`advance` tells."""
+        try:
+            return jump(self.system, t0, t1) is not None
+        except InputError:
+            return True
 
     def rewind(self, report: StepReport, steps: int) -> None:
         """Take back what was solved after the first so many steps of the last report.
