@@ -183,8 +183,14 @@ class Joint(Item):
         raise NotImplementedError
 
     def branch_cosines(self) -> list[Product]:
-        """Cosines that are 1 where its rows hold, and -1 where they do so half a turn off."""
-        return []
+        """Cosines that are 1 in all that its freedom allows, and -1 half a turn off it.
+
+        Rows of products of directors also hold there, or in a weld after a third of a turn.
+        """
+        turns = self.freedom().turns
+        if turns is None or len(turns) > 1 or self.a.triad is None or self.b.triad is None:
+            return []
+        return [self._same(axis) for axis in ([turn.axis for turn in turns] or np.eye(3))]
 
     def freedom(self) -> Freedom:
         """Its free relative motions."""
@@ -303,10 +309,6 @@ class JointCylindrical(_OnLine):
         """x_b on the line through x_a, and the axis in common."""
         return [*self._on_line(self.axis), *self._normal(self.axis)]
 
-    def branch_cosines(self) -> list[Product]:
-        """See the base class."""
-        return [self._same(self.axis)]
-
     def freedom(self) -> Freedom:
         """Rotation about n, translation along it."""
         return Freedom((Turn("angle", self.axis),), (_along(self.axis),))
@@ -340,10 +342,6 @@ class JointPrismatic(_OnLine):
         first, second = normals(self.axis)
         locked = Product(direction(self.a, first), direction(self.b, second))
         return [*self._on_line(self.axis), *self._normal(self.axis), locked]
-
-    def branch_cosines(self) -> list[Product]:
-        """See the base class."""
-        return [self._same(self.axis), self._same(normals(self.axis)[0])]
 
     def freedom(self) -> Freedom:
         """Translation along n."""
@@ -403,10 +401,6 @@ class JointPlanar(Joint):
         """x_b in the plane, and the normal in common."""
         r = point(self.b) - point(self.a)
         return [Product(direction(self.a, self.normal), r), *self._normal(self.normal)]
-
-    def branch_cosines(self) -> list[Product]:
-        """See the base class."""
-        return [self._same(self.normal)]
 
     def freedom(self) -> Freedom:
         """Rotation about n, translations ``n x m_k``."""
@@ -572,10 +566,6 @@ class JointRevolute(AxialJoint):
         """Spherical, and n^A normal to two directions of B."""
         return [self._coincide(), *self._normal(self.axis)]
 
-    def branch_cosines(self) -> list[Product]:
-        """See the base class."""
-        return [self._same(self.axis)]
-
     def freedom(self) -> Freedom:
         """Rotation about n."""
         return Freedom((Turn("angle", self.axis),))
@@ -651,10 +641,6 @@ class JointFixed(Joint):
         a, b = axes(self.a), axes(self.b)
         products = [Product(a[i], b[(i + 1) % 3]) for i in range(3)]
         return [self._coincide(), *products]
-
-    def branch_cosines(self) -> list[Product]:
-        """See the base class."""
-        return list(map(Product, axes(self.a), axes(self.b)))
 
     def freedom(self) -> Freedom:
         """Nothing."""

@@ -363,7 +363,7 @@ class _Here(Control):
 
 class _AtStart(Stage):
     def __init__(self, t: float) -> None:
-        self.parameter, self.length, self.shortest, self._stops = t, 0.0, 0.0, []
+        self.parameter, self.length, self.shortest, self.stops = t, 0.0, 0.0, []
 
     def functional(self, point: Point, length: float) -> Functional:
         """See the base class."""

@@ -29,6 +29,7 @@ class Code(Enum):
 
     SOLVED = "solved"
     UNSOLVED = "no attempt was solved"
+    JUMP = "prescribed motion jumps"
     DEAD_POINT = "prescribed motion has reached a dead point of a closed loop"
     CONTRADICTION = "prescribed motions contradict each other around a closed loop"
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import isfinite
 from typing import Any
 
@@ -15,7 +16,7 @@ from ..constraints.saddle import nearest_velocity
 from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError, PerformanceWarning
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
-from ..model.limits import FAR_TURN, fastest_turn, over_rotated, overstretched, undefined
+from ..model.limits import FAR_TURN, fastest_turn, jump, over_rotated, overstretched, undefined
 from ..model.loops import BROKEN, contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
@@ -359,6 +360,12 @@ class Stepper:
 
     def _step(self, state: State, time: float, h: float) -> StepReport:
         origin = self._made_by(h)
+        if self.system.moving and (reason := jump(self.system, state.time, time)):
+            advice = (
+                "no motion can follow a jump: let it take several steps, as"
+                " RampSmooth(begin, end, first=..., last=...) does"
+            )
+            raise Failure(Code.JUMP, state, 0.0, reason, advice).error(self.settings)
         if self._march is not None:
             if h != self.h:
                 raise IncompatibleError(
@@ -451,6 +458,11 @@ class Stepper:
         after = np.arange(1, min(steps, fast.most(state.time, every)) + 1)
         ends = state.time + size * after if time is None else time(state.index + after)
         times = np.asarray(ends, dtype=float)
+        if self.system.moving:
+            pairs = enumerate(pairwise([state.time, *times.tolist()]))
+            times = times[: next((k for k, pair in pairs if self._ends_block(*pair)), None)]
+            if not len(times):
+                return self.advance(state, next_time, h)
         block = fast.advance_block(state, times, every, mark)
         if not block.steps:
             return self.advance(replace(state, plain=True), next_time, h)
@@ -459,6 +471,13 @@ class Stepper:
         y1 = np.concatenate([block.q[-1].reshape(-1, 3), block.ground[-1]])
         made = Solved(self.system, self.integrator, size, state, y1, fast.impulse)
         return BlockReport.of(block, times, state, made, self._made_by(size))
+
+    def _ends_block(self, t0: float, t1: float) -> bool:
+        """Whether a step has prescribed motion that jumps or fails, which :meth:`advance` tells."""
+        try:
+            return jump(self.system, t0, t1) is not None
+        except InputError:
+            return True
 
     def rewind(self, report: StepReport, steps: int) -> None:
         """Take back what was solved after the first so many steps of the last report.

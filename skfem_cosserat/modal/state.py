@@ -8,18 +8,19 @@ from typing import TypeAlias
 
 import numpy as np
 from scipy.sparse import csr_matrix
+from scipy.sparse.linalg import splu
 
 from ..diagnostics.stacked import ReducedTangent, reduced_tangent
 from ..errors import AccuracyWarning, IncompatibleError, InputError
 from ..history import History
 from ..integrators import State
 from ..model import Model, System, system_of
-from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
+from ..model.balance import Amplitudes, Spin, amplitudes_at, balance, predicted
 from ..model.closure import SINGULAR
 from ..model.limits import overstretched_beam
 from ..model.loops import names_of, tree_values
 from ..run.describe import other_model
-from ..run.start import constraint_owner
+from ..run.start import broken_constraint
 from ..statics.schedule import Schedule, recorded_amplitudes
 from ..types import Array, ArrayLike, Floats, IndexArray, numbers
 from ..warn import warn
@@ -113,7 +114,8 @@ def resting(
             "damping in proportion to mass is a drag against space: nothing turns steadily in it",
         )
     y = system.extend(q, time)
-    _check_constraints(system, y)
+    if wrong := broken_constraint(system, y, CLOSED):
+        raise InputError("argument state", wrong)
     for chosen in system.closure.select(y, tree_values(system, y)):
         if (chosen.pivots <= SINGULAR).any():
             raise InputError(
@@ -124,7 +126,7 @@ def resting(
             )
     at = balance(system, y, amplitudes, turns=turns)
     tangent = reduced_tangent(system, y, amplitudes, at)
-    error = _check_rest(system, tangent, tolerance)
+    tangent, error = _at_rest(system, tangent, amplitudes, tolerance)
     if drawn := overstretched_beam(system, y, tangent.multipliers):
         warn(*drawn, AccuracyWarning, time)
     return Equilibrium(system, y, time, amplitudes, tangent, error)
@@ -226,24 +228,13 @@ def check_amplitudes(system: System, amplitudes: Amplitudes) -> None:
             raise InputError("argument amplitudes", f"{name} are not finite numbers")
 
 
-def _check_constraints(system: System, y: Floats) -> None:
-    if not system.m:
-        return
-    constraints = system.constraints
-    # a point held at the origin may be off by rounding, with no terms to compare that with
-    miss = abs(constraints.values(y)) / (constraints.magnitudes(y) + 1e-7 * system.length)
-    worst = int(np.argmax(miss))
-    if miss[worst] > CLOSED:
-        name = constraint_owner(system, worst)
-        raise InputError(
-            "argument state",
-            f"violates constraint row {worst}, of the {name}, by {miss[worst]:.1e} of its terms"
-            f" (at most {CLOSED:g})",
-        )
+def _at_rest(
+    system: System, tangent: ReducedTangent, amplitudes: Amplitudes, tolerance: float
+) -> tuple[ReducedTangent, float]:
+    """The tangent, and the largest entry of the balance, as a moment; refused if it is not small.
 
-
-def _check_rest(system: System, tangent: ReducedTangent, tolerance: float) -> float:
-    """Largest entry of the reduced balance, as a moment; refused if it is not small."""
+    Far from the origin, where coordinates are rounded, stresses are those of the exact equilibrium.
+    """
     root = np.sqrt(tangent.metric.diagonal())
     residual = abs(tangent.residual) / root
     forces, rounding = _sizes(system, tangent)
@@ -252,13 +243,35 @@ def _check_rest(system: System, tangent: ReducedTangent, tolerance: float) -> fl
     floor += ROUNDING * size
     error = float(residual.max(initial=0.0))
     if error > tolerance * size + floor:
+        exact = _unrounded(system, tangent, amplitudes)
+        if exact is not None:
+            return exact, float((abs(exact.residual) / root).max())
         raise InputError(
             "argument state",
             f"is not in equilibrium: {_where(system, tangent)}; relative to all forces"
             f" {error / size:.1e}, expected at most {tolerance:g}. Find the equilibrium first, by"
             " static(...), and give the loads under which it is one",
         )
-    return error
+    return tangent, error
+
+
+def _unrounded(
+    system: System, tangent: ReducedTangent, amplitudes: Amplitudes
+) -> ReducedTangent | None:
+    """At the equilibrium nearby, if it is as near as coordinates are rounded; else None."""
+    at, origins = tangent.balance, system.origin_rows
+    try:
+        change = -(tangent.P @ splu(tangent.K.tocsc()).solve(tangent.residual)).reshape(-1, 3)
+    except RuntimeError:  # singular
+        return None
+    size = abs(change) * system.length
+    size[origins] /= system.length
+    if not size.max() <= ROUNDING * abs(at.y[origins]).max():
+        return None
+    stresses = predicted(system, at, change)
+    more = [new - old for new, old in zip(stresses, at.stresses, strict=True)]
+    exact = replace(at, R=at.R + system.internal_force(at.Bs, more), stresses=stresses)
+    return reduced_tangent(system, at.y, amplitudes, exact)
 
 
 def _arms(system: System, P: csr_matrix, forces: Floats) -> Floats:

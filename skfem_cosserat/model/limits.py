@@ -1,4 +1,4 @@
-"""What elements can follow: bending and tension."""
+"""What steps and elements can follow: turns, prescribed motion, bending and tension."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..frames import StructuralItem, is_beam
+from ..joint import Joint, JointDrive
 from ..pattern import once_for_each
 from ..types import Floats, IndexArray
 from .groups import BeamGroup
+from .loops import reached
 from .system import System
 from .theories import theory_of
 
@@ -62,6 +64,65 @@ def owner(system: System, row: int) -> StructuralItem:
     """What a row of y belongs to."""
     starts = [(system.first[id(i)][1], i) for i in system.structures if id(i) in system.first]
     return max((each for each in starts if each[0] <= row), key=lambda each: each[0])[1]
+
+
+# -- prescribed motion that jumps ----------------------------------------------------------------
+
+#: second difference of prescribed motion (rad, relative to the extent) that may be a jump; what it
+#: shrinks to at most, with half the interval, if it is none; interval, against time, that tells
+JUMP, SHRINKS, STEEPEST = 1e-6, 0.6, 1e-14
+
+
+@once_for_each
+def _followed(system: System) -> tuple[Floats, dict[int, Joint | JointDrive]]:
+    """Weights of the ground's rows that constraints feel, and of which item each frame is."""
+    weights = np.zeros((system.grounds.rows // 4, 4, 3))
+    owners: dict[int, Joint | JointDrive] = {}
+    for joint in system.joints:
+        for place in (joint.a, joint.b):
+            if place.motion is not None:
+                weights[system.grounds.number(place)] = 1.0
+                owners[system.grounds.number(place)] = joint
+    weights[:, 0] /= system.length
+    for drive in system.drives:
+        k = system.grounds.number(drive.place)
+        turning = drive.coordinate.kind == "angle"  # felt by its cosine and sine
+        weights[k, 0] = (1.0, 1.0, 0.0) if turning else (0.0, 0.0, 1 / system.length)
+        owners[k] = drive
+    return weights.reshape(-1, 3), owners
+
+
+def jump(system: System, t0: float, t1: float) -> str | None:
+    """Which prescribed motion jumps between two instants, when and how far; None: none does.
+
+    The second difference of one that is continuous shrinks with the interval, however steep it is.
+    """
+    weights, owners = _followed(system)
+    ground, (a, b) = cache(system.ground), sorted((t0, t1))
+
+    def bend(a: float, b: float) -> Floats:
+        return np.asarray(weights * abs(ground(a) - 2 * ground((a + b) / 2) + ground(b)))
+
+    now, shortest = bend(a, b), STEEPEST * max(abs(a), abs(b))
+    while now.max() > JUMP and b - a > shortest:
+        found = []
+        for half in ((a, (a + b) / 2), ((a + b) / 2, b)):
+            later = bend(*half)
+            found.append((np.where(later > SHRINKS * now, later, 0.0), half))
+        now, (a, b) = max(found, key=lambda each: each[0].max())
+        weights = weights * (now > 0)
+    if now.max() <= JUMP:
+        return None
+    frame = int(now.max(axis=1).argmax()) // 4
+    item, when = owners[frame], f"jumps at t = {b:.6g} s"
+    if isinstance(item, JointDrive):
+        return f"the {item.label} {when}: {reached(item, a)}, then {reached(item, b)}"
+    far = np.linalg.norm((ground(b) - ground(a)).reshape(-1, 4, 3)[frame], axis=1)
+    turn = 2 * np.arcsin(min(1.0, float(np.linalg.norm(far[1:])) / np.sqrt(8)))
+    return (
+        f"the prescribed motion of the ground at the {item.label} {when}, by {far[0]:.6g} m and"
+        f" {turn:.6g} rad"
+    )
 
 
 # -- elements bent so far that they give way: why Newton's method fails on a mesh too coarse -------

@@ -76,9 +76,10 @@ def null_space_matrix(system: Scene, y: Floats) -> csr_matrix:
 
 def wrong_branch(system: Scene, y: Floats) -> str | None:
     """See :meth:`System.wrong_branch`."""
-    wrong = np.flatnonzero(system.branch_cosines.values(y) < -1)  # cosines, less 1
-    if len(wrong):
-        return f"{system.of_cosine[int(wrong[0])].label} by half a turn"
+    cosines = 1 + system.branch_cosines.values(y)
+    if len(cosines) and cosines.min() < 0.5:  # -1 half a turn off, 0 a third
+        turned = "half" if cosines.min() < -0.5 else "a third of"
+        return f"{system.of_cosine[int(cosines.argmin())].label} by {turned} a turn"
     D = system.kinematics.directors(y)
     wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
     if len(wrong):
@@ -221,7 +222,7 @@ def drivers(system: Scene, rows: IndexArray, t: float) -> str:
     drives = _drives(system, rows)
     if not drives:
         return "the prescribed motion of the ground works"
-    names = " and ".join(f"the {drive.label} at {_reached(drive, t)}" for drive in drives)
+    names = " and ".join(f"the {drive.label} at {reached(drive, t)}" for drive in drives)
     return f"{names} work{'s' if len(drives) == 1 else ''}"
 
 
@@ -234,7 +235,8 @@ def _drives(system: Scene, rows: IndexArray) -> list[JointDrive]:
     ]
 
 
-def _reached(drive: JointDrive, t: float) -> str:
+def reached(drive: JointDrive, t: float) -> str:
+    """What a drive prescribes at a time (s), in words."""
     unit = "rad" if drive.coordinate.kind == "angle" else "m"
     return f"{drive.coordinate.name} = {drive.value(t):.6g} {unit}"
 

@@ -448,12 +448,14 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
 
 
 def broken_constraint(system: System, y: Floats, tolerance: float) -> str | None:
-    """Which constraint does not hold at y, and by how much; relative to its terms."""
-    g = abs(system.constraints.values(y))
-    # a point held at the origin may be off by rounding, with no terms to compare that with
-    excess = g - tolerance * (system.constraints.magnitudes(y) + 1e-7 * system.length)
+    """Which constraint does not hold at y, and by how much, or holds on another branch only."""
+    g, sizes = abs(system.constraints.values(y)), np.ones((system.rows, 3))
+    sizes[system.origin_rows] = system.length  # wherever it is: what motions of its size change
+    allowed = tolerance * (abs(system.constraints.jacobian(y)) @ sizes.ravel())
+    excess = g - allowed - 1e-15 * system.constraints.magnitudes(y)
     if not excess.max(initial=0.0) > 0:
-        return None
+        wrong = system.wrong_branch(y)
+        return wrong and f"is on another branch, to which no motion leads: {wrong}"
     row = int(excess.argmax())
     return f"violates the constraint of the {constraint_owner(system, row)} by {g[row]:.6g}"
 

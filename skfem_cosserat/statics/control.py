@@ -92,12 +92,14 @@ class Stage(ABC):
         Next step of it that is planned.
     shortest : float
         A step below which the path counts as ended.
+    stops : list of float
+        Values of the parameter that are asked for and still to come.
     """
 
     parameter: float
     length: float
     shortest: float
-    _stops: list[float]
+    stops: list[float]
 
     @abstractmethod
     def functional(self, point: Point, length: float) -> Functional:
@@ -105,9 +107,9 @@ class Stage(ABC):
 
     def trial(self) -> float:
         """The planned step, shortened to the next point that is asked for."""
-        if not self._stops:
+        if not self.stops:
             return self.length
-        left = self._stops[0] - self.parameter
+        left = self.stops[0] - self.parameter
         if abs(left) <= abs(self.length) * (1 + 1e-9):
             return left
         # two equal steps rather than a long and a tiny one
@@ -116,8 +118,8 @@ class Stage(ABC):
     def accept(self, before: Point, after: Point, length: float) -> bool:
         """A point is found; says whether it is one that was asked for."""
         self.parameter += length
-        if self._stops and abs(self._stops[0] - self.parameter) <= 1e-12 * abs(self._stops[0]):
-            self.parameter = self._stops.pop(0)
+        if self.stops and abs(self.stops[0] - self.parameter) <= 1e-12 * abs(self.stops[0]):
+            self.parameter = self.stops.pop(0)
             return True
         return False
 
@@ -144,7 +146,7 @@ class Stage(ABC):
 
     def finished(self, point: Point) -> bool:
         """Whether the end of the path is reached."""
-        return not self._stops
+        return not self.stops
 
 
 class Control(Frozen):
@@ -216,8 +218,8 @@ class _Steered(Control):
 
     def _plan(self, stage: Stage, start: float) -> None:
         stage.parameter = start
-        stage._stops = _ends(type(self).__name__, self.until, self.steps, self.at, start)
-        way = stage._stops[-1] - start
+        stage.stops = _ends(type(self).__name__, self.until, self.steps, self.at, start)
+        way = stage.stops[-1] - start
         stage.fixed = self.steps is not None
         stage.length = way if self.steps is not None else self.first * way
         stage.longest = abs(way) * (1.0 if self.steps is not None else self.longest)
@@ -383,7 +385,7 @@ class _ArcStage(Stage):
     ) -> None:
         self._weights, self._control = weights(system), control
         self._secant, self._sign = direction, sign
-        self.parameter, self._stops, self._count = 0.0, [], 0
+        self.parameter, self.stops, self._count = 0.0, [], 0
         self.crossed = False
         self.length, self.longest = control.length, control.longest
         # steps of a path without a direction are of the load factor until something moves

@@ -548,27 +548,36 @@ def _root(between: _Between, samples: list[tuple[float, Stability]], guess: floa
 
 
 def _mean(between: _Between, samples: list[tuple[float, Stability]], s: float) -> Critical:
-    """The point at s by the polynomial through the samples; its triads orthonormal to rounding."""
+    """The point at s by the polynomial through the samples."""
     shares, reports = np.array([k for k, _ in samples]), [stability for _, stability in samples]
-    system = between.system
-    others = [np.delete(shares, k) for k in range(len(shares))]
-    factors = np.array([np.prod((s - x) / (a - x)) for a, x in zip(shares, others, strict=True)])
-    y = np.tensordot(factors, [stability.point.y for stability in reports], 1)
-    times = np.array([stability.point.t for stability in reports])
-    t = float(factors @ times)
-    rows = system.kinematics.director_rows
-    U, _, V = np.linalg.svd(y[rows])
-    y[rows] = U @ V
-    y[system.rows :] = between.schedule.ground(t)
-    force = np.tensordot(factors, [between.force(k) for k in shares], 1)
-    width = AROUND[-1]
+    points = [stability.point for stability in reports]
+    forces = [between.force(k) for k in shares]
+    point, force = interpolated(between.schedule, s, shares, points, forces)
+    times, width = np.array([each.t for each in points]), AROUND[-1]
     slope = float(np.polyder(np.polyfit((shares - s) / width, times, len(shares) - 1))[-1] / width)
     sides = (
         max((k for k in samples if k[0] < s), key=lambda k: k[0])[1],
         min((k for k in samples if k[0] > s), key=lambda k: k[0])[1],
     )
-    stability = between.stability(Point(y, t, reports[0].point.turns))
-    return _classified(between, stability, force, slope, sides)
+    return _classified(between, between.stability(point), force, slope, sides)
+
+
+def interpolated(
+    schedule: Schedule, s: float, shares: Floats, points: Sequence[Point], forces: Sequence[Floats]
+) -> tuple[Point, Floats]:
+    """Point and constraint force at s by the polynomial through those at other shares.
+
+    Its triads are orthonormal to rounding.
+    """
+    others = [np.delete(shares, k) for k in range(len(shares))]
+    factors = np.array([np.prod((s - x) / (a - x)) for a, x in zip(shares, others, strict=True)])
+    y = np.tensordot(factors, [point.y for point in points], 1)
+    t = float(factors @ np.array([point.t for point in points]))
+    rows = schedule.system.kinematics.director_rows
+    U, _, V = np.linalg.svd(y[rows])
+    y[rows] = U @ V
+    y[schedule.system.rows :] = schedule.ground(t)
+    return Point(y, t, points[0].turns), np.tensordot(factors, forces, 1)
 
 
 def locate_all(

@@ -28,7 +28,7 @@ from ..types import Floats
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import Branch, branch_stage
 from .control import ArcLength, Control, DisplacementControl, LoadControl, Stage
-from .critical_points import Critical, Stability, inspect, locate_all
+from .critical_points import AROUND, Critical, Stability, inspect, interpolated, locate_all
 from .problem import UNMOVED
 from .schedule import (
     Functional,
@@ -61,6 +61,8 @@ CRITICAL = 1e-5
 NEAR = 1e-6
 #: smallest eigenvalue of the stiffness, against that at the start, below which it is nearly lost
 LIMP = 0.05
+#: part of a step from a point without stiffness, in which less than half of the motion is due
+SHORT = 0.1
 #: what to do about limit points
 BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
 #: what is raised where nothing can be found out about a path that has ended
@@ -120,11 +122,11 @@ class Continuation:
             stage = branch_stage(self.system, self.control, point, direction, held)
             self._begin(point, stage, direction)
             while not stage.finished(point):
-                point, asked = self._advance(point, stage)
-                show(stage.parameter, point.t)
+                found, asked, point = self._advance(point, stage)
+                show(stage.parameter, found.t)
                 if not asked and not self.control.all_points and not interrupt.asked:
                     continue
-                answers = [callback(point) for callback in callbacks]  # all are called
+                answers = [callback(found) for callback in callbacks]  # all are called
                 if interrupt.asked:
                     return "interrupted", None
                 if any(isinstance(answer, bool | np.bool_) and answer for answer in answers):
@@ -183,21 +185,28 @@ class Continuation:
 
     # -- a step ------------------------------------------------------------------------------------
 
-    def _advance(self, point: Point, stage: Stage) -> tuple[Point, bool]:
-        """The next point, and whether it is one that was asked for."""
+    def _advance(self, point: Point, stage: Stage) -> tuple[Point, bool, Point]:
+        """The next point, whether it is one that was asked for, and where the path goes on."""
         limit = self.control.turn
         residuals = []
         losses = 0
+        beyond: Solution | None = None
         while True:
             length = self._prescribed(point, stage.trial())
             functional = stage.functional(point, length)
             solution, report = self._solve(point, functional)
             residuals.append(report.residuals)
-            if solution is None and self._rate is not None and functional.predictor is None:
+            if solution is None and functional.predictor is None:
                 # at a critical point the tangent does not say where to go: on as before
-                functional = replace(functional, predictor=length * self._rate)
+                rate = np.zeros((self.system.rows, 3)) if self._rate is None else self._rate
+                functional = replace(functional, predictor=length * rate)
                 solution, report = self._solve(point, functional)
                 residuals.append(report.residuals)
+            if solution is None and (both := self._around(point, stage, length)):
+                solution, beyond = both
+                turn, jumps = rotation(self.system, point.y, solution.point.y), False
+                along = replace(self._stability_along(point, beyond), effort=self._effort())
+                break
             shorter = 0.5
             if solution is not None:
                 turn = rotation(self.system, point.y, solution.point.y)
@@ -222,7 +231,36 @@ class Continuation:
         asked = self._accept(point, solution, stage, functional, length, turn, along)
         if jumps and limit is None and not along.found:
             self._warn_of_jump(point, solution)
-        return solution.point, asked
+        if beyond is None:
+            return solution.point, asked, solution.point
+        self.solver.begin(beyond.point)
+        stage.parameter = beyond.point.t
+        return solution.point, asked, beyond.point
+
+    def _around(
+        self, point: Point, stage: Stage, length: float
+    ) -> tuple[Solution, Solution] | None:
+        """A point asked for at which the stiffness is singular, from others around it; the last.
+
+        None if they are not on one path through an equilibrium there.
+        """
+        if not isinstance(self.control, LoadControl) or length != stage.stops[0] - stage.parameter:
+            return None
+        target, *later = stage.stops
+        width = min(abs(t - target) for t in (point.t, *later))
+        ends = target + np.sign(length) * width * np.array([-k for k in AROUND[::-1]] + [*AROUND])
+        samples: list[Solution] = []
+        for t in ends.tolist():
+            found, _ = self._solve(point, Functional(value=t - point.t))
+            if found is None or self._jumps(point, found):
+                return None
+            samples.append(found)
+        points = [each.point for each in samples]
+        forces = [each.constraint_force for each in samples]
+        at, force = interpolated(self.solver.schedule, target, ends, points, forces)
+        if self.solver.missing(at) is not None:
+            return None
+        return replace(samples[-1], point=at, constraint_force=force), samples[-1]
 
     def _warn_of_jump(self, point: Point, solution: Solution) -> None:
         """Say that a step of a size that was given may have left out a limit point."""
@@ -369,6 +407,15 @@ class Continuation:
 
         after = solution.point
         motion = size(after.y[:rows] - point.y[:rows])
+        first, last = self._first, self._stability
+        if first is not None and last is not None and last.pivot <= CRITICAL * first.pivot:
+            # tangents of a limit point lead anywhere, what goes on from there moves less at once
+            near, _ = self._solve(point, Functional(value=SHORT * (after.t - point.t)))
+            self._solve(point, Functional(value=after.t - point.t))  # is the last one again
+            if motion > NEAR and (
+                near is None or size(near.point.y[:rows] - point.y[:rows]) > motion / 2
+            ):
+                return True
         if motion <= max(NEAR, JUMP * size(solution.predicted)):
             return False
         try:
@@ -543,7 +590,10 @@ class Continuation:
     ) -> Diverged:
         """Why the path ends, and what to try."""
         near = self._limit_near() if isinstance(self.control, LoadControl) else ""
-        floating, slack = self._floating(point, relief), self._slack()
+        slack, first = self._slack(), self._first
+        # what something holds at the start, and no cable, is lost at a critical point
+        held = first is not None and not (first.neutral or slack)
+        floating = "" if held else self._floating(point, relief)
         reason = f"{what}: {report.reason}"
         if floating:
             advice = "hold it with joints or springs"

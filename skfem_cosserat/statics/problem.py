@@ -261,7 +261,11 @@ class PlainProblem(Problem):
         self.bound.ground1 = self.schedule.ground(t)
 
     def predict(self, change: Floats) -> None:
-        """Move by a change of the coordinates, as near to it as the constraints allow."""
+        """Move by a change of the coordinates, as near to it as the constraints allow.
+
+        A load factor that is given is reached at once: where the step starts the stiffness may be
+        singular.
+        """
         self.residual()
         self._assemble()  # sets the scaling of the unknowns
         bound = self.bound
@@ -273,7 +277,8 @@ class PlainProblem(Problem):
 
         operator = LinearOperator((size, size), matvec=project, dtype=float)
         unknowns, _ = cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)
-        self.apply(np.append(unknowns, 0.0))
+        given = self.target.gradient is None
+        self.apply(np.append(unknowns, -self._missing / self.target.by_factor if given else 0.0))
 
     def rate(self) -> Floats:
         """At a solution."""

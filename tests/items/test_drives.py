@@ -662,3 +662,70 @@ def test_drives_that_do_not_fit_the_model():
 
 
 PAIR = (sc.Variational(), sc.NullSpace())
+
+
+# -- motions that jump -----------------------------------------------------------------------------
+
+#: until t = 0.1537 s at rest, then by 0.2: at once, or within some time
+JUMPS = {
+    "at the end of a step": lambda t: 0.2 * (t >= 0.1),
+    "in a step": lambda t: 0.2 * (t > 0.1537),
+    "from the start": lambda t: 0.2 * (t > 0),
+    "in steps of a record": lambda t: 1e-3 * np.floor(t / 0.03),
+}
+STEEP = {
+    "within 0.1 ns": lambda t: 0.2 * min(1.0, max(0.0, (t - 0.1537) / 1e-10)),
+    "declared kinks": sc.FunctionOfTime(lambda t: max(0.0, 0.1 - abs(t - 0.2)), kinks=[0.1, 0.2]),
+    "a radian a step": lambda t: 150 * t**2,
+    "wrapped angle": lambda t: (40 * t**2) % (2 * np.pi),
+}
+
+
+def moved(motion, kind):
+    """A body on a hinge or slide that is driven, or welded to ground that moves or turns."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 0.1), position=(0.5, 0, 0)))
+    place = body.at((0.5, 0, 0))
+    if kind in ("displacement", "rotation"):
+        own = sc.Motion(**{kind: lambda t: (0.0, motion(t), 0.0)})
+        model.add("joint", sc.JointFixed(sc.ground((0.5, 0, 0), own), place))
+        return model
+    joint = model.add("joint", kind(sc.ground((0.5, 0, 0)), place, axis=Z))
+    model.add("drive", sc.JointDrive(joint, motion))
+    return model
+
+
+@pytest.mark.parametrize("kind", [sc.JointRevolute, sc.JointPrismatic, "displacement", "rotation"])
+@treatments
+@pytest.mark.parametrize("name", JUMPS)
+def test_a_jump_is_refused(name, kind, treatment):
+    """A jump has an infinite velocity: who jumps, when and how far; states before it are kept."""
+    integrator = {
+        "in a step": sc.GeneralizedAlpha(),
+        "from the start": sc.Composition(sc.Variational(), 4),
+    }.get(name, sc.EnergyMomentum())
+    who = "drive 'drive'" if isinstance(kind, type) else "fixed joint 'joint'"
+    with pytest.raises(sc.Diverged, match=rf"the {who} jumps at t = .*RampSmooth") as found:
+        sc.simulate(moved(JUMPS[name], kind), integrator, TREATMENTS[treatment], 0.01, 0.3)
+    history = found.value.history
+    assert history["constraint_violation"].max() < 1e-15
+    assert not any(JUMPS[name](t) for t in history.times)
+
+
+@treatments
+@pytest.mark.parametrize("name", STEEP)
+def test_a_steep_motion_is_followed(name, treatment):
+    """Its second difference shrinks with the interval, though not where the step looks first."""
+    motion = STEEP[name]
+    model = moved(motion, sc.JointRevolute)
+    run = sc.simulate(model, sc.EnergyMomentum(), TREATMENTS[treatment], 0.01, 0.3)
+    value = motion.value if isinstance(motion, sc.FunctionOfTime) else motion
+    angle = run["joint/joint/angle"] - [value(t) for t in run.times.tolist()]
+    assert abs(np.sin(angle / 2)).max() < 1e-12
+
+
+def test_a_violated_constraint_is_told():
+    """A jump too small to be one: the null space moves by what the ends of a step differ in."""
+    model = moved(lambda t: 5e-7 * (t >= 0.1), sc.JointPrismatic)
+    with pytest.warns(sc.AccuracyWarning, match="violates the constraint of the drive 'drive' by"):
+        sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.3)

@@ -10,6 +10,7 @@ import pytest
 from helpers_scenes import four_bar
 from helpers_schemes import SCHEMES
 from scipy.linalg import null_space
+from scipy.spatial.transform import Rotation
 
 import skfem_cosserat as sc
 from skfem_cosserat import equilibrium
@@ -584,3 +585,105 @@ def test_runs_without_a_step_are_refused(more):
             sc.simulate(*run, 1.05, start=start, **options)
     else:  # they end where they are to end, by a shorter step
         assert sc.simulate(*run, 1.05, start=start, **options).times[-1] == pytest.approx(1.05)
+
+
+# -- another branch --------------------------------------------------------------------------------
+
+
+class JointOwnWeld(sc.JointFixed):
+    """Of a user, who writes rows and freedom only."""
+
+    type = "own weld"
+
+
+def two_bars(joint, **options):
+    """A bar on a hinge of the ground, and one that a joint holds to its end."""
+    model = sc.Model()
+    bars = [
+        model.add(name, sc.RigidBody.box(1.0, (0.1, 0.2, 0.3), position=(x, 0, 0)))
+        for name, x in (("arm", 0.0), ("hand", 1.0))
+    ]
+    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), bars[0].at((0, 0, 0)), axis=(0, 0, 1)))
+    places = [bar.at((0.5, 0, 0)) for bar in bars]
+    model.add("joint", joint(*places, **options))
+    return model
+
+
+def turned(model, vector):
+    """The reference with the hand turned by a rotation vector about its joint."""
+    y = model.freeze().q0.reshape(-1, 4, 3).copy()
+    y[1, 0] -= 0.5, 0, 0
+    y[1] = Rotation.from_rotvec(vector).apply(y[1])
+    y[1, 0] += 0.5, 0, 0
+    return y.ravel()
+
+
+@pytest.mark.parametrize(
+    ("joint", "options", "vector", "text"),
+    [
+        (JointOwnWeld, {}, (0, 0, np.pi), "half a turn"),
+        # d1 to d2, d2 to d3, d3 to d1: the three products of the weld vanish there as well
+        (sc.JointFixed, {}, 2 * np.pi / 3 * np.ones(3) / np.sqrt(3), "a third of a turn"),
+        (sc.JointRevolute, {"axis": (0, 0, 1)}, (np.pi, 0, 0), "half a turn"),
+        (sc.JointCylindrical, {"axis": (1, 0, 0)}, (0, np.pi, 0), "half a turn"),
+        (sc.JointPrismatic, {"axis": (1, 0, 0)}, (np.pi, 0, 0), "half a turn"),
+        (sc.JointPlanar, {"normal": (0, 1, 0)}, (0, 0, np.pi), "half a turn"),
+    ],
+)
+def test_starts_that_no_motion_leads_to_are_refused(joint, options, vector, text):
+    """Products of directors also vanish after half a turn: the joint is named, wherever it is."""
+    model = two_bars(joint, **options)
+    system, q = model.freeze(), turned(model, vector)
+    assert abs(system.constraints.values(system.extend(q, 0.0))).max() < 1e-14
+    state = sc.State(0.0, 0, q, np.zeros(len(q)))
+    run = sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.1
+    for call in (
+        lambda: sc.initial_state(model, q=q),
+        lambda: sc.simulate(model, *run, start=state),
+        lambda: sc.static(model, start=state),
+        lambda: sc.modes(model, state, 1),
+    ):
+        with pytest.raises(sc.InputError, match=f"{joint.type} joint 'joint' by {text}"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("joint", "options"),
+    [
+        (sc.JointRevolute, {"axis": (0, 0, 1)}),
+        (sc.JointUniversal, {"axis_a": (1, 0, 0), "axis_b": (0, 1, 0)}),
+        (sc.JointSpherical, {}),
+    ],
+)
+def test_half_a_turn_that_the_joint_allows_is_a_start(joint, options):
+    """A cardan joint gets there by half a turn about each of its axes."""
+    model = two_bars(joint, **options)
+    sc.initial_state(model, q=turned(model, (0, 0, np.pi)))
+
+
+def test_both_branches_of_a_closed_loop_are_starts():
+    """The joint of coupler and rocker mirrored at the line through their other ends: by turns."""
+    model = four_bar()
+    y = model.freeze().q0.reshape(-1, 4, 3).copy()
+    crank, rocker, joint = np.array([[0.0, 1, 0], [2, 0, 0], [2, 1.5, 0]])
+    along = (rocker - crank) / np.linalg.norm(rocker - crank)
+    mirrored = 2 * (crank + (joint - crank) @ along * along) - joint
+    for bar, end in ((1, crank), (2, rocker)):
+        before, after = joint - end, mirrored - end
+        angle = np.arctan2(np.cross(before, after)[2], before @ after)
+        y[bar, 0] = (end + mirrored) / 2
+        y[bar, 1:] = Rotation.from_rotvec((0, 0, angle)).apply(y[bar, 1:])
+    sc.initial_state(model, q=y.ravel())
+
+
+@pytest.mark.parametrize("distance", [0.0, 1e5])
+def test_an_open_joint_is_refused_wherever_the_scene_is(distance):
+    """A gap of a thousandth of the scene; the rounding of the coordinates, 1e-11 m, is none."""
+    o = distance * np.array([1.0, 0.7, 0.1])
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.2, 0.3), position=o + (0.5, 0, 0)))
+    model.add("pin", sc.JointRevolute(sc.ground(o), body.at(o), axis=(0, 0, 1)))
+    q = sc.initial_state(model).q.copy()
+    q[2] += 1e-3
+    with pytest.raises(sc.InputError, match=r"revolute joint 'pin' by 0\.001"):
+        sc.initial_state(model, q=q)

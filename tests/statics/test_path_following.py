@@ -270,3 +270,72 @@ def test_representations_are_short():
     path = sc.static(model, control=sc.LoadControl(60.0), derive=False)
     text = repr(sc.branch(model, path))
     assert text.startswith("Branch(t=49.3") and len(text) < 60
+
+
+def bars(stiffness, load=-1.0):
+    """Upright rigid bars of 1 m, one on the other, on hinges with springs, and a load along them.
+
+    Of absolute angles ``K = [[k_1 + k_2, -k_2], [-k_2, k_2]] - P I``, or ``k_1 - P`` of one bar.
+    """
+    model, below = sc.Model(), sc.ground((0, 0, 0))
+    for n, k in enumerate(stiffness):
+        size = (0.1, 0.1, 1.0)
+        bar = model.add(f"bar {n}", sc.RigidBody.box(1.0, size, position=(0, 0, n + 0.5)))
+        foot = sc.JointRevolute(below, bar.at((0, 0, n)), axis=(0, 1, 0))
+        model.add(f"spring {n}", sc.JointSpringDamper(model.add(f"hinge {n}", foot), k))
+        below = bar.at((0, 0, n + 1))
+    model.add("push", sc.LoadForce(below, (0, 0, load)))
+    return model
+
+
+@treatments
+@pytest.mark.parametrize(
+    ("stiffness", "at", "critical"),
+    [
+        ([10.0], [5.0, 10.0, 10.001, 12.0], [10.0]),
+        ([10.0], [10.0], [10.0]),
+        ([7.3], [7.3, 12.0], [7.3]),  # not a power of two times a small number
+        ([3.0, 2.0], [0.5, 1.0, 3.0, 6.0, 8.0], [1.0, 6.0]),  # eigenvalues of [[5, -2], [-2, 2]]
+    ],
+)
+def test_load_factors_that_are_critical(stiffness, at, critical, treatment):
+    """The straight equilibrium is there, and its reaction the load, whatever loses stiffness."""
+    path = sc.static(bars(stiffness), treatment, sc.LoadControl(at=at))
+    found = [each["load_factor"] for each in path.meta["critical"]]
+    assert np.allclose(found, critical, rtol=1e-7)
+    asked = path["critical"] == 0
+    assert np.allclose(path["load_factor"][asked], [0.0, *at], rtol=1e-12)
+    assert np.allclose(path["joint/hinge 0/force"][asked, 2], [0.0, *at], rtol=1e-9)
+
+
+@treatments
+def test_a_path_starts_at_a_critical_load(treatment):
+    """Its first step is not solved from where the stiffness is singular."""
+    model = bars([10.0])
+    system = model.freeze()
+    start = sc.State(10.0, 0, system.q0, np.zeros(system.n))
+    path = sc.static(model, treatment, sc.LoadControl(at=[11.0, 12.0]), start=start, watch=False)
+    assert np.allclose(path["joint/hinge 0/force"][:, 2], [10.0, 11.0, 12.0])
+
+
+@treatments
+def test_beyond_the_load_of_a_limit_point_is_no_step(treatment):
+    """Two springs of a toggle: ``P = 2 k (L - l) z/l`` has its maximum at ``l^3 = L``, base 1 m.
+
+    That load is reached; what is found beyond it lies on the side that it snaps through to.
+    """
+    model = sc.Model()
+    mass = model.add("mass", sc.MassPoint(1.0, position=(0, 0, 0.3)))
+    rail = sc.JointPointOnLine(sc.ground((0, 0, 0.3)), mass.place(), axis=(0, 0, 1))
+    model.add("rail", rail)
+    for x in (-1.0, 1.0):
+        model.add(f"spring {x}", sc.SpringDamper(sc.ground((x, 0, 0)), mass.place(), 100.0))
+    model.add("push", sc.LoadForce(mass.place(), (0, 0, -1.0)))
+    L = np.hypot(1.0, 0.3)
+    length = L ** (1 / 3)
+    most = 200 * (L - length) * np.sqrt(length**2 - 1) / length
+    with pytest.raises(sc.Diverged, match=r"a limit point is near.*ArcLength") as found:
+        sc.static(model, treatment, sc.LoadControl(at=[most / 2, most, 1.2 * most]))
+    path = found.value.history
+    assert np.allclose(path["load_factor"], [0.0, most / 2, most])
+    assert abs(np.hypot(1.0, path.position(mass.place())[-1, 2]) - length) < 1e-6
