@@ -10,14 +10,13 @@ from scipy.sparse.linalg import splu
 
 from ..errors import InputError
 from ..frames import is_beam
-from ..kernels import beam_stress
 from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Amplitudes
 from ..strain import strain_measures
 from ..types import ArrayLike, Floats, IndexArray, names_known, numbers, switch
-from .energy import group_of, held_forces, section_strains
-from .forces import element_forces
+from .energy import group_of, section_strains
+from .forces import element_balances, element_forces, part_resultants
 from .nearest import inner_rows, settled
 from .stacked import as_one, as_stack, reduced_tangent
 
@@ -242,9 +241,13 @@ def evaluate(
     xi: ArrayLike,
     *,
     orthonormal: bool = False,
+    t: ArrayLike = 0.0,
+    amplitudes: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    a: ArrayLike | None = None,
     multipliers: ArrayLike | None = None,
 ) -> SectionValues:
-    """A beam at any points inside its elements.
+    """A beam at any points of its elements.
 
     Parameters
     ----------
@@ -297,7 +300,8 @@ def evaluate(
     ([0.505, 1.515], [100.0, 100.0])
     """
     places = SectionPlaces(beam, elements, xi)
-    return places.values(system, q, orthonormal=orthonormal, multipliers=multipliers)
+    shown = places.values(system, q, orthonormal=orthonormal)
+    return SectionValues(*shown, places.resultants(system, q, t, amplitudes, v, a, multipliers))
 
 
 class SectionPlaces:
@@ -314,7 +318,7 @@ class SectionPlaces:
         self._e, self._x = e, x = _places(beam, elements, xi)
         lengths = beam.elements.lengths[e][:, None]
         self._shapes = beam.basis.shape(x).T, beam.basis.dshape(x).T / lengths
-        self._turned, self._sections = beam.rotations[e], beam.elements.taken(e)
+        self._turned = beam.rotations[e]
         reference = beam.reference.reshape(1, -1, 3)[:, _own_rows(beam)[e]]
         self._reference = self._at(reference)[1]
 
@@ -326,14 +330,9 @@ class SectionPlaces:
         return value, strain_measures(value, slope)
 
     def values(
-        self,
-        system: System,
-        q: ArrayLike,
-        *,
-        orthonormal: bool = False,
-        multipliers: ArrayLike | None = None,
-    ) -> SectionValues:
-        """See :func:`evaluate`."""
+        self, system: System, q: ArrayLike, *, orthonormal: bool = False
+    ) -> tuple[Floats, Floats, Floats]:
+        """Positions, triads and strains, see :func:`evaluate`."""
         Q, single = as_stack(system, "q", q)
         beam, group = self.beam, group_of(system, self.beam)
         rows = group.rows[group.slices[id(beam)]][self._e]
@@ -343,25 +342,25 @@ class SectionPlaces:
         if switch("argument orthonormal", orthonormal):
             u, _, vt = np.linalg.svd(triad)
             triad = u @ vt
-        resultant = beam_stress(self._sections, strain[:, :, None])[:, :, 0]
-        count = None if single else len(Q)
-        held = np.asarray(held_forces(system, beam, multipliers, count))
-        if held.ndim:
-            at_points = held.reshape(-1, *held.shape[-3:])[:, self._e]
-            weights = _between(beam.elements.points, self._x)
-            resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
-        out = SectionValues(value[:, :, 0], triad, strain, resultant)
-        return SectionValues(*(array[0] for array in out)) if single else out
+        position = value[:, :, 0]
+        return (position[0], triad[0], strain[0]) if single else (position, triad, strain)
 
-
-def _between(points: Floats, x: Floats) -> Floats:
-    """Lagrange polynomials (m, ng) of points (ng,) at x (m,)."""
-    return np.array(
-        [
-            np.prod([(x - q) / (p - q) for q in np.delete(points, k)], axis=0) * np.ones_like(x)
-            for k, p in enumerate(points)
-        ]
-    ).T
+    def resultants(
+        self,
+        system: System,
+        q: ArrayLike,
+        t: ArrayLike = 0.0,
+        amplitudes: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        multipliers: ArrayLike | None = None,
+    ) -> Floats:
+        """See :func:`evaluate`."""
+        given = t, amplitudes, v, a, multipliers
+        found, single = element_balances(system, self.beam, q, *given)
+        strains = section_strains(system, self.beam, np.atleast_2d(q))
+        out = part_resultants(self.beam, self._e, self._x, found, strains)
+        return out[0] if single else out
 
 
 def _own_rows(beam: Beam) -> IndexArray:
