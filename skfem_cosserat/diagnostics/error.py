@@ -10,13 +10,14 @@ from scipy.sparse.linalg import splu
 
 from ..errors import InputError
 from ..frames import is_beam
+from ..history import History
 from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
-from ..model.balance import Amplitudes
+from ..model.balance import Amplitudes, Spin
 from ..strain import strain_measures
-from ..types import ArrayLike, Floats, IndexArray, names_known, numbers, switch
+from ..types import ArrayLike, Floats, IndexArray, check_kind, names_known, numbers, switch
 from .energy import group_of, section_strains
-from .forces import element_balances, element_forces, part_resultants
+from .forces import accelerations, element_balances, element_forces, part_resultants
 from .nearest import inner_rows, settled
 from .stacked import as_one, as_stack, reduced_tangent
 
@@ -227,8 +228,8 @@ class SectionValues(NamedTuple):
     triad: Floats
     #: ``(Gamma, K)`` (m, 6), relative to the interpolated reference (-, 1/m).
     strain: Floats
-    #: Elastic ``(N, M)`` (m, 6) in the section's frame, on the face with outward normal +d3
-    #: (N, N m).
+    #: ``(N, M)`` (m, 6) in the section's frame, on the face with outward normal +d3 (N, N m), from
+    #: the balance of the part of the element between its ends and the point.
     resultant: Floats
 
 
@@ -260,9 +261,10 @@ def evaluate(
     orthonormal : bool
         Triads orthonormal, by polar decomposition: the rotations nearest to the interpolated
         directors.
-    multipliers : (m,) or (N, m) array, optional
-        As of :func:`multipliers`: resultants of strains that the beam's theory holds, interpolated
-        from the Gauss points; NaN without.
+    t, amplitudes, v, a, multipliers
+        Loads, damping and inertia of resultants, as for
+        :func:`~skfem_cosserat.diagnostics.nodal_resultants`; :func:`accelerations` gives `a` and
+        `multipliers` of states of a run.
 
     Returns
     -------
@@ -280,13 +282,20 @@ def evaluate(
     Directors are interpolated as they are (113). At nodes they are orthonormal, between them not:
     ``d_i.d_j`` deviates by an amount that vanishes with h^(p+1) (a linear element that turns by
     an angle t has directors of length cos(t/2) in its middle). Positions and triads converge with
-    h^(p+1), strains and resultants with h^p, and with h^(p+1) at the Gauss points, where
-    :func:`section_strains` takes them; at nodes
-    :func:`~skfem_cosserat.diagnostics.nodal_resultants` are far better.
+    h^(p+1), strains with h^p, and with h^(p+1) at the Gauss points, where :func:`section_strains`
+    takes them.
+
+    Resultants are right in equilibrium, or in motion with `a`. They converge with h^(2p) at the
+    ends of elements, where they are those of :func:`~skfem_cosserat.diagnostics.nodal_resultants`,
+    and between them where loads are forces and moments at nodes, dead line loads or gravity, on
+    straight beams. Between the ends inertia, following line loads and the curvature of the
+    reference are known to h^(p+2) only: this matters for p = 3 and 4. At a node where a load, body
+    or joint acts they jump: an end of a beam is that of its only element, inside
+    :meth:`Beam.along` takes one of the two elements, which the caller may name.
 
     Examples
     --------
-    A rod along x, 2 m long and drawn by 1 %, at 0.5 m and 1.5 m:
+    A rod along x, 2 m long, with its end moved by 2 cm, at 0.5 m and 1.5 m:
 
     >>> import skfem_cosserat as sc
     >>> model = sc.Model()
@@ -302,6 +311,65 @@ def evaluate(
     places = SectionPlaces(beam, elements, xi)
     shown = places.values(system, q, orthonormal=orthonormal)
     return SectionValues(*shown, places.resultants(system, q, t, amplitudes, v, a, multipliers))
+
+
+@takes_scene
+def forces_along(
+    system: System, history: History, beam: Beam, s: ArrayLike, part: str | None = None
+) -> Floats:
+    """Section forces ``(N_1, N_2, N_3, M_1, M_2, M_3)`` at arc lengths of a beam, of a history.
+
+    As :class:`~skfem_cosserat.SensorForce` sees them during a run, at all recorded states.
+
+    Parameters
+    ----------
+    history : History
+        Of a run of this system, or a path of equilibria.
+    beam : Beam
+        Of this system.
+    s : float or (m,) array
+        Arc lengths in the reference from the start of the part (m).
+    part : str, optional
+        Name of a part of the mesh; default: the whole beam.
+
+    Returns
+    -------
+    (N, m, 6) array
+        In the section triad, as of :func:`evaluate` (N, N m).
+
+    Raises
+    ------
+    InputError
+        If the history does not fit the system, the beam is not in it, or `s` is beyond the ends.
+
+    Examples
+    --------
+    A rod of 2 m that hangs from one end and weighs 10 N/m:
+
+    >>> import skfem_cosserat as sc
+    >>> model, mesh = sc.Model(), sc.MeshCurve.init_line((0, 0, 0), (0, 0, -2), 1, name="rod")
+    >>> section = sc.Section([1e6] * 6, 1.0, (0.1, 0.1))
+    >>> rod = model.add("rod", sc.Beam(mesh, section, director=(1, 0, 0)))
+    >>> clamp = model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    >>> weight = model.add("weight", sc.LoadGravity((0, 0, -10.0)))
+    >>> path = sc.static(model)
+    >>> forces_along(model, path, rod, [0.0, 0.5, 2.0])[-1, :, 2].round(6).tolist()
+    [20.0, 15.0, 0.0]
+    """
+    check_kind("argument history", history, History)
+    q, _ = as_stack(system, "history", history["q"])
+    places = SectionPlaces(beam, *beam.along(np.atleast_1d(s), part))
+    if "load_factor" not in history:
+        given = system, q, history["v"], history.times, history.series.get("turns")
+        a, lam = accelerations(*given)
+        return places.resultants(system, q, history.times, a=a, multipliers=lam)
+    a = np.zeros_like(q)
+    for row, y, spin in zip(a, q, history["amplitudes/spin"], strict=True):
+        if spin.any():
+            turned = Spin(*spin).rates(system, y.reshape(-1, 3))
+            row[:] = np.cross(spin[0], turned).ravel()
+    loads, lam = history["amplitudes/loads"], history["multipliers"]
+    return places.resultants(system, q, amplitudes=loads, a=a, multipliers=lam)
 
 
 class SectionPlaces:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..constraints import Treatment
+from ..constraints.saddle import accelerations as by_motion
 from ..constraints.stacked import stacked_multipliers
 from ..element import lagrange
 from ..errors import InputError
@@ -257,7 +258,7 @@ def part_resultants(
 
 
 class _PartOfElements:
-    """The parts from one end of elements to points: values at k places along them, and at the points.
+    """The parts from one end of elements to points: at k places along them, and at the points.
 
     Parameters
     ----------
@@ -338,6 +339,62 @@ class _PartOfElements:
 def _components(d: Floats, n: Floats, m: Floats) -> Floats:
     """Force and moment (..., 3) in space by components (..., 6) along directors (..., 3, 3)."""
     return (np.stack([n, m], axis=-2) @ np.swapaxes(d, -1, -2)).reshape(*n.shape[:-1], 6)
+
+
+@takes_scene
+def accelerations(
+    system: System,
+    q: ArrayLike,
+    v: ArrayLike,
+    t: ArrayLike = 0.0,
+    turns: ArrayLike | None = None,
+) -> tuple[Floats, Floats]:
+    """Accelerations and multipliers by the equations of motion, sections without viscosity.
+
+    What :func:`nodal_resultants` and :func:`evaluate` want for the elastic section forces of states
+    of a run. Strain rates of a state are known less well than its strains, so that viscous forces
+    of sections are left out; those of dampers and drag are not.
+
+    Parameters
+    ----------
+    q, v : (n,) or (N, n) array
+        Configurations, and velocities on the hidden constraints, ``history["v"]``.
+    t : float or (N,) array
+        Their times (s).
+    turns : (k,) or (N, k) array, optional
+        Full turns of the angles of force elements, ``history["turns"]``.
+
+    Returns
+    -------
+    a : (n,) or (N, n) array
+        (m/s^2, 1/s^2)
+    multipliers : (m,) or (N, m) array
+
+    Raises
+    ------
+    InputError
+        If shapes do not fit.
+
+    Examples
+    --------
+    A weight of 20 N that swings through the lowest point at 3 m/s, 1 m below its pin:
+
+    >>> import skfem_cosserat as sc
+    >>> model = sc.Model()
+    >>> bob = model.add("bob", sc.MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    >>> weight = model.add("weight", sc.LoadGravity((0, 0, -10.0)))
+    >>> a, lam = accelerations(model, model.freeze().q0, [3.0, 0, 0])
+    >>> (a.round(9) + 0.0).tolist(), lam.round(9).tolist()
+    ([0.0, 0.0, 9.0], [38.0])
+    """
+    Q, single = as_stack(system, "q", q)
+    V, _ = as_stack(system, "v", v, Q)
+    counted = [None] * len(Q) if turns is None else np.atleast_2d(np.asarray(turns, dtype=np.int64))
+    a, lam = np.empty_like(Q), np.empty((len(Q), system.m))
+    for k, (s, turned) in enumerate(zip(as_times(t, len(Q)), counted, strict=True)):
+        a[k], lam[k] = by_motion(system, Q[k], V[k], float(s), turned, viscous=False)
+    return (a[0], lam[0]) if single else (a, lam)
 
 
 # -- multipliers, reactions of joints, conditioning ------------------------------------------------
