@@ -262,9 +262,8 @@ def evaluate(
         Triads orthonormal, by polar decomposition: the rotations nearest to the interpolated
         directors.
     t, amplitudes, v, a, multipliers
-        Loads, damping and inertia of resultants, as for
-        :func:`~skfem_cosserat.diagnostics.nodal_resultants`; :func:`accelerations` gives `a` and
-        `multipliers` of states of a run.
+        Of resultants: what :func:`~skfem_cosserat.diagnostics.nodal_resultants` says, without the
+        viscous forces of sections; :func:`accelerations` gives `a` and `multipliers` of states.
 
     Returns
     -------
@@ -361,8 +360,9 @@ def forces_along(
     places = SectionPlaces(beam, *beam.along(np.atleast_1d(s), part))
     if "load_factor" not in history:
         given = system, q, history["v"], history.times, history.series.get("turns")
-        a, lam = accelerations(*given)
-        return places.resultants(system, q, history.times, a=a, multipliers=lam)
+        return places.resultants(
+            system, q, history.times, None, history["v"], *accelerations(*given)
+        )
     a = np.zeros_like(q)
     for row, y, spin in zip(a, q, history["amplitudes/spin"], strict=True):
         if spin.any():
@@ -425,7 +425,7 @@ class SectionPlaces:
     ) -> Floats:
         """See :func:`evaluate`."""
         given = t, amplitudes, v, a, multipliers
-        found, single = element_balances(system, self.beam, q, *given)
+        found, single = element_balances(system, self.beam, q, *given, viscous=False)
         strains = section_strains(system, self.beam, np.atleast_2d(q))
         out = part_resultants(self.beam, self._e, self._x, found, strains)
         return out[0] if single else out

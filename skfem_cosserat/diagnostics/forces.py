@@ -124,8 +124,12 @@ def element_balances(
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
     multipliers: ArrayLike | None = None,
+    viscous: bool = True,
 ) -> tuple[Balances, bool]:
-    """Balances, and whether one state was given; arguments of :func:`nodal_resultants`."""
+    """Balances, and whether one state was given; arguments of :func:`nodal_resultants`.
+
+    With or without the viscous forces of sections.
+    """
     Q, single = as_stack(system, "q", q)
     group = group_of(system, beam)
     rates = [_like("v", v, Q, system), _like("a", a, Q, system)]
@@ -139,7 +143,8 @@ def element_balances(
         velocity, acceleration = (None if r is None else r[k].reshape(-1, 3) for r in rates)
         y = q_k.reshape(-1, 3)
         spread[k] = _spread(system, beam, y, factors[k], velocity, acceleration)
-        force[k] = _internal(system, beam, y, velocity, held[k]) - spread[k]
+        rate = velocity if viscous else None
+        force[k] = _internal(system, beam, y, rate, held[k]) - spread[k]
     return Balances(nodal, spread, force), single
 
 
@@ -294,7 +299,8 @@ class _PartOfElements:
         self.slope = np.einsum("amk,nmac->nmkc", slopes, nodal[..., 0, :])
         weights = lagrange(beam.elements.points, u[:, :-1])
         self._eps = np.einsum("gmk,nmgi->nmki", weights, strains[:, e])
-        self._reference = np.einsum("gmk,mgi->mki", weights, beam.elements.reference[e])
+        reference = np.einsum("gmk,mgi->mki", weights, beam.elements.reference[e])
+        self._strain = self._eps + reference
 
     def integral(self, values: Floats) -> Floats:
         """From the end to the places and the point (N, m, k + 1, c), of values (N, m, k, c)."""
@@ -305,35 +311,25 @@ class _PartOfElements:
         return self._m - self.integral(np.cross(slope, self.n[:, :, :-1]) + self._couple)
 
     def at_point(self) -> Floats:
-        """Components (N, m, 6) in the triad at the point.
-
-        A sweep counts where it leaves less to the next than was left to it: not where a load
-        bends a line within less than an element.
-        """
+        """Components (N, m, 6) in the triad at the point."""
         stress = beam_stress(self.elements, self._eps)
         moduli = np.zeros((*stress.shape, 6)) + self.elements.stiffness[:, None]
         for ids, law in self.elements.stored:
             moduli[:, ids] = law.tangent(self._eps[:, ids])
         held = list(self.beam.theory.held)
         moduli[..., held, held] += 1.0
-        m, left = self.moment(self.slope), None
+        d, m = self.d, self.moment(self.slope)
         for _ in range(self.beam.basis.interpolation.order):
-            d = self.d[:, :, :-1]
-            gap = _components(d, self.n[:, :, :-1], m[:, :, :-1]) - stress
+            own = d[:, :, :-1]
+            gap = _components(own, self.n[:, :, :-1], m[:, :, :-1]) - stress
             gap[..., held] = 0.0
-            left = abs(gap[..., 3:]).max((2, 3)) if left is None else left
-            eps = self._eps + self._reference + np.linalg.solve(moduli, gap[..., None])[..., 0]
-            along, turn = (np.einsum("nmki,nmkic->nmkc", part, d) for part in np.split(eps, 2, -1))
-            turned = np.cross(turn[..., None, :], d).reshape(*turn.shape[:-1], 9)
-            after = self.integral(turned)
-            triad = self._start[:, :, None] + after.reshape(*after.shape[:-1], 3, 3)
-            new = self.moment(along)
-            change = abs(new - m).max((2, 3))
-            better = change <= left
-            left = np.where(better, change, -1.0)
-            m = np.where(better[..., None, None], new, m)
-            self.d = np.where(better[..., None, None, None], triad, self.d)
-        return _components(self.d[:, :, -1], self.n[:, :, -1], m[:, :, -1])
+            eps = self._strain + np.linalg.solve(moduli, gap[..., None])[..., 0]
+            line = eps.reshape(*eps.shape[:-1], 2, 3) @ own  # slope of the line, and turn of triads
+            turned = np.cross(line[..., 1:, :], own)
+            after = self.integral(turned.reshape(*eps.shape[:-1], 9))
+            d = self._start[:, :, None] + after.reshape(d.shape)
+            m = self.moment(line[..., 0, :])
+        return _components(d[:, :, -1], self.n[:, :, -1], m[:, :, -1])
 
 
 def _components(d: Floats, n: Floats, m: Floats) -> Floats:

@@ -607,11 +607,10 @@ class SensorForce(SensorStrain):
 
     def values(self, system: System, window: Window) -> Floats:
         """See the base class."""
-        v = diagnostics.Projection(system).velocities(window.q, window.p, window.t)
-        a, lam = diagnostics.accelerations(system, window.q, v, window.t, window.turns)
-        return self._point.section.resultants(system, window.q, window.t, a=a, multipliers=lam)[
-            :, 0
-        ]
+        q, t = window.q, window.t
+        v = diagnostics.Projection(system).velocities(q, window.p, t)
+        at = diagnostics.accelerations(system, q, v, t, window.turns)
+        return self._point.section.resultants(system, q, t, None, v, *at)[:, 0]
 
 
 class SensorReaction(Sensor):
@@ -783,7 +782,7 @@ class SensorBank:
         self._integrator = stepper.integrator
         self._before: StepReport | None = None
         self._forces = any(sensor.forces for sensor in sensors.values())
-        self._seen: list[tuple[Floats, ...]] = []
+        self._seen: list[tuple[Any, ...]] = []
         self._shapes: dict[str, Floats] = {}
         self._steps: list[tuple[float, Floats, Floats]] = []
 
