@@ -352,7 +352,7 @@ def forces_along(
     >>> clamp = model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
     >>> weight = model.add("weight", sc.LoadGravity((0, 0, -10.0)))
     >>> path = sc.static(model)
-    >>> forces_along(model, path, rod, [0.0, 0.5, 2.0])[-1, :, 2].round(6).tolist()
+    >>> (forces_along(model, path, rod, [0.0, 0.5, 2.0])[-1, :, 2].round(6) + 0.0).tolist()
     [20.0, 15.0, 0.0]
     """
     check_kind("argument history", history, History)
