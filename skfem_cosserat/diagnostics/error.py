@@ -8,15 +8,17 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.sparse.linalg import splu
 
+from ..element import lagrange
 from ..errors import InputError
 from ..frames import is_beam
 from ..history import History
+from ..kernels import beam_stress
 from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..strain import strain_measures
 from ..types import ArrayLike, Floats, IndexArray, check_kind, names_known, numbers, switch
-from .energy import group_of, section_strains
+from .energy import group_of, held_forces, section_strains
 from .forces import accelerations, element_balances, element_forces, part_resultants
 from .nearest import inner_rows, settled
 from .stacked import as_one, as_stack, reduced_tangent
@@ -228,8 +230,8 @@ class SectionValues(NamedTuple):
     triad: Floats
     #: ``(Gamma, K)`` (m, 6), relative to the interpolated reference (-, 1/m).
     strain: Floats
-    #: ``(N, M)`` (m, 6) in the section's frame, on the face with outward normal +d3 (N, N m), from
-    #: the balance of the part of the element between its ends and the point.
+    #: Elastic ``(N, M)`` (m, 6) that belong to these strains, in the section's frame, on the face
+    #: with outward normal +d3 (N, N m).
     resultant: Floats
 
 
@@ -242,13 +244,9 @@ def evaluate(
     xi: ArrayLike,
     *,
     orthonormal: bool = False,
-    t: ArrayLike = 0.0,
-    amplitudes: ArrayLike | None = None,
-    v: ArrayLike | None = None,
-    a: ArrayLike | None = None,
     multipliers: ArrayLike | None = None,
 ) -> SectionValues:
-    """A beam at any points of its elements.
+    """A beam at any points inside its elements.
 
     Parameters
     ----------
@@ -261,9 +259,9 @@ def evaluate(
     orthonormal : bool
         Triads orthonormal, by polar decomposition: the rotations nearest to the interpolated
         directors.
-    t, amplitudes, v, a, multipliers
-        Of resultants: what :func:`~skfem_cosserat.diagnostics.nodal_resultants` says, without the
-        viscous forces of sections; :func:`accelerations` gives `a` and `multipliers` of states.
+    multipliers : (m,) or (N, m) array, optional
+        As of :func:`multipliers`: resultants of strains that the beam's theory holds, interpolated
+        from the Gauss points; NaN without.
 
     Returns
     -------
@@ -281,20 +279,14 @@ def evaluate(
     Directors are interpolated as they are (113). At nodes they are orthonormal, between them not:
     ``d_i.d_j`` deviates by an amount that vanishes with h^(p+1) (a linear element that turns by
     an angle t has directors of length cos(t/2) in its middle). Positions and triads converge with
-    h^(p+1), strains with h^p, and with h^(p+1) at the Gauss points, where :func:`section_strains`
-    takes them.
-
-    Resultants are right in equilibrium, or in motion with `a`. They converge with h^(2p) at the
-    ends of elements, where they are those of :func:`~skfem_cosserat.diagnostics.nodal_resultants`,
-    and between them where loads are forces and moments at nodes, dead line loads or gravity, on
-    straight beams. Between the ends inertia, following line loads and the curvature of the
-    reference are known to h^(p+2) only: this matters for p = 3 and 4. At a node where a load, body
-    or joint acts they jump: an end of a beam is that of its only element, inside
-    :meth:`Beam.along` takes one of the two elements, which the caller may name.
+    h^(p+1), strains and resultants with h^p, and with h^(p+1) at the Gauss points, where
+    :func:`section_strains` takes them; away from these a stiffness in shear makes large forces of
+    small errors. Section forces at any point are those of
+    :func:`~skfem_cosserat.diagnostics.forces_along`, which needs a balance.
 
     Examples
     --------
-    A rod along x, 2 m long, with its end moved by 2 cm, at 0.5 m and 1.5 m:
+    A rod along x, 2 m long and drawn by 1 %, at 0.5 m and 1.5 m:
 
     >>> import skfem_cosserat as sc
     >>> model = sc.Model()
@@ -308,8 +300,7 @@ def evaluate(
     ([0.505, 1.515], [100.0, 100.0])
     """
     places = SectionPlaces(beam, elements, xi)
-    shown = places.values(system, q, orthonormal=orthonormal)
-    return SectionValues(*shown, places.resultants(system, q, t, amplitudes, v, a, multipliers))
+    return places.values(system, q, orthonormal=orthonormal, multipliers=multipliers)
 
 
 @takes_scene
@@ -318,7 +309,8 @@ def forces_along(
 ) -> Floats:
     """Section forces ``(N_1, N_2, N_3, M_1, M_2, M_3)`` at arc lengths of a beam, of a history.
 
-    As :class:`~skfem_cosserat.SensorForce` sees them during a run, at all recorded states.
+    As :class:`~skfem_cosserat.SensorForce` sees them during a run, at all recorded states: without
+    the viscous forces of sections.
 
     Parameters
     ----------
@@ -334,12 +326,22 @@ def forces_along(
     Returns
     -------
     (N, m, 6) array
-        In the section triad, as of :func:`evaluate` (N, N m).
+        In the section triad, on the face with outward normal +d3; tension positive (N, N m).
 
     Raises
     ------
     InputError
         If the history does not fit the system, the beam is not in it, or `s` is beyond the ends.
+
+    Notes
+    -----
+    By the balance of the part of an element from its ends to the point, in motion with
+    :func:`accelerations`. They converge with h^(2p) at the ends of elements, where they are those
+    of :func:`~skfem_cosserat.diagnostics.nodal_resultants`, and between them where loads are forces
+    and moments at nodes, dead line loads or gravity, on straight beams. Between the ends inertia,
+    following line loads and the curvature of the reference are known to h^(p+2) only: this matters
+    for p = 3 and 4. At a node where a load, body or joint acts they jump; there they are those of
+    the element that :meth:`Beam.along` takes: give an arc length beside the node.
 
     Examples
     --------
@@ -386,7 +388,7 @@ class SectionPlaces:
         self._e, self._x = e, x = _places(beam, elements, xi)
         lengths = beam.elements.lengths[e][:, None]
         self._shapes = beam.basis.shape(x).T, beam.basis.dshape(x).T / lengths
-        self._turned = beam.rotations[e]
+        self._turned, self._sections = beam.rotations[e], beam.elements.taken(e)
         reference = beam.reference.reshape(1, -1, 3)[:, _own_rows(beam)[e]]
         self._reference = self._at(reference)[1]
 
@@ -398,9 +400,14 @@ class SectionPlaces:
         return value, strain_measures(value, slope)
 
     def values(
-        self, system: System, q: ArrayLike, *, orthonormal: bool = False
-    ) -> tuple[Floats, Floats, Floats]:
-        """Positions, triads and strains, see :func:`evaluate`."""
+        self,
+        system: System,
+        q: ArrayLike,
+        *,
+        orthonormal: bool = False,
+        multipliers: ArrayLike | None = None,
+    ) -> SectionValues:
+        """See :func:`evaluate`."""
         Q, single = as_stack(system, "q", q)
         beam, group = self.beam, group_of(system, self.beam)
         rows = group.rows[group.slices[id(beam)]][self._e]
@@ -410,8 +417,15 @@ class SectionPlaces:
         if switch("argument orthonormal", orthonormal):
             u, _, vt = np.linalg.svd(triad)
             triad = u @ vt
-        position = value[:, :, 0]
-        return (position[0], triad[0], strain[0]) if single else (position, triad, strain)
+        resultant = beam_stress(self._sections, strain[:, :, None])[:, :, 0]
+        count = None if single else len(Q)
+        held = np.asarray(held_forces(system, beam, multipliers, count))
+        if held.ndim:
+            at_points = held.reshape(-1, *held.shape[-3:])[:, self._e]
+            weights = lagrange(beam.elements.points, self._x).T
+            resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
+        out = SectionValues(value[:, :, 0], triad, strain, resultant)
+        return SectionValues(*(array[0] for array in out)) if single else out
 
     def resultants(
         self,
@@ -423,7 +437,7 @@ class SectionPlaces:
         a: ArrayLike | None = None,
         multipliers: ArrayLike | None = None,
     ) -> Floats:
-        """See :func:`evaluate`."""
+        """By the balance of parts of elements, see :func:`forces_along`."""
         given = t, amplitudes, v, a, multipliers
         found, single = element_balances(system, self.beam, q, *given, viscous=False)
         strains = section_strains(system, self.beam, np.atleast_2d(q))

@@ -177,7 +177,9 @@ class View:
         """Strains (6,) ``(Gamma, K)`` of a beam at an arc length (m) of the reference."""
         if not is_beam(beam):
             raise InputError("argument beam", f"is of type {type(beam).__name__}, expected a Beam")
-        return SectionPlaces(beam, *beam.along([s])).values(self.system, self.q)[2][0]
+        return np.asarray(
+            diagnostics.evaluate(self.system, beam, self.q, *beam.along([s])).strain[0]
+        )
 
     def sensor(self, sensor: Sensor) -> Floats:
         """What a sensor sees here.
@@ -586,7 +588,7 @@ class SensorStrain(Sensor):
 
     def values(self, system: System, window: Window) -> Floats:
         """See the base class."""
-        return self._point.section.values(system, window.q)[2][:, 0]
+        return self._point.section.values(system, window.q).strain[:, 0]
 
 
 class SensorForce(SensorStrain):
@@ -597,10 +599,9 @@ class SensorForce(SensorStrain):
 
     Notes
     -----
-    By the balance of a part of the element, as ``resultant`` of :func:`diagnostics.evaluate`, which
-    says how they converge, with the accelerations that the equations of motion give at the state.
-    ``diagnostics.forces_along`` gives them after a run. At a node between elements they are those
-    of the element that :meth:`Beam.along` takes. Each state costs the solution of a linear system.
+    By the balance of a part of the element, with the accelerations that the equations of motion
+    give at the state. ``diagnostics.forces_along`` gives the same after a run, and says how they
+    converge. Each state costs the solution of a linear system.
     """
 
     unit = "N, N m"
@@ -740,7 +741,7 @@ class _Point(Attached):
 
     def positions(self, system: System, window: Window) -> Floats:
         if self.beam is not None:
-            return self.section.values(system, window.q)[0][:, 0]
+            return self.section.values(system, window.q).position[:, 0]
         assert self.place is not None
         return _place_positions(system, self.place, all_rows(system, window.q, window.t))
 

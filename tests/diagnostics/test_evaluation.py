@@ -109,8 +109,9 @@ def test_evaluation_meets_nodes_and_gauss_points(p):
     assert np.abs(at.triad - turned).max() < 1e-13
     e = np.repeat(np.arange(ne), p)
     at = evaluate(system, beam, Q, e, np.tile(beam.basis.points, ne))
-    strain = section_strains(system, beam, Q)
+    strain, force = section_strains(system, beam, Q), section_forces(system, beam, Q)
     assert np.abs(at.strain - strain.reshape(at.strain.shape)).max() < 1e-12
+    assert np.abs(at.resultant - force.reshape(at.strain.shape)).max() < 1e-10
     one = evaluate(system, beam, Q[1], e, np.tile(beam.basis.points, ne))
     assert all(np.array_equal(a, b[1]) for a, b in zip(one, at, strict=True))
 
