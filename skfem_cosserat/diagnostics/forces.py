@@ -347,8 +347,9 @@ def accelerations(
 ) -> tuple[Floats, Floats]:
     """Accelerations and multipliers by the equations of motion, sections without viscosity.
 
-    What :func:`nodal_resultants` wants for the elastic section forces of states of a run. Strain rates of a state are known less well than its strains, so that viscous forces
-    of sections are left out; those of dampers and drag are not.
+    What :func:`nodal_resultants` wants for the elastic section forces of states of a run. Strain
+    rates of a state are known less well than its strains, so that viscous forces of sections are
+    left out; those of dampers and drag are not.
 
     Parameters
     ----------
