@@ -259,7 +259,7 @@ def lagrange(nodes: Floats, xi: ArrayLike) -> Array:
     for a, own in enumerate(nodes):
         others = np.delete(nodes, a)
         scale = np.prod(own - others)
-        rows.append(np.prod([x - other for other in others], axis=0) / scale)
+        rows.append(np.prod([np.ones_like(x), *(x - other for other in others)], axis=0) / scale)
     return np.array(rows)
 
 

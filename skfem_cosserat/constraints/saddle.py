@@ -121,6 +121,7 @@ def accelerations(
     v: Floats,
     t: float,
     turns: IndexArray | None = None,
+    viscous: bool = True,
 ) -> tuple[Floats, Floats]:
     """Accelerations and multipliers of the continuous equations of motion at a state.
 
@@ -135,6 +136,8 @@ def accelerations(
         Time (s).
     turns : (k,) int array, optional
         Full turns of the angles that springs act on.
+    viscous : bool
+        With the viscous forces of sections.
 
     Returns
     -------
@@ -160,7 +163,8 @@ def accelerations(
     velocity = v.reshape(-1, 3)
     rates, curved = _ground_rates(system, t)
     ydot = np.concatenate([velocity, rates])
-    force = -balance(system, y, amplitudes_at(system, t), turns=turns, ydot=ydot).R
+    at = amplitudes_at(system, t)
+    force = -balance(system, y, at, turns=turns, ydot=ydot, viscous=viscous).R
     # constraints are cubic in y at most: this second difference is exact but for rounding
     size = float(abs(ydot).max(initial=0.0))
     bend = np.zeros(system.m)

@@ -16,8 +16,16 @@ from .energy import (
     section_strains,
     strain_energy,
 )
-from .error import SectionValues, evaluate, goal_shares, missing_strains, transfer
+from .error import (
+    SectionValues,
+    evaluate,
+    forces_along,
+    goal_shares,
+    missing_strains,
+    transfer,
+)
 from .forces import (
+    accelerations,
     condition_number,
     constraint_points,
     multipliers,
@@ -48,6 +56,7 @@ __all__ = [
     "ReducedTangent",
     "Resolution",
     "SectionValues",
+    "accelerations",
     "alternation",
     "angular_momentum",
     "condition_number",
@@ -59,6 +68,7 @@ __all__ = [
     "doubtful_steps",
     "evaluate",
     "external_energy",
+    "forces_along",
     "goal_shares",
     "ground_part",
     "hidden_violation",

@@ -8,16 +8,18 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.sparse.linalg import splu
 
+from ..element import lagrange
 from ..errors import InputError
 from ..frames import is_beam
+from ..history import History
 from ..kernels import beam_stress
 from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
-from ..model.balance import Amplitudes
+from ..model.balance import Amplitudes, Spin
 from ..strain import strain_measures
-from ..types import ArrayLike, Floats, IndexArray, names_known, numbers, switch
+from ..types import ArrayLike, Floats, IndexArray, check_kind, names_known, numbers, switch
 from .energy import group_of, held_forces, section_strains
-from .forces import element_forces
+from .forces import accelerations, element_balances, element_forces, part_resultants
 from .nearest import inner_rows, settled
 from .stacked import as_one, as_stack, reduced_tangent
 
@@ -228,8 +230,8 @@ class SectionValues(NamedTuple):
     triad: Floats
     #: ``(Gamma, K)`` (m, 6), relative to the interpolated reference (-, 1/m).
     strain: Floats
-    #: Elastic ``(N, M)`` (m, 6) in the section's frame, on the face with outward normal +d3
-    #: (N, N m).
+    #: Elastic ``(N, M)`` (m, 6) that belong to these strains, in the section's frame, on the face
+    #: with outward normal +d3 (N, N m).
     resultant: Floats
 
 
@@ -278,8 +280,9 @@ def evaluate(
     ``d_i.d_j`` deviates by an amount that vanishes with h^(p+1) (a linear element that turns by
     an angle t has directors of length cos(t/2) in its middle). Positions and triads converge with
     h^(p+1), strains and resultants with h^p, and with h^(p+1) at the Gauss points, where
-    :func:`section_strains` takes them; at nodes
-    :func:`~skfem_cosserat.diagnostics.nodal_resultants` are far better.
+    :func:`section_strains` takes them; away from these a stiffness in shear makes large forces of
+    small errors. Section forces at any point are those of
+    :func:`~skfem_cosserat.diagnostics.forces_along`, which needs a balance.
 
     Examples
     --------
@@ -298,6 +301,77 @@ def evaluate(
     """
     places = SectionPlaces(beam, elements, xi)
     return places.values(system, q, orthonormal=orthonormal, multipliers=multipliers)
+
+
+@takes_scene
+def forces_along(
+    system: System, history: History, beam: Beam, s: ArrayLike, part: str | None = None
+) -> Floats:
+    """Section forces ``(N_1, N_2, N_3, M_1, M_2, M_3)`` at arc lengths of a beam, of a history.
+
+    As :class:`~skfem_cosserat.SensorForce` sees them during a run, at all recorded states: without
+    the viscous forces of sections.
+
+    Parameters
+    ----------
+    history : History
+        Of a run of this system, or a path of equilibria.
+    beam : Beam
+        Of this system.
+    s : float or (m,) array
+        Arc lengths in the reference from the start of the part (m).
+    part : str, optional
+        Name of a part of the mesh; default: the whole beam.
+
+    Returns
+    -------
+    (N, m, 6) array
+        In the section triad, on the face with outward normal +d3; tension positive (N, N m).
+
+    Raises
+    ------
+    InputError
+        If the history does not fit the system, the beam is not in it, or `s` is beyond the ends.
+
+    Notes
+    -----
+    By the balance of the part of an element from its ends to the point, in motion with
+    :func:`accelerations`. They converge with h^(2p) at the ends of elements, where they are those
+    of :func:`~skfem_cosserat.diagnostics.nodal_resultants`, and between them where loads are forces
+    and moments at nodes, dead line loads or gravity, on straight beams. Between the ends inertia,
+    following line loads and the curvature of the reference are known to h^(p+2) only: this matters
+    for p = 3 and 4. At a node where a load, body or joint acts they jump; there they are those of
+    the element that :meth:`Beam.along` takes: give an arc length beside the node.
+
+    Examples
+    --------
+    A rod of 2 m that hangs from one end and weighs 10 N/m:
+
+    >>> import skfem_cosserat as sc
+    >>> model, mesh = sc.Model(), sc.MeshCurve.init_line((0, 0, 0), (0, 0, -2), 1, name="rod")
+    >>> section = sc.Section([1e6] * 6, 1.0, (0.1, 0.1))
+    >>> rod = model.add("rod", sc.Beam(mesh, section, director=(1, 0, 0)))
+    >>> clamp = model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    >>> weight = model.add("weight", sc.LoadGravity((0, 0, -10.0)))
+    >>> path = sc.static(model)
+    >>> (forces_along(model, path, rod, [0.0, 0.5, 2.0])[-1, :, 2].round(6) + 0.0).tolist()
+    [20.0, 15.0, 0.0]
+    """
+    check_kind("argument history", history, History)
+    q, _ = as_stack(system, "history", history["q"])
+    places = SectionPlaces(beam, *beam.along(np.atleast_1d(s), part))
+    if "load_factor" not in history:
+        given = system, q, history["v"], history.times, history.series.get("turns")
+        return places.resultants(
+            system, q, history.times, None, history["v"], *accelerations(*given)
+        )
+    a = np.zeros_like(q)
+    for row, y, spin in zip(a, q, history["amplitudes/spin"], strict=True):
+        if spin.any():
+            turned = Spin(*spin).rates(system, y.reshape(-1, 3))
+            row[:] = np.cross(spin[0], turned).ravel()
+    loads, lam = history["amplitudes/loads"], history["multipliers"]
+    return places.resultants(system, q, amplitudes=loads, a=a, multipliers=lam)
 
 
 class SectionPlaces:
@@ -348,20 +422,27 @@ class SectionPlaces:
         held = np.asarray(held_forces(system, beam, multipliers, count))
         if held.ndim:
             at_points = held.reshape(-1, *held.shape[-3:])[:, self._e]
-            weights = _between(beam.elements.points, self._x)
+            weights = lagrange(beam.elements.points, self._x).T
             resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
         out = SectionValues(value[:, :, 0], triad, strain, resultant)
         return SectionValues(*(array[0] for array in out)) if single else out
 
-
-def _between(points: Floats, x: Floats) -> Floats:
-    """Lagrange polynomials (m, ng) of points (ng,) at x (m,)."""
-    return np.array(
-        [
-            np.prod([(x - q) / (p - q) for q in np.delete(points, k)], axis=0) * np.ones_like(x)
-            for k, p in enumerate(points)
-        ]
-    ).T
+    def resultants(
+        self,
+        system: System,
+        q: ArrayLike,
+        t: ArrayLike = 0.0,
+        amplitudes: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        multipliers: ArrayLike | None = None,
+    ) -> Floats:
+        """By the balance of parts of elements, see :func:`forces_along`."""
+        given = t, amplitudes, v, a, multipliers
+        found, single = element_balances(system, self.beam, q, *given, viscous=False)
+        strains = section_strains(system, self.beam, np.atleast_2d(q))
+        out = part_resultants(self.beam, self._e, self._x, found, strains)
+        return out[0] if single else out
 
 
 def _own_rows(beam: Beam) -> IndexArray:

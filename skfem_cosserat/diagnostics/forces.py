@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..constraints import Treatment
+from ..constraints.saddle import accelerations as by_motion
 from ..constraints.stacked import stacked_multipliers
+from ..element import lagrange
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
-from ..kernels import director_force
+from ..kernels import beam_stress
 from ..model import System, takes_scene
-from ..model.groups import BeamGroup
 from ..model.limits import overstretched_beam
 from ..model.system import JointRows
-from ..types import ArrayLike, Floats, check_kind, switch
+from ..types import ArrayLike, Floats, IndexArray, check_kind, switch
 from .energy import group_of, held_forces
 from .stacked import all_rows, as_series, as_stack, as_times
 
@@ -91,33 +92,64 @@ def nodal_resultants(
     >>> (nodal_resultants(model, rod, q)[0, :, :3].round(6) + 0.0).tolist()
     [[0.0, 0.0, 100.0], [0.0, 0.0, 100.0]]
     """
+    found, single = element_balances(system, beam, q, t, amplitudes, v, a, multipliers)
+    out = _at_ends(found.force, found.nodal, beam)
+    return out[0] if single else out
+
+
+class Balances(NamedTuple):
+    """Balance of a beam's elements at some states, each array (N, ne, p + 1, 4, 3).
+
+    Attributes
+    ----------
+    nodal : array
+        Coordinates of the nodes.
+    spread : array
+        Consistent nodal forces of what is spread: line loads and gravity, less inertia and drag.
+    force : array
+        Nodal forces less those: what the nodes pass on.
+    """
+
+    nodal: Floats
+    spread: Floats
+    force: Floats
+
+
+def element_balances(
+    system: System,
+    beam: Beam,
+    q: ArrayLike,
+    t: ArrayLike = 0.0,
+    amplitudes: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    a: ArrayLike | None = None,
+    multipliers: ArrayLike | None = None,
+    viscous: bool = True,
+) -> tuple[Balances, bool]:
+    """Balances, and whether one state was given; arguments of :func:`nodal_resultants`.
+
+    With or without the viscous forces of sections.
+    """
     Q, single = as_stack(system, "q", q)
     group = group_of(system, beam)
     rates = [_like("v", v, Q, system), _like("a", a, Q, system)]
     factors = _factors(system, t, amplitudes, len(Q))
-    out = np.empty((len(Q), len(beam.basis.connectivity), 2, 6))
+    own = group.rows[group.slices[id(beam)]]
+    nodal = Q.reshape(len(Q), -1, 3)[:, own].reshape(len(Q), len(own), -1, 4, 3)
+    spread, force = np.empty_like(nodal), np.empty_like(nodal)
     held = np.asarray(held_forces(system, beam, multipliers, None if single else len(Q)))
     held = np.broadcast_to(held, (len(Q), *held.shape[-3:]))
     for k, q_k in enumerate(Q):
         velocity, acceleration = (None if r is None else r[k].reshape(-1, 3) for r in rates)
-        F = element_forces(
-            system, beam, q_k.reshape(-1, 3), factors[k], velocity, acceleration, held[k]
-        )
-        nodal = q_k.reshape(-1, 3)[group.rows[group.slices[id(beam)]]].reshape(F.shape)
-        out[k] = _at_ends(F, nodal, beam)
-    return out[0] if single else out
+        y = q_k.reshape(-1, 3)
+        spread[k] = _spread(system, beam, y, factors[k], velocity, acceleration)
+        rate = velocity if viscous else None
+        force[k] = _internal(system, beam, y, rate, held[k]) - spread[k]
+    return Balances(nodal, spread, force), single
 
 
-def element_forces(
-    system: System,
-    beam: Beam,
-    y: Floats,
-    factors: Floats,
-    velocity: Floats | None = None,
-    acceleration: Floats | None = None,
-    held: Floats | float = 0.0,
-) -> Floats:
-    """Nodal forces (ne, p + 1, 4, 3) of a beam's elements, less those of distributed loads.
+def element_forces(system: System, beam: Beam, y: Floats, factors: Floats) -> Floats:
+    """Nodal forces (ne, p + 1, 4, 3) of a beam's elements at rest, less those of loads.
 
     Parameters
     ----------
@@ -125,29 +157,24 @@ def element_forces(
         Configuration.
     factors : (k,) array
         Of the channels of ``system.loading``.
-    velocity, acceleration : (rows, 3) array, optional
-        Adds the forces of damping and of inertia.
-    held : (ne, ng, 6) array, optional
-        Resultants of strains that are held.
     """
-    group = group_of(system, beam)
-    own = group.slices[id(beam)]
-    F = _forces(group, own, y, velocity, acceleration, held)
-    mass, nodal = group.mass[own], y[group.rows[own]].reshape(F.shape)
-    for term, factor in zip(system.loading.terms, factors, strict=True):
-        F -= term.on_elements(beam, mass, nodal, factor)
-    return F
+    return _internal(system, beam, y, None, 0.0) - _spread(system, beam, y, factors, None, None)
 
 
 def _at_ends(F: Floats, nodal: Floats, beam: Beam) -> Floats:
-    """Forces and moments (ne, 2, 6) in section triads of nodal forces (ne, p + 1, 4, 3)."""
-    out = np.empty((len(F), 2, 6))
-    for end, sign in ((0, -1.0), (-1, 1.0)):
-        f, d = F[:, end], nodal[:, end, 1:]
-        spatial = np.stack([f[:, 0], director_force(d, f[:, 1:])], axis=1)
-        triad = beam.rotations[:, end] @ d
-        out[:, end] = sign * (spatial @ np.swapaxes(triad, 1, 2)).reshape(-1, 6)
+    """Forces and moments (N, ne, 2, 6) in section triads of nodal forces (N, ne, p + 1, 4, 3)."""
+    out = np.empty((*F.shape[:2], 2, 6))
+    for end in (0, -1):
+        triad = beam.rotations[:, end] @ nodal[:, :, end, 1:]
+        spatial = np.stack(_passed_on(F, nodal, end), axis=-2)
+        out[:, :, end] = (spatial @ np.swapaxes(triad, -1, -2)).reshape(*F.shape[:2], 6)
     return out
+
+
+def _passed_on(F: Floats, nodal: Floats, end: int) -> tuple[Floats, Floats]:
+    """Force and moment (..., 3) in space on the face at the end 0 or -1 of elements."""
+    sign, f = (1.0 if end else -1.0), F[..., end, :, :]
+    return sign * f[..., 0, :], sign * np.cross(nodal[..., end, 1:, :], f[..., 1:, :]).sum(-2)
 
 
 def _like(name: str, value: ArrayLike | None, Q: Floats, system: System) -> Floats | None:
@@ -173,26 +200,197 @@ def _factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: 
     return np.broadcast_to(given, (count, channels))
 
 
-def _forces(
-    group: BeamGroup,
-    own: slice,
-    y: Floats,
-    velocity: Floats | None,
-    acceleration: Floats | None,
-    held: Floats | float,
+def _internal(
+    system: System, beam: Beam, y: Floats, velocity: Floats | None, held: Floats | float
 ) -> Floats:
-    """Internal, damping and inertia forces (ne, p + 1, 4, 3) of a beam's elements."""
+    """Forces (ne, p + 1, 4, 3) of the stresses of a beam's elements."""
+    group = group_of(system, beam)
+    own = group.slices[id(beam)]
     eps, B = group.strain(y)
     stress = group.stress(eps)
     stress[own] += held
     if velocity is not None and group.viscous:
         stress = stress + group.viscous_stress(group.strain_rate(B, velocity))
     F = group.force(B, stress)[own]
+    return F.reshape(len(F), -1, 4, 3)
+
+
+def _spread(
+    system: System,
+    beam: Beam,
+    y: Floats,
+    factors: Floats,
+    velocity: Floats | None,
+    acceleration: Floats | None,
+) -> Floats:
+    """Consistent nodal forces of line loads and gravity, less those of inertia and drag."""
+    group = group_of(system, beam)
+    own = group.slices[id(beam)]
+    rows, mass = group.rows[own], group.mass[own]
+    nodal = y[rows].reshape(len(rows), -1, 4, 3)
+    out = np.zeros_like(nodal)
+    for term, factor in zip(system.loading.terms, factors, strict=True):
+        out += term.on_elements(beam, mass, nodal, factor)
     for matrix, rate in ((group.drag, velocity), (group.mass, acceleration)):
         if matrix is not None and rate is not None:
-            local = rate[group.rows[own]].reshape(len(F), -1, 1)
-            F = F + (matrix[own] @ local)[:, :, 0]
-    return F.reshape(len(F), -1, 4, 3)
+            out -= (matrix[own] @ rate[rows].reshape(len(rows), -1, 1)).reshape(out.shape)
+    return out
+
+
+# -- section forces and moments at any point, from the balance of a part of an element -------------
+#
+# A part from an end of the element to the point is in balance with what the end passes on and what
+# is spread over the part. Forces follow at once. Moments need the line between, and components the
+# triad at the point, which elements interpolate to h^(p+1) only: both are integrated from the end,
+# by the strains that belong to the forces and moments found so far. Each sweep gains an order.
+
+
+def part_resultants(
+    beam: Beam, e: IndexArray, x: Floats, found: Balances, strains: Floats
+) -> Floats:
+    """Forces and moments (N, m, 6) in section triads, at x of the elements e (m,).
+
+    Parameters
+    ----------
+    found : Balances
+        Of its elements.
+    strains : (N, ne, ng, 6) array
+        At their Gauss points.
+    """
+    parts = (_PartOfElements(beam, e, x, end, found, strains).at_point() for end in (0, -1))
+    first, last = parts
+    return (1.0 - x)[:, None] * first + x[:, None] * last
+
+
+class _PartOfElements:
+    """The parts from one end of elements to points: at k places along them, and at the points.
+
+    Parameters
+    ----------
+    end : {0, -1}
+        Start or end of the elements.
+    """
+
+    def __init__(
+        self, beam: Beam, e: IndexArray, x: Floats, end: int, found: Balances, strains: Floats
+    ) -> None:
+        self.beam, self.elements = beam, beam.elements.taken(e)
+        start, places = (1.0 if end else 0.0), beam.basis.interpolation.full.points
+        powers = np.arange(len(places))
+        to = np.append(places, 1.0)[:, None]
+        over = to ** (powers + 1) / (powers + 1) @ np.linalg.inv(places[:, None] ** powers)
+        length = beam.elements.lengths[e]
+        self._over = ((x - start) * length)[:, None, None] * over
+        u = start + np.outer(x - start, to)
+        shape = beam.basis.shape(u)
+        nodal, spread, force = (each[:, e] for each in found)
+        density = np.linalg.solve(
+            beam.basis.elemental_mass()[e], spread.reshape(*spread.shape[:3], -1)
+        ).reshape(spread.shape)
+        f, at = (np.einsum("amk,nmaic->nmkic", shape, each) for each in (density, nodal))
+        couple = np.cross(at[..., 1:, :], f[..., 1:, :]).sum(-2)
+        n, self._m = (each[:, :, None] for each in _passed_on(force, nodal, end))
+        self.n = n - self.integral(f[:, :, :-1, 0])
+        self._couple = couple[:, :, :-1]
+        section = beam.rotations[e] @ nodal[..., 1:, :]
+        self._start = section[:, :, end]
+        self.d = np.einsum("amk,nmaic->nmkic", shape, section)
+        slopes = beam.basis.dshape(u[:, :-1]) / length[:, None]
+        self.slope = np.einsum("amk,nmac->nmkc", slopes, nodal[..., 0, :])
+        weights = lagrange(beam.elements.points, u[:, :-1])
+        self._eps = np.einsum("gmk,nmgi->nmki", weights, strains[:, e])
+        reference = np.einsum("gmk,mgi->mki", weights, beam.elements.reference[e])
+        self._strain = self._eps + reference
+
+    def integral(self, values: Floats) -> Floats:
+        """From the end to the places and the point (N, m, k + 1, c), of values (N, m, k, c)."""
+        return self._over @ values
+
+    def moment(self, slope: Floats) -> Floats:
+        """(N, m, k + 1, 3) in space, for a line of this slope (N, m, k, 3)."""
+        return self._m - self.integral(np.cross(slope, self.n[:, :, :-1]) + self._couple)
+
+    def at_point(self) -> Floats:
+        """Components (N, m, 6) in the triad at the point."""
+        stress = beam_stress(self.elements, self._eps)
+        moduli = np.zeros((*stress.shape, 6)) + self.elements.stiffness[:, None]
+        for ids, law in self.elements.stored:
+            moduli[:, ids] = law.tangent(self._eps[:, ids])
+        held = list(self.beam.theory.held)
+        moduli[..., held, held] += 1.0
+        d, m = self.d, self.moment(self.slope)
+        for _ in range(self.beam.basis.interpolation.order):
+            own = d[:, :, :-1]
+            gap = _components(own, self.n[:, :, :-1], m[:, :, :-1]) - stress
+            gap[..., held] = 0.0
+            eps = self._strain + np.linalg.solve(moduli, gap[..., None])[..., 0]
+            line = eps.reshape(*eps.shape[:-1], 2, 3) @ own  # slope of the line, and turn of triads
+            turned = np.cross(line[..., 1:, :], own)
+            after = self.integral(turned.reshape(*eps.shape[:-1], 9))
+            d = self._start[:, :, None] + after.reshape(d.shape)
+            m = self.moment(line[..., 0, :])
+        return _components(d[:, :, -1], self.n[:, :, -1], m[:, :, -1])
+
+
+def _components(d: Floats, n: Floats, m: Floats) -> Floats:
+    """Force and moment (..., 3) in space by components (..., 6) along directors (..., 3, 3)."""
+    return (np.stack([n, m], axis=-2) @ np.swapaxes(d, -1, -2)).reshape(*n.shape[:-1], 6)
+
+
+@takes_scene
+def accelerations(
+    system: System,
+    q: ArrayLike,
+    v: ArrayLike,
+    t: ArrayLike = 0.0,
+    turns: ArrayLike | None = None,
+) -> tuple[Floats, Floats]:
+    """Accelerations and multipliers by the equations of motion, sections without viscosity.
+
+    What :func:`nodal_resultants` wants for the elastic section forces of states of a run. Strain
+    rates of a state are known less well than its strains, so that viscous forces of sections are
+    left out; those of dampers and drag are not.
+
+    Parameters
+    ----------
+    q, v : (n,) or (N, n) array
+        Configurations, and velocities on the hidden constraints, ``history["v"]``.
+    t : float or (N,) array
+        Their times (s).
+    turns : (k,) or (N, k) array, optional
+        Full turns of the angles of force elements, ``history["turns"]``.
+
+    Returns
+    -------
+    a : (n,) or (N, n) array
+        (m/s^2, 1/s^2)
+    multipliers : (m,) or (N, m) array
+
+    Raises
+    ------
+    InputError
+        If shapes do not fit.
+
+    Examples
+    --------
+    A weight of 20 N that swings through the lowest point at 3 m/s, 1 m below its pin:
+
+    >>> import skfem_cosserat as sc
+    >>> model = sc.Model()
+    >>> bob = model.add("bob", sc.MassPoint(2.0, position=(0, 0, -1)))
+    >>> rod = model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    >>> weight = model.add("weight", sc.LoadGravity((0, 0, -10.0)))
+    >>> a, lam = accelerations(model, model.freeze().q0, [3.0, 0, 0])
+    >>> (a.round(9) + 0.0).tolist(), lam.round(9).tolist()
+    ([0.0, 0.0, 9.0], [38.0])
+    """
+    Q, single = as_stack(system, "q", q)
+    V, _ = as_stack(system, "v", v, Q)
+    counted = [None] * len(Q) if turns is None else np.atleast_2d(np.asarray(turns, dtype=np.int64))
+    a, lam = np.empty_like(Q), np.empty((len(Q), system.m))
+    for k, (s, turned) in enumerate(zip(as_times(t, len(Q)), counted, strict=True)):
+        a[k], lam[k] = by_motion(system, Q[k], V[k], float(s), turned, viscous=False)
+    return (a[0], lam[0]) if single else (a, lam)
 
 
 # -- multipliers, reactions of joints, conditioning ------------------------------------------------

@@ -137,6 +137,7 @@ def balance(
     turns: IndexArray | None = None,
     ydot: Array | None = None,
     share: float = 0.0,
+    viscous: bool = True,
 ) -> Balance:
     """Forces at configuration y (all rows), at rest or in motion; without inertia.
 
@@ -154,13 +155,15 @@ def balance(
         Rates of all rows; default: rest.
     share : float
         Their derivative by y (1/s), for the tangent of force elements.
+    viscous : bool
+        With the viscous forces of sections.
     """
     groups = system.beam_groups
     both = system.strain(y)
     strains, Bs = [eps for eps, _ in both], [B for _, B in both]
     stresses = [g.stress(eps) for g, eps in zip(groups, strains, strict=True)]
     lost = 0.0
-    if ydot is not None and system.damped:
+    if viscous and ydot is not None and system.damped:
         stresses, lost = _with_viscosity(system, Bs, stresses, ydot)
     internal = system.internal_force(Bs, stresses)
     if ydot is not None and system.drag is not None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import diagnostics
 from ..constraints.saddle import accelerations, nearest_velocity
-from ..diagnostics import SectionValues, multipliers, reactions
+from ..diagnostics import multipliers, reactions
 from ..diagnostics.error import SectionPlaces
 from ..diagnostics.joint_motion import rates
 from ..diagnostics.stacked import all_rows
@@ -197,7 +197,8 @@ class View:
         given = np.array([self.time]), self.q[None]
         if sensor.derivative:
             return np.asarray(_seen_rates(self.system, *given, self.v[None], sensor)[0])
-        return np.asarray(_seen(self.system, *given, sensor)[0])
+        turns = None if self.state.turns is None else self.state.turns[None]
+        return np.asarray(_seen(self.system, *given, self.state.p[None], turns, sensor)[0])
 
 
 class Views:
@@ -275,7 +276,9 @@ class Views:
     def sensor(self, sensor: Sensor) -> Floats:
         """See :class:`View` (k, ...)."""
         given = self.system, self.time, self.q
-        return _seen_rates(*given, self.v, sensor) if sensor.derivative else _seen(*given, sensor)
+        if sensor.derivative:
+            return _seen_rates(*given, self.v, sensor)
+        return _seen(*given, self._p, self._turns, sensor)
 
 
 def _reading(
@@ -321,9 +324,11 @@ class _Reading:
         return np.asarray((slope @ self._invariants.rates(y, ydot)[..., None])[..., 0, 0, 0])
 
 
-def _seen(system: System, t: Floats, q: Floats, sensor: Sensor) -> Floats:
+def _seen(
+    system: System, t: Floats, q: Floats, p: Floats, turns: IndexArray | None, sensor: Sensor
+) -> Floats:
     """What a sensor without forces sees at states q (k, n), times t (k,)."""
-    return sensor.values(system, window_of(system, t, q))
+    return sensor.values(system, window_of(system, t, q, p, turns))
 
 
 def _seen_rates(system: System, t: Floats, q: Floats, v: Floats, sensor: Sensor) -> Floats:
@@ -332,7 +337,7 @@ def _seen_rates(system: System, t: Floats, q: Floats, v: Floats, sensor: Sensor)
     s = np.divide(1e-5 * system.length, speed, out=np.full(len(t), 1e-5), where=speed > 0)
     ends = np.concatenate([t + np.where(t > s, -s, 0.0), t + np.where(t > s, s, 2 * s)])
     moved = np.tile(q, (2, 1)) + (ends - np.tile(t, 2))[:, None] * np.tile(v, (2, 1))
-    before, after = np.split(_seen(system, ends, moved, sensor), 2)
+    before, after = np.split(_seen(system, ends, moved, 0 * moved, None, sensor), 2)
     over = ends[len(t) :] - ends[: len(t)]
     return np.asarray((after - before) / over.reshape(-1, *[1] * (after.ndim - 1)))
 
@@ -360,6 +365,10 @@ class Window(NamedTuple):
         All rows of these states; only for sensors that ask for forces.
     force : (j, n) array
         Constraint forces of these states; only for sensors that ask for them.
+    p : (k, n) array
+        Momentum of each state.
+    turns : (k, angles) int array or None
+        Full turns of the angles of force elements, of each state.
     """
 
     t: Floats
@@ -367,6 +376,8 @@ class Window(NamedTuple):
     step_t: Floats
     points: Floats
     force: Floats
+    p: Floats
+    turns: IndexArray | None
 
 
 class Sensor(Attached):
@@ -577,30 +588,30 @@ class SensorStrain(Sensor):
 
     def values(self, system: System, window: Window) -> Floats:
         """See the base class."""
-        return self._point.section(system, window).strain[:, 0]
+        return self._point.section.values(system, window.q).strain[:, 0]
 
 
 class SensorForce(SensorStrain):
     """Section forces ``(N, M)`` (N, N m) at a point of a beam, in the section's triad.
 
-    On the face with outward normal +d3; the elastic part, as in ``diagnostics.evaluate``. For the
-    arguments see :class:`SensorStrain`. Of a beam whose theory holds strains the first or the last
-    state is left out, as by :class:`SensorReaction`.
+    On the face with outward normal +d3; without the viscous part of damped sections. For the
+    arguments see :class:`SensorStrain`.
+
+    Notes
+    -----
+    By the balance of a part of the element, with the accelerations that the equations of motion
+    give at the state. ``diagnostics.forces_along`` gives the same after a run, and says how they
+    converge. Each state costs the solution of a linear system.
     """
 
     unit = "N, N m"
 
-    def __init__(self, beam: Beam, s: float, part: str | None = None) -> None:
-        super().__init__(beam, s, part)
-        self.forces = bool(self.beam.theory.held)
-
     def values(self, system: System, window: Window) -> Floats:
         """See the base class."""
-        if self.forces:
-            lam = multipliers(system, window.points, window.force)
-            q = window.points[:, : system.rows].reshape(-1, system.n)
-            return self._point.section(system, window, q, lam).resultant[:, 0]
-        return self._point.section(system, window).resultant[:, 0]
+        q, t = window.q, window.t
+        v = diagnostics.Projection(system).velocities(q, window.p, t)
+        at = diagnostics.accelerations(system, q, v, t, window.turns)
+        return self._point.section.resultants(system, q, t, None, v, *at)[:, 0]
 
 
 class SensorReaction(Sensor):
@@ -730,23 +741,17 @@ class _Point(Attached):
 
     def positions(self, system: System, window: Window) -> Floats:
         if self.beam is not None:
-            return self.section(system, window).position[:, 0]
+            return self.section.values(system, window.q).position[:, 0]
         assert self.place is not None
         return _place_positions(system, self.place, all_rows(system, window.q, window.t))
 
-    def section(
-        self,
-        system: System,
-        window: Window,
-        q: Floats | None = None,
-        lam: Floats | None = None,
-    ) -> SectionValues:
+    @property
+    def section(self) -> SectionPlaces:
         assert self.beam is not None
         if self._places is None or self._places.beam is not self.beam:
             vars(self)["_places"] = SectionPlaces(self.beam, self._elements, self._xi)
             assert self._places is not None
-        q = window.q if q is None else q
-        return self._places.values(system, q, multipliers=lam)
+        return self._places
 
 
 def _place_positions(system: System, place: Place, rows: Floats) -> Floats:
@@ -778,7 +783,7 @@ class SensorBank:
         self._integrator = stepper.integrator
         self._before: StepReport | None = None
         self._forces = any(sensor.forces for sensor in sensors.values())
-        self._seen: list[tuple[Floats, Floats]] = []
+        self._seen: list[tuple[Any, ...]] = []
         self._shapes: dict[str, Floats] = {}
         self._steps: list[tuple[float, Floats, Floats]] = []
 
@@ -792,14 +797,17 @@ class SensorBank:
     def begin(self, state: State) -> None:
         """The state a run starts from."""
         if self.sensors:
-            self._seen.append((np.array([state.time]), state.q[None]))
+            turns = np.zeros(0, dtype=np.int64) if state.turns is None else state.turns
+            self._seen.append((np.array([state.time]), state.q[None], state.p[None], turns[None]))
 
     def take(self, report: StepReport) -> None:
         """Steps are done, one or several; of these every state is kept."""
         if not self.sensors:
             return
         if isinstance(report, BlockReport):
-            self._seen.append((report.times, report.block.q.copy()))
+            block = report.block
+            kept = (each.copy() for each in (block.q, block.p, block.turns))
+            self._seen.append((report.times, *kept))
         else:
             self.begin(report.state)
         if self._forces:
@@ -816,11 +824,13 @@ class SensorBank:
 
     def flush(self, least: int = 0) -> None:
         """Write what has been collected, if it is so many states at least; a sensor may raise."""
-        if not (self._seen or self._steps) or sum(len(t) for t, _ in self._seen) < least:
+        if not (self._seen or self._steps) or sum(len(each[0]) for each in self._seen) < least:
             return
-        none = np.zeros(0), np.zeros((0, self.system.n))
-        t, q = map(np.concatenate, zip(none, *self._seen, strict=True))
-        window = window_of(self.system, t, q, self._steps)
+        none = np.zeros((0, self.system.n))
+        angles = np.zeros((0, len(self.system.couplings.angles)), dtype=np.int64)
+        states = zip((np.zeros(0), none, none, angles), *self._seen, strict=True)
+        t, q, p, turns = map(np.concatenate, states)
+        window = window_of(self.system, t, q, p, turns, self._steps)
         arrays = {}
         for name, sensor in self.sensors.items():
             arrays[f"{name}/t"] = window.step_t if sensor.forces else window.t
@@ -862,15 +872,22 @@ def seen(name: str, sensor: Sensor, system: System, window: Window) -> Floats:
 
 
 def window_of(
-    system: System, t: Floats, q: Floats, steps: Sequence[tuple[float, Floats, Floats]] = ()
+    system: System,
+    t: Floats,
+    q: Floats,
+    p: Floats,
+    turns: IndexArray | None,
+    steps: Sequence[tuple[float, Floats, Floats]] = (),
 ) -> Window:
-    """Of states q (k, n) at times t, and instants, rows and forces of those that have forces."""
+    """Of states (q, p) (k, n) at times t, and instants, rows and forces of those with forces."""
     return Window(
         np.array(t),
         np.array(q),  # an own sensor may write there
         np.array([t for t, _, _ in steps]),
         np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3),
         np.array([f for _, _, f in steps]).reshape(-1, system.n),
+        p,
+        turns,
     )
 
 
@@ -892,7 +909,8 @@ def checked_sensors(
         for each in sensor.items():
             if id(each) not in known:
                 raise InputError(item, f"the {each.label} of {name!r} is not in this system")
-    window = window_of(system, np.array([start.time]), start.q[None])
+    turns = None if start.turns is None else start.turns[None]
+    window = window_of(system, np.array([start.time]), start.q[None], start.p[None], turns)
     for name, sensor in sensors.items():
         if not sensor.forces:
             seen(name, sensor, system, window)
