@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse.linalg import ArpackError
 
+from .. import checks
 from ..constraints import Treatment
 from ..diagnostics import (
     Projection,
@@ -447,6 +448,7 @@ def _warn_of_motion(
     for (item, text), time in strained:
         warn(item, text, AccuracyWarning, time)
     _warn_of_functions(why.system, recorded)
+    checks.apply(checks.Run(why.system, recorded))
 
 
 def _intended(step: float, until: float, start: State | None) -> int | None:

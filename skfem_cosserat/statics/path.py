@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import checks
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
 from ..errors import AccuracyWarning, CosseratError, Diverged, IncompleteWarning
@@ -727,7 +728,9 @@ def static(
                 status, failure = continuation.run(
                     first, direction, recorder, callbacks, show, interrupt
                 )
-            if failure is not None:
+            if failure is None:
+                checks.apply(checks.Path(system, recorder.writer.history()))
+            else:
                 notices.tell(failure)
             history = recorder.close(
                 status,
