@@ -8,17 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .diagnostics.energy import group_stretches
+from .diagnostics.coarseness import beams_of, energies, held_stresses
+from .diagnostics.energy import group_stretches, kinetic_energy
+from .diagnostics.forces import multipliers
+from .diagnostics.stacked import all_rows
 from .errors import AccuracyWarning, CosseratWarning
-from .frames import StructuralItem
 from .history import History
 from .model import System
+from .model.balance import Amplitudes
 from .model.groups import BeamGroup
+from .types import Floats, spread
 from .warn import warn
+
+if TYPE_CHECKING:
+    from .beam import Beam
 
 # -- results, and what is doubtful about them ------------------------------------------------------
 
@@ -31,10 +38,13 @@ class Recorded:
     ----------
     system : System
     history : History
+    amplitudes : callable
+        Factors of loads and actuators at a row.
     """
 
     system: System
     history: History
+    amplitudes: Callable[[int], Amplitudes]
 
 
 class Run(Recorded):
@@ -43,6 +53,30 @@ class Run(Recorded):
 
 class Path(Recorded):
     """Points of a path of equilibria."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Modes of vibration or buckling.
+
+    Attributes
+    ----------
+    system : System
+    told : str
+        What is told of each: "frequency", "critical factor".
+    power : int
+        Which power of it is in proportion to energies.
+    energies : (count, beams, 2) array
+        By :func:`skfem_cosserat.diagnostics.coarseness.energies`.
+    energy : (count,) array
+        Twice that of all beams, springs and loads (J); zero where nothing can be wrong.
+    """
+
+    system: System
+    told: str
+    power: int
+    energies: Floats
+    energy: Floats
 
 
 class Doubt(NamedTuple):
@@ -88,7 +122,7 @@ def apply(result: object) -> None:
 
     Parameters
     ----------
-    result : Run or Path
+    result : Run, Path or Shapes
     """
     for check in CHECKS:
         if isinstance(result, check.of):
@@ -96,9 +130,11 @@ def apply(result: object) -> None:
                 warn(doubt.item, doubt.text, check.category, doubt.time)
 
 
-def _owner(system: System, group: BeamGroup, element: int) -> tuple[StructuralItem, int]:
+def _owner(system: System, group: BeamGroup, element: int) -> tuple[Beam, int]:
     """The beam that an element of a group belongs to, and its number there."""
-    beams = ((item, group.slices.get(id(item), slice(0))) for item in system.structures)
+    beams = (
+        (item, group.slices[id(item)]) for item in system.structures if id(item) in group.slices
+    )
     return next((item, element - s.start) for item, s in beams if s.start <= element < s.stop)
 
 
@@ -123,5 +159,85 @@ def inside_out(result: Recorded) -> Iterator[Doubt]:
         )
 
 
+# -- meshes too coarse for what they show ----------------------------------------------------------
+
+#: energy that elements lack, against all there is, above which a result is doubtful
+LACKING = 0.1
+#: strain that is nothing but rounding
+ROUNDING = 1e-10
+#: states of a history that are looked at
+LOOKS = 20
+
+
+def coarse_history(result: Recorded) -> Iterator[Doubt]:
+    """Elements too coarse for the bending that a path or a run shows.
+
+    In motion only linear ones are looked at: their forces follow from their ends, without inertia.
+    """
+    system, history, path = result.system, result.history, isinstance(result, Path)
+    beams = beams_of(system)
+    seen = [not beam.theory.held[5:] and (path or beam.basis.order == 1) for beam in beams]
+    rows = spread(len(history), LOOKS)
+    states = all_rows(system, history["q"][rows], history.instants[rows])
+    if not any(seen) or not np.isfinite(states).all():
+        return
+    lams = np.zeros((len(rows), system.m))
+    if system.theory_rows:
+        lams = multipliers(system, states, history["constraint_force"][rows])
+    total = np.zeros((len(beams), 2))
+    for row, y, lam in zip(rows, states, lams, strict=True):
+        if not np.isfinite(lam).all():
+            continue
+        stresses = [
+            group.stress(group.strain(y)[0]) + held
+            for group, held in zip(system.beam_groups, held_stresses(system, lam), strict=True)
+        ]
+        total += energies(system, y, stresses, result.amplitudes(row))
+    total[~np.array(seen), 0] = 0.0
+    lacking, stored = total.sum(axis=0)
+    noise = sum(
+        float(b.elements.stiffness.trace(axis1=1, axis2=2) @ b.elements.lengths) for b in beams
+    )
+    energy = max(lacking + stored, noise * len(rows) * ROUNDING**2)
+    if not path:
+        energy = max(energy, 2 * np.nansum(kinetic_energy(system, history["p"][rows])))
+    if abs(lacking) > LACKING * energy:
+        beam = beams[int(abs(total[:, 0]).argmax())]
+        yield Doubt(
+            beam.label,
+            f"its elements are too coarse for this bending: by the balance of forces the scene"
+            f" gives way more by some {100 * abs(lacking) / energy:.0f} %; {_finer(beam)}",
+        )
+
+
+def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
+    """Modes that the mesh makes, or makes wrong."""
+    lacking, stored = result.energies.sum(axis=1).T
+    energy = np.where(result.energy > 0, np.maximum(result.energy, stored), np.inf)
+    share = abs(lacking) / energy
+    found = np.flatnonzero(share > LACKING)
+    if not len(found):
+        return
+    worst = int(share.argmax())
+    beam = beams_of(result.system)[int(abs(result.energies[worst, :, 0]).argmax())]
+    off = (1 + share[worst]) ** (1 / result.power) - 1
+    yield Doubt(
+        beam.label,
+        f"its elements are too coarse for mode {', '.join(map(str, found))}: by the balance of"
+        f" forces the {result.told} of mode {worst} is off by some {100 * off:.0f} %;"
+        f" {_finer(beam)}",
+    )
+
+
+def _finer(beam: Beam) -> str:
+    """What helps."""
+    order = beam.basis.order
+    return f"give it order=3, which is {order}, or" * (order < 3) + " take more elements"
+
+
 #: looked through in this order
-CHECKS: tuple[Check, ...] = (Check("inside out", (Recorded,), AccuracyWarning, inside_out),)
+CHECKS: tuple[Check, ...] = (
+    Check("inside out", (Recorded,), AccuracyWarning, inside_out),
+    Check("coarse mesh", (Recorded,), AccuracyWarning, coarse_history),
+    Check("coarse modes", (Shapes,), AccuracyWarning, coarse_shapes),
+)

@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from .. import checks
+from ..diagnostics.coarseness import energies_of_motion
 from ..errors import InputError
 from ..history import History
+from ..kernels import cross
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import closed, tree_values
@@ -319,6 +322,8 @@ def modes(
         at = resting(system, state, t, amplitudes, spin, limit)
         pencil = make_pencil(at)
         s, X, rigid, factorisations = _solve(pencil, count)
+        if system.beam_groups:
+            checks.apply(_shapes(pencil, s, X, rigid))
     shapes = (at.tangent.P @ X).T
     q = at.y[: system.rows].reshape(-1).copy()
     return Modes(system, s, shapes, X.T.copy(), rigid, q, at.t, factorisations, at, notices.found)
@@ -340,6 +345,25 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     largest = np.argmax(abs(X) * np.sqrt(pencil.M.diagonal())[:, None], axis=0)
     lead = X[largest, np.arange(X.shape[1])]
     return both.values, X * (abs(lead) / lead), int(both.zero.sum()), both.factorisations
+
+
+def _shapes(pencil: Pencil, s: Array, X: Array, rigid: int) -> checks.Shapes:
+    """Modes for :mod:`checks`: those without damping, which have nearly the same shapes."""
+    at, system = pencil.at, pencil.at.system
+    energy = np.diagonal(pencil.energies(X)[0]).real
+    squares = np.einsum("ik,ik->k", X.conj(), pencil.M @ X).real
+    omega, spin = np.sqrt((energy / squares).astype(complex)), at.amplitudes.spin
+    found = []
+    for w, x in zip(omega if spin is None else s.imag, X.T, strict=True):
+        dq = (at.tangent.P @ x).reshape(-1, 3)
+        a = -(w**2) * dq
+        if spin is not None:
+            a += 2j * w * cross(spin.velocity, dq)
+        state = system, at.y, at.tangent.balance.stresses, at.tangent.multipliers, at.amplitudes
+        parts = ((dq.real, a.real), (dq.imag, a.imag))
+        found.append(sum(energies_of_motion(*state, *part) for part in parts))
+    energy = np.where(np.arange(len(s)) < rigid, 0.0, abs(energy))
+    return checks.Shapes(system, "frequency", 2, np.array(found), energy)
 
 
 def checked_count(count: int, most: int) -> int:

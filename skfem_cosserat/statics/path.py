@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ from .schedule import (
     Point,
     Schedule,
     Solution,
+    recorded_amplitudes,
     weights,
 )
 from .solver import PathSolver
@@ -729,7 +731,9 @@ def static(
                     first, direction, recorder, callbacks, show, interrupt
                 )
             if failure is None:
-                checks.apply(checks.Path(system, recorder.writer.history()))
+                so_far = recorder.writer.history()
+                factors_of = partial(recorded_amplitudes, so_far)
+                checks.apply(checks.Path(system, so_far, factors_of))
             else:
                 notices.tell(failure)
             history = recorder.close(
