@@ -16,11 +16,12 @@ from .diagnostics.coarseness import beams_of, energies, held_stresses
 from .diagnostics.energy import group_stretches, kinetic_energy
 from .diagnostics.forces import multipliers
 from .diagnostics.stacked import all_rows
-from .errors import AccuracyWarning, CosseratWarning
+from .errors import AccuracyWarning, CosseratWarning, ModelWarning
 from .history import History
 from .model import System
 from .model.balance import Amplitudes
 from .model.groups import BeamGroup
+from .model.parts import connected_parts
 from .types import Floats, spread
 from .warn import warn
 
@@ -132,10 +133,24 @@ def apply(result: object) -> None:
 
 def _owner(system: System, group: BeamGroup, element: int) -> tuple[Beam, int]:
     """The beam that an element of a group belongs to, and its number there."""
-    beams = (
-        (item, group.slices[id(item)]) for item in system.structures if id(item) in group.slices
-    )
-    return next((item, element - s.start) for item, s in beams if s.start <= element < s.stop)
+    own = [(beam, group.slices[id(beam)]) for beam in beams_of(system) if id(beam) in group.slices]
+    return next((beam, element - e.start) for beam, e in own if e.start <= element < e.stop)
+
+
+# -- scenes that fall ------------------------------------------------------------------------------
+
+
+def falls(result: Run) -> Iterator[Doubt]:
+    """A scene that starts at rest, and of which gravity pulls away all, as nothing holds it."""
+    system = result.system
+    weights = [np.any(term.acceleration()) for term in system.loading.terms]
+    free = bool(weights) and all(weights) and connected_parts(system).free.all()
+    if free and not system.couplings.count and not np.any(result.history["p"][0]):
+        yield Doubt(
+            "model",
+            "nothing ties it to the ground, so all of it falls: add a joint to the ground, as"
+            " JointFixed(ground(x), beam.node(name)), or a velocity if it is to fly",
+        )
 
 
 # -- elements without length -----------------------------------------------------------------------
@@ -237,6 +252,7 @@ def _finer(beam: Beam) -> str:
 
 #: looked through in this order
 CHECKS: tuple[Check, ...] = (
+    Check("falls", (Run,), ModelWarning, falls),
     Check("inside out", (Recorded,), AccuracyWarning, inside_out),
     Check("coarse mesh", (Recorded,), AccuracyWarning, coarse_history),
     Check("coarse modes", (Shapes,), AccuracyWarning, coarse_shapes),

@@ -52,7 +52,7 @@ def energies(
     acceleration = acceleration + 0 * y[: system.rows]
     if amplitudes.spin is not None:
         acceleration += cross(amplitudes.spin.velocity, amplitudes.spin.rates(system, y))
-    found = {}
+    found: dict[int, Floats] = {}
     for group, stress in zip(system.beam_groups, stresses, strict=True):
         force = group.force(group.strain(y)[1], stress).reshape(len(stress), -1, 4, 3)
         nodal = y[group.rows].reshape(force.shape)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError, MeshError
+from ..errors import InputError, MeshError, ModelWarning
 from ..frozen import lock_arrays
 from ..pattern import shared
 from ..types import (
@@ -22,6 +22,7 @@ from ..types import (
     real,
     shown,
 )
+from ..warn import warn
 from .curves import Curve
 
 if TYPE_CHECKING:
@@ -321,6 +322,64 @@ def _check_names(mesh: MeshCurve) -> None:
             if ix.size and (ix.min() < 0 or ix.max() >= count):
                 bad = ix.min() if ix.min() < 0 else ix.max()
                 raise MeshError(f"{kind} '{name}'", f"number {bad} is not in 0 .. {count - 1}")
+
+
+# -- lines that cross without a common vertex ------------------------------------------------------
+
+
+def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
+    """Elements (2, k) that meet between the vertices of one of them at least, and where (k, 3).
+
+    By their chords, of those that have no vertex in common. Parallel ones are left out.
+    """
+    from scipy.spatial import cKDTree  # slow to import, seldom needed
+
+    ends = mesh.p.T[mesh.t]
+    middle, along = ends.mean(axis=0), ends[1] - ends[0]
+    size = np.linalg.norm(along, axis=1)
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    # each with those that are not longer than its own class of lengths
+    classes = np.frexp(size)[1]
+    for k in np.unique(classes):
+        own, others = np.flatnonzero(classes == k), np.flatnonzero(classes <= k)
+        near = cKDTree(middle[others]).query_ball_point(middle[own], 2.0**k + tol)
+        count = [len(each) for each in near]
+        pairs = np.stack([np.repeat(own, count), others[np.concatenate(near).astype(np.int64)]], 1)
+        found.append(pairs[(classes[pairs[:, 1]] < k) | (pairs[:, 0] < pairs[:, 1])])
+    e, f = np.concatenate(found).T
+    apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
+    e, f = e[apart], f[apart]
+    # the points of both lines that are closest: between[0] + s u and between[1] + r v
+    u, v, gap = along[e], along[f], ends[0, f] - ends[0, e]
+    normal = np.cross(u, v)
+    square = np.einsum("ki,ki->k", normal, normal)
+    with np.errstate(all="ignore"):
+        s = np.einsum("ki,ki->k", np.cross(gap, v), normal) / square
+        r = np.einsum("ki,ki->k", np.cross(gap, u), normal) / square
+    off = np.stack([tol / size[e], tol / size[f]])
+    place = np.stack([s, r])
+    on = ((place >= -off) & (place <= 1 + off)).all(axis=0)
+    inside = ((place > off) & (place < 1 - off)).any(axis=0)
+    on &= inside & (np.linalg.norm(gap + r[:, None] * v - s[:, None] * u, axis=1) <= tol)
+    return np.stack([e, f])[:, on], ends[0, e[on]] + s[on, None] * u[on]
+
+
+def warn_of_crossings(mesh: MeshCurve, part: IndexArray | None = None) -> None:
+    """Say which lines cross without a common vertex; with `part` (ne,) those of different parts."""
+    pairs, places = crossings(mesh, POSITION_TOLERANCE * mesh.size)
+    if part is not None:
+        between = part[pairs[0]] != part[pairs[1]]
+        pairs, places = pairs[:, between], places[between]
+    if not len(places):
+        return
+    more = f" ({len(places) - 1} more like it)" if len(places) > 1 else ""
+    warn(
+        mesh_label(mesh.beams),
+        f"elements {pairs[0, 0]} and {pairs[1, 0]} meet at {places[0].round(9).tolist()} without a"
+        f" common vertex{more}, nothing connects them there: right if they pass each other, else"
+        " divide both so that they have a vertex there",
+        ModelWarning,
+    )
 
 
 # -- arrays of meshes along chains of curves, used by the factories of MeshCurve -------------------
