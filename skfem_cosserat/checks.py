@@ -39,21 +39,27 @@ class Recorded:
     ----------
     system : System
     history : History
-    amplitudes : callable
-        Factors of loads and actuators at a row.
     """
 
     system: System
     history: History
-    amplitudes: Callable[[int], Amplitudes]
 
 
 class Run(Recorded):
     """States of a run in time."""
 
 
+@dataclass(frozen=True, eq=False)
 class Path(Recorded):
-    """Points of a path of equilibria."""
+    """Points of a path of equilibria.
+
+    Attributes
+    ----------
+    amplitudes : callable
+        Factors of loads and actuators at a row of the history.
+    """
+
+    amplitudes: Callable[[int], Amplitudes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +196,7 @@ def coarse_history(result: Recorded) -> Iterator[Doubt]:
     In motion only linear ones are looked at: their forces follow from their ends, without inertia.
     """
     system, history, path = result.system, result.history, isinstance(result, Path)
+    at = result.amplitudes if isinstance(result, Path) else lambda row: None
     beams = beams_of(system)
     seen = [not beam.theory.held[5:] and (path or beam.basis.order == 1) for beam in beams]
     rows = spread(len(history), LOOKS)
@@ -207,7 +214,7 @@ def coarse_history(result: Recorded) -> Iterator[Doubt]:
             group.stress(group.strain(y)[0]) + held
             for group, held in zip(system.beam_groups, held_stresses(system, lam), strict=True)
         ]
-        total += energies(system, y, stresses, result.amplitudes(row))
+        total += energies(system, y, stresses, at(row))
     total[~np.array(seen), 0] = 0.0
     lacking, stored = total.sum(axis=0)
     noise = sum(

@@ -236,9 +236,8 @@ class Section(Frozen):
         """
         _, _, EA, *EI, _ = np.diag(self.stiffness)
         moments = np.diag(self.density)[1:]
-        about, along = (
-            abs(moments[order] * EA / (self.mass * np.array(EI)) - 1) for order in ([0, 1], [1, 0])
-        )
+        unit = EA / self.mass / np.array(EI)
+        about, along = abs(unit * moments - 1), abs(unit * moments[::-1] - 1)
         if about.max() < TYPED and along.min() > 10 * TYPED:
             warn(
                 "section",

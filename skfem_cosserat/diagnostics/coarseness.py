@@ -33,7 +33,7 @@ def energies(
     system: System,
     y: Array,
     stresses: Sequence[Array],
-    amplitudes: Amplitudes,
+    amplitudes: Amplitudes | None,
     acceleration: Array | float = 0.0,
 ) -> Floats:
     """Twice the energy (beams, 2) that elements lack and store in equilibrium (J), by beam.
@@ -45,12 +45,15 @@ def energies(
         Configuration. At complex steps: the energies are those of the derivatives.
     stresses : list of (ne, ng, 6) array
         At the Gauss points of each beam group.
-    amplitudes : Amplitudes
+    amplitudes : Amplitudes or None
+        None: neither loads nor inertia act between the nodes, of which nothing is known.
     acceleration : (rows, 3) array, optional
         Seen from a frame that turns, if there is a spin.
     """
     acceleration = acceleration + 0 * y[: system.rows]
-    if amplitudes.spin is not None:
+    factors = () if amplitudes is None else amplitudes.loads
+    terms = list(zip(system.loading.terms, factors, strict=False))
+    if amplitudes is not None and amplitudes.spin is not None:
         acceleration += cross(amplitudes.spin.velocity, amplitudes.spin.rates(system, y))
     found: dict[int, Floats] = {}
     for group, stress in zip(system.beam_groups, stresses, strict=True):
@@ -61,7 +64,7 @@ def energies(
             (beam, group.slices[id(beam)]) for beam in beams_of(system) if id(beam) in group.slices
         ]
         for beam, e in own:
-            for term, factor in zip(system.loading.terms, amplitudes.loads, strict=True):
+            for term, factor in terms:
                 spread[e] -= term.on_elements(beam, group.mass[e], nodal[e], factor)
         both = _both(group, nodal, stress, force, spread)
         found |= {id(beam): both[:, e].sum(1) for beam, e in own}

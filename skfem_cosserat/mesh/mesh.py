@@ -716,7 +716,7 @@ class MeshCurve(Frozen, MeshLine1):
         (5, [0, 1, 2])
         """
         weld = switch("argument weld", weld)
-        meshes = [self, *others]
+        meshes: list[MeshCurve] = [self, *others]
         mesh = replace(self, **joined_arrays(meshes, tol, weld))
         if weld:
             counts = [each.nelements for each in meshes]

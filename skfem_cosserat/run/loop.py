@@ -26,7 +26,6 @@ from ..integrators import Integrator, State, Stepper, StepReport
 from ..integrators.report import BlockReport
 from ..linear import Solver
 from ..model import System, takes_scene
-from ..model.balance import amplitudes_at
 from ..model.limits import (
     FAR_TURN,
     fastest_turn,
@@ -449,8 +448,7 @@ def _warn_of_motion(
     for (item, text), time in strained:
         warn(item, text, AccuracyWarning, time)
     _warn_of_functions(why.system, recorded)
-    times = recorded.times
-    checks.apply(checks.Run(why.system, recorded, lambda k: amplitudes_at(why.system, times[k])))
+    checks.apply(checks.Run(why.system, recorded))
 
 
 def _intended(step: float, until: float, start: State | None) -> int | None:
