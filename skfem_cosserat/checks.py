@@ -151,7 +151,7 @@ def falls(result: Run) -> Iterator[Doubt]:
     system = result.system
     weights = [np.any(term.acceleration()) for term in system.loading.terms]
     free = bool(weights) and all(weights) and connected_parts(system).free.all()
-    if free and not system.couplings.count and not np.any(result.history["p"][0]):
+    if free and not np.any(result.history["p"][0]):
         yield Doubt(
             "model",
             "nothing ties it to the ground, so all of it falls: add a joint to the ground, as"
@@ -195,13 +195,12 @@ def coarse_history(result: Recorded) -> Iterator[Doubt]:
 
     In motion only linear ones are looked at: their forces follow from their ends, without inertia.
     """
-    system, history, path = result.system, result.history, isinstance(result, Path)
-    at = result.amplitudes if isinstance(result, Path) else lambda row: None
-    beams = beams_of(system)
-    seen = [not beam.theory.held[5:] and (path or beam.basis.order == 1) for beam in beams]
+    system, history, beams = result.system, result.history, beams_of(result.system)
+    path = result if isinstance(result, Path) else None
+    seen = np.array([path is not None or beam.basis.order == 1 for beam in beams])
     rows = spread(len(history), LOOKS)
     states = all_rows(system, history["q"][rows], history.instants[rows])
-    if not any(seen) or not np.isfinite(states).all():
+    if not seen.any() or not np.isfinite(states).all():
         return
     lams = np.zeros((len(rows), system.m))
     if system.theory_rows:
@@ -214,13 +213,11 @@ def coarse_history(result: Recorded) -> Iterator[Doubt]:
             group.stress(group.strain(y)[0]) + held
             for group, held in zip(system.beam_groups, held_stresses(system, lam), strict=True)
         ]
-        total += energies(system, y, stresses, at(row))
-    total[~np.array(seen), 0] = 0.0
+        total += energies(system, y, stresses, path.amplitudes(row) if path else None)
+    total[~seen, 0] = 0.0
     lacking, stored = total.sum(axis=0)
-    noise = sum(
-        float(b.elements.stiffness.trace(axis1=1, axis2=2) @ b.elements.lengths) for b in beams
-    )
-    energy = max(lacking + stored, noise * len(rows) * ROUNDING**2)
+    stiffest = sum(b.elements.stiffness.trace(axis1=1, axis2=2) @ b.elements.lengths for b in beams)
+    energy = max(lacking + stored, stiffest * len(rows) * ROUNDING**2)
     if not path:
         energy = max(energy, 2 * np.nansum(kinetic_energy(system, history["p"][rows])))
     if abs(lacking) > LACKING * energy:

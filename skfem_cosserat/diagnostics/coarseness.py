@@ -20,6 +20,7 @@ from ..model import System
 from ..model.balance import Amplitudes
 from ..model.groups import BeamGroup
 from ..types import Array, Floats
+from .energy import group_of
 from .stacked import balancing_multipliers, curvature_matrix
 
 if TYPE_CHECKING:
@@ -111,12 +112,11 @@ def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: A
 
 def held_stresses(system: System, multipliers: Floats) -> list[Floats]:
     """Resultants (ne, ng, 6) of strains that are held, of each beam group; zeros beside."""
-    out = [np.zeros_like(group.elements.reference) for group in system.beam_groups]
+    out = {id(group): np.zeros_like(group.elements.reference) for group in system.beam_groups}
     for held in system.theory_rows:
-        for group, stress in zip(system.beam_groups, out, strict=True):
-            if id(held.beam) in group.slices:
-                stress[group.slices[id(held.beam)]] = held.stress(multipliers)
-    return out
+        group = group_of(system, held.beam)
+        out[id(group)][group.slices[id(held.beam)]] = held.stress(multipliers)
+    return list(out.values())
 
 
 def energies_of_motion(
@@ -128,7 +128,7 @@ def energies_of_motion(
     dq: Floats,
     acceleration: Floats,
 ) -> Floats:
-    """The same (beams, 2) of a small motion about an equilibrium.
+    """Energies (beams, 2), as by :func:`energies`, of a small motion about an equilibrium.
 
     Parameters
     ----------

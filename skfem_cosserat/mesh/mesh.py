@@ -562,7 +562,7 @@ class MeshCurve(Frozen, MeshLine1):
                 _boundaries=lines.nodes,
                 _subdomains=lines.beams,
             )
-        topology.warn_of_crossings(mesh)
+        topology.warn_of_crossings(mesh, np.arange(mesh.nelements))
         return mesh.directed()
 
     def save(
@@ -719,8 +719,8 @@ class MeshCurve(Frozen, MeshLine1):
         meshes: list[MeshCurve] = [self, *others]
         mesh = replace(self, **joined_arrays(meshes, tol, weld))
         if weld:
-            counts = [each.nelements for each in meshes]
-            topology.warn_of_crossings(mesh, np.repeat(np.arange(len(meshes)), counts))
+            part = [np.full(each.nelements, k) for k, each in enumerate(meshes)]
+            topology.warn_of_crossings(mesh, np.concatenate(part))
         return mesh
 
     def __add__(self, other: MeshCurve) -> Self:

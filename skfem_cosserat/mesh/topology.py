@@ -335,44 +335,35 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     from scipy.spatial import cKDTree  # slow to import, seldom needed
 
     ends = mesh.p.T[mesh.t]
-    middle, along = ends.mean(axis=0), ends[1] - ends[0]
-    size = np.linalg.norm(along, axis=1)
-    found = [np.zeros((0, 2), dtype=np.int64)]
-    # each with those that are not longer than its own class of lengths
-    classes = np.frexp(size)[1]
-    for k in np.unique(classes):
-        own, others = np.flatnonzero(classes == k), np.flatnonzero(classes <= k)
-        near = cKDTree(middle[others]).query_ball_point(middle[own], 2.0**k + tol)
-        count = [len(each) for each in near]
-        pairs = np.stack([np.repeat(own, count), others[np.concatenate(near).astype(np.int64)]], 1)
-        found.append(pairs[(classes[pairs[:, 1]] < k) | (pairs[:, 0] < pairs[:, 1])])
-    e, f = np.concatenate(found).T
+    along = ends[1] - ends[0]
+    size, middle = np.linalg.norm(along, axis=1), ends.mean(axis=0)
+    # of two that meet the middles are not farther apart than the longer one is long
+    near = cKDTree(middle).query_ball_point(middle, size + tol)
+    first = np.repeat(np.arange(len(size)), [len(each) for each in near])
+    pairs = np.stack([first, np.concatenate(near)], axis=1).astype(np.int64)
+    e, f = np.unique(np.sort(pairs, axis=1), axis=0).T
     apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
     e, f = e[apart], f[apart]
-    # the points of both lines that are closest: between[0] + s u and between[1] + r v
+    # the points that are closest: s of the way along e, r along f
     u, v, gap = along[e], along[f], ends[0, f] - ends[0, e]
     normal = np.cross(u, v)
-    square = np.einsum("ki,ki->k", normal, normal)
     with np.errstate(all="ignore"):
-        s = np.einsum("ki,ki->k", np.cross(gap, v), normal) / square
-        r = np.einsum("ki,ki->k", np.cross(gap, u), normal) / square
-    off = np.stack([tol / size[e], tol / size[f]])
-    place = np.stack([s, r])
+        s, r = ((np.cross(gap, each) * normal).sum(1) / (normal**2).sum(1) for each in (v, u))
+    place, off = np.stack([s, r]), tol / size[np.stack([e, f])]
     on = ((place >= -off) & (place <= 1 + off)).all(axis=0)
-    inside = ((place > off) & (place < 1 - off)).any(axis=0)
-    on &= inside & (np.linalg.norm(gap + r[:, None] * v - s[:, None] * u, axis=1) <= tol)
-    return np.stack([e, f])[:, on], ends[0, e[on]] + s[on, None] * u[on]
+    on &= ((place > off) & (place < 1 - off)).any(axis=0)
+    on &= np.linalg.norm(gap + r[:, None] * v - s[:, None] * u, axis=1) <= tol
+    return np.stack([e, f])[:, on], (ends[0, e] + s[:, None] * u)[on]
 
 
-def warn_of_crossings(mesh: MeshCurve, part: IndexArray | None = None) -> None:
-    """Say which lines cross without a common vertex; with `part` (ne,) those of different parts."""
+def warn_of_crossings(mesh: MeshCurve, part: IndexArray) -> None:
+    """Say which lines of different parts (ne,) cross without a common vertex."""
     pairs, places = crossings(mesh, POSITION_TOLERANCE * mesh.size)
-    if part is not None:
-        between = part[pairs[0]] != part[pairs[1]]
-        pairs, places = pairs[:, between], places[between]
+    between = part[pairs[0]] != part[pairs[1]]
+    pairs, places = pairs[:, between], places[between]
     if not len(places):
         return
-    more = f" ({len(places) - 1} more like it)" if len(places) > 1 else ""
+    more = f" ({len(places) - 1} more like it)" * (len(places) > 1)
     warn(
         mesh_label(mesh.beams),
         f"elements {pairs[0, 0]} and {pairs[1, 0]} meet at {places[0].round(9).tolist()} without a"
