@@ -323,7 +323,7 @@ def modes(
         pencil = make_pencil(at)
         s, X, rigid, factorisations = _solve(pencil, count)
         if system.beam_groups:
-            checks.apply(_shapes(pencil, s, X, rigid))
+            checks.apply(_shapes(pencil, s, X))
     shapes = (at.tangent.P @ X).T
     q = at.y[: system.rows].reshape(-1).copy()
     return Modes(system, s, shapes, X.T.copy(), rigid, q, at.t, factorisations, at, notices.found)
@@ -347,10 +347,11 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     return both.values, X * (abs(lead) / lead), int(both.zero.sum()), both.factorisations
 
 
-def _shapes(pencil: Pencil, s: Array, X: Array, rigid: int) -> checks.Shapes:
+def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:
     """Modes for :mod:`checks`: those without damping, which have nearly the same shapes."""
     at, system = pencil.at, pencil.at.system
-    energy = np.diagonal(pencil.energies(X)[0]).real
+    parts, noise = pencil.energies(X)
+    energy = np.diagonal(parts).real
     squares = np.einsum("ik,ik->k", X.conj(), pencil.M @ X).real
     omega, spin = np.sqrt((energy / squares).astype(complex)), at.amplitudes.spin
     found = []
@@ -360,9 +361,9 @@ def _shapes(pencil: Pencil, s: Array, X: Array, rigid: int) -> checks.Shapes:
         if spin is not None:
             a += 2j * w * cross(spin.velocity, dq)
         state = system, at.y, at.tangent.balance.stresses, at.tangent.multipliers, at.amplitudes
-        parts = ((dq.real, a.real), (dq.imag, a.imag))
-        found.append(sum(energies_of_motion(*state, *part) for part in parts))
-    energy = np.where(np.arange(len(s)) < rigid, 0.0, abs(energy))
+        both = ((dq.real, a.real), (dq.imag, a.imag))
+        found.append(sum(energies_of_motion(*state, *part) for part in both))
+    energy = np.where(abs(energy) > noise, abs(energy), 0.0)
     return checks.Shapes(system, "frequency", 2, np.array(found), energy)
 
 
