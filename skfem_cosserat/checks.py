@@ -21,6 +21,7 @@ from .history import History
 from .model import System
 from .model.balance import Amplitudes
 from .model.groups import BeamGroup
+from .model.limits import first_over_rotated
 from .model.parts import connected_parts
 from .types import Floats, spread
 from .warn import warn
@@ -202,6 +203,8 @@ def coarse_history(result: Recorded) -> Iterator[Doubt]:
     states = all_rows(system, history["q"][rows], history.instants[rows])
     if not seen.any() or not np.isfinite(states).all():
         return
+    if first_over_rotated(system, states[:, : system.rows]) is not None:
+        return  # told of already, and nothing follows from how they are bent
     lams = np.zeros((len(rows), system.m))
     if system.theory_rows:
         lams = multipliers(system, states, history["constraint_force"][rows])
@@ -251,7 +254,7 @@ def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
 def _finer(beam: Beam) -> str:
     """What helps."""
     order = beam.basis.order
-    return f"give it order=3, which is {order}, or" * (order < 3) + " take more elements"
+    return f"give it order=3, which is {order}, or " * (order < 3) + "take more elements"
 
 
 #: looked through in this order

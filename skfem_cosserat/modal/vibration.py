@@ -11,7 +11,6 @@ from .. import checks
 from ..diagnostics.coarseness import energies_of_motion
 from ..errors import InputError
 from ..history import History
-from ..kernels import cross
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import closed, tree_values
@@ -322,8 +321,8 @@ def modes(
         at = resting(system, state, t, amplitudes, spin, limit)
         pencil = make_pencil(at)
         s, X, rigid, factorisations = _solve(pencil, count)
-        if system.beam_groups:
-            checks.apply(_shapes(pencil, s, X))
+        if system.beam_groups and at.amplitudes.spin is None:
+            checks.apply(_shapes(pencil, X))
     shapes = (at.tangent.P @ X).T
     q = at.y[: system.rows].reshape(-1).copy()
     return Modes(system, s, shapes, X.T.copy(), rigid, q, at.t, factorisations, at, notices.found)
@@ -347,22 +346,18 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     return both.values, X * (abs(lead) / lead), int(both.zero.sum()), both.factorisations
 
 
-def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:
+def _shapes(pencil: Pencil, X: Array) -> checks.Shapes:
     """Modes for :mod:`checks`: those without damping, which have nearly the same shapes."""
     at, system = pencil.at, pencil.at.system
     parts, noise = pencil.energies(X)
     energy = np.diagonal(parts).real
-    squares = np.einsum("ik,ik->k", X.conj(), pencil.M @ X).real
-    omega, spin = np.sqrt((energy / squares).astype(complex)), at.amplitudes.spin
+    squares = energy / np.einsum("ik,ik->k", X.conj(), pencil.M @ X).real
+    state = system, at.y, at.tangent.balance.stresses, at.tangent.multipliers, at.amplitudes
     found = []
-    for w, x in zip(omega if spin is None else s.imag, X.T, strict=True):
-        dq = (at.tangent.P @ x).reshape(-1, 3)
-        a = -(w**2) * dq
-        if spin is not None:
-            a += 2j * w * cross(spin.velocity, dq)
-        state = system, at.y, at.tangent.balance.stresses, at.tangent.multipliers, at.amplitudes
-        both = ((dq.real, a.real), (dq.imag, a.imag))
-        found.append(sum(energies_of_motion(*state, *part) for part in both))
+    for square, x in zip(squares, X.T, strict=True):
+        motion = (at.tangent.P @ x).reshape(-1, 3)
+        both = (motion.real, motion.imag)
+        found.append(sum(energies_of_motion(*state, dq, -square * dq) for dq in both))
     energy = np.where(abs(energy) > noise, abs(energy), 0.0)
     return checks.Shapes(system, "frequency", 2, np.array(found), energy)
 

@@ -77,13 +77,12 @@ def test_critical_factors_of_coarse_meshes(order, elements):
     assert bool(texts) == bool((off > 0.1).any())
 
 
-def test_a_turning_and_a_hanging_beam():
-    """Centrifugal force and weight stress the rod: fine meshes say nothing, coarse ones do."""
-    spin = sc.Spin((0, 0, 60.0))
+def test_modes_about_a_bent_beam():
+    """Its weight stresses the rod: fine meshes say nothing, coarse ones do."""
     for elements, order in ((6, 3), (2, 1)):
         model = cantilever(elements, order)
         model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-        path, _ = told(sc.static, model, spin=spin, watch=False)
+        path, _ = told(sc.static, model, watch=False)
         _, texts = told(sc.modes, model, path, count=4)
         assert bool(texts) == (order == 1)
 
