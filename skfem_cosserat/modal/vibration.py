@@ -13,6 +13,7 @@ from ..errors import InputError
 from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
+from ..model.limits import overstretched_beam
 from ..model.loops import closed, tree_values
 from ..model.reparametrisation import Reparametrisation
 from ..run.describe import SystemSeries, configuration_formulas, describe
@@ -321,7 +322,8 @@ def modes(
         at = resting(system, state, t, amplitudes, spin, limit)
         pencil = make_pencil(at)
         s, X, rigid, factorisations = _solve(pencil, count)
-        if system.beam_groups and at.amplitudes.spin is None:
+        drawn = overstretched_beam(system, at.y, at.tangent.multipliers)  # told of already
+        if system.beam_groups and at.amplitudes.spin is None and drawn is None:
             checks.apply(_shapes(pencil, X))
     shapes = (at.tangent.P @ X).T
     q = at.y[: system.rows].reshape(-1).copy()
