@@ -324,7 +324,7 @@ def modes(
         s, X, rigid, factorisations = _solve(pencil, count)
         drawn = overstretched_beam(system, at.y, at.tangent.multipliers)  # told of already
         if system.beam_groups and at.amplitudes.spin is None and drawn is None:
-            checks.apply(_shapes(pencil, X))
+            checks.apply(_shapes(pencil, s, X))
     shapes = (at.tangent.P @ X).T
     q = at.y[: system.rows].reshape(-1).copy()
     return Modes(system, s, shapes, X.T.copy(), rigid, q, at.t, factorisations, at, notices.found)
@@ -348,7 +348,7 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     return both.values, X * (abs(lead) / lead), int(both.zero.sum()), both.factorisations
 
 
-def _shapes(pencil: Pencil, X: Array) -> checks.Shapes:
+def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:
     """Modes for :mod:`checks`: those without damping, which have nearly the same shapes."""
     at, system = pencil.at, pencil.at.system
     parts, noise = pencil.energies(X)
@@ -360,7 +360,7 @@ def _shapes(pencil: Pencil, X: Array) -> checks.Shapes:
         motion = (at.tangent.P @ x).reshape(-1, 3)
         both = (motion.real, motion.imag)
         found.append(sum(energies_of_motion(*state, dq, -square * dq) for dq in both))
-    energy = np.where(abs(energy) > noise, abs(energy), 0.0)
+    energy = np.where((abs(energy) > noise) & (s != 0), abs(energy), 0.0)
     return checks.Shapes(system, "frequency", 2, np.array(found), energy)
 
 
