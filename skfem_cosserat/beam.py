@@ -12,7 +12,7 @@ import numpy as np
 from .basis import DirectorBasis, ElementLoad, ElementMatrix
 from .body import RigidBody
 from .element import Interpolation, InterpolationLobatto
-from .errors import InputError
+from .errors import InputError, ModelWarning
 from .frames import LineItem, Place, Vertices, vector
 from .frozen import lock_arrays, loosened, seal
 from .kernels import (
@@ -30,7 +30,7 @@ from .mesh.topology import places_along
 from .section import Section
 from .theory import LawHeld, Theory, TheoryReissner, released
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers, switch
-from .warn import Notices
+from .warn import Notices, warn
 
 NodalField = Callable[[Floats], ArrayLike] | ArrayLike | None
 
@@ -121,6 +121,7 @@ class Beam(LineItem):
         kind, nodes = self.basis.interpolation, self.basis.connectivity
         with Notices() as notices:
             check_bends(mesh, kind, nodes, self.basis.nodes[nodes], triads, self.label)
+            self._check_thickness()
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
         self.warnings = tuple(notices.found)
         self.triads: Floats = self.basis.nodal_triads(triads)
@@ -177,6 +178,19 @@ class Beam(LineItem):
                 f" sections are given for the parts {sorted(section)}",
             )
         return dict(section), number
+
+    def _check_thickness(self) -> None:
+        """Say that a section is thicker than the whole beam is long."""
+        length = float(self.basis.lengths.sum())
+        for name, one in self.sections.items():
+            thickness = 0.0 if one.outline is None else float(np.ptp(one.outline, axis=0).max())
+            if thickness > length:
+                warn(
+                    self.label,
+                    f"its {name!r} is {thickness:.3g} m thick, more than its whole length of"
+                    f" {length:.3g} m: are both in m?",
+                    ModelWarning,
+                )
 
     def _field(self, name: str, value: NodalField) -> Floats:
         nodes = self.basis.nodes

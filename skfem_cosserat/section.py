@@ -13,10 +13,14 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, ModelWarning
 from .frozen import Frozen, loosened, seal
 from .law import Law, LawQuadratic
 from .types import ArrayLike, Floats, numbers, positive
+from .warn import warn
+
+#: relative error of constants that were typed in
+TYPED = 0.01
 
 
 def _positive(item: str, **values: float) -> None:
@@ -223,6 +227,25 @@ class Section(Frozen):
             ("centre", offset),
         ):
             object.__setattr__(self, name, value)
+        self._warn_of_exchange()
+
+    def _warn_of_exchange(self) -> None:
+        """Say that both moments of inertia look like those about d1, d2, not along them.
+
+        Of a homogeneous section EI_1 over the inertia along d2 is EA over the mass.
+        """
+        _, _, EA, *EI, _ = np.diag(self.stiffness)
+        moments = np.diag(self.density)[1:]
+        unit = EA / self.mass / np.array(EI)
+        about, along = abs(unit * moments - 1), abs(unit * moments[::-1] - 1)
+        if about.max() < TYPED and along.min() > 10 * TYPED:
+            warn(
+                "section",
+                f"inertia = {moments.tolist()} looks like the moments about d1 and d2: those along"
+                f" them, which are meant, are {moments[::-1].tolist()} if the section is"
+                " homogeneous; exchange them",
+                ModelWarning,
+            )
 
     _remedy = "make another one, and a beam of it"
 

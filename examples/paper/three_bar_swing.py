@@ -52,7 +52,9 @@ def _section(name: str, factor: float) -> sc.Section:
         return sc.SectionRectangle(1e-3, 5e-3, sc.Material(factor * 73e9, 0.3, 2700.0))
     a, b = 0.015, 0.05
     outline = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (a / 2, b / 2)
-    return sc.Section(factor * np.array(STIFFNESS), 7500.0, INERTIA[name], outline)
+    with warnings.catch_warnings():  # the published inertia is that about the axes: as printed
+        warnings.simplefilter("ignore", sc.ModelWarning)
+        return sc.Section(factor * np.array(STIFFNESS), 7500.0, INERTIA[name], outline)
 
 
 def choose(name: str, value: str, choices: dict[str, Any]) -> Any:

@@ -266,6 +266,22 @@ def group_energy(group: BeamGroup, Q: Floats) -> Floats:
     return out
 
 
+def group_stretches(group: BeamGroup, Q: Floats) -> Floats:
+    """Length ``d3 . phi'`` over reference length (N, ne, ng) at Gauss points of a group's elements.
+
+    Of configurations (N, n).
+    """
+    e = group.elements
+    out = np.empty((len(Q), *e.reference.shape[:2]))
+    xyz = _coordinates(group.rows)
+    size = _states(xyz.size)
+    for start in range(0, len(Q), size):
+        some = slice(start, start + size)
+        for g, (x, xs) in enumerate(_fields(e, Q[some], xyz)):
+            out[some, :, g] = strain_measures(x, xs, [2])[..., 0].T
+    return out
+
+
 @takes_scene
 def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Floats:
     """Kinetic energy, and stored energy of beams, in terms of ``(q_n, q_{n+1})``.
@@ -466,8 +482,7 @@ def _elements(system: System, beam: Beam) -> tuple[BeamElements, IndexArray]:
 
 def _strains(e: BeamElements, rows: IndexArray, Q: Floats, V: Floats | None = None) -> Floats:
     """Strains (N, ne, ng, 6) at the Gauss points of elements; or rates, if there are velocities."""
-    xyz = 3 * rows.reshape(len(rows), -1, 4).transpose(1, 2, 0)[:, :, None]
-    xyz = xyz + np.arange(3)[:, None]
+    xyz = _coordinates(rows)
     out = np.empty((len(Q), len(rows), len(e.points), 6))
     size = _states(xyz.size)
     for start in range(0, len(Q), size):
@@ -480,6 +495,11 @@ def _strains(e: BeamElements, rows: IndexArray, Q: Floats, V: Floats | None = No
         for g, ((x, xs), (v, vs)) in enumerate(zip(fields, _fields(e, V[some], xyz), strict=True)):
             out[some, :, g] = (strain_measures(v, xs) + strain_measures(x, vs)).swapaxes(0, 1)
     return out
+
+
+def _coordinates(rows: IndexArray) -> IndexArray:
+    """Places (nn, 4, 3, ne) in q of the coordinates of elements' nodes, with rows (ne, 4 nn)."""
+    return 3 * rows.reshape(len(rows), -1, 4).transpose(1, 2, 0)[:, :, None] + np.arange(3)[:, None]
 
 
 def _fields(e: BeamElements, q: Floats, xyz: IndexArray) -> Iterator[tuple[Floats, Floats]]:

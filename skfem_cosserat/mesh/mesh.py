@@ -562,7 +562,8 @@ class MeshCurve(Frozen, MeshLine1):
                 _boundaries=lines.nodes,
                 _subdomains=lines.beams,
             )
-            return mesh.directed()
+        topology.warn_of_crossings(mesh, np.arange(mesh.nelements))
+        return mesh.directed()
 
     def save(
         self,
@@ -689,6 +690,9 @@ class MeshCurve(Frozen, MeshLine1):
     def joined(self, *others: MeshCurve, tol: float | None = None, weld: bool = True) -> Self:
         """One mesh of several; coinciding vertices of different meshes become one.
 
+        Lines that cross where they have no common vertex stay apart: a :class:`ModelWarning` says
+        where, unless nothing is merged at all.
+
         Parameters
         ----------
         *others : MeshCurve
@@ -712,7 +716,12 @@ class MeshCurve(Frozen, MeshLine1):
         (5, [0, 1, 2])
         """
         weld = switch("argument weld", weld)
-        return replace(self, **joined_arrays([self, *others], tol, weld))
+        meshes: list[MeshCurve] = [self, *others]
+        mesh = replace(self, **joined_arrays(meshes, tol, weld))
+        if weld:
+            part = [np.full(each.nelements, k) for k, each in enumerate(meshes)]
+            topology.warn_of_crossings(mesh, np.concatenate(part))
+        return mesh
 
     def __add__(self, other: MeshCurve) -> Self:
         """The same as ``self.joined(other)``."""

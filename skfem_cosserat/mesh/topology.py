@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import InputError, MeshError
+from ..errors import InputError, MeshError, ModelWarning
 from ..frozen import lock_arrays
 from ..pattern import shared
 from ..types import (
@@ -22,6 +22,7 @@ from ..types import (
     real,
     shown,
 )
+from ..warn import warn
 from .curves import Curve
 
 if TYPE_CHECKING:
@@ -321,6 +322,55 @@ def _check_names(mesh: MeshCurve) -> None:
             if ix.size and (ix.min() < 0 or ix.max() >= count):
                 bad = ix.min() if ix.min() < 0 else ix.max()
                 raise MeshError(f"{kind} '{name}'", f"number {bad} is not in 0 .. {count - 1}")
+
+
+# -- lines that cross without a common vertex ------------------------------------------------------
+
+
+def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
+    """Elements (2, k) that meet between the vertices of one of them at least, and where (k, 3).
+
+    By their chords, of those that have no vertex in common. Parallel ones are left out.
+    """
+    from scipy.spatial import cKDTree  # slow to import, seldom needed
+
+    ends = mesh.p.T[mesh.t]
+    along = ends[1] - ends[0]
+    size, middle = np.linalg.norm(along, axis=1), ends.mean(axis=0)
+    # of two that meet the middles are not farther apart than the longer one is long
+    near = cKDTree(middle).query_ball_point(middle, size + tol)
+    first = np.repeat(np.arange(len(size)), [len(each) for each in near])
+    pairs = np.stack([first, np.concatenate(near)], axis=1).astype(np.int64)
+    e, f = np.unique(np.sort(pairs, axis=1), axis=0).T
+    apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
+    e, f = e[apart], f[apart]
+    # the points that are closest: s of the way along e, r along f
+    u, v, gap = along[e], along[f], ends[0, f] - ends[0, e]
+    normal = np.cross(u, v)
+    with np.errstate(all="ignore"):
+        s, r = ((np.cross(gap, each) * normal).sum(1) / (normal**2).sum(1) for each in (v, u))
+    place, off = np.stack([s, r]), tol / size[np.stack([e, f])]
+    on = ((place >= -off) & (place <= 1 + off)).all(axis=0)
+    on &= ((place > off) & (place < 1 - off)).any(axis=0)
+    on &= np.linalg.norm(gap + r[:, None] * v - s[:, None] * u, axis=1) <= tol
+    return np.stack([e, f])[:, on], (ends[0, e] + s[:, None] * u)[on]
+
+
+def warn_of_crossings(mesh: MeshCurve, part: IndexArray) -> None:
+    """Say which lines of different parts (ne,) cross without a common vertex."""
+    pairs, places = crossings(mesh, POSITION_TOLERANCE * mesh.size)
+    between = part[pairs[0]] != part[pairs[1]]
+    pairs, places = pairs[:, between], places[between]
+    if not len(places):
+        return
+    more = f" ({len(places) - 1} more like it)" * (len(places) > 1)
+    warn(
+        mesh_label(mesh.beams),
+        f"elements {pairs[0, 0]} and {pairs[1, 0]} meet at {places[0].round(9).tolist()} without a"
+        f" common vertex{more}, nothing connects them there: right if they pass each other, else"
+        " divide both so that they have a vertex there",
+        ModelWarning,
+    )
 
 
 # -- arrays of meshes along chains of curves, used by the factories of MeshCurve -------------------

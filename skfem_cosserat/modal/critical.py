@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -10,6 +10,8 @@ from scipy.linalg import eig, eigh
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
+from .. import checks
+from ..diagnostics.coarseness import energies_of_motion
 from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, InputError
 from ..history import History
@@ -169,14 +171,35 @@ def buckling(
         factors = Factorised(pencil.K)
         force = P.T @ applied
         u = _solve(pencil, factors, force)
-        K1 = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
+        K1, stresses, multipliers = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
         values, X = _critical(pencil, K1, factors, count, sign)
         X = X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X))
         lead = np.argmax(abs(X) * np.sqrt(tangent.metric.diagonal())[:, None], axis=0)
         X = X * np.sign(X[lead, np.arange(X.shape[1])])
         made = still.factorisations + 1
+        if system.beam_groups:
+            checks.apply(_shapes(pencil, stresses, multipliers, loads, values, X))
     found = system, values, (P @ X).T, X.T.copy(), P @ u
     return Buckling(*found, made, at, notices.found)
+
+
+def _shapes(
+    pencil: Pencil,
+    stresses: list[Floats],
+    multipliers: Floats,
+    loads: Amplitudes,
+    values: Floats,
+    X: Floats,
+) -> checks.Shapes:
+    """Buckling modes for :mod:`checks`; stresses and multipliers are those of the given loads."""
+    at, found = pencil.at, []
+    for factor, x in zip(values, X.T, strict=True):
+        dq = (at.tangent.P @ x).reshape(-1, 3)
+        state = [factor * each for each in stresses], factor * multipliers
+        scaled = replace(loads, loads=factor * loads.loads)
+        found.append(energies_of_motion(at.system, at.y, *state, scaled, dq, 0 * dq))
+    energy = np.diagonal(pencil.energies(X)[0])
+    return checks.Shapes(at.system, "critical factor", 1, np.array(found), energy)
 
 
 def _loads(system: System, t: float, amplitudes: Amplitudes | None) -> Amplitudes:
@@ -203,8 +226,10 @@ def _loose(at: Equilibrium, x: Floats, free: bool) -> InputError:
     )
 
 
-def _geometric(at: Equilibrium, loads: Amplitudes, dq: Floats) -> csr_matrix:
-    """K_1 (unknowns, unknowns) for the linear response dq (rows, 3)."""
+def _geometric(
+    at: Equilibrium, loads: Amplitudes, dq: Floats
+) -> tuple[csr_matrix, list[Floats], Floats]:
+    """K_1 (unknowns, unknowns) for the linear response dq (rows, 3), its stresses, multipliers."""
     system, y, P = at.system, at.y, at.tangent.P
     blocks = system.mass_tangent(0.0)
     Bs, stresses = at.tangent.balance.Bs, []
@@ -228,7 +253,7 @@ def _geometric(at: Equilibrium, loads: Amplitudes, dq: Floats) -> csr_matrix:
         blocks.append(system.couplings.tangent(coupled, 1.0).imag / STEP)
     multipliers = balancing_multipliers(system, y, R.ravel())
     A = blocks_matrix(system, blocks) + curvature_matrix(system, y, multipliers)
-    return congruent(P, A)
+    return congruent(P, A), stresses, multipliers
 
 
 def _critical(

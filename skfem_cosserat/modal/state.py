@@ -17,10 +17,9 @@ from ..integrators import State
 from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance, predicted
 from ..model.closure import SINGULAR
-from ..model.limits import overstretched_beam
+from ..model.limits import broken_constraint, overstretched_beam
 from ..model.loops import names_of, tree_values
 from ..run.describe import other_model
-from ..run.start import broken_constraint
 from ..statics.schedule import Schedule, recorded_amplitudes
 from ..types import Array, ArrayLike, Floats, IndexArray, numbers
 from ..warn import warn

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from .. import checks
+from ..diagnostics.coarseness import energies_of_motion
 from ..errors import InputError
 from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
+from ..model.limits import overstretched_beam
 from ..model.loops import closed, tree_values
 from ..model.reparametrisation import Reparametrisation
 from ..run.describe import SystemSeries, configuration_formulas, describe
@@ -319,6 +322,9 @@ def modes(
         at = resting(system, state, t, amplitudes, spin, limit)
         pencil = make_pencil(at)
         s, X, rigid, factorisations = _solve(pencil, count)
+        drawn = overstretched_beam(system, at.y, at.tangent.multipliers)  # told of already
+        if system.beam_groups and at.amplitudes.spin is None and drawn is None:
+            checks.apply(_shapes(pencil, s, X))
     shapes = (at.tangent.P @ X).T
     q = at.y[: system.rows].reshape(-1).copy()
     return Modes(system, s, shapes, X.T.copy(), rigid, q, at.t, factorisations, at, notices.found)
@@ -340,6 +346,22 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     largest = np.argmax(abs(X) * np.sqrt(pencil.M.diagonal())[:, None], axis=0)
     lead = X[largest, np.arange(X.shape[1])]
     return both.values, X * (abs(lead) / lead), int(both.zero.sum()), both.factorisations
+
+
+def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:
+    """Modes for :mod:`checks`: those without damping, which have nearly the same shapes."""
+    at, system = pencil.at, pencil.at.system
+    parts, noise = pencil.energies(X)
+    energy = np.diagonal(parts).real
+    squares = energy / np.einsum("ik,ik->k", X.conj(), pencil.M @ X).real
+    state = system, at.y, at.tangent.balance.stresses, at.tangent.multipliers, at.amplitudes
+    found = []
+    for square, x in zip(squares, X.T, strict=True):
+        motion = (at.tangent.P @ x).reshape(-1, 3)
+        both = (motion.real, motion.imag)
+        found.append(sum(energies_of_motion(*state, dq, -square * dq) for dq in both))
+    energy = np.where((abs(energy) > noise) & (s != 0), abs(energy), 0.0)
+    return checks.Shapes(system, "frequency", 2, np.array(found), energy)
 
 
 def checked_count(count: int, most: int) -> int:

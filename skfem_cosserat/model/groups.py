@@ -297,6 +297,7 @@ class BeamGroup(Group):
         `masses`, `drags`, `beta`: by ``id(beam)`` scalar mass and drag, Rayleigh's damping.
         """
         first = beams[0][0].elements
+        self.interpolation = beams[0][0].basis.interpolation
         connectivity = [(beam.basis.connectivity, v, r) for beam, v, r in beams]
         own = [masses[id(b)] for b, _, _ in beams]
         drag = [drags.get(id(b), 0.0 * mass) for (b, _, _), mass in zip(beams, own, strict=True)]

@@ -66,6 +66,34 @@ def owner(system: System, row: int) -> StructuralItem:
     return max((each for each in starts if each[0] <= row), key=lambda each: each[0])[1]
 
 
+# -- constraints that do not hold ------------------------------------------------------------------
+
+
+def broken_constraint(system: System, y: Floats, tolerance: float) -> str | None:
+    """Which constraint does not hold at y, and by how much, or holds on another branch only."""
+    g, sizes = abs(system.constraints.values(y)), np.ones((system.rows, 3))
+    sizes[system.origin_rows] = system.length  # wherever it is: what motions of its size change
+    allowed = tolerance * (abs(system.constraints.jacobian(y)) @ sizes.ravel())
+    excess = g - allowed - 1e-15 * system.constraints.magnitudes(y)
+    if not excess.max(initial=0.0) > 0:
+        wrong = system.wrong_branch(y)
+        return wrong and f"is on another branch, to which no motion leads: {wrong}"
+    row = int(excess.argmax())
+    return f"violates the constraint of the {constraint_owner(system, row)} by {g[row]:.6g}"
+
+
+def constraint_owner(system: System, row: int) -> str:
+    """Which item a constraint row belongs to."""
+    for jr in system.joint_rows:
+        if jr.rows.start <= row < jr.rows.stop:
+            return jr.joint.label
+    for each in system.theory_rows:
+        if each.rows.start <= row < each.rows.stop:
+            return f"{each.beam.label}, {each.beam.theory!r}"
+    frame = int(system.kinematics.frames[row // 6])
+    return f"triad of {system.owner[frame].label}"
+
+
 # -- prescribed motion that jumps ----------------------------------------------------------------
 
 #: second difference of prescribed motion (rad, relative to the extent) that may be a jump; what it

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse.linalg import ArpackError
 
+from .. import checks
 from ..constraints import Treatment
 from ..diagnostics import (
     Projection,
@@ -43,7 +44,7 @@ from .events import Event, EventMonitor, Found, checked_events
 from .progress import Interrupt, Progress
 from .recorder import Numbered, Recorder, Wanted, energy, timed
 from .sensors import Sensor, View
-from .start import broken_constraint, consistent_start, initial_state
+from .start import consistent_start, initial_state
 from .step_size import ControlledSteps, FixedSteps, StepControl, StepperFactory, SteppingPlan
 
 # -- the loop of a run: steps, events and what they change, until the end --------------------------
@@ -186,8 +187,6 @@ class RunLoop:
 
 #: recorded states, evenly spread, at which the tension of elements is looked at
 LOOKS = 20
-#: violation of constraints, relative to what motions of the scene's size change, that is told
-OPEN = 1e-8
 #: steps, those with the most iterations, that are looked at for other solutions
 HARDEST = 20
 #: error of fifty steps, or rotation in one (rad), above which it is this many, or one of so many
@@ -449,9 +448,7 @@ def _warn_of_motion(
     for (item, text), time in strained:
         warn(item, text, AccuracyWarning, time)
     _warn_of_functions(why.system, recorded)
-    if found := broken_constraints(why.system, recorded):
-        text, time = found
-        warn("argument settings", text, AccuracyWarning, time)
+    checks.apply(checks.Run(why.system, recorded))
 
 
 def _intended(step: float, until: float, start: State | None) -> int | None:
@@ -655,21 +652,6 @@ def _warn_of_functions(system: System, history: History) -> None:
     if found := functions_off_plane(system, history.times[k], history["q"][k]):
         label, text, time = found
         warn(label, text, AccuracyWarning, time)
-
-
-def broken_constraints(system: System, history: History) -> tuple[str, float] | None:
-    """Which constraint recorded states violate by more than rounding, and when (s); None: none.
-
-    Of states evenly spread over the last segment, whose system it is, the worst one counts.
-    """
-    first, end = history.segments[-1]
-    k = first + spread(end - first, LOOKS)
-    y = all_rows(system, history["q"][k], history.instants[k])
-    worst = int(abs(system.constraints.stacked_values(y)).max(axis=1, initial=0.0).argmax())
-    if (wrong := broken_constraint(system, y[worst], OPEN)) is None:
-        return None
-    text = f"a recorded state {wrong}, above rounding: let Newton's method go on, or take smaller"
-    return f"{text} steps", float(history.times[k[worst]])
 
 
 def _check_run(

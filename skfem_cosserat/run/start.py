@@ -21,6 +21,7 @@ from ..integrators import Integrator, State, StepOrigin
 from ..joint import Joint
 from ..model import System, takes_scene
 from ..model.force_elements import Invariants, kind_of
+from ..model.limits import broken_constraint, constraint_owner
 from ..relative import RelativeCoordinate
 from ..time_function import Constant
 from ..types import ArrayLike, Floats, IndexArray, check_kind, numbers, positive, real
@@ -447,19 +448,6 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
         )
 
 
-def broken_constraint(system: System, y: Floats, tolerance: float) -> str | None:
-    """Which constraint does not hold at y, and by how much, or holds on another branch only."""
-    g, sizes = abs(system.constraints.values(y)), np.ones((system.rows, 3))
-    sizes[system.origin_rows] = system.length  # wherever it is: what motions of its size change
-    allowed = tolerance * (abs(system.constraints.jacobian(y)) @ sizes.ravel())
-    excess = g - allowed - 1e-15 * system.constraints.magnitudes(y)
-    if not excess.max(initial=0.0) > 0:
-        wrong = system.wrong_branch(y)
-        return wrong and f"is on another branch, to which no motion leads: {wrong}"
-    row = int(excess.argmax())
-    return f"violates the constraint of the {constraint_owner(system, row)} by {g[row]:.6g}"
-
-
 def broken_momentum(
     system: System, q: Floats, p: Floats, time: float, tolerance: float
 ) -> str | None:
@@ -512,18 +500,6 @@ def consistent_start(system: System, start: State, item: str = "argument start")
     if wrong:
         warn(item, f"p at t = {start.time:g} s {wrong}. {ALONG}", ModelWarning)
     return start
-
-
-def constraint_owner(system: System, row: int) -> str:
-    """Which item a constraint row belongs to."""
-    for jr in system.joint_rows:
-        if jr.rows.start <= row < jr.rows.stop:
-            return jr.joint.label
-    for each in system.theory_rows:
-        if each.rows.start <= row < each.rows.stop:
-            return f"{each.beam.label}, {each.beam.theory!r}"
-    frame = int(system.kinematics.frames[row // 6])
-    return f"triad of {system.owner[frame].label}"
 
 
 def _checked(system: System, name: str, value: ArrayLike, item: str = "initial state") -> Floats:

@@ -14,8 +14,8 @@ from ..history import History
 from ..integrators import State
 from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, Balance, Spin, amplitudes_at, balance
+from ..model.limits import broken_constraint
 from ..run.describe import other_model
-from ..run.start import broken_constraint
 from ..time_function import Amplitude
 from ..types import Floats, numbers
 from .control import ArcLength, Control, DisplacementControl, Stage

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from .. import checks
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
 from ..errors import AccuracyWarning, CosseratError, Diverged, IncompleteWarning
@@ -37,6 +39,7 @@ from .schedule import (
     Point,
     Schedule,
     Solution,
+    recorded_amplitudes,
     weights,
 )
 from .solver import PathSolver
@@ -777,7 +780,11 @@ def static(
                 status, failure = continuation.run(
                     first, direction, recorder, callbacks, show, interrupt
                 )
-            if failure is not None:
+            if failure is None:
+                so_far = recorder.writer.history()
+                factors_of = partial(recorded_amplitudes, so_far)
+                checks.apply(checks.Path(system, so_far, factors_of))
+            else:
                 notices.tell(failure)
             history = recorder.close(
                 status,

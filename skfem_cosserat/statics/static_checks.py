@@ -18,10 +18,11 @@ from ..integrators import State
 from ..linear import SingularMatrixError
 from ..model import System
 from ..model.balance import balance, balance_tangent
+from ..model.limits import broken_constraint
 from ..model.loops import closed, tree_values
 from ..model.reparametrisation import Reparametrisation
 from ..newton import NewtonSettings
-from ..run.start import broken_constraint, checked_start
+from ..run.start import checked_start
 from ..types import Floats, IndexArray, switch
 from .branch import Branch
 from .control import ArcLength, Control, DisplacementControl, LoadControl

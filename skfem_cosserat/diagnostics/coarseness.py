@@ -1,0 +1,162 @@
+"""Energy that elements lack, as they are too coarse for what they carry.
+
+Section forces follow from the nodal forces of an element by statics, with its inertia and loads in
+between. Their complementary energy, against that of the section forces at its Gauss points, tells
+how much too stiff the mesh is; of a mode that is Grammel's quotient against Rayleigh's. A shape of
+the mesh alone, which no forces balance, shows the other way round: it stores what statics deny.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..element import gauss_rule
+from ..frames import is_beam
+from ..kernels import cross, director_force
+from ..model import System
+from ..model.balance import Amplitudes
+from ..model.groups import BeamGroup
+from ..types import Array, Floats
+from .energy import group_of
+from .stacked import balancing_multipliers, curvature_matrix
+
+if TYPE_CHECKING:
+    from ..beam import Beam
+
+#: of the complex step
+STEP = 1e-40
+
+
+def energies(
+    system: System,
+    y: Array,
+    stresses: Sequence[Array],
+    amplitudes: Amplitudes | None,
+    acceleration: Array | float = 0.0,
+) -> Floats:
+    """Twice the energy (beams, 2) that elements lack and store in equilibrium (J), by beam.
+
+    Parameters
+    ----------
+    system : System
+    y : (rows or more, 3) array
+        Configuration. At complex steps: the energies are those of the derivatives.
+    stresses : list of (ne, ng, 6) array
+        At the Gauss points of each beam group.
+    amplitudes : Amplitudes or None
+        None: neither loads nor inertia act between the nodes, of which nothing is known.
+    acceleration : (rows, 3) array, optional
+        Seen from a frame that turns, if there is a spin.
+    """
+    acceleration = acceleration + 0 * y[: system.rows]
+    factors = () if amplitudes is None else amplitudes.loads
+    terms = list(zip(system.loading.terms, factors, strict=False))
+    if amplitudes is not None and amplitudes.spin is not None:
+        acceleration += cross(amplitudes.spin.velocity, amplitudes.spin.rates(system, y))
+    found: dict[int, Floats] = {}
+    for group, stress in zip(system.beam_groups, stresses, strict=True):
+        force = group.force(group.strain(y)[1], stress).reshape(len(stress), -1, 4, 3)
+        nodal = y[group.rows].reshape(force.shape)
+        spread = (group.scalar_mass @ acceleration[group.rows]).reshape(force.shape)
+        own = [
+            (beam, group.slices[id(beam)]) for beam in beams_of(system) if id(beam) in group.slices
+        ]
+        for beam, e in own:
+            for term, factor in terms:
+                spread[e] -= term.on_elements(beam, group.mass[e], nodal[e], factor)
+        both = _both(group, nodal, stress, force, spread)
+        found |= {id(beam): both[:, e].sum(1) for beam, e in own}
+    return np.array([found[id(beam)] for beam in beams_of(system)])
+
+
+def beams_of(system: System) -> list[Beam]:
+    """Beams of a scene."""
+    return [item for item in system.structures if is_beam(item)]
+
+
+def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: Array) -> Floats:
+    """Energies (2, ne) by statics less those of Gauss points, and these.
+
+    Of nodal configurations, forces, and what is spread between nodes: (ne, nn, 4, 3) each.
+    """
+    e, kind = group.elements, group.interpolation
+    z, w = gauss_rule(kind.order + 3)
+    at, h = kind.tabulated(z, w), e.lengths[:, None, None]
+    powers = np.vander(z, increasing=True)
+    up_to = powers * z[:, None] / (np.arange(len(z)) + 1) @ np.linalg.inv(powers)  # integrals
+    shapes = at.values.T @ np.linalg.inv((at.values * w) @ at.values.T)
+    density = np.einsum("qa,eaic->eqic", shapes, spread) / h[..., None]
+    x = np.einsum("aq,eaic->eqic", at.values, nodal)
+    slope = np.einsum("aq,eac->eqc", at.slopes, nodal[:, :, 0])
+    turned = nodal[:, :, 1:] if e.rotations is None else e.rotations @ nodal[:, :, 1:]
+    triads = np.einsum("aq,eaic->eqic", at.values, turned)
+    start = -(force + spread)[:, 0]
+    n = start[:, None, 0] + h * (up_to @ density[:, :, 0])
+    couple = cross(x[:, :, 1:], density[:, :, 1:]).sum(2) - cross(slope / h, n)
+    m = director_force(nodal[:, 0, 1:], start[:, 1:])[:, None] + h * (up_to @ couple)
+    balanced = (triads[:, :, None] @ np.stack([n, m], axis=2)[..., None]).reshape(*n.shape[:2], 6)
+    found = np.vander(z, len(e.points)) @ np.linalg.inv(np.vander(e.points)) @ stress
+    if np.iscomplexobj(found):
+        balanced, found = balanced.imag / STEP, found.imag / STEP
+    held = np.eye(6) * (np.einsum("eii->ei", e.stiffness) == 0)[:, :, None]
+    compliance = np.linalg.inv(e.stiffness + held) - held
+    own, stored = (
+        np.einsum("eqi,eij,eqj,q,e->e", each, compliance, each, w, e.lengths, optimize=True)
+        for each in (balanced, found)
+    )
+    return np.array([own - stored, stored])
+
+
+def held_stresses(system: System, multipliers: Floats) -> list[Floats]:
+    """Resultants (ne, ng, 6) of strains that are held, of each beam group; zeros beside."""
+    out = {id(group): np.zeros_like(group.elements.reference) for group in system.beam_groups}
+    for held in system.theory_rows:
+        group = group_of(system, held.beam)
+        out[id(group)][group.slices[id(held.beam)]] = held.stress(multipliers)
+    return list(out.values())
+
+
+def energies_of_motion(
+    system: System,
+    y: Floats,
+    stresses: Sequence[Floats],
+    multipliers: Floats,
+    amplitudes: Amplitudes,
+    dq: Floats,
+    acceleration: Floats,
+) -> Floats:
+    """Energies (beams, 2), as by :func:`energies`, of a small motion about an equilibrium.
+
+    Parameters
+    ----------
+    y : (total, 3) array
+        Equilibrium.
+    stresses : list of (ne, ng, 6) array
+        There, of strains that are not held.
+    multipliers : (m,) array
+        Of the constraint rows.
+    amplitudes : Amplitudes
+    dq, acceleration : (rows, 3) array
+        The motion, and its acceleration, seen from a frame that turns if there is a spin.
+    """
+    moved = y.astype(complex)
+    moved[: system.rows] += 1j * STEP * dq
+    strains, Bs = zip(*(group.strain(moved) for group in system.beam_groups), strict=True)
+    total = [
+        before + held + 1j * group.linear_stress(group.moduli(eps), eps.imag)
+        for group, before, held, eps in zip(
+            system.beam_groups, stresses, held_stresses(system, multipliers), strains, strict=True
+        )
+    ]
+    if system.theory_rows:
+        others = multipliers.copy()
+        for each in system.theory_rows:
+            others[each.rows] = 0.0
+        R = system.internal_force(list(Bs), total).imag / STEP + system.mass @ acceleration
+        R = R.ravel() + curvature_matrix(system, y, others) @ dq.ravel()
+        more = held_stresses(system, balancing_multipliers(system, y, R))
+        total = [s + 1j * STEP * h for s, h in zip(total, more, strict=True)]
+    return energies(system, moved, total, amplitudes, 1j * STEP * acceleration)

@@ -1,0 +1,121 @@
+"""Members that are too coarse for their bending: told, with the order to take."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+
+STEEL = sc.Material(210e9, 0.3, 7850.0)
+TUBE = sc.SectionTube(0.03, 0.025, STEEL)
+
+
+def told(function, *args, **kwargs):
+    """What is returned, and the texts about coarse elements."""
+    with warnings.catch_warnings(record=True) as given:
+        warnings.simplefilter("always")
+        found = function(*args, **kwargs)
+    return found, [str(each.message) for each in given if "too coarse" in str(each.message)]
+
+
+def cantilever(elements, order, theory=None, load=True):
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="rod")
+    model = sc.Model()
+    about = {"order": order, "theory": theory, "director": (0, 0, 1)}
+    rod = model.add("rod", sc.Beam(mesh, TUBE, **about))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    if load:
+        model.add("load", sc.LoadForce(rod.node("rod.end"), (0, 0, -1.0)))
+    return model
+
+
+@pytest.mark.parametrize("theory", [None, sc.TheoryKirchhoff()])
+@pytest.mark.parametrize(("elements", "order"), [(1, 1), (2, 1), (4, 1), (1, 2), (1, 3)])
+def test_a_cantilever_of_few_elements(elements, order, theory):
+    """A linear element has a constant moment: of ``F^2 L^3/(6 EI)`` n of them lack ``1/(4 n^2)``.
+
+    For one that is a quarter, for two a sixteenth, and none for orders above, whose moment may
+    vary. Above a tenth it is told, with the order that helps.
+    """
+    _, texts = told(sc.static, cantilever(elements, order, theory))
+    if order == elements == 1:
+        assert len(texts) == 1 and "25 %" in texts[0] and "order=3" in texts[0]
+    else:
+        assert not texts
+
+
+def portal(order, pinned=False):
+    """A frame of three straight members, one element each, pushed at its beam."""
+    corners = [(0, 0, 0), (0, 0, 3), (4, 0, 3), (4, 0, 0)]
+    mesh = sc.MeshCurve.init_polyline(corners, 1, name="frame")
+    model = sc.Model()
+    frame = model.add("frame", sc.Beam(mesh, TUBE, order=order))
+    for name in ("frame.start", "frame.end"):
+        node = frame.node(name)
+        model.add(name, sc.JointFixed(sc.ground(node.position), node))
+    model.add("push", sc.LoadForce(frame.node((0, 0, 3)), (10.0, 0, 0)))
+    return model, frame.node((0, 0, 3))
+
+
+def test_a_portal_frame_of_one_element_a_member():
+    """Linear members are far too stiff, and it is told how much is missing; those of order 3 not.
+
+    The estimate is compared with the displacement of the finer frame.
+    """
+    sway = {}
+    for order in (1, 2, 3):
+        model, knee = portal(order)
+        path, texts = told(sc.static, model, watch=False)
+        sway[order] = path.position(knee)[-1, 0]
+        assert bool(texts) == (order == 1)
+    assert sway[1] < 0.7 * sway[3] and sway[2] == pytest.approx(sway[3], rel=1e-3)
+
+
+def test_a_truss_bends_nowhere():
+    """Bars with spherical joints at their ends carry tension only: linear elements are exact."""
+    model = sc.Model()
+    apex = np.array([0.0, 0.0, 1.0])
+    mass = model.add("apex", sc.MassPoint(1.0, position=apex))
+    for k, foot in enumerate([(1.0, 0, 0), (-0.5, 0.8, 0), (-0.5, -0.8, 0)]):
+        mesh = sc.MeshCurve.init_line(foot, apex, 1, name=f"bar {k}")
+        bar = model.add(f"bar {k}", sc.Beam(mesh, TUBE))
+        start, sides = (
+            bar.node(f"bar {k}.start"),
+            np.linalg.qr((apex - foot)[:, None], "complete")[0],
+        )
+        axes = {"axis_a": sides[:, 1], "axis_b": sides[:, 2]}
+        model.add(f"foot {k}", sc.JointUniversal(sc.ground(foot), start, **axes))
+        model.add(f"tip {k}", sc.JointSpherical(bar.node(f"bar {k}.end"), mass.place()))
+    model.add("load", sc.LoadForce(mass.place(), (3.0, 2.0, -10.0)))
+    assert not told(sc.static, model, watch=False)[1]
+
+
+def test_linear_members_in_motion():
+    """A rod let go from rest under its weight: one linear element is told, four are not."""
+    for elements, coarse in ((1, True), (4, False)):
+        model = cantilever(elements, 1, load=False)
+        model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+        _, texts = told(sc.simulate, model, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.04)
+        assert bool(texts) == coarse
+
+
+def test_what_only_moves_as_one_piece_is_not_looked_at():
+    """A free rod that spins strains by rounding and by its centrifugal force alone."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, name="rod")
+    model = sc.Model()
+    about = {"velocity": lambda x: np.cross((0, 0, 2.0), x), "angular_velocity": (0, 0, 2.0)}
+    model.add("rod", sc.Beam(mesh, TUBE, director=(0, 0, 1), **about))
+    assert not told(sc.simulate, model, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2)[1]
+
+
+def test_nothing_holds_a_scene_that_falls():
+    """Gravity on a body at rest that nothing ties is told in motion; a thrown one is meant."""
+    for velocity, falls in (((0.0, 0, 0), True), ((1.0, 0, 3.0), False)):
+        model = sc.Model()
+        model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 0.1), velocity=velocity))
+        model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+        with warnings.catch_warnings(record=True) as given:
+            warnings.simplefilter("always")
+            sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.1)
+        assert any("nothing ties it" in str(each.message) for each in given) == falls
