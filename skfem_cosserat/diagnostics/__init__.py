@@ -24,6 +24,7 @@ from .forces import (
     nodal_resultants,
     reactions,
 )
+from .inputs import Unseen, unseen
 from .joint_motion import coupling_energy, coupling_forces, joint_coordinates
 from .momenta import (
     Projection,
@@ -48,6 +49,7 @@ __all__ = [
     "ReducedTangent",
     "Resolution",
     "SectionValues",
+    "Unseen",
     "alternation",
     "angular_momentum",
     "condition_number",
@@ -85,5 +87,6 @@ __all__ = [
     "section_strains",
     "strain_energy",
     "transfer",
+    "unseen",
     "velocity_from_reduced",
 ]
