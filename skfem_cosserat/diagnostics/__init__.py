@@ -24,7 +24,7 @@ from .forces import (
     nodal_resultants,
     reactions,
 )
-from .inputs import Unseen, unseen
+from .inputs import unseen
 from .joint_motion import coupling_energy, coupling_forces, joint_coordinates
 from .momenta import (
     Projection,
@@ -49,7 +49,6 @@ __all__ = [
     "ReducedTangent",
     "Resolution",
     "SectionValues",
-    "Unseen",
     "alternation",
     "angular_momentum",
     "condition_number",

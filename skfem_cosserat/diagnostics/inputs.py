@@ -6,62 +6,39 @@ mean of a load over a step: a short pulse is whole, but what vibrates cancels.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from functools import partial
+from typing import cast
 
 import numpy as np
 
 from ..errors import InputError
-from ..frames import Place
+from ..frames import Motion
 from ..history import History
+from ..joint import JointDrive
 from ..model import System
 from ..time_function import Constant
-from ..types import Floats, spread
+from ..types import ArrayLike, Floats, spread
 
 #: pieces of a step, steps that are looked at most, and the fewest that tell how far a function goes
-PIECES, LOOKS, FEW = 8, 1000, 6
+PIECES, LOOKS, FEW = 16, 1000, 6
 #: part of what a function does that steps may miss, and the part of its size that is rounding
 MISSED, ROUNDING = 0.1, 1e-9
 #: steps of a period that resolve it
 RESOLVED = 20
 
 
-class Unseen(NamedTuple):
-    """A load, drive or motion of the ground that steps do not see.
+def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] | None:
+    """Label of the load, drive or moving ground of which steps miss most, and what is said of it.
 
-    Attributes
-    ----------
-    item : str
-        Label of what it belongs to.
-    share : float
-        Part of its changes that steps miss, from 0 to 1.
-    cancels : bool
-        Whether it cancels in means over steps; else it is missed between their ends.
-    step : float
-        A step that resolves it (s).
-
-    Examples
-    --------
-    >>> Unseen("drive 'motor'", 0.5, False, 1e-3).step
-    0.001
-    """
-
-    item: str
-    share: float
-    cancels: bool
-    step: float
-
-
-def unseen(system: System, history: History, at_ends: bool) -> Unseen | None:
-    """What steps of a run miss most of; None if they see what enters it.
-
-    Up to a thousand steps are looked at, and those in which a function has a declared kink.
+    None if the steps of the run see what enters it, or are fewer than six. Up to a thousand of them
+    are looked at, recorded or not, and those in which a load has a declared kink.
 
     Parameters
     ----------
     system : System
     history : History
-        With six steps or more, recorded or not.
     at_ends : bool
         Whether loads act at the ends of steps, as in generalized-alpha schemes; else by their
         means.
@@ -82,19 +59,22 @@ def unseen(system: System, history: History, at_ends: bool) -> Unseen | None:
     if len(ends) <= FEW:
         return None
     try:
-        found = [_looked(each, ends) for each in _entering(system, at_ends)]
+        found = [(*_missed(*each[1:], ends), *each) for each in _entering(system, at_ends)]
     except InputError:  # a function of the user's that is not known at all times
         return None
-    return max((f for f in found if f.share > MISSED), key=lambda f: f.share, default=None)
+    share, step, item, *_, mean = max(found, key=lambda each: each[0], default=(0.0,) * 5)
+    if share <= MISSED:
+        return None
+    what = "cancels in their means" if mean else "is between their ends"
+    return item, (
+        f"steps of {np.diff(ends).max():.3g} s do not see what it does:"
+        f" {100 * min(share, 1.0):.0f} % of it {what}, which act; take steps of {step:.2g} s, and"
+        " compare"
+    )
 
 
-class _Entering(NamedTuple):
-    """A function of time (k,) that enters a run, and whether its means over steps count."""
-
-    item: str
-    function: Callable[[float], Floats]
-    kinks: Sequence[float]
-    mean: bool
+#: item, function of time, its declared kinks, and whether its means over steps act
+_Entering = tuple[str, Callable[[float], ArrayLike], Sequence[float], bool]
 
 
 def _entering(system: System, at_ends: bool) -> Iterator[_Entering]:
@@ -102,59 +82,48 @@ def _entering(system: System, at_ends: bool) -> Iterator[_Entering]:
         for time, owner in zip(loads.times, loads.owners, strict=True):
             if not isinstance(time, Constant):
                 kinks = getattr(time, "times", getattr(time, "kinks", ()))
-                yield _Entering(owner.label, lambda t, f=time.value: [f(t)], kinks, not at_ends)
+                yield owner.label, time.value, kinks, not at_ends
     for drive in system.drives:
-        turns = drive.coordinate.kind == "angle"
-        part = slice(0, 2) if turns else slice(2, 3)  # of cosine, sine and number
-        yield _Entering(drive.label, _rows(drive.place, 0, part), (), False)
-    number = {id(drive.place) for drive in system.drives}
-    moving = {id(p.motion): p for p in system.moving if id(p) not in number}
-    for place in moving.values():
-        for rows in (0, slice(1, 4)):  # where it is, and its axes
-            yield _Entering(place.label, _rows(place, rows), (), False)
+        angle = drive.coordinate.kind == "angle"
+        yield drive.label, partial(_turned, drive) if angle else drive.value, (), False
+    drives = {id(drive.place) for drive in system.drives}
+    for place in {id(p.motion): p for p in system.moving if id(p) not in drives}.values():
+        yield place.label, partial(cast(Motion, place.motion).frame, place), (), False
 
 
-def _rows(place: Place, rows: int | slice, part: slice = slice(3)) -> Callable[[float], Floats]:
-    """A part of the rows of a place in prescribed motion."""
-    motion = place.motion
-    assert motion is not None
-    return lambda t: motion.frame(place, t)[rows, part].ravel()
+def _turned(drive: JointDrive, t: float) -> tuple[float, float]:
+    return math.cos(drive.value(t)), math.sin(drive.value(t))
 
 
-def _looked(entering: _Entering, ends: Floats) -> Unseen:
-    """What steps between these instants miss of a function."""
-    kinks = np.asarray(entering.kinks, dtype=float)
-    kinks = kinks[(ends[0] < kinks) & (kinks < ends[-1])]
-    steps = spread(len(ends) - 1, LOOKS)
-    steps = np.union1d(steps, np.searchsorted(ends, kinks, side="right") - 1)
-    inner = ends[steps, None] + np.diff(ends)[steps, None] * np.arange(PIECES) / PIECES
-    grid = np.unique(np.concatenate([inner.ravel(), ends[steps + 1], kinks]))
-    # pieces within a step that is looked at: the function at both ends and in the middle
-    own = np.searchsorted(ends, (grid[1:] + grid[:-1]) / 2) - 1
-    piece = np.flatnonzero(np.isin(own, steps))
-    own, a, b = own[piece], grid[piece], grid[piece + 1]
-    t = np.stack([a, (a + b) / 2, b], axis=1)
-    instants, at = np.unique(t, return_inverse=True)
-    values = np.array([entering.function(s) for s in instants.tolist()])
-    f = values
-    if not entering.mean:  # what is constant, or moves evenly, moves nothing
-        line = np.stack([np.ones_like(instants), instants - instants.mean()], axis=1)
-        f = values - line @ np.linalg.lstsq(line, values, rcond=None)[0]
-    weights = (b - a)[:, None] * (0.25, 0.5, 0.25)
-    first, last = (f[np.searchsorted(instants, ends[own + k]), None] for k in (0, 1))
-    f = f[at.reshape(t.shape)]  # (pieces, 3, k)
-    whole = float((weights * np.linalg.norm(f, axis=-1)).sum())
-    if whole <= ROUNDING * abs(values).max() * weights.sum():
-        return Unseen(entering.item, 0.0, entering.mean, np.inf)
-    if entering.mean:
-        sums = np.zeros((len(ends), f.shape[-1]))
-        np.add.at(sums, own, (weights[..., None] * f).sum(1))
-        missed = whole - float(np.linalg.norm(sums, axis=1).sum())
+def _missed(
+    function: Callable[[float], ArrayLike],
+    kinks: Sequence[float],
+    mean: bool,
+    ends: Floats,
+) -> tuple[float, float]:
+    """Part of a function that steps between these instants miss, and a step (s) that does not."""
+    inside = [kink for kink in kinks if ends[0] < kink < ends[-1]]
+    steps = np.union1d(
+        spread(len(ends) - 1, LOOKS), np.searchsorted(ends, inside, side="right") - 1
+    )
+    knots = ends[steps, None] + np.diff(ends)[steps, None] * np.linspace(0, 1, PIECES + 1)
+    grid = np.union1d(knots, inside)
+    width, t = np.diff(grid), (grid[1:] + grid[:-1]) / 2
+    own = np.searchsorted(ends, t) - 1
+    looked = np.isin(own, steps)
+    width, t, own = width[looked], t[looked], own[looked]
+    knots = np.union1d(ends[steps], ends[steps + 1])
+    f, at_knots = (np.array([np.ravel(function(s)) for s in each.tolist()]) for each in (t, knots))
+    if mean:
+        missed = width @ abs(f[:, 0]) - abs(np.bincount(own, width * f[:, 0])).sum()
     else:
-        s = ((t - ends[own, None]) / (ends[own + 1] - ends[own])[:, None])[..., None]
-        chord = (1 - s) * first + s * last
-        missed = float((weights * np.linalg.norm(f - chord, axis=-1)).sum())
-    changes = float(np.linalg.norm(np.diff(f, axis=1), axis=-1).sum())
-    period = 2 * np.pi * whole / changes  # that of a sine with the same mean size and slope
-    step = min(period / RESOLVED, float(np.diff(ends).max()) / 2)
-    return Unseen(entering.item, missed / whole, entering.mean, step)
+        chords = np.stack([np.interp(t, knots, values) for values in at_knots.T], axis=1)
+        missed = width @ np.linalg.norm(f - chords, axis=1)
+        line = np.vander(t - t.mean(), 2)  # what is constant, or moves evenly, moves nothing
+        f = f - line @ np.linalg.lstsq(line, f, rcond=None)[0]
+    whole = width @ np.linalg.norm(f, axis=1)
+    if whole <= ROUNDING * width.sum() * abs(at_knots).max():
+        return 0.0, np.inf
+    # that of a sine with the same mean size and slope
+    period = 2 * np.pi * whole / np.linalg.norm(np.diff(f, axis=0), axis=1).sum()
+    return float(missed / whole), min(period / RESOLVED, float(np.diff(ends).max()) / 2)

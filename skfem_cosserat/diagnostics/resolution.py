@@ -54,10 +54,8 @@ class Resolution:
     Attributes
     ----------
     error : float
-        Estimate of the largest error of a position that `steps` make, relative to the range of the
-        position that moves most in what it is connected with.
-    steps : int
-        Fifty, or all that a shorter run has.
+        Estimate of the largest error of a position that fifty steps make, or all of a shorter run,
+        relative to the range of the position that moves most in what it is connected with.
     turn : float
         Largest rotation of a frame in a step (rad), mean over a window: one jolt does not count.
     period : float
@@ -69,12 +67,11 @@ class Resolution:
 
     Examples
     --------
-    >>> Resolution(0.2, 50, 0.1, 12.0, "beam 'rod'", "beam 'rod'", 0.5).error
+    >>> Resolution(0.2, 0.1, 12.0, "beam 'rod'", "beam 'rod'", 0.5).error
     0.2
     """
 
     error: float
-    steps: int
     turn: float
     period: float
     item: str
@@ -104,23 +101,17 @@ def resolution(system: System, history: History) -> Resolution | None:
         return _by_velocities(system, history) if len(history) >= ENOUGH else None
     told = rows.shape[1] >= ENOUGH
     steps = min(STEPS, int(np.ptp(history["step"])))
-    states, seen = history["q"].reshape(len(history), -1, 3), []
-    few = max(1, CACHED // (rows.shape[1] * system.n))
-    for k in range(0, len(rows), few):
-        some = rows[k : k + few]
-        y = _beside(system, states[some], history.times[some])
-        seen.append((y.take(system.origin_rows, axis=2), _turns(system, y)))
-    # (windows, states, vertices, 3), (windows, frames)
-    places, turns = (np.concatenate(arrays) for arrays in zip(*seen, strict=True))
+    y = _beside(system, history["q"].reshape(len(history), -1, 3)[rows], history.times[rows])
+    places, turns = y.take(system.origin_rows, axis=2), _turns(system, y)
     part, extent = _extents(system, places)
     third, chord = _differences(places)
     with np.errstate(all="ignore"):
-        size = third / np.minimum(chord, 2.0) ** 3  # of what vibrates
-        off = np.minimum(steps * SHARE * third, 2 * size)
-        np.maximum.at(extent, part, 2 * np.nan_to_num(size, posinf=0.0).max(0))
+        cubed = np.minimum(chord, 2.0) ** 3
+        off = np.minimum(steps * SHARE * third, 2 * third / cubed)
     # a few steps do not tell how far a motion goes, and one of rounding goes nowhere
     moves = told & (extent > NOISE * system.length)
     off = np.where(moves[part], np.fmax(off, 0.0) / np.where(moves, extent, 1.0)[part], 0.0)
+    off = np.minimum(off, steps * SHARE * cubed / 2)  # of what vibrates it covers less in a few
     w, v = np.unravel_index(int(off.argmax()), off.shape)
     turn, turning = float(turns.max(initial=0.0)), ""
     if turns.size:
@@ -128,7 +119,6 @@ def resolution(system: System, history: History) -> Resolution | None:
         turning = owner(system, int(_frames(system)[frame])).label
     return Resolution(
         float(off[w, v]),
-        steps,
         turn,
         float(2 * np.pi / chord[w, v]) if chord[w, v] > 0 else np.inf,
         owner(system, int(system.origin_rows[v])).label,
@@ -139,35 +129,21 @@ def resolution(system: System, history: History) -> Resolution | None:
 
 def _by_velocities(system: System, history: History) -> Resolution:
     """Of states that are steps apart: a vibration moves by ``h omega`` of its size in a step."""
-    k = spread(len(history), SPREAD)
-    h = np.ptp(history.times[k]) / np.ptp(history["step"][k])
-    q, t = history["q"][k], history.times[k]
-    v = Projection(system).velocities(q, history["p"][k], t)
-    known = np.isfinite(v).all(1)
-    q, v, t = q[known], v[known], t[known]
-    y, later = (
-        _beside(system, each.reshape(-1, system.rows, 3), at)
-        for each, at in ((q, t), (q + SMALL * h * v, t + SMALL * h))
+    k, count = spread(len(history), SPREAD), int(np.ptp(history["step"]))
+    h, t, q = float(np.ptp(history.times)) / count, history.times[k], history["q"][k]
+    moved = q + SMALL * h * Projection(system).velocities(q, history["p"][k], t)
+    places, later = (
+        _beside(system, each.reshape(len(k), -1, 3), at).take(system.origin_rows, axis=1)
+        for each, at in ((q, t), (moved, t + SMALL * h))
     )
-    ways = np.linalg.norm(later - y, axis=-1) / SMALL  # (states, rows), in a step
-    part, extent = _extents(system, y.take(system.origin_rows, axis=1))
-    moves = extent > NOISE * system.length
-    most = 2 * ways[:, system.origin_rows] / np.where(moves, extent, np.inf)[part]
-    w, vertex = np.unravel_index(int(most.argmax()), most.shape)
-    angle = float(most[w, vertex])
-    steps = min(STEPS, int(np.ptp(history["step"])))
-    frames = _frames(system)
-    turns = np.sqrt((ways[:, frames[:, None] + np.arange(1, 4)] ** 2).sum(-1) / 2).max(0)
-    turning = owner(system, int(frames[turns.argmax()])).label if len(frames) else ""
-    return Resolution(
-        min(steps * SHARE * angle**3 / 2, 1.0),
-        steps,
-        float(turns.max(initial=0.0)),
-        2 * np.pi / angle if angle else np.inf,
-        owner(system, int(system.origin_rows[vertex])).label,
-        turning,
-        float(t[w]),
-    )
+    part, extent = _extents(system, places)
+    size = np.where(extent > NOISE * system.length, extent, np.inf)[part] / 2
+    angles = np.nan_to_num(np.linalg.norm(later - places, axis=-1) / SMALL / size)
+    w, vertex = np.unravel_index(int(angles.argmax()), angles.shape)
+    angle = max(float(angles[w, vertex]), ROUNDING)
+    item = owner(system, int(system.origin_rows[vertex])).label
+    off = min(min(STEPS, count) * SHARE * angle**3 / 2, 1.0)
+    return Resolution(off, 0.0, 2 * np.pi / angle, item, "", float(t[w]))
 
 
 def doubtful_steps(system: System, history: History, most: int | None = None) -> NDArray[np.bool_]:
@@ -306,26 +282,6 @@ def _free(system: System) -> NDArray[np.bool_]:
     return np.asarray(out)
 
 
-@once_for_each
-def _moved(system: System) -> list[tuple[IndexArray, IndexArray]]:
-    """Rows of each part that hangs on moving ground, and the numbers of the frames it hangs on."""
-    part, g, free = connected_parts(system).part, system.constraints, system.rows
-    of = np.zeros(system.m, dtype=np.int64)
-    of[g.G_rows] = part[g.G_cols // 3]
-    outside = np.flatnonzero(g.cols >= 3 * free)
-    ties = {*zip(of[g.rows[outside]].tolist(), (g.cols[outside] // 3 - free) // 4, strict=True)}
-    for c in system.couplings.items:
-        a, b = sorted((system.row_of(c.a), system.row_of(c.b)))
-        if a < free <= b:
-            ties.add((int(part[a]), (b - free) // 4))
-    drives = {system.row_of(drive.place) for drive in system.drives}
-    found: dict[int, list[int]] = {}
-    for own, frame in sorted(ties):
-        if frame > 0 and free + 4 * frame not in drives:
-            found.setdefault(own, []).append(int(frame))
-    return [(np.flatnonzero(part == own), np.array(each)) for own, each in found.items()]
-
-
 def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
     """The separate part that each vertex is of, and of each part the way of what moves most."""
     part = _parts(system)
@@ -349,20 +305,22 @@ def _differences(places: Floats) -> tuple[Floats, Floats]:
 
 
 def _beside(system: System, y: Floats, times: Floats) -> Floats:
-    """Configurations (..., rows, 3) at times, seen from the ground that moves each part.
+    """Configurations (..., rows, 3) at times: parts tied to the ground as seen from what moves it.
 
     What cannot move but with drives and ground stays where it was.
     """
     if not system.moving:
         return y
-    out = y.copy()
-    ground = np.array([system.ground(t) for t in times.ravel().tolist()])
-    ground = ground.reshape(*times.shape, -1, 4, 3)
-    for rows, frames in _moved(system):
-        frame = ground[..., frames, :, :]
-        places = np.intersect1d(rows, system.origin_rows)
-        out[..., places, :] -= frame[..., 0, :].mean(-2)[..., None, :]
-        out[..., rows, :] = out[..., rows, :] @ frame[..., 0, 1:, :].swapaxes(-1, -2)
+    out, drives = y.copy(), {system.row_of(drive.place) - system.rows for drive in system.drives}
+    own = [k for k in range(4, system.grounds.rows, 4) if k not in drives]
+    if own:
+        ground = np.array([system.ground(t) for t in times.ravel().tolist()])
+        frames = ground.reshape(*times.shape, -1, 3)
+        tied = ~connected_parts(system).free[connected_parts(system).part]
+        places = system.origin_rows[tied[system.origin_rows]]
+        out[..., places, :] -= frames[..., own, :].mean(-2)[..., None, :]
+        axes = frames[..., own[0] + 1 : own[0] + 4, :].swapaxes(-1, -2)
+        out[..., tied, :] = out[..., tied, :] @ axes
     held = ~_free(system)
     out[..., held, :] = system.q0.reshape(-1, 3)[held]
     return out

@@ -598,7 +598,7 @@ class StepNumbers:
         if found.error > MOST_OFF and self.integrator.order <= 2:
             warn(
                 "argument step",
-                f"steps of {self.h:.3g} s do not resolve the motion: {found.steps} of them put the"
+                f"steps of {self.h:.3g} s do not resolve the motion: they put the"
                 f" {found.item} off by some {100 * min(found.error, 1.0):.0f} % of the range of its"
                 f" motion, as a period of what moves it has {found.period:.2g} steps; take smaller"
                 " ones, and compare",
@@ -620,19 +620,8 @@ class StepNumbers:
         """Say which load, drive or moving ground does what steps do not see."""
         single = self.integrator.single.scheme(self.h)
         found = unseen(self.system, history, single is not None and single.at_end)
-        if found is None:
-            return
-        what = (
-            "cancels in their means, by which loads act"
-            if found.cancels
-            else "is between their ends, at which alone it acts"
-        )
-        warn(
-            found.item,
-            f"steps of {self.h:.3g} s do not see what it does: {100 * min(found.share, 1.0):.0f} %"
-            f" of it {what}; take steps of {found.step:.2g} s, and compare",
-            AccuracyWarning,
-        )
+        if found is not None:
+            warn(*found, AccuracyWarning)
 
     def turn_at_end(self, history: History) -> None:
         """Count how far a frame turns in the step that failed, by its velocity at the start."""
