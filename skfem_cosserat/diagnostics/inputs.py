@@ -59,10 +59,12 @@ def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] |
     if len(ends) <= FEW:
         return None
     try:
-        found = [(*_missed(*each[1:], ends), *each) for each in _entering(system, at_ends)]
+        found = [(_missed(*each[1:], ends), each) for each in _entering(system, at_ends)]
     except InputError:  # a function of the user's that is not known at all times
         return None
-    share, step, item, *_, mean = max(found, key=lambda each: each[0], default=(0.0,) * 5)
+    if not found:
+        return None
+    (share, step), (item, *_, mean) = max(found, key=lambda each: each[0])
     if share <= MISSED:
         return None
     what = "cancels in their means" if mean else "is between their ends"
