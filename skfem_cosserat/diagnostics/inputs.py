@@ -127,5 +127,6 @@ def _missed(
     if whole <= ROUNDING * width.sum() * abs(at_knots).max():
         return 0.0, np.inf
     # that of a sine with the same mean size and slope
-    period = 2 * np.pi * whole / np.linalg.norm(np.diff(f, axis=0), axis=1).sum()
+    changes = np.linalg.norm(np.diff(f, axis=0), axis=1).sum()
+    period = 2 * np.pi * whole / max(changes, ROUNDING * whole)
     return float(missed / whole), min(period / RESOLVED, float(np.diff(ends).max()) / 2)

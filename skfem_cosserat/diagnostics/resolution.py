@@ -138,12 +138,14 @@ def _by_velocities(system: System, history: History) -> Resolution:
     )
     part, extent = _extents(system, places)
     size = np.where(extent > NOISE * system.length, extent, np.inf)[part] / 2
-    angles = np.nan_to_num(np.linalg.norm(later - places, axis=-1) / SMALL / size)
-    w, vertex = np.unravel_index(int(angles.argmax()), angles.shape)
-    angle = max(float(angles[w, vertex]), ROUNDING)
+    ways = np.nan_to_num(np.linalg.norm(later - places, axis=-1) / SMALL / size)
+    angles = np.sqrt(2 * (ways**2).mean(0))  # a vibration's, and less of what moves once
+    vertex = int(angles.argmax())
+    angle = max(float(angles[vertex]), ROUNDING)
     item = owner(system, int(system.origin_rows[vertex])).label
     off = min(min(STEPS, count) * SHARE * angle**3 / 2, 1.0)
-    return Resolution(off, 0.0, 2 * np.pi / angle, item, "", float(t[w]))
+    time = float(t[ways[:, vertex].argmax()])
+    return Resolution(off, 0.0, 2 * np.pi / angle, item, "", time)
 
 
 def doubtful_steps(system: System, history: History, most: int | None = None) -> NDArray[np.bool_]:
