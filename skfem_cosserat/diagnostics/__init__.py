@@ -32,6 +32,7 @@ from .forces import (
     nodal_resultants,
     reactions,
 )
+from .inputs import unseen
 from .joint_motion import coupling_energy, coupling_forces, joint_coordinates
 from .momenta import (
     Projection,
@@ -95,5 +96,6 @@ __all__ = [
     "section_strains",
     "strain_energy",
     "transfer",
+    "unseen",
     "velocity_from_reduced",
 ]

@@ -12,12 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..constraints.saddle import saddle_point
 from ..history import History
 from ..model import System
 from ..model.limits import owner
 from ..model.parts import connected_parts
 from ..pattern import once_for_each
 from ..types import Floats, IndexArray, spread
+from .momenta import Projection
 from .stacked import driven_alternation
 
 #: steps over which errors add up, and the part of a third difference that a step is off by
@@ -27,18 +29,17 @@ MOST_OFF = 0.08
 #: windows of neighbouring states that are looked at at most, evenly spread, one for so many
 #: recorded states, and the states of each
 WINDOWS, APART, STATES = 10, 100, 12
-#: states of a window that tell of an error, and the part of a scene that is no motion
-ENOUGH, NOISE = 8, 1e-7
+#: states that tell of an error (those of fifth differences), and the part of a scene that is no
+#: motion
+ENOUGH, NOISE = 6, 1e-7
 #: difference of two steps, and of neighbouring states, relative, that is none
 SAME, ROUNDING = 1e-6, 1e-12
-#: angle in a step from which on prescribed motion is a fast one
-FAST = 0.25
 #: Newton iterations of a step that is looked at for other solutions (most take two to five, some
 #: with kept factors up to eight), those that each other part of a composed step takes, and how far
 #: off (rad, or relative to the range of its motion) is what neighbouring steps lead to
 MANY, USUAL, FAR = 6, 4, 0.25
-#: states, evenly spread, that tell the range of a motion
-SPREAD = 50
+#: states, evenly spread, that tell the range of a motion; the part of a step that tells a velocity
+SPREAD, SMALL = 50, 1e-3
 #: coordinates that are looked at together: so many stay in the cache
 CACHED = 2**16
 #: states at which compression is looked at; step times the frequency with which it drives rotations
@@ -53,8 +54,8 @@ class Resolution:
     Attributes
     ----------
     error : float
-        Estimate of the largest error of a position that fifty steps make, relative to the range of
-        the position that moves most in what it is connected with.
+        Estimate of the largest error of a position that fifty steps make, or all of a shorter run,
+        relative to the range of the position that moves most in what it is connected with.
     turn : float
         Largest rotation of a frame in a step (rad), mean over a window: one jolt does not count.
     period : float
@@ -81,14 +82,15 @@ class Resolution:
 def resolution(system: System, history: History) -> Resolution | None:
     """Look at windows of a history; None where it does not tell.
 
-    It does not without two neighbouring states (for an error eight), and where prescribed motion
-    turns or vibrates fast: a step has it right at its end, whatever happens in between.
+    It does not of less than two states (for an error six). Motion is that against the
+    ground that moves a part, if any does; what drives and joints prescribe wholly does not count.
 
     Parameters
     ----------
     system : System
     history : History
-        With equal steps. Only states that are one step apart are compared.
+        With equal steps. States that are one step apart are compared; where there are none, what
+        velocities do in a step is compared with the way that the motion covers.
 
     Returns
     -------
@@ -96,25 +98,20 @@ def resolution(system: System, history: History) -> Resolution | None:
     """
     rows = _windows(history)
     if rows.shape[1] < 2:
-        return None
+        return _by_velocities(system, history) if len(history) >= ENOUGH else None
     told = rows.shape[1] >= ENOUGH
-    if system.moving and (not told or _fast_ground(system, history.times[rows]).any()):
-        return None
-    states, seen = history["q"].reshape(len(history), -1, 3), []
-    few = max(1, CACHED // (rows.shape[1] * system.n))
-    for k in range(0, len(rows), few):
-        y = states[rows[k : k + few]]
-        seen.append((y.take(system.origin_rows, axis=2), _turns(system, y)))
-    # (windows, states, vertices, 3), (windows, frames)
-    places, turns = (np.concatenate(arrays) for arrays in zip(*seen, strict=True))
+    steps = min(STEPS, int(np.ptp(history["step"])))
+    y = _beside(system, history["q"].reshape(len(history), -1, 3)[rows], history.times[rows])
+    places, turns = y.take(system.origin_rows, axis=2), _turns(system, y)
     part, extent = _extents(system, places)
-    third, angle = _differences(places)
+    third, chord = _differences(places)
     with np.errstate(all="ignore"):
-        most = 2 * third / np.minimum(angle, 2.0) ** 3
-        off = np.minimum(STEPS * SHARE * third, most)
+        cubed = np.minimum(chord, 2.0) ** 3
+        off = np.minimum(steps * SHARE * third, 2 * third / cubed)
     # a few steps do not tell how far a motion goes, and one of rounding goes nowhere
     moves = told & (extent > NOISE * system.length)
     off = np.where(moves[part], np.fmax(off, 0.0) / np.where(moves, extent, 1.0)[part], 0.0)
+    off = np.minimum(off, steps * SHARE * cubed / 2)  # of what vibrates it covers less in a few
     w, v = np.unravel_index(int(off.argmax()), off.shape)
     turn, turning = float(turns.max(initial=0.0)), ""
     if turns.size:
@@ -123,11 +120,32 @@ def resolution(system: System, history: History) -> Resolution | None:
     return Resolution(
         float(off[w, v]),
         turn,
-        float(2 * np.pi / angle[w, v]) if angle[w, v] > 0 else np.inf,
+        float(2 * np.pi / chord[w, v]) if chord[w, v] > 0 else np.inf,
         owner(system, int(system.origin_rows[v])).label,
         turning,
         float(history.times[rows[w, -1]]),
     )
+
+
+def _by_velocities(system: System, history: History) -> Resolution:
+    """Of states that are steps apart: a vibration moves by ``h omega`` of its size in a step."""
+    k, count = spread(len(history), SPREAD), int(np.ptp(history["step"]))
+    h, t, q = float(np.ptp(history.times)) / count, history.times[k], history["q"][k]
+    moved = q + SMALL * h * Projection(system).velocities(q, history["p"][k], t)
+    places, later = (
+        _beside(system, each.reshape(len(k), -1, 3), at).take(system.origin_rows, axis=1)
+        for each, at in ((q, t), (moved, t + SMALL * h))
+    )
+    part, extent = _extents(system, places)
+    size = np.where(extent > NOISE * system.length, extent, np.inf)[part] / 2
+    ways = np.nan_to_num(np.linalg.norm(later - places, axis=-1) / SMALL / size)
+    angles = np.sqrt(2 * (ways**2).mean(0))  # a vibration's, and less of what moves once
+    vertex = int(angles.argmax())
+    angle = max(float(angles[vertex]), ROUNDING)
+    item = owner(system, int(system.origin_rows[vertex])).label
+    off = min(min(STEPS, count) * SHARE * angle**3 / 2, 1.0)
+    time = float(t[ways[:, vertex].argmax()])
+    return Resolution(off, 0.0, 2 * np.pi / angle, item, "", time)
 
 
 def doubtful_steps(system: System, history: History, most: int | None = None) -> NDArray[np.bool_]:
@@ -138,8 +156,7 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     iterations, or more than one attempt, and ends where its neighbours do not lead to: third
     differences with them are large. Which solution is the right one is not known.
 
-    Steps between states that are not recorded one by one, and those in which prescribed motion is
-    fast, are not looked at.
+    Steps between states that are not recorded one by one are not looked at.
 
     Parameters
     ----------
@@ -173,14 +190,12 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     starts = starts[(starts >= 0) & (starts < len(history) - 3)]
     next_to = _neighbours(history)
     starts = starts[next_to[starts[:, None] + np.arange(3)].all(1)]
-    if system.moving and len(starts):
-        ends = history.times[starts], history.times[starts + 3]
-        starts = starts[~_fast_ground(system, np.linspace(*ends, 7, axis=1), 0.5)]
     if not len(starts):
         return out
-    q = history["q"]
-    some = q[:: -(-len(q) // SPREAD)]
-    places = some.reshape(len(some), -1, 3).take(system.origin_rows, axis=1)
+    q, times = history["q"], history.times
+    some = slice(None, None, -(-len(q) // SPREAD))
+    places = _beside(system, q[some].reshape(-1, system.rows, 3), times[some])
+    places = places.take(system.origin_rows, axis=1)
     part, extent = _extents(system, places)
     moves = extent > NOISE * system.length
     scale = np.full((system.rows, 3), shares.max() ** 3 / FAR)
@@ -188,8 +203,9 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
     few = max(1, CACHED // q.shape[1])
     for k in (starts[i : i + few] for i in range(0, len(starts), few)):
-        third = q[k + 3] - q[k]
-        third -= 3 * (q[k + 2] - q[k + 1])
+        four = k[:, None] + np.arange(4)
+        y = _beside(system, q[four].reshape(*four.shape, -1, 3), times[four])
+        third = np.diff(y, 3, axis=1).reshape(len(k), -1)
         third *= scale.ravel()
         maybe = ~(np.einsum("kn,kn->k", third, third) <= 1)  # of all nodes together
         third = third[maybe].reshape(-1, 1, system.rows, 3)
@@ -256,6 +272,18 @@ def _parts(system: System) -> IndexArray:
     return connected_parts(system).part[system.origin_rows]
 
 
+@once_for_each
+def _free(system: System) -> NDArray[np.bool_]:
+    """Rows (rows,) that can move while drives and ground are at rest, or others of their frame."""
+    p = system.mass @ np.random.default_rng(0).standard_normal((system.rows, 3))
+    y0 = system.extend(system.q0, 0.0)
+    v = saddle_point(system)(y0, p.ravel(), np.zeros(system.m))[0]
+    out = np.linalg.norm(v.reshape(-1, 3), axis=1) > NOISE
+    axes = _frames(system)[:, None] + np.arange(1, 4)
+    out[axes] = out[axes].any(1, keepdims=True)
+    return np.asarray(out)
+
+
 def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
     """The separate part that each vertex is of, and of each part the way of what moves most."""
     part = _parts(system)
@@ -278,13 +306,26 @@ def _differences(places: Floats) -> tuple[Floats, Floats]:
         return third, np.where(some, np.sqrt(fifth / third), 0.0)
 
 
-def _fast_ground(system: System, times: Floats, part: float = 1.0) -> NDArray[np.bool_]:
-    """Whether what is prescribed in windows of times (w, n) is far from linear in a step.
+def _beside(system: System, y: Floats, times: Floats) -> Floats:
+    """Configurations (..., rows, 3) at times: parts tied to the ground as seen from what moves it.
 
-    `part`: of a step from time to time.
+    What cannot move but with drives and ground stays where it was.
     """
-    ground = np.array([[system.ground(t) for t in each] for each in times.tolist()])
-    return np.asarray(_differences(ground)[1].max(1, initial=0.0) > part * FAST)
+    if not system.moving:
+        return y
+    out, drives = y.copy(), {system.row_of(drive.place) - system.rows for drive in system.drives}
+    own = [k for k in range(4, system.grounds.rows, 4) if k not in drives]
+    if own:
+        ground = np.array([system.ground(t) for t in times.ravel().tolist()])
+        frames = ground.reshape(*times.shape, -1, 3)
+        tied = ~connected_parts(system).free[connected_parts(system).part]
+        places = system.origin_rows[tied[system.origin_rows]]
+        out[..., places, :] -= frames[..., own, :].mean(-2)[..., None, :]
+        axes = frames[..., own[0] + 1 : own[0] + 4, :].swapaxes(-1, -2)
+        out[..., tied, :] = out[..., tied, :] @ axes
+    held = ~_free(system)
+    out[..., held, :] = system.q0.reshape(-1, 3)[held]
+    return out
 
 
 def _largest(differences: Floats) -> Floats:

@@ -17,6 +17,7 @@ from ..diagnostics import (
     doubtful_steps,
     multipliers,
     resolution,
+    unseen,
 )
 from ..diagnostics.resolution import MOST_OFF
 from ..diagnostics.stacked import all_rows
@@ -436,6 +437,7 @@ def _warn_of_motion(
 
     Explicit integrators have steps within steps.
     """
+    why.warn_of_inputs(recorded)
     if equal and why.integrator.solves:
         why.warn(recorded)
     with np.errstate(all="ignore" if failure is not None else None):  # it may have blown up
@@ -598,7 +600,7 @@ class StepNumbers:
         if found.error > MOST_OFF and self.integrator.order <= 2:
             warn(
                 "argument step",
-                f"steps of {self.h:.3g} s do not resolve the motion: fifty of them put the"
+                f"steps of {self.h:.3g} s do not resolve the motion: they put the"
                 f" {found.item} off by some {100 * min(found.error, 1.0):.0f} % of the range of its"
                 f" motion, as a period of what moves it has {found.period:.2g} steps; take smaller"
                 " ones, and compare",
@@ -615,6 +617,13 @@ class StepNumbers:
                 AccuracyWarning,
                 found.time,
             )
+
+    def warn_of_inputs(self, history: History) -> None:
+        """Say which load, drive or moving ground does what steps do not see."""
+        single = self.integrator.single.scheme(self.h)
+        found = unseen(self.system, history, single is not None and single.at_end)
+        if found is not None:
+            warn(*found, AccuracyWarning)
 
     def turn_at_end(self, history: History) -> None:
         """Count how far a frame turns in the step that failed, by its velocity at the start."""

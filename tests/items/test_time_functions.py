@@ -72,7 +72,7 @@ FUNCTIONS = {
 @pytest.mark.parametrize("name", FUNCTIONS)
 @integrators
 @pytest.mark.parametrize("step", [0.05, 0.013])
-@pytest.mark.filterwarnings("ignore:argument until")
+@pytest.mark.filterwarnings("ignore:argument until", "ignore:load 'load'.*cancels in their means")
 def test_momentum_of_a_point_is_the_integral_of_its_load(name, integrator, step):
     """At every node, to rounding, wherever the kinks are."""
     time, integral = FUNCTIONS[name]

@@ -121,9 +121,13 @@ def test_one_jolt_does_not_count():
     assert not steps_warned(run(model, 0.01))
 
 
-def test_states_apart_tell_nothing():
-    history = run(spring(), 0.3, 60, every=3)
-    assert resolution(spring().freeze(), history) is None
+@pytest.mark.parametrize(("turn", "told"), [(0.1, False), (3.0, True)])
+def test_states_apart_tell_by_their_velocities(turn, told):
+    """Third differences of states three steps apart would take 9 rad for 9 - 2 pi."""
+    history = run(spring(), turn / 10.0, 60, every=3)
+    found = resolution(spring().freeze(), history)
+    assert found.period == pytest.approx(2 * np.pi / turn, rel=0.15)
+    assert bool(steps_warned(history)) == told
 
 
 def test_a_body_that_turns_too_fast_is_named_where_its_step_fails():

@@ -1,0 +1,132 @@
+"""What enters a run, compared with its steps: they do not see all that happens between their ends.
+
+Prescribed motion acts at the ends of steps, and so do loads of some schemes. Others take the exact
+mean of a load over a step: a short pulse is whole, but what vibrates cancels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import cast
+
+import numpy as np
+
+from ..errors import InputError
+from ..frames import Motion
+from ..history import History
+from ..joint import JointDrive
+from ..model import System
+from ..time_function import Constant
+from ..types import ArrayLike, Floats, spread
+
+#: pieces of a step, steps that are looked at most, and the fewest that tell how far a function goes
+PIECES, LOOKS, FEW = 16, 1000, 6
+#: part of what a function does that steps may miss, and the part of its size that is rounding
+MISSED, ROUNDING = 0.1, 1e-9
+#: steps of a period that resolve it
+RESOLVED = 20
+
+
+def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] | None:
+    """Label of the load, drive or moving ground of which steps miss most, and what is said of it.
+
+    None if the steps of the run see what enters it, or are fewer than six. Up to a thousand of them
+    are looked at, recorded or not, and those in which a load has a declared kink.
+
+    Parameters
+    ----------
+    system : System
+    history : History
+    at_ends : bool
+        Whether loads act at the ends of steps, as in generalized-alpha schemes; else by their
+        means.
+
+    Examples
+    --------
+    >>> import skfem_cosserat as sc
+    >>> model = sc.Model()
+    >>> ball = model.add("ball", sc.MassPoint(1.0))
+    >>> load = sc.LoadForce(ball.place(), (1.0, 0, 0), sc.Harmonic(1.0, frequency=50.0))
+    >>> load = model.add("hum", load)
+    >>> run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.001, until=0.1)
+    >>> unseen(model.freeze(), run, at_ends=False) is None
+    True
+    """
+    steps = history["step"]
+    ends = np.interp(np.arange(steps[0], steps[-1] + 1), steps, history.times)
+    if len(ends) <= FEW:
+        return None
+    try:
+        found = [(_missed(*each[1:], ends), each) for each in _entering(system, at_ends)]
+    except InputError:  # a function of the user's that is not known at all times
+        return None
+    if not found:
+        return None
+    (share, step), (item, *_, mean) = max(found, key=lambda each: each[0])
+    if share <= MISSED:
+        return None
+    what = "cancels in their means" if mean else "is between their ends"
+    return item, (
+        f"steps of {np.diff(ends).max():.3g} s do not see what it does:"
+        f" {100 * min(share, 1.0):.0f} % of it {what}, which act; take steps of {step:.2g} s, and"
+        " compare"
+    )
+
+
+#: item, function of time, its declared kinks, and whether its means over steps act
+_Entering = tuple[str, Callable[[float], ArrayLike], Sequence[float], bool]
+
+
+def _entering(system: System, at_ends: bool) -> Iterator[_Entering]:
+    for loads in (system.loading, system.couplings):
+        for time, owner in zip(loads.times, loads.owners, strict=True):
+            if not isinstance(time, Constant):
+                kinks = getattr(time, "times", getattr(time, "kinks", ()))
+                yield owner.label, time.value, kinks, not at_ends
+    for drive in system.drives:
+        angle = drive.coordinate.kind == "angle"
+        yield drive.label, partial(_turned, drive) if angle else drive.value, (), False
+    drives = {id(drive.place) for drive in system.drives}
+    for place in {id(p.motion): p for p in system.moving if id(p) not in drives}.values():
+        yield place.label, partial(cast(Motion, place.motion).frame, place), (), False
+
+
+def _turned(drive: JointDrive, t: float) -> tuple[float, float]:
+    return math.cos(drive.value(t)), math.sin(drive.value(t))
+
+
+def _missed(
+    function: Callable[[float], ArrayLike],
+    kinks: Sequence[float],
+    mean: bool,
+    ends: Floats,
+) -> tuple[float, float]:
+    """Part of a function that steps between these instants miss, and a step (s) that does not."""
+    inside = [kink for kink in kinks if ends[0] < kink < ends[-1]]
+    steps = np.union1d(
+        spread(len(ends) - 1, LOOKS), np.searchsorted(ends, inside, side="right") - 1
+    )
+    knots = ends[steps, None] + np.diff(ends)[steps, None] * np.linspace(0, 1, PIECES + 1)
+    grid = np.union1d(knots, inside)
+    width, t = np.diff(grid), (grid[1:] + grid[:-1]) / 2
+    own = np.searchsorted(ends, t) - 1
+    looked = np.isin(own, steps)
+    width, t, own = width[looked], t[looked], own[looked]
+    knots = np.union1d(ends[steps], ends[steps + 1])
+    f, at_knots = (np.array([np.ravel(function(s)) for s in each.tolist()]) for each in (t, knots))
+    if mean:
+        missed = width @ abs(f[:, 0]) - abs(np.bincount(own, width * f[:, 0])).sum()
+    else:
+        chords = np.stack([np.interp(t, knots, values) for values in at_knots.T], axis=1)
+        missed = width @ np.linalg.norm(f - chords, axis=1)
+        line = np.vander(t - t.mean(), 2)  # what is constant, or moves evenly, moves nothing
+        f = f - line @ np.linalg.lstsq(line, f, rcond=None)[0]
+    whole = width @ np.linalg.norm(f, axis=1)
+    if whole <= ROUNDING * width.sum() * abs(at_knots).max():
+        return 0.0, np.inf
+    # that of a sine with the same mean size and slope
+    changes = np.linalg.norm(np.diff(f, axis=0), axis=1).sum()
+    period = 2 * np.pi * whole / max(changes, ROUNDING * whole)
+    return float(missed / whole), min(period / RESOLVED, float(np.diff(ends).max()) / 2)
