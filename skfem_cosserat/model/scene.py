@@ -14,6 +14,7 @@ import numpy as np
 from ..body import MassPoint, RigidBody
 from ..coupling import Coupling, Foundation
 from ..damping import RayleighDamping
+from ..arguments import checked
 from ..errors import IncompatibleError, InputError, ModelWarning
 from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
@@ -480,6 +481,7 @@ def takes_scene(
     """Let a function of a system take a model as well, by :func:`system_of`."""
     parameters = signature(function).parameters
     name = next(iter(parameters))
+    function = checked(function)
 
     @wraps(function)
     def taking(*args: Any, **kwargs: Any) -> ReturnT:
