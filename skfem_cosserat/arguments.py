@@ -78,7 +78,7 @@ def fits(value: Any, hint: Any) -> bool:
         return isinstance(value, NoneType | str | bool | int) and value in of
     if kind in _KINDS:
         return _KINDS[kind][1](value)
-    if not isinstance(kind, type) or getattr(kind, "_is_protocol", False):
+    if kind is Any or not isinstance(kind, type) or getattr(kind, "_is_protocol", False):
         return True
     if isinstance(value, np.ndarray) and issubclass(kind, Iterable):
         return True

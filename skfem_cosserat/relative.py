@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arguments import checked
 from .frames import Place, ground, vector
 from .frozen import Attached, Replacements
 from .kernels import cross
@@ -52,6 +53,7 @@ class Expression(Attached):
         return Expression(tuple(terms))
 
 
+@checked
 def point(place: Place) -> Expression:
     """``x = phi + X_i d_i`` of a place."""
     terms = [(place, 0, 1.0)]
@@ -59,6 +61,7 @@ def point(place: Place) -> Expression:
     return Expression(tuple(terms))
 
 
+@checked
 def direction(place: Place, axis: Floats) -> Expression:
     """``n = n_i d_i``, the direction that is `axis` in space in the reference configuration."""
     return _of_directors(place, place.material(vector("direction", "axis", axis)).tolist())

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError
 from ..figures import check_folder, legend, panels, write_figure
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 ErrorSize = float | dict[str, float]
 
 
+@checked
 @dataclass
 class Advice:
     """Result of :func:`advise`.
@@ -195,6 +197,7 @@ def _worth_telling(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 CHAOS = 1e3
 
 
+@checked
 def advise(
     model: Model | System,
     quantities: Mapping[str, Sensor | Callable[..., ArrayLike]],

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, identity, kron
 from scipy.sparse.linalg import splu
 
+from ..arguments import checked
 from ..constraints.base import RowSpace, massless, rows_touching
 from ..constraints.saddle import SaddlePoint, nearest_velocity
 from ..constraints.stacked import nearest_velocities, stacked_multipliers
@@ -483,6 +484,7 @@ _RULES: dict[str, type[_Rule]] = {
 }
 
 
+@checked
 class Projection:
     """Projection ``Q p = M v`` of momenta on the hidden constraints ``G v + g_t = 0`` (39), (46).
 

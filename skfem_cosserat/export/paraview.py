@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import IncompleteWarning, InputError
 from ..history import History
 from ..history.file import write_at
@@ -491,6 +492,7 @@ class _Index:
         self._end += len(line)
 
 
+@checked
 def prepare_folder(folder: Path) -> None:
     """Make the folder and try to write into it: to be called before long work.
 
@@ -523,6 +525,7 @@ def prepare_folder(folder: Path) -> None:
         ) from error
 
 
+@checked
 class ParaViewWriter:
     """Write frames one by one, also while a simulation runs.
 
@@ -741,6 +744,7 @@ def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
     return [int(i) for i in np.unique(nearest)]
 
 
+@checked
 def write_paraview(
     history: History,
     folder: str | os.PathLike[str],

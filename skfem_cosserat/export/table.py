@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import InputError
 from ..history import History
 from ..history.file import plain
@@ -42,6 +43,7 @@ def _header(name: str, array: np.ndarray) -> list[str]:
     return [f"{name}_{end}" for end in ends]
 
 
+@checked
 def write_csv(
     history: History, path: str | os.PathLike[str], names: Sequence[str] | None = None
 ) -> Path:
@@ -97,6 +99,7 @@ def write_csv(
     return write_rows(path, notes, header, zip(*columns, strict=True), "skfem-cosserat history")
 
 
+@checked
 def write_rows(
     path: str | os.PathLike[str],
     notes: Mapping[str, Any],

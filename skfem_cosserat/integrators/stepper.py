@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..compiled.kept import Source
 from ..constraints import BoundTreatment, Treatment
 from ..constraints.saddle import nearest_velocity
@@ -152,6 +153,7 @@ def _check_methods(integrator: object, treatment: object) -> None:
     check_kind("argument treatment", treatment, Treatment, ": NullSpace() or Multipliers()")
 
 
+@checked
 class Stepper:
     """Solves step after step, of one size unless another one is asked for.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import MeshError
 from ..types import Floats, IndexArray
 from .topology import element_count
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 STRAIGHT = 1e-9
 
 
+@checked
 def divided(
     mesh: MeshT, elements: int, keep: Sequence[tuple[int, float]] = (), beam: str | None = None
 ) -> MeshT:

@@ -13,6 +13,7 @@ import numpy as np
 from skfem import MeshLine1
 from skfem.mapping import Mapping as SkfemMapping
 
+from ..arguments import checked
 from ..errors import MeshError
 from ..frozen import Frozen
 from ..types import Array, Floats, IndexArray, VectorLike, check_kind, switch
@@ -30,6 +31,7 @@ from .topology import (
 # -- the arc-length mapping scikit-fem evaluates bases with ----------------------------------------
 
 
+@checked
 class MappingCurve(SkfemMapping):
     """Maps [0, 1] onto each element of a space curve, proportionally to arc length.
 
@@ -817,6 +819,7 @@ def locked(sets: Any) -> Any:
 # -- reading and writing meshes of lines: gmsh, VTU and what else meshio reads ---------------------
 
 
+@checked
 def read_mesh(path: str | PathLike[str]) -> MeshCurve:
     """Mesh from the straight lines of a file.
 
@@ -851,6 +854,7 @@ def read_mesh(path: str | PathLike[str]) -> MeshCurve:
     return MeshCurve.load(path)
 
 
+@checked
 def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | None = None) -> None:
     """Write vertices, elements and names without loss.
 

@@ -10,6 +10,7 @@ from scipy.linalg import eig, eigh
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
+from ..arguments import checked
 from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, InputError
 from ..history import History
@@ -34,6 +35,7 @@ STEP = 1e-40
 REAL = 1e-6
 
 
+@checked
 @dataclass(eq=False, repr=False)
 class Buckling:
     """Critical load factors and buckling modes.

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import InputError
 from ..history import History
 from ..model import System, takes_scene
@@ -115,6 +116,7 @@ def _moved(at: Equilibrium, increment: Floats) -> Floats:
 GROWTH = 1e-9
 
 
+@checked
 @dataclass(eq=False, repr=False)
 class Modes:
     """Modes ``dq = Re(shape exp(s t))``, the slowest first.

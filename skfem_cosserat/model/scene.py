@@ -11,10 +11,10 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 
+from ..arguments import checked
 from ..body import MassPoint, RigidBody
 from ..coupling import Coupling, Foundation
 from ..damping import RayleighDamping
-from ..arguments import checked
 from ..errors import IncompatibleError, InputError, ModelWarning
 from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
@@ -200,6 +200,7 @@ ParametersT = ParamSpec("ParametersT")
 ReturnT = TypeVar("ReturnT")
 
 
+@checked
 class Model:
     """A scene: beams, bodies, mass points; joints, drives; loads, force elements, damping.
 
@@ -393,6 +394,7 @@ class Model:
         return system
 
 
+@checked
 def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planarity:
     """Whether a scene stays in a plane, which one, and if not what leaves it, by how much.
 
