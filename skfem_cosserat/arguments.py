@@ -1,25 +1,24 @@
-"""Arguments of public calls: the one that does not fit the signature is named in an InputError.
+"""Arguments of public calls: one that does not fit the signature is named in an InputError.
 
-Constructors and functions check what they know best themselves, by :mod:`skfem_cosserat.types`.
-Everything else that an argument can be wrong in stands in its annotation. It is read when a call
-has failed, so calls that are right pay nothing.
+Constructors and functions check what they know best themselves, with :mod:`skfem_cosserat.types`.
+All else that an argument has to be stands in its annotation, which is read when a call has failed:
+calls that are right pay nothing.
 """
 
 from __future__ import annotations
 
 import builtins
-import os
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import wraps
-from inspect import BoundArguments, Parameter, Signature, isgeneratorfunction, signature, unwrap
-from types import FunctionType, NoneType, UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin
+from inspect import Parameter, signature, unwrap
+from types import FunctionType, GenericAlias, NoneType, UnionType
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 
 from .errors import CosseratError, InputError
-from .types import NUMBERLESS, floats, shown
+from .types import NUMBERLESS, Floats, floats, shown
 
 T = TypeVar("T")
 
@@ -28,121 +27,96 @@ FOREIGN = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError)
 
 
 class _Numbers:
-    """Stands for array types in annotations."""
+    """Real numbers in an array of any shape."""
 
 
-class _Vector(_Numbers):
-    """Stands for three numbers."""
-
-
-def _shape(value: Any) -> tuple[int, ...] | None:
-    """Shape of real numbers, None of anything else."""
-    try:
-        return floats(value).shape
-    except NUMBERLESS:
-        return None
-
-
-#: what stands in an annotation, in words, and whether a value is one
-_KINDS: dict[Any, tuple[str, Callable[[Any], bool]]] = {
-    _Numbers: ("real numbers", lambda value: _shape(value) is not None),
-    _Vector: ("three real numbers", lambda value: _shape(value) == (3,)),
-    float: ("a real number", lambda value: _shape(value) == ()),
-    int: ("an integer", lambda value: _shape(value) == () and float(value).is_integer()),
-    bool: ("True or False", lambda value: isinstance(value, bool | np.bool_)),
-    str: ("text", lambda value: isinstance(value, str)),
-    os.PathLike: ("the name of a file", lambda value: isinstance(value, os.PathLike)),
-    NoneType: ("None", lambda value: value is None),
-    Callable: ("a function", callable),
-}
-_ARRAYS = dict.fromkeys(("Array", "ArrayLike", "Floats", "IndexArray", "NDArray"), _Numbers)
+class _Vector:
+    """Three real numbers."""
 
 
 class _Names(dict[str, Any]):
-    """Names in the annotations of a function; those that only type checkers import are public."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        known = unwrap(function).__globals__  # type: ignore[attr-defined]
-        super().__init__(vars(builtins) | known | _ARRAYS | {"VectorLike": _Vector})
+    """Names in annotations; those that only type checkers import are public ones."""
 
     def __missing__(self, name: str) -> Any:
         return getattr(sys.modules[str(__package__)], name, Any)
 
 
+def _sizes(value: Any) -> Floats:
+    """Real numbers, no numbers of anything else."""
+    try:
+        return floats(value)
+    except NUMBERLESS:
+        return np.zeros((0,) * 9)
+
+
+#: what an annotation asks for, in words, and whether a value is that
+_KINDS: dict[Any, tuple[str, Callable[[Any], bool]]] = {
+    _Numbers: ("real numbers", lambda value: _sizes(value).ndim < 9),
+    _Vector: ("three real numbers", lambda value: _sizes(value).shape == (3,)),
+    float: ("a real number", lambda value: _sizes(value).shape == ()),
+    int: ("an integer", lambda value: isinstance(value, int | np.integer)),
+    NoneType: ("None", lambda value: value is None),
+    Any: ("anything", lambda value: True),
+    ...: ("", lambda value: False),  # of tuple[float, ...]
+}
+#: types of arrays, which take whatever becomes one
+_ARRAYS: dict[str, type] = dict.fromkeys(("Array", "ArrayLike", "Floats", "IndexArray"), _Numbers)
+
+
 def fits(value: Any, hint: Any) -> bool:
-    """True if a value is of the kind that an annotation asks for, as far as that can be told."""
+    """True if a value is what an annotation asks for, as far as that can be told."""
     kind, of = get_origin(hint) or hint, get_args(hint)
     if kind in (Union, UnionType):
         return any(fits(value, each) for each in of)
     if kind is Literal:
-        return isinstance(value, NoneType | str | bool | int) and value in of
+        return repr(value) in map(repr, of)
     if kind in _KINDS:
         return _KINDS[kind][1](value)
-    if kind is Any or not isinstance(kind, type) or getattr(kind, "_is_protocol", False):
+    if isinstance(value, np.ndarray) and value.ndim and kind in (Sequence, Iterable, Collection):
+        value = list(value)
+    try:
+        if not isinstance(value, kind):
+            return False
+    except TypeError:  # a type variable, or a protocol, which cannot be asked
         return True
-    if isinstance(value, np.ndarray) and issubclass(kind, Iterable):
-        return True
-    return isinstance(value, kind) and (not of or _entries_fit(value, of))
-
-
-def _entries_fit(value: Any, of: tuple[Any, ...]) -> bool:
-    """True if the entries of a container fit; what can be gone through only once is believed."""
-    if isinstance(value, Mapping) and len(of) == 2:
-        return _entries_fit([*value], of[:1]) and _entries_fit([*value.values()], of[1:])
-    if not isinstance(value, Collection):
-        return True
-    if isinstance(value, tuple) and of[-1] is not Ellipsis:
-        return len(value) == len(of) and all(map(fits, value, of))
-    return all(fits(each, of[0]) for each in value)
+    if isinstance(value, Mapping):
+        value, of = value.values(), of[-1:]
+    inside = value if of and isinstance(value, Collection) else ()
+    return all(any(fits(entry, each) for each in of) for entry in inside)
 
 
 def _in_words(hint: Any) -> str:
-    kind, of = get_origin(hint) or hint, get_args(hint)
-    if kind in (Union, UnionType):
-        return " or ".join(dict.fromkeys(map(_in_words, of)))
-    if kind is Literal:
-        return " or ".join(map(repr, of))
-    if kind in _KINDS:
-        return _KINDS[kind][0]
-    name = getattr(kind, "__name__", str(kind))
-    many = f" with {_in_words(of[0])} in it" if of and issubclass(kind, Collection) else ""
-    return f"an object of type {name}{many}"
-
-
-def _given(bound: BoundArguments) -> Iterator[tuple[str, Any, Any]]:
-    """Name, value and annotation of what was given."""
-    for name, value in bound.arguments.items():
-        parameter = bound.signature.parameters[name]
-        if parameter.kind is Parameter.VAR_KEYWORD:
-            yield from ((each, given, parameter.annotation) for each, given in value.items())
-        elif parameter.kind is Parameter.VAR_POSITIONAL:
-            yield from ((name, given, parameter.annotation) for given in value)
-        elif parameter.annotation is not Signature.empty:
-            yield name, value, parameter.annotation
+    kind = get_origin(hint) or hint
+    if kind in (Union, UnionType, Literal):
+        return " or ".join(dict.fromkeys(map(_in_words, get_args(hint))))
+    return _KINDS[kind][0] if kind in _KINDS else getattr(kind, "__name__", repr(kind))
 
 
 def _check(function: Callable[..., Any], args: Any, kwargs: Any, error: Exception) -> None:
-    """Raise InputError from an error, if an argument of the call that raised it does not fit."""
+    """Raise InputError from an error, if an argument of the call that ended in it does not fit."""
+    names = vars(builtins) | unwrap(function).__globals__ | _ARRAYS | {"VectorLike": _Vector}
     try:
-        asked = signature(function, eval_str=True, locals=_Names(function))
-        bound = asked.bind(*args, **kwargs)
-    except TypeError:  # not a call of this function: Python's own message says why
+        asked = signature(function, eval_str=True, locals=_Names(names))
+        given = asked.bind(*args, **kwargs).arguments
+    except TypeError:  # no call of this function: Python's own text says why
         return
-    item = function.__qualname__.removesuffix(".__init__")
-    for name, value, hint in _given(bound):
-        if not fits(value, hint):
-            raise InputError(
-                item, f"{name} = {shown(value)}, expected {_in_words(hint)}"
-            ) from error
-    for name, value, _ in _given(bound):
-        if _shape(value) is not None and not np.isfinite(floats(value)).all():
-            raise InputError(item, f"{name} = {shown(value)}, expected finite numbers") from error
+    hints = {name: each.annotation for name, each in asked.parameters.items()}
+    for name, each in asked.parameters.items():
+        if each.kind is Parameter.VAR_POSITIONAL:
+            hints[name] = GenericAlias(tuple, (each.annotation, ...))
+        elif each.kind is Parameter.VAR_KEYWORD or each.annotation is Parameter.empty:
+            given.pop(name, None)
+    unfit = {name: _in_words(hints[name]) for name in given if not fits(given[name], hints[name])}
+    endless = [name for name in given if not np.isfinite(_sizes(given[name])).all()]
+    for name, expected in (unfit or dict.fromkeys(endless, "finite numbers")).items():
+        text = f"{name} = {shown(given[name])}, expected {expected}"
+        raise InputError(function.__qualname__.removesuffix(".__init__"), text) from error
 
 
 def checked(thing: T) -> T:
     """A public function, or a class with its public methods, whose arguments are checked.
 
-    Errors of Python or numpy become an InputError if an argument does not fit its annotation.
+    Errors of Python or numpy become an InputError where an argument does not fit its annotation.
 
     Examples
     --------
@@ -156,29 +130,24 @@ def checked(thing: T) -> T:
         ...
     skfem_cosserat.errors.InputError: halved: length = 'long', expected a real number
     """
+    if isinstance(thing, classmethod):
+        return type(thing)(checked(thing.__func__))
     if isinstance(thing, type):
         for name, own in list(vars(thing).items()):
-            if name == "__init__" or not name.startswith("_"):
-                _check_method(thing, name, own)
+            public = name == "__init__" or not name.startswith("_")
+            if public and isinstance(own, FunctionType | classmethod):
+                type.__setattr__(thing, name, checked(own))
         return thing
-    if not isinstance(thing, FunctionType) or isgeneratorfunction(thing):
-        return thing
+    function = cast("Callable[..., Any]", thing)
 
-    @wraps(thing)
+    @wraps(function)
     def calling(*args: Any, **kwargs: Any) -> Any:
         try:
-            return thing(*args, **kwargs)
+            return function(*args, **kwargs)
         except CosseratError:
             raise
         except FOREIGN as error:
-            _check(thing, args, kwargs, error)
+            _check(function, args, kwargs, error)
             raise
 
-    return calling
-
-
-def _check_method(kind: type, name: str, own: Any) -> None:
-    if isinstance(own, classmethod | staticmethod):
-        type.__setattr__(kind, name, type(own)(checked(own.__func__)))
-    elif isinstance(own, FunctionType):
-        type.__setattr__(kind, name, checked(own))
+    return cast("T", calling)

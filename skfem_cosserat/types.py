@@ -45,9 +45,9 @@ NUMBERLESS = (OverflowError, TypeError, ValueError)
 
 
 def floats(value: Any) -> Floats:
-    """A fresh array; text, truth values and complex numbers are no real numbers (TypeError)."""
+    """A fresh array; text, None, truth values and complex numbers are no numbers (TypeError)."""
     array = np.asarray(value)
-    if array.dtype.kind not in "iufO":
+    if array.dtype.kind not in "iufO" or (array.dtype == object and None in list(array.flat)):
         raise TypeError
     return np.array(array, dtype=float)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -20,6 +20,7 @@ _GAUSS_X, _GAUSS_W = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]
 _ROUND = 64 * np.finfo(float).eps
 
 
+@runtime_checkable
 class Curve(Protocol):
     """What a curve has to offer; any object with these three can carry a beam."""
 
