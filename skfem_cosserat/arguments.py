@@ -23,11 +23,15 @@ from .types import NUMBERLESS, Floats, floats, shown
 T = TypeVar("T")
 
 #: errors of Python and numpy that a bad argument can end in
-FOREIGN = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError)
+FOREIGN = TypeError, ValueError, AttributeError, LookupError, ArithmeticError, NotImplementedError
 
 
 class _Numbers:
     """Real numbers in an array of any shape."""
+
+
+class _Array:
+    """Real numbers in an array, not a single one."""
 
 
 class _Vector:
@@ -52,6 +56,7 @@ def _sizes(value: Any) -> Floats:
 #: what an annotation asks for, in words, and whether a value is that
 _KINDS: dict[Any, tuple[str, Callable[[Any], bool]]] = {
     _Numbers: ("real numbers", lambda value: _sizes(value).ndim < 9),
+    _Array: ("an array of numbers", lambda value: 0 < _sizes(value).ndim < 9),
     _Vector: ("three real numbers", lambda value: _sizes(value).shape == (3,)),
     float: ("a real number", lambda value: _sizes(value).shape == ()),
     int: ("an integer", lambda value: isinstance(value, int | np.integer)),
@@ -59,8 +64,9 @@ _KINDS: dict[Any, tuple[str, Callable[[Any], bool]]] = {
     Any: ("anything", lambda value: True),
     ...: ("", lambda value: False),  # of tuple[float, ...]
 }
-#: types of arrays, which take whatever becomes one
-_ARRAYS: dict[str, type] = dict.fromkeys(("Array", "ArrayLike", "Floats", "IndexArray"), _Numbers)
+#: names of these in annotations
+_ARRAYS: dict[str, type] = {"ArrayLike": _Numbers, "VectorLike": _Vector}
+_ARRAYS |= dict.fromkeys(("Array", "Floats", "IndexArray"), _Array)
 
 
 def fits(value: Any, hint: Any) -> bool:
@@ -94,7 +100,7 @@ def _in_words(hint: Any) -> str:
 
 def _check(function: Callable[..., Any], args: Any, kwargs: Any, error: Exception) -> None:
     """Raise InputError from an error, if an argument of the call that ended in it does not fit."""
-    names = vars(builtins) | unwrap(function).__globals__ | _ARRAYS | {"VectorLike": _Vector}
+    names = vars(builtins) | unwrap(function).__globals__ | _ARRAYS
     try:
         asked = signature(function, eval_str=True, locals=_Names(names))
         given = asked.bind(*args, **kwargs).arguments

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from .arguments import checked
-from .errors import InputError
+from .errors import InputError, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -369,6 +369,8 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     ------
     InputError
         If the folder does not exist or cannot be written, or the ending is unknown.
+    StorageError
+        If the disk is full.
     """
     _finish(figure)
     if path is not None:
@@ -379,10 +381,11 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
             raise InputError(
                 f"file {str(path)!r}", f"ends with .{ending}, expected one of {', '.join(known)}"
             )
-        if ending == "html":
-            Path(path).write_text(_html(figure, Path(path).stem), encoding="utf-8")
-        else:
-            figure.savefig(path, dpi=150)
+        with writing(path):
+            if ending == "html":
+                Path(path).write_text(_html(figure, Path(path).stem), encoding="utf-8")
+            else:
+                figure.savefig(path, dpi=150)
     return figure
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..arguments import checked
-from ..errors import InputError
+from ..errors import InputError, writing
 from ..history import History
 from ..history.file import plain
 from ..types import check_kind
@@ -125,17 +125,16 @@ def write_rows(
     ------
     InputError
         If the file cannot be written.
+    StorageError
+        If the disk is full.
     """
     path = Path(path)
-    try:
-        with path.open("w", newline="", encoding="utf-8") as handle:
-            if title:
-                handle.write(f"# {title}\n")
-            for key, value in notes.items():
-                handle.write(f"# {key}: {json.dumps(plain(value, f'note {key!r}'))}\n")
-            writer = csv.writer(handle, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows(rows)
-    except OSError as error:
-        raise InputError(f"file {str(path)!r}", f"cannot be written: {error.strerror}") from error
+    with writing(path), path.open("w", newline="", encoding="utf-8") as handle:
+        if title:
+            handle.write(f"# {title}\n")
+        for key, value in notes.items():
+            handle.write(f"# {key}: {json.dumps(plain(value, f'note {key!r}'))}\n")
+        writer = csv.writer(handle, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
     return path

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
-from ..types import ArrayLike, Floats, VectorLike, real, shown, switch
+from ..types import ArrayLike, Floats, VectorLike, numbers, real, shown, switch
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -399,7 +399,7 @@ class CurveSpline(Frozen):
         from scipy.interpolate import CubicSpline  # slow to import, seldom needed
 
         switch("spline", self.closed, "closed")
-        points = np.array(self.points, dtype=float)
+        points = numbers("spline", "points", self.points)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + self.closed:
             raise MeshError(
                 "spline points",

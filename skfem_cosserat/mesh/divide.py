@@ -6,7 +6,7 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from .topology import element_count
 if TYPE_CHECKING:
     from .mesh import MeshCurve
 
-    MeshT = TypeVar("MeshT", bound=MeshCurve)
 
 # -- the same lines divided into other numbers of elements, fewer ones included --------------------
 
@@ -28,8 +27,8 @@ STRAIGHT = 1e-9
 
 @checked
 def divided(
-    mesh: MeshT, elements: int, keep: Sequence[tuple[int, float]] = (), beam: str | None = None
-) -> MeshT:
+    mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = (), beam: str | None = None
+) -> MeshCurve:
     """Copy of a mesh with another number of elements, finer or coarser than it is.
 
     Where lines meet, end, have a corner or a named node, or change their name there is a vertex

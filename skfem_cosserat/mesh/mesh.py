@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -14,9 +14,9 @@ from skfem import MeshLine1
 from skfem.mapping import Mapping as SkfemMapping
 
 from ..arguments import checked
-from ..errors import MeshError
+from ..errors import MeshError, writing
 from ..frozen import Frozen
-from ..types import Array, Floats, IndexArray, VectorLike, check_kind, switch
+from ..types import Array, ArrayLike, Floats, IndexArray, VectorLike, check_kind, switch
 from . import topology
 from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
 from .topology import (
@@ -772,7 +772,7 @@ class MeshCurve(Frozen, MeshLine1):
         mesh = replace(self, **arrays)
         return (mesh, vertices) if return_mapping else mesh
 
-    def moved(self, rotation: Any = None, shift: VectorLike = (0.0, 0.0, 0.0)) -> Self:
+    def moved(self, rotation: ArrayLike | None = None, shift: VectorLike = (0.0, 0.0, 0.0)) -> Self:
         """Copy moved by ``x -> rotation @ x + shift``; rotation (3, 3) may be a reflection."""
         return replace(self, **moved_arrays(self, rotation, shift))
 
@@ -788,7 +788,7 @@ class MeshCurve(Frozen, MeshLine1):
         return self.moved(np.eye(3) - 2.0 * np.outer(n, n), 2.0 * (n @ base) * n)
 
     # ------------------------------------------------------------------ scikit-fem's hooks
-    def elements_satisfying(self, test: Any) -> Array:
+    def elements_satisfying(self, test: Callable[[Array], Array]) -> Array:
         """Elements whose middle points (3, ne) on the curves satisfy a test."""
         return np.nonzero(test(self._mapping().F(np.array([[0.5]]))[:, :, 0]))[0].astype(np.int32)
 
@@ -873,6 +873,10 @@ def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | No
     ------
     MeshError
         If the format is unknown or cannot hold a name.
+    InputError
+        If the file cannot be written.
+    StorageError
+        If the disk is full.
 
     Examples
     --------
@@ -884,4 +888,5 @@ def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | No
     ['boom.msh']
     """
     check_kind("argument mesh", mesh, MeshCurve)
-    mesh.save(path, file_format=file_format)
+    with writing(path):
+        mesh.save(path, file_format=file_format)
