@@ -214,15 +214,8 @@ def advise(
 ) -> Advice:
     """Find out how simple a model, how coarse a mesh and how long a step a scene allows.
 
-    Every candidate is run through the whole event. First a reference is refined, in space and
-    time, until its own error is estimated below a tenth of the tolerance. Coarser meshes, other
-    orders and simpler models of each beam are then compared with each other at one step, and the
-    cheapest sum of their errors below the tolerance is run; from there the search goes to cheaper
-    neighbours as long as they are good. The model itself never changes.
-
-    Whatever else the machine does changes times, not iterations: costs are those times the least
-    that one has taken with that scene and method, and close ones are compared in runs that take
-    turns.
+    Every candidate is run through the whole event, and compared with a reference whose own error
+    is estimated below a tenth of the tolerance. The model itself never changes.
 
     Parameters
     ----------

@@ -374,11 +374,9 @@ class Stepper:
         return outcome
 
     def takes_blocks(self, state: State) -> bool:
-        """Whether :meth:`advance_block` may take more than one step from this state on.
+        """True if :meth:`advance_block` may take more than one step from this state on.
 
-        With compiled kernels, where nothing moves by prescription, there are no springs, dampers,
-        drag and viscous sections, the scheme takes no energy by its stresses, and loads, if it
-        takes them at the ends of steps, are constant from then on.
+        Page 12 of the guide says which runs go step by step.
         """
         fast = None if self.integrator.shares else self._fast
         return fast is not None and fast.takes_blocks(state.time)

@@ -294,10 +294,9 @@ def modes(
 
     Notes
     -----
-    ``P^T M P u'' + (2 P^T M Omega^ P + D) u' + P^T (dR/dq + sum_k lambda_k H_k) P u = 0``: joints
-    cost no unknowns, and the constraint forces of the state enter by the second derivatives H_k of
-    the constraints. Large scenes: Lanczos' method about one sparse factorisation, the number of
-    modes checked by Sylvester's law of inertia.
+    ``P^T M P u'' + (2 P^T M Omega^ P + D) u' + P^T (dR/dq + sum_k lambda_k H_k) P u = 0``: the
+    constraint forces of the state enter by the second derivatives H_k of the constraints. The
+    number of modes below the last one is checked by Sylvester's law of inertia in large scenes.
 
     Examples
     --------
