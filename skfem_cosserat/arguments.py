@@ -92,10 +92,13 @@ def fits(value: Any, hint: Any) -> bool:
 
 
 def _in_words(hint: Any) -> str:
-    kind = get_origin(hint) or hint
+    kind, of = get_origin(hint) or hint, [each for each in get_args(hint) if each is not ...]
     if kind in (Union, UnionType, Literal):
-        return " or ".join(dict.fromkeys(map(_in_words, get_args(hint))))
-    return _KINDS[kind][0] if kind in _KINDS else getattr(kind, "__name__", repr(kind))
+        return " or ".join(dict.fromkeys(map(_in_words, of)))
+    if kind in _KINDS:
+        return _KINDS[kind][0]
+    inside = f" of {_in_words(of[-1])}" if of and issubclass(kind, Iterable) else ""
+    return getattr(kind, "__name__", repr(kind)) + inside
 
 
 def _check(function: Callable[..., Any], args: Any, kwargs: Any, error: Exception) -> None:

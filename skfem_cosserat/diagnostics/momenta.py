@@ -19,7 +19,7 @@ from ..integrators import State, Variational
 from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
 from ..model.loops import null_space_matrix
-from ..types import ArrayLike, Floats, check_kind, real, switch
+from ..types import ArrayLike, Floats, real, switch
 from .energy import mass_solver, momentum
 from .joint_motion import rates
 from .stacked import (
@@ -81,7 +81,6 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
     >>> bool(abs(minus - plus)[1:-1].max() < 1e-12)
     True
     """
-    check_kind("argument history", history, History)
     scheme = Variational()
     item = "discrete Legendre transforms"
     name = history.meta.get("integrator")

@@ -18,7 +18,7 @@ from ..arguments import checked
 from ..errors import IncompleteWarning, InputError, writing
 from ..history import History
 from ..history.file import write_at
-from ..types import Array, ArrayLike, Floats, IndexArray, check_kind, switch
+from ..types import Array, ArrayLike, Floats, IndexArray, switch
 from ..warn import logger, warn
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
@@ -797,7 +797,6 @@ def write_paraview(
     ...     [path.name for path in write_paraview(History(meta, static, series), folder)]
     ['bodies.pvd']
     """
-    check_kind("argument history", history, History)
     chosen = _selection(history.times, every, fps)
     reference = history.static.get("reference")
     if reference is None and len(history):

@@ -15,7 +15,6 @@ from ..arguments import checked
 from ..errors import InputError, writing
 from ..history import History
 from ..history.file import plain
-from ..types import check_kind
 
 #: Series with more numbers per state than this are not in a table unless named.
 _WIDE = 6
@@ -83,7 +82,6 @@ def write_csv(
     ...     path.read_text().splitlines()[-3:]
     ['t,step,energy', '0.0,0,2.0', '0.1,1,2.5']
     """
-    check_kind("argument history", history, History)
     chosen = _default_names(history) if names is None else list(names)
     header: list[str] = []
     columns: list[list[float]] = []

@@ -433,13 +433,9 @@ def _line(done: int, count: int, outcome: Outcome) -> str:
 
 
 def _checked(jobs: Iterable[Job]) -> list[Job]:
-    if not isinstance(jobs, Iterable):
-        raise InputError("argument jobs", f"{jobs!r}, expected a list of Job")
     jobs = list(jobs)
     names: set[str] = set()
     for job in jobs:
-        if not isinstance(job, Job):
-            raise InputError("argument jobs", f"{job!r}, expected a Job")
         if job.name in names:
             raise InputError("argument jobs", f"two jobs are called {job.name!r}")
         names.add(job.name)

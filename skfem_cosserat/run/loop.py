@@ -321,8 +321,9 @@ def simulate(
     events : list of Event, optional
         What is to happen on conditions, located in time: ``history.events``. Their states are
         recorded, whatever `every` and `at` say; steps are equal from one to the next, of the size
-        asked for or less, and end exactly at `until`. Where joints, loads or states change, the row after that of the event has the same time; ``history.segments`` are the
-        rows of one system, series of joints that are not there are NaN.
+        asked for or less, and end exactly at `until`. Where joints, loads or states change, the
+        row after that of the event has the same time; ``history.segments`` are the rows of one
+        system, series of joints that are not there are NaN.
     path : path, optional
         Stream the history to this file, block by block. An older file is replaced, but not by a
         run that goes on from a history.
