@@ -78,6 +78,7 @@ def fits(value: Any, hint: Any) -> bool:
         return repr(value) in map(repr, of)
     if kind in _KINDS:
         return _KINDS[kind][1](value)
+    kind = Sequence if kind in (list, tuple) else kind  # each is taken for the other
     if isinstance(value, np.ndarray) and value.ndim and kind in (Sequence, Iterable, Collection):
         value = list(value)
     try:
