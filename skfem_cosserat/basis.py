@@ -9,6 +9,7 @@ import numpy as np
 from skfem import CellBasis, Functional
 from skfem.assembly.form.form import Form
 
+from .arguments import checked
 from .element import (
     ElementDirector,
     ElementLineLobatto,
@@ -42,6 +43,7 @@ class _BuiltByScikitFem:
         return vars(basis)["basis"]
 
 
+@checked
 class DirectorBasis(CellBasis):
     """Point and three directors at each node, all twelve interpolated alike over arc length.
 

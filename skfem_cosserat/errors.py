@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 
@@ -105,16 +108,16 @@ class HistoryError(InputError):
 
 
 class StorageError(CosseratError, OSError):
-    """A history file that takes no more, as on a full disk; what was computed is kept.
+    """A file that takes no more, as on a full disk; what was computed is kept.
 
     Attributes
     ----------
     path : str
-        Name of the file; what was written to it before is sound.
+        Name of the file; of a history file what was written before is sound.
     time : float or None
-        Time (s), or load factor, of the last state that was computed.
+        Time (s), or load factor, of the last state that was computed; None for other files.
     history : History or None
-        All states, those in the file included.
+        All states, those in a history file included; None for other files.
 
     Examples
     --------
@@ -136,8 +139,26 @@ class StorageError(CosseratError, OSError):
         self.history: Any = None
         when = "" if time is None else f" at t = {time:.6g}"
         why = reason.strerror or type(reason).__name__
-        super().__init__(f"history file {self.path!r}: cannot be written{when}: {why}{advice}")
+        super().__init__(f"file {self.path!r}: cannot be written{when}: {why}{advice}")
         self.errno = reason.errno
+
+
+#: what a system says when there is no room, or the disk fails
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+
+
+@contextmanager
+def writing(path: str | os.PathLike[str], what: str = "file") -> Iterator[None]:
+    """Tell of what cannot be written inside: StorageError on a full disk, else InputError."""
+    try:
+        yield
+    except CosseratError:
+        raise
+    except OSError as error:
+        name = os.fspath(error.filename or path)
+        if error.errno in FULL:
+            raise StorageError(name, error, "") from error
+        raise InputError(f"{what} {name!r}", f"cannot be written: {error.strerror}") from error
 
 
 class IncompatibleError(InputError):

@@ -19,7 +19,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from .errors import InputError
+from .arguments import checked
+from .errors import InputError, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,6 +81,7 @@ NAMED = {
 }
 
 
+@checked
 def styles(names: Iterable[str] | Mapping[str, str]) -> dict[str, Style]:
     """Colours, marks and dashes of the curves of a chart.
 
@@ -135,6 +137,7 @@ def styles(names: Iterable[str] | Mapping[str, str]) -> dict[str, Style]:
 # -- figures and axes ------------------------------------------------------------------------------
 
 
+@checked
 def new_figure(width: float, height: float) -> Figure:
     """A figure (inches) that belongs to nobody else: no global state of pyplot.
 
@@ -175,6 +178,7 @@ def chart_style() -> AbstractContextManager[None]:
     )
 
 
+@checked
 def panels(
     width: float, height: float, rows: int = 1, columns: int = 1, count: int = 0, **options: Any
 ) -> tuple[Figure, list[Any]]:
@@ -211,6 +215,7 @@ def panels(
     return figure, axes[:count]
 
 
+@checked
 def legend(
     owner: Any, title: str = "", below: int = 0, handles: Sequence[Any] | None = None
 ) -> None:
@@ -261,6 +266,7 @@ _WITHIN = (
 )
 
 
+@checked
 def number(value: float, powers: bool = False) -> str:
     r"""A number as it stands at an axis: ``0.02``, or with a power of ten.
 
@@ -342,11 +348,13 @@ use:hover, .told:hover {{ stroke: black; stroke-width: 3; opacity: 1; }}
 """
 
 
+@checked
 def tell(artist: Any, texts: str | Sequence[str]) -> None:
     """What an HTML page tells of a mark: a text for each point of a line, or one for the whole."""
     _TOLD[artist] = texts if isinstance(texts, str) else list(texts)
 
 
+@checked
 def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     """Number the ticks; write the figure here, if anywhere; give it back.
 
@@ -361,6 +369,8 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     ------
     InputError
         If the folder does not exist or cannot be written, or the ending is unknown.
+    StorageError
+        If the disk is full.
     """
     _finish(figure)
     if path is not None:
@@ -371,10 +381,11 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
             raise InputError(
                 f"file {str(path)!r}", f"ends with .{ending}, expected one of {', '.join(known)}"
             )
-        if ending == "html":
-            Path(path).write_text(_html(figure, Path(path).stem), encoding="utf-8")
-        else:
-            figure.savefig(path, dpi=150)
+        with writing(path):
+            if ending == "html":
+                Path(path).write_text(_html(figure, Path(path).stem), encoding="utf-8")
+            else:
+                figure.savefig(path, dpi=150)
     return figure
 
 
@@ -433,6 +444,7 @@ def _add_titles(group: Any, artist: Any, texts: str | list[str], figure: Figure)
         ElementTree.SubElement(mark, f"{{{_SVG}}}title").text = texts[int(nearest)]
 
 
+@checked
 def check_folder(path: str | os.PathLike[str]) -> None:
     """Refuse a file whose folder does not exist or cannot be written."""
     folder = Path(path).parent

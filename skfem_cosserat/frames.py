@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Self, TypeGuard
 
 import numpy as np
 
+from .arguments import checked
 from .errors import InputError, failed
 from .frozen import Attached, Frozen, Replacements
 from .kernels import cross, exp_quaternion, rotation_matrix
@@ -48,6 +49,7 @@ def unit_vector(item: str, name: str, value: ArrayLike) -> Floats:
     return array / length
 
 
+@checked
 def triad(d3: ArrayLike, d1: ArrayLike | None = None) -> Floats:
     """Right-handed orthonormal triad, rows ``d1, d2, d3``, from the direction of d3.
 
@@ -373,6 +375,7 @@ def with_frame(place: Place) -> Place:
     return place
 
 
+@checked
 def ground(position: ArrayLike, motion: Motion | None = None) -> Place:
     """A point of the ground, at rest or in prescribed motion.
 

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
+from .arguments import checked
 from .errors import FrozenError
 
 T = TypeVar("T")
@@ -29,12 +30,16 @@ class Freezing(ABCMeta):
         """Make an instance, and seal it."""
         return seal(super().__call__(*args, **kwargs))
 
+    def __init__(cls, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        checked(cls)
+
     #: that of any class: nothing is registered as one of these, and asking costs more than all else
     __instancecheck__ = type.__instancecheck__
 
     def __setattr__(cls, name: str, value: Any) -> None:
         if not (name in _GENERATED and "__dataclass_params__" in vars(cls)):
-            super().__setattr__(name, value)
+            super().__setattr__(name, checked(value) if name == "__init__" else value)
 
     @property
     def __signature__(cls) -> inspect.Signature:

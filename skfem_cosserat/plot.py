@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .arguments import checked
 from .errors import InputError
 from .export.geometry import BeamShape, beam_shapes, body_shapes
 from .figures import MISSING, PALETTE, check_folder, legend, panels, write_figure
@@ -42,6 +43,7 @@ _CAMERAS = ("xy", "xz", "yz", "iso")
 _STEEL, _BODY, _BALL = (0.27, 0.51, 0.71), (0.6, 0.66, 0.75), (0.7, 0.13, 0.13)
 
 
+@checked
 def plot_energy(
     history: History,
     path: str | os.PathLike[str] | None = None,
@@ -128,6 +130,7 @@ def plot_energy(
     return write_figure(figure, path)
 
 
+@checked
 def plot_series(
     history: History, names: Sequence[str], path: str | os.PathLike[str] | None = None
 ) -> Figure:
@@ -210,6 +213,7 @@ def _path_of(history: History, what: str) -> Floats:
     )
 
 
+@checked
 def plot_orbit(
     history: History,
     what: str | Sequence[str],
@@ -412,6 +416,7 @@ def _draw(
             plotter.add_mesh(surface, color=_faded(_BODY, strength), ambient=0.25)
 
 
+@checked
 def render(
     history: History,
     path: str | os.PathLike[str],

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .arguments import checked
 from .frames import Place, ground, vector
 from .frozen import Attached, Replacements
 from .kernels import cross
@@ -52,6 +53,7 @@ class Expression(Attached):
         return Expression(tuple(terms))
 
 
+@checked
 def point(place: Place) -> Expression:
     """``x = phi + X_i d_i`` of a place."""
     terms = [(place, 0, 1.0)]
@@ -59,8 +61,44 @@ def point(place: Place) -> Expression:
     return Expression(tuple(terms))
 
 
+@checked
 def direction(place: Place, axis: Floats) -> Expression:
-    """``n = n_i d_i``, the direction that is `axis` in space in the reference configuration."""
+    """Direction that is fixed to a place and is `axis` in the reference configuration.
+
+    For joints and forces of your own: `axis` is given by its components along the axes of space,
+    whatever the triad of the place is. The direction turns with the triad afterwards.
+
+    Parameters
+    ----------
+    place : Place
+        Whose triad it turns with.
+    axis : (3,) array
+        Components in space, in the reference configuration. For the i-th director of the place
+        that is ``place.triad[i - 1]``, not a unit vector such as (0, 0, 1).
+
+    Returns
+    -------
+    Expression
+        Of the directors of the place: ``n = n_i d_i``, for :class:`Product` and :class:`Zero`.
+
+    Raises
+    ------
+    InputError
+        If the place has no triad, or the axis is no vector.
+
+    Examples
+    --------
+    A beam along the x axis has its third director there:
+
+    >>> import skfem_cosserat as sc
+    >>> mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
+    >>> section = sc.Section([1e4, 1e4, 1e4, 5, 5, 5], mass=1.0, inertia=(1.0, 1.0))
+    >>> end = sc.Beam(mesh, section, director=(0, 1, 0)).node("rod.end")
+    >>> [(i, n) for _, i, n in direction(end, (1, 0, 0)).terms]
+    [(3, 1.0)]
+    >>> direction(end, end.triad[2]).terms == direction(end, (1, 0, 0)).terms
+    True
+    """
     return _of_directors(place, place.material(vector("direction", "axis", axis)).tolist())
 
 

@@ -353,7 +353,7 @@ class Section(Frozen):
             if np.shape(pair) != (2,):
                 raise InputError("section", f"{name} = {pair!r}, expected two numbers")
         (GA_1, GA_2), (EI_1, EI_2) = numbers("section", "GA and EI", list(pairs.values()))
-        return cls([GA_1, GA_2, EA, EI_1, EI_2, GJ], mass, inertia, outline, viscosity, centre)
+        return Section([GA_1, GA_2, EA, EI_1, EI_2, GJ], mass, inertia, outline, viscosity, centre)
 
 
 def _solid(

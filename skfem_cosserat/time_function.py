@@ -429,7 +429,7 @@ def time_function(item: str, value: Amplitude) -> TimeFunction:
     if value is None:
         return Constant(1.0)
     if isinstance(value, int | float | np.number):
-        if not np.isfinite(value):
+        if not np.isfinite(numbers(item, "amplitude", value)):
             raise InputError(item, f"amplitude = {value!r} is not finite")
         return Constant(value)
     if isinstance(value, TimeFunction):

@@ -33,17 +33,21 @@ SYNONYMS |= dict.fromkeys(("last", "stop", "finish"), "end")
 def numbers(item: str, name: str, value: Any) -> Floats:
     """Fresh array of real numbers (NaN included), or an error naming item and argument."""
     try:
-        return _floats(value)
+        return floats(value)
     except OverflowError as error:
         raise InputError(item, f"{name} = {shown(value)}, too large for a number") from error
     except (TypeError, ValueError) as error:
         raise InputError(item, f"{name} = {shown(value)}, expected real numbers") from error
 
 
-def _floats(value: Any) -> Floats:
-    """A fresh array; text, truth values and complex numbers are no real numbers (TypeError)."""
+#: what :func:`floats` ends in
+NUMBERLESS = (OverflowError, TypeError, ValueError)
+
+
+def floats(value: Any) -> Floats:
+    """A fresh array; text, None, truth values and complex numbers are no numbers (TypeError)."""
     array = np.asarray(value)
-    if array.dtype.kind not in "iufO":
+    if array.dtype.kind not in "iufO" or (array.dtype == object and None in list(array.flat)):
         raise TypeError
     return np.array(array, dtype=float)
 
@@ -60,8 +64,8 @@ def shown(value: Any) -> str:
 def real(item: str, name: str, value: Any, expected: str) -> float:
     """One number (not NaN), or an error saying what is expected; text and truth values are none."""
     try:
-        out = _floats(value)
-    except (OverflowError, TypeError, ValueError):
+        out = floats(value)
+    except NUMBERLESS:
         out = np.array(np.nan)
     if out.shape != () or np.isnan(out):
         raise InputError(item, f"{name} = {shown(value)}, expected {expected}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from ..arguments import checked
 from ..beam import Beam
 from ..diagnostics import missing_strains
 from ..diagnostics.error import beam_of
@@ -321,6 +322,7 @@ class Level:
     warnings: Sequence[dict[str, Any]] = ()
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Adapted:
     """What :func:`adapt` gives.
@@ -417,6 +419,7 @@ CANCEL = 2.0
 Build: TypeAlias = Callable[[Any, Any], Model | System]
 
 
+@checked
 def adapt(
     build: Build,
     mesh: Meshes,

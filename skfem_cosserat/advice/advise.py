@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError
 from ..figures import check_folder, legend, panels, write_figure
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 ErrorSize = float | dict[str, float]
 
 
+@checked
 @dataclass
 class Advice:
     """Result of :func:`advise`.
@@ -195,6 +197,7 @@ def _worth_telling(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 CHAOS = 1e3
 
 
+@checked
 def advise(
     model: Model | System,
     quantities: Mapping[str, Sensor | Callable[..., ArrayLike]],
@@ -211,15 +214,8 @@ def advise(
 ) -> Advice:
     """Find out how simple a model, how coarse a mesh and how long a step a scene allows.
 
-    Every candidate is run through the whole event. First a reference is refined, in space and
-    time, until its own error is estimated below a tenth of the tolerance. Coarser meshes, other
-    orders and simpler models of each beam are then compared with each other at one step, and the
-    cheapest sum of their errors below the tolerance is run; from there the search goes to cheaper
-    neighbours as long as they are good. The model itself never changes.
-
-    Whatever else the machine does changes times, not iterations: costs are those times the least
-    that one has taken with that scene and method, and close ones are compared in runs that take
-    turns.
+    Every candidate is run through the whole event, and compared with a reference whose own error
+    is estimated below a tenth of the tolerance. The model itself never changes.
 
     Parameters
     ----------

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from scipy.sparse.linalg import splu
 
+from ..arguments import checked
 from ..element import lagrange
 from ..errors import InputError
 from ..frames import is_beam
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 SAME = 1e-12
 
 
+@checked
 def transfer(
     source: Model | System, target: Model | System, q: ArrayLike, v: ArrayLike | None = None
 ) -> tuple[Floats, Floats]:
@@ -470,6 +472,7 @@ def _places(beam: Beam, elements: ArrayLike, xi: ArrayLike) -> tuple[IndexArray,
 # A richer system has elements of one order more on the same mesh, or each element halved.
 
 
+@checked
 def missing_strains(coarse: Beam, fine: Model | System, beam: Beam, q: ArrayLike) -> Floats:
     """Stored energy of the strains that elements cannot hold, seen from a richer solution.
 
@@ -580,6 +583,7 @@ def parents(coarse: Beam, fine: Beam) -> IndexArray:
     return e[:, 0]
 
 
+@checked
 def goal_shares(
     coarse: Model | System,
     fine: Model | System,

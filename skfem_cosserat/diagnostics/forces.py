@@ -17,7 +17,7 @@ from ..kernels import beam_stress
 from ..model import System, takes_scene
 from ..model.limits import overstretched_beam
 from ..model.system import JointRows
-from ..types import ArrayLike, Floats, IndexArray, check_kind, switch
+from ..types import ArrayLike, Floats, IndexArray, switch
 from .energy import group_of, held_forces
 from .stacked import all_rows, as_series, as_stack, as_times
 
@@ -424,7 +424,6 @@ def constraint_points(system: System, history: History) -> Floats:
     >>> constraint_points(system, history).shape   # the bob, and 4 rows of the ground
     (3, 5, 3)
     """
-    check_kind("argument history", history, History)
     if "constraint_point" in history:  # a file of version 0.1, with forces at midpoints
         return history["constraint_point"].reshape(len(history), system.total, 3)
     return all_rows(system, as_stack(system, "history", history["q"])[0], history.instants)

@@ -7,7 +7,7 @@ import numpy as np
 from ..joint import Joint
 from ..model import System, takes_scene
 from ..model.force_elements import Invariants, kind_of
-from ..types import ArrayLike, Floats, IndexArray, check_kind
+from ..types import ArrayLike, Floats, IndexArray
 from .stacked import all_rows, as_stack, as_times
 
 Pairs = dict[str, tuple[Floats, Floats]]
@@ -68,7 +68,6 @@ def joint_coordinates(
     Q, single = as_stack(system, "q", q)
     V, _ = as_stack(system, "v", v, Q)
     times = as_times(t, len(Q))
-    check_kind("argument joint", joint, Joint)
     y, ydot = all_rows(system, Q, times), rates(system, V, times)
     found = _coordinates(system, joint, y, ydot, times, turns)
     return {name: (a[0], b[0]) for name, (a, b) in found.items()} if single else found

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, identity, kron
 from scipy.sparse.linalg import splu
 
+from ..arguments import checked
 from ..constraints.base import RowSpace, massless, rows_touching
 from ..constraints.saddle import SaddlePoint, nearest_velocity
 from ..constraints.stacked import nearest_velocities, stacked_multipliers
@@ -18,7 +19,7 @@ from ..integrators import State, Variational
 from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
 from ..model.loops import null_space_matrix
-from ..types import ArrayLike, Floats, check_kind, real, switch
+from ..types import ArrayLike, Floats, real, switch
 from .energy import mass_solver, momentum
 from .joint_motion import rates
 from .stacked import (
@@ -80,7 +81,6 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
     >>> bool(abs(minus - plus)[1:-1].max() < 1e-12)
     True
     """
-    check_kind("argument history", history, History)
     scheme = Variational()
     item = "discrete Legendre transforms"
     name = history.meta.get("integrator")
@@ -483,6 +483,7 @@ _RULES: dict[str, type[_Rule]] = {
 }
 
 
+@checked
 class Projection:
     """Projection ``Q p = M v`` of momenta on the hidden constraints ``G v + g_t = 0`` (39), (46).
 

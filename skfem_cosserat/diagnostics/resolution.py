@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import checked
 from ..constraints.saddle import saddle_point
 from ..history import History
 from ..model import System
@@ -79,6 +80,7 @@ class Resolution:
     time: float
 
 
+@checked
 def resolution(system: System, history: History) -> Resolution | None:
     """Look at windows of a history; None where it does not tell.
 
@@ -148,6 +150,7 @@ def _by_velocities(system: System, history: History) -> Resolution:
     return Resolution(off, 0.0, 2 * np.pi / angle, item, "", time)
 
 
+@checked
 def doubtful_steps(system: System, history: History, most: int | None = None) -> NDArray[np.bool_]:
     """Whether the step that led to each state may be one of several solutions of its equations.
 
@@ -238,6 +241,7 @@ class Alternation:
     time: float
 
 
+@checked
 def alternation(system: System, history: History, h: float) -> Alternation | None:
     """The first of some states of a variational run in which alternating rotations grow, or None.
 

@@ -16,7 +16,7 @@ from ..linear import SingularMatrixError
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Balance, balance, balance_tangent
 from ..model.loops import null_space_matrix
-from ..types import Array, ArrayLike, Floats, check_kind, numbers, real
+from ..types import Array, ArrayLike, Floats, numbers, real
 
 #: rotations up to which an eigenvalue is computed dense
 DENSE = 300
@@ -198,7 +198,6 @@ def reduced_tangent(
     >>> reduced_tangent(system, y, amplitudes_at(system, 0.0)).K.toarray().round(9).tolist()
     [[20.0, 0.0], [0.0, 20.0]]
     """
-    check_kind("argument amplitudes", amplitudes, Amplitudes)
     y = as_rows(system, "y", y)
     if at is None:
         at = balance(system, y, amplitudes)

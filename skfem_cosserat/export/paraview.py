@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import IncompleteWarning, InputError
+from ..arguments import checked
+from ..errors import IncompleteWarning, InputError, writing
 from ..history import History
 from ..history.file import write_at
-from ..types import Array, ArrayLike, Floats, IndexArray, check_kind, switch
+from ..types import Array, ArrayLike, Floats, IndexArray, switch
 from ..warn import logger, warn
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
@@ -491,6 +492,7 @@ class _Index:
         self._end += len(line)
 
 
+@checked
 def prepare_folder(folder: Path) -> None:
     """Make the folder and try to write into it: to be called before long work.
 
@@ -512,17 +514,14 @@ def prepare_folder(folder: Path) -> None:
     ...     (Path(parent) / "runs" / "swing").is_dir()
     True
     """
-    try:
+    with writing(folder, "folder"):
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".probe.{os.getpid()}.tmp"
         probe.touch()
         probe.unlink()
-    except OSError as error:
-        raise InputError(
-            f"folder {str(folder)!r}", f"cannot be written: {error.strerror}"
-        ) from error
 
 
+@checked
 class ParaViewWriter:
     """Write frames one by one, also while a simulation runs.
 
@@ -562,6 +561,8 @@ class ParaViewWriter:
     ------
     InputError
         If the folder cannot be written or a static array is missing.
+    StorageError
+        If the disk is full.
 
     Examples
     --------
@@ -597,15 +598,16 @@ class ParaViewWriter:
         self._names = list(dict.fromkeys(read))
         prepare_folder(self.folder)
         self._indices, self._files = [], []
-        for layer in self._layers:
-            (self.folder / layer.name).mkdir(exist_ok=True)
-            for frame in (self.folder / layer.name).glob("[0-9]" * 6 + ".vtu"):
-                frame.unlink()  # of a longer earlier export: the index would not name it
-            self._indices.append(_Index(self.folder / f"{layer.name}.pvd"))
-            self._files.append(_Files(compress))
         self._frame = 0
         names = json.dumps(_names(meta, self._layers), indent=1)
-        (self.folder / "names.json").write_text(names, encoding="utf-8")
+        with writing(self.folder, "folder"):
+            for layer in self._layers:
+                (self.folder / layer.name).mkdir(exist_ok=True)
+                for frame in (self.folder / layer.name).glob("[0-9]" * 6 + ".vtu"):
+                    frame.unlink()  # of a longer earlier export: the index would not name it
+                self._indices.append(_Index(self.folder / f"{layer.name}.pvd"))
+                self._files.append(_Files(compress))
+            (self.folder / "names.json").write_text(names, encoding="utf-8")
 
     @property
     def indices(self) -> list[Path]:
@@ -633,6 +635,8 @@ class ParaViewWriter:
         ------
         InputError
             If an entry of the row is missing or has a wrong shape.
+        StorageError
+            If the disk is full; the frames before are sound.
         """
         states = {name: np.asarray(row[name])[None] for name in self._names if name in row}
         (written,) = self._write([time], states)
@@ -648,7 +652,7 @@ class ParaViewWriter:
 
         Raises
         ------
-        InputError
+        InputError, StorageError
             As `write`.
         """
         names = [name for name in self._names if name in history]
@@ -681,8 +685,10 @@ class ParaViewWriter:
                 if frames:
                     name = f"{layer.name}/{self._frame:06d}.vtu"
                     path = self.folder / name
-                    path.write_bytes(frames[k])
-                    index.add(time, name)
+                    with writing(path):
+                        path.write_bytes(frames[k])
+                    with writing(index.path):
+                        index.add(time, name)
                     written[-1].append(path)
             self._frame += 1
         return written
@@ -741,6 +747,7 @@ def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
     return [int(i) for i in np.unique(nearest)]
 
 
+@checked
 def write_paraview(
     history: History,
     folder: str | os.PathLike[str],
@@ -776,6 +783,8 @@ def write_paraview(
     ------
     InputError
         If the folder cannot be written or an argument is out of range.
+    StorageError
+        If the disk is full; the frames before are sound.
 
     Examples
     --------
@@ -788,7 +797,6 @@ def write_paraview(
     ...     [path.name for path in write_paraview(History(meta, static, series), folder)]
     ['bodies.pvd']
     """
-    check_kind("argument history", history, History)
     chosen = _selection(history.times, every, fps)
     reference = history.static.get("reference")
     if reference is None and len(history):

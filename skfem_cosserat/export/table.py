@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..arguments import checked
+from ..errors import InputError, writing
 from ..history import History
 from ..history.file import plain
-from ..types import check_kind
 
 #: Series with more numbers per state than this are not in a table unless named.
 _WIDE = 6
@@ -42,6 +42,7 @@ def _header(name: str, array: np.ndarray) -> list[str]:
     return [f"{name}_{end}" for end in ends]
 
 
+@checked
 def write_csv(
     history: History, path: str | os.PathLike[str], names: Sequence[str] | None = None
 ) -> Path:
@@ -81,7 +82,6 @@ def write_csv(
     ...     path.read_text().splitlines()[-3:]
     ['t,step,energy', '0.0,0,2.0', '0.1,1,2.5']
     """
-    check_kind("argument history", history, History)
     chosen = _default_names(history) if names is None else list(names)
     header: list[str] = []
     columns: list[list[float]] = []
@@ -97,6 +97,7 @@ def write_csv(
     return write_rows(path, notes, header, zip(*columns, strict=True), "skfem-cosserat history")
 
 
+@checked
 def write_rows(
     path: str | os.PathLike[str],
     notes: Mapping[str, Any],
@@ -122,17 +123,16 @@ def write_rows(
     ------
     InputError
         If the file cannot be written.
+    StorageError
+        If the disk is full.
     """
     path = Path(path)
-    try:
-        with path.open("w", newline="", encoding="utf-8") as handle:
-            if title:
-                handle.write(f"# {title}\n")
-            for key, value in notes.items():
-                handle.write(f"# {key}: {json.dumps(plain(value, f'note {key!r}'))}\n")
-            writer = csv.writer(handle, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows(rows)
-    except OSError as error:
-        raise InputError(f"file {str(path)!r}", f"cannot be written: {error.strerror}") from error
+    with writing(path), path.open("w", newline="", encoding="utf-8") as handle:
+        if title:
+            handle.write(f"# {title}\n")
+        for key, value in notes.items():
+            handle.write(f"# {key}: {json.dumps(plain(value, f'note {key!r}'))}\n")
+        writer = csv.writer(handle, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
     return path

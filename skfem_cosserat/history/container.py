@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import CosseratError, IncompleteWarning, InputError, StorageError
 from ..frames import TOLERANCE, Place, is_beam
 from ..types import Array, ArrayLike, Floats, IndexArray, names_known, numbers, whole
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 # -- what a sensor has recorded: a number or vector at every step, with its spectrum ---------------
 
 
+@checked
 class Spectrum(NamedTuple):
     """One-sided amplitude spectrum of K instants.
 
@@ -67,6 +69,7 @@ class Spectrum(NamedTuple):
         return np.asarray((places + shift) * self.frequencies[1])
 
 
+@checked
 def spectrum(times: ArrayLike, values: ArrayLike, window: str = "hann") -> Spectrum:
     """Amplitude spectrum of equidistant values, their mean and trend taken off.
 
@@ -132,6 +135,7 @@ def _weights(at: Floats, order: int) -> Floats:
     return np.asarray(np.linalg.solve(powers, wanted))
 
 
+@checked
 @dataclass(frozen=True, repr=False)
 class SensorRecord:
     """Values of a sensor at every step of a run.
@@ -382,6 +386,7 @@ class _Available(Mapping[str, Array]):
 # -- the container: constant arrays, series over the recorded states, and plain meta data ----------
 
 
+@checked
 class History:
     """Recorded states of a run.
 

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..types import Array, file_path, switch
 from ..warn import logger, warn
@@ -719,6 +720,7 @@ def load_file(
     return meta, static, series, sensors
 
 
+@checked
 def read_meta(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Meta data of a history file and the number of its ``states``, without reading the arrays.
 

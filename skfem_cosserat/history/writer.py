@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..types import Array
 from ..warn import Notices, warn
@@ -27,6 +28,7 @@ def _is_plain(value: object) -> bool:
     )
 
 
+@checked
 class HistoryWriter:
     """Record states one after the other.
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import InputError
 from ..types import Floats, IndexArray
 
@@ -39,6 +40,7 @@ class StepOrigin:
         return abs(self.step - other.step) <= 1e-9 * abs(other.step)
 
 
+@checked
 @dataclass(eq=False, repr=False)
 class State:
     """A state of a system between two steps.
@@ -130,6 +132,7 @@ class StepWork(NamedTuple):
     numerical: float = 0.0
 
 
+@checked
 @dataclass(frozen=True)
 class Scheme:
     """An implicit one-step scheme in numbers, for steps of one size h.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..arguments import checked
 from ..constraints.base import largest
 from ..constraints.saddle import nearest_velocity
 from ..errors import IncompatibleError
@@ -145,6 +146,7 @@ class Finished(NamedTuple):
     work: StepWork
 
 
+@checked
 class StepBalance:
     """Balance of the steps of one size, of a scheme in numbers.
 

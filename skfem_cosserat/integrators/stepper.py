@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..compiled.kept import Source
 from ..constraints import BoundTreatment, Treatment
 from ..constraints.saddle import nearest_velocity
@@ -153,6 +154,7 @@ def _check_methods(integrator: object, treatment: object) -> None:
     check_kind("argument treatment", treatment, Treatment, ": NullSpace() or Multipliers()")
 
 
+@checked
 class Stepper:
     """Solves step after step, of one size unless another one is asked for.
 
@@ -379,11 +381,9 @@ class Stepper:
         return outcome
 
     def takes_blocks(self, state: State) -> bool:
-        """Whether :meth:`advance_block` may take more than one step from this state on.
+        """True if :meth:`advance_block` may take more than one step from this state on.
 
-        With compiled kernels, where nothing moves by prescription, there are no springs, dampers,
-        drag and viscous sections, the scheme takes no energy by its stresses, and loads, if it
-        takes them at the ends of steps, are constant from then on.
+        Page 12 of the guide says which runs go step by step.
         """
         fast = None if self.integrator.shares else self._fast
         return fast is not None and fast.takes_blocks(state.time)

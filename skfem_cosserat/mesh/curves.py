@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
-from ..types import ArrayLike, Floats, VectorLike, real, shown, switch
+from ..types import ArrayLike, Floats, VectorLike, numbers, real, shown, switch
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -20,6 +20,7 @@ _GAUSS_X, _GAUSS_W = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]
 _ROUND = 64 * np.finfo(float).eps
 
 
+@runtime_checkable
 class Curve(Protocol):
     """What a curve has to offer; any object with these three can carry a beam."""
 
@@ -398,7 +399,7 @@ class CurveSpline(Frozen):
         from scipy.interpolate import CubicSpline  # slow to import, seldom needed
 
         switch("spline", self.closed, "closed")
-        points = np.array(self.points, dtype=float)
+        points = numbers("spline", "points", self.points)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + self.closed:
             raise MeshError(
                 "spline points",

@@ -6,10 +6,11 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import MeshError
 from ..types import Floats, IndexArray
 from .topology import element_count
@@ -17,7 +18,6 @@ from .topology import element_count
 if TYPE_CHECKING:
     from .mesh import MeshCurve
 
-    MeshT = TypeVar("MeshT", bound=MeshCurve)
 
 # -- the same lines divided into other numbers of elements, fewer ones included --------------------
 
@@ -25,9 +25,10 @@ if TYPE_CHECKING:
 STRAIGHT = 1e-9
 
 
+@checked
 def divided(
-    mesh: MeshT, elements: int, keep: Sequence[tuple[int, float]] = (), beam: str | None = None
-) -> MeshT:
+    mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = (), beam: str | None = None
+) -> MeshCurve:
     """Copy of a mesh with another number of elements, finer or coarser than it is.
 
     Where lines meet, end, have a corner or a named node, or change their name there is a vertex

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -13,9 +13,10 @@ import numpy as np
 from skfem import MeshLine1
 from skfem.mapping import Mapping as SkfemMapping
 
-from ..errors import MeshError
+from ..arguments import checked
+from ..errors import MeshError, writing
 from ..frozen import Frozen
-from ..types import Array, Floats, IndexArray, VectorLike, check_kind, switch
+from ..types import Array, ArrayLike, Floats, IndexArray, VectorLike, check_kind, switch
 from . import topology
 from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
 from .topology import (
@@ -30,6 +31,7 @@ from .topology import (
 # -- the arc-length mapping scikit-fem evaluates bases with ----------------------------------------
 
 
+@checked
 class MappingCurve(SkfemMapping):
     """Maps [0, 1] onto each element of a space curve, proportionally to arc length.
 
@@ -779,7 +781,7 @@ class MeshCurve(Frozen, MeshLine1):
         mesh = replace(self, **arrays)
         return (mesh, vertices) if return_mapping else mesh
 
-    def moved(self, rotation: Any = None, shift: VectorLike = (0.0, 0.0, 0.0)) -> Self:
+    def moved(self, rotation: ArrayLike | None = None, shift: VectorLike = (0.0, 0.0, 0.0)) -> Self:
         """Copy moved by ``x -> rotation @ x + shift``; rotation (3, 3) may be a reflection."""
         return replace(self, **moved_arrays(self, rotation, shift))
 
@@ -795,7 +797,7 @@ class MeshCurve(Frozen, MeshLine1):
         return self.moved(np.eye(3) - 2.0 * np.outer(n, n), 2.0 * (n @ base) * n)
 
     # ------------------------------------------------------------------ scikit-fem's hooks
-    def elements_satisfying(self, test: Any) -> Array:
+    def elements_satisfying(self, test: Callable[[Array], Array]) -> Array:
         """Elements whose middle points (3, ne) on the curves satisfy a test."""
         return np.nonzero(test(self._mapping().F(np.array([[0.5]]))[:, :, 0]))[0].astype(np.int32)
 
@@ -826,6 +828,7 @@ def locked(sets: Any) -> Any:
 # -- reading and writing meshes of lines: gmsh, VTU and what else meshio reads ---------------------
 
 
+@checked
 def read_mesh(path: str | PathLike[str]) -> MeshCurve:
     """Mesh from the straight lines of a file.
 
@@ -864,6 +867,7 @@ def read_mesh(path: str | PathLike[str]) -> MeshCurve:
     return MeshCurve.load(path)
 
 
+@checked
 def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | None = None) -> None:
     """Write vertices, elements and names without loss.
 
@@ -882,6 +886,10 @@ def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | No
     ------
     MeshError
         If the format is unknown or cannot hold a name.
+    InputError
+        If the file cannot be written.
+    StorageError
+        If the disk is full.
 
     Examples
     --------
@@ -893,4 +901,5 @@ def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | No
     ['boom.msh']
     """
     check_kind("argument mesh", mesh, MeshCurve)
-    mesh.save(path, file_format=file_format)
+    with writing(path):
+        mesh.save(path, file_format=file_format)

@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
 
 from .. import checks
+from ..arguments import checked
 from ..diagnostics.coarseness import energies_of_motion
 from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, InputError
@@ -36,6 +37,7 @@ STEP = 1e-40
 REAL = 1e-6
 
 
+@checked
 @dataclass(eq=False, repr=False)
 class Buckling:
     """Critical load factors and buckling modes.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..arguments import checked
 from ..diagnostics.coarseness import energies_of_motion
 from ..errors import InputError
 from ..history import History
@@ -118,6 +119,7 @@ def _moved(at: Equilibrium, increment: Floats) -> Floats:
 GROWTH = 1e-9
 
 
+@checked
 @dataclass(eq=False, repr=False)
 class Modes:
     """Modes ``dq = Re(shape exp(s t))``, the slowest first.
@@ -295,10 +297,9 @@ def modes(
 
     Notes
     -----
-    ``P^T M P u'' + (2 P^T M Omega^ P + D) u' + P^T (dR/dq + sum_k lambda_k H_k) P u = 0``: joints
-    cost no unknowns, and the constraint forces of the state enter by the second derivatives H_k of
-    the constraints. Large scenes: Lanczos' method about one sparse factorisation, the number of
-    modes checked by Sylvester's law of inertia.
+    ``P^T M P u'' + (2 P^T M Omega^ P + D) u' + P^T (dR/dq + sum_k lambda_k H_k) P u = 0``: the
+    constraint forces of the state enter by the second derivatives H_k of the constraints. The
+    number of modes below the last one is checked by Sylvester's law of inertia in large scenes.
 
     Examples
     --------

@@ -11,6 +11,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import numpy as np
 
+from ..arguments import checked
 from ..body import MassPoint, RigidBody
 from ..coupling import Coupling, Foundation
 from ..damping import RayleighDamping
@@ -199,6 +200,7 @@ ParametersT = ParamSpec("ParametersT")
 ReturnT = TypeVar("ReturnT")
 
 
+@checked
 class Model:
     """A scene: beams, bodies, mass points; joints, drives; loads, force elements, damping.
 
@@ -392,6 +394,7 @@ class Model:
         return system
 
 
+@checked
 def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planarity:
     """Whether a scene stays in a plane, which one, and if not what leaves it, by how much.
 
@@ -480,6 +483,7 @@ def takes_scene(
     """Let a function of a system take a model as well, by :func:`system_of`."""
     parameters = signature(function).parameters
     name = next(iter(parameters))
+    function = checked(function)
 
     @wraps(function)
     def taking(*args: Any, **kwargs: Any) -> ReturnT:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, issparse
 
+from ..arguments import checked
 from ..coupling import Coupling
 from ..damping import RayleighDamping
 from ..errors import InputError
@@ -62,6 +63,7 @@ SHOWN = 6
 FROM = ", as from beam.node(name), body.at(x), point.place() or ground(x)"
 
 
+@checked
 class System:
     """Arrays of a frozen scene; made by :meth:`Model.freeze`.
 

@@ -27,6 +27,7 @@ from multiprocessing.util import Finalize
 from time import monotonic, sleep
 from typing import Any, Protocol, cast, runtime_checkable
 
+from ..arguments import checked
 from ..errors import CosseratWarning, InputError, JobError, PerformanceWarning
 from ..run.progress import Interrupt, Progress
 from ..warn import logger, repeat, warn
@@ -68,6 +69,7 @@ class WorkerEndedError(BrokenProcessPool):
     """The process that did a job ended before it answered."""
 
 
+@checked
 class Processes(FuturesExecutor):
     """An executor of worker processes: the crash of one costs the job it had, and nothing else.
 
@@ -292,6 +294,7 @@ class Executor(Protocol):
         """Have ``function(*args)`` called somewhere."""
 
 
+@checked
 def run_all(
     jobs: Iterable[Job],
     executor: Executor | None = None,
@@ -430,13 +433,9 @@ def _line(done: int, count: int, outcome: Outcome) -> str:
 
 
 def _checked(jobs: Iterable[Job]) -> list[Job]:
-    if not isinstance(jobs, Iterable):
-        raise InputError("argument jobs", f"{jobs!r}, expected a list of Job")
     jobs = list(jobs)
     names: set[str] = set()
     for job in jobs:
-        if not isinstance(job, Job):
-            raise InputError("argument jobs", f"{job!r}, expected a Job")
         if job.name in names:
             raise InputError("argument jobs", f"two jobs are called {job.name!r}")
         names.add(job.name)

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..arguments import checked
 from ..errors import InputError, JobError
 from ..frames import Attached, Item
 from ..model import Model, System
@@ -24,6 +25,7 @@ from ..warn import Notices, counted
 # -- jobs and their outcomes, and how both travel: as pickled data, functions by reference ---------
 
 
+@checked
 class Job:
     """A call to make, under a name.
 

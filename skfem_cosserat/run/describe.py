@@ -42,7 +42,7 @@ from ..model import System, takes_scene
 from ..model.groups import lumped
 from ..model.theories import theory_of
 from ..time_function import of_the_user
-from ..types import Floats, IndexArray, check_kind, names_known
+from ..types import Floats, IndexArray, names_known
 from ..version import VERSION
 from ..warn import logger, warn
 
@@ -256,7 +256,6 @@ def derive_series(system: System, history: History) -> None:
     >>> loaded["Qp"][-1].tolist()
     [2.0, 0.0, 0.0]
     """
-    check_kind("argument history", history, History)
     if len(history.segments) > 1:
         text = "its joints or loads changed on the way: derive those of history.segment(k)"
         raise HistoryError("history", text)

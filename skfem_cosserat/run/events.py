@@ -17,7 +17,7 @@ from ..integrators.choice import motion_by_kernels
 from ..integrators.compiled_scene import CompiledMotion, Motion
 from ..integrators.report import BlockReport
 from ..model import System, takes_scene
-from ..types import Floats, IndexArray, check_kind, positive, switch
+from ..types import Floats, IndexArray, positive, switch
 from ..warn import logger
 from .conditions import Action, ActionFunction, ActionNone, Condition, ConditionFunction
 from .sensors import View, Views
@@ -685,8 +685,23 @@ def after_events(
     ------
     InputError
         If an event of the history is not among them.
+
+    Examples
+    --------
+    A ball that is let go after 0.1 s:
+
+    >>> from skfem_cosserat import ActionRelease, ConditionTime, EnergyMomentum, Event
+    >>> from skfem_cosserat import JointSpherical, MassPoint, Model, NullSpace, ground, simulate
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(1.0))
+    >>> hook = model.add("hook", JointSpherical(ground((0, 0, 0)), ball.place()))
+    >>> rail = model.add("sledge", MassPoint(1.0, (1.0, 0, 0)))
+    >>> events = [Event(ConditionTime(0.1), ActionRelease(hook), name="let go")]
+    >>> history = simulate(model, EnergyMomentum(), NullSpace(), 0.05, 0.2, events=events)
+    >>> system, to_come = after_events(model, history, events)
+    >>> len(system.joints), to_come
+    (0, [])
     """
-    check_kind("argument history", history, History)
     item = "argument events"
     if not isinstance(events, Sequence) or not all(isinstance(each, Event) for each in events):
         raise InputError(item, f"is of type {type(events).__name__}, expected a list of events")

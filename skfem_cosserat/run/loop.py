@@ -299,9 +299,7 @@ def simulate(
         time that is not a multiple of the step is an :class:`AccuracyWarning`, which says where the
         run ended.
     every : int
-        Record every k-th step (the first and the last state always). Compiled kernels take many
-        steps in one go, recorded ones too: the same steps for less, unless callbacks or a function
-        for `progress` look at each. Page 12 of the guide says in which scenes they do not.
+        Record every k-th step (the first and the last state always).
     at : sequence of float, optional
         Record the states nearest to these times instead, beside the first and the last.
     callbacks : sequence of callable
@@ -309,31 +307,25 @@ def simulate(
     progress : bool or callable
         True: one line on stderr, kept up to date; a callable gets (time, until) after each step.
     kernels : {"auto", "numpy", "numba"}
-        Plain numpy kernels, or those compiled by numba (extra ``fast``), six to 35 times
-        faster after some 10 s of compilation, which is kept on disk. "auto" takes them if numba
-        is installed and they save, as estimated, more than 25 s; or more than 0.5 s where all
-        kernels of the scene are on disk already, this run and those before in this process
-        together; or more than some 0.01 s where this process has them. There are none for
-        explicit schemes, integrators with a balance of their own, treatments of one's own and the
-        full system of multipliers. ``history.meta["kernels"]`` and ``["kernels_why"]`` say what
-        was taken, and why. They keep factors of matrices over iterations and steps as long as
-        these contract well, see :class:`NewtonSettings`.
+        Plain numpy kernels, or those compiled by numba (extra ``fast``): the same results to
+        rounding, six to 35 times faster after some 10 s of compilation, once. "auto" takes them
+        where that pays. There are none for explicit schemes, integrators with a balance of their
+        own, treatments of one's own and the full system of multipliers.
+        ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken, and why; page 12
+        of the guide says more.
     solver : Solver, optional
         Of linear systems: ``SolverDense()``, ``SolverBanded()``, ``SolverSuperLU()``,
-        ``SolverMetis()`` or ``SolverPardiso()``. By default small and narrow ones are solved by
-        the first two, others by the fastest that is installed (extra ``solvers``). Compiled
-        kernels eliminate chains and trees in blocks, and leave the rest to it.
-        ``history.meta["solver"]`` says what was taken.
+        ``SolverMetis()`` or ``SolverPardiso()``; by default the fastest for the scene that is
+        installed (extra ``solvers``). ``history.meta["solver"]`` says what was taken.
     sensors : mapping of str to Sensor, optional
         Recorded at every step, whatever `every` and `at` say: ``history.sensors[name]`` has
         ``times``, ``values`` and ``spectrum()``.
     events : list of Event, optional
         What is to happen on conditions, located in time: ``history.events``. Their states are
         recorded, whatever `every` and `at` say; steps are equal from one to the next, of the size
-        asked for or less, and end exactly at `until`. Compiled kernels solve some steps ahead in
-        one go; those behind an event are taken back. Where joints, loads or states
-        change, the row after that of the event has the same time; ``history.segments`` are the
-        rows of one system, series of joints that are not there are NaN.
+        asked for or less, and end exactly at `until`. Where joints, loads or states change, the
+        row after that of the event has the same time; ``history.segments`` are the rows of one
+        system, series of joints that are not there are NaN.
     path : path, optional
         Stream the history to this file, block by block. An older file is replaced, but not by a
         run that goes on from a history.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from .. import diagnostics
+from ..arguments import checked
 from ..constraints.saddle import accelerations, nearest_velocity
 from ..diagnostics import multipliers, reactions
 from ..diagnostics.error import SectionPlaces
@@ -38,6 +39,7 @@ Motions = Callable[[Floats, Floats], Motion | None]
 # -- A state of a run as the conditions of events see it -------------------------------------------
 
 
+@checked
 class View:
     """A state: its configuration, and what follows from it, found when it is asked for.
 

@@ -562,7 +562,6 @@ def restart(
     >>> simulate(system, scheme, NullSpace(), 0.05, until=1.0, start=start).times[[0, -1]].tolist()
     [0.5, 1.0]
     """
-    check_kind("argument history", history, History)
     check_kind("argument integrator", integrator, Integrator)
     if not isinstance(step, StepControl):
         step = positive("argument step", "step", step, " of seconds, or a StepControl")

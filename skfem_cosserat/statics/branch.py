@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arguments import checked
 from ..diagnostics import Projection
 from ..diagnostics.stacked import null_space_matrix
 from ..errors import HistoryError, InputError
@@ -49,6 +50,7 @@ class Branch:
         return f"Branch(t={self.point.t!r}, rows={len(self.direction)})"
 
 
+@checked
 def branch(
     model: Model | System,
     history: History,
@@ -125,6 +127,7 @@ def branch(
     return Branch(point, along, time)
 
 
+@checked
 def equilibrium(
     model: Model | System, history: History, index: int = -1, time: float = 0.0
 ) -> State:

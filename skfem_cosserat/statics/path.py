@@ -694,10 +694,9 @@ def static(
     settings : NewtonSettings, optional
         When Newton's method stops.
     kernels : {"auto", "numpy", "numba"}
-        Plain numpy kernels, or those compiled by numba (extra ``fast``), an order of magnitude
-        faster; "auto" takes these where the work ahead is worth their compilation, or they are on
-        disk already (see :func:`skfem_cosserat.simulate`). The points are the same to rounding.
-        There are none for ``Multipliers(full=True)``.
+        Plain numpy kernels, or those compiled by numba (extra ``fast``): the same points to
+        rounding, an order of magnitude faster, see :func:`skfem_cosserat.simulate`. There are none
+        for ``Multipliers(full=True)``.
         ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken, and why.
     watch : bool
         Look for limit and bifurcation points on the way; they are recorded as points.

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import skfem
 
+from ..arguments import checked
 from ..errors import Diverged, InputError, JobError, PerformanceWarning
 from ..export import prepare_folder
 from ..history import History
@@ -53,6 +54,7 @@ class TimedOut(TimeoutError):
     history: Any = None
 
 
+@checked
 class TimeLimit:
     """A context that ends with :class:`TimedOut` what takes longer than this.
 
@@ -166,6 +168,7 @@ def token(value: Any, item: str) -> str:
     return _pickled(value, item)
 
 
+@checked
 def identity(**values: Any) -> dict[str, str]:
     """Tokens by name, with the version of the package: what all cases of a study share.
 
@@ -241,6 +244,7 @@ INDEX = "study.json"
 FORMAT = 1
 
 
+@checked
 def run_cases(
     jobs: Iterable[Job],
     executor: Executor | None = None,
@@ -322,6 +326,7 @@ def run_cases(
     return [kept.get(job.name) or new[job.name] for job in jobs]
 
 
+@checked
 def status(outcome: Outcome) -> str:
     """In a word: ``ok``, ``diverged``, ``interrupted``, ``not run`` or ``error``."""
     if outcome.ok:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
+from ..arguments import checked
 from ..types import Array, Floats
 
 #: rounding of a quantity relative to its size, unless declared
@@ -99,6 +100,7 @@ class Convergence:
         return f"<Convergence: {self.verdict}>"
 
 
+@checked
 def convergence(
     sizes: Sequence[float] | Floats,
     values: Sequence[Array | None],

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import InputError
 from ..parallel import Executor, Job, Outcome
 from ..parallel.jobs import Caught, in_words
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
 NEXT = 0.98
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class PrecisionTable(Report):
     """Result of :func:`work_precision`.
@@ -469,6 +471,7 @@ def _decades(points: Sequence[Row], quantity: str, reference: float) -> list[flo
 # -- work and precision: what an error costs, with one setup of the methods and another ------------
 
 
+@checked
 def work_precision(
     problem: Any,
     setups: Iterable[Any],

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import InputError
 from ..history import History
 from ..integrators import State
@@ -45,6 +46,7 @@ class OverTime(ABC):
         """Norm of a difference ``(k, ...)`` at these instants ``(k,)``."""
 
 
+@checked
 class MaximumOverTime(OverTime):
     """Largest Euclidean norm at any of the instants that all levels have in common.
 
@@ -59,6 +61,7 @@ class MaximumOverTime(OverTime):
         return float(_rows(difference).max())
 
 
+@checked
 class RootMeanSquare(OverTime):
     """L2 norm over time, divided by the root of the duration: in the unit of the quantity.
 
@@ -78,6 +81,7 @@ class RootMeanSquare(OverTime):
         return float(np.sqrt(integral / np.ptp(instants)))
 
 
+@checked
 class AtInstants(MaximumOverTime):
     """Largest Euclidean norm at these instants, which all levels must have recorded.
 

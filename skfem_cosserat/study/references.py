@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import InputError
 from ..history import History
 from ..types import Array, Floats, names_known, positive
@@ -85,6 +86,7 @@ class Reference:
         return None, float("nan")
 
 
+@checked
 class ReferenceFinest(Reference):
     """The finest level of each series stands for the truth; orders allow for its own error.
 
@@ -101,6 +103,7 @@ class ReferenceFinest(Reference):
     about = "the finest level"
 
 
+@checked
 class ReferenceRun(Reference):
     """Another call of the problem stands for the truth; run, kept and resumed like the levels.
 
@@ -149,6 +152,7 @@ class SingleRun(Reference):
         return value, float("nan")
 
 
+@checked
 class ReferenceKnown(Reference):
     """True values, with their own errors.
 
@@ -235,6 +239,7 @@ def _finite(value: Any, label: str) -> Array:
     return array
 
 
+@checked
 class ReferencePair(Reference):
     """Two runs of the problem: the fine one is the truth, the other tells how good it is.
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import InputError
 from ..export import write_paraview
 from ..history import History
@@ -86,6 +87,7 @@ class Held:
         return f"{start}: {finer} changes the finest level by {self.change:.1e}"
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Refinement(Report):
     """Result of :func:`refine`.
@@ -398,6 +400,7 @@ def _shown(found: Convergence, solved: list[bool]) -> list[str]:
 # -- refinement studies in one call ----------------------------------------------------------------
 
 
+@checked
 def refine(
     problem: Callable[..., Any],
     *,

@@ -21,6 +21,7 @@ import numpy as np
 import scipy
 import skfem
 
+from ..arguments import checked
 from ..errors import InputError
 from ..export import write_rows
 from ..version import VERSION
@@ -30,6 +31,7 @@ from ..version import VERSION
 COMMIT = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=10"]
 
 
+@checked
 def provenance(folder: str | os.PathLike[str] | None = None) -> dict[str, Any]:
     """Versions, machine, commit and threads, now.
 
@@ -90,6 +92,7 @@ def _processor() -> str:
 # -- rows with names, and where they come from -----------------------------------------------------
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ResultTable:
     """Rows of results under their names; what a row does not have stays empty.

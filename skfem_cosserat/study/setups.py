@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import Diverged, InputError, JobError
 from ..history import History
 from ..types import positive
@@ -63,6 +64,7 @@ class Measured(NamedTuple):
     costs: tuple[float, ...]
 
 
+@checked
 def setup_grid(
     run: Callable[..., Any],
     *,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..errors import InputError, JobError
 from ..history import History
 from ..parallel import Executor, Job, Outcome
@@ -35,6 +36,7 @@ WORDS = "reason", "warnings", "kernels", "mechanism"
 # -- what came of a stability map: arrays over the axes, table, chart ------------------------------
 
 
+@checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Map(Report):
     """Result of :func:`stability_map`; arrays have an axis for each parameter, in their order.
@@ -292,6 +294,7 @@ class Map(Report):
 Judge = Callable[[Any], Any]
 
 
+@checked
 def stability_map(
     problem: Callable[..., Any],
     axes: Mapping[str, Iterable[Any]],

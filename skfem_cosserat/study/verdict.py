@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arguments import checked
 from ..diagnostics.resolution import ALTERNATES, MOST_OFF
 from ..errors import Diverged, InputError
 from ..history import History
@@ -119,6 +120,7 @@ class Verdict:
     mechanism: str = ""
 
 
+@checked
 class JudgeEnergy:
     """Judge runs by their energy, which ought to stay what it was.
 

@@ -16,8 +16,16 @@ import numpy as np
 import pytest
 from conftest import BOX, LEG, NODES, OUTLINE, turn
 
-from skfem_cosserat import IncompleteWarning, InputError, write_csv, write_paraview
-from skfem_cosserat.export import ParaViewWriter, paraview
+from skfem_cosserat import (
+    IncompleteWarning,
+    InputError,
+    MeshCurve,
+    StorageError,
+    write_csv,
+    write_mesh,
+    write_paraview,
+)
+from skfem_cosserat.export import ParaViewWriter, paraview, write_rows
 from skfem_cosserat.export.geometry import BeamShape, piece_weights, quaternions
 from skfem_cosserat.export.paraview import _Index
 
@@ -553,8 +561,13 @@ def test_a_frame_that_finds_no_room_is_not_in_the_index(make_scene, tmp_path):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1500, limits[1]))
     try:
-        with pytest.raises(OSError, match="too large"):
+        with pytest.raises(StorageError, match=r"cannot be written: .* too large") as full:
             writer.write(0.1, scene.row(1))
+        assert Path(full.value.path).parent.parent == tmp_path
+        with pytest.raises(StorageError, match=r"rows\.csv"):
+            write_rows(tmp_path / "rows.csv", {}, ["t"], [[0.1]] * 1000)
+        with pytest.raises(StorageError, match=r"line\.msh"):
+            write_mesh(tmp_path / "line.msh", MeshCurve.init_line((0, 0, 0), (1, 0, 0), 100))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     for name in ("beams", "bodies", "joints"):

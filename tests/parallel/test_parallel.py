@@ -786,8 +786,8 @@ def test_ready_objects_and_module_functions_travel(processes):
     [
         (lambda: sc.Job("", math.sqrt), "name = ''"),
         (lambda: sc.Job("a", 3), "job 'a': 3 cannot be called"),
-        (lambda: sc.run_all(3), "argument jobs: 3"),
-        (lambda: sc.run_all([math.sqrt]), "expected a Job"),
+        (lambda: sc.run_all(3), "run_all: jobs = 3, expected Iterable of Job"),
+        (lambda: sc.run_all([math.sqrt]), "expected Iterable of Job"),
         (lambda: sc.run_all([sc.Job("a", id), sc.Job("a", id)]), "two jobs are called 'a'"),
         (lambda: sc.run_all([], executor=2), "argument executor: 2"),
         (lambda: sc.run_all([], executor=sc.Processes), "argument executor: <class"),
