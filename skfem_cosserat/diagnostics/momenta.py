@@ -432,9 +432,7 @@ class _SaddlePoint(_Rule):
 
     def velocities(self, q: Floats, p: Floats, t: Floats) -> Floats:
         """See the base class."""
-        if len(q) < 2:  # one alone has not to lay out the elimination
-            return super().velocities(q, p, t)
-        return nearest_velocities(self.system, all_rows(self.system, q, t), p, t)
+        return nearest_velocities(self.system, all_rows(self.system, q, t), p, t.tolist())
 
 
 class _DirectorsDropped(_Rule):
