@@ -584,9 +584,7 @@ def _velocities(system: System) -> StackedVelocities:
     return StackedVelocities(system)
 
 
-def nearest_velocities(
-    system: System, y: Floats, p: Floats, t: Sequence[float | None]
-) -> Floats:
+def nearest_velocities(system: System, y: Floats, p: Floats, t: Sequence[float | None]) -> Floats:
     """Velocities (N, n) on the hidden constraints nearest to p (N, n), in the kinetic energy.
 
     As :func:`.saddle.nearest_velocity` at each of the states y (N, total, 3), times t (N,).
