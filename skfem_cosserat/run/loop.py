@@ -93,9 +93,6 @@ class RunLoop:
                         status = "stopped" if self._act(found) else status
                     if found is not None or status != "completed":
                         break
-            if status != "interrupted":
-                end = self.state
-                self.recorder.look_ahead(end, self.plan.h)
         except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
             return "interrupted", None
         except Diverged as error:
@@ -156,7 +153,7 @@ class RunLoop:
         if self.state is not start:
             if system is not before:
                 stepper = self.factory(system, self.plan.h)
-            self.recorder.switch(start, system, stepper, self.state, self.plan.h, losses)
+            self.recorder.switch(system, stepper, self.state, self.plan.h, losses)
         else:
             self.recorder.note()
         if not stop:
@@ -346,8 +343,9 @@ def simulate(
         All series belong to ``history.times``. Of schemes whose constraint forces act at midpoints
         (energy-momentum, energy-decaying) ``history["constraint_force"]``, and what follows from
         it, is the mean of both steps around a state, which is of second order; those of the steps
-        themselves, which callbacks get, alternate by an error of first order. The first state, and
-        a last one without a step after it, have values that are extrapolated from two others.
+        themselves, which callbacks get, alternate by an error of first order. The first and the
+        last state have values that are extrapolated from two steps, on their side of an event.
+        No step beyond `until` is solved.
         ``history.meta["status"]`` says whether it ran to the end, was interrupted (Ctrl-C) or
         stopped by a callback; ``history.meta["warnings"]`` what is doubtful about it, as the
         warnings that it gives (:class:`CosseratWarning`), each once;
