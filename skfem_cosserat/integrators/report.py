@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..constraints.saddle import accelerations, nearest_velocity
-from ..errors import Diverged, InputError
+from ..errors import CosseratError, Diverged, InputError
 from ..model import System
 from ..newton import NewtonSettings
 from ..types import Floats
@@ -19,7 +19,8 @@ from .compiled_step import BlockOfSteps
 from .scheme import State, StepOrigin, StepWork, carried_rates
 
 __all__ = ["BlockReport", "Code", "ComposedReport", "Failure", "Solved", "StepReport"]
-__all__ += ["force_by_motion", "force_of_state", "force_point", "forces_of_states", "one_sided"]
+__all__ += ["OF_USERS", "ForcePoint", "StateForces", "force_points", "forces_of_states"]
+__all__ += ["one_sided"]
 
 # -- what a solved step gives beside the next state ------------------------------------------------
 
@@ -316,6 +317,9 @@ TINY = 1e-5
 #: way to the second instant, against that to the first one, from which on a force is extrapolated
 FURTHER = 0.4
 
+#: what functions of a user's own may raise
+OF_USERS = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
+
 #: an instant (s), and the constraint force (n,) then
 ForcePoint = tuple[float, Floats]
 
@@ -416,6 +420,70 @@ def force_of_state(
     if min(h, k) < TINY * max(h, k) or None in points:
         return state, (before if h > k else step).constraint_force
     return state, _on_line(state.time, *points)
+
+
+def force_points(integrator: Integrator, steps: Sequence[StepReport]) -> list[ForcePoint]:
+    """Those of :func:`force_point` of steps in a row; none where equations of motion give more."""
+    if not steps or isinstance(steps[-1], ComposedReport):
+        return []
+    pairs = zip([None, *steps], steps, strict=False)
+    found = [force_point(integrator, before, step) for before, step in pairs]
+    return [point for point in found if point is not None]
+
+
+class StateForces:
+    """Constraint forces of the states of a run, as its steps tell them one after the other.
+
+    Those of its start and its end follow from steps on one side. Where these are too few, they are
+    of the equations of motion.
+
+    Attributes
+    ----------
+    start : (n,) array or None
+        Of the start; None while it waits for more steps.
+    """
+
+    def __init__(
+        self, integrator: Integrator, system: System, state: State, start: Floats | None = None
+    ) -> None:
+        self.integrator, self.system, self.state = integrator, system, state
+        self._steps: list[StepReport] = []
+        self._points: list[ForcePoint] = []
+        self.start = start
+
+    def take(self, report: StepReport, wanted: bool = True) -> tuple[State, Floats] | None:
+        """What the next step tells, see :func:`force_of_state`; None: nothing, or not `wanted`."""
+        before, found = self._steps[-1] if self._steps else None, None
+        if wanted:
+            found = force_of_state(self.integrator, before, report)
+        if self.start is None and found is not None and found[0] is self.state:
+            self.start = found[1]
+        if self.start is None:
+            point = force_point(self.integrator, before, report)
+            self._points = [*self._points[:1], *([] if point is None else [point])]
+            self.start = one_sided(self.state.time, self._points)
+        self.skip([report])
+        return found
+
+    def skip(self, reports: Iterable[StepReport]) -> None:
+        """Steps whose states nobody asks for."""
+        self._steps = [*self._steps, *reports][-3:]
+
+    def end(self) -> tuple[State, Floats]:
+        """The end of the last step, and its force; NaN where nothing tells it."""
+        if self.start is None:
+            self.start = self._by_motion(self.state)
+        if not self._steps:
+            return self.state, self.start
+        state = self._steps[-1].state
+        found = one_sided(state.time, force_points(self.integrator, self._steps))
+        return state, self._by_motion(state) if found is None else found
+
+    def _by_motion(self, state: State) -> Floats:
+        try:
+            return force_by_motion(self.system, state)
+        except (CosseratError, *OF_USERS):  # a singular configuration, or an unknown load
+            return np.full(len(state.q), np.nan)
 
 
 def forces_of_states(integrator: Integrator, h: float, before: Floats, after: Floats) -> Floats:

@@ -137,7 +137,8 @@ class RunLoop:
         before, losses = system, 0.0
         for event, value in found.events:
             try:
-                outcome = event.action.outcome(View(system, self.state))
+                seen = found.view if self.state is start else View(system, self.state)
+                outcome = event.action.outcome(seen)
             except InputError as error:
                 text = f"at t = {start.time:.9g} s: {error}"
                 raise type(error)(event.label, text) from error
@@ -390,7 +391,7 @@ def simulate(
         state = stepper.own(state, varying)
         _check_run(callbacks, path, state)
         found = checked_events(events, integrator, system)
-        watch = EventMonitor(found, factory, system, state) if found else None
+        watch = EventMonitor(found, factory, system, state, first) if found else None
         looked = bool(callbacks or callable(progress))
         extent = state, until, count, every, at, eventful, looked, bool(sensors)
         plan, wanted = _planned(step, factory, stepper, *extent)

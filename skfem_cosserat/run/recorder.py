@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -25,14 +24,10 @@ from ..errors import (
 from ..history import EventRecord, History, HistoryWriter
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..integrators.report import (
+    OF_USERS,
     BlockReport,
-    ComposedReport,
-    ForcePoint,
-    force_by_motion,
-    force_of_state,
-    force_point,
+    StateForces,
     forces_of_states,
-    one_sided,
 )
 from ..model import System
 from ..types import Floats, IndexArray, numbers, spread
@@ -370,10 +365,6 @@ class Segment(NamedTuple):
     system: System
 
 
-#: what functions of a user's own may raise
-_NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
-
-
 def take_along(
     error: BaseException, so_far: Callable[[], History], systems: Sequence[System]
 ) -> None:
@@ -444,8 +435,7 @@ class Recorder:
         self.closed: History | None = None
         #: tells what the states of a run show that an error of the user's own code ends
         self.look_back: Callable[[History], object] | None = None
-        self.bank = SensorBank(bank, system, stepper, self.writer)
-        self.bank.begin(state)
+        self.bank = SensorBank(bank, self.writer)
         self._rows = 0
         #: rows that wait for the force of the state the run started from
         self._held: list[dict[str, Any]] = []
@@ -454,6 +444,7 @@ class Recorder:
         #: constraint force of a recent state
         self._force: Floats | None = None
         self._start(state)
+        self.bank.begin(state)
 
     def _start(self, state: State) -> None:
         """Begin with a state that no step led to, which is recorded."""
@@ -463,14 +454,14 @@ class Recorder:
         self._carries, self._remembered = integrator.carries_node_momentum, integrator.remembered
         self._nan = np.full(self.system.n, np.nan)
         self._before = state
-        self._steps: deque[StepReport] = deque(maxlen=3)
-        #: the force of this state waits for those of the steps after it, from which it follows
-        self._start_of, self._late, self._known = state, False, list[ForcePoint]()
         #: the row of the present state, and whether it is to be recorded: it is written when the
         #: step after it has completed it
-        self._row = self._row_of(state, 0, 1, 0.0, self.stepper.start_force(state, self.h))
+        force = self.stepper.start_force(state, self.h)
+        self._forces = StateForces(integrator, self.system, state, force)
+        self._row = self._row_of(state, 0, 1, 0.0, force)
         self._first = self._row
         self._kept = True
+        self.bank.go_on(StateForces(integrator, self.system, state, force))
 
     def __enter__(self) -> Recorder:
         return self
@@ -544,30 +535,20 @@ class Recorder:
         return row
 
     def _append_last(self) -> None:
-        """Record the present state, and what waits for steps that will not come.
-
-        Without a step after it its constraint force follows from those of the steps before.
-        """
+        """Record the present state, and what waits for steps that will not come."""
         row, self._row = self._row, {}
-        if self._late:  # too few steps
-            self._first["constraint_force"] = self._by_motion(self._start_of)
-        self._late = False
+        force = self._forces.end()[1]
+        self._first["constraint_force"] = self._forces.start
         if row:
-            self._finish_row(row)
+            self._finish_row(row, force)
         self._record(row, self._numerical, kept=True)
 
-    def _finish_row(self, row: dict[str, Any]) -> None:
+    def _finish_row(self, row: dict[str, Any], force: Floats) -> None:
         """Force, momentum and work of the last state, as far as a step after it would tell them."""
-        if not np.isfinite(row["constraint_force"]).all():
-            steps, integrator = list(self._steps), self.stepper.integrator
-            pairs = zip([None, *steps], steps, strict=False)
-            points = [force_point(integrator, *pair) for pair in pairs]
-            found = one_sided(row["t"], [point for point in points if point is not None])
-            if found is None or isinstance(steps[-1], ComposedReport):
-                found = self._by_motion(self._before)
-            row["constraint_force"] = self._force = found
-        if self._force is not None and not self._at_end:
-            self.works.finish(self._force)
+        self._force = force
+        if not self._at_end:
+            row["constraint_force"] = force
+            self.works.finish(force)
             row["work_drives"] = self.works.drives
         if not np.isfinite(row["p"]).all():
             try:
@@ -576,19 +557,12 @@ class Recorder:
                 text = f"its momentum could not be projected: {error}"
                 warn("last state", text, IncompleteWarning, row["t"])
 
-    def _by_motion(self, state: State) -> Floats:
-        """Constraint force (n,) of a state by the equations of motion; NaN where they have none."""
-        try:
-            return force_by_motion(self.system, state)
-        except (CosseratError, *_NO_STEP):  # a singular configuration, or an unknown load
-            return self._nan
-
     def _record(self, row: dict[str, Any], numerical: float, kept: bool) -> None:
         if row and kept:
             self._taken.append(numerical)
             self._rows += 1
             self._held.append(row)
-        if self._late or not self._held:
+        if self._forces.start is None or not self._held:
             return
         rows, self._held = self._held, []
         for each in rows:
@@ -599,30 +573,16 @@ class Recorder:
     def _complete_row(self, report: StepReport) -> None:
         """What a step says of the state that it starts from."""
         self.works.finish(report.stages[0].constraint_force)
-        row = self._row
-        if not self._at_end and (self._kept or self._late):
-            row["constraint_force"] = self._force_before(report)
-        if not self._at_end and self._kept:
+        row, wanted = self._row, self._kept and not self._at_end
+        found = self._forces.take(report, wanted)
+        if found is not None:
+            row["constraint_force"] = self._force = found[1]
+        if self._forces.start is not None:
+            self._first["constraint_force"] = self._forces.start
+        if wanted:
             if not self._carries:
                 row["p"] = report.momentum
             row["work_drives"] = self.works.drives
-        self._steps.append(report)
-
-    def _force_before(self, report: StepReport) -> Floats:
-        """Constraint force (n,) of the state that a step starts from; NaN at a start that waits."""
-        integrator, before = self.stepper.integrator, self._steps[-1] if self._steps else None
-        found = force_of_state(integrator, before, report)
-        self._late = self._late or found is None
-        if self._late:
-            point = force_point(integrator, before, report)
-            self._known = [*self._known[:1], *([] if point is None else [point])]
-            force = one_sided(self._first["t"], self._known)
-            if force is not None:
-                self._first["constraint_force"], self._late = force, False
-        if found is None:
-            return self._nan
-        self._force = found[1]
-        return self._force
 
     def take(self, report: StepReport) -> None:
         """Steps are done: write rows of their start and in between, and make that of their end."""
@@ -632,7 +592,7 @@ class Recorder:
         start, between = (self._row, self._numerical, self._kept), None
         if block is not None:
             last = range(max(1, block.steps - 3), block.steps)
-            self._steps.extend(block.part(k) for k in last)
+            self._forces.skip(block.part(k) for k in last)
             sums = self.works.add_block(block)
             between = self._between(block, sums) if every else None
         else:
@@ -710,7 +670,6 @@ class Recorder:
         self.note()
         self.system, self.stepper, self.h = system, stepper, h
         self.works.go_on(stepper.integrator, system, state, h, loss)
-        self.bank.go_on(system)
         self._start(state)
 
     def note(self) -> None:
@@ -742,10 +701,10 @@ class Recorder:
         if self._complete is not None:
             return self._complete
         try:
-            self.bank.flush()
+            self.bank.finish()
         except StorageError:
             raise
-        except (CosseratError, *_NO_STEP) as error:  # a user's function: the history is kept
+        except (CosseratError, *OF_USERS) as error:  # a user's function: the history is kept
             warn("sensors", f"their last values are missing: {error}", IncompleteWarning)
         self._append_last()
         self._complete = self.writer.history()
