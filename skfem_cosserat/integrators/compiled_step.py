@@ -780,13 +780,13 @@ class CompiledStep(CompiledScene):
             rows, after = self.system.rows, self.scheme.found_with * self.system.rows
             dq = self._a.y1[:rows] - self._a.y0[:rows]
             v = self._o.after[after : after + rows] if late else dq / self.h
-            work = float(((drag @ v) * dq).sum())
-            loads += work
+            own = float(((drag @ v) * dq).sum())
+            loads += own
             if late:
                 assert self.rates0 is not None
-                lost += 0.5 * (work + float(((drag @ self.rates0[0]) * dq).sum()))
+                lost += 0.5 * (own + float(((drag @ self.rates0[0]) * dq).sum()))
             else:  # a step back, as composed ones have, gives what was lost
-                lost += self.h * max(0.0, work / self.h)
+                lost += self.h * max(0.0, own / self.h)
         if late and not (loading.constant and loading.dead_only):
             # by the trapezoidal rule
             loads = 0.5 * (loads + self._work_at_start())

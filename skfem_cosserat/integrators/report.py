@@ -372,7 +372,9 @@ def one_sided(time: float, points: Sequence[ForcePoint]) -> Floats | None:
 
     The nearest one, and the next one that is not too near to that.
     """
-    first, *others = sorted(points, key=lambda each: abs(each[0] - time)) or [(time, None)]
+    if not points:
+        return None
+    first, *others = sorted(points, key=lambda each: abs(each[0] - time))
     if first[0] == time:
         return first[1]
     for other in others:
@@ -416,10 +418,10 @@ def force_of_state(
     if h == k and not integrator.loses:
         both = before._solved.impulse + step._solved.impulse
         return state, (0.5 / h * both).reshape(-1)
-    points = force_point(integrator, None, before), force_point(integrator, None, step)
-    if min(h, k) < TINY * max(h, k) or None in points:
+    one, other = (force_point(integrator, None, each) for each in (before, step))
+    if min(h, k) < TINY * max(h, k) or one is None or other is None:
         return state, (before if h > k else step).constraint_force
-    return state, _on_line(state.time, *points)
+    return state, _on_line(state.time, one, other)
 
 
 def force_points(integrator: Integrator, steps: Sequence[StepReport]) -> list[ForcePoint]:

@@ -780,6 +780,7 @@ class SensorBank:
 
     def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter) -> None:
         self.sensors, self.writer = sensors, writer
+        self.system: System
         self._forces = any(sensor.forces for sensor in sensors.values())
         self._seen: list[tuple[Floats, Floats]] = []
         self._shapes: dict[str, Floats] = {}
@@ -855,8 +856,10 @@ class SensorBank:
         window = window_of(self.system, t, q, self._steps)
         arrays = {}
         for name, sensor in self.sensors.items():
-            arrays[f"{name}/t"] = window.step_t if sensor.forces else window.t
-            arrays[f"{name}/x"] = self._values(name, sensor, window)
+            times = window.step_t if sensor.forces else window.t
+            if len(times):
+                arrays[f"{name}/t"] = times
+                arrays[f"{name}/x"] = self._values(name, sensor, window)
         self._seen.clear()
         self._steps.clear()
         self.writer.sense(arrays)
@@ -887,7 +890,7 @@ def seen(name: str, sensor: Sensor, system: System, window: Window) -> Floats:
     except InputError:
         raise
     except Exception as error:
-        raise failed(item, f"for times up to t = {window.t[-1]:.9g} s it", error) from error
+        raise failed(item, f"for times up to t = {times[-1]:.9g} s it", error) from error
     if values.shape[:1] != times.shape:
         raise InputError(item, f"gives an array {values.shape} for {len(times)} instants")
     return values
