@@ -583,7 +583,8 @@ class EventMonitor:
         """Constraint forces of steps up to a state; of the next ones, too, where these are few."""
         integrator = self.factory.integrator
         points = force_points(integrator, steps)
-        while len(points) < 2 and len(steps) < 3:
+        few = 2 if integrator.constraint_weight < 1 else 0  # else a start has its own
+        while len(points) < few and len(steps) < 3:
             try:
                 steps = [*steps, self.step(state, self._h, self._h)]
             except (CosseratError, *OF_USERS):  # equations of motion are taken
