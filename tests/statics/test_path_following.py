@@ -285,9 +285,9 @@ def test_a_critical_point_at_the_end_of_a_step_has_reactions():
     plane = sc.JointPlanar(sc.ground((1, 0, 0)), rod.node("rod.end"), normal=(0, 0, 1))
     model.add("hold", plane)
     model.add("drive", sc.JointDrive(plane, lambda t: 2 * np.pi * t, "angle"))
-    path = sc.static(model, control=sc.LoadControl(at=[0.5, 1.0]))
+    path = sc.static(model, control=sc.LoadControl(at=[0.5, 1.0, 1.1]))
     assert [round(each["load_factor"], 9) for each in path.meta["critical"]] == [1.0]
-    assert len(path) == 4
+    assert len(path) == 5
     right = 2 * np.pi * EI * path["load_factor"]
     assert abs(path["joint/drive/moment"][:, 2] - right).max() < 1e-3 * right.max()
     assert abs(path["joint/clamp/moment"][:, 2] + right).max() < 1e-3 * right.max()
