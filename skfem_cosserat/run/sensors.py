@@ -856,10 +856,12 @@ class SensorBank:
         window = window_of(self.system, t, q, self._steps)
         arrays = {}
         for name, sensor in self.sensors.items():
-            times = window.step_t if sensor.forces else window.t
-            if len(times):
-                arrays[f"{name}/t"] = times
+            times, known = window.step_t if sensor.forces else window.t, self._shapes.get(name)
+            arrays[f"{name}/t"] = times
+            if len(times) or known is None:
                 arrays[f"{name}/x"] = self._values(name, sensor, window)
+            else:  # the last force comes when no states are left
+                arrays[f"{name}/x"] = known[:0]
         self._seen.clear()
         self._steps.clear()
         self.writer.sense(arrays)
