@@ -19,13 +19,14 @@ from .jit import inlined, part, shared
 from .numbers import (
     AMPLITUDE,
     AMPLITUDE0,
+    DAMPED,
+    DAMPED0,
     END,
     ENDS,
     FORCE,
     GROUND,
     GROUND0,
     LOST,
-    LOST0,
     NUMERICAL,
     PI0,
     REACH,
@@ -287,7 +288,7 @@ def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats, amplitude: int)
     if not (e > 0.0 and sigma > 0.0):
         sigma, pulls = 0.0, 0.0
     V[SIGMA, 0] = sigma - state[c, amplitude]
-    state[c, LOST], state[c, NUMERICAL] = (sigma - K * max(e, 0.0)) * change, 0.0
+    state[c, DAMPED] = sigma - K * max(e, 0.0)
     return pulls, pulls, 0.0, 0.0
 
 
@@ -329,6 +330,7 @@ def linear(
         lost += damping * V[CHANGE, i] / h
         numerical += more * V[CHANGE, i]
         V[SIGMA, i] = force + damping / h + more - state[c, amplitude + i]
+        state[c, DAMPED + i] = damping / h
     if h > 0.0:  # a step back gives what was lost
         lost = max(lost, 0.0)
     state[c, LOST], state[c, NUMERICAL] = lost + numerical, numerical
@@ -514,7 +516,9 @@ def couple_start(
         gradients(s, c, w.later, G, 0, P, AT_END)
         gradients(s, c, w.mid, G, 0, P, AT_MID)
         respond(s, state, c, numbers, P, V, J, AMPLITUDE0)
-        state[c, LOST0], state[c, GROUND0] = state[c, LOST], 0.0
+        state[c, GROUND0] = 0.0
+        for i in range(d + m):
+            state[c, DAMPED0 + i] = state[c, DAMPED + i]
         behind = w.internal.shape[0]
         for a in range(ROWS):
             r = places[c, ROW + a]

@@ -361,7 +361,8 @@ def beam_energy(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """S at y1 and ``internal += int B(q_mid)^T S ds``; flag 1: with the predicted S instead.
 
-    Of beams that are all viscosity, what they take along the way; flag 2: that of the start.
+    Of beams that are all viscosity, what they take along the way; flag 2: S alone, 3: with the S
+    that is there.
     """
     lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
     weights = g.weights
@@ -370,9 +371,9 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     if flag == 1:
         S, f = g.predicted, w.R_mixed
     start, end, ends = numbers[START], numbers[END], numbers[ENDS] != 0.0
-    if flag == 2 and not ends:
+    if flag >= 2 and not ends:
         return 0.0
-    viscous, lost = flag != 1 and start + end == 0.0, pack((0.0, 0.0, 0.0, 0.0))
+    viscous, lost = flag % 3 == 0 and start + end == 0.0, pack((0.0, 0.0, 0.0, 0.0))
     base, turned, rotations = g.base, g.turned, g.rotations
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
@@ -392,7 +393,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             F[k] = 0.0
         for p in range(ng):
             G = at_point(N[p], dN[p], inverse, X)
-            if flag != 1:
+            if flag % 2 == 0:
                 H = at_point(N[p], dN[p], inverse, Y) if ends else G
                 eps = strained(reference, es, ng, p, H)
                 for i in range(6):
@@ -409,7 +410,8 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         give(base, turned, rotations, es, F, f)
     if viscous:
         store(F, 0, 2.0 * lost)
-        numbers[VISCOUS_START if flag == 2 else VISCOUS_END] = F[0] + F[1] + F[2] + F[3]
+        numbers[VISCOUS_START] = numbers[VISCOUS_END]
+        numbers[VISCOUS_END] = F[0] + F[1] + F[2] + F[3]
     return 0.0
 
 

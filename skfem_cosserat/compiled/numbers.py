@@ -83,15 +83,15 @@ ENERGY, COMPLEX_ENERGY, GRADIENT, COMPLEX_GRADIENT, HESSIAN = range(5)
 #: at the start and at the end, or how far a rotation vector went; what is dissipated, the part of
 #: the scheme in it, and what the ground does (J); forces of an actuator, invariants and coordinates
 #: at the start, forces by invariants, travel of the coordinates. Where forces are those at the end
-#: of a step, also by the forces at its start: those of an actuator, what is dissipated, what the
-#: ground does. Whether full turns are counted on from step to step
+#: of a step, also by the forces at its start: those of an actuator and of dampers, what the ground
+#: does; and those of dampers at its end. Whether full turns are counted on from step to step
 STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND = range(6)
 AMPLITUDE, PI0, XI0, S, TRAVEL = 6, 12, 19, 25, 32
-AMPLITUDE0, LOST0, GROUND0 = 38, 44, 45
+AMPLITUDE0, DAMPED0, GROUND0, DAMPED = 38, 44, 50, 51
 #: channels of an actuator
 DRIVEN = 6
-WINDS = 46
-COUPLED = 47
+WINDS = 57
+COUPLED = 58
 
 #: of the extra velocity of energy-decaying steps, numpy's and compiled ones: what is added to the
 #: diagonal of a singular matrix, of its size (where all velocities are parallel); products with the

@@ -18,16 +18,35 @@ __all__ = ["evaluate", "increment", "matrix", "solve", "start"]
 
 
 @inlined
-def at_start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats) -> None:
-    """Forces of dampers at the start, and where their way to the end begins."""
-    y0, mid, earlier, later, reach = w.y0, w.mid, w.earlier, w.later, numbers[n.REACH]
+def around_start(w: Any, reach: float) -> None:
+    """The way of dampers at the start of a step, by the velocity there."""
+    y0, mid, earlier, later = w.y0, w.mid, w.earlier, w.later
     for r in range(y0.shape[0]):
         for c in range(3):
             way = reach * w.rate0[r, c]
             earlier[r, c], mid[r, c], later[r, c] = y0[r, c] - way, y0[r, c], y0[r, c] + way
-    if p[n.BEAM_START]:
-        call_beams(p[n.BEAM_START], g, w, numbers, 0)
-        call_beams(p[n.BEAM_FORCE], g, w, numbers, 2)
+
+
+@inlined
+def viscous_work(p: IndexArray, w: Any, g: Any, numbers: Floats) -> None:
+    """What viscous sections take along a step, by their stresses at its end, then at its start."""
+    y0, y1, mid, later = w.y0, w.y1, w.mid, w.later
+    for stage in range(2):
+        if stage:
+            around_start(w, numbers[n.REACH])
+            call_beams(p[n.BEAM_START], g, w, numbers, 0)
+            call_beams(p[n.BEAM_FORCE], g, w, numbers, 2)
+        for r in range(y0.shape[0]):
+            for c in range(3):
+                mid[r, c], later[r, c] = 0.5 * (y0[r, c] + y1[r, c]), y1[r, c]
+        call_beams(p[n.BEAM_FORCE], g, w, numbers, 3)
+
+
+@inlined
+def at_start(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats) -> None:
+    """Forces of dampers at the start, and where their way to the end begins."""
+    y0, earlier, reach = w.y0, w.earlier, numbers[n.REACH]
+    around_start(w, reach)
     if p[n.COUPLE]:
         call(p[n.COUPLE], s, m, w, numbers, 4)
     for r in range(y0.shape[0]):
@@ -44,7 +63,7 @@ def start(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, guess:
         if numbers[n.WEIGHT] == 0.0:
             call(p[n.JOINT_MAPS], s, m, w, numbers, 0)
     if numbers[n.REACH] != 0.0:
-        at_start(p, s, m, w, g, numbers)
+        at_start(p, s, m, w, numbers)
     if p[n.BEAM_START]:
         call_beams(p[n.BEAM_START], g, w, numbers, 0)
     if p[n.COUPLE]:
@@ -289,6 +308,8 @@ def solve(steps: Any, flag: int) -> float:
         if not solved:
             return 0.0
         record[n.DONE] += 1.0
+        if numbers[n.REACH] != 0.0 and p[n.BEAM_START]:
+            viscous_work(p, w, g, numbers)
         finish_rates(o, numbers, record)
         stay_in_plane(o)
         keep(o, w.coupled, numbers, record)

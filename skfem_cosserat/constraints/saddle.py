@@ -95,19 +95,22 @@ def _made(system: System, thread: int) -> SaddlePoint:
     return SaddlePoint(system)
 
 
-def hidden_rate(system: System, y: Floats, t: float) -> Floats:
-    """Rate (m,) that ``G v`` has to have at y (total, 3): minus that by prescribed motion."""
-    if not system.moving:
+def hidden_rate(system: System, y: Floats, t: float | None) -> Floats:
+    """Rate (m,) that ``G v`` has to have at y (total, 3): minus that by prescribed motion.
+
+    With None for the time the ground is at rest.
+    """
+    if t is None or not system.moving:
         return np.zeros(system.m)
     rate = np.zeros_like(y)
     rate[system.rows :] = system.ground_rate(t)
     return -system.constraints.ground_rate(y, rate)
 
 
-def nearest_velocity(system: System, y: Floats, p: Floats, t: float) -> Floats:
+def nearest_velocity(system: System, y: Floats, p: Floats, t: float | None) -> Floats:
     """Velocity (n,) on the hidden constraints nearest to p (n,), in the kinetic energy; at time t.
 
-    ``M v = p - G(y)^T mu``, ``G(y) v + g_t = 0`` at y (total, 3).
+    ``M v = p - G(y)^T mu``, ``G(y) v + g_t = 0`` at y (total, 3), for None ``G(y) v = 0``.
     """
     rate, found = hidden_rate(system, y, t), None
     if is_lattice(system):

@@ -7,7 +7,7 @@ the elimination is one on arrays over the states.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -584,13 +584,13 @@ def _velocities(system: System) -> StackedVelocities:
     return StackedVelocities(system)
 
 
-def nearest_velocities(system: System, y: Floats, p: Floats, t: Floats) -> Floats:
+def nearest_velocities(system: System, y: Floats, p: Floats, t: Sequence[float | None]) -> Floats:
     """Velocities (N, n) on the hidden constraints nearest to p (N, n), in the kinetic energy.
 
     As :func:`.saddle.nearest_velocity` at each of the states y (N, total, 3), times t (N,).
     """
-    if is_lattice(system):
-        states = zip(y, p, t.tolist(), strict=True)
+    if is_lattice(system) or len(p) < 2:  # one alone has not to lay out the elimination
+        states = zip(y, p, t, strict=True)
         return np.array([nearest_velocity(system, *each) for each in states]).reshape(p.shape)
     out, solver = np.empty_like(p), _velocities(system)
     for first in range(0, len(p), solver.stacked.chunk):
@@ -598,7 +598,7 @@ def nearest_velocities(system: System, y: Floats, p: Floats, t: Floats) -> Float
         rate = np.zeros((len(p[some]), system.m))
         if system.moving:
             for k, s in enumerate(t[some]):
-                rate[k] = hidden_rate(system, y[some][k], float(s))
+                rate[k] = hidden_rate(system, y[some][k], s)
         out[some] = solver(y[some], p[some], rate)
     return out
 

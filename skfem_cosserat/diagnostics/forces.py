@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from ..constraints import Treatment
 from ..constraints.saddle import accelerations as by_motion
-from ..constraints.stacked import stacked_multipliers
+from ..constraints.stacked import WRONG, nearest_velocities, stacked_multipliers
 from ..element import lagrange
 from ..errors import InputError
 from ..history import History
@@ -18,7 +19,7 @@ from ..model import System, takes_scene
 from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import ArrayLike, Floats, IndexArray, switch
-from .energy import group_of, held_forces
+from .energy import group_of, held_forces, momentum
 from .stacked import all_rows, as_series, as_stack, as_times
 
 if TYPE_CHECKING:
@@ -433,6 +434,10 @@ def constraint_points(system: System, history: History) -> Floats:
 def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     """Multipliers from ``G(y)^T lambda = force``, by ``(G G^T) lambda = G force``.
 
+    A force that no multipliers give, as the mean of two steps, is first replaced by the one that
+    gives the nearest accelerations: ``force - M a``, ``G a = 0``. A joint of a light body is then
+    off by a share of its own force, not of those of heavy bodies.
+
     Where constraint rows are redundant, only ``G^T lambda`` is unique: of all lambda that give
     it, this is the one of least norm, ``sum lambda^2`` over all rows. How the forces are shared
     between the joints of such a loop is then a choice, not a result.
@@ -465,8 +470,17 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     >>> multipliers(model.freeze(), y[None], np.array([[0.0, 0, -20.0]])).tolist()
     [[20.0]]
     """
-    y = as_series("y", y, system.total, 3)
-    return stacked_multipliers(system, y, as_series("force", force, system.n))
+    y, force = as_series("y", y, system.total, 3), as_series("force", force, system.n)
+    lam, c = stacked_multipliers(system, y, force), system.constraints
+    parts = c.contributions(c.inside, y) * lam[:, c.G_rows]
+    entries = np.arange(parts.shape[1]), c.G_cols
+    place = csr_matrix((np.ones(parts.shape[1]), entries), (parts.shape[1], system.n))
+    off = abs(force - parts @ place).max(axis=1, initial=0.0)
+    some = np.flatnonzero(off > WRONG * abs(force).max(axis=1, initial=0.0))
+    if len(some):
+        a = nearest_velocities(system, y[some], force[some], [None] * len(some))
+        lam[some] = stacked_multipliers(system, y[some], force[some] - momentum(system, a))
+    return lam
 
 
 def overstretched_at(system: System, y: Floats, force: Floats) -> tuple[str, str] | None:

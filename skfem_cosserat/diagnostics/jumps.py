@@ -26,8 +26,6 @@ SHORT = 1e-3, 2e-2
 def jumps(system: System, history: History) -> Floats:
     """Times (s) at which a load, or velocity or acceleration of prescribed motion, jumps in a run.
 
-    Or in the step after it, which the constraint force of the last state takes part of.
-
     Loads are all functions of time that drive the scene: those of actuators, and the amplitudes of
     loads that are functions of the motion. The changes between up to 400 instants of the run that
     differ most from the changes beside them are halved down to a small part of a step: a jump stays
@@ -61,7 +59,7 @@ def jumps(system: System, history: History) -> Floats:
     if len(history) < 2:
         return np.zeros(0)
     h, start = _step(history), history.times[0]
-    end = _end(system, history.times[-1], h)
+    end = history.times[-1]
     times = np.linspace(start, end, min(LOOKS, 1 + max(1, int((end - start) / h))))
     found: list[float] = []
     narrow = SHORT[0] * h
@@ -88,23 +86,14 @@ def jumps(system: System, history: History) -> Floats:
 def at_jumps(system: System, history: History) -> Floats:
     """One for each recorded state within a step of a jump, zero for all others (N,).
 
-    The force of a start follows from those of the two states after it.
+    The forces of the start and the end follow from the two steps after and before them, that of a
+    given momentum from those after the next state.
     """
     reach = np.full(len(history), _step(history) * (1 + SHORT[0]))
-    reach[:1] *= 3 if history["fresh"][0] else 1
+    reach[:1] *= 3 if history["fresh"][0] else 2
+    reach[-1:] *= 2
     apart = abs(history.times[:, None] - jumps(system, history))
     return (apart <= reach[:, None]).any(axis=1).astype(float)
-
-
-def _end(system: System, time: float, h: float) -> float:
-    """Until when jumps are looked for (s): a step further, if loads and motions are known there."""
-    try:
-        for loads in (system.loading, system.couplings):
-            loads.values(time + h)
-        system.ground(time + h)
-    except Exception:  # noqa: BLE001, functions of the user's own
-        return time
-    return time + h
 
 
 def _step(history: History) -> float:

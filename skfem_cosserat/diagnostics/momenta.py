@@ -54,9 +54,9 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
     Returns
     -------
     p_minus, p_plus : (N, n) array
-        (kg m/s, kg m^2/s). The last p_minus is NaN, as the step after it is not recorded; the
-        first p_plus is NaN at a start from given momentum (where a run goes on, it is what was
-        carried over); the last p_plus is NaN if the run could not look one step ahead.
+        (kg m/s, kg m^2/s). The last ones are NaN, as the constraint force of their node is that of
+        the step after it; the first p_plus is NaN at a start from given momentum (where a run goes
+        on, it is what was carried over).
 
     Raises
     ------
@@ -94,6 +94,7 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
     q, _ = as_stack(system, "history", history["q"])
     times, h = history.times, float(history.meta["step"])
     half = 0.5 * h * history["constraint_force"]  # with a given momentum not that of the equations
+    half[-1:] = np.nan
     minus, plus = np.full_like(q, np.nan), np.full_like(q, np.nan)
     if len(q) and not history["fresh"][0]:
         plus[0] = history["carried"][0]
@@ -432,9 +433,7 @@ class _SaddlePoint(_Rule):
 
     def velocities(self, q: Floats, p: Floats, t: Floats) -> Floats:
         """See the base class."""
-        if len(q) < 2:  # one alone has not to lay out the elimination
-            return super().velocities(q, p, t)
-        return nearest_velocities(self.system, all_rows(self.system, q, t), p, t)
+        return nearest_velocities(self.system, all_rows(self.system, q, t), p, t.tolist())
 
 
 class _DirectorsDropped(_Rule):

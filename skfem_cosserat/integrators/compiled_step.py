@@ -23,6 +23,8 @@ from ..compiled.numbers import (
     CALLED_BACK,
     CLEARANCE,
     COUPLED,
+    DAMPED,
+    DAMPED0,
     DISSIPATED,
     DONE,
     DRIVEN,
@@ -33,7 +35,6 @@ from ..compiled.numbers import (
     ITERATIONS,
     KEPT,
     KNOWN,
-    LOST0,
     MASS,
     NUMBERS,
     RECORD,
@@ -190,9 +191,10 @@ class Coupled:
             return StepWork(loads, dissipated=lost)
         found = DISSIPATED, BY_SCHEME, BY_GROUND, ACTUATORS
         taken, numerical, ground, actuators = record.take(found).tolist()
-        if self._late:  # by the trapezoidal rule; what is lost is along a way of its own
+        if self._late:  # by the trapezoidal rule
             sums = self._columns.sum(0)
-            taken = 0.5 * (taken + float(sums[LOST0])) * self._h / float(self._columns[0, STEP])
+            damped = self._of_actuators(DAMPED) + self._of_actuators(DAMPED0)
+            taken = float((0.5 * damped * self._of_actuators(TRAVEL)).sum())
             ground = 0.5 * (ground + float(sums[GROUND0]))
             forces = self._of_actuators(AMPLITUDE) + self._of_actuators(AMPLITUDE0)
             actuators = float((0.5 * forces * self._of_actuators(TRAVEL)).sum())
@@ -240,7 +242,7 @@ class Viscous:
         """Lost in the step evaluated last (J), of size h (s); `late`: by the forces at its ends."""
         end = sum(self.numbers[:, VISCOUS_END].tolist())
         if late:
-            end = 0.5 * (sum(self.numbers[:, VISCOUS_START].tolist()) + end)
+            return float(0.5 * (sum(self.numbers[:, VISCOUS_START].tolist()) + end))
         return float(self.lost(end, h))
 
     def lost(self, found: Any, h: float) -> Any:
@@ -778,13 +780,13 @@ class CompiledStep(CompiledScene):
             rows, after = self.system.rows, self.scheme.found_with * self.system.rows
             dq = self._a.y1[:rows] - self._a.y0[:rows]
             v = self._o.after[after : after + rows] if late else dq / self.h
-            force = drag @ v
-            loads, power = loads + float((force * dq).sum()), float((force * v).sum())
+            own = float(((drag @ v) * dq).sum())
+            loads += own
             if late:
                 assert self.rates0 is not None
-                power = 0.5 * (power + float((self.rates0[0] * (drag @ self.rates0[0])).sum()))
-            # a step back, as composed ones have, gives what was lost
-            lost += self.h * max(0.0, power)
+                lost += 0.5 * (own + float(((drag @ self.rates0[0]) * dq).sum()))
+            else:  # a step back, as composed ones have, gives what was lost
+                lost += self.h * max(0.0, own / self.h)
         if late and not (loading.constant and loading.dead_only):
             # by the trapezoidal rule
             loads = 0.5 * (loads + self._work_at_start())

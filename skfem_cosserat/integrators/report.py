@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..constraints.saddle import accelerations, nearest_velocity
-from ..errors import Diverged, InputError
+from ..errors import CosseratError, Diverged, InputError
 from ..model import System
 from ..newton import NewtonSettings
 from ..types import Floats
@@ -19,7 +19,8 @@ from .compiled_step import BlockOfSteps
 from .scheme import State, StepOrigin, StepWork, carried_rates
 
 __all__ = ["BlockReport", "Code", "ComposedReport", "Failure", "Solved", "StepReport"]
-__all__ += ["force_of_state", "forces_of_states"]
+__all__ += ["OF_USERS", "ForcePoint", "StateForces", "force_points", "forces_of_states"]
+__all__ += ["one_sided"]
 
 # -- what a solved step gives beside the next state ------------------------------------------------
 
@@ -303,10 +304,7 @@ class ComposedReport(StepReport):
     @property
     def constraint_force(self) -> Floats:
         """See the base class."""
-        system, _, _, state, _, _ = self._solved
-        y, v = self.constraint_point, self._velocity
-        lam = accelerations(system, state.q, v, state.time, state.turns)[1]
-        return np.asarray(system.constraints.jacobian(y).T @ lam)
+        return force_by_motion(self._solved.system, self._solved.state)
 
     @property
     def constraint_point(self) -> Floats:
@@ -317,6 +315,78 @@ class ComposedReport(StepReport):
 
 #: a step against its neighbour, below which its constraint force is nothing but rounding
 TINY = 1e-5
+#: way to the second instant, against that to the first one, from which on a force is extrapolated
+FURTHER = 0.4
+
+#: what functions of a user's own may raise
+OF_USERS = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
+
+#: an instant (s), and the constraint force (n,) then
+ForcePoint = tuple[float, Floats]
+
+
+def force_by_motion(system: System, state: State) -> Floats:
+    """Constraint force (n,) of a state by the equations of motion there."""
+    y = system.extend(state.q, state.time)
+    v = nearest_velocity(system, y, state.p, state.time)
+    lam = accelerations(system, state.q, v, state.time, state.turns)[1]
+    return np.asarray(system.constraints.jacobian(y).T @ lam)
+
+
+def force_point(
+    integrator: Integrator, before: StepReport | None, step: StepReport
+) -> ForcePoint | None:
+    """An instant of a step, and the constraint force then, of the order of the scheme.
+
+    Forces act at the end of a step, at its start or in its middle. Momenta p of schemes with forces
+    in the middle are off the hidden constraints by ``j = p - Q p``, which changes sign from step to
+    step and makes the forces F alternate by first order; ``F + (j_1 - j_0) / h`` do not.
+
+    Parameters
+    ----------
+    before : StepReport or None
+        The step that led to the start of `step`; None: there is none.
+
+    Returns
+    -------
+    (float, array) or None
+        None where the step does not tell it: it is far smaller than the one before, or its
+        momentum was given, and its force of first order only.
+    """
+    weight, state, k = integrator.constraint_weight, step.start, step.step
+    if weight == 1:
+        return step.state.time, step.constraint_force
+    if isinstance(step, ComposedReport):
+        return state.time, step.constraint_force
+    made = k if state.made_by is None else state.made_by.step
+    h = made if before is None else before.step
+    if weight == 0:  # its impulse is over half of the step before it, too
+        return None if state.fresh else (state.time, step.constraint_force * (2 * k / (h + k)))
+    if k < TINY * h:
+        return None
+    change = _off(step._solved.system, step.state) - _off(step._solved.system, state)
+    return state.time + 0.5 * k, step.constraint_force + change / k
+
+
+def one_sided(time: float, points: Sequence[ForcePoint]) -> Floats | None:
+    """Force (n,) at an instant before or after others, on a line through two; None: they are few.
+
+    The nearest one, and the next one that is not too near to that.
+    """
+    if not points:
+        return None
+    first, *others = sorted(points, key=lambda each: abs(each[0] - time))
+    if first[0] == time:
+        return first[1]
+    for other in others:
+        if abs(other[0] - first[0]) > FURTHER * abs(first[0] - time):
+            return _on_line(time, first, other)
+    return None
+
+
+def _on_line(time: float, a: ForcePoint, b: ForcePoint) -> Floats:
+    share = (time - a[0]) / (b[0] - a[0])
+    return np.asarray((1 - share) * a[1] + share * b[1])
 
 
 def force_of_state(
@@ -325,14 +395,9 @@ def force_of_state(
     """A state at an end of a step, and its constraint force (n,) of the order of the scheme.
 
     The end of the step, if forces act there, else its start. There the force is the step's own, or
-    follows from those of the steps before and after, if these act at midpoints.
-
-    Momenta p of such schemes are off the hidden constraints by ``j = p - Q p``, which changes sign
-    from step to step and makes the forces F of the steps alternate by first order. Without it,
-    ``F_before + (j_n - j_{n-1}) / h_before`` and ``F_after - (j_n - j_{n+1}) / h_after`` lie on a
-    straight line through the force of the state, up to second order. If the steps are equal, and no
-    energy is taken, that force is the mean of F. Beside a step that is smaller by far rounding of
-    j counts too much: the force of the longer one is taken, of first order.
+    that between those of the steps before and after, see :func:`force_point`: the mean of what they
+    are if the steps are equal, and no energy is taken. Beside a step that is smaller by far the
+    force of the longer one is taken, of first order.
 
     Parameters
     ----------
@@ -342,34 +407,86 @@ def force_of_state(
     Returns
     -------
     (State, array) or None
-        None: at a start whose force neither step tells. With a momentum that was given the force of
-        the first step is of first order only.
+        None: at a start whose force neither step tells.
     """
     weight, state = integrator.constraint_weight, step.start
-    if weight == 1:
-        return step.state, step.constraint_force
-    if weight == 0:
-        if isinstance(step, ComposedReport):
-            return state, step.constraint_force
-        if state.fresh:
-            return None
-        # its impulse is over half of the step before it, too
-        made, k = state.made_by, step.step
-        h = before.step if before is not None else k if made is None else made.step
-        return state, step.constraint_force * (2 * k / (h + k))
+    if not 0 < weight < 1:
+        found = force_point(integrator, before, step)
+        return None if found is None else (step.state if weight == 1 else state, found[1])
     if before is None:
         return None
     h, k = before.step, step.step
     if h == k and not integrator.loses:
         both = before._solved.impulse + step._solved.impulse
         return state, (0.5 / h * both).reshape(-1)
-    one, other = before.constraint_force, step.constraint_force
-    if min(h, k) < TINY * max(h, k):
-        return state, one if h > k else other
-    system = step._solved.system
-    last, own, following = (_off(system, at) for at in (before.start, state, step.state))
-    one, other = one + (own - last) / h, other - (own - following) / k
-    return state, np.asarray((k * one + h * other) / (h + k))
+    one, other = (force_point(integrator, None, each) for each in (before, step))
+    if min(h, k) < TINY * max(h, k) or one is None or other is None:
+        return state, (before if h > k else step).constraint_force
+    return state, _on_line(state.time, one, other)
+
+
+def force_points(integrator: Integrator, steps: Sequence[StepReport]) -> list[ForcePoint]:
+    """Those of :func:`force_point` of steps in a row; none where equations of motion give more."""
+    if not steps or isinstance(steps[-1], ComposedReport):
+        return []
+    pairs = zip([None, *steps], steps, strict=False)
+    found = [force_point(integrator, before, step) for before, step in pairs]
+    return [point for point in found if point is not None]
+
+
+class StateForces:
+    """Constraint forces of the states of a run, as its steps tell them one after the other.
+
+    Those of its start and its end follow from steps on one side. Where these are too few, they are
+    of the equations of motion.
+
+    Attributes
+    ----------
+    start : (n,) array or None
+        Of the start; None while it waits for more steps.
+    """
+
+    def __init__(
+        self, integrator: Integrator, system: System, state: State, start: Floats | None = None
+    ) -> None:
+        self.integrator, self.system, self.state = integrator, system, state
+        self._steps: list[StepReport] = []
+        self._points: list[ForcePoint] = []
+        self.start = start
+
+    def take(self, report: StepReport, wanted: bool = True) -> tuple[State, Floats] | None:
+        """What the next step tells, see :func:`force_of_state`; None: nothing, or not `wanted`."""
+        before, found = self._steps[-1] if self._steps else None, None
+        if wanted:
+            found = force_of_state(self.integrator, before, report)
+        if self.start is None and found is not None and found[0] is self.state:
+            self.start = found[1]
+        if self.start is None:
+            point = force_point(self.integrator, before, report)
+            self._points = [*self._points[:1], *([] if point is None else [point])]
+            self.start = one_sided(self.state.time, self._points)
+        self.skip([report])
+        return found
+
+    def skip(self, reports: Iterable[StepReport]) -> None:
+        """Steps whose states nobody asks for."""
+        self._steps = [*self._steps, *reports][-3:]
+
+    def end(self) -> tuple[State, Floats]:
+        """The end of the last step, and its force; NaN where nothing tells it."""
+        if self.start is None:
+            self.start = self._by_motion(self.state)
+        if not self._steps:
+            return self.state, self.start
+        state = self._steps[-1].state
+        found = one_sided(state.time, force_points(self.integrator, self._steps))
+        return state, self._by_motion(state) if found is None else found
+
+    def _by_motion(self, state: State) -> Floats:
+        try:
+            return force_by_motion(self.system, state)
+        except (CosseratError, *OF_USERS):  # a singular configuration, or an unknown load
+            return np.full(len(state.q), np.nan)
 
 
 def forces_of_states(integrator: Integrator, h: float, before: Floats, after: Floats) -> Floats:

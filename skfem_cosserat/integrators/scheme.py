@@ -118,7 +118,7 @@ class StepWork(NamedTuple):
     loads, actuators : float
         By loads, and by actuators on joint coordinates.
     dissipated : float
-        Lost in dampers, viscous sections and drag, not negative.
+        Lost in dampers, viscous sections and drag.
     ground : float
         By moving ground through springs, dampers and bushings that end there.
     numerical : float

@@ -456,21 +456,44 @@ class StepBalance:
         start = balance(system, step.y0, at0, turns=turns, ydot=ydot)
         change = e.y1 - step.y0
         loads = 0.5 * float(((start.external + e.external) * change[:rows]).sum())
-        lost = 0.5 * self.h * (start.lost + self._lost_power(e))
+        strained = [b - a for a, b in zip(start.strains, e.strains, strict=True)]
+        began = self._damped_work(e, strained, start.Bs, ydot, start.coupled)
+        ended = self._damped_work(e, strained, e.Bs, e.velocity, e.coupled)
+        lost = 0.5 * (began + ended)
         if step.couplings is None or e.coupled is None or start.coupled is None:
             return StepWork(loads, dissipated=lost)
         couplings = system.couplings
-        began = couplings.starting(step.y0, turns, at0.actuators, 1.0, t0)
-        starts, forces = (began, step.couplings), (start.coupled, e.coupled)
+        first = couplings.starting(step.y0, turns, at0.actuators, 1.0, t0)
+        starts, forces = (first, step.couplings), (start.coupled, e.coupled)
         done = trapezoidal_work(couplings, starts, forces, e.y1, rows)
         return done._replace(loads=loads + done.loads, dissipated=lost)
 
-    def _lost_power(self, e: Evaluation) -> float:
-        """Power (W) lost at the configuration evaluated, in dampers as well."""
-        power = self._dissipated_power(e)
-        if e.coupled is not None:
-            power += float(sum(r.dissipated.sum() for r in e.coupled.responses))
-        return power
+    def _damped_work(
+        self,
+        e: Evaluation,
+        strained: list[Array],
+        Bs: list[Array],
+        velocity: Array | None,
+        coupled: CoupledForce | None,
+    ) -> float:
+        """Work (J) against viscous sections, drag and dampers in a step, by their forces at an end.
+
+        Motions that steps do not resolve change velocities at the ends by far more than the way.
+        """
+        system, work = self.system, 0.0
+        if velocity is None:
+            return work
+        for g, B, change in zip(system.beam_groups, Bs, strained, strict=True):
+            if g.viscous:
+                stress = g.viscous_stress(g.strain_rate(B, velocity))
+                work += float((g.elements.measure * stress * change).sum())
+        if system.drag is not None:
+            work += float(((system.drag @ velocity[: system.rows]) * e.dq).sum())
+        if coupled is not None and e.coupled is not None:
+            for own, ended in zip(coupled.responses, e.coupled.responses, strict=True):
+                assert own.damped is not None
+                work += float((own.damped * ended.travel).sum())
+        return work
 
     # -- reports ---------------------------------------------------------------------------------
 

@@ -109,8 +109,6 @@ class Balance:
         Springs and actuators, if there are any.
     external : (rows, 3) array
         Loads.
-    lost : float
-        Power (W) lost in dampers, viscous sections and drag.
     """
 
     R: Array
@@ -121,7 +119,6 @@ class Balance:
     stresses: list[Array]
     coupled: CoupledForce | None
     external: Array
-    lost: float = 0.0
 
 
 def amplitudes_at(system: System, t: float) -> Amplitudes:
@@ -162,13 +159,14 @@ def balance(
     both = system.strain(y)
     strains, Bs = [eps for eps, _ in both], [B for _, B in both]
     stresses = [g.stress(eps) for g, eps in zip(groups, strains, strict=True)]
-    lost = 0.0
     if viscous and ydot is not None and system.damped:
-        stresses, lost = _with_viscosity(system, Bs, stresses, ydot)
+        stresses = [
+            S + g.viscous_stress(g.strain_rate(B, ydot)) if g.viscous else S
+            for g, B, S in zip(groups, Bs, stresses, strict=True)
+        ]
     internal = system.internal_force(Bs, stresses)
     if ydot is not None and system.drag is not None:
-        drag = system.drag @ ydot[: system.rows]
-        internal, lost = internal + drag, lost + float((drag * ydot[: system.rows]).sum().real)
+        internal = internal + system.drag @ ydot[: system.rows]
     coupled = None
     if system.couplings.count:
         origin = np.real(y) if before is None else before
@@ -176,26 +174,10 @@ def balance(
         start = system.couplings.starting(origin, turns, *now)
         coupled = system.couplings.static(start, y, ydot, share)
         internal = internal + coupled.force[: system.rows]
-        lost += float(sum(r.dissipated.sum().real for r in coupled.responses))
     external = external_force(system, y, amplitudes)
     size = max(float(abs(term).max(initial=0.0)) for term in (internal, external))
     R = internal - external
-    return Balance(R, size, y, strains, Bs, stresses, coupled, external, lost)
-
-
-def _with_viscosity(
-    system: System, Bs: list[Array], stresses: list[Array], ydot: Array
-) -> tuple[list[Array], float]:
-    """Stresses with their viscous part, and the power (W) that it takes."""
-    out, lost = [], 0.0
-    for g, B, S in zip(system.beam_groups, Bs, stresses, strict=True):
-        if g.viscous:
-            rate = g.strain_rate(B, ydot)
-            out.append(S + g.viscous_stress(rate))
-            lost += g.dissipation(rate.real)
-        else:
-            out.append(S)
-    return out, lost
+    return Balance(R, size, y, strains, Bs, stresses, coupled, external)
 
 
 def external_force(system: System, y: Array, amplitudes: Amplitudes) -> Array:

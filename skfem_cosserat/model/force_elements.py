@@ -297,7 +297,7 @@ class _Response:
     `travel` (c, m) is what the forces sigma do work on, `slopes` gives the derivatives of s by the
     invariants at the midpoint (or None) and at the end, (c, k, k) each; `share` is the factor of
     the end in the configuration at which the force acts, `numerical` what the scheme has of what is
-    dissipated.
+    dissipated, `damped` (c, m) the part of dampers in the forces where these are of one instant.
     """
 
     s: Array
@@ -308,6 +308,7 @@ class _Response:
     slopes: Callable[[], tuple[Array | None, Array]]
     share: float = 0.5
     numerical: Array | None = None
+    damped: Array | None = None
 
 
 class _Group:
@@ -413,10 +414,11 @@ class _Group:
             return left @ by_pi + (sigma[..., None, None] * X).sum(-3), left @ by_rate @ J
 
         gradients = self.invariants.gradients(y)
-        lost = ((law - self.law.force(e, 0 * rate)) * rate).sum(-1)
+        damped = law - self.law.force(e, 0 * rate)
         s = apply(J.swapaxes(-1, -2), sigma)
         faster = self.invariants.gradients(ydot) + share * gradients
-        return _Response(s, gradients, faster, xi - start.xi, lost, slopes, share=1.0)
+        own = s, gradients, faster, xi - start.xi, (damped * rate).sum(-1), slopes
+        return _Response(*own, share=1.0, damped=damped)
 
     def stiffness(self, y: Array, taut: bool = False) -> Array:
         """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; of a cable while taut."""

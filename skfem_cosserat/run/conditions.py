@@ -239,14 +239,25 @@ class ConditionReaction(Condition):
     joint : Joint or str
         Or its name.
     level : float
-        Of its magnitude.
+        Of its magnitude, or of a component.
     moment : bool
         The moment instead of the force.
+    component : {0, 1, 2}, optional
+        In space, with its sign; default: the magnitude.
     """
 
-    def __init__(self, joint: Joint | str, level: float, moment: bool = False) -> None:
+    def __init__(
+        self,
+        joint: Joint | str,
+        level: float,
+        moment: bool = False,
+        component: int | None = None,
+    ) -> None:
         self.joint, self.level = joint, _level(level)
         self.moment = switch("condition", moment, "moment")
+        if component is not None and component not in (0, 1, 2):
+            raise InputError("condition", f"component = {component!r}, expected 0, 1, 2 or None")
+        self.component = component
 
     def check(self, system: System) -> None:
         """See the base class."""
@@ -254,7 +265,9 @@ class ConditionReaction(Condition):
 
     def value(self, view: View) -> float:
         """See the base class."""
-        return float(np.linalg.norm(view.reaction(self.joint)[int(self.moment)])) - self.level
+        found = view.reaction(self.joint)[int(self.moment)]
+        c = self.component
+        return float(np.linalg.norm(found) if c is None else found[c]) - self.level
 
 
 class ConditionEnergy(Condition):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..integrators.choice import motion_by_kernels
 from ..integrators.compiled_scene import CompiledMotion, Motion
-from ..integrators.report import BlockReport
+from ..integrators.report import OF_USERS, BlockReport, ForcePoint, force_points
 from ..model import System, takes_scene
 from ..types import Floats, IndexArray, positive, switch
 from ..warn import logger
@@ -355,6 +355,8 @@ class Found(NamedTuple):
         Of the step that ends there.
     events : list of (Event, float)
         With the values of their conditions.
+    view : View
+        Of the state there.
     steps : int
         How many steps of those looked at there are up to them, with the one in which they are.
     before : StepReport or None
@@ -363,6 +365,7 @@ class Found(NamedTuple):
 
     report: StepReport
     events: list[tuple[Event, float]]
+    view: View
     steps: int = 1
     before: StepReport | None = None
 
@@ -388,7 +391,7 @@ class _Trials:
             if size not in self._known:
                 self._known[size] = self.watch.step(self.state, size, self.report.step)
             report = self._known[size]
-            return event.value(self.watch.view._at(report.state)), report
+            return event.value(self.watch.seen(self._reports, self._k, report)), report
 
         return trial
 
@@ -446,6 +449,8 @@ class EventMonitor:
     system : System
     state : State
         Start of the run.
+    h : float
+        Size of its steps, or of the first one (s).
 
     Attributes
     ----------
@@ -454,9 +459,9 @@ class EventMonitor:
     """
 
     def __init__(
-        self, events: list[Event], factory: StepperFactory, system: System, state: State
+        self, events: list[Event], factory: StepperFactory, system: System, state: State, h: float
     ) -> None:
-        self.events, self.factory, self.passed = list(events), factory, 0
+        self.events, self.factory, self.passed, self._h = list(events), factory, 0, h
         self._sides: dict[str, int] = {}
         self._times: dict[str, list[float]] = {event.name: [] for event in events}
         self._stepper: Stepper | None = None
@@ -472,6 +477,9 @@ class EventMonitor:
             self._stepper = None
         self.system, self.view = system, View(system, state)
         self.view._find_motions(_Motions(self.factory, system))
+        self.view._points = partial(self._points, state, [])
+        #: the last two steps since then
+        self._behind: list[StepReport] = []
         self._now = _Look(self.events, self.view)
         #: at the start of the step before
         self._earlier: _Look | None = None
@@ -532,7 +540,7 @@ class EventMonitor:
 
     def _look(self, reports: StepReport, k: int) -> Found | None:
         """The first events of the k-th of some steps; None: there were none."""
-        look = _Look(self.events, self.view._at(reports.after(k)))
+        look = _Look(self.events, self.seen(reports, k))
         values, trials = look.values, _Trials(self, reports, k, look.view.time)
         brackets: dict[str, Bracket] = {}
         for event in self.events:
@@ -541,6 +549,7 @@ class EventMonitor:
                 brackets[event.name] = bracket
         if not brackets:
             self._keep(look)
+            self._behind = [*self._steps_before(reports, k), reports.part(k)][-2:]
             for name, value in values.items():
                 self._sides[name] = _sign(value) or self._sides[name]
             return None
@@ -551,16 +560,43 @@ class EventMonitor:
             if event.name in brackets
         ]
         first = min(where, key=lambda each: each.state.time)
-        events = self._there(first, first.state.time - trials.state.time, brackets)
+        view = self.seen(reports, k, first)
+        events = self._there(view, first.state.time - trials.state.time, brackets)
         for event, _ in events:
             self._often(event, first.state, report.step)
-        return Found(first, events)
+        return Found(first, events, view)
+
+    def _steps_before(self, reports: StepReport, k: int) -> list[StepReport]:
+        """Up to two steps before the k-th of a report, since the run began or went on."""
+        return [*self._behind, *(reports.part(j) for j in range(max(0, k - 2), k))][-2:]
+
+    def seen(self, reports: StepReport, k: int, report: StepReport | None = None) -> View:
+        """The state after the k-th step of a report, or after another one in its place."""
+
+        def points() -> Sequence[ForcePoint]:
+            own = reports.part(k) if report is None else report
+            return self._points(own.state, [*self._steps_before(reports, k), own])
+
+        return self.view._at(reports.after(k) if report is None else report.state, points)
+
+    def _points(self, state: State, steps: list[StepReport]) -> Sequence[ForcePoint]:
+        """Constraint forces of steps up to a state; of the next ones, too, where these are few."""
+        integrator = self.factory.integrator
+        points = force_points(integrator, steps)
+        few = 2 if integrator.constraint_weight < 1 else 0  # else a start has its own
+        while len(points) < few and len(steps) < 3:
+            try:
+                steps = [*steps, self.step(state, self._h, self._h)]
+            except (CosseratError, *OF_USERS):  # equations of motion are taken
+                return []
+            state, points = steps[-1].state, force_points(integrator, steps)
+        return points
 
     def _there(
-        self, first: StepReport, size: float, brackets: dict[str, Bracket]
+        self, view: View, size: float, brackets: dict[str, Bracket]
     ) -> list[tuple[Event, float]]:
         """Events that have happened at the end of a step of this size (s), and their numbers."""
-        view, events = self.view._at(first.state), []
+        events = []
         for event in self.events:
             value, side = event.value(view), self._sides[event.name]
             bracket = brackets.get(event.name)

@@ -95,9 +95,6 @@ class RunLoop:
                         status = "stopped" if self._act(found) else status
                     if found is not None or status != "completed":
                         break
-            if status != "interrupted":
-                end = self.state
-                self.recorder.look_ahead(end, self.plan.h)
         except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
             return "interrupted", None
         except Diverged as error:
@@ -142,7 +139,8 @@ class RunLoop:
         before, losses = system, 0.0
         for event, value in found.events:
             try:
-                outcome = event.action.outcome(View(system, self.state))
+                seen = found.view if self.state is start else View(system, self.state)
+                outcome = event.action.outcome(seen)
             except InputError as error:
                 text = f"at t = {start.time:.9g} s: {error}"
                 raise type(error)(event.label, text) from error
@@ -158,7 +156,7 @@ class RunLoop:
         if self.state is not start:
             if system is not before:
                 stepper = self.factory(system, self.plan.h)
-            self.recorder.switch(start, system, stepper, self.state, self.plan.h, losses)
+            self.recorder.switch(system, stepper, self.state, self.plan.h, losses)
         else:
             self.recorder.note()
         if not stop:
@@ -340,8 +338,9 @@ def simulate(
         All series belong to ``history.times``. Of schemes whose constraint forces act at midpoints
         (energy-momentum, energy-decaying) ``history["constraint_force"]``, and what follows from
         it, is the mean of both steps around a state, which is of second order; those of the steps
-        themselves, which callbacks get, alternate by an error of first order. The first state, and
-        a last one without a step after it, have values that are extrapolated from two others.
+        themselves, which callbacks get, alternate by an error of first order. The first and the
+        last state have values that are extrapolated from two steps, on their side of an event.
+        No step beyond `until` is solved.
         ``history.meta["status"]`` says whether it ran to the end, was interrupted (Ctrl-C) or
         stopped by a callback; ``history.meta["warnings"]`` what is doubtful about it, as the
         warnings that it gives (:class:`CosseratWarning`), each once;
@@ -386,7 +385,7 @@ def simulate(
         state = stepper.own(state, varying)
         _check_run(callbacks, path, state)
         found = checked_events(events, integrator, system)
-        watch = EventMonitor(found, factory, system, state) if found else None
+        watch = EventMonitor(found, factory, system, state, first) if found else None
         looked = bool(callbacks or callable(progress))
         extent = state, until, count, every, at, eventful, looked, bool(sensors)
         plan, wanted = _planned(step, factory, stepper, *extent)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -24,7 +23,12 @@ from ..errors import (
 )
 from ..history import EventRecord, History, HistoryWriter
 from ..integrators import Integrator, State, Stepper, StepReport
-from ..integrators.report import BlockReport, force_of_state, forces_of_states
+from ..integrators.report import (
+    OF_USERS,
+    BlockReport,
+    StateForces,
+    forces_of_states,
+)
 from ..model import System
 from ..types import Floats, IndexArray, numbers, spread
 from ..warn import Notices, logger, warn
@@ -220,7 +224,7 @@ class Works:
         for stage in report.stages:
             force = self._force(stage, before) if self._driven else None
             if before is not None:
-                self._end(force)
+                self.finish(force)
             self._add(stage, force)
             before = stage
         self._now = self._now[0], self._now[1], report.state
@@ -254,7 +258,7 @@ class Works:
         forces[0] = report.part(0).constraint_force  # at a start it may be over half a step
         for k, (force, change) in enumerate(zip(forces, changes, strict=True)):
             if k:
-                self._end(force)
+                self.finish(force)
                 out.append(self.drives)
             self._add_drives(float(block.by_ground[k]), force, change)
             self._largest = max(self._largest, abs(self.drives))
@@ -285,12 +289,8 @@ class Works:
             self._last = force
         self._waiting, self._ending = (change if self._next else None), force
 
-    def finish(self, report: StepReport) -> None:
-        """The step that follows the last one: its constraint force ends that one's work."""
-        if self._waiting is not None:
-            self._end(report.stages[0].constraint_force)
-
-    def _end(self, force: Floats | None) -> None:
+    def finish(self, force: Floats | None) -> None:
+        """The constraint force of the step that follows ends the work of the last one."""
         if self._waiting is not None and force is not None:
             self.drives -= self._next * _along(force, self._waiting)
             self._waiting = None
@@ -365,10 +365,6 @@ class Segment(NamedTuple):
     system: System
 
 
-#: what the step after the last one may raise: it is beyond the run the user asked for
-_NO_STEP = (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError)
-
-
 def take_along(
     error: BaseException, so_far: Callable[[], History], systems: Sequence[System]
 ) -> None:
@@ -389,16 +385,6 @@ def take_along(
     error.history = history  # type: ignore[attr-defined]
     if not isinstance(error, StorageError):
         error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
-
-
-#: way to the second state, against that to the first one, from which on a value is extrapolated
-FURTHER = 0.4
-
-
-def extrapolated(time: float, a: tuple[float, Floats], b: tuple[float, Floats]) -> Floats:
-    """Value at a time on the straight line through two others, each with its time."""
-    share = (time - a[0]) / (b[0] - a[0])
-    return np.asarray((1 - share) * a[1] + share * b[1])
 
 
 class Recorder:
@@ -449,8 +435,7 @@ class Recorder:
         self.closed: History | None = None
         #: tells what the states of a run show that an error of the user's own code ends
         self.look_back: Callable[[History], object] | None = None
-        self.bank = SensorBank(bank, system, stepper, self.writer)
-        self.bank.begin(state)
+        self.bank = SensorBank(bank, self.writer)
         self._rows = 0
         #: rows that wait for the force of the state the run started from
         self._held: list[dict[str, Any]] = []
@@ -459,6 +444,7 @@ class Recorder:
         #: constraint force of a recent state
         self._force: Floats | None = None
         self._start(state)
+        self.bank.begin(state)
 
     def _start(self, state: State) -> None:
         """Begin with a state that no step led to, which is recorded."""
@@ -468,14 +454,14 @@ class Recorder:
         self._carries, self._remembered = integrator.carries_node_momentum, integrator.remembered
         self._nan = np.full(self.system.n, np.nan)
         self._before = state
-        self._steps: deque[StepReport] = deque(maxlen=3)
-        #: the force of this state waits for those of the two states after it, from which it follows
-        self._late, self._known = False, list[tuple[float, Floats]]()
         #: the row of the present state, and whether it is to be recorded: it is written when the
         #: step after it has completed it
-        self._row = self._row_of(state, 0, 1, 0.0, self.stepper.start_force(state, self.h))
+        force = self.stepper.start_force(state, self.h)
+        self._forces = StateForces(integrator, self.system, state, force)
+        self._row = self._row_of(state, 0, 1, 0.0, force)
         self._first = self._row
         self._kept = True
+        self.bank.go_on(StateForces(integrator, self.system, state, force))
 
     def __enter__(self) -> Recorder:
         return self
@@ -549,34 +535,34 @@ class Recorder:
         return row
 
     def _append_last(self) -> None:
-        """Record the present state, and what waits for steps that will not come.
-
-        Without a step after it its constraint force follows from those of the two states before.
-        """
+        """Record the present state, and what waits for steps that will not come."""
         row, self._row = self._row, {}
-        alone = self._steps[-1].constraint_force if self._steps else self._nan
-        if self._late:  # too few steps: the force of a neighbour, or of a step itself
-            force = self._known[-1][1] if self._known else alone
-            self._first["constraint_force"] = force
-        if row and not np.isfinite(row["constraint_force"]).all() and row is not self._first:
-            before, known = None, list[tuple[float, Floats]]()
-            for step in self._steps:
-                found = force_of_state(self.stepper.integrator, before, step)
-                known += [] if found is None else [(found[0].time, found[1])]
-                before = step
-            force = known[-1][1] if known else alone
-            if len(known) > 1:
-                force = extrapolated(row["t"], *known[-2:])
-            row["constraint_force"] = self._force = force
-        self._late = False
+        force = self._forces.end()[1]
+        self._first["constraint_force"] = self._forces.start
+        if row:
+            self._finish_row(row, force)
         self._record(row, self._numerical, kept=True)
+
+    def _finish_row(self, row: dict[str, Any], force: Floats) -> None:
+        """Force, momentum and work of the last state, as far as a step after it would tell them."""
+        self._force = force
+        if not self._at_end:
+            row["constraint_force"] = force
+            self.works.finish(force)
+            row["work_drives"] = self.works.drives
+        if not np.isfinite(row["p"]).all():
+            try:
+                row["p"] = Projection(self.system)(row["q"], row["carried"], row["t"])[1]
+            except CosseratError as error:  # a singular configuration: p stays NaN
+                text = f"its momentum could not be projected: {error}"
+                warn("last state", text, IncompleteWarning, row["t"])
 
     def _record(self, row: dict[str, Any], numerical: float, kept: bool) -> None:
         if row and kept:
             self._taken.append(numerical)
             self._rows += 1
             self._held.append(row)
-        if self._late or not self._held:
+        if self._forces.start is None or not self._held:
             return
         rows, self._held = self._held, []
         for each in rows:
@@ -586,31 +572,17 @@ class Recorder:
 
     def _complete_row(self, report: StepReport) -> None:
         """What a step says of the state that it starts from."""
-        self.works.finish(report)
-        row = self._row
-        if not self._at_end and (self._kept or self._late):
-            row["constraint_force"] = self._force_before(report)
-        if not self._at_end and self._kept:
+        self.works.finish(report.stages[0].constraint_force)
+        row, wanted = self._row, self._kept and not self._at_end
+        found = self._forces.take(report, wanted)
+        if found is not None:
+            row["constraint_force"] = self._force = found[1]
+        if self._forces.start is not None:
+            self._first["constraint_force"] = self._forces.start
+        if wanted:
             if not self._carries:
                 row["p"] = report.momentum
             row["work_drives"] = self.works.drives
-        self._steps.append(report)
-
-    def _force_before(self, report: StepReport) -> Floats:
-        """Constraint force (n,) of the state that a step starts from; NaN at a start that waits."""
-        before = self._steps[-1] if self._steps else None
-        found = force_of_state(self.stepper.integrator, before, report)
-        if found is None:
-            self._late = True
-            return self._nan
-        if self._late:
-            self._known = [*self._known[:1], (found[0].time, found[1])]
-            start, (one, *_), (other, *_) = self._first["t"], self._known[0], self._known[-1]
-            if abs(other - one) > FURTHER * abs(one - start):
-                self._first["constraint_force"] = extrapolated(start, *self._known)
-                self._late = False
-        self._force = found[1]
-        return self._force
 
     def take(self, report: StepReport) -> None:
         """Steps are done: write rows of their start and in between, and make that of their end."""
@@ -620,7 +592,7 @@ class Recorder:
         start, between = (self._row, self._numerical, self._kept), None
         if block is not None:
             last = range(max(1, block.steps - 3), block.steps)
-            self._steps.extend(block.part(k) for k in last)
+            self._forces.skip(block.part(k) for k in last)
             sums = self.works.add_block(block)
             between = self._between(block, sums) if every else None
         else:
@@ -690,44 +662,19 @@ class Recorder:
         self._kept = True
         return self._rows
 
-    def switch(
-        self, end: State, system: System, stepper: Stepper, state: State, h: float, loss: float
-    ) -> None:
+    def switch(self, system: System, stepper: Stepper, state: State, h: float, loss: float) -> None:
         """Go on with another state, and perhaps another system, by steps of a size (s)."""
-        self.look_ahead(end, h)
         self._append_last()
         if system is not self.system:
             self.segments.append(Segment(self._rows, system))
         self.note()
         self.system, self.stepper, self.h = system, stepper, h
         self.works.go_on(stepper.integrator, system, state, h, loss)
-        self.bank.go_on(system)
         self._start(state)
 
     def note(self) -> None:
         """Write events and warnings so far into the file at once."""
         self.writer.note(**self._happened(), warnings=self.notices.kept())
-
-    def look_ahead(self, state: State, h: float) -> None:
-        """Momentum and constraint force of the last state belong to the step after it."""
-        self._kept = True
-        if self._at_end:
-            return
-        try:
-            report = self.stepper.advance(state, state.time + h, h)
-            self._complete_row(report)
-            while self._late:
-                report = self.stepper.advance(report.state, report.state.time + h, h)
-                self._force_before(report)
-                self._steps.append(report)
-        except Diverged as error:
-            logger.info("no step after t = %.6g s, momentum projected: %s", state.time, error)
-        except _NO_STEP as error:  # loads and motions that are not known beyond the run
-            text = (
-                f"the step after it, which completes the last momentum, failed ({error!r}): the"
-                " momentum is projected, the last constraint force follows from the steps before"
-            )
-            warn("last state", text, IncompleteWarning, state.time)
 
     def _happened(self) -> dict[str, Any]:
         """Events so far, and the systems that rows belong to, as meta data."""
@@ -754,18 +701,11 @@ class Recorder:
         if self._complete is not None:
             return self._complete
         try:
-            self.bank.flush()
+            self.bank.finish()
         except StorageError:
             raise
-        except (CosseratError, *_NO_STEP) as error:  # a user's function: the history is kept
+        except (CosseratError, *OF_USERS) as error:  # a user's function: the history is kept
             warn("sensors", f"their last values are missing: {error}", IncompleteWarning)
-        row = self._row
-        if row and not np.isfinite(row["p"]).all():
-            try:
-                row["p"] = Projection(self.system)(row["q"], row["carried"], row["t"])[1]
-            except CosseratError as error:  # a singular configuration: p stays NaN
-                text = f"its momentum could not be projected: {error}"
-                warn("last state", text, IncompleteWarning, row["t"])
         self._append_last()
         self._complete = self.writer.history()
         return self._complete

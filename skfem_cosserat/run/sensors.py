@@ -20,9 +20,9 @@ from ..errors import InputError, failed
 from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
-from ..integrators import State, Stepper, StepReport
+from ..integrators import State, StepReport
 from ..integrators.compiled_scene import Motion
-from ..integrators.report import BlockReport, force_of_state
+from ..integrators.report import BlockReport, ForcePoint, StateForces, one_sided
 from ..joint import Joint
 from ..model import Model, System, system_of
 from ..model.force_elements import Invariants, kind_of
@@ -69,6 +69,8 @@ class View:
     #: energies by configurations and momenta, None where it cannot
     _readings: dict[tuple[str, str | None], _Reading]
     _motions: Motions | None
+    #: gives constraint forces at instants beside the state, those of a run's steps
+    _points: Callable[[], Sequence[ForcePoint]] = staticmethod(tuple)
 
     def __init__(self, system: Model | System, state: State) -> None:
         self.system = system_of(system)
@@ -80,11 +82,11 @@ class View:
         self.time, self.q = state.time, state.q
         self._readings, self._motions = {}, None
 
-    def _at(self, state: State) -> View:
+    def _at(self, state: State, points: Callable[[], Sequence[ForcePoint]] = tuple) -> View:
         """The view of another state of the same system, which shares what is set up for it."""
         out = View.__new__(View)
         out.system, out.state, out.time, out.q = self.system, state, state.time, state.q
-        out._readings, out._motions = self._readings, self._motions
+        out._readings, out._motions, out._points = self._readings, self._motions, points
         return out
 
     def _many(self, time: Floats, q: Floats, p: Floats, turns: IndexArray) -> Views:
@@ -151,11 +153,20 @@ class View:
         return _reading(self.system, self._readings, joint, name)
 
     def reaction(self, joint: Joint | str) -> tuple[Floats, Floats]:
-        """Force and moment (N, N m) of a joint on its side b, by the equations of motion here."""
+        """Force and moment (N, N m) of a joint on its side b.
+
+        In events of a run they follow from the steps up to here, or from the next ones at a start,
+        and are smooth where vibrations are not resolved; of second order. Else, and with composed
+        steps, they are those of the equations of motion here.
+        """
         name = joint_of(self.system, joint).name or ""
-        t, turns = self.time, self.state.turns
-        lam = accelerations(self.system, self.q, self.v, t, turns)[1]
-        force, moment = diagnostics.reactions(self.system, self.y[None], lam[None])[name]
+        t, turns, y = self.time, self.state.turns, self.y[None]
+        found = one_sided(t, self._points())
+        if found is None:
+            lam = accelerations(self.system, self.q, self.v, t, turns)[1][None]
+        else:
+            lam = multipliers(self.system, y, found[None])
+        force, moment = diagnostics.reactions(self.system, y, lam)[name]
         return force[0], moment[0]
 
     def kinetic_energy(self) -> float:
@@ -396,8 +407,8 @@ class Sensor(Attached):
         How often the record is differentiated in time, by differences of second order.
     forces : bool
         Whether it needs constraint forces. Its instants are then those of ``step_t`` of a
-        :class:`Window`: a start, or an end, whose force only others than its neighbours tell, is
-        left out.
+        :class:`Window`. Where an event changes the scene there are two of one time, the end of the
+        steps before and the start of those after.
 
     Examples
     --------
@@ -625,9 +636,8 @@ class SensorReaction(Sensor):
 
     Notes
     -----
-    ``(N, 6)``, in space, at the states of ``record.times``: without the last one, or the first one
-    with generalized-alpha, and without the first one where only a history, which looks at several
-    steps, has its force (``joint/NAME/force``).
+    ``(N, 6)``, in space, at all states, as ``joint/NAME/force`` and ``joint/NAME/moment`` of a
+    history. Where an event changes the scene there are two of one time.
     """
 
     unit = "N, N m"
@@ -768,8 +778,6 @@ class SensorBank:
     Parameters
     ----------
     sensors : mapping of str to Sensor
-    system : System
-    stepper : Stepper
     writer : HistoryWriter
 
     Raises
@@ -778,23 +786,25 @@ class SensorBank:
         If a name is empty or has a slash, something is no sensor, or its item is not in the system.
     """
 
-    def __init__(
-        self, sensors: Mapping[str, Sensor], system: System, stepper: Stepper, writer: HistoryWriter
-    ) -> None:
-        self.sensors, self.system, self.writer = sensors, system, writer
-        self._integrator = stepper.integrator
-        self._before: StepReport | None = None
+    def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter) -> None:
+        self.sensors, self.writer = sensors, writer
+        self.system: System
         self._forces = any(sensor.forces for sensor in sensors.values())
         self._seen: list[tuple[Any, ...]] = []
         self._shapes: dict[str, Floats] = {}
         self._steps: list[tuple[float, Floats, Floats]] = []
+        self._own: StateForces | None = None
+        #: where the start goes among the states with forces; None: it is there, or not asked for
+        self._place: int | None = None
 
-    def go_on(self, system: System) -> None:
-        """State or scene have changed; what sensors saw before in another scene is written."""
-        self._before = None
-        if system is not self.system:
-            self.flush()
-            self.system = system
+    def go_on(self, own: StateForces) -> None:
+        """Begin, or go on, at a state; what sensors saw before in another scene is written."""
+        if self._own is not None:
+            self._end_forces()
+            if own.system is not self.system:
+                self.flush()
+        self.system, self._own = own.system, own
+        self._place = len(self._steps) if self._forces else None
 
     def begin(self, state: State) -> None:
         """The state a run starts from."""
@@ -817,15 +827,39 @@ class SensorBank:
                 self._take_force(report.part(k))
 
     def _take_force(self, report: StepReport) -> None:
-        found = force_of_state(self._integrator, self._before, report)
-        self._before = report
-        if found is not None:
-            state, force = found
-            y = self.system.extend(state.q, state.time)
-            self._steps.append((state.time, y, force))
+        assert self._own is not None
+        found = self._own.take(report)
+        self._note_start()
+        if found is not None and found[0] is not self._own.state:
+            self._note(*found, len(self._steps))
+
+    def _note(self, state: State, force: Floats, place: int) -> None:
+        y = self.system.extend(state.q, state.time)
+        self._steps.insert(place, (state.time, y, force))
+
+    def _note_start(self) -> None:
+        own = self._own
+        if self._place is not None and own is not None and own.start is not None:
+            self._note(own.state, own.start, self._place)
+            self._place = None
+
+    def _end_forces(self) -> None:
+        """Add states whose forces wait for steps that will not come."""
+        if self._forces and self._own is not None:
+            end = self._own.end()
+            self._note_start()
+            if end[0] is not self._own.state and self._own.integrator.constraint_weight < 1:
+                self._note(*end, len(self._steps))
+
+    def finish(self) -> None:
+        """Write all that is left; a sensor may raise."""
+        self._end_forces()
+        self.flush()
 
     def flush(self, least: int = 0) -> None:
         """Write what has been collected, if it is so many states at least; a sensor may raise."""
+        if least and self._place is not None:
+            return
         if not (self._seen or self._steps) or sum(len(each[0]) for each in self._seen) < least:
             return
         none = np.zeros((0, self.system.n))
@@ -835,8 +869,12 @@ class SensorBank:
         window = window_of(self.system, t, q, p, turns, self._steps)
         arrays = {}
         for name, sensor in self.sensors.items():
-            arrays[f"{name}/t"] = window.step_t if sensor.forces else window.t
-            arrays[f"{name}/x"] = self._values(name, sensor, window)
+            times, known = window.step_t if sensor.forces else window.t, self._shapes.get(name)
+            arrays[f"{name}/t"] = times
+            if len(times) or known is None:
+                arrays[f"{name}/x"] = self._values(name, sensor, window)
+            else:  # the last force comes when no states are left
+                arrays[f"{name}/x"] = known[:0]
         self._seen.clear()
         self._steps.clear()
         self.writer.sense(arrays)
@@ -867,7 +905,7 @@ def seen(name: str, sensor: Sensor, system: System, window: Window) -> Floats:
     except InputError:
         raise
     except Exception as error:
-        raise failed(item, f"for times up to t = {window.t[-1]:.9g} s it", error) from error
+        raise failed(item, f"for times up to t = {times[-1]:.9g} s it", error) from error
     if values.shape[:1] != times.shape:
         raise InputError(item, f"gives an array {values.shape} for {len(times)} instants")
     return values

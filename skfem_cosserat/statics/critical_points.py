@@ -389,27 +389,32 @@ class _Between:
         W = weights(self.system)
         share = RIGID / max(abs(start.t), abs(end.t)) ** 2
         self._secant = W * dy, share * dt, float((W * dy**2).sum()) + share * dt**2
-        none = np.zeros(self.system.n)
-        self._found: dict[float, tuple[Stability, Floats]] = {
-            0.0: (self.first, none),
-            1.0: (self.last, none),
-        }
+        self._found = {0.0: self.first, 1.0: self.last}
+        self._forces: dict[float, Floats] = {}
 
     def at(self, s: float) -> Stability:
         """Raises _LostError."""
         if s not in self._found:
-            gradient, by_factor, size = self._secant
-            solution = self._solve(self.first.point, Functional(gradient, by_factor, s * size))
-            if solution is None:
-                raise _LostError(s)
-            self._found[s] = self.stability(solution[0]), solution[1]
-        return self._found[s][0]
+            self._found[s] = self.stability(self._solved(self.first.point, s, s))
+        return self._found[s]
+
+    def _solved(self, start: Point, way: float, s: float) -> Point:
+        """The point at s, which is a way further than the start; its force is kept."""
+        gradient, by_factor, size = self._secant
+        solution = self._solve(start, Functional(gradient, by_factor, way * size))
+        if solution is None:
+            raise _LostError(s)
+        self._forces[s] = solution[1]
+        return solution[0]
 
     def stability(self, point: Point) -> Stability:
         return inspect(self.system, point, self.schedule.at(point.t))
 
     def force(self, s: float) -> Floats:
-        return self._found[s][1]
+        """Constraint force (n,); that of an end is solved for there. Raises _LostError."""
+        if s not in self._forces:
+            self._solved(self._found[s].point, 0.0, s)
+        return self._forces[s]
 
     def value(self, s: float) -> float:
         """The eigenvalue nearest to zero, signed by the number of unstable motions."""

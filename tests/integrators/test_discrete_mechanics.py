@@ -118,11 +118,11 @@ def test_both_legendre_transforms_are_equal(scene, step, until, treatment):
     system, history = system_of(scene), run(scene, "variational", treatment, step, until)
     minus, plus = diagnostics.legendre_transforms(system, history)
     size = abs(history["p"]).max()
-    assert np.isnan(plus[0]).all() and np.isnan(minus[-1]).all()
-    assert np.isfinite(plus[1:]).all() and np.isfinite(minus[:-1]).all()
+    assert np.isnan(plus[[0, -1]]).all() and np.isnan(minus[-1]).all()
+    assert np.isfinite(plus[1:-1]).all() and np.isfinite(minus[:-1]).all()
     assert abs(minus - plus)[1:-1].max() < 1e-11 * size
     assert abs(minus - history["p"])[:-1].max() < 1e-11 * size  # p_0 as given included
-    assert abs(plus - history["p"])[1:].max() < 1e-12 * size
+    assert abs(plus - history["p"])[1:-1].max() < 1e-12 * size
     y = diagnostics.constraint_points(system, history)
     pairs = zip(y, history["multipliers"], strict=True)
     force = np.array([system.constraints.jacobian(row).T @ lam for row, lam in pairs])
@@ -203,7 +203,7 @@ def test_transforms_are_derivatives_of_the_discrete_lagrangian():
     q, t, force = history["q"], history.times, history["constraint_force"].copy()
     force[0] = reports[0].constraint_force  # that of the equations, for a given momentum
     size = abs(history["p"]).max()
-    for n in range(len(q) - 1):
+    for n in range(len(q) - 2):
         a, b = q[n], q[n + 1]
         left = -slope(lambda x: discrete_lagrangian(system, x, b, h), a)  # noqa: B023
         right = slope(lambda x: discrete_lagrangian(system, a, x, h), b)  # noqa: B023
@@ -215,13 +215,13 @@ def test_transforms_are_derivatives_of_the_discrete_lagrangian():
 
 def test_transforms_where_a_run_goes_on():
     system = system_of("chain")
+    whole = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.2)
     first = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1)
     start = sc.restart(system, first, sc.Variational(), 0.01)
     second = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.2, start=start)
     minus, plus = diagnostics.legendre_transforms(system, second)
     assert abs(minus - plus)[:-1].max() < 1e-12 * abs(second["p"]).max()
-    before = diagnostics.legendre_transforms(system, first)[1][-1]
-    assert abs(plus[0] - before).max() < 1e-12 * abs(second["p"]).max()
+    assert abs(minus - whole["p"][10:])[:-1].max() < 1e-11 * abs(second["p"]).max()
 
 
 def test_transforms_with_springs_and_dampers():
@@ -368,7 +368,7 @@ def test_projected_momenta_fulfil_the_hidden_constraints(scene, h, until, method
     q, p, t = history["q"], history["p"], history.times
     v, Qp = Projection(system, method).stack(q, p, t)
     size = abs(v).max()
-    assert diagnostics.momentum_violation(system, q, p, t)[1:].min() > 1e-6 * size
+    assert diagnostics.momentum_violation(system, q, p, t)[1:-1].min() > 1e-6 * size
     assert diagnostics.momentum_violation(system, q, Qp, t).max() < 1e-12 * size
     if method != "directors-dropped":
         assert diagnostics.hidden_violation(system, q, v, t).max() < 1e-12 * size
@@ -455,7 +455,7 @@ def test_closed_loops(scene, treatment):
     y = diagnostics.constraint_points(system, history)
     pairs = zip(y, history["multipliers"], strict=True)
     force = np.array([system.constraints.jacobian(row).T @ lam for row, lam in pairs])
-    assert abs(force - history["constraint_force"])[1:].max() < 1e-10 * abs(force).max()
+    assert abs(force - history["constraint_force"])[1:-1].max() < 1e-10 * abs(force).max()
     v = Projection(system).stack(q, p, t)[0]
     w = Projection(system, "reduced").stack(q, p, t)[0]
     assert abs(v - w).max() < 1e-12 * abs(v).max()

@@ -753,7 +753,7 @@ def test_constraint_forces_are_at_the_nodes(scheme, tolerance, every):
     assert history["multipliers"][:, 0] == pytest.approx(force(t), abs=tolerance * 20)
     assert history["joint/rod/force"][:, 2] == pytest.approx(force(t), abs=tolerance * 20)
     record = history.sensors["rod"]
-    assert len(record.times) == 40
+    assert len(record.times) == 41
     assert record.values[:, 2] == pytest.approx(force(record.times), abs=tolerance * 20)
     work = 2.0 * 10 * (history["q"][:, 2] - history["q"][0, 2]) + history["energy"]
     assert history["work_drives"][:-1] == pytest.approx((work - work[0])[:-1], abs=2e-2)

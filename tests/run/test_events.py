@@ -919,3 +919,59 @@ def test_kernels_agree_on_the_time_of_an_energy():
         times.append([event.time for event in history.events])
     assert len(times[0]) == 1
     assert times[1] == pytest.approx(times[0], abs=1e-11)
+
+
+def locked_in_flight():
+    """A flexible arm that falls about its hinge, and the event that locks it."""
+    alu = sc.SectionRectangle(4e-3, 3e-2, sc.Material(E=70e9, nu=0.33, rho=2700))
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (0.8, 0, 0), 6, name="arm")
+    model = sc.Model()
+    arm = model.add("arm", sc.Beam(mesh, alu, order=2, director=(0, 0, 1)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), arm.node("arm.start"), axis=(0, -1, 0))
+    model.add("hinge", hinge)
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    return model, sc.Event(sc.ConditionTime(0.1013), sc.ActionLock("hinge"), name="lock")
+
+
+@pytest.mark.parametrize(
+    "scheme", [sc.EnergyMomentum(), sc.EnergyDecaying(chi=0.05), sc.GeneralizedAlpha()], ids=repr
+)
+def test_events_see_the_reactions_of_the_history(scheme):
+    """After a lock, too, with vibrations that steps do not resolve: without their alternation."""
+    model, lock = locked_in_flight()
+    seen = {}
+
+    def look(time, view):
+        seen[time] = view.reaction("hinge")[1][1]
+        return -1.0
+
+    run = sc.simulate(
+        *(model, scheme, sc.NullSpace(), 1e-3, 0.13), events=[lock, sc.Event(look, name="look")]
+    )
+    own = run["joint/hinge/moment"][:, 1]
+    found = np.array([seen[t] for t in run.times])
+    after = np.arange(len(run)) > run.events[0].row
+    assert abs(own[after]).max() > 0.5
+    assert abs(found - own)[after].max() < 0.1 * abs(own).max()
+    assert abs(found - own)[: run.events[0].row].max() < 1e-6 * abs(own).max()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_component_of_a_reaction_has_its_sign(sign):
+    """Weight on a hinge at rest turned upside down by a load: its vertical force passes zero.
+
+    ``F = m (g - a t)``: at t = g/a the magnitude only touches zero.
+    """
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(2.0, (1.0, 1.0, 1.0)))
+    slide = sc.JointFixed(sc.ground((0, 0, 0)), body.at((0, 0, 0)))
+    model.add("hold", slide)
+    model.add("stone", sc.MassPoint(1.0, (5, 0, 0)))
+    model.add("lift", sc.LoadForce(body.at((0, 0, 0)), (0, 0, 20.0), lambda t: 10 * t))
+    model.add("weight", sc.LoadForce(body.at((0, 0, 0)), (0, 0, -20.0)))
+    condition = sc.ConditionReaction("hold", level=sign * 5.0, component=2)
+    event = sc.Event(condition, name="passed")
+    run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2, events=[event])
+    assert [found.time for found in run.events] == pytest.approx([0.1 - sign * 0.025], abs=1e-9)
+    with pytest.raises(sc.InputError, match=r"component = 3, expected 0, 1, 2 or None"):
+        sc.ConditionReaction("hold", 5.0, component=3)

@@ -339,3 +339,24 @@ def test_beyond_the_load_of_a_limit_point_is_no_step(treatment):
     path = found.value.history
     assert np.allclose(path["load_factor"], [0.0, most / 2, most])
     assert abs(np.hypot(1.0, path.position(mass.place())[-1, 2]) - length) < 1e-6
+
+
+def test_a_critical_point_at_the_end_of_a_step_has_reactions():
+    """A strip rolled up by its end to exactly a full turn: M = EI angle / L in every row."""
+    EI = 10.0
+    section = sc.Section.from_constants(
+        EA=1e5, GA=1e5, EI=(EI, EI), GJ=8, mass=1.0, inertia=(1e-3, 1e-3)
+    )
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 8, name="rod")
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, section, order=3, director=(0, 0, 1)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    plane = sc.JointPlanar(sc.ground((1, 0, 0)), rod.node("rod.end"), normal=(0, 0, 1))
+    model.add("hold", plane)
+    model.add("drive", sc.JointDrive(plane, lambda t: 2 * np.pi * t, "angle"))
+    path = sc.static(model, control=sc.LoadControl(at=[0.5, 1.0, 1.1]))
+    assert [round(each["load_factor"], 9) for each in path.meta["critical"]] == [1.0]
+    assert len(path) == 5
+    right = 2 * np.pi * EI * path["load_factor"]
+    assert abs(path["joint/drive/moment"][:, 2] - right).max() < 1e-3 * right.max()
+    assert abs(path["joint/clamp/moment"][:, 2] + right).max() < 1e-3 * right.max()
