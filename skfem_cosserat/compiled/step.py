@@ -257,7 +257,6 @@ def solve_one(
         numbers[n.INCREMENT],
         numbers[n.NEGLIGIBLE],
         numbers[n.STAGNATION],
-        numbers[n.SETTLED],
         numbers[n.WORTH],
         newton.WRONG,
     )

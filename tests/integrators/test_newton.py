@@ -78,7 +78,7 @@ def test_increments_too_long_end_it():
 
 def test_fresh_factors_are_kept_within_a_step():
     """One factorisation, then increments that shrink by the same rate."""
-    code, did, record = run(Script([1e-3], [1e-7, 1e-11, 1e-15, 1e-19]), settled=1e-16)
+    code, did, record = run(Script([1e-3], [1e-7, 1e-11, 1e-15, 1e-19]))
     assert code == newton.SETTLED
     assert did == ["factorise", "fresh", "kept", "kept", "kept"]
     assert record[newton.FACTORED] == 1 and record[newton.ITERATIONS] == 4
