@@ -314,6 +314,7 @@ def test_thin_rods_take_as_many_iterations(GA, direction, treatment):
     assert abs(other["q"] - one["q"]).max() < 1e-7
 
 
+@pytest.mark.filterwarnings("ignore:argument step:skfem_cosserat.AccuracyWarning")
 def test_thin_rods_move_by_as_many_iterations():
     """The same in motion, where masses are too small to hold anything."""
     pytest.importorskip("numba")
@@ -321,15 +322,15 @@ def test_thin_rods_move_by_as_many_iterations():
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
     rod = model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
-    model.add("push", sc.LoadForce(rod.node("rod.end"), (0, 0.03, 0)))
+    model.add("push", sc.LoadForce(rod.node("rod.end"), (0, 0.3, 0)))
     system, pair = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
     one, other = (
-        sc.simulate(system, *pair, 1e-2, 0.1, kernels=kernels, settings=sc.NewtonSettings(reuse=0))[
+        sc.simulate(system, *pair, 1e-2, 0.3, kernels=kernels, settings=sc.NewtonSettings(reuse=0))[
             "newton_iterations"
         ]
         for kernels in ("numpy", "numba")
     )
-    assert abs(other.sum() - one.sum()) <= 0.1 * one.sum()
+    assert abs(other.sum() - one.sum()) <= 0.05 * one.sum()
 
 
 @pytest.mark.parametrize("make", [linkage_in_plane, tower])
