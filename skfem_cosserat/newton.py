@@ -252,9 +252,9 @@ def newton_loop(  # noqa: PLR0915
                         kept, mixed, last = False, 0, before
                         continue
                 # each direction contracts at a rate of its own, and the slowest one comes out last:
-                # what the first increments of a loop tell is too good
+                # what the first increments of a loop tell is too good; small ones tell of rounding
                 slowest = max(rate, record[SLOWEST])
-                if count > 1 and before >= ROUNDING:
+                if count > 1 and before >= limits.negligible:
                     record[SLOWEST] = slowest
                 further = steps_left(length, rate, increment)
                 # a rate of steps before says nothing of factors that have grown old since, and that
