@@ -73,6 +73,12 @@ class Coupling(Item):
         """Number m of components."""
         return sum(c.size for c in self.coordinates)
 
+    def places(self) -> list[Place]:
+        """All places whose motion its coordinates take."""
+        forms = [form for coordinate in self.coordinates for form in coordinate.forms]
+        ends = [end for form in forms for product in form for end in (product.left, product.right)]
+        return [place for end in ends for place, _, _ in end.terms]
+
     def references(self) -> Sequence[Item]:
         """The items of both sides."""
         return [place.item for place in (self.a, self.b) if place.item is not None]

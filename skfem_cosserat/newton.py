@@ -49,9 +49,10 @@ class NewtonSettings(Frozen):
     iterations : int
         Largest number of plain iterations; damped retries get `damped_iterations`.
     increment : float
-        Converged when the *next* increment, estimated from the quadratic contraction of the last
-        two, is below this (relative displacement or rad). Increments, not residuals: a residual
-        tolerance becomes unreachable as steps or elements shrink.
+        Converged when what is still to come is below this (relative displacement or rad): the
+        *next* increment by the quadratic contraction of the last two, with kept factors all further
+        ones by the slowest linear contraction that these factors gave. Increments, not residuals:
+        a residual tolerance becomes unreachable as steps or elements shrink.
     negligible : float
         Converged when an increment itself is below this. Displacements count relative to the
         extent of the scene.
@@ -68,9 +69,6 @@ class NewtonSettings(Frozen):
     reuse : int
         Factors of a matrix are kept, over steps too, as long as no more than this many further
         iterations with them are expected (compiled kernels); 0: factorise in each iteration.
-    settled : float
-        Converged with kept factors when all increments still to come, estimated from the linear
-        contraction of the last two, are below this.
     largest : float
         An increment longer than this ends the iteration: it would find nothing any more.
 
@@ -96,7 +94,6 @@ class NewtonSettings(Frozen):
     rotation: float = 0.6
     mixed: float = 1e-3
     reuse: int = 4
-    settled: float = 5e-17
     largest: float = np.inf
 
     def __post_init__(self) -> None:
@@ -125,10 +122,21 @@ class NewtonReport:
 #: increment is too long; all iterations are spent
 SETTLED, NOT_FINITE, SINGULAR, TOO_LONG, SPENT_ALL = range(5)
 #: what a loop leaves behind for the next one that may keep its factors: whether there are any, the
-#: contraction they gave last and the first increment then; of the loop itself iterations, residual
-#: and factorisations; loops with these factors, and all their iterations
-RECORD = ("kept", "rate", "first", "iterations", "residual", "factored", "steps", "spent")
-KEPT, RATE, FIRST, ITERATIONS, RESIDUAL, FACTORED, STEPS, SPENT = range(8)
+#: contraction they gave last at first and the first increment then; of the loop itself iterations,
+#: residual and factorisations; loops with these factors, all their iterations, and the slowest
+#: contraction that they gave
+RECORD = (
+    "kept",
+    "rate",
+    "first",
+    "iterations",
+    "residual",
+    "factored",
+    "steps",
+    "spent",
+    "slowest",
+)
+KEPT, RATE, FIRST, ITERATIONS, RESIDUAL, FACTORED, STEPS, SPENT, SLOWEST = range(9)
 #: residual, relative, with which no step is solved before one more increment has vanished
 WRONG = 1e-3
 #: increments below this are nothing but rounding where they do not shrink any more with kept
@@ -157,7 +165,6 @@ class Limits(NamedTuple):
     increment: float
     negligible: float
     stagnation: float
-    settled: float
     worth: float
     wrong: float
 
@@ -206,7 +213,7 @@ def newton_loop(  # noqa: PLR0915
         if not (limits.reuse > 0.0 and record[KEPT] != 0.0):
             return False
         # where factors of the loop before did not do they are tried again some loops later only
-        if steps_left(record[FIRST], record[RATE], limits.settled) > limits.reuse:
+        if steps_left(record[FIRST], record[RATE], limits.increment) > limits.reuse:
             record[RATE] *= 0.8
             return False
         return not is_worn(limits.worth, record)
@@ -214,10 +221,9 @@ def newton_loop(  # noqa: PLR0915
     is_kept = build(keeps)
 
     def loop(c: Any, limits: Limits, record: Floats) -> int:  # noqa: PLR0912
-        reuse, settled, rate = limits.reuse, limits.settled, record[RATE]
+        reuse, increment, rate = limits.reuse, limits.increment, record[RATE]
         kept = is_kept(limits, record)
-        record[KEPT] = 0.0
-        record[FACTORED] = 0.0
+        record[KEPT] = record[FACTORED] = 0.0
         size = evaluate(c, not kept)
         last, mixed, swept, doubted, first = np.inf, 0, 0.0, False, 0.0
         for count in range(1, int(limits.iterations) + 1):
@@ -245,18 +251,26 @@ def newton_loop(  # noqa: PLR0915
                     if not done:
                         kept, mixed, last = False, 0, before
                         continue
-                further = steps_left(length, rate, settled)
+                # each direction contracts at a rate of its own, and the slowest one comes out last:
+                # what the first increments of a loop tell is too good; small ones tell of rounding
+                slowest = max(rate, record[SLOWEST])
+                if count > 1 and before >= limits.negligible:
+                    record[SLOWEST] = slowest
+                further = steps_left(length, rate, increment)
                 # a rate of steps before says nothing of factors that have grown old since, and that
                 # after an iteration with factors of its own is quadratic, once: new ones count as
                 # unknown then
                 done = (
                     done
-                    or (further <= 0.0 and (swept > 0.0 or length <= settled))
-                    or (record[FACTORED] > 0.0 and steps_left(length, UNKNOWN, settled) <= 0.0)
+                    or (
+                        steps_left(length, slowest, increment) <= 0.0
+                        and (swept > 0.0 or length <= increment)
+                    )
+                    or (record[FACTORED] > 0.0 and steps_left(length, UNKNOWN, increment) <= 0.0)
                 )
                 swept += 1.0
-                kept = further <= reuse or rate == UNKNOWN  # the next iteration will tell
-                kept = kept and swept < reuse + 2.0
+                # the next iteration will tell
+                kept = (further <= reuse or rate == UNKNOWN) and swept < reuse + 2.0
             elif not length <= limits.largest:
                 return TOO_LONG
             size = advance(c, fresh or done or not kept, size)
@@ -265,16 +279,16 @@ def newton_loop(  # noqa: PLR0915
                     length,
                     before,
                     size,
-                    limits.increment,
+                    increment,
                     limits.negligible,
                     limits.stagnation,
                     limits.mixed,
                 )
                 # the contraction by factors grows with the way from where they were made: that of
                 # the old ones, which are at least the first increment away, says what these leave
-                done = done or (swept > 1.0 and length * length * rate <= limits.increment * first)
+                done = done or (swept > 1.0 and length * length * rate <= increment * first)
                 kept = reuse > 0.0 and mixed == 0
-                rate, swept = 0.0, 0.0
+                rate, swept, record[SLOWEST] = 0.0, 0.0, 0.0
             # of a scene at rest all terms may be rounding, and a residual as large as they are:
             # whether anything is left the next increment tells
             sound = size <= limits.wrong or (doubted and fresh and length < ROUNDING)
@@ -317,16 +331,16 @@ def enough(
     return last <= stagnation or (last <= 5 * stagnation and size <= 1e-12)
 
 
-def left_over(length: float, rate: float, settled: float) -> float:
+def left_over(length: float, rate: float, increment: float) -> float:
     """How many more iterations with kept factors it takes after an increment of this length.
 
-    Their increments shrink by `rate` each; none is needed once their sum is below `settled`.
+    Their increments shrink by `rate` each; none is needed once their sum is below `increment`.
     """
-    if length * rate <= settled * (1 - rate):
+    if length * rate <= increment * (1 - rate):
         return 0.0
     if rate >= 1:
         return np.inf
-    return float(np.log(settled * (1 - rate) / (length * rate)) / np.log(rate))
+    return float(np.log(increment * (1 - rate) / (length * rate)) / np.log(rate))
 
 
 # -- problems in Python ----------------------------------------------------------------------------

@@ -614,7 +614,7 @@ def _off(
         return {"turns": (np.inf, 1.0)}
     energies = max(abs(plain[name]).max() for name in ENERGIES if name in plain)
     # what momenta and forces are differences of, and the part of it that is left over: rounding,
-    # or increments that count as settled with kept factors
+    # or increments that are left out with kept factors
     q = plain["q"]
     inertia = (abs(scene.system.mass) @ abs(q).max(axis=0).reshape(-1, 3)).max()
     left = EPS if scene.settings.reuse == 0 else ROUNDING

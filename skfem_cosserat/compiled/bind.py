@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ..coupling import Coupling
 from ..law import DIFFERENCE, STEP, Law, LawStored
 from ..model import System
 from ..model.force_elements import Invariants
@@ -105,10 +104,9 @@ def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
     reference = system.extend(system.q0, 0.0)
     for c, item in enumerate(items):
         kinds = [coordinate.kind for coordinate in item.coordinates]
-        assert set(kinds[:-1]) <= {"displacement"}, item.label
         own = [form for coordinate in item.coordinates for form in coordinate.forms]
         invariants = Invariants([tuple(own)], system.row_of)
-        vertices = _place(system, plan, item, invariants.rows[0], places[c])
+        vertices = _place(system, plan, invariants.rows[0], places[c])
         forms = _forms(system, invariants, vertices)
         places[c, KIND], places[c, SLACK] = COUPLING_KINDS[kinds[-1]], item.slack
         places[c, LEADING], places[c, FIRST] = len(kinds) - 1, sum(map(len, factors))
@@ -136,12 +134,9 @@ def _vertices(system: System, rows: IndexArray) -> IndexArray:
     return np.asarray(order[np.searchsorted(first[order], rows, side="right") - 1])
 
 
-def _place(
-    system: System, plan: Plan, item: Coupling, rows: IndexArray, out: IndexArray
-) -> list[int]:
+def _place(system: System, plan: Plan, rows: IndexArray, out: IndexArray) -> list[int]:
     """Slots and rows of the one or two vertices, which it gives."""
     vertices = np.unique(_vertices(system, rows)).tolist()
-    assert len(vertices) <= 2, item.label
     known = np.array([v if v < len(system.origin_rows) else -1 for v in [*vertices, -1][:2]])
     out[SLOT:ROW], out[ROW:] = plan.slots(known[:, None], known).ravel(), rows[0]
     for one, v in enumerate(vertices):
@@ -660,7 +655,8 @@ def bound_work(
         ),
         **dict.fromkeys(("C_child", "C_parent"), (edges, 6, 6)),
         "closing": (rows, 3),
-        "scratch": (1, 6, 6),
+        "corrections": (each,),
+        "scratch": (2, 6, 6),
         "dead": (rows, 3),
         "moments": (len(system.loading.moments.vertices), 3),
         "followers": (len(following(system).vertices), 4, 4),

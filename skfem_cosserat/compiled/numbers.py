@@ -12,13 +12,13 @@ __all__ += ["FACTORED", "FIRST", "ITERATIONS", "KEPT", "RATE", "RESIDUAL"]
 NUMBERS = (
     *("mass", "momentum", "force", "start", "end", "weight", "length"),
     *("rotation", "mixed", "reuse", "iterations", "largest", "increment", "negligible"),
-    *("stagnation", "settled", "carry_mass", "carry_momentum", "carry_force"),
+    *("stagnation", "carry_mass", "carry_momentum", "carry_force"),
     *("share", "worth", "ends", "reach", "viscous_start", "viscous_end"),
 )
 MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH = range(7)
 ROTATION, MIXED, REUSE, LIMIT, LARGEST, INCREMENT, NEGLIGIBLE = range(7, 14)
-STAGNATION, SETTLED, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 19)
-SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(19, 25)
+STAGNATION, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 18)
+SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(18, 24)
 
 #: what the loop over the iterations leaves behind for the next step, see
 #: :data:`skfem_cosserat.newton.RECORD`; how to start: from no increment, the last one or both
@@ -35,16 +35,17 @@ RECORD = (
     *("clearance", "travelled", "taken", "unmoved", "states", "varying"),
     *("dissipated", "numerical", "viscous", "actuators", "ground"),
 )
-GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(8, 14)
-CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES, VARYING = range(14, 20)
-DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS, BY_GROUND = range(20, 25)
+GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(9, 15)
+CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES, VARYING = range(15, 21)
+DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS, BY_GROUND = range(21, 26)
 #: what is kept of these numbers for each of the steps in one go
 LOGGED = (
     *(ITERATIONS, RESIDUAL, WORK, TAKEN),
     *(DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS, BY_GROUND),
 )
 
-#: iterations up to which no frame can have got to half a turn, where there are no closed loops
+#: matrices of a step up to which no frame can have got to half a turn, where there are no closed
+#: loops: further increments with one of them shrink by half each
 SHORT = 8
 #: all turns of a step together (rad), and displacements against the scene, that are no half turn
 SHORT_WAY = 1.0

@@ -310,6 +310,7 @@ WORK = (
     *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
     *("closing", "before", "found", "carried", "frames", "inverse", "S_kept", "X_kept"),
     *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
+    "corrections",
     *("dead", "moments", "followers", "coupled", "flow"),
 )
 #: velocities with a damped relative part: of rows of y their connected part, ends of runs

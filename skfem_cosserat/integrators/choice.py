@@ -13,6 +13,7 @@ import numpy as np
 
 from ..compiled.kept import NotKept, Source, compile_errors, loaded, promising
 from ..compiled.plan import Plan, plan_of
+from ..compiled.tables.couplings import MOST_XI
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..constraints.gradients import is_lattice
 from ..errors import InputError, PerformanceWarning
@@ -42,11 +43,23 @@ def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str
     if scheme is None or type(integrator.single.balance(system, 1.0)) not in BALANCES:
         name = integrator.name
         return f"there are no compiled kernels for the {name} integrator, whose balance is its own"
-    return static_refusal(treatment)
+    return static_refusal(system, treatment)
 
 
-def static_refusal(treatment: Treatment) -> str | None:
+def static_refusal(system: System, treatment: Treatment) -> str | None:
     """Why equilibria cannot be found by compiled kernels; None: they can."""
+    for item in system.couplings.items:
+        kinds = [c.kind for c in item.coordinates]
+        if (
+            item.size > MOST_XI
+            or set(kinds[:-1]) - {"displacement"}
+            or len({system.row_of(place) for place in item.places()}) > 2
+        ):
+            return (
+                f"there are no compiled kernels for {item.label}, whose coordinates are {kinds}:"
+                f" they take at most {MOST_XI} components, displacements before one coordinate of"
+                " any kind, and two places on different nodes, bodies or the ground"
+            )
     if not isinstance(treatment, (NullSpace, Multipliers)):
         return f"there are no compiled kernels for {treatment.name}"
     whole = isinstance(treatment, Multipliers) and treatment.full

@@ -191,8 +191,8 @@ def _from_history(
     turns = None
     if system.couplings.angles and "turns" in row:
         known = dict(zip(history.meta.get("turns", []), row["turns"], strict=True))
-        angles = system.couplings.angles
-        turns = np.array([known.get(item.name, 0) for item in angles], dtype=np.int64)
+        names = system.couplings.turning
+        turns = np.array([known.get(name, 0) for name in names], dtype=np.int64)
     if "load_factor" in row:  # a static path
         time = float(history.instants[int(index)]) if t is None else t
         at = recorded_amplitudes(history, int(index)) if t is None else Schedule(system).at(time)

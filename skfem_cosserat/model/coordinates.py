@@ -28,13 +28,13 @@ class Kind(ABC):
     ----------
     size, invariants : int
         m and k.
-    period : float
+    period : float or (m,) array
         2 pi for an angle, which is continued over several turns, else 0.
     """
 
     size = 1
     invariants = 1
-    period = 0.0
+    period: float | Floats = 0.0
 
     @abstractmethod
     def value(self, pi: Array) -> Array:
@@ -59,8 +59,8 @@ class Kind(ABC):
     def continued(self, pi: Array, before: Array) -> Array:
         """``xi``, an angle by less than half a turn from the value `before`."""
         xi = self.value(pi)
-        if self.period:
-            xi = xi - self.period * np.round((xi - before).real / self.period)
+        if np.any(self.period):
+            xi = xi - self.period * np.round((xi - before).real / (2 * np.pi))
         return xi
 
 
@@ -210,6 +210,7 @@ class Joined(Kind):
         self.kinds = kinds
         self.size = sum(kind.size for kind in kinds)
         self.invariants = sum(kind.invariants for kind in kinds)
+        self.period = np.concatenate([np.full(kind.size, kind.period) for kind in kinds])
         ends = np.cumsum([0, *(kind.size for kind in kinds)])
         ends_pi = np.cumsum([0, *(kind.invariants for kind in kinds)])
         self._xi = [slice(a, b) for a, b in pairwise(ends)]

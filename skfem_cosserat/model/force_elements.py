@@ -272,6 +272,12 @@ def _table(form: Form, row_of: RowOf) -> dict[tuple[int, int], float]:
     return out
 
 
+def angle_names(item: Coupling) -> list[str]:
+    """Names of the angles of a force element, see :class:`Couplings`."""
+    names = [c.name for c in item.coordinates if c.kind == "angle"]
+    return [f"{item.name}/{name}" for name in names] if len(names) > 1 else [str(item.name)]
+
+
 def kind_of(coordinates: Sequence[RelativeCoordinate]) -> Kind:
     """The kind of one coordinate, or of several side by side."""
     kinds = tuple(KINDS[c.kind] for c in coordinates)
@@ -324,11 +330,11 @@ class _Group:
         )
         self.law: CouplingLaw = SlackLaw(members) if members[0].slack else LinearLaw(members)
         self.neutral = np.array([m.neutral for m in members])
-        shifts = np.array(
-            [c.kind == "displacement" for c in members[0].coordinates for _ in range(c.size)]
-        )
+        kinds = np.array([c.kind for c in members[0].coordinates for _ in range(c.size)])
+        #: components that are angles, whose full turns count, and those of rotation vectors
+        self.angles, self.vectors = (np.flatnonzero(kinds == k) for k in ("angle", "rotation"))
         # displacements count from the reference
-        self.origin = shifts * self.kind.value(self.invariants.values(reference))
+        self.origin = (kinds == "displacement") * self.kind.value(self.invariants.values(reference))
         self.neutral += self.origin
         #: numbers of the actuators' channels, -1 for none
         self.channels = np.full((len(members), self.kind.size), -1)
@@ -542,7 +548,9 @@ class Couplings:
     pairs : (k, 2) int array
         Rows (a, b) of y, both unknowns, at which :meth:`tangent` has blocks.
     angles : list of Coupling
-        Those on an angle, whose full turns are part of the state.
+        Those on an angle, whose full turns are part of the state: once for each angle.
+    turning : list of str
+        Names of the angles: that of the force element, with the angle's where there are several.
     """
 
     def __init__(
@@ -577,7 +585,8 @@ class Couplings:
         none = np.zeros((0, 2), dtype=np.int64)
         pairs = [*(g.pairs for g in self._groups), *(f.pairs for f in self.functions)]
         self.pairs: IndexArray = np.concatenate([none, *pairs])
-        self.angles = [m for g in self._groups if g.kind.period for m in g.members]
+        self.angles = [m for g in self._groups for m in g.members for _ in g.angles]
+        self.turning = [name for item in dict.fromkeys(self.angles) for name in angle_names(item)]
         self._total = len(reference)
 
     @cached_property
@@ -694,14 +703,13 @@ class Couplings:
         out = []
         for g, s in zip(self._groups, start.groups, strict=True):
             pi = g.invariants.values(y1)
-            if g.kind.period:
-                turned = (g.kind.continued(pi, s.xi) - g.kind.value(pi)) / g.kind.period
-                out.append(np.rint(turned[:, 0]).astype(np.int64))
-            elif g.kind.size > 1:
-                jump = abs(g.kind.value(pi)[:, -3:] - s.xi[:, -3:]).max(1) > np.pi
-                for i in np.flatnonzero(jump):
-                    warn_of_jump(g.members[i], time)
-        return np.concatenate(out) if out else None
+            xi = g.kind.value(pi)
+            turned = (g.kind.continued(pi, s.xi) - xi)[:, g.angles] / (2 * np.pi)
+            out.append(np.rint(turned).astype(np.int64).ravel())
+            jump = (abs(xi - s.xi)[:, g.vectors] > np.pi).any(1)
+            for i in np.flatnonzero(jump):
+                warn_of_jump(g.members[i], time)
+        return np.concatenate(out) if self.angles else None
 
     # -- states ------------------------------------------------------------------------------------
 
@@ -768,10 +776,11 @@ class Couplings:
         for g in self._groups:
             pi = g.invariants.values(y)
             xi = g.kind.value(pi)
-            if g.kind.period and turns is not None:
-                own = turns[..., first : first + len(g.members)]
-                xi = xi + g.kind.period * own[..., None]
-                first += len(g.members)
+            if len(g.angles) and turns is not None:
+                shape = len(g.members), len(g.angles)
+                own = np.asarray(turns)[..., first : first + np.prod(shape)]
+                xi[..., g.angles] += 2 * np.pi * own.reshape(*own.shape[:-1], *shape)
+                first += own.shape[-1]
             out.append((pi, xi))
         return out
 

@@ -113,7 +113,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         "joints": [],
         "couplings": [],
         #: force elements whose angles the series "turns" counts
-        "turns": [item.name for item in system.couplings.angles],
+        "turns": system.couplings.turning,
     }
     static: dict[str, Any] = {"reference": system.q0}
     for item in system.structures:
@@ -132,11 +132,11 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
 
 def recorded_turns(system: System, history: History) -> IndexArray | None:
     """Full turns of the system's angles at the last state; zero for those not recorded."""
-    angles = system.couplings.angles
+    angles = system.couplings.turning
     if not angles or "turns" not in history:
         return None
     known = dict(zip(history.meta.get("turns", []), history["turns"][-1], strict=True))
-    return np.array([known.get(item.name, 0) for item in angles], dtype=np.int64)
+    return np.array([known.get(name, 0) for name in angles], dtype=np.int64)
 
 
 def _describe_lump(

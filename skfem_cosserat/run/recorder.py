@@ -410,7 +410,7 @@ class Recorder:
         self.varying = varying
         self.segments, self.events = [Segment(0, system)], list[EventRecord]()
         self._more: dict[str, Any] = {}
-        self._angles = [item.name for item in system.couplings.angles]
+        self._angles = system.couplings.turning
         meta, static = describe(system)
         meta |= {
             "integrator": stepper.integrator.name,

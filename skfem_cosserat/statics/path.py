@@ -763,7 +763,7 @@ def static(
         choice = choose(
             kernels,
             stepped(system, treatment, space=True),
-            static_refusal(treatment),
+            static_refusal(system, treatment),
             estimated_seconds(system, control.expected, ITERATIONS),
             solver,
         )

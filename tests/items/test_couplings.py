@@ -12,6 +12,7 @@ from helpers_kernels import (
     assert_same_iteration,
     both,
     moving,
+    needs_numba,
 )
 from helpers_scenes import (
     FULL,
@@ -31,7 +32,8 @@ from scipy.spatial.transform import Rotation
 from test_tangents import Step, worst
 
 import skfem_cosserat as sc
-from skfem_cosserat import Stepper, diagnostics
+from skfem_cosserat import Stepper, diagnostics, relative
+from skfem_cosserat.coupling import Coupling
 from skfem_cosserat.model.coordinates import KINDS, Joined
 from skfem_cosserat.model.force_elements import SlackLaw
 from skfem_cosserat.relative import normals
@@ -433,6 +435,88 @@ def test_torsional_spring_has_its_frequency(integrator, treatment):
     errors = abs(np.array(ends) - exact)
     assert 1.9 < np.log2(errors[1] / errors[2]) < 2.1
     assert abs((4 * ends[2] - ends[1]) / 3 - exact) < 2e-6
+
+
+class Helix(Coupling):
+    """A spring that pulls when it is twisted: a displacement and angles of one axis, in any order.
+
+    It is how users write a force element of their own.
+    """
+
+    kind = "helix"
+
+    def __init__(self, b, stiffness, names, post):
+        self.a, self.b = sc.ground((0, 0, 0)), b
+        sides, axis = (self.a, b), np.array([0.0, 0.0, 1.0])
+        each = {name: relative.angle(name, *sides, axis) for name in ("turn", "same")}
+        each["u"] = relative.displacement("u", *sides, axis)
+        each["up"] = relative.displacement("up", self.a, post, axis)
+        self.coordinates = tuple(each[name] for name in names)
+        self._set_law(stiffness, 0.0, 0.0)
+
+
+HELIX = np.array([[30.0, 0.6], [0.6, 0.06]])
+
+
+def helix(names=("u", "turn"), stiffness=HELIX):
+    """A body of 2 kg and 0.05 kg m^2 that slides and spins on an axis, at first with 9 rad/s."""
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody(2.0, (0.1, 0.1, 0.05), angular_velocity=(0, 0, 9.0)))
+    rail = sc.JointCylindrical(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
+    model.add("rail", rail)
+    post = model.add("post", sc.MassPoint(1.0, (0, 0, 1))).place()
+    model.add("stand", sc.JointSpherical(sc.ground((0, 0, 1)), post))
+    model.add("spring", Helix(body.at((0, 0, 0)), stiffness, names, post))
+    return model.freeze()
+
+
+@pytest.mark.parametrize("kernels", ["numpy", pytest.param("numba", marks=needs_numba)])
+def test_full_turns_of_an_angle_beside_a_displacement(kernels):
+    """``M x'' = -K x`` of both, up to 8 rad: by modes, second order in the step; energy is kept."""
+    size = np.sqrt([2.0, 0.05])
+    roots, modes = np.linalg.eigh(HELIX / np.outer(size, size))
+    ends = []
+    for h in (0.02, 0.01):
+        run = sc.simulate(helix(), sc.EnergyMomentum(), sc.NullSpace(), h, 3.0, kernels=kernels)
+        assert abs(run["energy"] - run["energy"][0]).max() < 1e-12
+        ends.append(run["coupling/spring/coordinate"][-1])
+    assert run["turns"].max() == 1 and abs(run["coupling/spring/coordinate"][:, 1]).max() > 7
+    ways = modes.T @ (size * [0.0, 9.0]) * np.sin(np.sqrt(roots) * 3.0) / np.sqrt(roots)
+    errors = [abs(end - modes @ ways / size).max() for end in ends]
+    assert errors[1] < 0.02 and 1.8 < np.log2(errors[0] / errors[1]) < 2.2
+
+
+def test_order_and_number_of_angles_change_nothing():
+    """The angle before the displacement, or twice with half of the stiffness each."""
+    pair = sc.EnergyMomentum(), sc.NullSpace(), 0.02, 3.0
+    run = sc.simulate(helix(), *pair, kernels="numpy")
+    swapped = sc.simulate(helix(("turn", "u"), HELIX[::-1, ::-1]), *pair)
+    share = np.array([[1, 0], [0, 0.5], [0, 0.5]])
+    twice = sc.simulate(helix(("u", "turn", "same"), share @ HELIX @ share.T), *pair)
+    for other in (swapped, twice):
+        assert other.meta["kernels"] == "numpy"
+        assert other["q"] == pytest.approx(run["q"], abs=1e-11)
+    assert twice.meta["turns"] == ["spring/turn", "spring/same"]
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        helix(("turn", "u")),
+        helix(("u", "turn", "same"), np.eye(3)),
+        helix(("u", "up", "turn"), np.eye(3)),
+        helix(("u",) * 6 + ("turn",), np.eye(7)),
+    ],
+    ids=["order", "angles", "places", "components"],
+)
+def test_own_elements_without_kernels_are_told(system):
+    """In motion and at rest; by default numpy takes them."""
+    why = r"there are no compiled kernels for helix 'spring', whose coordinates are \["
+    for run in (partial(simulate, integrator="energy-momentum", step=0.01, until=0.02), sc.static):
+        with pytest.raises(sc.InputError, match=why):
+            run(system, kernels="numba")
+    run = simulate(system, "energy-momentum", 0.01, 0.02)
+    assert run.meta["kernels"] == "numpy" and "displacements before" in run.meta["kernels_why"]
 
 
 def test_hinge_comes_to_rest_at_the_neutral_angle():

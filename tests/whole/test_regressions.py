@@ -267,7 +267,7 @@ def test_swing_shorter_than_a_step():
     "wrong",
     [
         {"reuse": "four"}, {"reuse": None}, {"reuse": 2.5}, {"reuse": -1}, {"iterations": 2.5},
-        {"iterations": True}, {"iterations": 0}, {"settled": "small"}, {"settled": np.nan},
+        {"iterations": True}, {"iterations": 0}, {"increment": "small"}, {"increment": np.nan},
         {"mixed": np.array([1.0, 2.0])}, {"rotation": np.inf},
     ],
     ids=repr,

@@ -18,6 +18,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from measuring import full_newton
 
 import skfem_cosserat as sc
 from collection import common
@@ -130,10 +131,10 @@ def run(
     """Fields at the instants with this step; None if a step could not be solved."""
     system, last = problem.system, max(times)
     until = last if last > 0 else step
+    # extrapolation would magnify what kept factors leave
+    options: dict[str, Any] = {"derive": False, "settings": full_newton()}
     try:
-        history = sc.simulate(
-            system, method.integrator, method.treatment, step, until, derive=False
-        )
+        history = sc.simulate(system, method.integrator, method.treatment, step, until, **options)
     except sc.Diverged as error:
         cost.newton_iterations += int(error.history["newton_iterations"].sum())
         return None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from measuring import full_newton
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -17,8 +18,6 @@ from skfem_cosserat import diagnostics
 __all__ = ["Motion", "Run", "Scene", "framed", "limit", "quaternions", "run", "schedule"]
 
 Floats = common.Floats
-#: a matrix of its own for each iteration: extrapolation would magnify what kept factors leave
-EXACT = sc.NewtonSettings(reuse=0)
 
 
 class Scene(NamedTuple):
@@ -170,7 +169,8 @@ def run(
     for end, h in schedule(step, _marks(scene, wanted), refine):
         largest = max(largest, h)
         options: dict[str, Any] = {"start": watch.state, "callbacks": [watch]}
-        options.update(derive=False, kernels=kernels, settings=EXACT)
+        # extrapolation would magnify what kept factors leave
+        options.update(derive=False, kernels=kernels, settings=full_newton())
         inside = wanted[(wanted > watch.state.time) & (wanted < end + h / 2)].tolist()
         try:
             history = sc.simulate(

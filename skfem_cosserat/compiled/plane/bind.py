@@ -440,7 +440,8 @@ def bound_work(system: System, plan: Plan, frames: Frames) -> tuple[Any, dict[st
             ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 12)
         ),
         **dict.fromkeys(("C_child", "C_parent"), (edges, 12)),
-        "scratch": (1, 12),
+        "corrections": (each,),
+        "scratch": (2, 12),
         **dict.fromkeys(("dead", "moments"), (0, 3)),
         "followers": (0, 4, 4),
         "coupled": (0, COUPLED),
