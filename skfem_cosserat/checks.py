@@ -15,6 +15,7 @@ import numpy as np
 from .diagnostics.coarseness import beams_of, energies, held_stresses
 from .diagnostics.energy import group_stretches, kinetic_energy
 from .diagnostics.forces import multipliers
+from .diagnostics.inputs import unseen
 from .diagnostics.stacked import all_rows
 from .errors import AccuracyWarning, CosseratWarning, ModelWarning
 from .history import History
@@ -49,8 +50,20 @@ class Recorded:
     history: History
 
 
+@dataclass(frozen=True, eq=False)
 class Run(Recorded):
-    """States of a run in time."""
+    """States of a run in time.
+
+    Attributes
+    ----------
+    at_ends : bool
+        Whether loads act at the ends of steps; else by their means.
+    eventful : bool
+        Whether events were asked for.
+    """
+
+    at_ends: bool
+    eventful: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,16 +164,29 @@ def _owner(system: System, group: BeamGroup, element: int) -> tuple[Beam, int]:
 
 
 def falls(result: Run) -> Iterator[Doubt]:
-    """A scene that starts at rest, and of which gravity pulls away all, as nothing holds it."""
+    """A scene that starts at rest, and of which gravity pulls away all, as nothing holds it.
+
+    Where events act, it is meant to fall: onto something, or after a release.
+    """
     system = result.system
     weights = [np.any(term.acceleration()) for term in system.loading.terms]
     free = bool(weights) and all(weights) and connected_parts(system).free.all()
-    if free and not np.any(result.history["p"][0]):
+    if free and not (result.eventful or np.any(result.history["p"][0])):
         yield Doubt(
             "model",
             "nothing ties it to the ground, so all of it falls: add a joint to the ground, as"
             " JointFixed(ground(x), beam.node(name)), or a velocity if it is to fly",
         )
+
+
+# -- steps that do not see what enters a run -------------------------------------------------------
+
+
+def unseen_inputs(result: Run) -> Iterator[Doubt]:
+    """A load, drive or moving ground that does what steps do not see."""
+    found = unseen(result.system, result.history, result.at_ends)
+    if found is not None:
+        yield Doubt(*found)
 
 
 # -- constraints that do not hold ------------------------------------------------------------------
@@ -283,6 +309,7 @@ def _finer(beam: Beam) -> str:
 #: looked through in this order
 CHECKS: tuple[Check, ...] = (
     Check("falls", (Run,), ModelWarning, falls),
+    Check("unseen inputs", (Run,), AccuracyWarning, unseen_inputs),
     Check("open constraints", (Run,), AccuracyWarning, open_constraints),
     Check("inside out", (Recorded,), AccuracyWarning, inside_out),
     Check("coarse mesh", (Recorded,), AccuracyWarning, coarse_history),

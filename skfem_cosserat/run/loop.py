@@ -17,7 +17,6 @@ from ..diagnostics import (
     doubtful_steps,
     multipliers,
     resolution,
-    unseen,
 )
 from ..diagnostics.resolution import MOST_OFF
 from ..diagnostics.stacked import all_rows
@@ -397,7 +396,9 @@ def simulate(
                 factory, plan, recorder, callbacks, lambda t: show(t, until), interrupt, watch
             )
             equal = h is not None
-            recorder.look_back = lambda found: _warn_of_motion(run.numbers(h), found, equal, None)
+            recorder.look_back = lambda found: _warn_of_motion(
+                run.numbers(h), found, equal, eventful, None
+            )
             with show:
                 status, failure = run.go(state)
             why = run.numbers(h)
@@ -406,7 +407,7 @@ def simulate(
             if failure is not None:
                 notices.tell(failure)  # from here on no warning takes its place
             try:
-                _warn_of_motion(why, recorder.complete(), equal, failure)
+                _warn_of_motion(why, recorder.complete(), equal, eventful, failure)
             finally:  # a warning may be an error: the file is whole all the same
                 history = recorder.close(status, failure, why.alternation)
             if failure is not None:
@@ -422,13 +423,12 @@ def simulate(
 
 
 def _warn_of_motion(
-    why: StepNumbers, recorded: History, equal: bool, failure: Diverged | None
+    why: StepNumbers, recorded: History, equal: bool, eventful: bool, failure: Diverged | None
 ) -> None:
     """Warn of what the states of a run show, `equal`: one step apart; a failure has its own text.
 
     Explicit integrators have steps within steps.
     """
-    why.warn_of_inputs(recorded)
     if equal and why.integrator.solves:
         why.warn(recorded)
     with np.errstate(all="ignore" if failure is not None else None):  # it may have blown up
@@ -441,7 +441,9 @@ def _warn_of_motion(
     for (item, text), time in strained:
         warn(item, text, AccuracyWarning, time)
     _warn_of_functions(why.system, recorded)
-    checks.apply(checks.Run(why.system, recorded))
+    single = why.integrator.single.scheme(why.h)
+    at_end = single is not None and single.at_end
+    checks.apply(checks.Run(why.system, recorded, at_end, eventful))
 
 
 def _intended(step: float, until: float, start: State | None) -> int | None:
@@ -608,13 +610,6 @@ class StepNumbers:
                 AccuracyWarning,
                 found.time,
             )
-
-    def warn_of_inputs(self, history: History) -> None:
-        """Say which load, drive or moving ground does what steps do not see."""
-        single = self.integrator.single.scheme(self.h)
-        found = unseen(self.system, history, single is not None and single.at_end)
-        if found is not None:
-            warn(*found, AccuracyWarning)
 
     def turn_at_end(self, history: History) -> None:
         """Count how far a frame turns in the step that failed, by its velocity at the start."""
