@@ -30,7 +30,6 @@ def _warm(arguments: argparse.Namespace) -> str:
     from .errors import PerformanceWarning
     from .integrators import EnergyDecaying, EnergyMomentum, GeneralizedAlpha, Stepper
     from .integrators.compiled_scene import CompiledMotion
-    from .model import Planar
     from .newton import NewtonSettings
     from .statics import static
     from .warn import warn
@@ -40,9 +39,6 @@ def _warm(arguments: argparse.Namespace) -> str:
             for treatment in (NullSpace(), Multipliers()):
                 for scheme in (EnergyMomentum(), GeneralizedAlpha(0.8), EnergyDecaying(0.1)):
                     Stepper(model, scheme, treatment, 1e-3, kernels="numba")
-                if flat:
-                    plane = model.freeze(planar=Planar(normal=(0, 0, 1)))
-                    Stepper(plane, EnergyMomentum(), treatment, 1e-3, kernels="numba")
                 static(model, treatment, kernels="numba", derive=False)
             system = model.freeze().tied
             if CompiledMotion.serves(system):

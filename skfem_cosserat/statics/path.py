@@ -710,7 +710,7 @@ def static(
 
         choice = choose(
             kernels,
-            stepped(system, treatment, space=True),
+            stepped(system, treatment),
             static_refusal(treatment),
             estimated_seconds(system, control.expected, ITERATIONS),
             solver,
