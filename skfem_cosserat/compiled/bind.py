@@ -205,8 +205,6 @@ def parts_of(
         unused.add("beam_start")
     if not system.beam_groups:
         unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
-    if system.plane is None:
-        unused.add("beam_finish")
     if not static and system.loading.dead_only and system.drag is None:
         unused.add("load")
     if not system.couplings.items:
@@ -215,22 +213,21 @@ def parts_of(
 
 
 def compiling(
-    system: System, names: Sequence[str], family: str = "tree", source: Source = Source.COMPILER
+    system: System, names: Sequence[str], source: Source = Source.COMPILER
 ) -> AbstractContextManager[None]:
     """While these parts and the structures they take are compiled, with help on an empty cache.
 
     `source`: see :func:`.kept.address`.
     """
     orders = sorted({group.vertices.shape[1] - 1 for group in system.beam_groups}) or [1]
-    if source == Source.COMPILER and cold(family, names[0]):
-        return helped(orders, names, family)
+    if source == Source.COMPILER and cold("tree", names[0]):
+        return helped(orders, names)
     return nullcontext()
 
 
 def addresses(
     names: Sequence[str],
     structures: Sequence[Any],
-    family: str = "tree",
     source: Source = Source.COMPILER,
 ) -> IndexArray:
     """Addresses of these parts, compiled if need be, at their places; 0 for all others.
@@ -239,8 +236,6 @@ def addresses(
     ----------
     structures : (tree, plan, work, beams)
         Each group of beams has parts of its own, whose addresses stand in rows of these.
-    family : {"tree", "plane"}
-        In space, or in a plane.
     source : Source
         See :func:`.kept.address`.
     """
@@ -250,7 +245,7 @@ def addresses(
         if name in BEAM_PARTS:
             own = [
                 address(
-                    "by law" if g.kind.family == "beams_by_law" else family,
+                    "by law" if g.kind.family == "beams_by_law" else "tree",
                     name,
                     (g.kind, kinds[2], VECTOR, int),
                     source,
@@ -259,7 +254,7 @@ def addresses(
             ]
             found[name] = beams.place(name, own)
         else:
-            found[name] = address(family, name, (*kinds, VECTOR, int), source)
+            found[name] = address("tree", name, (*kinds, VECTOR, int), source)
     # the last one is that of Python code, if some is called back
     return np.array([*(found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)), 0])
 
@@ -798,7 +793,7 @@ def bound_carried(
         "limit": np.zeros(1),
         "R": arrays["R"],
         # where the iteration has impulses of constraint rows in R
-        "closing": arrays["closing"] if len(system.left_rows) and system.plane is None else none,
+        "closing": arrays["closing"] if len(system.left_rows) else none,
         "moved_force": np.zeros(1),
         # each step begins at a whole vector
         **{

@@ -27,7 +27,7 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
     vertex, component = np.full(system.total, -1), np.zeros(system.total, dtype=np.int64)
     vertex[every] = np.repeat(np.arange(count), size)
     component[every] = every - np.repeat(system.origin_rows, size)
-    numbers, block, place = numbered(system, plan.rows, count, 6)
+    numbers, block, place = numbered(system, plan.rows, count)
     terms, cosines = system.constraints.terms(), system.branch_cosines.terms()
     own = np.flatnonzero((block[terms.row] >= 0) & (terms.row < first_held(system)))
     k, a, b = terms.row[own], terms.left[own], terms.right[own]
@@ -92,15 +92,14 @@ def bound_held(
 ) -> dict[str, Any]:
     """Strains that elements of a group hold by rows with multipliers, see :mod:`.held`.
 
-    `rows`: arrays of the rows, of :func:`bound_rows` or those in a plane; None: it holds none.
+    `rows`: arrays of the rows, of :func:`bound_rows`; None: it holds none.
     """
     own = [] if rows is None else system.theory_rows
     theories = [each for each in own if id(each.beam) in group.slices]
     none = np.zeros((0, 6))
     blocks, count = plan.rows, len(system.origin_rows)
-    width = 3 if system.plane is not None else 6
     if rows is not None:
-        _, block, place = numbered(system, blocks, count, width)
+        _, block, place = numbered(system, blocks, count)
         theories = [each for each in theories if (block[each.numbers] >= 0).any()]
     shape = (0, 1, 0)
     holds = sorted({i for each in theories for i in each.held})
@@ -108,9 +107,8 @@ def bound_held(
         shape = *group.elements.reference.shape[:2], len(holds)
     nodes = group.vertices.shape[1]
     # the stride of b and of a row of a block in A; the one behind each array is for what is not
-    stride = 6 if width == 6 else 4
-    held, on = np.full(shape, stride * len(plan.diag)), np.full(shape, width * len(blocks))
-    last = stride * width * len(plan.ends)
+    held, on = np.full(shape, 6 * len(plan.diag)), np.full(shape, 6 * len(blocks))
+    last = 36 * len(plan.ends)
     down, up = np.full((*shape, nodes), last), np.full((*shape, nodes), last)
     for each in theories:
         e, p, strain = np.nonzero(block[each.numbers] >= 0)
@@ -118,10 +116,10 @@ def bound_held(
         k, c = block[number], place[number]
         e = e + group.slices[id(each.beam)].start
         to = e, p, np.array([holds.index(i) for i in each.held])[strain]
-        held[to], on[to] = stride * k + c, width * (k - count) + c
+        held[to], on[to] = 6 * k + c, 6 * (k - count) + c
         ends, k, c = group.vertices[e], k[:, None], c[:, None]
-        down[to] = stride * (width * plan.slots(k, ends) + c)
-        up[to] = stride * width * plan.slots(ends, k) + c
+        down[to] = 6 * (6 * plan.slots(k, ends) + c)
+        up[to] = 36 * plan.slots(ends, k) + c
     return {
         "holds": integers(holds),
         "held": held,
@@ -134,13 +132,13 @@ def bound_held(
 
 
 def numbered(
-    system: System, blocks: Sequence[RowBlock], count: int, width: int
+    system: System, blocks: Sequence[RowBlock], count: int
 ) -> tuple[IndexArray, IndexArray, IndexArray]:
-    """Constraint rows of blocks (k, width), -1 for none; of each row block and place, or -1.
+    """Constraint rows of blocks (k, 6), -1 for none; of each row block and place, or -1.
 
     Blocks are numbered behind the `count` vertices.
     """
-    numbers = np.full((len(blocks), width), -1)
+    numbers = np.full((len(blocks), 6), -1)
     for own, each in zip(numbers, blocks, strict=True):
         own[: len(each.rows)] = each.rows
     block, place = np.full((2, system.m), -1)
@@ -181,7 +179,7 @@ THIN = 1e-6
 
 
 def _weights(system: System, numbers: IndexArray, blocks: Sequence[RowBlock]) -> Floats:
-    """Weights of rows (k, width) of blocks that hold a frame which lacks rotary inertia, else zero.
+    """Weights of rows (k, 6) of blocks that hold a frame which lacks rotary inertia, else zero.
 
     Any positive ones do. Of vectors the frame's mass (kg), of others its inertia (kg m^2).
     """
@@ -194,10 +192,6 @@ def _weights(system: System, numbers: IndexArray, blocks: Sequence[RowBlock]) ->
     euler = scalar[:, 1:, 1:] - first[:, :, None] * first[:, None] / some[:, None, None]
     values = np.linalg.eigvalsh(euler)
     least, inertia = values[:, 0] + values[:, 1], values.sum(1)
-    if system.plane is not None:  # about its normal only
-        rows = system.origin_rows[group.vertices] + np.arange(1, 4)
-        n = system.q0.reshape(-1, 3)[rows] @ system.plane.normal
-        least = inertia - np.einsum("vi,vij,vj->v", n, euler, n)
     thin = {int(group.vertices[k, 0]): k for k in np.flatnonzero(least < THIN * inertia)}
     vectors = _of_vectors(system) if thin else set()
     for own, row, block in zip(weight, numbers.tolist(), blocks, strict=True):

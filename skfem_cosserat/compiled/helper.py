@@ -11,19 +11,18 @@ from ..beam import Beam
 from ..frames import ground
 from ..joint import JointRevolute
 from ..mesh import MeshCurve
-from ..model import Model, Planar, System
+from ..model import Model, System
 from ..section import Material, SectionCircle
 from . import bind
 from .kept import entry
 from .numbers import NUMBERS, RECORD
 from .plan import Plan, plan_of
-from .plane import bind as plane
 from .structures import STEPS, structure
 
 __all__ = ["main"]
 
 
-def main(orders: Sequence[int], names: Sequence[str], family: str = "tree") -> None:
+def main(orders: Sequence[int], names: Sequence[str]) -> None:
     """Compile the loop over a step, then parts from the last to the first."""
     model = Model()
     section = SectionCircle(0.01, Material(1e6, 0.3, 1e3))
@@ -32,27 +31,20 @@ def main(orders: Sequence[int], names: Sequence[str], family: str = "tree") -> N
         rod = model.add(f"rod {k}", Beam(mesh, section, order=order))
         hinge = JointRevolute(ground((0, k, 0)), rod.node(f"rod{k}.start"), axis=(0, 0, 1))
         model.add(f"hinge {k}", hinge)
-    system = model.freeze(planar=Planar() if family == "plane" else None)
+    system = model.freeze()
     plan = plan_of(system)
-    given = structures_of(system, plan, family)
+    given = structures_of(system, plan)
     work = bind.bound_work(system, plan)[1]
     numbers, places = np.zeros(len(NUMBERS)), np.zeros(0, dtype=np.int64)
     carried = bind.bound_carried(system, work)[0]
     steps = places, *given, numbers, np.zeros(len(RECORD)), carried
     entry("step", "solve", structure("steps", dict(zip(STEPS, steps, strict=True))))
     for name in reversed(names):
-        bind.addresses([name], given, family)
+        bind.addresses([name], given)
 
 
-def structures_of(system: System, plan: Plan, family: str) -> list[Any]:
+def structures_of(system: System, plan: Plan) -> list[Any]:
     """Structures of a system that the parts are given."""
-    if family == "plane":
-        frames = plane.Frames(system)
-        rows, fields = plane.bound_space(system, frames)
-        s, own = plane.bound_tree(system, plan, frames, rows)
-        w = plane.bound_work(system, plan, frames)[0]
-        g = plane.bound_groups(system, plan, frames, fields, own)[0]
-    else:
-        s, own = bind.bound_tree(system, plan)
-        w, g = bind.bound_work(system, plan)[0], bind.bound_groups(system, plan, own)[0]
+    s, own = bind.bound_tree(system, plan)
+    w, g = bind.bound_work(system, plan)[0], bind.bound_groups(system, plan, own)[0]
     return [s, bind.bound_plan(system, plan)[0], w, g]

@@ -63,15 +63,10 @@ def shared(function: Kernel) -> Kernel:
 
 
 #: modules of the parts of a family, the first one that has a name is meant
-_SPACE = (
-    *("nodes", "tree", "rows", "flow", "blocks", "elements", "held", "loads", "couplings"),
-    "static",
-)
 _FAMILIES = {
-    "tree": _SPACE,
-    "plane": (
-        *(f"plane.{name}" for name in ("nodes", "tree", "rows", "elements", "held")),
-        *_SPACE,
+    "tree": (
+        *("nodes", "tree", "rows", "flow", "blocks", "elements", "held", "loads", "couplings"),
+        "static",
     ),
     "by law": ("stored", "elements", "held"),
     "laws": ("laws",),
@@ -84,8 +79,8 @@ _FAMILIES = {
 def function_named(family: str, name: str) -> Any:
     """The function of this name.
 
-    Families are those of parts in space ("tree"), in a plane, and of beams with a stored energy;
-    laws of such beams; what Python calls: steps, statics, and eliminations for many states.
+    Families are those of parts of a scene ("tree") and of beams with a stored energy; laws of such
+    beams; what Python calls: steps, statics, and eliminations for many states.
     """
     modules = (import_module(f".{module}", __package__) for module in _FAMILIES[family])
     return next(vars(m)[name] for m in modules if name in m.__all__)

@@ -60,7 +60,7 @@ TREE_PARTS = (
     *("load", "couple", "hold"),
 )
 BEAM_PARTS = (
-    *("beam_start", "beam_force", "beam_tangent", "beam_predicted", "beam_finish"),
+    *("beam_start", "beam_force", "beam_tangent", "beam_predicted"),
     *("beam_hold", "beam_hold_matrix", "beam_energy"),
 )
 BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
@@ -69,10 +69,10 @@ JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = 
 ROW_FORCE, ROW_MATRIX, ROW_BRANCH = 19, 20, 21
 FLOW, FLOW_MATRIX, FLOW_COLUMN, FLOW_KEEP, FLOW_CORRECT = range(22, 27)
 LOAD, COUPLE, HOLD = 27, 28, 29
-BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_FINISH = range(30, 35)
-BEAM_HOLD, BEAM_HOLD_MATRIX, BEAM_ENERGY = 35, 36, 37
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(30, 34)
+BEAM_HOLD, BEAM_HOLD_MATRIX, BEAM_ENERGY = 34, 35, 36
 #: place of the address of ``double f(int64 stage)``, by which Python code is called back; stages
-CALLED_BACK = 38
+CALLED_BACK = 37
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
 #: what beams of a stored energy ask for: stresses by strains, their derivative, and the energy at

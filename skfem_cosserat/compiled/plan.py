@@ -15,7 +15,6 @@ from ..frozen import lock_arrays
 from ..joint import JointDrive
 from ..model import System
 from ..model.loading import Followers
-from ..model.plane_rows import acting_rows
 from ..pattern import order_by, shared
 from ..types import ArrayLike, Floats, IndexArray
 
@@ -205,16 +204,14 @@ class RowBlock(NamedTuple):
     waits: tuple[int, ...]
 
 
-def row_blocks(system: System, width: int = 6) -> list[RowBlock]:
-    """Rows that the tree's coordinates leave, in blocks of at most `width`.
+def row_blocks(system: System) -> list[RowBlock]:
+    """Rows that the tree's coordinates leave, in blocks of at most six.
 
     Forces along these rows are eliminated like the coordinates of a vertex. A block that comes
     behind the vertices it waits for has a regular pivot: without masses behind them it is minus a
     positive definite one.
     """
     left = set(system.left_rows.tolist())
-    if system.plane is not None:
-        left &= set(acting_rows(system).tolist())
     count = len(system.origin_rows)
     parent = {e.child: min(e.parent, count) for e in system.spanning.edges}
     depth = system.spanning.depth
@@ -234,9 +231,9 @@ def row_blocks(system: System, width: int = 6) -> list[RowBlock]:
     out = []
     for numbers, vertices in each:
         kept = [k for k in numbers if k in left]
-        for first in range(0, len(kept), width):
+        for first in range(0, len(kept), 6):
             ends = tuple(sorted(vertices)), _between(vertices, parent, depth, count)
-            out.append(RowBlock(tuple(kept[first : first + width]), *ends))
+            out.append(RowBlock(tuple(kept[first : first + 6]), *ends))
     return out
 
 
@@ -258,7 +255,7 @@ def _between(
 def plan_of(system: System, thin: bool = False) -> Plan:
     """Elimination of a system, its rows with multipliers included; see :class:`Plan`."""
     count = len(system.origin_rows)
-    rows = row_blocks(system, 6 if system.plane is None else 3)
+    rows = row_blocks(system)
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     for group in system.beam_groups:
         a, b = np.triu_indices(group.vertices.shape[1], 1)

@@ -205,14 +205,10 @@ def increment(p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, ke
 
 
 @inlined
-def accepted(
-    p: IndexArray, s: Any, m: Any, w: Any, g: Any, numbers: Floats, record: Floats
-) -> bool:
+def accepted(p: IndexArray, s: Any, m: Any, w: Any, numbers: Floats, record: Floats) -> bool:
     """Finish a step, and keep what the next one starts with; False: it ended on another branch."""
     if p[n.ROW_BRANCH] and call(p[n.ROW_BRANCH], s, m, w, numbers, 0) != 0.0:
         return False
-    if p[n.BEAM_FINISH]:
-        call_beams(p[n.BEAM_FINISH], g, w, numbers, 0)
     record[n.WORK] = call(p[n.FINISH], s, m, w, numbers, 0)
     keep = numbers[n.REUSE] > 0.0
     record[n.KEPT] = 1.0 if keep else 0.0
@@ -281,7 +277,7 @@ def solve_one(
     )
     if loop((p, s, m, w, g, numbers), limits, record) != newton.SETTLED:
         return False
-    return accepted(p, s, m, w, g, numbers, record)
+    return accepted(p, s, m, w, numbers, record)
 
 
 @part

@@ -23,10 +23,7 @@ __all__ = [
     "LAW_POINTS",
     "LOOKS",
     "PLAN",
-    "PLANE_BEAMS",
-    "PLANE_TREE",
     "PROJECTION",
-    "ROWS",
     "STACKED",
     "STEPS",
     "TREE",
@@ -201,7 +198,7 @@ class Groups(Structure):
     Parameters
     ----------
     members : sequence of Structure
-        Of :func:`beams`, :func:`beams_by_law` or :func:`plane_beams`.
+        Of :func:`beams` or :func:`beams_by_law`.
     numbers : sequence of (array or None)
         Numbers of a step that a member takes in place of those of the scene.
     parts : sequence of str
@@ -356,30 +353,6 @@ STEPS = (*PROJECTION, "record", "carried")
 EQUILIBRIUM = (*PROJECTION, "residuals", "increments", "pulled", "pivots")
 #: many eliminations at once, see :mod:`.stacked`
 STACKED = ("X", "start", "places", "x", "scratch")
-#: of scenes in a plane: elements, and in the end what makes rows of y in space of their forces
-PLANE_BEAMS = (
-    *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
-    *("rotations", "turned", "S0", "S", "predicted", *HELD, "held_form"),
-    *("axes", "director", "resultants", "frames", "triads", "out"),
-)
-#: what there is by rows of y in space: first rows of the vertices, their directors by unit vectors,
-#: axes of the plane, what is normal to it
-ROWS = (
-    *("first", "framed", "director", "axes", "rest", "y0", "y1", "ground1", "p0", "external"),
-    *("R", "momentum", "internal", "carried", "mass_data", "mass_indices", "mass_indptr"),
-)
-#: vertices, edges and their coordinates in a plane; vertices of the ground come last
-PLANE_TREE = (
-    *("rows", "framed", "free", "loose", "followed", "turn", "turning"),
-    *("child", "parent", "edges", "arms", "coordinates", "along", "value", "drives"),
-    *("mass_blocks", "mass_indices", "mass_indptr"),
-    *("frame_vertex", "frame_masses", "point_vertex", "point_masses"),
-    *("products", "factors", "linear", "directions", "row_constant", "row_size", "row_on"),
-    *("row_kept", "row_weight", "row_weighted", "row_triple", "row_owner", "row_handed"),
-    *("cosines", "cosine_factors", "cosine_constant", "cosine"),
-)
-
-
 #: fields of each kind of structure
 FAMILIES = {
     "beams": BEAMS,
@@ -395,9 +368,6 @@ FAMILIES = {
     "steps": STEPS,
     "equilibrium": EQUILIBRIUM,
     "stacked": STACKED,
-    "plane_beams": PLANE_BEAMS,
-    "rows": ROWS,
-    "plane_tree": PLANE_TREE,
 }
 
 

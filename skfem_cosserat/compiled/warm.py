@@ -25,7 +25,7 @@ def processors() -> int:
 
 
 @contextmanager
-def helped(orders: Sequence[int], names: Sequence[str], family: str = "tree") -> Iterator[None]:
+def helped(orders: Sequence[int], names: Sequence[str]) -> Iterator[None]:
     """While parts are compiled, in this order, a helper compiles them in reverse.
 
     Parameters
@@ -34,10 +34,8 @@ def helped(orders: Sequence[int], names: Sequence[str], family: str = "tree") ->
         Of the beam elements.
     names : sequence of str
         Of the parts.
-    family : str
-        Of the parts, see :func:`.bind.addresses`.
     """
-    arguments = f"{[*orders]}, {[*names]}, {family!r}"
+    arguments = f"{[*orders]}, {[*names]}"
     code = f"from skfem_cosserat.compiled.helper import main; main({arguments})"
     helper = None
     # embedded in another program, the executable may be anything

@@ -9,15 +9,12 @@ from importlib.metadata import version
 from importlib.util import find_spec
 from typing import NamedTuple, TypeVar
 
-import numpy as np
-
 from ..compiled.kept import NotKept, Source, compile_errors, loaded, promising
 from ..compiled.plan import Plan, plan_of
 from ..compiled.tables.couplings import MOST_XI
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..constraints.gradients import is_lattice
 from ..errors import InputError, PerformanceWarning
-from ..frames import TOLERANCE
 from ..linear import Solver
 from ..model import System
 from ..newton import NewtonSettings
@@ -66,40 +63,6 @@ def static_refusal(system: System, treatment: Treatment) -> str | None:
     return "there are no compiled kernels for the full system of multipliers" if whole else None
 
 
-def in_space(system: System, integrator: Integrator) -> bool:
-    """Whether a scene in a plane takes the kernels of space: those of the plane do less.
-
-    They have dead loads, ground at rest, no force elements and damping, sections whose energy is
-    quadratic, and schemes without an extra velocity. Nor do they leave anything to a sparse solver,
-    see :func:`choose_kernels`.
-    """
-    scheme = integrator.single.scheme(1.0)
-    return system.plane is not None and (
-        (scheme is not None and scheme.relative)
-        or not system.loading.dead_only
-        or len(system.couplings.items) > 0
-        or system.damped
-        or bool(system.moving)
-        or any(group.elements.stored for group in system.beam_groups)
-        or _oblique(system)
-    )
-
-
-def _oblique(system: System) -> bool:
-    """Whether third directors of sections leave the plane, or others differ in an element."""
-    assert system.plane is not None
-    y = system.extend(system.q0, system.since)
-    for g in system.beam_groups:
-        d = y[system.origin_rows[g.vertices][:, :, None] + np.arange(1, 4)]
-        if g.elements.rotations is not None:
-            d = g.elements.rotations @ d
-        rise = d @ system.plane.normal
-        off = max(abs(rise[..., 2]).max(), abs(rise - rise[:, :1]).max())
-        if off > TOLERANCE:
-            return True
-    return False
-
-
 # -- which kernels step a scene: plain numpy, or compiled ones -------------------------------------
 
 MadeT = TypeVar("MadeT")
@@ -131,7 +94,7 @@ STEPS = 1000
 
 
 class Choice(NamedTuple):
-    """Kernels, and why; how compiled ones eliminate, and whether a plane takes those of space.
+    """Kernels, and why; how compiled ones eliminate.
 
     And how long all is estimated to take with plain ones (s), and where compiled ones may come
     from.
@@ -140,7 +103,6 @@ class Choice(NamedTuple):
     name: str
     why: str
     plan: Plan | None = None
-    space: bool = False
     seconds: float = 0.0
     source: Source = Source.COMPILER
 
@@ -191,12 +153,8 @@ def choose_kernels(
     refused = refusal(system, integrator, treatment)
     if not integrator.solves:  # there is nothing to be compiled for the sake of
         seconds = 0.0
-    space = in_space(system, integrator)
-    chosen = choose(kernels, stepped(system, treatment, space), refused, seconds, solver)
-    if not (space or system.plane is None) and chosen.plan is not None and len(chosen.plan.rest):
-        space, whole = True, stepped(system, treatment, True)
-        chosen = chosen._replace(plan=plan_of(whole, solver is not None))
-    return chosen._replace(space=space, seconds=seconds)
+    chosen = choose(kernels, stepped(system, treatment), refused, seconds, solver)
+    return chosen._replace(seconds=seconds)
 
 
 def choose(

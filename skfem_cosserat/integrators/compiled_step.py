@@ -1,4 +1,4 @@
-"""Steps by compiled kernels: in space, in a plane, with multipliers."""
+"""Steps by compiled kernels, with multipliers or without."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled import kept
 from ..compiled.kept import Source, entry
 from ..compiled.numbers import (
     ACTUATORS,
@@ -74,10 +73,8 @@ from ..types import Floats, IndexArray
 from .base import Integrator
 from .called_back import CalledBack
 from .compiled_scene import (
-    Bound,
     CompiledScene,
     NearestVelocity,
-    is_viscous,
 )
 from .scheme import Scheme, State, StepWork, carried_rates
 
@@ -827,7 +824,7 @@ class CompiledStep(CompiledScene):
                 out.append((fields, elements.weighted_stiffness, None))
                 continue
             flexible = np.linalg.pinv(fields["stiffness"], 1e-12, True)
-            if len(flexible) == 1 and fields.get("diagonal"):  # of all elements; none in a plane
+            if len(flexible) == 1 and fields.get("diagonal"):  # of all elements
                 flexible = flexible.diagonal(axis1=1, axis2=2)
             else:
                 flexible = flexible[fields["section"]]
@@ -845,7 +842,7 @@ class CompiledStep(CompiledScene):
         return self._coupled.turns(self._time + self.h)
 
 
-# -- which compiled steps a scene takes: those in a plane, and those with multipliers --------------
+# -- which scene compiled steps take ---------------------------------------------------------------
 
 
 def compiled_step(
@@ -857,49 +854,17 @@ def compiled_step(
     plan: Plan | None = None,
     solver: Solver | None = None,
     *,
-    space: bool = False,
     source: Source = Source.COMPILER,
 ) -> CompiledStep:
-    """Steps with one of the treatments; see :class:`CompiledStep`.
-
-    `space`: a scene in a plane is stepped by the kernels of space.
-    """
-    plane, scene = system.plane if space else None, stepped(system, treatment, space)
-    kind = CompiledStep if scene.plane is None else CompiledPlane
-    return kind(scene, integrator, h, settings, plan, solver, source, plane)
+    """Steps with one of the treatments; a scene in a plane is stepped in space."""
+    scene = stepped(system, treatment)
+    return CompiledStep(scene, integrator, h, settings, plan, solver, source, system.plane)
 
 
-def stepped(system: System, treatment: Treatment, space: bool) -> System:
-    """The scene whose coordinates compiled steps have: in space if that is asked for.
+def stepped(system: System, treatment: Treatment) -> System:
+    """The scene whose coordinates compiled steps have: in space.
 
     With multipliers no joint is in its tree, else all joints are, but no beam that holds strains.
     """
-    scene = system.spatial if space else system
+    scene = system.spatial
     return scene.untied if isinstance(treatment, Multipliers) else scene.jointed
-
-
-class CompiledPlane(CompiledStep):
-    """Steps of a scene in a plane: three unknowns a frame.
-
-    See :class:`CompiledStep`.
-    """
-
-    def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
-        """See the base class; arrays by rows of y in space go by their names."""
-        from ..compiled import bind
-        from ..compiled.plane import bind as plane
-
-        system = self.system
-        parts = bind.parts_of(system, weight, ends or is_viscous(system))
-        frames = plane.Frames(system)
-        with kept.BINDING, bind.compiling(system, parts, "plane", self._source):
-            rows, outside = plane.bound_space(system, frames)
-            s, self._tree = plane.bound_tree(system, self.plan, frames, rows)
-            m, _ = bind.bound_plan(system, self.plan)
-            w, arrays = plane.bound_work(system, self.plan, frames)
-            g, self._beams = plane.bound_groups(system, self.plan, frames, outside, self._tree)
-            table = bind.addresses(parts, (s, m, w, g), "plane", self._source)
-        own = ("y0", "y1", "ground1", "p0", "external", "R", "carried")
-        self._arrays = arrays | {name: outside[name] for name in own}
-        self._number()
-        return table, s, m, w, g

@@ -275,7 +275,7 @@ class Stepper:
 
         def make() -> CompiledStep:
             chosen = one, self.treatment, h, self.settings, choice.plan, solver
-            return compiled_step(system, *chosen, space=choice.space, source=choice.source)
+            return compiled_step(system, *chosen, source=choice.source)
 
         self.choice, fast = built(choice, make)
         self._sizes[h] = _Size(h, balance, fast)
@@ -517,7 +517,7 @@ class Stepper:
 
     def _closing(self, fast: CompiledStep, y0: Floats) -> IndexArray:
         """Rows that close the loops: in space those of space, for those of a plane may lead out."""
-        if fast.system.plane is self.system.plane:
+        if self.system.plane is None:
             return self.bound.closing
         rows = self.system.closure.rows
         return rows[self.system.independent_rows(y0)[rows]]

@@ -88,23 +88,6 @@ def strains_in_plane(system: System, rates: csr_matrix | None = None) -> IndexAr
     return np.concatenate(kept)
 
 
-def acting_rows(system: System) -> IndexArray:
-    """Constraint rows that some motion in the plane may violate: asked at a random place in it."""
-    plane, kin = system.plane, system.kinematics
-    assert plane is not None
-    random = np.random.default_rng(1)
-    y = system.extend(system.q0, system.since)
-    first = kin.row[kin.frames]
-    y[system.origin_rows] += random.uniform(-1, 1, (len(system.origin_rows), 2)) @ plane.axes
-    angle = random.uniform(0, 2 * np.pi, (len(first), 1))
-    for i in range(1, 4):
-        d = y[first + i]
-        out = (d @ plane.normal)[:, None] * plane.normal
-        y[first + i] = out + np.cos(angle) * (d - out) + np.sin(angle) * cross(plane.normal, d)
-    rates = abs(system.constraints.jacobian(y) @ _rigid(system, y)).max(axis=1)
-    return np.flatnonzero(np.asarray(rates.todense()).ravel() > RANK * system.length)
-
-
 def _of_triads(system: System, G: csr_matrix, y: Floats) -> list[IndexArray]:
     """Rows of triads: those without the director along the normal, if one is."""
     kin, plane = system.kinematics, system.plane

@@ -66,7 +66,7 @@ class CompiledBalance(CompiledScene):
         spin: bool = False,
     ) -> None:
         self._plane = system.plane
-        own = stepped(system, treatment, space=True), REST, 1.0, settings, plan, solver
+        own = stepped(system, treatment), REST, 1.0, settings, plan, solver
         super().__init__(*own, static=True, source=source)
         system = self.system
         count, each = len(system.origin_rows), len(self._a.x)

@@ -762,7 +762,7 @@ def static(
 
         choice = choose(
             kernels,
-            stepped(system, treatment, space=True),
+            stepped(system, treatment),
             static_refusal(system, treatment),
             estimated_seconds(system, control.expected, ITERATIONS),
             solver,

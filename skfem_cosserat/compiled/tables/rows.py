@@ -1,4 +1,4 @@
-"""Tables of constraint rows, see :mod:`..rows`; of scenes in a plane see :mod:`.plane`."""
+"""Tables of constraint rows, see :mod:`..rows`."""
 
 from __future__ import annotations
 
