@@ -129,7 +129,7 @@ def both(
         for begin, kernels in ((start, "numpy"), (start, "numba"), (nudged(start), "numba"))
     )
     compiled.meta["limits"] = limits(compiled, beside, SERIES)
-    compiled.meta["other unknowns"] = stepped(system, how, space=False) is not system
+    compiled.meta["other unknowns"] = stepped(system, how) is not system
     return plain, compiled
 
 
@@ -220,13 +220,12 @@ def assert_same_iteration(
 def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc.State) -> None:
     from skfem_cosserat.compiled import step
     from skfem_cosserat.compiled.numbers import ROTATION
-    from skfem_cosserat.integrators.compiled_step import CompiledPlane, CompiledStep
+    from skfem_cosserat.integrators.compiled_step import CompiledStep
 
     h = 0.02
     method = INTEGRATORS[integrator]
     stepper = Stepper(system, method, sc.NullSpace(), h, kernels="numpy")
-    kind = CompiledStep if system.plane is None else CompiledPlane
-    fast: Any = kind(system, method, h, sc.NewtonSettings())
+    fast: Any = CompiledStep(system, method, h, sc.NewtonSettings())
     begin, evaluate, matrix, increment = map(
         called, (step.start, step.evaluate, step.matrix, step.increment)
     )
@@ -248,13 +247,12 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
         fast._begin(state)
         begin(*fast._all, 1)
         size = evaluate(*fast._all, 1)
-        if system.plane is None:  # else components are other ones, those in the plane
-            assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-13)
-            assert balance_of(fast) == pytest.approx(
-                problem.evaluation.R, abs=1e-12 * abs(problem.evaluation.R).max()
-            )
-            relative = bound.relative(problem._r, problem.evaluation.size)
-            assert size == pytest.approx(relative, rel=1e-9)
+        assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-13)
+        assert balance_of(fast) == pytest.approx(
+            problem.evaluation.R, abs=1e-12 * abs(problem.evaluation.R).max()
+        )
+        relative = bound.relative(problem._r, problem.evaluation.size)
+        assert size == pytest.approx(relative, rel=1e-9)
         assert matrix(*fast._all, 0)
         increment(*whole, 0)
         found = fast._a.x.ravel()[fast._numbering]
@@ -278,12 +276,11 @@ def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State
     from skfem_cosserat.compiled import step
     from skfem_cosserat.compiled.numbers import GUESS, KNOWN, MASS, ROTATION
     from skfem_cosserat.constraints.null_space import BoundNullSpace
-    from skfem_cosserat.integrators.compiled_step import CompiledPlane, CompiledStep
+    from skfem_cosserat.integrators.compiled_step import CompiledStep
 
     h, system, g = 0.02, free.tied, free.constraints
     method: Any = INTEGRATORS[integrator]
-    kind = CompiledStep if free.plane is None else CompiledPlane
-    fast: Any = kind(free, method, h, sc.NewtonSettings())
+    fast: Any = CompiledStep(free, method, h, sc.NewtonSettings())
     begin, evaluate, matrix, increment = map(
         called, (step.start, step.evaluate, step.matrix, step.increment)
     )
@@ -308,9 +305,8 @@ def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State
     y1 = bound.configure()
     data = balance.begin(state)
     found = balance.evaluate(data, y1)
-    if free.plane is None:  # else they are made where a step ends
-        assert a.y1 == pytest.approx(y1, abs=1e-13)
-        assert balance_of(fast) == pytest.approx(found.R, abs=1e-12 * abs(found.R).max())
+    assert a.y1 == pytest.approx(y1, abs=1e-13)
+    assert balance_of(fast) == pytest.approx(found.R, abs=1e-12 * abs(found.R).max())
     yc = bound.constraint_point(y1)
     G, G1 = (g.jacobian(y).toarray()[rows] for y in (yc, y1))
     # rows with weights act with what they gape by, too
@@ -321,8 +317,7 @@ def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State
     size = g.magnitudes(system.extend(system.q0, system.since))[rows]
     size[size == 0] = 1  # of terms that vanish at the start
     largest = max(abs(r[:unknowns]).max() / found.size, (abs(gaps) / size).max(initial=0))
-    if free.plane is None:  # else sizes are those of components in the plane
-        assert residual == pytest.approx(largest, rel=1e-7)
+    assert residual == pytest.approx(largest, rel=1e-7)
     P1 = np.array([bound.displacement(e, y1).ravel() for e in np.eye(unknowns)]).T
     P = np.array([bound.pull(e.reshape(-1, 3)) for e in np.eye(system.n)])
     blocks = balance.tangent(data, found)

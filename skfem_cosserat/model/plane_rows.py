@@ -61,7 +61,10 @@ def rows_in_plane(system: System) -> IndexArray:
     for joint_id, numbers in rows.items():
         if joint_id not in loops:
             kept.append(_pick(held, np.concatenate(numbers)))
-    kept.append(strains_in_plane(system, held))
+    for each in system.theory_rows:
+        open_rows = np.setdiff1d(each.numbers, system.closure.rows)
+        elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
+        kept += [_pick(held, open_rows[elements == e]) for e in np.unique(elements)]
     out = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *kept]))
     if count - len(out) != system.kinematics.unknowns:
         raise InputError(
@@ -70,22 +73,6 @@ def rows_in_plane(system: System) -> IndexArray:
             f" {system.kinematics.unknowns} unknowns of its joints: use NullSpace()",
         )
     return np.union1d(out, system.closure.rows)
-
-
-def strains_in_plane(system: System, rates: csr_matrix | None = None) -> IndexArray:
-    """Rows of strains that beams hold, independent of each other; none of closed loops.
-
-    `rates`: of all constraint rows by the motions of each vertex, if they are there.
-    """
-    if rates is None:
-        y = system.extend(system.q0, 0.0)
-        rates = (system.constraints.jacobian(y) @ _rigid(system, y)).tocsr()
-    kept = [np.zeros(0, dtype=np.int64)]
-    for each in system.theory_rows:
-        open_rows = np.setdiff1d(each.numbers, system.closure.rows)
-        elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
-        kept += [_pick(rates, open_rows[elements == e]) for e in np.unique(elements)]
-    return np.concatenate(kept)
 
 
 def _of_triads(system: System, G: csr_matrix, y: Floats) -> list[IndexArray]:

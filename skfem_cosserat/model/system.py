@@ -50,7 +50,6 @@ from .loops import (
 )
 from .parts import connected_parts
 from .plane import Plane, guard_of
-from .plane_rows import rows_in_plane, strains_in_plane
 from .quadratic import ConstraintBuilder, QuadraticConstraints
 from .theories import TheoryRows, add_theory_rows, constrained_elements
 from .tree import ConstrainedElement, End, Spot, Tree, build_tree
@@ -155,8 +154,6 @@ class System:
         """The same scene, confined to a plane that nothing leaves; see :class:`Planar`."""
         out = object.__new__(System)
         out.__dict__.update(self.spatial.__dict__)
-        for name in ("untied", "jointed"):  # those of space, if they are there already
-            out.__dict__.pop(name, None)
         out.warnings = list(self.warnings)
         out.plane, out._space, out.loading = plane, self.spatial, copy(self.loading)
         out.loading.guard = guard_of(self.loading, plane)
@@ -172,17 +169,16 @@ class System:
 
     @cached_property
     def untied(self) -> System:
-        """The same scene with no joint in its tree: all vertices free, and all rows of joints left.
+        """A scene in space with no joint in its tree: all vertices free, all rows of joints left.
 
         What the rows of joints and loops know of each other is that of the scene itself.
         """
-        rows = np.arange(self.m) if self.plane is None else rows_in_plane(self)
-        own = build_tree(self.is_frame.tolist(), [], (), self.plane)
-        return self._along(own, rows[rows >= self.internal])
+        own = build_tree(self.is_frame.tolist(), [])
+        return self._along(own, np.arange(self.internal, self.m))
 
     @cached_property
     def jointed(self) -> System:
-        """The same scene with its joints in the tree, but no beam that holds strains by its rows.
+        """A scene in space with its joints in the tree, but no beam that holds strains by its rows.
 
         These rows are left. Itself, if there is no such beam in its tree.
         """
@@ -197,13 +193,11 @@ class System:
             for e, own in enumerate(each.numbers)
             for number in (own.ravel() if (id(each.beam), e) in held else ())
         ])  # fmt: skip
-        if self.plane is not None:
-            rows = np.intersect1d(rows, strains_in_plane(self))
         joints = [e.end for e in tree.edges if not isinstance(e.joint, ConstrainedElement)]
         rigid = [each for each in elements if each.rigid]
         # each part is entered where the whole tree enters it: children stay children
         roots = sorted(range(len(self.is_frame)), key=tree.depth.__getitem__)
-        own = build_tree(self.is_frame.tolist(), joints, rigid, self.plane, roots)
+        own = build_tree(self.is_frame.tolist(), joints, rigid, roots=roots)
         return self._along(own, np.union1d(self.left_rows, rows))
 
     def _along(self, tree: Tree, left: IndexArray) -> System:

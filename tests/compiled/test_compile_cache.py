@@ -299,23 +299,18 @@ def test_all_parts_are_compiled_ahead(monkeypatch, capsys):
     from skfem_cosserat.compiled import bind
     from skfem_cosserat.compiled.numbers import BEAM_PARTS, TREE_PARTS
 
-    asked = {"tree": set(), "plane": set()}
-    orders = set()
+    asked, orders = set(), set()
     given = bind.addresses
 
-    def addresses(names, structures, family="tree", *source, **options):
-        asked[family] |= set(names)
+    def addresses(names, structures, **options):
+        asked.update(names)
         beams = structures[-1]
         orders.update(len(g._values[0][0]) - 1 for g in beams.members)
-        return given(names, structures, family, *source, **options)
+        return given(names, structures, **options)
 
     monkeypatch.setattr(bind, "addresses", addresses)
     assert main(["warm"]) == 0 and capsys.readouterr().out == "kernels are compiled\n"
-    # only scenes in a plane end with forces by rows in space
-    assert asked["tree"] == {*TREE_PARTS, *BEAM_PARTS} - {"beam_finish"}
-    in_space = {"load", "couple", "hold", "beam_start", "beam_energy"}
-    flow = {name for name in TREE_PARTS if name.startswith("flow")}
-    assert {*TREE_PARTS, *BEAM_PARTS} - asked["plane"] <= in_space | flow
+    assert asked == {*TREE_PARTS, *BEAM_PARTS}
     assert orders == {1}
     with pytest.raises(SystemExit):
         main(["warm", "--orders", "high"])

@@ -142,7 +142,7 @@ def test_pivots_against_eigenvalues(turned):
 def test_pivots_of_closed_loops(scene, push, treatment):
     """Of a linkage on a spring, pulled up or pushed down: as many as without the loops' motions."""
     system = linkage_in_plane((0, push, 0)).freeze(planar=None if scene == "loop" else sc.Planar())
-    choice = choose("numba", stepped(system, treatment, space=True), None, 0.0)
+    choice = choose("numba", stepped(system, treatment), None, 0.0)
     schedule = Schedule(system, {"push": 1.0})
     points = solver.PathSolver(system, treatment, schedule, STATIC, choice)
     start = Point(system.extend(system.q0, 0.0), 0.0)
