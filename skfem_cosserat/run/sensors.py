@@ -476,12 +476,12 @@ class SensorPosition(Sensor):
 
     Examples
     --------
-    Where the end of a falling rod is at every step, while three states are recorded:
+    Where the end of a rod that is thrown is at every step, while three states are recorded:
 
     >>> from skfem_cosserat import EnergyMomentum, LoadGravity, Model, NullSpace, RigidBody
     >>> from skfem_cosserat import simulate
     >>> model = Model()
-    >>> rod = model.add("rod", RigidBody.box(1.0, (0.1, 0.1, 2.0)))
+    >>> rod = model.add("rod", RigidBody.box(1.0, (0.1, 0.1, 2.0), velocity=(1.0, 0, 0)))
     >>> fall = model.add("fall", LoadGravity((0, 0, -10.0)))
     >>> sensors = {"end": SensorPosition(rod.local((0, 0, 1.0)))}
     >>> history = simulate(

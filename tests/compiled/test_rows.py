@@ -73,17 +73,9 @@ def coupler() -> sc.System:
     return model.freeze()
 
 
-def needle() -> sc.System:
-    """In a plane, along its normal, on a slide."""
-    model = sc.Model()
-    (rod,) = rods(model, np.array([(0, -0.5, 0), (0, 0.5, 0)]))
-    model.add("slide", sc.JointPrismatic(sc.ground((0, 0, 0)), rod.at((0, 0, 0)), axis=(0, 0, 1.0)))
-    return model.freeze(planar=sc.Planar())
-
-
 @integrators
 @pytest.mark.parametrize("treatment", TREATMENTS)
-@pytest.mark.parametrize("make", [pendulum, four_bar, coupler, needle])
+@pytest.mark.parametrize("make", [pendulum, four_bar, coupler])
 def test_rods_without_inertia_about_their_axis(make, treatment, integrator, monkeypatch):
     """No step is left to the general way."""
     solve, advance, solved = CompiledStep.solve, CompiledStep.advance_block, []

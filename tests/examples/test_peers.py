@@ -129,6 +129,8 @@ def test_unstable_runs_say_when():
     assert grown == {"status": "unstable before 2 s"}
 
 
+# the inertia of the swing is as published
+@pytest.mark.filterwarnings("ignore:section. inertia:skfem_cosserat.ModelWarning")
 def test_plain_numbers_are_the_scenes_of_the_paper_and_the_collection():
     """The same paths as the scenes built elsewhere; plain numbers survive JSON."""
     for name in scenes.SCENES:

@@ -693,7 +693,7 @@ def test_saving_to_a_full_disk(make_scene, tmp_path, disk, part):
 
 def falling():
     model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0))
+    ball = model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
     return model.freeze(), {"place": sc.SensorPosition(ball.place())}
 

@@ -657,7 +657,7 @@ def test_drives_that_do_not_fit_the_model():
         "project",
     )
     late = model(lambda t: t**2 if t < 0.45 else float("inf")).freeze()
-    with pytest.raises(sc.InputError, match=r"drive 'motor'.*inf.*0\.5"):
+    with pytest.raises(sc.InputError, match=r"drive 'motor'.*inf.*0\.45"):
         sc.simulate(late, *PAIR, 0.1, 1.0)
 
 
