@@ -87,15 +87,6 @@ def plain(elements: int) -> sc.System:
     return rod(elements).freeze()
 
 
-def flat(elements: int, planar: Any = None, spring: bool = False) -> sc.System:
-    """The same with the weight in one plane; perhaps in that plane, or with a spring at its end."""
-    model = rod(elements, weight=(0, -9.81, 0))
-    if spring:
-        tip = model["rod0"].node("rod0.end")
-        model.add("spring", sc.SpringDamper(sc.ground((LENGTH, 0.5, 0)), tip, 1.0, 0.01))
-    return model.freeze(planar=planar)
-
-
 def bushed(elements: int) -> sc.System:
     """With a bushing that also turns back, at its end."""
     model = rod(elements)
@@ -194,12 +185,6 @@ def held(elements: int, theory: Any, order: int = 1) -> sc.System:
     return rod(elements, (order,), theory=theory).freeze()
 
 
-def flat_held(elements: int) -> sc.System:
-    """Without extension, in its plane."""
-    model = rod(elements, weight=(0, -9.81, 0), theory=sc.TheoryInextensible())
-    return model.freeze(planar=sc.Planar())
-
-
 PLAIN = Case(plain)
 MULTIPLIERS = sc.Multipliers()
 #: part -> scene with it, what it is compared with, and that scene
@@ -226,22 +211,9 @@ PARTS: dict[str, tuple[Case, str, Case]] = {
         *(Case(lambda n: held(n, sc.TheoryInextensible()), treatment=MULTIPLIERS), "null space"),
         *(PLAIN,),
     ),
-    "no extension, in a plane": (
-        *(Case(flat_held), "full"),
-        Case(lambda n: flat(n, sc.Planar())),
-    ),
     "no shear, order 2": (
         *(Case(lambda n: held(n, sc.TheoryKirchhoff(), 2)), "full"),
         Case(lambda n: rod(n, (2,)).freeze()),
-    ),
-    "in a plane": (Case(lambda n: flat(n, sc.Planar())), "in space", Case(flat)),
-    "in a plane, multipliers": (
-        *(Case(lambda n: flat(n, sc.Planar()), treatment=MULTIPLIERS), "in space"),
-        Case(flat, treatment=MULTIPLIERS),
-    ),
-    "in a plane, spring": (
-        *(Case(lambda n: flat(n, sc.Planar(), True)), "in space"),
-        Case(lambda n: flat(n, spring=True)),
     ),
     "four-bar, motor and spring": (
         *(Case(lambda n: four_bar(True, True)), "none", Case(lambda n: four_bar())),
@@ -277,12 +249,8 @@ MOST = {
     "stored energy alone": 20.0,
     "stored energy by numba": 2.0,
     "orders 1 and 2": 1.5,
-    "in a plane": 1.0,
-    "in a plane, multipliers": 1.0,
-    "in a plane, spring": 1.0,
     "no shear": 1.25,
     "no extension": 1.25,
-    "no extension, in a plane": 1.25,
     "no extension, multipliers": 4.0,
     "no shear, order 2": 1.4,
     "four-bar, motor and spring": 2.0,
