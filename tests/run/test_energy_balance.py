@@ -204,16 +204,16 @@ def test_a_balance_that_is_off_in_between_only_is_told():
     bob = model.add("bob", sc.MassPoint(1.0, position=(1, 0, 0)))
     model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
     model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
-    with pytest.warns(sc.AccuracyWarning) as found:
-        history = sc.simulate(model, sc.Variational(), NULL, 0.06, 2.4)
-    (notice,) = history.meta["warnings"]
-    assert len(found) == 1 and str(found[0].message).startswith("balance of energy, t = ")
+    with pytest.warns(sc.AccuracyWarning) as found:  # steps are too long for the motion, too
+        history = sc.simulate(model, sc.Variational(), NULL, 0.1, 2.4)
+    (notice,) = [each for each in history.meta["warnings"] if each["item"] == "balance of energy"]
+    assert sum(str(each.message).startswith("balance of energy, t = ") for each in found) == 1
     balance = history.meta["energy_balance"]
     assert abs(balance["lost"]) < 1e-5 * balance["scale"]
     off = abs(history["energy_projected"] - history["work_loads"])
     assert notice["time"] == history.times[off.argmax()] < 1.0
     share = 100 * off.max() / balance["scale"]
-    assert 1 < share < 2 and f"{share:.3g} % of" in notice["text"]
+    assert 3 < share < 6 and f"{share:.3g} % of" in notice["text"]
     assert " J up to then (" in notice["text"] and " J at the end)" in notice["text"]
 
 
