@@ -48,9 +48,10 @@ def test_torque_of_a_ramped_drive_is_inertia_times_acceleration(integrator, trea
     assert system.counts() == {"n": 12, "m": 12, "rank": 12, "unknowns": 0}
     history = sc.simulate(system, integrator(), treatment(), 1e-2, 1.0)
     J = 3.0 * (2.0**2 + 0.1**2) / 12 + 3.0 * 1.0**2
-    # at the start the variational scheme knows half a step only
+    # at the start the variational scheme knows half a step only, at the end one side
     torque = history["joint/motor/moment"][1:, 2]
-    assert torque == pytest.approx(1.4 * J, rel=2e-4)
+    assert torque[:-1] == pytest.approx(1.4 * J, rel=2e-4)
+    assert torque[-1] == pytest.approx(1.4 * J, rel=2e-3)
     assert history["joint/pin/angle"] == pytest.approx(0.7 * history.times**2, abs=1e-12)
     assert history["joint/pin/angle_rate"] == pytest.approx(1.4 * history.times, abs=1e-9)
     work = 0.5 * J * (1.4 * history.times) ** 2

@@ -187,4 +187,4 @@ def test_reactions_of_a_drive_alternate_by_h(treatment):
         assert abs(some[rows]).max() / abs(more[rows]).max() == pytest.approx(4, rel=0.02)
     steady = [abs(errors(sc.EnergyMomentum(stabilized=True), h)[1]).max() for h in (0.02, 0.01)]
     assert steady[0] / steady[1] == pytest.approx(4, rel=0.02)
-    assert abs(more[1:]).max() < abs(fine).max() / 20
+    assert abs(more[1:-1]).max() < abs(fine).max() / 20
