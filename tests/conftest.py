@@ -11,6 +11,10 @@ from typing import Any
 
 # before numpy is loaded: threads of BLAS only slow down the many small products
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# warnings of other packages are errors in pytest's workers and the processes that tests start;
+# pip, which the README's line runs before, has some
+if os.environ.get("SKFEM_COSSERAT_WARNINGS") == "error":
+    os.environ["PYTHONWARNINGS"] = "error"
 
 # scenes of one file of tests serve others, whatever folders both are in
 sys.path.extend(sorted({str(file.parent) for file in Path(__file__).parent.glob("*/test_*.py")}))
