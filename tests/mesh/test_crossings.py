@@ -21,11 +21,11 @@ def test_a_join_that_finds_no_vertex_says_where_the_lines_cross():
 def test_lines_that_share_a_vertex_or_pass_each_other_are_as_meant():
     """So are those that are joined without welding: they get a joint."""
     a, b = cross(4)
-    a.joined(b)
+    assert a.joined(b).nvertices == 9
     a, b = cross(5, height=1e-3)
-    a.joined(b)
+    assert a.joined(b).nvertices == 12
     a, b = cross(5)
-    a.joined(b, weld=False)
+    assert a.joined(b, weld=False).nvertices == 12
 
 
 def test_an_end_on_the_middle_of_an_element():
