@@ -149,7 +149,7 @@ def test_step_above_the_limit_is_refused_by_name():
     assert len(run(system, sc.Explicit(rounds=12), 11.5 * limit.seconds, 23 * limit.seconds)) > 1
 
 
-@pytest.mark.filterwarnings("ignore:beam 'rod'.* (relative rotation|tension)")
+@pytest.mark.filterwarnings("ignore:beam 'rod'.* (relative rotation|tension|element)")
 def test_step_above_the_limit_blows_up():
     """Theory says so; below it the same run keeps its energy."""
     system = free_rod()

@@ -213,10 +213,11 @@ def test_twice_the_elements_needed_vibrate_as_a_string(p, error):
         with nullcontext() if stable else pytest.warns(AccuracyWarning, match="do not see"):
             found = modes(system, state.reshape(-1), count=2, t=0.0)
         assert found.stable == stable
-        assert len(found.warnings) == (not stable)
+        of_tension = [each for each in found.warnings if each["text"].startswith("tension")]
+        assert len(of_tension) == (not stable)
         if not stable:
             assert "1 warning>" in repr(found)
-            said = found.warnings[0]
+            said = of_tension[0]
             assert said["item"] == "beam 'wire'" and said["time"] == 0.0
             assert said["text"].startswith("tension 100 N between nodes 0 and 1")
             assert f"takes {needed} elements in place of {elements}" in said["text"]
