@@ -447,6 +447,8 @@ def slack_stay(slide, fits=True):
     return model
 
 
+# where the cable goes slack the number of unstable motions changes by a jump
+@pytest.mark.filterwarnings("ignore:path, .* was not located:skfem_cosserat.IncompleteWarning")
 @treatments
 @pytest.mark.parametrize("slide", [False, True])
 def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
