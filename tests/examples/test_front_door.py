@@ -149,6 +149,8 @@ def test_scenes_of_bodies_hold_together(front_door):
 
 
 @pytest.mark.slow
+# the inertia of the swing is as published
+@pytest.mark.filterwarnings("ignore:section. inertia:skfem_cosserat.ModelWarning")
 def test_processes_of_ours_end_where_calls_do(front_door):
     """The script for plain numbers solves the scenes of the peers."""
     own = load("peers/own")

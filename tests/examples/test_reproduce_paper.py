@@ -188,10 +188,10 @@ def test_costs_are_ratios_to_one_of_the_variants():
 @pytest.mark.slow
 def test_cross_convergence_at_equal_instants_is_of_second_order():
     steps = (5e-4, 2.5e-4)
-    variational = convergence.trajectories(VI, NS, steps, 0.1)
+    variational = convergence.trajectories(VI, NS, steps, 0.05)
     for treatment in (NS, LM):
         found = convergence.compare(
-            variational, convergence.trajectories(EM, treatment, steps, 0.1)
+            variational, convergence.trajectories(EM, treatment, steps, 0.05)
         )
         orders = found["orders"][convergence.SAME_END][steps]
         for name in ("q", "v", "p", "Qp", "internal multipliers", "external multipliers"):
