@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..element import gauss_rule
 from ..frames import is_beam
 from ..kernels import cross, director_force
 from ..model import System
@@ -82,6 +81,8 @@ def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: A
 
     Of nodal configurations, forces, and what is spread between nodes: (ne, nn, 4, 3) each.
     """
+    from ..element import gauss_rule  # imports scikit-fem, which rigid bodies do without
+
     e, kind = group.elements, group.interpolation
     z, w = gauss_rule(kind.order + 3)
     at, h = kind.tabulated(z, w), e.lengths[:, None, None]

@@ -9,7 +9,6 @@ from numpy.polynomial.legendre import legvander
 from scipy.sparse.linalg import splu
 
 from ..arguments import checked
-from ..element import lagrange
 from ..errors import InputError
 from ..frames import is_beam
 from ..history import History
@@ -424,6 +423,8 @@ class SectionPlaces:
         held = np.asarray(held_forces(system, beam, multipliers, count))
         if held.ndim:
             at_points = held.reshape(-1, *held.shape[-3:])[:, self._e]
+            from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
+
             weights = lagrange(beam.elements.points, self._x).T
             resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
         out = SectionValues(value[:, :, 0], triad, strain, resultant)

@@ -10,7 +10,6 @@ from scipy.sparse import csr_matrix
 from ..constraints import Treatment
 from ..constraints.saddle import accelerations as by_motion
 from ..constraints.stacked import WRONG, nearest_velocities, stacked_multipliers
-from ..element import lagrange
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
@@ -275,6 +274,8 @@ class _PartOfElements:
     def __init__(
         self, beam: Beam, e: IndexArray, x: Floats, end: int, found: Balances, strains: Floats
     ) -> None:
+        from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
+
         self.beam, self.elements = beam, beam.elements.taken(e)
         start, places = (1.0 if end else 0.0), beam.basis.interpolation.full.points
         powers = np.arange(len(places))
