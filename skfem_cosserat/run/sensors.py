@@ -809,7 +809,9 @@ class SensorBank:
     def begin(self, state: State) -> None:
         """The state a run starts from."""
         if self.sensors:
-            turns = np.zeros(0, dtype=np.int64) if state.turns is None else state.turns
+            turns = state.turns
+            if turns is None:
+                turns = np.zeros(len(self.system.couplings.angles), dtype=np.int64)
             self._seen.append((np.array([state.time]), state.q[None], state.p[None], turns[None]))
 
     def take(self, report: StepReport) -> None:

@@ -52,6 +52,8 @@ def test_this_package_alone(alone):
 
 
 @pytest.mark.slow
+# the inertia of the swing is as published
+@pytest.mark.filterwarnings("ignore:section. inertia:skfem_cosserat.ModelWarning")
 def test_every_integrator_is_on_the_chart(tmp_path):
     """Each with its treatments; all solved, but explicit steps above the limit."""
     result = speed.main(True, 1, None, tmp_path, peers={})
