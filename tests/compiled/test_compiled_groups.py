@@ -65,16 +65,6 @@ def test_runs(integrator, treatment):
     assert_same(*both(joined(), integrator, treatment, 2e-3, 0.04))
 
 
-@integrators
-def test_in_a_plane(integrator):
-    """By kernels of the plane, whose forces are those of all groups."""
-    system = joined(planar=True)
-    start = sc.initial_state(system)
-    assert_same_iteration(system, integrator, "null space", 7, start)
-    plain, compiled = both(system, integrator, "null space", 2e-3, 0.04, start)
-    assert_same(plain, compiled)
-
-
 @pytest.mark.parametrize("damped", [(0, 1), (1,)])
 @treatments
 @integrators
