@@ -155,7 +155,7 @@ def test_closed_loops_are_looked_at_where_single_steps_do(name, blocks, monkeypa
 def test_half_turns_end_a_block(theory, monkeypatch):
     """A step that is told to turn frames over is left to the general way, the others are kept."""
     system = swing.scene("stiff", theory=theory).freeze()
-    settings = sc.NewtonSettings(iterations=100, reuse=0)
+    settings = sc.NewtonSettings(iterations=100)
     given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 1.0
     starts, over, told = [], [], []
 
