@@ -44,8 +44,7 @@ LOGGED = (
     *(DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS, BY_GROUND),
 )
 
-#: matrices of a step up to which no frame can have got to half a turn, where there are no closed
-#: loops: further increments with one of them shrink by half each
+#: iterations up to which no frame can have got to half a turn, where there are no closed loops
 SHORT = 8
 #: all turns of a step together (rad), and displacements against the scene, that are no half turn
 SHORT_WAY = 1.0
