@@ -44,8 +44,10 @@ LOGGED = (
     *(DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS, BY_GROUND),
 )
 
-#: iterations up to which no frame can have got to half a turn, where there are no closed loops
-SHORT = 8
+#: matrices of a step up to which no frame can have got to half a turn, where there are no closed
+#: loops: eight increments cannot, and all increments with one matrix, each at most half as long as
+#: the one before, reach no further than two of the first
+SHORT = 4
 #: all turns of a step together (rad), and displacements against the scene, that are no half turn
 SHORT_WAY = 1.0
 

@@ -308,7 +308,7 @@ def solve(steps: Any, flag: int) -> float:
         finish_rates(o, numbers, record)
         stay_in_plane(o)
         keep(o, w.coupled, numbers, record)
-        if record[n.DONE] >= record[n.ASKED] or record[n.ITERATIONS] > n.SHORT:
+        if record[n.DONE] >= record[n.ASKED] or record[n.FACTORED] > n.SHORT:
             return 1.0
         if record[n.UNMOVED] > 0.0:
             return 1.0

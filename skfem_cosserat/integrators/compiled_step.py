@@ -29,6 +29,7 @@ from ..compiled.numbers import (
     DRIVEN,
     END,
     ENDS,
+    FACTORED,
     GROUND0,
     GUESS,
     ITERATIONS,
@@ -720,7 +721,7 @@ class CompiledStep(CompiledScene):
         if self.looped:
             self._farthest, self._travel, _ = a.found.tolist()
             self._travelled = float(record[TRAVELLED])
-        if solved and (self.looped or record[ITERATIONS] > SHORT) and self._flipped():
+        if solved and (self.looped or record[FACTORED] > SHORT) and self._flipped():
             return self._take_back(known or (self.looped and record[DONE] > 1))
         if not solved:
             self._travelled = np.inf
