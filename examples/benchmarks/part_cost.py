@@ -57,7 +57,6 @@ def rod(
     orders: Sequence[int] = (1,),
     section: Any = None,
     ball: bool = False,
-    weight: Any = GRAVITY,
     theory: Any = None,
 ) -> Any:
     """Model of a rod on a hinge or a ball joint, of beams of these orders in a line."""
@@ -78,7 +77,7 @@ def rod(
             joint = sc.JointRevolute(end, start, axis=(0, 0, 1))
         model.add(f"joint{k}", joint)
         end, at = beam.node(f"{name}.end"), at + more
-    model.add("weight", sc.LoadGravity(weight))
+    model.add("weight", sc.LoadGravity(GRAVITY))
     return model
 
 

@@ -74,14 +74,7 @@ __all__ = [
     "bound_tree",
     "bound_work",
     "compiling",
-    "coordinates_of",
-    "drives_of",
-    "followed",
-    "fulcrum_of",
-    "kinds_of",
-    "nested",
     "parts_of",
-    "work_of",
 ]
 
 
@@ -269,7 +262,7 @@ def _parents(system: System) -> tuple[list[int], list[int]]:
     return edge, parent
 
 
-def coordinates_of(system: System) -> list[list[Coordinate]]:
+def _of_edges(system: System) -> list[list[Coordinate]]:
     """Coordinates of each edge, driven ones included; hinges from the parent outwards."""
     tree = system.tree
     each = {e.child: [tree.coordinate(k) for k in tree.own[e.child]] for e in tree.edges}
@@ -312,11 +305,11 @@ def bound_beams(
         Q[:, :, 0, 0], Q[:, :, 1:, 1:] = 1, rotations
         mass = np.ascontiguousarray(np.einsum("eaij,eabjk,eblk->eabil", Q, mass, Q))
     each = elements.stiffness if stiffness is None else stiffness
-    stiffness, section = kinds_of(each)
+    stiffness, section = _kinds(each)
     S = np.zeros((ne, ng, 6))
     fields = {
-        "N": nested(N),
-        "dN": nested(dN),
+        "N": _nested(N),
+        "dN": _nested(dN),
         "weights": tuple(map(float, elements.weights)),
         "base": np.ascontiguousarray(system.origin_rows[group.vertices]),
         "slot": plan.slots(group.vertices[:, :, None], group.vertices[:, None]),
@@ -337,7 +330,7 @@ def bound_beams(
     return structures.structure("beams", fields), fields
 
 
-def kinds_of(each: Floats) -> tuple[Floats, IndexArray]:
+def _kinds(each: Floats) -> tuple[Floats, IndexArray]:
     """What elements (ne, ...) have, once each, and which of it (ne,): less memory to go through.
 
     Those of one section share what hangs on it.
@@ -446,7 +439,7 @@ def _law_points(group: BeamGroup, fields: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def nested(table: Floats) -> tuple[tuple[float, ...], ...]:
+def _nested(table: Floats) -> tuple[tuple[float, ...], ...]:
     """As tuples: numbers are known when kernels are compiled."""
     return tuple(tuple(map(float, row)) for row in table)
 
@@ -498,10 +491,12 @@ def _edges(system: System) -> dict[str, Any]:
     row, tree = system.kinematics.row, system.tree
     edges, count = tree.edges, len(system.origin_rows)
     relative = [e.freedom.turns is not None and bool(system.is_frame[e.child]) for e in edges]
-    fulcrums = [fulcrum_of(e, r) for e, r in zip(edges, relative, strict=True)]
+    fulcrums = [_fulcrum(e, r) for e, r in zip(edges, relative, strict=True)]
+    followed = np.zeros(len(row), dtype=bool)  # vertices whose rotation a joint asks for
+    followed[[v for e in edges for v in (e.parent, e.guide)]] = True
     return {
         "swing": np.zeros((len(edges), 4)),
-        "followed": followed(system),
+        "followed": followed,
         "child": integers([e.child for e in edges]),
         "parent": integers([e.parent if e.parent < count else -1 for e in edges]),
         "child_row": integers([row[e.child] for e in edges]),
@@ -520,14 +515,7 @@ def _edges(system: System) -> dict[str, Any]:
     }
 
 
-def followed(system: System) -> Any:
-    """Vertices whose rotation a joint asks for."""
-    found = np.zeros(len(system.kinematics.row), dtype=bool)
-    found[[v for e in system.tree.edges for v in (e.parent, e.guide)]] = True
-    return found
-
-
-def fulcrum_of(edge: Edge, relative: bool) -> Spot:
+def _fulcrum(edge: Edge, relative: bool) -> Spot:
     """The point of a child that moves as if fixed to its parent."""
     if relative:
         return Spot(edge.child)
@@ -536,7 +524,7 @@ def fulcrum_of(edge: Edge, relative: bool) -> Spot:
 
 def _coordinates(system: System) -> dict[str, Any]:
     row, tree, count = system.kinematics.row, system.tree, len(system.origin_rows)
-    each = coordinates_of(system)
+    each = _of_edges(system)
     own = [c for cs in each for c in cs]
     edges = [e for e, cs in zip(tree.edges, each, strict=True) for _ in cs]
     targets = [
@@ -552,7 +540,7 @@ def _coordinates(system: System) -> dict[str, Any]:
             turning[c.vertex, k] = c.kind != "slide"
     return {
         "value": np.zeros(len(own)),
-        "drives": drives_of(system, own),
+        "drives": _drives(system, own),
         "turning": turning,
         "triple": _triples(system, each),
         "first": np.concatenate([[0], np.cumsum([len(cs) for cs in each])]).astype(np.int64),
@@ -572,7 +560,7 @@ def _coordinates(system: System) -> dict[str, Any]:
     }
 
 
-def drives_of(system: System, coordinates: Sequence[Coordinate]) -> IndexArray:
+def _drives(system: System, coordinates: Sequence[Coordinate]) -> IndexArray:
     """Driven ones among all coordinates of edges, see :func:`.tree.prescribe`."""
     found = []
     for k, c in enumerate(coordinates):
@@ -657,7 +645,17 @@ def bound_work(
         "followers": (len(following(system).vertices), 4, 4),
         "coupled": (system.couplings.count, COUPLED),
     }
-    return work_of(shapes, late, None if separate is None else bound_flow(plan, separate))
+    of_dampers = ("earlier", "later", "rate0", "drift")
+    shapes |= dict.fromkeys(of_dampers, shapes["y0"] if late else (0, 3))
+    flow, own = _no_flow() if separate is None else bound_flow(plan, separate)
+    arrays: dict[str, Any] = {
+        name: flow if name == "flow" else room(shapes[name]) for name in structures.WORK
+    }
+    if not late:
+        arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]
+    work = structures.structure("work", arrays)
+    arrays["flow"] = SimpleNamespace(structure=flow, **own)
+    return work, arrays
 
 
 def bound_flow(
@@ -718,26 +716,6 @@ def _no_flow() -> tuple[Any, dict[str, Any]]:
     return bound_flow()
 
 
-def work_of(
-    shapes: dict[str, tuple[int, ...]],
-    late: bool = False,
-    damped: tuple[Any, dict[str, Any]] | None = None,
-) -> tuple[Any, dict[str, Any]]:
-    """Structure of arrays of these shapes, and these by name; see :func:`bound_work`."""
-    if damped is None:
-        damped = _no_flow()
-    of_dampers = ("earlier", "later", "rate0", "drift")
-    shapes |= dict.fromkeys(of_dampers, shapes["y0"] if late else (0, 3))
-    arrays: dict[str, Any] = {
-        name: damped[0] if name == "flow" else room(shapes[name]) for name in structures.WORK
-    }
-    if not late:
-        arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]
-    work = structures.structure("work", arrays)
-    arrays["flow"] = SimpleNamespace(structure=damped[0], **damped[1])
-    return work, arrays
-
-
 def bound_carried(
     system: System,
     arrays: dict[str, Any],
@@ -748,12 +726,12 @@ def bound_carried(
     evaluated: bool = False,
     viscous: Floats | None = None,
 ) -> tuple[Any, dict[str, Any]]:
-    """What steps carry on, by rows in space; the structure, and its arrays by name.
+    """What steps carry on; the structure, and its arrays by name.
 
     Parameters
     ----------
     arrays : dict
-        Of :func:`bound_work`, y0, y1, p0 and the momentum carried on by rows in space.
+        Of :func:`bound_work`.
     rates : (int, int, int)
         How many a scheme has, how many are taken off the balance, and how many are moved.
     nearest : sequence, optional

@@ -14,7 +14,7 @@ from .plan import Plan, RowBlock
 from .structures import integers, room, roomy
 from .tables import rows
 
-__all__ = ["bound_held", "bound_rows", "choose_rows", "first_held", "numbered", "of_blocks"]
+__all__ = ["bound_held", "bound_rows", "choose_rows", "first_held"]
 
 
 def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
     vertex, component = np.full(system.total, -1), np.zeros(system.total, dtype=np.int64)
     vertex[every] = np.repeat(np.arange(count), size)
     component[every] = every - np.repeat(system.origin_rows, size)
-    numbers, block, place = numbered(system, plan.rows, count)
+    numbers, block, place = _numbered(system, plan.rows)
     terms, cosines = system.constraints.terms(), system.branch_cosines.terms()
     own = np.flatnonzero((block[terms.row] >= 0) & (terms.row < first_held(system)))
     k, a, b = terms.row[own], terms.left[own], terms.right[own]
@@ -59,7 +59,7 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
         "row_factors": terms.factor[own],
         "row_linear": np.stack(vectors, axis=-1),
         "row_linear_factors": np.repeat(terms.linear_factor, 3)[of_vectors],
-        **of_blocks(system, plan, numbers, terms.constant),
+        **_of_blocks(system, plan, numbers, terms.constant),
         "row_pairs": pairs,
         "cosines": turned,
         "cosine_factors": np.array(cosines.factor, dtype=float),
@@ -99,7 +99,7 @@ def bound_held(
     none = np.zeros((0, 6))
     blocks, count = plan.rows, len(system.origin_rows)
     if rows is not None:
-        _, block, place = numbered(system, blocks, count)
+        _, block, place = _numbered(system, blocks)
         theories = [each for each in theories if (block[each.numbers] >= 0).any()]
     shape = (0, 1, 0)
     holds = sorted({i for each in theories for i in each.held})
@@ -131,23 +131,23 @@ def bound_held(
     }
 
 
-def numbered(
-    system: System, blocks: Sequence[RowBlock], count: int
+def _numbered(
+    system: System, blocks: Sequence[RowBlock]
 ) -> tuple[IndexArray, IndexArray, IndexArray]:
     """Constraint rows of blocks (k, 6), -1 for none; of each row block and place, or -1.
 
-    Blocks are numbered behind the `count` vertices.
+    Blocks are numbered behind the vertices.
     """
     numbers = np.full((len(blocks), 6), -1)
     for own, each in zip(numbers, blocks, strict=True):
         own[: len(each.rows)] = each.rows
     block, place = np.full((2, system.m), -1)
     k, n = np.nonzero(numbers >= 0)
-    block[numbers[k, n]], place[numbers[k, n]] = count + k, n
+    block[numbers[k, n]], place[numbers[k, n]] = len(system.origin_rows) + k, n
     return numbers, block, place
 
 
-def of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats) -> dict[str, Any]:
+def _of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats) -> dict[str, Any]:
     """What each row is to be, and the size of its terms; whose frame a block turns with."""
     magnitude = system.constraints.magnitudes(system.extend(system.q0, system.since))
     none, size = numbers < 0, np.where(magnitude > 0, magnitude, 1.0)

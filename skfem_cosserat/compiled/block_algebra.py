@@ -1,88 +1,67 @@
-"""Blocks of six by six, or three by three, in vector registers for compiled kernels.
+"""Blocks of six by six in vector registers for compiled kernels.
 
 LLVM's own vectorising leaves loops over six numbers to single ones, or unrolls them into code that
-does not fit into the processor's caches for instructions. Arrays of blocks are contiguous, blocks
-are named by their numbers in them: arrays (n, 6, 6) hold those of six by six, one register for each
-row, arrays (n, 12) those of three by three, whose rows end with a zero.
+does not fit into the processor's caches for instructions. Arrays (n, 6, 6) of blocks are
+contiguous, blocks are named by their numbers in them; a register holds a row.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["GROWTH", "Shape", "add_block", "add_crossed", "add_times", "entry", "invert"]
-__all__ += ["put_crossed", "put_entry", "put_times", "put_turned", "shape_of", "subtract_crossed"]
+__all__ = ["ROW", "SIDE", "add_block", "add_crossed", "add_times", "entry", "invert"]
+__all__ += ["put_crossed", "put_entry", "put_times", "put_turned", "subtract_crossed"]
 
 #: how much entries of the diagonal may grow while a block is inverted without exchanging rows.
 #: Those of positive definite ones do not grow; rows and columns may have any units
 GROWTH = 10.0
+#: rows of a block, and the type of one
+SIDE = 6
+ROW = ir.VectorType(ir.DoubleType(), SIDE)
 _INDEX, _LANE = ir.IntType(64), ir.IntType(32)
 _FUSED = ("contract",)
 
 
-class Shape(NamedTuple):
-    """Rows of a block, and how many numbers each takes."""
-
-    side: int
-    width: int
-
-    @property
-    def row(self) -> Any:
-        """Type of a row."""
-        return ir.VectorType(ir.DoubleType(), self.width)
-
-
-def shape_of(kind: Any) -> Shape:
-    """Of the blocks in an array of this type."""
-    assert kind.layout == "C", kind
-    return Shape(6, 6) if kind.ndim == 3 else Shape(3, 4)
-
-
 def _places(builder: Any, context: Any, kind: Any, array: Any, number: Any) -> Any:
     """Address of the first entry of a block."""
-    size = shape_of(kind).side * shape_of(kind).width
+    assert kind.layout == "C", kind
     data = context.make_array(kind)(context, builder, array).data
-    return builder.gep(data, [builder.mul(number, ir.Constant(_INDEX, size))])
+    return builder.gep(data, [builder.mul(number, ir.Constant(_INDEX, SIDE * SIDE))])
 
 
-def _row(builder: Any, shape: Shape, block: Any, r: int) -> Any:
+def _row(builder: Any, block: Any, r: int) -> Any:
     """Address of a row."""
-    place = builder.gep(block, [ir.Constant(_INDEX, shape.width * r)])
-    return builder.bitcast(place, shape.row.as_pointer())
+    place = builder.gep(block, [ir.Constant(_INDEX, SIDE * r)])
+    return builder.bitcast(place, ROW.as_pointer())
 
 
-def _load(builder: Any, shape: Shape, block: Any) -> list[Any]:
+def _load(builder: Any, block: Any) -> list[Any]:
     """All rows."""
-    return [builder.load(_row(builder, shape, block, r), align=8) for r in range(shape.side)]
+    return [builder.load(_row(builder, block, r), align=8) for r in range(SIDE)]
 
 
-def _store(builder: Any, shape: Shape, rows: list[Any], block: Any) -> None:
+def _store(builder: Any, rows: list[Any], block: Any) -> None:
     for r, row in enumerate(rows):
-        builder.store(row, _row(builder, shape, block, r), align=8)
+        builder.store(row, _row(builder, block, r), align=8)
 
 
 def _mixed(builder: Any, a: Any, b: Any, which: list[int]) -> Any:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_LANE, len(which)), which))
 
 
-def _spread(builder: Any, shape: Shape, number: Any) -> Any:
+def _spread(builder: Any, number: Any) -> Any:
     """The same number in a whole row."""
-    undefined = ir.Constant(shape.row, ir.Undefined)
+    undefined = ir.Constant(ROW, ir.Undefined)
     one = builder.insert_element(undefined, number, ir.Constant(_LANE, 0))
-    return _mixed(builder, one, undefined, [0] * shape.width)
+    return _mixed(builder, one, undefined, [0] * SIDE)
 
 
 def _turned(builder: Any, rows: list[Any]) -> list[Any]:
     """Columns of the block of these rows."""
-    if len(rows) == 3:
-        a, b, c = rows
-        low, high = _mixed(builder, a, b, [0, 4, 1, 5]), _mixed(builder, a, b, [2, 6, 2, 6])
-        first, second = _mixed(builder, low, c, [0, 1, 4, 7]), _mixed(builder, low, c, [2, 3, 5, 7])
-        return [first, second, _mixed(builder, high, c, [0, 1, 6, 7])]
     pairs = [(rows[k], rows[k + 1]) for k in (0, 2, 4)]
     even = [_mixed(builder, a, b, [0, 6, 2, 8, 4, 10]) for a, b in pairs]
     odd = [_mixed(builder, a, b, [1, 7, 3, 9, 5, 11]) for a, b in pairs]
@@ -105,21 +84,19 @@ def _multiply(sign: int, crossed: bool, turned: bool = False) -> Any:
             left, right, target = (
                 _places(builder, context, kind.args[n], values[n], values[n + 1]) for n in (0, 2, 4)
             )
-            shape = shape_of(kind.args[0])
-            side, width = shape
-            rows = _load(builder, shape, right)
+            rows = _load(builder, right)
             if turned:
                 rows = _turned(builder, rows)
-            sums: list[Any] = _load(builder, shape, target) if sign else [None] * side
-            for r in range(side):
+            sums: list[Any] = _load(builder, target) if sign else [None] * SIDE
+            for r in range(SIDE):
                 for t, row in enumerate(rows):
-                    place = ir.Constant(_INDEX, width * t + r if crossed else width * r + t)
-                    factor = _spread(builder, shape, builder.load(builder.gep(left, [place])))
+                    place = ir.Constant(_INDEX, SIDE * t + r if crossed else SIDE * r + t)
+                    factor = _spread(builder, builder.load(builder.gep(left, [place])))
                     term = builder.fmul(factor, row, flags=_FUSED)
                     combine = builder.fsub if sign < 0 else builder.fadd
                     last = sums[r]
                     sums[r] = term if last is None else combine(last, term, flags=_FUSED)
-            _store(builder, shape, sums, target)
+            _store(builder, sums, target)
             return context.get_dummy_value()
 
         n = types.int64
@@ -164,18 +141,17 @@ def subtract_crossed(typing: Any, A: Any, i: Any, B: Any, j: Any, out: Any, k: A
     return _multiply(-1, True)(typing, A, i, B, j, out, k)
 
 
-def _eliminate(builder: Any, shape: Shape, rows: list[Any], n: int) -> Any:
+def _eliminate(builder: Any, rows: list[Any], n: int) -> Any:
     """A step of Gauss and Jordan in place, without exchange of rows; gives the pivot."""
-    side, width = shape
-    one, zero = ir.Constant(ir.DoubleType(), 1.0), ir.Constant(shape.row, [0.0] * width)
+    one, zero = ir.Constant(ir.DoubleType(), 1.0), ir.Constant(ROW, [0.0] * SIDE)
     lane = ir.Constant(_LANE, n)
     pivot = builder.extract_element(rows[n], lane)
-    inverse = _spread(builder, shape, builder.fdiv(one, pivot))
+    inverse = _spread(builder, builder.fdiv(one, pivot))
     own = builder.fmul(builder.insert_element(rows[n], one, lane), inverse)
-    for i in range(side):
+    for i in range(SIDE):
         if i != n:
-            factor = _mixed(builder, rows[i], zero, [n] * width)
-            left = [width + c if c == n else c for c in range(width)]
+            factor = _mixed(builder, rows[i], zero, [n] * SIDE)
+            left = [SIDE + c if c == n else c for c in range(SIDE)]
             rest = _mixed(builder, rows[i], zero, left)
             term = builder.fmul(factor, own, flags=_FUSED)
             rows[i] = builder.fsub(rest, term, flags=_FUSED)
@@ -191,36 +167,34 @@ def invert(typing: Any, A: Any, k: Any, out: Any, v: Any) -> Any:
     """
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
-        shape = shape_of(kind.args[0])
-        side, width = shape
         block = _places(builder, context, kind.args[0], values[0], values[1])
-        rows = _load(builder, shape, block)
+        rows = _load(builder, block)
         absolute = builder.module.declare_intrinsic(
-            f"llvm.fabs.v{width}f64", fnty=ir.FunctionType(shape.row, [shape.row])
+            f"llvm.fabs.v{SIDE}f64", fnty=ir.FunctionType(ROW, [ROW])
         )
 
         def diagonal(base: Any, first: int) -> Any:
-            for i in range(first, side):
-                which = [width + c if c == i else c for c in range(width)]
+            for i in range(first, SIDE):
+                which = [SIDE + c if c == i else c for c in range(SIDE)]
                 base = _mixed(builder, base, rows[i], which)
             return builder.call(absolute, [base])
 
         start = diagonal(rows[0], 1)
         last = largest = start
         pivot = None
-        for n in range(side):
-            pivot = _eliminate(builder, shape, rows, n)
-            if n < side - 1:
+        for n in range(SIDE):
+            pivot = _eliminate(builder, rows, n)
+            if n < SIDE - 1:
                 last = diagonal(last, n + 1)
                 more = builder.fcmp_ordered(">", largest, last)
                 largest = builder.select(more, largest, last)  # NaN if that is NaN
-        allowed = builder.fmul(start, ir.Constant(shape.row, [GROWTH] * width))
+        allowed = builder.fmul(start, ir.Constant(ROW, [GROWTH] * SIDE))
         within = builder.fcmp_ordered("<=", largest, allowed)
-        small = builder.bitcast(within, ir.IntType(width))
-        stable = builder.icmp_unsigned("==", small, ir.Constant(ir.IntType(width), 2**width - 1))
+        small = builder.bitcast(within, ir.IntType(SIDE))
+        stable = builder.icmp_unsigned("==", small, ir.Constant(ir.IntType(SIDE), 2**SIDE - 1))
         regular = builder.fcmp_ordered("!=", pivot, ir.Constant(ir.DoubleType(), 0.0))
         place = _places(builder, context, kind.args[2], values[2], values[3])
-        _store(builder, shape, _turned(builder, rows), place)
+        _store(builder, _turned(builder, rows), place)
         return builder.and_(stable, regular)
 
     return types.boolean(A, types.int64, out, types.int64), generate
@@ -231,12 +205,11 @@ def add_block(typing: Any, A: Any, i: Any, out: Any, k: Any) -> Any:
     """``out_k += A_i``."""
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
-        shape = shape_of(kind.args[0])
         given, target = (
             _places(builder, context, kind.args[n], values[n], values[n + 1]) for n in (0, 2)
         )
-        pairs = zip(_load(builder, shape, given), _load(builder, shape, target), strict=True)
-        _store(builder, shape, [builder.fadd(a, b) for a, b in pairs], target)
+        pairs = zip(_load(builder, given), _load(builder, target), strict=True)
+        _store(builder, [builder.fadd(a, b) for a, b in pairs], target)
         return context.get_dummy_value()
 
     return types.none(A, types.int64, out, types.int64), generate
@@ -244,9 +217,10 @@ def add_block(typing: Any, A: Any, i: Any, out: Any, k: Any) -> Any:
 
 def _entry(context: Any, builder: Any, kind: Any, values: Any) -> Any:
     """Address of entry (r, c) of a block."""
-    width = ir.Constant(_INDEX, shape_of(kind.args[0]).width)
     block = _places(builder, context, kind.args[0], values[0], values[1])
-    return builder.gep(block, [builder.add(builder.mul(values[2], width), values[3])])
+    return builder.gep(
+        block, [builder.add(builder.mul(values[2], ir.Constant(_INDEX, SIDE)), values[3])]
+    )
 
 
 @intrinsic

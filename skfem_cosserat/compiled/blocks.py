@@ -41,25 +41,17 @@ CANCELLED = np.finfo(float).eps ** -0.25
 
 
 @inlined
-def side(A: Floats) -> int:
-    """Rows of a block; no constant, so that loops over them stay short."""
-    return A.shape[1] if A.ndim == 3 else A.shape[1] // 4
-
-
-@inlined
 def invert_exchanging(A: Floats, k: int, W: Floats, inverse: Floats, v: int) -> float:
     """``inverse_v = A_k^-T`` with exchange of rows; W is scratch.
 
     Gives the sign of the determinant, 0 if a pivot vanishes. It is rarely called: loops over
     `size`, which no compiler knows, stay short.
     """
-    size = side(A)
+    size = A.shape[1]
     for r in range(size):
         for c in range(size):
             put_entry(W, 0, r, c, entry(A, k, r, c))
             put_entry(inverse, v, r, c, 1.0 if r == c else 0.0)
-        if size == 3:  # rows end with a zero
-            put_entry(inverse, v, r, 3, 0.0)
     sign = 1.0
     for n in range(size):
         p = n
@@ -120,7 +112,7 @@ def to_own_coordinates(m: Any, w: Any, t: int) -> None:
         to = m.right[first + p]
         add_times(C_child, e, X, e, A, to)
         add_block(w.C_parent, e, A, to)
-    for i in range(m.size[v], side(A)):
+    for i in range(m.size[v], A.shape[1]):
         put_entry(A, k, i, i, 1.0)
 
 
@@ -132,7 +124,7 @@ def corrections(A: Floats, k: int, inverse: Floats, v: int) -> int:
     whatever units: 1 where rows do not cancel, GA h^2/EI for a thin element that bends.
     """
     grown = 0.0
-    for r in range(side(A)):
+    for r in range(A.shape[1]):
         grown = max(grown, abs(entry(A, k, r, r) * entry(inverse, v, r, r)))
     if grown <= CANCELLED:
         return 0
@@ -293,9 +285,9 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @inlined
 def twist_of(S: Floats, X: Floats, e: int, x: Floats, v: int, p: int, twist: Floats) -> None:
     """Twist of a child from its own coordinates and, if it is not -1, that of its parent."""
-    for r in range(side(S)):
+    for r in range(S.shape[1]):
         own = 0.0
-        for c in range(side(S)):
+        for c in range(S.shape[1]):
             own += entry(S, e, r, c) * x[v, c]
             if p >= 0:
                 own += entry(X, e, r, c) * twist[p, c]
@@ -306,7 +298,7 @@ def twist_of(S: Floats, X: Floats, e: int, x: Floats, v: int, p: int, twist: Flo
 def solve_corrected(m: Any, w: Any, t: int) -> None:
     """Own coordinates x of pivot t, from what eliminations before it have left there."""
     A, x, rest, added, inverse, v = w.A, w.x, w.extra, w.twist, w.inverse, m.order[t]
-    size = side(A)
+    size = A.shape[1]
     for r in range(size):
         rest[v, r], x[v, r] = x[v, r], 0.0
         for j in range(m.ptr[t], m.ptr[t + 1]):

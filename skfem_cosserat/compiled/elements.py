@@ -46,7 +46,6 @@ from .small import (
 
 __all__ = [
     "Point",
-    "add_geometric",
     "ask_for_moduli",
     "ask_law",
     "at_point",
@@ -62,7 +61,6 @@ __all__ = [
     "scalar_block",
     "strain_changes",
     "strained",
-    "take",
     "take_elements",
     "three",
     "triple",
@@ -73,22 +71,6 @@ __all__ = [
 #: slope of the centre line, directors and their slopes
 Point = tuple[Vector, Rotation, Rotation]
 ZERO = (0.0, 0.0, 0.0)
-
-
-@inlined
-def take(base: IndexArray, turned: bool, rotations: Floats, e: int, y: Floats, X: Floats) -> None:
-    """Nodes of an element."""
-    for a in range(X.shape[0]):
-        r = base[e, a]
-        for i in range(4):
-            for c in range(3):
-                X[a, i, c] = y[r + i, c]
-        if turned:
-            for c in range(3):
-                d = X[a, 1, c], X[a, 2, c], X[a, 3, c]
-                for i in range(3):
-                    Q = rotations[e, a, i, 0], rotations[e, a, i, 1], rotations[e, a, i, 2]
-                    X[a, 1 + i, c] = dot(Q, d)
 
 
 @inlined
@@ -162,24 +144,6 @@ def scalar_block(
         A[k, 3 + r, 4] -= s[1]
         A[k, 3 + r, 5] -= s[2]
         A[k, 3 + r, 3 + r] += trace
-
-
-@inlined
-def add_geometric(N: Any, dN: Any, weight: float, S: Floats, e: int, p: int, C: Floats) -> None:
-    """Scalar coefficients C (nn, nn, 4, 4) of the strains' second derivatives times stresses."""
-    for i in range(3):
-        j = 1 + (i + 1) % 3
-        k = 1 + (i + 2) % 3
-        n = weight * S[e, p, i]
-        m = 0.5 * weight * S[e, p, 3 + i]
-        for a in range(len(N)):
-            for b in range(len(N)):
-                u = dN[a] * N[b]
-                v = N[a] * dN[b]
-                C[a, b, 0, 1 + i] += u * n
-                C[a, b, 1 + i, 0] += v * n
-                C[a, b, j, k] += (u - v) * m
-                C[a, b, k, j] -= (u - v) * m
 
 
 # --------------------------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from .numbers import MASS, WEIGHT
 from .simd import WIDTH, gather, local, pack, put_rows, scatter, store
 from .small import Places, block, counted, times
 
-__all__ = ["acting", "beam_hold", "beam_hold_matrix", "of_elements", "of_nodes"]
+__all__ = ["beam_hold", "beam_hold_matrix"]
 
 
 @inlined

@@ -65,8 +65,8 @@ def shared(function: Kernel) -> Kernel:
 #: modules of the parts of a family, the first one that has a name is meant
 _FAMILIES = {
     "tree": (
-        *("nodes", "tree", "rows", "flow", "blocks", "elements", "held", "loads", "couplings"),
-        "static",
+        *("nodes", "tree", "rows", "flow", "blocks"),
+        *("elements", "held", "loads", "couplings", "static"),
     ),
     "by law": ("stored", "elements", "held"),
     "laws": ("laws",),

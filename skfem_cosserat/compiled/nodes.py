@@ -62,8 +62,8 @@ __all__ = [
 ]
 
 
-@inlined
-def start_increments(w: Any, flag: int) -> None:
+@part
+def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Zero increments; x are those to start with: flag 0 none, 1 the last, 2 extrapolated twice."""
     x, total, last, before = w.x, w.total, w.last, w.before
     for v in range(x.shape[0]):
@@ -75,12 +75,6 @@ def start_increments(w: Any, flag: int) -> None:
                 start = 2.0 * last[v, c] - before[v, c]
             x[v, c] = start
             total[v, c] = 0.0
-
-
-@part
-def begin(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Zero increments, and those to start with; see :func:`start_increments`."""
-    start_increments(w, flag)
     turn = s.turn
     for v in range(turn.shape[0]):
         turn[v, 0] = 1.0
@@ -178,17 +172,11 @@ def twist_force(s: Any, y: Floats, R: Floats, F: Floats, b: Floats) -> None:
 @inlined
 def step_balance(s: Any, w: Any, numbers: Floats, sized: bool) -> float:
     """R of the step without constraint forces; if asked, the largest of its terms."""
+    R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
     own = s.mass_indptr, s.mass_indices, s.mass_data
     if len(w.flow.owner) == 0:  # else it is there, with the extra velocity
-        mass_times(own[0], own[1], own[2], w.y1, w.y0, numbers[MASS], w.momentum)
-    return sum_balance(w, numbers, sized)
-
-
-@inlined
-def sum_balance(w: Any, numbers: Floats, sized: bool) -> float:
-    """R from its terms, inertia among them; if asked, the largest of them."""
+        mass_times(own[0], own[1], own[2], w.y1, w.y0, numbers[MASS], inertia)
     momentum, force = numbers[MOMENTUM], numbers[FORCE]
-    R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
     for k in range(R.size // WIDTH):
         f = force * (simd.load(internal, k) - simd.load(external, k))
         store(R, k, simd.load(inertia, k) - momentum * simd.load(p0, k) + f)
@@ -373,9 +361,9 @@ def predict_changes(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
     return 0.0
 
 
-@inlined
-def carried_on(w: Any, numbers: Floats) -> float:
-    """Momentum carried on; gives the work of the loads along the step. Takes rows of y."""
+@part
+def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Momentum carried on; gives the work of the loads along the step."""
     y0, y1, p0, carried, inertia = w.y0, w.y1, w.p0, w.carried, w.momentum
     internal, external = w.internal, w.external
     mass, momentum = numbers[CARRY_MASS], numbers[CARRY_MOMENTUM]
@@ -388,12 +376,6 @@ def carried_on(w: Any, numbers: Floats) -> float:
             carried[r, c] += force * (internal[r, c] - f)
             work += f * (y1[r, c] - y0[r, c])
     return work
-
-
-@part
-def finish(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Momentum carried on; gives the work of the loads along the step."""
-    return carried_on(w, numbers)
 
 
 @part

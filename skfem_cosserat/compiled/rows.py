@@ -47,7 +47,6 @@ from .tables.rows import (
 )
 
 __all__ = ["row_branch", "row_force", "row_matrix"]
-__all__ += ["TURNED_OVER", "add_weighted", "complete_blocks", "push", "start_gaps"]
 
 #: a cosine, less 1, below which a joint is fulfilled only after half a turn
 TURNED_OVER = -1.0
@@ -184,15 +183,6 @@ def add_curvature(A: Floats, k: int, i: int, j: int, c: float, a: Vector, b: Vec
 
 
 @inlined
-def complete_blocks(s: Any, m: Any, A: Floats, count: int) -> None:
-    """Ones on the diagonal of blocks from `count` on where no row is, or is switched off."""
-    on = s.row_on
-    for k in range(on.shape[0]):
-        for c in range(on.shape[1]):
-            put_entry(A, m.diag[count + k], c, c, 1.0 - on[k, c])
-
-
-@inlined
 def add_weighted(s: Any, w: Any, numbers: Floats) -> None:
     """Add ``G_L^T W G_R`` to the blocks of vertices, from what stands in those with the rows."""
     table, weight, A, scratch, mass = s.row_weighted, s.row_weight, w.A, w.scratch, numbers[MASS]
@@ -241,7 +231,9 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         a, i = linear[t, TERM], linear[t, TERM_PLACE]
         add_row(A, linear[t, TERM_SLOT], place, i, row(y1, a), axis)
         add_column(A, linear[t, TERM_BACK], place, i, row(yL, a), axis)
-    complete_blocks(s, m, A, count)
+    for k in range(on.shape[0]):  # no row is there, or it is switched off
+        for c in range(on.shape[1]):
+            put_entry(A, m.diag[count + k], c, c, 1.0 - on[k, c])
     add_weighted(s, w, numbers)
     return 0.0
 

@@ -23,7 +23,7 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, register_model
 
-from .block_algebra import shape_of
+from .block_algebra import ROW, SIDE
 from .numba_types import View
 from .numbers import WIDTH
 
@@ -332,9 +332,6 @@ def farther(typing: Any, out: Any, value: Any) -> Any:
 
 def _product(add: bool) -> Any:
     def typed(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
-        side, width = shape_of(A)
-        wide = ir.VectorType(ir.DoubleType(), width)
-
         def entries(
             context: Any, builder: Any, kind: Any, array: Any, place: Any, size: int
         ) -> Any:
@@ -343,20 +340,20 @@ def _product(add: bool) -> Any:
             )
 
         def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
-            block = entries(context, builder, kind.args[0], values[0], values[1], side * width)
-            given = entries(context, builder, kind.args[2], values[2], values[3], width)
-            target = entries(context, builder, kind.args[5], values[5], values[6], width)
-            target = builder.bitcast(target, wide.as_pointer())
-            undefined = ir.Constant(wide, ir.Undefined)
-            zeros = ir.Constant(ir.VectorType(_LANE, width), [0] * width)
+            block = entries(context, builder, kind.args[0], values[0], values[1], SIDE * SIDE)
+            given = entries(context, builder, kind.args[2], values[2], values[3], SIDE)
+            target = entries(context, builder, kind.args[5], values[5], values[6], SIDE)
+            target = builder.bitcast(target, ROW.as_pointer())
+            undefined = ir.Constant(ROW, ir.Undefined)
+            zeros = ir.Constant(ir.VectorType(_LANE, SIDE), [0] * SIDE)
             sums: list[Any] = [None, None]
-            for r in range(side):
+            for r in range(SIDE):
                 entry = builder.load(builder.gep(given, [ir.Constant(_INDEX, r)]))
                 entry = builder.fmul(entry, values[4])
                 entry = builder.insert_element(undefined, entry, ir.Constant(_LANE, 0))
                 entry = builder.shuffle_vector(entry, undefined, zeros)
-                row = builder.gep(block, [ir.Constant(_INDEX, width * r)])
-                row = builder.load(builder.bitcast(row, wide.as_pointer()), align=8)
+                row = builder.gep(block, [ir.Constant(_INDEX, SIDE * r)])
+                row = builder.load(builder.bitcast(row, ROW.as_pointer()), align=8)
                 term = builder.fmul(entry, row, flags=("contract",))
                 last = sums[r % 2]
                 sums[r % 2] = (

@@ -251,13 +251,13 @@ class CompiledScene:
 
         system, viscous = self.system, not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
-        with kept.BINDING, bind.compiling(system, parts, source=self._source):
+        with kept.BINDING, bind.compiling(system, parts, self._source):
             s, self._tree = bind.bound_tree(system, self.plan)
             m, planned = bind.bound_plan(system, self.plan)
             separate = separate_parts(system) if self.scheme.relative else None
             w, self._arrays = bind.bound_work(system, self.plan, self.late, separate)
             g, self._beams = bind.bound_groups(system, self.plan, self._tree, viscous, self._source)
-            table = bind.addresses(parts, (s, m, w, g), source=self._source)
+            table = bind.addresses(parts, (s, m, w, g), self._source)
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
@@ -273,10 +273,10 @@ class CompiledScene:
 
     def _number(self) -> None:
         """Where the tree's coordinates are among those of the vertices."""
-        own, width = self.system.tree.own, self._arrays["x"].shape[1]
+        own = self.system.tree.own
         vertex = self.system.kinematics.vertex[: self.system.kinematics.unknowns]
         first = np.array([numbers.start for numbers in own])
-        self._numbering = width * vertex + np.arange(len(vertex)) - first[vertex]
+        self._numbering = 6 * vertex + np.arange(len(vertex)) - first[vertex]
 
     @property
     def linear(self) -> LinearSolver | None:

@@ -824,7 +824,7 @@ class CompiledStep(CompiledScene):
                 out.append((fields, elements.weighted_stiffness, None))
                 continue
             flexible = np.linalg.pinv(fields["stiffness"], 1e-12, True)
-            if len(flexible) == 1 and fields.get("diagonal"):  # of all elements
+            if len(flexible) == 1 and fields["diagonal"]:  # of all elements
                 flexible = flexible.diagonal(axis1=1, axis2=2)
             else:
                 flexible = flexible[fields["section"]]

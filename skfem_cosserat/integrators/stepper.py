@@ -515,7 +515,7 @@ class Stepper:
         p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)
         return replace(state, p=p, fresh=True, carried={}, made_by=None, plain=False)
 
-    def _closing(self, fast: CompiledStep, y0: Floats) -> IndexArray:
+    def _closing(self, y0: Floats) -> IndexArray:
         """Rows that close the loops: in space those of space, for those of a plane may lead out."""
         if self.system.plane is None:
             return self.bound.closing
@@ -535,7 +535,7 @@ class Stepper:
         if fast is not None:
             if fast.looped and fast.due(state, self.bound):
                 step = self._begin(state, of)
-                fast.close(self._closing(fast, step.y0))
+                fast.close(self._closing(step.y0))
             if self.bound.regular and not state.plain:
                 solved = fast.solve(state)
                 if solved is not None:

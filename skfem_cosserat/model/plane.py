@@ -48,9 +48,8 @@ class Planar(Frozen):
     For :meth:`Model.freeze`. Unknowns out of the plane are not there at all: two displacements and
     one rotation for each frame, and only the constraints that act in the plane. All results are
     those of the scene in space, to rounding; histories hold all coordinates. What is out of the
-    plane cannot be found, however: no modes, no bifurcations there. Compiled kernels step it with
-    three unknowns a frame; those of space do where there are loads that follow the motion, force
-    elements, damping or prescribed motion, and in equilibria. There are no explicit schemes for it.
+    plane cannot be found, however: no modes, no bifurcations there. Compiled kernels have the
+    unknowns of space, and keep the scene in its plane. There are no explicit schemes for it.
 
     Scenes that are their own mirror image by pairs of items, on either side of a plane, are not
     meant here, where each item is its own image: they are halved by leaving one half out. What the

@@ -21,19 +21,18 @@ from skfem_cosserat.integrators.compiled_step import CompiledStep
 pytest.importorskip("numba")
 
 
-def joined(orders=(1, 2), planar=False, damped=(), held=False):
+def joined(orders=(1, 2), damped=(), held=False):
     """Beams of these orders, one after the other at angles, the last one with a body at its end.
 
     Those of the numbers `damped` are viscous. They hang from a pin, the body from a hinge; `held`:
     both are fixed.
     """
-    flat = sc.Section(np.diag((2e3, 3e3, 5e3, 40.0, 60.0, 30.0)), mass=1.3, inertia=(0.11, 0.07))
-    plain = flat if planar else full_section()
+    plain = full_section()
     model, end = sc.Model(), np.zeros(3)
     node: sc.Place = sc.ground(end)
     for k, order in enumerate(orders):
         start = end
-        end = start + (0.8, 0.5 * (-1) ** k, 0.0 if planar else 0.2 * k)
+        end = start + (0.8, 0.5 * (-1) ** k, 0.2 * k)
         section = plain.damped(time=2e-3) if k in damped else plain
         mesh = sc.MeshCurve.init_line(start, end, 2 + k, name=f"m{k}")
         beam = model.add(f"b{k}", sc.Beam(mesh, section, order=order, director=(0, 0, 1)))
@@ -47,8 +46,8 @@ def joined(orders=(1, 2), planar=False, damped=(), held=False):
     body = model.add("body", sc.RigidBody.box(0.7, (0.2, 0.1, 0.1), position=end))
     hinge = sc.JointRevolute(node, body.at(end), axis=(0, 0, 1))
     model.add("hinge", sc.JointFixed(node, body.at(end)) if held else hinge)
-    model.add("gravity", sc.LoadGravity((0.5, -9.81, 0.0 if planar else -0.3)))
-    system = model.freeze(planar=sc.Planar() if planar else None)
+    model.add("gravity", sc.LoadGravity((0.5, -9.81, -0.3)))
+    system = model.freeze()
     assert len(system.beam_groups) == len(set(orders))
     return system
 

@@ -68,12 +68,12 @@ def test_three_steps_of_explicit_schemes(integrator: sc.Explicit) -> None:
 
 
 @pytest.mark.parametrize("integrator", [sc.Variational(), sc.EnergyMomentum()], ids=repr)
-@pytest.mark.parametrize("family", ["null space", "multipliers", "plane", "springs, damping"])
-def test_families_of_kernels(family: str, integrator: sc.Variational) -> None:
+@pytest.mark.parametrize("name", ["null space", "multipliers", "plane", "springs, damping"])
+def test_compiled_kernels(name: str, integrator: sc.Variational) -> None:
     pytest.importorskip("numba")
-    model = scene(spring=family == "springs, damping", damped=family == "springs, damping")
-    system = model.freeze(planar=sc.Planar()) if family == "plane" else model.freeze()
-    treatment = sc.Multipliers() if family == "multipliers" else sc.NullSpace()
+    model = scene(spring=name == "springs, damping", damped=name == "springs, damping")
+    system = model.freeze(planar=sc.Planar()) if name == "plane" else model.freeze()
+    treatment = sc.Multipliers() if name == "multipliers" else sc.NullSpace()
     start = sc.initial_state(system)
     plain, compiled, beside = (
         sc.simulate(
@@ -82,8 +82,8 @@ def test_families_of_kernels(family: str, integrator: sc.Variational) -> None:
         )
         for begin, kernels in ((start, "numpy"), (start, "numba"), (nudged(start), "numba"))
     )  # fmt: skip
-    for name, limit in limits(compiled, beside).items():
-        assert np.nanmax(abs(compiled[name] - plain[name])) <= limit, name
+    for series, limit in limits(compiled, beside).items():
+        assert np.nanmax(abs(compiled[series] - plain[series])) <= limit, series
 
 
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=repr)
