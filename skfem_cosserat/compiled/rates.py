@@ -1,7 +1,7 @@
 """What a scheme carries on beside the configuration: momenta, rates, and moves of velocities.
 
-All is by rows in space, whatever the unknowns of a step are: these functions serve steps with the
-null space, in a plane and with multipliers. Numbers of a scheme are explained where it is defined,
+All is by rows of y, whatever the unknowns of a step are: these functions serve steps with the null
+space and with multipliers. Numbers of a scheme are explained where it is defined,
 :mod:`skfem_cosserat.integrators.scheme`.
 """
 
