@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..frames import is_beam
-from ..kernels import cross, director_force
+from ..kernels import cross
 from ..model import System
 from ..model.balance import Amplitudes
 from ..model.groups import BeamGroup
 from ..types import Array, Floats
 from .energy import group_of
+from .forces import Statics, components, integrals, spread_over
 from .stacked import balancing_multipliers, curvature_matrix
 
 if TYPE_CHECKING:
@@ -51,22 +52,20 @@ def energies(
         Seen from a frame that turns, if there is a spin.
     """
     acceleration = acceleration + 0 * y[: system.rows]
-    factors = () if amplitudes is None else amplitudes.loads
-    terms = list(zip(system.loading.terms, factors, strict=False))
+    loads = np.zeros(len(system.loading.terms)) if amplitudes is None else amplitudes.loads
     if amplitudes is not None and amplitudes.spin is not None:
         acceleration += cross(amplitudes.spin.velocity, amplitudes.spin.rates(system, y))
     found: dict[int, Floats] = {}
     for group, stress in zip(system.beam_groups, stresses, strict=True):
         force = group.force(group.strain(y)[1], stress).reshape(len(stress), -1, 4, 3)
         nodal = y[group.rows].reshape(force.shape)
-        spread = (group.scalar_mass @ acceleration[group.rows]).reshape(force.shape)
+        spread = np.zeros_like(nodal)
         own = [
             (beam, group.slices[id(beam)]) for beam in beams_of(system) if id(beam) in group.slices
         ]
         for beam, e in own:
-            for term, factor in terms:
-                spread[e] -= term.on_elements(beam, group.mass[e], nodal[e], factor)
-        both = _both(group, nodal, stress, force, spread)
+            spread[e] = spread_over(system, beam, y, loads, None, acceleration)
+        both = _both(group, nodal, stress, force - spread, spread)
         found |= {id(beam): both[:, e].sum(1) for beam, e in own}
     return np.array([found[id(beam)] for beam in beams_of(system)])
 
@@ -79,27 +78,21 @@ def beams_of(system: System) -> list[Beam]:
 def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: Array) -> Floats:
     """Energies (2, ne) by statics less those of Gauss points, and these.
 
-    Of nodal configurations, forces, and what is spread between nodes: (ne, nn, 4, 3) each.
+    Of nodal configurations, what nodes pass on, and what is spread: (ne, nn, 4, 3) each.
     """
-    from ..element import gauss_rule  # imports scikit-fem, which rigid bodies do without
+    from ..element import gauss_rule, lagrange  # import scikit-fem, which rigid bodies do without
 
     e, kind = group.elements, group.interpolation
     z, w = gauss_rule(kind.order + 3)
     at, h = kind.tabulated(z, w), e.lengths[:, None, None]
-    powers = np.vander(z, increasing=True)
-    up_to = powers * z[:, None] / (np.arange(len(z)) + 1) @ np.linalg.inv(powers)  # integrals
     shapes = at.values.T @ np.linalg.inv((at.values * w) @ at.values.T)
     density = np.einsum("qa,eaic->eqic", shapes, spread) / h[..., None]
     x = np.einsum("aq,eaic->eqic", at.values, nodal)
-    slope = np.einsum("aq,eac->eqc", at.slopes, nodal[:, :, 0])
+    statics = Statics(force, nodal, 0, density, x, h * integrals(z, z))
+    m = statics.moment(np.einsum("aq,eac->eqc", at.slopes, nodal[:, :, 0]) / h)
     turned = nodal[:, :, 1:] if e.rotations is None else e.rotations @ nodal[:, :, 1:]
-    triads = np.einsum("aq,eaic->eqic", at.values, turned)
-    start = -(force + spread)[:, 0]
-    n = start[:, None, 0] + h * (up_to @ density[:, :, 0])
-    couple = cross(x[:, :, 1:], density[:, :, 1:]).sum(2) - cross(slope / h, n)
-    m = director_force(nodal[:, 0, 1:], start[:, 1:])[:, None] + h * (up_to @ couple)
-    balanced = (triads[:, :, None] @ np.stack([n, m], axis=2)[..., None]).reshape(*n.shape[:2], 6)
-    found = np.vander(z, len(e.points)) @ np.linalg.inv(np.vander(e.points)) @ stress
+    balanced = components(np.einsum("aq,eaic->eqic", at.values, turned), statics.n, m)
+    found = lagrange(e.points, z).T @ stress
     if np.iscomplexobj(found):
         balanced, found = balanced.imag / STEP, found.imag / STEP
     held = np.eye(6) * (np.einsum("eii->ei", e.stiffness) == 0)[:, :, None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -372,7 +372,7 @@ def forces_along(
             turned = Spin(*spin).rates(system, y.reshape(-1, 3))
             row[:] = np.cross(spin[0], turned).ravel()
     loads, lam = history["amplitudes/loads"], history["multipliers"]
-    return places.resultants(system, q, amplitudes=loads, a=a, multipliers=lam)
+    return places.resultants(system, q, 0.0, loads, None, a, lam)
 
 
 class SectionPlaces:
@@ -430,19 +430,12 @@ class SectionPlaces:
         out = SectionValues(value[:, :, 0], triad, strain, resultant)
         return SectionValues(*(array[0] for array in out)) if single else out
 
-    def resultants(
-        self,
-        system: System,
-        q: ArrayLike,
-        t: ArrayLike = 0.0,
-        amplitudes: ArrayLike | None = None,
-        v: ArrayLike | None = None,
-        a: ArrayLike | None = None,
-        multipliers: ArrayLike | None = None,
-    ) -> Floats:
-        """By the balance of parts of elements, see :func:`forces_along`."""
-        given = t, amplitudes, v, a, multipliers
-        found, single = element_balances(system, self.beam, q, *given, viscous=False)
+    def resultants(self, system: System, q: ArrayLike, *motion: Any) -> Floats:
+        """By the balance of parts of elements, see :func:`forces_along`.
+
+        `motion`: as for :func:`element_balances`.
+        """
+        found, single = element_balances(system, self.beam, q, *motion, viscous=False)
         strains = section_strains(system, self.beam, np.atleast_2d(q))
         out = part_resultants(self.beam, self._e, self._x, found, strains)
         return out[0] if single else out

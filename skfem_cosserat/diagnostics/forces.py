@@ -13,11 +13,11 @@ from ..constraints.stacked import WRONG, nearest_velocities, stacked_multipliers
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
-from ..kernels import beam_stress
+from ..kernels import beam_stress, cross
 from ..model import System, takes_scene
 from ..model.limits import overstretched_beam
 from ..model.system import JointRows
-from ..types import ArrayLike, Floats, IndexArray, switch
+from ..types import Array, ArrayLike, Floats, IndexArray, switch
 from .energy import group_of, held_forces, momentum
 from .stacked import all_rows, as_series, as_stack, as_times
 
@@ -119,11 +119,12 @@ def element_balances(
     system: System,
     beam: Beam,
     q: ArrayLike,
-    t: ArrayLike = 0.0,
-    amplitudes: ArrayLike | None = None,
-    v: ArrayLike | None = None,
-    a: ArrayLike | None = None,
-    multipliers: ArrayLike | None = None,
+    t: ArrayLike,
+    amplitudes: ArrayLike | None,
+    v: ArrayLike | None,
+    a: ArrayLike | None,
+    multipliers: ArrayLike | None,
+    *,
     viscous: bool = True,
 ) -> tuple[Balances, bool]:
     """Balances, and whether one state was given; arguments of :func:`nodal_resultants`.
@@ -142,7 +143,7 @@ def element_balances(
     for k, q_k in enumerate(Q):
         velocity, acceleration = (None if r is None else r[k].reshape(-1, 3) for r in rates)
         y = q_k.reshape(-1, 3)
-        spread[k] = _spread(system, beam, y, factors[k], velocity, acceleration)
+        spread[k] = spread_over(system, beam, y, factors[k], velocity, acceleration)
         rate = velocity if viscous else None
         force[k] = _internal(system, beam, y, rate, held[k]) - spread[k]
     return Balances(nodal, spread, force), single
@@ -158,7 +159,7 @@ def element_forces(system: System, beam: Beam, y: Floats, factors: Floats) -> Fl
     factors : (k,) array
         Of the channels of ``system.loading``.
     """
-    return _internal(system, beam, y, None, 0.0) - _spread(system, beam, y, factors, None, None)
+    return _internal(system, beam, y, None, 0.0) - spread_over(system, beam, y, factors, None, None)
 
 
 def _at_ends(F: Floats, nodal: Floats, beam: Beam) -> Floats:
@@ -171,10 +172,10 @@ def _at_ends(F: Floats, nodal: Floats, beam: Beam) -> Floats:
     return out
 
 
-def _passed_on(F: Floats, nodal: Floats, end: int) -> tuple[Floats, Floats]:
+def _passed_on(F: Array, nodal: Array, end: int) -> tuple[Array, Array]:
     """Force and moment (..., 3) in space on the face at the end 0 or -1 of elements."""
     sign, f = (1.0 if end else -1.0), F[..., end, :, :]
-    return sign * f[..., 0, :], sign * np.cross(nodal[..., end, 1:, :], f[..., 1:, :]).sum(-2)
+    return sign * f[..., 0, :], sign * cross(nodal[..., end, 1:, :], f[..., 1:, :]).sum(-2)
 
 
 def _like(name: str, value: ArrayLike | None, Q: Floats, system: System) -> Floats | None:
@@ -215,14 +216,14 @@ def _internal(
     return F.reshape(len(F), -1, 4, 3)
 
 
-def _spread(
+def spread_over(
     system: System,
     beam: Beam,
-    y: Floats,
+    y: Array,
     factors: Floats,
     velocity: Floats | None,
-    acceleration: Floats | None,
-) -> Floats:
+    acceleration: Array | None,
+) -> Array:
     """Consistent nodal forces of line loads and gravity, less those of inertia and drag."""
     group = group_of(system, beam)
     own = group.slices[id(beam)]
@@ -257,84 +258,93 @@ def part_resultants(
     strains : (N, ne, ng, 6) array
         At their Gauss points.
     """
-    parts = (_PartOfElements(beam, e, x, end, found, strains).at_point() for end in (0, -1))
-    first, last = parts
+    first, last = (_from_end(beam, e, x, end, found, strains) for end in (0, -1))
     return (1.0 - x)[:, None] * first + x[:, None] * last
 
 
-class _PartOfElements:
-    """The parts from one end of elements to points: at k places along them, and at the points.
+class Statics:
+    """Forces and moments in space along parts of elements, in balance with one end of each.
 
     Parameters
     ----------
+    force, nodal : (..., p + 1, 4, 3) array
+        What the nodes of the elements pass on, and their coordinates.
     end : {0, -1}
         Start or end of the elements.
+    density, at : (..., k, 4, 3) array
+        What is spread, by length, and line and directors, at k places.
+    over : (..., l, k) array
+        Integrals from the end, the first k to the places.
+
+    Attributes
+    ----------
+    n : (..., l, 3) array
+        Forces.
     """
 
     def __init__(
-        self, beam: Beam, e: IndexArray, x: Floats, end: int, found: Balances, strains: Floats
+        self, force: Array, nodal: Array, end: int, density: Array, at: Array, over: Floats
     ) -> None:
-        from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
+        n, self._m = (each[..., None, :] for each in _passed_on(force, nodal, end))
+        self.n, self._over = n - over @ density[..., 0, :], over
+        self._couple = cross(at[..., 1:, :], density[..., 1:, :]).sum(-2)
 
-        self.beam, self.elements = beam, beam.elements.taken(e)
-        start, places = (1.0 if end else 0.0), beam.basis.interpolation.full.points
-        powers = np.arange(len(places))
-        to = np.append(places, 1.0)[:, None]
-        over = to ** (powers + 1) / (powers + 1) @ np.linalg.inv(places[:, None] ** powers)
-        length = beam.elements.lengths[e]
-        self._over = ((x - start) * length)[:, None, None] * over
-        u = start + np.outer(x - start, to)
-        shape = beam.basis.shape(u)
-        nodal, spread, force = (each[:, e] for each in found)
-        density = np.linalg.solve(
-            beam.basis.elemental_mass()[e], spread.reshape(*spread.shape[:3], -1)
-        ).reshape(spread.shape)
-        f, at = (np.einsum("amk,nmaic->nmkic", shape, each) for each in (density, nodal))
-        couple = np.cross(at[..., 1:, :], f[..., 1:, :]).sum(-2)
-        n, self._m = (each[:, :, None] for each in _passed_on(force, nodal, end))
-        self.n = n - self.integral(f[:, :, :-1, 0])
-        self._couple = couple[:, :, :-1]
-        section = beam.rotations[e] @ nodal[..., 1:, :]
-        self._start = section[:, :, end]
-        self.d = np.einsum("amk,nmaic->nmkic", shape, section)
-        slopes = beam.basis.dshape(u[:, :-1]) / length[:, None]
-        self.slope = np.einsum("amk,nmac->nmkc", slopes, nodal[..., 0, :])
-        weights = lagrange(beam.elements.points, u[:, :-1])
-        self._eps = np.einsum("gmk,nmgi->nmki", weights, strains[:, e])
-        reference = np.einsum("gmk,mgi->mki", weights, beam.elements.reference[e])
-        self._strain = self._eps + reference
-
-    def integral(self, values: Floats) -> Floats:
-        """From the end to the places and the point (N, m, k + 1, c), of values (N, m, k, c)."""
-        return self._over @ values
-
-    def moment(self, slope: Floats) -> Floats:
-        """(N, m, k + 1, 3) in space, for a line of this slope (N, m, k, 3)."""
-        return self._m - self.integral(np.cross(slope, self.n[:, :, :-1]) + self._couple)
-
-    def at_point(self) -> Floats:
-        """Components (N, m, 6) in the triad at the point."""
-        stress = beam_stress(self.elements, self._eps)
-        moduli = np.zeros((*stress.shape, 6)) + self.elements.stiffness[:, None]
-        for ids, law in self.elements.stored:
-            moduli[:, ids] = law.tangent(self._eps[:, ids])
-        held = list(self.beam.theory.held)
-        moduli[..., held, held] += 1.0
-        d, m = self.d, self.moment(self.slope)
-        for _ in range(self.beam.basis.interpolation.order):
-            own = d[:, :, :-1]
-            gap = _components(own, self.n[:, :, :-1], m[:, :, :-1]) - stress
-            gap[..., held] = 0.0
-            eps = self._strain + np.linalg.solve(moduli, gap[..., None])[..., 0]
-            line = eps.reshape(*eps.shape[:-1], 2, 3) @ own  # slope of the line, and turn of triads
-            turned = np.cross(line[..., 1:, :], own)
-            after = self.integral(turned.reshape(*eps.shape[:-1], 9))
-            d = self._start[:, :, None] + after.reshape(d.shape)
-            m = self.moment(line[..., 0, :])
-        return _components(d[:, :, -1], self.n[:, :, -1], m[:, :, -1])
+    def moment(self, slope: Array) -> Array:
+        """(..., l, 3) in space, for a line of this slope (..., k, 3)."""
+        turned = cross(slope, self.n[..., : slope.shape[-2], :])
+        return np.asarray(self._m - self._over @ (turned + self._couple))
 
 
-def _components(d: Floats, n: Floats, m: Floats) -> Floats:
+def integrals(places: Floats, to: Floats) -> Floats:
+    """Integrals (l, k) from 0 to points (l,), of polynomials by their values at places (k,)."""
+    powers = np.arange(len(places))
+    return to[:, None] ** (powers + 1) / (powers + 1) @ np.linalg.inv(places[:, None] ** powers)
+
+
+def _from_end(
+    beam: Beam, e: IndexArray, x: Floats, end: int, found: Balances, strains: Floats
+) -> Floats:
+    """Components (N, m, 6) at points, by the parts of elements from an end, 0 or -1, to these."""
+    from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
+
+    elements, kind = beam.elements.taken(e), beam.basis.interpolation
+    start, places = (1.0 if end else 0.0), kind.full.points
+    to = np.append(places, 1.0)
+    u, length = start + np.outer(x - start, to), elements.lengths
+    over = ((x - start) * length)[:, None, None] * integrals(places, to)
+    nodal, spread, force = (each[:, e] for each in found)
+    density = np.linalg.solve(
+        beam.basis.elemental_mass()[e], spread.reshape(*spread.shape[:3], -1)
+    ).reshape(spread.shape)
+    shape, inner = beam.basis.shape(u), u[:, :-1]
+    f, at = (np.einsum("amk,nmaic->nmkic", shape[..., :-1], each) for each in (density, nodal))
+    statics = Statics(force, nodal, end, f, at, over)
+    section = beam.rotations[e] @ nodal[..., 1:, :]
+    first, d = section[:, :, None, end], np.einsum("amk,nmaic->nmkic", shape, section)
+    slopes = beam.basis.dshape(inner) / length[:, None]
+    m = statics.moment(np.einsum("amk,nmac->nmkc", slopes, nodal[..., 0, :]))
+    weights = lagrange(elements.points, inner)
+    elastic = np.einsum("gmk,nmgi->nmki", weights, strains[:, e])
+    strain = elastic + np.einsum("gmk,mgi->mki", weights, elements.reference)
+    stress = beam_stress(elements, elastic)
+    moduli = np.zeros((*stress.shape, 6)) + elements.stiffness[:, None]
+    for ids, law in elements.stored:
+        moduli[:, ids] = law.tangent(elastic[:, ids])
+    held = list(beam.theory.held)
+    moduli[..., held, held] += 1.0
+    for _ in range(kind.order):
+        own = d[:, :, :-1]
+        gap = components(own, statics.n[:, :, :-1], m[:, :, :-1]) - stress
+        gap[..., held] = 0.0
+        eps = strain + np.linalg.solve(moduli, gap[..., None])[..., 0]
+        line = eps.reshape(*eps.shape[:-1], 2, 3) @ own  # slope of the line, and turn of triads
+        turned = cross(line[..., 1:, :], own).reshape(*eps.shape[:-1], 9)
+        d = first + (over @ turned).reshape(d.shape)
+        m = statics.moment(line[..., 0, :])
+    return components(d[:, :, -1], statics.n[:, :, -1], m[:, :, -1])
+
+
+def components(d: Array, n: Array, m: Array) -> Array:
     """Force and moment (..., 3) in space by components (..., 6) along directors (..., 3, 3)."""
     return (np.stack([n, m], axis=-2) @ np.swapaxes(d, -1, -2)).reshape(*n.shape[:-1], 6)
 
