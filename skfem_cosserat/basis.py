@@ -24,13 +24,10 @@ from .errors import InputError, MeshError
 from .frozen import lock_arrays
 from .mesh import MeshCurve
 from .mesh.topology import find_node
-from .mesh.triads import Directors, Twist, section_triads
+from .mesh.triads import SAME, Directors, Twist, section_triads
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
 
 # -- the director basis: a scikit-fem basis whose nodes carry a point and three directors ----------
-
-#: Rotations closer than this to the identity are the identity.
-SAME = 1e-12
 
 
 class _BuiltByScikitFem:

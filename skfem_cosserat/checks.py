@@ -30,9 +30,6 @@ from .warn import warn
 if TYPE_CHECKING:
     from .beam import Beam
 
-#: states of a history that are looked at
-LOOKS = 20
-
 # -- results, and what is doubtful about them ------------------------------------------------------
 
 
@@ -191,18 +188,15 @@ def unseen_inputs(result: Run) -> Iterator[Doubt]:
 
 # -- constraints that do not hold ------------------------------------------------------------------
 
-#: violation of constraints, relative to what motions of the scene's size change, above rounding
-OPEN = 1e-8
-
 
 def open_constraints(result: Run) -> Iterator[Doubt]:
     """Constraints that recorded states do not fulfil to rounding; the worst of some states."""
     system, history = result.system, result.history
     first, end = history.segments[-1]  # those of this system
-    rows = first + spread(end - first, LOOKS)
+    rows = first + spread(end - first)
     states = all_rows(system, history["q"][rows], history.instants[rows])
     worst = int(abs(system.constraints.stacked_values(states)).max(axis=1, initial=0.0).argmax())
-    if wrong := broken_constraint(system, states[worst], OPEN):
+    if wrong := broken_constraint(system, states[worst]):
         yield Doubt(
             "argument settings",
             f"a recorded state {wrong}, above rounding: let Newton's method go on, or take smaller"
@@ -248,7 +242,7 @@ def coarse_history(result: Recorded) -> Iterator[Doubt]:
     system, history, beams = result.system, result.history, beams_of(result.system)
     path = result if isinstance(result, Path) else None
     seen = np.array([path is not None or beam.basis.order == 1 for beam in beams])
-    rows = spread(len(history), LOOKS)
+    rows = spread(len(history))
     states = all_rows(system, history["q"][rows], history.instants[rows])
     if not seen.any() or not np.isfinite(states).all():
         return

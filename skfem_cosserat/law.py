@@ -22,7 +22,7 @@ StrainFunction: TypeAlias = Callable[[Array], Array]
 #: what errors name
 ITEM = "stored energy"
 EPS = float(np.finfo(float).eps)
-#: of the complex step, times the strain that belongs to the axial stiffness
+#: of the complex step; sections take it times the strain that belongs to the axial stiffness
 STEP = 1e-30
 #: the same of differences
 DIFFERENCE = 1e-4

@@ -573,6 +573,7 @@ class _Pardiso(Factors):
 
 # -- the one place where a linear solver is chosen, checked and replaced where it fails ------------
 
+EIGENVALUES = 300  # unknowns up to which eigenvalues are computed dense
 DENSE = 40  # unknowns below which a dense factorisation is fastest
 FULL = 0.3  # share of entries from which it always is, up to this number of unknowns
 MOST = 3000

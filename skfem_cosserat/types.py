@@ -80,7 +80,11 @@ def switch(item: str, value: Any, name: str = "") -> bool:
     return bool(value)
 
 
-def spread(count: int, most: int) -> IndexArray:
+#: states of a history that are looked at
+LOOKS = 20
+
+
+def spread(count: int, most: int = LOOKS) -> IndexArray:
     """So many numbers from 0 on, or `most` of them, evenly spread, with the first and the last.
 
     Examples

@@ -11,12 +11,12 @@ from scipy.linalg import qr
 from ..linear import LinearSolver
 from ..model import System
 from ..model.balance import amplitudes_at, balance
+from ..model.closure import RANK_TOLERANCE
 from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
 from .base import dependent_rows, rows_touching
 from .gradients import is_lattice, velocity_of_lattice
 
-RANK_TOLERANCE = 1e-9  # of normalised constraint rows, as in the model
 #: share of the scene's extent by which constraints are differenced along the motion
 SHARE = 0.1
 

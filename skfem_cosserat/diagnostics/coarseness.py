@@ -15,6 +15,7 @@ import numpy as np
 
 from ..frames import is_beam
 from ..kernels import cross
+from ..law import STEP
 from ..model import System
 from ..model.balance import Amplitudes
 from ..model.groups import BeamGroup
@@ -25,9 +26,6 @@ from .stacked import balancing_multipliers, curvature_matrix
 
 if TYPE_CHECKING:
     from ..beam import Beam
-
-#: of the complex step
-STEP = 1e-40
 
 
 def energies(

@@ -14,6 +14,7 @@ from ..frames import is_beam
 from ..history import History
 from ..kernels import beam_stress
 from ..linear import SingularMatrixError
+from ..mesh.triads import SAME
 from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..strain import strain_measures
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
     from ..beam import Beam
 
 # -- configurations and velocities carried over to a system of the same scene on other meshes ------
-
-#: reference frames closer than this are the same, and their values are copied
-SAME = 1e-12
 
 
 @checked

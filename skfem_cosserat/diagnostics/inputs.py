@@ -20,12 +20,13 @@ from ..joint import JointDrive
 from ..model import System
 from ..time_function import Constant
 from ..types import ArrayLike, Floats, spread
+from .resolution import ENOUGH
 
-#: pieces of a step, steps that are looked at most, and the fewest that tell how far a function goes
-PIECES, LOOKS, FEW = 16, 1000, 6
+#: pieces of a step, and steps that are looked at most
+PIECES, LOOKS = 16, 1000
 #: part of what a function does that steps may miss, and the part of its size that is rounding
 MISSED, ROUNDING = 0.1, 1e-9
-#: steps of a period that resolve it
+#: steps in a period that count as resolving it: the midpoint rule is off by 0.8 % of it then
 RESOLVED = 20
 
 
@@ -56,7 +57,7 @@ def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] |
     """
     steps = history["step"]
     ends = np.interp(np.arange(steps[0], steps[-1] + 1), steps, history.times)
-    if len(ends) <= FEW:
+    if len(ends) <= ENOUGH:
         return None
     try:
         found = [(_missed(*each[1:], ends), each) for each in _entering(system, at_ends)]

@@ -8,13 +8,12 @@ import numpy as np
 
 from ..history import History
 from ..model import System
+from ..model.limits import STAYS
 from ..time_function import Constant
 from ..types import Floats
 
 #: instants at which functions are looked at, and how many changes without a jump are looked into
 LOOKS, MANY = 400, 20
-#: of what sticks out: the part that stays in a smaller interval if it is a jump
-STAYS = 0.6
 #: part of a function's range, and of its size, that is no jump
 SMALL, NOISE = 1e-2, 1e-5
 #: of the size of what moves, in differences of it; and of what is zero

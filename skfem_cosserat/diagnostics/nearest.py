@@ -19,6 +19,9 @@ from .stacked import ReducedTangent, material_stiffness, null_space_matrix, redu
 
 # -- motions of a scene in which nothing is strained: of its beams and bodies as rigid pieces ------
 
+#: rigid pieces above which motions of them are not sought: the search is dense
+PIECES = 400
+
 
 def rigid_pieces(system: System, joined: bool = False) -> tuple[IndexArray, list[str]]:
     """Number of each vertex's rigid piece, and names of the pieces.

@@ -18,6 +18,7 @@ from ..history import History
 from ..model import System
 from ..model.limits import owner
 from ..model.parts import connected_parts
+from ..model.quadratic import TOGETHER
 from ..pattern import once_for_each
 from ..types import Floats, IndexArray, spread
 from .momenta import Projection
@@ -41,11 +42,9 @@ SAME, ROUNDING = 1e-6, 1e-12
 MANY, USUAL, FAR = 6, 4, 0.25
 #: states, evenly spread, that tell the range of a motion; the part of a step that tells a velocity
 SPREAD, SMALL = 50, 1e-3
-#: coordinates that are looked at together: so many stay in the cache
-CACHED = 2**16
-#: states at which compression is looked at; step times the frequency with which it drives rotations
-#: that alternate from step to step, above which these grow
-LOOKS, ALTERNATES = 20, 2.0
+#: step times the frequency with which compression drives rotations that alternate from step to
+#: step, above which these grow
+ALTERNATES = 2.0
 
 
 @dataclass(frozen=True)
@@ -204,7 +203,7 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     scale = np.full((system.rows, 3), shares.max() ** 3 / FAR)
     scale[system.origin_rows] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part, None]
     far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
-    few = max(1, CACHED // q.shape[1])
+    few = max(1, TOGETHER // q.shape[1])
     for k in (starts[i : i + few] for i in range(0, len(starts), few)):
         four = k[:, None] + np.arange(4)
         y = _beside(system, q[four].reshape(*four.shape, -1, 3), times[four])
@@ -260,7 +259,7 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
     )
     if not len(known) or not system.beam_groups:
         return None
-    for k in known[spread(len(known), LOOKS)]:
+    for k in known[spread(len(known))]:
         state = history["q"][k], history["constraint_force"][k]
         if not np.isfinite(state[0]).all():
             break

@@ -12,14 +12,11 @@ from scipy.sparse.linalg import eigsh, splu
 from ..constraints.base import RowSpace
 from ..errors import IncompatibleError, InputError
 from ..history import History
-from ..linear import SingularMatrixError
+from ..linear import EIGENVALUES, SingularMatrixError
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Balance, balance, balance_tangent
 from ..model.loops import null_space_matrix
 from ..types import Array, ArrayLike, Floats, numbers, real
-
-#: rotations up to which an eigenvalue is computed dense
-DENSE = 300
 
 # -- states one by one or stacked: (n,) or (N, n) --------------------------------------------------
 
@@ -405,7 +402,7 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     shape_of = (3 * count, 3 * count)
     M = coo_matrix((entries.ravel(), [each.ravel() for each in at]), shape_of).tocsc()
     K = bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape_of).tocsc()
-    if 3 * count <= DENSE:
+    if 3 * count <= EIGENVALUES:
         top = 3 * count - 1
         value, shape = eigh(K.toarray(), M.toarray(), subset_by_index=[top, top])
     else:

@@ -16,8 +16,8 @@ from ..errors import InputError, writing
 from ..history import History
 from ..history.file import plain
 
-#: Series with more numbers per state than this are not in a table unless named.
-_WIDE = 6
+#: numbers per state above which a quantity is not in a table unless named
+WIDE = 6
 _PROVENANCE = ("integrator", "treatment", "step", "kernels", "versions", "status")
 
 
@@ -26,7 +26,7 @@ def _default_names(history: History) -> list[str]:
     names = [
         name
         for name, array in history.series.items()
-        if name not in ("t", "q", "p", "v") and (array.ndim == 1 or _columns(array) <= _WIDE)
+        if name not in ("t", "q", "p", "v") and (array.ndim == 1 or _columns(array) <= WIDE)
     ]
     return ["t", *(name for name in names if history[name].ndim <= 2)]
 

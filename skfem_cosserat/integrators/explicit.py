@@ -35,6 +35,7 @@ from ..kernels import (
 )
 from ..model import Model, System, system_of
 from ..model.force_elements import CoupledForce
+from ..model.ground import KEPT
 from ..model.groups import BeamGroup
 from ..types import Floats, IndexArray, numbers, positive, real, switch
 from ..warn import logger, warn
@@ -50,8 +51,6 @@ FAR = 100.0
 #: change of the momenta, relative to the largest, by velocities that are those after the kick; what
 #: does not become less any more is accepted up to the second number
 SETTLED = 1e-12, 1e-9
-#: instants of a round that are planned once; more of them take memory
-KEPT = 4096
 
 
 # -- what explicit steps cannot do -----------------------------------------------------------------

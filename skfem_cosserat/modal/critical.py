@@ -16,11 +16,13 @@ from ..diagnostics.coarseness import energies_of_motion
 from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, InputError
 from ..history import History
+from ..law import STEP
+from ..linear import EIGENVALUES
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..types import Floats
 from ..warn import Notices, counted
-from .eigen import DENSE, SPARE, SYMMETRIC, TOLERANCE, Factorised, Pencil, lowest, make_pencil
+from .eigen import SPARE, SYMMETRIC, TOLERANCE, Factorised, Pencil, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, finite, resting
 from .vibration import animation, checked_count, checked_index
 
@@ -31,8 +33,6 @@ _WHICH = {"positive": "LA", "negative": "SA", "both": "LM"}
 INFINITE = 1e10
 #: of solutions with K_0
 REFINEMENTS = 2
-#: of the complex step
-STEP = 1e-40
 #: relative imaginary part above which a factor is no buckling load
 REAL = 1e-6
 
@@ -268,7 +268,7 @@ def _critical(
     many = min(n, count + SPARE)
     if symmetric:
         K1 = (0.5 * (K1 + K1.T)).tocsr()
-        if n <= DENSE or many > n // 3:
+        if n <= EIGENVALUES or many > n // 3:
             X = eigh(-K1.toarray(), pencil.K.toarray())[1]
         else:
             X = _lanczos(K1, pencil, factors, many, sign)
@@ -317,7 +317,7 @@ def _without_potential(
 ) -> tuple[Floats, Floats]:
     """Real eigenvalues 1/factor for a K_1 that is not symmetric."""
     n = K1.shape[0]
-    if n <= DENSE or k > n // 3:
+    if n <= EIGENVALUES or k > n // 3:
         theta, X = eig(-K1.toarray(), K0.toarray())
     else:
         inverse = LinearOperator((n, n), matvec=lambda x: -factors.solve(K1 @ x), dtype=float)

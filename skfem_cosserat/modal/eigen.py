@@ -22,6 +22,7 @@ from scipy.sparse.linalg import (
 from ..diagnostics.stacked import blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, IncompleteWarning, InputError
 from ..kernels import skew
+from ..linear import EIGENVALUES
 from ..model import System
 from ..model.balance import balance_tangent
 from ..types import Array, Floats
@@ -30,8 +31,6 @@ from .state import Equilibrium
 
 # -- lowest eigenvalues of symmetric pencils: dense, or Lanczos about a shift below all of them ----
 
-#: unknowns up to which all eigenvalues are computed, dense
-DENSE = 300
 #: first shift, relative to the largest quotient of diagonals
 FIRST = 1e-9
 #: of Lanczos vectors: their squares are what counts, after a Rayleigh-Ritz step
@@ -98,7 +97,7 @@ class Lowest:
 
 
 def lowest(
-    K: csr_matrix, M: csr_matrix, count: int, energies: Energies, dense: int = DENSE
+    K: csr_matrix, M: csr_matrix, count: int, energies: Energies, dense: int = EIGENVALUES
 ) -> Lowest:
     """The `count` lowest eigenpairs of ``K x = lambda M x``; M positive, K of any sign.
 
@@ -421,8 +420,6 @@ def _check_inertia(system: System, M: csr_matrix, metric: csr_matrix) -> None:
 
 # -- eigenvalues nearest to zero of ``(s^2 M + s C + K) x = 0``: gyroscopic, damped, circulatory ---
 
-#: unknowns up to which all eigenvalues are computed, dense
-DENSE_QUADRATIC = 150
 #: relative change of an eigenvalue by its Rayleigh quotient up to which that is followed
 STEADY = 1e-4
 #: eigenvalues relative to the lowest elastic frequency that may be halves of a double zero
@@ -454,7 +451,7 @@ class Eigenvalues:
         self.factorisations = factorisations
 
 
-def spectrum(pencil: Pencil, count: int, dense: int = DENSE_QUADRATIC) -> Eigenvalues:
+def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigenvalues:
     """The `count` eigenvalues of smallest modulus, motions without stiffness first.
 
     A linear pencil of twice the size is solved about a real shift, of the size of the lowest

@@ -27,8 +27,6 @@ from ..warn import warn
 #: what may be given as a state
 StateLike: TypeAlias = ArrayLike | State | History | tuple[History, int]
 
-#: violation of constraints, relative to their terms, above which a configuration is refused
-CLOSED = 1e-8
 #: rounding of strains of order one, against which forces count as zero
 ROUNDING = 1e-13
 
@@ -113,7 +111,7 @@ def resting(
             "damping in proportion to mass is a drag against space: nothing turns steadily in it",
         )
     y = system.extend(q, time)
-    if wrong := broken_constraint(system, y, CLOSED):
+    if wrong := broken_constraint(system, y):
         raise InputError("argument state", wrong)
     for chosen in system.closure.select(y, tree_values(system, y)):
         if (chosen.pivots <= SINGULAR).any():

@@ -24,6 +24,7 @@ from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
 
+#: pivot or singular value, against the largest, below which rows or motions depend on others
 RANK_TOLERANCE = 1e-9
 #: smallest against largest diagonal entry of R below which a configuration counts as singular
 SINGULAR = 1e-7

@@ -12,7 +12,7 @@ from ..frames import Place
 from ..types import Floats
 from .plane import Plane
 
-#: instants of which the rate is kept
+#: instants of which something is kept; more of them take memory
 KEPT = 4096
 _REST = np.eye(4, 3, -1)
 _REST.setflags(write=False)

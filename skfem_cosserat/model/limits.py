@@ -13,7 +13,7 @@ from ..joint import Joint, JointDrive
 from ..pattern import once_for_each
 from ..types import Floats, IndexArray
 from .groups import BeamGroup
-from .loops import reached
+from .loops import BROKEN, reached
 from .system import System
 from .theories import theory_of
 
@@ -69,8 +69,11 @@ def owner(system: System, row: int) -> StructuralItem:
 # -- constraints that do not hold ------------------------------------------------------------------
 
 
-def broken_constraint(system: System, y: Floats, tolerance: float) -> str | None:
-    """Which constraint does not hold at y, and by how much, or holds on another branch only."""
+def broken_constraint(system: System, y: Floats, tolerance: float = BROKEN) -> str | None:
+    """Which constraint does not hold at y, and by how much, or holds on another branch only.
+
+    The tolerance is relative to what motions of the scene's size change.
+    """
     g, sizes = abs(system.constraints.values(y)), np.ones((system.rows, 3))
     sizes[system.origin_rows] = system.length  # wherever it is: what motions of its size change
     allowed = tolerance * (abs(system.constraints.jacobian(y)) @ sizes.ravel())
@@ -96,9 +99,9 @@ def constraint_owner(system: System, row: int) -> str:
 
 # -- prescribed motion that jumps ----------------------------------------------------------------
 
-#: second difference of prescribed motion (rad, relative to the extent) that may be a jump; what it
-#: shrinks to at most, with half the interval, if it is none; interval, against time, that tells
-JUMP, SHRINKS, STEEPEST = 1e-6, 0.6, 1e-14
+#: second difference of prescribed motion (rad, relative to the extent) that may be a jump; the part
+#: that stays in half the interval if it is one; interval, against time, that tells
+JUMP, STAYS, STEEPEST = 1e-6, 0.6, 1e-14
 
 
 @once_for_each
@@ -136,7 +139,7 @@ def jump(system: System, t0: float, t1: float) -> str | None:
         found = []
         for half in ((a, (a + b) / 2), ((a + b) / 2, b)):
             later = bend(*half)
-            found.append((np.where(later > SHRINKS * now, later, 0.0), half))
+            found.append((np.where(later > STAYS * now, later, 0.0), half))
         now, (a, b) = max(found, key=lambda each: each[0].max())
         weights = weights * (now > 0)
     if now.max() <= JUMP:

@@ -25,7 +25,7 @@ from .tree import ConstrainedElement
 
 #: prescribed motion (m, rad) with which the loops are closed once, for a check
 SMALL_MOTION = 1e-2
-#: violation of dependent rows above which prescribed motions contradict each other
+#: violation of constraints, relative to the scene, that is more than rounding
 BROKEN = 1e-8
 #: what a closed loop may violate its rows by, relative to the sizes of their terms
 CLOSED = 1e-13

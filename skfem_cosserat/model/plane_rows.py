@@ -13,14 +13,13 @@ from ..frames import TOLERANCE
 from ..joint import JointDrive
 from ..kernels import cross
 from ..types import Floats, IndexArray
+from .closure import RANK_TOLERANCE
 
 if TYPE_CHECKING:
     from .system import System
 
 #: numbers of a triad's rows 11, 22, 33, 12, 13, 23 in which a director does not occur
 _WITHOUT = np.array([[1, 2, 5], [0, 2, 4], [0, 1, 3]])
-#: of rows that count as independent in the plane, relative
-RANK = 1e-9
 
 
 def coordinates_in_plane(system: System) -> csr_matrix:
@@ -117,4 +116,4 @@ def _pick(matrix: csr_matrix, rows: IndexArray) -> IndexArray:
     dense = part[:, columns].toarray()
     _, R, order = qr(dense.T, mode="economic", pivoting=True)
     d = abs(np.diagonal(R))
-    return np.sort(rows[order[: int((d > RANK * max(1.0, d.max())).sum())]])
+    return np.sort(rows[order[: int((d > RANK_TOLERANCE * max(1.0, d.max())).sum())]])

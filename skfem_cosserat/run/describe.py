@@ -40,6 +40,7 @@ from ..frames import Place, is_beam
 from ..history import History
 from ..model import System, takes_scene
 from ..model.groups import lumped
+from ..model.plane import PROBE
 from ..model.theories import theory_of
 from ..time_function import of_the_user
 from ..types import Floats, IndexArray, names_known
@@ -51,8 +52,6 @@ if TYPE_CHECKING:
 
 #: version of a package, whose metadata it takes a millisecond to read
 _installed = cache(version)
-#: strains at which stored energies that are not quadratic are compared
-PROBE = 1e-2 * np.array([np.cos(k * np.arange(6)) for k in range(1, 5)])
 
 
 def fingerprint(system: System) -> dict[str, Any]:

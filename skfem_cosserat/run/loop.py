@@ -183,8 +183,6 @@ class RunLoop:
 
 # -- the loop in time: a generator of steps, and a simulation with a history on top of it ----------
 
-#: recorded states, evenly spread, at which the tension of elements is looked at
-LOOKS = 20
 #: steps, those with the most iterations, that are looked at for other solutions
 HARDEST = 20
 #: error of fifty steps, or rotation in one (rad), above which it is this many, or one of so many
@@ -526,7 +524,7 @@ def _strained_elements(system: System, history: History) -> list[tuple[tuple[str
     first = first_over_rotated(system, states)
     if first is not None and (bent := over_rotated_beam(system, states[first])):
         found.append((bent, float(history.times[first])))
-    looks = spread(len(states), LOOKS)
+    looks = spread(len(states))
     if any(2 in theory.held for theory in system.theory_rows):
         points = all_rows(system, history["q"][looks], history.instants[looks])
         lams = multipliers(system, points, history["constraint_force"][looks])
@@ -643,7 +641,7 @@ def _warn_of_functions(system: System, history: History) -> None:
     """Say which function of the motion pushed out of the plane of the scene at recorded states."""
     if system.plane is None or not system.couplings.functions:
         return
-    k = spread(len(history), LOOKS)
+    k = spread(len(history))
     if found := functions_off_plane(system, history.times[k], history["q"][k]):
         label, text, time = found
         warn(label, text, AccuracyWarning, time)

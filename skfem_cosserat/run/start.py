@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 from .. import diagnostics
 from ..diagnostics import Projection, ground_part, section_strain_rates
 from ..diagnostics.joint_motion import rates as rates_of_rows
-from ..diagnostics.nearest import motions_out_of_plane, rigid_motions, rigid_pieces
+from ..diagnostics.nearest import PIECES, motions_out_of_plane, rigid_motions, rigid_pieces
 from ..diagnostics.stacked import material_stiffness, null_space_matrix
 from ..errors import HistoryError, InputError, ModelWarning
 from ..frames import is_beam
@@ -20,6 +20,7 @@ from ..history import History
 from ..integrators import Integrator, State, StepOrigin
 from ..joint import Joint
 from ..model import System, takes_scene
+from ..model.closure import RANK_TOLERANCE
 from ..model.force_elements import Invariants, kind_of
 from ..model.limits import broken_constraint, constraint_owner
 from ..relative import RelativeCoordinate
@@ -31,13 +32,10 @@ from .step_size import StepControl
 
 # -- velocities from rates of joint coordinates: initial conditions in reduced form ----------------
 
-#: what joints leave of a motion of rigid pieces, relative to others, below which they hold it, and
-#: singular value below which they ask for the same twice
-ZERO, RANK = 1e-12, 1e-9
+#: what joints leave of a motion of rigid pieces, relative to others, below which they hold it
+ZERO = 1e-12
 #: strain rate, relative to the motion and to the largest one, above which a beam is named
 NOTABLE = 1e-6
-#: rigid pieces above which motions without strains are not sought: the search is dense
-PIECES = 400
 #: relative to the motion, how well rigid pieces have to fulfil what is asked for
 COMPATIBLE = 1e-8
 
@@ -145,7 +143,7 @@ class Held:
         size = np.linalg.norm(A, axis=1)
         acts = size > ZERO * size.max(initial=0.0)
         scaled = A[acts] / size[acts, None], b[acts] / size[acts]
-        u = lstsq(*scaled, cond=RANK, lapack_driver="gelsy")[0]
+        u = lstsq(*scaled, cond=RANK_TOLERANCE, lapack_driver="gelsy")[0]
         allowed = COMPATIBLE * (size * np.linalg.norm(u) + abs(b).max(initial=0.0)) + self._unsure
         if (abs(A @ u - b) > allowed).any():
             return None
@@ -162,7 +160,7 @@ class Held:
         P = null_space_matrix(system, self.y)
         S = material_stiffness(system, self.y)
         A, _, there, root = self._scaled()
-        free = null_space(A, rcond=RANK)
+        free = null_space(A, rcond=RANK_TOLERANCE)
         M = csr_matrix(kron(system.mass, identity(3)))
         idle = self.E[:, there] @ solve_triangular(root, free)
         rows = np.vstack([self.slopes @ P, (M @ idle).T @ P])
@@ -171,7 +169,7 @@ class Held:
         rows, values = rows / size[:, None], values / size
         _, R, order = qr(rows.T, pivoting=True, mode="economic")
         diagonal = abs(np.diag(R))
-        chosen = order[: int((diagonal > RANK * diagonal.max(initial=0.0)).sum())]
+        chosen = order[: int((diagonal > RANK_TOLERANCE * diagonal.max(initial=0.0)).sum())]
         K = P.T @ S @ P
         scale = float(abs(K.data).max(initial=0.0)) or 1.0
         B = csr_matrix(scale * rows[chosen])

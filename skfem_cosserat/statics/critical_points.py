@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
 
 from ..diagnostics.stacked import ReducedTangent, reduced_tangent
-from ..linear import BAND, Band
+from ..linear import BAND, EIGENVALUES, Band
 from ..model import System
 from ..model.balance import Amplitudes, balance
 from ..pattern import FrozenPattern, sum_at
@@ -23,8 +23,6 @@ from .schedule import Functional, Neutral, Point, Schedule, weights
 
 # -- stability of an equilibrium: eigenvalues of its stiffness, or the pivots of an elimination ----
 
-#: unknowns up to which eigenvalues are computed dense
-DENSE = 300
 #: relative difference of K and its transpose above which forces count as not conservative: with
 #: conservative ones it is rounding, below one unit of it (measured)
 SYMMETRIC = 1e-14
@@ -147,7 +145,7 @@ class Stability:
         n = K.shape[0]
         if not K.data.any():
             return np.zeros(min(count, n)), np.eye(n, count)[:, :n]
-        if n <= max(DENSE, count + 2):
+        if n <= max(EIGENVALUES, count + 2):
             if self.symmetric:
                 values, vectors = eigh(K.toarray(), metric.toarray())
             else:
@@ -314,7 +312,7 @@ def _negative(K: csr_matrix) -> tuple[int, float]:
     options = {"SymmetricMode": True}
     none = NEUTRAL * float(abs(K.data).max(initial=0.0)) or 1.0
     # a large one that is exactly singular: motions without stiffness get one that counts as none
-    for shift in (0.0, none) if K.shape[0] > DENSE else (0.0,):
+    for shift in (0.0, none) if K.shape[0] > EIGENVALUES else (0.0,):
         try:
             factors = splu(
                 (K + shift * identity(K.shape[0])).tocsc(),

@@ -11,13 +11,14 @@ from scipy.sparse import bmat, csr_matrix, diags, vstack
 from scipy.sparse.linalg import lsqr, splu
 
 from ..constraints import Treatment
-from ..diagnostics.nearest import motions_out_of_plane, rigid_motions, rigid_pieces
+from ..diagnostics.nearest import PIECES, motions_out_of_plane, rigid_motions, rigid_pieces
 from ..diagnostics.stacked import blocks_matrix, curvature_matrix, reduced_tangent
 from ..errors import InputError
 from ..integrators import State
 from ..linear import SingularMatrixError
 from ..model import System
 from ..model.balance import balance, balance_tangent
+from ..model.closure import RANK_TOLERANCE
 from ..model.limits import broken_constraint
 from ..model.loops import closed, tree_values
 from ..model.reparametrisation import Reparametrisation
@@ -29,10 +30,8 @@ from .control import ArcLength, Control, DisplacementControl, LoadControl
 from .critical_points import LOOSE, MOST_NEUTRAL, FirmStability, Stability, inspect
 from .schedule import Point, Schedule, load_force, weights
 
-#: rigid pieces above which free motions are not sought: the search is dense
-PIECES = 400
-#: singular value, relative to the largest, below which a motion counts as free; and stiffness
-FREE, UNHELD = 1e-9, 1e-12
+#: stiffness, relative to the largest, below which a motion counts as free
+UNHELD = 1e-12
 #: iterations to an equilibrium without free motions
 LOADED = 30
 #: motion, relative to the scene, below which they end when it does not become smaller
@@ -390,7 +389,7 @@ def _rigid_stiffness(
     if len(joints):
         G = system.constraints.jacobian(y)[joints]
         held = np.asarray((G @ E).todense())
-        multipliers[joints] = np.linalg.lstsq(held.T, -E.T @ R.ravel(), rcond=FREE)[0]
+        multipliers[joints] = np.linalg.lstsq(held.T, -E.T @ R.ravel(), rcond=RANK_TOLERANCE)[0]
         R = R + (G.T @ multipliers[joints]).reshape(-1, 3)
     A = A + curvature_matrix(system, y, multipliers)
     out = np.asarray((E.T @ A @ E).todense())
@@ -434,7 +433,7 @@ def _null_space(A: Floats) -> Floats:
     """Orthonormal columns that A maps to zero: a quarter of the time of singular values."""
     Q, R, _ = qr(A.T, pivoting=True)
     pivots = abs(np.diag(R))
-    return np.asarray(Q[:, int((pivots > FREE * pivots.max(initial=0.0)).sum()) :])
+    return np.asarray(Q[:, int((pivots > RANK_TOLERANCE * pivots.max(initial=0.0)).sum()) :])
 
 
 def _echelon(N: Floats) -> Floats:

@@ -15,6 +15,7 @@ import numpy as np
 from ..arguments import checked
 from ..errors import InputError
 from ..export import write_paraview
+from ..export.table import WIDE
 from ..history import History
 from ..parallel import Executor, Job, Outcome
 from ..types import Array, Floats, names_known, positive, switch
@@ -39,8 +40,6 @@ if TYPE_CHECKING:
 
 # -- what came of a refinement study: tables, verdicts, charts, files for ParaView -----------------
 
-#: quantities with more numbers are not in the table, only their errors
-WIDE = 6
 #: error of what is held in units of the change by half of it, for a method of order 1 or higher
 HELD = 2.0
 
