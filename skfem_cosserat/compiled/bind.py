@@ -632,13 +632,12 @@ def bound_work(
         "found": (3,),
         "frames": (rows, 3),
         "A": (len(plan.ends), 6, 6),
-        "inverse": (each, 6, 6),
+        **dict.fromkeys(("lower", "upper"), (each, 6, 6)),
         **dict.fromkeys(
             ("S_left", "X_left", "S_right", "X_right", "S_kept", "X_kept"), (edges, 6, 6)
         ),
         **dict.fromkeys(("C_child", "C_parent"), (edges, 6, 6)),
         "closing": (rows, 3),
-        "corrections": (each,),
         "scratch": (2, 6, 6),
         "dead": (rows, 3),
         "moments": (len(system.loading.moments.vertices), 3),

@@ -13,10 +13,10 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["ROW", "SIDE", "add_block", "add_crossed", "add_times", "entry", "invert"]
-__all__ += ["put_crossed", "put_entry", "put_times", "put_turned", "subtract_crossed"]
+__all__ = ["GROWTH", "ROW", "SIDE", "add_block", "add_crossed", "add_times", "entry", "put_crossed"]
+__all__ += ["put_entry", "put_times", "put_turned", "subtract_crossed", "transpose", "triangles"]
 
-#: how much entries of the diagonal may grow while a block is inverted without exchanging rows.
+#: how much entries of the diagonal may grow while a block is factorised without exchanging rows.
 #: Those of positive definite ones do not grow; rows and columns may have any units
 GROWTH = 10.0
 #: rows of a block, and the type of one
@@ -141,29 +141,44 @@ def subtract_crossed(typing: Any, A: Any, i: Any, B: Any, j: Any, out: Any, k: A
     return _multiply(-1, True)(typing, A, i, B, j, out, k)
 
 
+def _clear(builder: Any, rows: list[Any], n: int, own: Any, others: range) -> None:
+    """Subtract row n from others, so that column n leaves them; there is what they subtracted."""
+    zero = ir.Constant(ROW, [0.0] * SIDE)
+    for i in others:
+        factor = _mixed(builder, rows[i], zero, [n] * SIDE)
+        left = [SIDE + c if c == n else c for c in range(SIDE)]
+        term = builder.fmul(factor, own, flags=_FUSED)
+        rows[i] = builder.fsub(_mixed(builder, rows[i], zero, left), term, flags=_FUSED)
+
+
 def _eliminate(builder: Any, rows: list[Any], n: int) -> Any:
-    """A step of Gauss and Jordan in place, without exchange of rows; gives the pivot."""
-    one, zero = ir.Constant(ir.DoubleType(), 1.0), ir.Constant(ROW, [0.0] * SIDE)
-    lane = ir.Constant(_LANE, n)
+    """A step of Gauss in place, without exchange of rows; gives the pivot."""
+    one, lane = ir.Constant(ir.DoubleType(), 1.0), ir.Constant(_LANE, n)
     pivot = builder.extract_element(rows[n], lane)
     inverse = _spread(builder, builder.fdiv(one, pivot))
-    own = builder.fmul(builder.insert_element(rows[n], one, lane), inverse)
-    for i in range(SIDE):
-        if i != n:
-            factor = _mixed(builder, rows[i], zero, [n] * SIDE)
-            left = [SIDE + c if c == n else c for c in range(SIDE)]
-            rest = _mixed(builder, rows[i], zero, left)
-            term = builder.fmul(factor, own, flags=_FUSED)
-            rows[i] = builder.fsub(rest, term, flags=_FUSED)
-    rows[n] = own
+    rows[n] = builder.fmul(builder.insert_element(rows[n], one, lane), inverse)
+    _clear(builder, rows, n, rows[n], range(n + 1, SIDE))
     return pivot
 
 
-@intrinsic
-def invert(typing: Any, A: Any, k: Any, out: Any, v: Any) -> Any:
-    """``out_v = A_k^-T`` without exchange of rows; whether that was stable (not if NaN).
+def _upper(builder: Any, rows: list[Any]) -> list[Any]:
+    """Inverse of the upper triangle, with ones on its diagonal, in place and of its own."""
+    out: list[Any] = []
+    for n in reversed(range(SIDE)):
+        unit = ir.Constant(ROW, [float(c == n) for c in range(SIDE)])
+        out.insert(0, _mixed(builder, rows[n], unit, [c + SIDE * (c <= n) for c in range(SIDE)]))
+        _clear(builder, rows, n, out[0], range(n))
+    return out
 
-    It is where no entry of the diagonal grew more than :data:`GROWTH` times.
+
+@intrinsic
+def triangles(typing: Any, A: Any, k: Any, lower: Any, upper: Any, v: Any) -> Any:
+    """Inverses of a block's triangular factors, ``A_k^-T = lower_v upper_v``.
+
+    Products with one after the other lose no more to rounding than triangular solutions do, those
+    with an inverse the more the nearer the block is to a singular one. No rows are exchanged; it
+    tells whether that was stable (not if NaN): if no entry of the diagonal grew more than
+    :data:`GROWTH` times.
     """
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
@@ -193,11 +208,27 @@ def invert(typing: Any, A: Any, k: Any, out: Any, v: Any) -> Any:
         small = builder.bitcast(within, ir.IntType(SIDE))
         stable = builder.icmp_unsigned("==", small, ir.Constant(ir.IntType(SIDE), 2**SIDE - 1))
         regular = builder.fcmp_ordered("!=", pivot, ir.Constant(ir.DoubleType(), 0.0))
-        place = _places(builder, context, kind.args[2], values[2], values[3])
-        _store(builder, _turned(builder, rows), place)
+        zero = ir.Constant(ROW, [0.0] * SIDE)
+        which = [[c + SIDE * (c > i) for c in range(SIDE)] for i in range(SIDE)]
+        below = [_mixed(builder, row, zero, own) for row, own in zip(rows, which, strict=True)]
+        for found, n in ((below, 2), (_upper(builder, rows), 3)):
+            place = _places(builder, context, kind.args[n], values[n], values[4])
+            _store(builder, _turned(builder, found), place)
         return builder.and_(stable, regular)
 
-    return types.boolean(A, types.int64, out, types.int64), generate
+    return types.boolean(A, types.int64, lower, upper, types.int64), generate
+
+
+@intrinsic
+def transpose(typing: Any, A: Any, k: Any) -> Any:
+    """Transpose ``A_k`` in place."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        block = _places(builder, context, kind.args[0], *values)
+        _store(builder, _turned(builder, _load(builder, block)), block)
+        return context.get_dummy_value()
+
+    return types.none(A, types.int64), generate
 
 
 @intrinsic

@@ -22,12 +22,13 @@ from .block_algebra import (
     add_crossed,
     add_times,
     entry,
-    invert,
     put_crossed,
     put_entry,
     put_times,
     put_turned,
     subtract_crossed,
+    transpose,
+    triangles,
 )
 from .jit import call_back, inlined, part
 from .simd import WIDTH, add_product, load, put_product, put_rows, rows, store
@@ -35,14 +36,12 @@ from .small import Rotation, block, chosen, combine, directors, frames, times, t
 
 __all__ = ["factor", "solve_blocks", "sweep"]
 
-#: how often a pivot's diagonal, times that of its inverse, leaves an inverse as it is: what is
-#: passed on with one loses the square of that, so half of all digits here
-CANCELLED = np.finfo(float).eps ** -0.25
-
 
 @inlined
-def invert_exchanging(A: Floats, k: int, W: Floats, inverse: Floats, v: int) -> float:
-    """``inverse_v = A_k^-T`` with exchange of rows; W is scratch.
+def triangles_exchanging(
+    A: Floats, k: int, W: Floats, lower: Floats, upper: Floats, v: int
+) -> float:
+    """``A_k^-T = lower_v upper_v`` as of :func:`.triangles`, with exchange of rows; W is scratch.
 
     Gives the sign of the determinant, 0 if a pivot vanishes. It is rarely called: loops over
     `size`, which no compiler knows, stay short.
@@ -51,7 +50,8 @@ def invert_exchanging(A: Floats, k: int, W: Floats, inverse: Floats, v: int) -> 
     for r in range(size):
         for c in range(size):
             put_entry(W, 0, r, c, entry(A, k, r, c))
-            put_entry(inverse, v, r, c, 1.0 if r == c else 0.0)
+            put_entry(lower, v, r, c, 1.0 if r == c else 0.0)
+            put_entry(upper, v, r, c, 1.0 if r == c else 0.0)
     sign = 1.0
     for n in range(size):
         p = n
@@ -67,14 +67,19 @@ def invert_exchanging(A: Floats, k: int, W: Floats, inverse: Floats, v: int) -> 
             own, new = entry(W, 0, n, c), entry(W, 0, p, c) / pivot
             put_entry(W, 0, p, c, own)
             put_entry(W, 0, n, c, new)
-            own, new = entry(inverse, v, c, n), entry(inverse, v, c, p) / pivot
-            put_entry(inverse, v, c, p, own)
-            put_entry(inverse, v, c, n, new)
-        for i in range(size):
-            f = entry(W, 0, i, n) if i != n else 0.0
+            own, new = entry(lower, v, c, n), entry(lower, v, c, p) / pivot
+            put_entry(lower, v, c, p, own)
+            put_entry(lower, v, c, n, new)
+        for i in range(n + 1, size):
+            f = entry(W, 0, i, n)
             for c in range(size):
                 put_entry(W, 0, i, c, entry(W, 0, i, c) - f * entry(W, 0, n, c))
-                put_entry(inverse, v, c, i, entry(inverse, v, c, i) - f * entry(inverse, v, c, n))
+                put_entry(lower, v, c, i, entry(lower, v, c, i) - f * entry(lower, v, c, n))
+    for n in range(size - 1, 0, -1):
+        for i in range(n):
+            for c in range(n, size):
+                left = entry(upper, v, c, i) - entry(W, 0, i, n) * entry(upper, v, c, n)
+                put_entry(upper, v, c, i, left)
     return sign
 
 
@@ -116,38 +121,12 @@ def to_own_coordinates(m: Any, w: Any, t: int) -> None:
         put_entry(A, k, i, i, 1.0)
 
 
-@inlined
-def corrections(A: Floats, k: int, inverse: Floats, v: int) -> int:
-    """How often solutions by ``inverse_v`` of ``A_k`` are to be put right.
-
-    A diagonal entry of a block times that of its inverse is how often rounding comes out larger, in
-    whatever units: 1 where rows do not cancel, GA h^2/EI for a thin element that bends.
-    """
-    grown = 0.0
-    for r in range(A.shape[1]):
-        grown = max(grown, abs(entry(A, k, r, r) * entry(inverse, v, r, r)))
-    if grown <= CANCELLED:
-        return 0
-    return 1 if grown <= CANCELLED * CANCELLED else 2
-
-
-@inlined
-def divide(A: Floats, i: int, k: int, inverse: Floats, v: int, W: Floats, times: int) -> None:
-    """``A_i = (A_i A_k^-1)^T``, whose residual is taken off as often as given; W is scratch."""
-    for n in range(times):
-        put_turned(inverse, v, A, i, W, n)
-        subtract_crossed(W, n, A, k, A, i)
-    put_turned(inverse, v, A, i, A, i)
-    for n in range(times):
-        add_block(W, n, A, i)
-
-
 @part
 def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Factorise: 0 if a pivot vanishes, else 1. Blocks of the diagonal stay as they are then."""
     A, edge, diag, ptr = w.A, m.edge, m.diag, m.ptr
     order, right, down, start, update = m.order, m.right, m.down, m.update_ptr, m.update
-    S, X, y1, frames, inverse = w.S_left, w.X_left, w.y1, w.frames, w.inverse
+    S, X, y1, frames, lower, upper = w.S_left, w.X_left, w.y1, w.frames, w.lower, w.upper
     for r in range(frames.shape[0]):
         for c in range(frames.shape[1]):
             frames[r, c] = y1[r, c]
@@ -163,21 +142,21 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             to_own_coordinates(m, w, t)
         if t >= blocks:
             continue
-        if not invert(A, diag[v], inverse, v):
-            regular *= abs(invert_exchanging(A, diag[v], w.scratch, inverse, v))
-        times = corrections(A, diag[v], inverse, v)
-        w.corrections[v] = times
-        # transposed, as sweeps take them: triangular solutions take twice as long as products, and
-        # what a pivot passes on from its right-hand side goes at once, by columns
+        if not triangles(A, diag[v], lower, upper, v):
+            regular *= abs(triangles_exchanging(A, diag[v], w.scratch, lower, upper, v))
+        # transposed, as sweeps take them: what a pivot passes on from its right-hand side goes at
+        # once, by columns
         a0, end = ptr[t], ptr[t + 1]
         u = start[t]
+        for j in range(a0, end):
+            put_crossed(lower, v, A, right[j], A, right[j])
         for i in range(a0, end):
-            divide(A, down[i], diag[v], inverse, v, w.scratch, times)
+            put_turned(upper, v, A, down[i], A, down[i])
             for j in range(a0, end):
                 subtract_crossed(A, down[i], A, right[j], A, update[u])
                 u += 1
-        for j in range(a0, end if times == 0 else a0):
-            put_crossed(A, right[j], inverse, v, A, right[j])
+        for j in range(a0, end):
+            transpose(A, right[j])
     if solver != 0 and call_back(solver, 0) == 0.0:
         regular = 0.0
     return regular
@@ -295,32 +274,11 @@ def twist_of(S: Floats, X: Floats, e: int, x: Floats, v: int, p: int, twist: Flo
 
 
 @inlined
-def solve_corrected(m: Any, w: Any, t: int) -> None:
-    """Own coordinates x of pivot t, from what eliminations before it have left there."""
-    A, x, rest, added, inverse, v = w.A, w.x, w.extra, w.twist, w.inverse, m.order[t]
-    size = A.shape[1]
-    for r in range(size):
-        rest[v, r], x[v, r] = x[v, r], 0.0
-        for j in range(m.ptr[t], m.ptr[t + 1]):
-            for c in range(size):
-                rest[v, r] -= entry(A, m.right[j], r, c) * w.twist[m.neighbour[j], c]
-    for _ in range(1 + int(w.corrections[v])):
-        for r in range(size):
-            added[v, r] = 0.0
-            for c in range(size):
-                added[v, r] += entry(inverse, v, c, r) * rest[v, c]
-        for r in range(size):
-            x[v, r] += added[v, r]
-            for c in range(size):
-                rest[v, r] -= entry(A, m.diag[v], r, c) * added[v, c]
-
-
-@inlined
 def solve_blocks(m: Any, w: Any) -> None:
     """From the right-hand side in x to own coordinates x, and twists of the vertices."""
     A, x, twist, extra = w.A, w.x, w.twist, w.extra
     order, edge, ptr, neighbour = m.order, m.edge, m.ptr, m.neighbour
-    right, down, parent, inverse = m.right, m.down, m.parent, w.inverse
+    right, down, parent, lower, upper = m.right, m.down, m.parent, w.lower, w.upper
     S_left, X_left, S, X = w.S_kept, w.X_kept, w.S_right, w.X_right
     blocks, solver = m.rest[0], m.rest[1]
     for t in range(len(order)):
@@ -336,6 +294,7 @@ def solve_blocks(m: Any, w: Any) -> None:
                 add_product(X_left, e, extra, v, 1.0, extra, p)
         if t >= blocks:
             continue
+        put_product(lower, v, x, v, 1.0, x, v)
         for j in range(ptr[t], ptr[t + 1]):
             u = neighbour[j]
             if edge[u] < 0:
@@ -346,12 +305,10 @@ def solve_blocks(m: Any, w: Any) -> None:
         x[order[blocks], 0] = np.nan  # no increment
     for t in range(len(order) - 1, -1, -1):
         v = order[t]
-        if t < blocks and w.corrections[v] > 0.0:
-            solve_corrected(m, w, t)
-        elif t < blocks:
-            put_product(inverse, v, x, v, 1.0, x, v)
+        if t < blocks:
             for j in range(ptr[t], ptr[t + 1]):
                 add_product(A, right[j], twist, neighbour[j], -1.0, x, v)
+            put_product(upper, v, x, v, 1.0, x, v)
         e = edge[v]
         if e < 0:
             for r in range(x.shape[1]):

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..types import Floats
 from . import numbers as n
-from .blocks import invert_exchanging
+from .blocks import triangles_exchanging
 from .jit import call, call_beams, inlined, part
 from .nodes import twist_force
 from .simd import local
@@ -224,14 +224,14 @@ def pivots(o: Any, flag: int) -> float:
     """
     s, m, w, out = o.tree, o.plan, o.work, o.pivots
     regular = matrix(o.parts, s, m, w, o.beams, o.numbers, 0)
-    A, S, W, inverse = w.A, local((6, 6)), w.scratch, w.inverse
+    A, S, W = w.A, local((6, 6)), w.scratch
     for k in range(len(out)):
         out[k] = 0.0
     out[1], out[4], out[5] = np.inf, 1.0, np.inf
     count = len(s.framed)
     for v in range(len(m.diag)):
         k = m.diag[v]
-        out[4] *= invert_exchanging(A, k, W, inverse, v)
+        out[4] *= triangles_exchanging(A, k, W, w.lower, w.upper, v)
         for i in range(6):
             for c in range(6):
                 S[i, c] = A[k, i, c]

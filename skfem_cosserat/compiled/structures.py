@@ -305,9 +305,8 @@ WORK = (
     *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
     *("earlier", "later", "rate0", "drift"),
     *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
-    *("closing", "before", "found", "carried", "frames", "inverse", "S_kept", "X_kept"),
-    *("S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
-    "corrections",
+    *("closing", "before", "found", "carried", "frames", "lower", "upper", "S_kept"),
+    *("X_kept", "S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
     *("dead", "moments", "followers", "coupled", "flow"),
 )
 #: velocities with a damped relative part: of rows of y their connected part, ends of runs

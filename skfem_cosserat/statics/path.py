@@ -393,7 +393,7 @@ class Continuation:
         loose = replace(solver.settings, stagnation=CRITICAL)
 
         def solve(start: Point, target: Functional) -> tuple[Point, Floats] | None:
-            # next to singular matrices solutions by inverse blocks are not as exact
+            # next to singular matrices elimination in blocks is not as exact
             solution, _ = solver.solve(start, target, plain=True)
             if solution is None:
                 solution, _ = solver.solve(start, target, settings=loose, plain=True)
