@@ -31,7 +31,7 @@ def test_a_beam_that_is_far_too_soft_for_the_path_is_asked_for_its_units():
     beam = model.add("rod", sc.Beam(mesh, soft, order=3, director=(0, 1, 0)))
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("rod.start")))
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    with pytest.raises(sc.Diverged, match="of beam 'rod' is 2e-05 of its weight .* E in Pa"):
+    with pytest.raises(sc.Diverged, match=r"of beam 'rod' is 2e-05 of its weight .* E in Pa"):
         sc.static(model)
 
 
