@@ -270,8 +270,8 @@ def coarse_history(result: Recorded) -> Iterator[Doubt]:
         beam = beams[int(abs(total[:, 0]).argmax())]
         yield Doubt(
             beam.label,
-            f"its elements are too coarse for this bending: by the balance of forces the scene"
-            f" gives way more by some {100 * abs(lacking) / energy:.0f} %; {_finer(beam)}",
+            f"its elements are too coarse for this bending: by the balance of forces what the scene"
+            f" gives way is off by some {100 * abs(lacking) / energy:.0f} %; {_finer(beam)}",
         )
 
 

@@ -331,6 +331,9 @@ def forces_along(
     ------
     InputError
         If the history does not fit the system, the beam is not in it, or `s` is beyond the ends.
+    HistoryError
+        If events changed its joints or loads on the way: take ``history.segment(k)`` then, with
+        the system of that segment.
 
     Notes
     -----
@@ -357,6 +360,7 @@ def forces_along(
     [20.0, 15.0, 0.0]
     """
     check_kind("argument history", history, History)
+    history.check_one_system()
     q, _ = as_stack(system, "history", history["q"])
     places = SectionPlaces(beam, *beam.along(np.atleast_1d(s), part))
     if "load_factor" not in history:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from ..arguments import checked
-from ..errors import CosseratError, IncompleteWarning, InputError, StorageError
+from ..errors import CosseratError, HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import TOLERANCE, Place, is_beam
 from ..types import Array, ArrayLike, Floats, IndexArray, names_known, numbers, whole
 from ..warn import Notices, counted, listed, warn
@@ -572,6 +572,18 @@ class History:
             derivation = None if own is None else own.segment(k)
             self._segments[k] = History(meta, self.static, part, derivation=derivation)
         return self._segments[k]
+
+    def check_one_system(self) -> None:
+        """Refuse what takes one system where events changed the scene.
+
+        Raises
+        ------
+        HistoryError
+            If there are several segments.
+        """
+        if len(self.segments) > 1:
+            text = "its joints or loads changed on the way: take history.segment(k), and the system"
+            raise HistoryError("history", f"{text} of that segment")
 
     @property
     def times(self) -> Floats:

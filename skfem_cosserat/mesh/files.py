@@ -398,8 +398,8 @@ def _from_deck(file: Path, deck: Deck) -> LineData:
         raise MeshError(f"file '{file}'", f"has no lines; found: {said or 'none'}")
     if said:
         text = (
-            f"only nodes, elements and sets are read, not {said}:"
-            " give sections, directors, joints and loads to the items of the model"
+            f"only nodes, lines and sets are read, not {said}:"
+            " add what matters of these to the model, such as sections, joints and loads"
         )
         warn(f"file '{file}'", text, ModelWarning)
     place = {node: k for k, node in enumerate(deck.nodes)}
@@ -468,6 +468,10 @@ def _meshio(file: Path, content: bytes) -> Any:
 
     said = io.StringIO()
     item, name = f"file '{file}'", file.name.lower()
+    if not name.endswith(tuple(meshio.extension_to_filetypes)):
+        raise MeshError(
+            item, f"files of suffix '{file.suffix}' are not read: save its lines as .msh or .vtu"
+        )
     for suffix, pattern, text in _BEFORE:
         if name.endswith(suffix) and re.search(pattern, content, re.MULTILINE | re.DOTALL):
             raise MeshError(item, text)
@@ -485,8 +489,9 @@ def _meshio(file: Path, content: bytes) -> Any:
         ):
             warnings.simplefilter("ignore")
             mesh = meshio.read(file)
-    except SystemExit:
-        mesh = None  # it says why
+    except SystemExit as error:  # it says why, or nothing but that it cannot
+        because = said.getvalue().partition("Error: Couldn't")[0]
+        raise MeshError(item, f"cannot be read: {reason(ValueError(because))}{why}") from error
     except (*_BROKEN, CorruptionError, meshio.ReadError) as error:
         raise MeshError(item, f"cannot be read: {reason(error)}{why}") from error
     for text in " ".join(said.getvalue().split()).split("Warning: "):

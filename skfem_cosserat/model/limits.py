@@ -217,7 +217,7 @@ def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
             found = (
                 beam.label,
                 f"relative rotation between nodes {a} and {b} of {beam.label} is"
-                f" {gives_way(basis.interpolation, angle)}{_limp(beam)}",
+                f" {gives_way(basis.interpolation, angle)}{limp(beam)}",
             )
     return found
 
@@ -278,7 +278,7 @@ def _rotated(beam: Beam, nodal: Floats) -> Floats:
     return np.asarray(turns(then, now).sum(axis=-1).round(9))
 
 
-def _limp(beam: Beam) -> str:
+def limp(beam: Beam) -> str:
     """That a beam is too soft by far to carry its own weight, as with E in MPa; else empty."""
     sections = beam.sections.values()
     soft = min(_bending(each.stiffness, beam.theory.held) for each in sections)
@@ -287,8 +287,9 @@ def _limp(beam: Beam) -> str:
     if not soft * LIMP < weight * length**2:
         return ""
     return (
-        f"; its bending stiffness EI = {soft:.3g} N m^2 is"
-        f" {soft / (weight * length**2):.1g} of its weight times its length squared: is E in Pa?"
+        f"; the bending stiffness EI = {soft:.3g} N m^2 of {beam.label} is"
+        f" {soft / (weight * length**2):.1g} of its weight times its length squared: are"
+        " lengths in m, and E in Pa?"
     )
 
 

@@ -53,7 +53,7 @@ def joint_of(system: System, joint: Joint | str) -> Joint:
     """
     name = joint.name if isinstance(joint, Joint) else joint
     if not isinstance(name, str):
-        raise InputError("joint", f"is of type {type(name).__name__}, expected a joint or its name")
+        raise InputError("joint", f"is {joint!r}, expected a joint of the model or its name")
     for each in system.joints:
         if each.name == name:
             return each

@@ -255,9 +255,7 @@ def derive_series(system: System, history: History) -> None:
     >>> loaded["Qp"][-1].tolist()
     [2.0, 0.0, 0.0]
     """
-    if len(history.segments) > 1:
-        text = "its joints or loads changed on the way: derive those of history.segment(k)"
-        raise HistoryError("history", text)
+    history.check_one_system()
     found = history.meta.get("fingerprint")
     if found is not None and (difference := other_model(system, found)):
         raise HistoryError("history", f"belongs to another model: {difference}")

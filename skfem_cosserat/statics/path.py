@@ -14,6 +14,7 @@ from .. import checks
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
 from ..errors import AccuracyWarning, CosseratError, Diverged, IncompleteWarning
+from ..frames import is_beam
 from ..history import History
 from ..integrators import State
 from ..integrators.choice import choose, estimated_seconds, static_refusal
@@ -21,7 +22,7 @@ from ..integrators.compiled_step import stepped
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
 from ..model.balance import Spin
-from ..model.limits import first_over_rotated, over_rotated_beam
+from ..model.limits import first_over_rotated, limp, over_rotated_beam
 from ..newton import NewtonReport, NewtonSettings
 from ..run.describe import checked_asked, finish, path_formulas
 from ..run.progress import Interrupt, Progress
@@ -619,6 +620,8 @@ class Continuation:
             reason = f"{what}: {near}. Newton's method: {report.reason}"
         if slack:
             reason += f"; without tension where that ended: {slack}"
+        for beam in filter(is_beam, self.system.structures):
+            advice += limp(beam) * (limp(beam) not in reason)
         return Diverged(
             point.t,
             max(1, self.recorder.count),

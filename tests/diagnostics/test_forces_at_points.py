@@ -137,3 +137,28 @@ def test_a_rotating_arm(kernels, treatment):
     assert run.events[0].time == pytest.approx(np.sqrt(8 / 60), rel=0.02)
     again = forces_along(model, run, arm, s)
     assert abs(again - seen).max() < 1e-9 * abs(seen).max()
+
+
+def test_forces_are_those_of_the_system_of_their_time():
+    """A hinge that locks passes on a moment: not seen by the scene before, which is refused."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (0.5, 0, 0), 2, name="arm")
+    arm = model.add("arm", sc.Beam(mesh, STEEL, order=2, director=(0, 1, 0)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), arm.node("arm.start"), axis=(0, 1, 0))
+    model.add("hinge", hinge)
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    events = [sc.Event(sc.ConditionTime(0.05), sc.ActionLock(hinge), name="lock")]
+    run = sc.simulate(
+        *(model, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.1),
+        sensors={"root": sc.SensorForce(arm, 0.0)},
+        events=events,
+    )
+    with pytest.raises(sc.HistoryError, match=r"changed on the way: take history\.segment\(k\)"):
+        forces_along(model, run, arm, 0.0)
+    after = run.segment(-1)
+    system, _ = sc.after_events(model, run, events)
+    moments = forces_along(system, after, arm, 0.0)[:, 0, 3]
+    seen = run.sensors["root"]
+    expected = np.interp(after.times[1:], seen.times, seen.values[:, 3])
+    assert abs(expected).max() > 1.0
+    assert moments[1:] == pytest.approx(expected, abs=1e-9 * abs(expected).max())

@@ -412,4 +412,4 @@ def test_a_beam_too_soft_for_its_own_weight_asks_for_the_unit():
         y = model.freeze().q0.reshape(-1, 3).copy()
         y[9:12] = turned(np.array([0, 0, 1.2]))
         text = over_rotated(model.freeze(), y)
-        assert f"of {beam.label} is" in text and text.endswith("is E in Pa?") == asked
+        assert f"of {beam.label} is" in text and text.endswith("and E in Pa?") == asked

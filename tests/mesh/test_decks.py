@@ -141,6 +141,17 @@ def test_one_deck_of_nastran_in_all_its_formats(tmp_path, head, bulk):
     assert mesh.t.T.tolist() == [[0, 1], [1, 2]]
 
 
+def test_fields_of_nodes_that_are_not_read_are_named(tmp_path):
+    """The system of displacements and the supports of a GRID leave it where it is."""
+    bulk = FREE.replace("GRID,3,,2.,1.5-1,0.", "GRID,3,,2.,1.5-1,0.,7,1246")
+    (tmp_path / "a.bdf").write_text(bulk + "ENDDATA\n")
+    with pytest.warns(
+        ModelWarning, match=r"systems \(CD\) of GRID \(1\), supports \(PS\) of GRID \(1\),"
+    ):
+        mesh = read_mesh(tmp_path / "a.bdf")
+    assert mesh.p.T[2].tolist() == [2.0, 0.15, 0.0]
+
+
 NASTRAN = {
     r"line 2: GRID: node 9 is given in the system 1": "GRID,9,1,1.,45.,0.\n",
     r"line 2: GRDSET: is not understood": "GRDSET,,1\n",

@@ -183,7 +183,7 @@ ENDDATA
 
 def test_what_is_left_out_of_a_model_is_named(tmp_path):
     (tmp_path / "a.inp").write_text(ABAQUS)
-    words = r"a\.inp.*not \*BEAM SECTION \(1\), \*MATERIAL \(1\), \*ELASTIC \(1\): give sections"
+    words = r"a\.inp.*not \*BEAM SECTION \(1\), \*MATERIAL \(1\), \*ELASTIC \(1\): add what matters"
     with pytest.warns(ModelWarning, match=words):
         mesh = read_mesh(tmp_path / "a.inp")
     assert mesh.elements_of("boom").tolist() == [0, 1]
@@ -406,7 +406,11 @@ PARTS = {
     + "CELL_TYPES 2\n3\n4\n",
     ("old.vtk", "no polylines"): VTK.format("3.0") + "CELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n4\n",
     ("a.obj", "has lines in an .obj file"): "v 0 0 0\nv 1 0 0\nl 1 2\n",
-    ("a.vtp", "a.vtp"): VTU.format(""),
+    ("a.vtp", "of suffix '.vtp' are not read: save its lines as .msh"): VTU.format(""),
+    ("other.vtu", "read: it is damaged, or not what its name says;"): "no file of VTK",
+    ("surface.vtu", "read: Expected type UnstructuredGrid, found PolyData;"): VTU.format(
+        ""
+    ).replace("UnstructuredGrid", "PolyData"),
     ("a.xdmf", "BaseOffset"): XDMF,
     ("a.tec", "several zones"): 'VARIABLES = "X", "Y"\n' + ZONE + ZONE,
     ("cubic.msh", "2 cells of type 'line4'"): HEAD
