@@ -8,5 +8,13 @@ import lazy_loader as _lazy
 
 from . import version as _version
 
-__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+_attached, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
 __version__ = _version.VERSION
+#: names of older versions, and what to take instead
+_GONE = {"Asynchronous": "Explicit(rounds=...), whose steps are those of the stiffest element"}
+
+
+def __getattr__(name: str) -> object:
+    if name in _GONE:
+        raise AttributeError(f"skfem_cosserat.{name} is gone: take {_GONE[name]}")
+    return _attached(name)

@@ -92,7 +92,6 @@ from .hyperelastic import (
     SectionHyperelastic as SectionHyperelastic,
 )
 from .integrators import (
-    Asynchronous as Asynchronous,
     Composition as Composition,
     EnergyDecaying as EnergyDecaying,
     EnergyMomentum as EnergyMomentum,

@@ -61,8 +61,8 @@ class Beam(LineItem):
         the reference positions (N, 3).
     lumped : bool
         Mass by quadrature at the nodes, which makes the mass matrix nodal: what
-        :class:`Explicit` and :class:`Asynchronous` need. Of the same order as the consistent mass
-        with Gauss-Lobatto nodes, which it asks for.
+        :class:`Explicit` needs. Of the same order as the consistent mass with Gauss-Lobatto nodes,
+        which it asks for.
     theory : Theory, optional
         Which strains are modelled: by default all, :class:`TheoryReissner`; fewer with
         :class:`TheoryKirchhoff`, :class:`TheoryInextensible`.

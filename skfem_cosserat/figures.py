@@ -71,7 +71,7 @@ NAMED = {
     **_family("gold", 5, "variational of order 4", "variational of order 6"),
     **_family("green", 1, "energy-decaying", "energy-decaying 0.05", "energy-decaying 5/s"),
     **_family("magenta", 7, "generalized-alpha", "generalized-alpha 0", "generalized-alpha 0.8"),
-    **_family("brown", 9, "explicit", "asynchronous"),
+    **_family("brown", 9, "explicit"),
     **_family("blue", 0, "skfem-cosserat"),
     **_family("ink", 10, "exudyn", "pyelastica", "mujoco"),
     **_family("blue", 0, "full", "reissner"),

@@ -329,7 +329,7 @@ def runs() -> Iterator[tuple[str, Callable[[], Any]]]:
     setups = [((MOMENTUM, NULL), both), ((VARIATIONAL, NULL), both), ((MOMENTUM, FULL), both)]
     for name, build in IN_PLANE.items():
         yield from _each(f"{name} in its plane", build, setups, planar=True)
-    schemes = (sc.Explicit(), sc.Explicit(rounds=2), sc.Asynchronous())
+    schemes = (sc.Explicit(), sc.Explicit(rounds=2))
     setups = [((scheme, FULL), both[:1]) for scheme in schemes]
     yield from _each("explicit", _explicit, setups, step=1e-4, until=3e-3)
     for solver in (sc.SolverBanded(), sc.SolverDense(), sc.SolverSuperLU()):

@@ -74,7 +74,7 @@ FAMILIES: dict[str, dict[str, Callable[[], Any]]] = {
         "energy-decaying 0.05": partial(sc.EnergyDecaying, chi=0.05),
         "energy-decaying 5/s": partial(sc.EnergyDecaying, rate=5.0),
     },
-    "explicit": {"explicit": sc.Explicit, "asynchronous": sc.Asynchronous},
+    "explicit": {"explicit": sc.Explicit},
 }
 METHODS = {name: make for family in FAMILIES.values() for name, make in family.items()}
 #: those that damp most what is not resolved

@@ -15,8 +15,7 @@ beam; and ``h omega_c = 2``, with the frequency of the constraint force of compr
 paper/failure_mechanism.py), the largest one over the motion with energy-momentum: to the right of
 it rotations that alternate from step to step grow in the variational scheme.
 
-The explicit integrator, with nodal masses and multipliers, is run above its limit on purpose. (The
-asynchronous one divides its steps for each element until they are below the limit: it has no map.)
+The explicit integrator, with nodal masses and multipliers, is run above its limit on purpose.
 
 Run ``python examples/benchmarks/stability_chart.py --help`` for the choices.
 """

@@ -4,7 +4,7 @@ from .base import Integrator
 from .composition import Composition
 from .energy_decaying import EnergyDecaying
 from .energy_momentum import EnergyMomentum
-from .explicit import Asynchronous, Explicit
+from .explicit import Explicit
 from .generalized_alpha import GeneralizedAlpha
 from .report import StepReport
 from .scheme import Scheme, State, StepOrigin, StepWork
@@ -13,7 +13,6 @@ from .stepper import Stepper
 from .variational import Variational
 
 __all__ = [
-    "Asynchronous",
     "Composition",
     "EnergyDecaying",
     "EnergyMomentum",

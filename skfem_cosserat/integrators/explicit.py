@@ -1,11 +1,9 @@
-"""Explicit variational schemes: elements kick their nodes, which drift as free rigid bodies.
+"""The explicit variational scheme: elements kick their nodes, which drift as free rigid bodies.
 
 A node has a momentum P and an angular momentum L in space about its point phi, kept together as
 ``m`` (nodes, 2, 3). Between two kicks both are constant but for the way of phi, unless joints hold
 the node: nodes that joints connect form a *cluster*, which drifts as one. A step of the run has
-equal *rounds*, at whose ends all elements, loads and force elements kick by halves; within a round
-every element kicks at equal distances, as often as its *count* says. ``Explicit`` gives all
-elements the count one, ``Asynchronous`` to each one what its own limit needs.
+equal *rounds*, at whose ends all elements, loads and force elements kick by halves.
 
 Rows of y are those of the system and a last one of zeros, which stands for the directors that mass
 points do not have.
@@ -13,9 +11,7 @@ points do not have.
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +20,6 @@ from ..constraints import Multipliers, Treatment
 from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError
 from ..frames import is_beam
 from ..kernels import (
-    BeamElements,
     beam_dissipation,
     beam_force,
     beam_strain,
@@ -37,11 +32,11 @@ from ..model import Model, System, system_of
 from ..model.force_elements import CoupledForce
 from ..model.ground import KEPT
 from ..model.groups import BeamGroup
-from ..types import Floats, IndexArray, numbers, positive, real, switch
+from ..types import Floats, IndexArray, switch
 from ..warn import logger, warn
 from .base import Integrator, March, Marched
 from .explicit_limit import LimitWatch, StepLimit, check_lumped
-from .explicit_nodes import ITERATIONS, Bodies, Cluster, Nodes, Unclosed, checked_nodes
+from .explicit_nodes import ITERATIONS, Nodes, Unclosed, checked_nodes
 from .scheme import State, StepWork
 
 #: steps above a limit that has fallen by as much are not made shorter: the bound is not that sharp
@@ -89,98 +84,36 @@ def check_scene(name: str, system: System, treatment: Treatment) -> None:
 # -- kicks -----------------------------------------------------------------------------------------
 
 
-@dataclass(eq=False)
 class Kick:
-    """Elements of a group that kick their nodes at one instant.
+    """The elements of a group, which kick their nodes.
 
     Attributes
     ----------
     elements : BeamElements
     rows : (ne, 4 nn) int array
         Of y.
-    share : (ne, 1, 1) array
-        Half of the time between two of their kicks, by that of a round.
     v, parts : (k,), (k, 4) int arrays
         Their nodes, and rows of these.
     where : (12 ne nn,) int array
         Where forces on the nodes of elements are added up, (k, 4, 3).
     """
 
-    elements: BeamElements
-    rows: IndexArray
-    share: Floats
-    v: IndexArray
-    parts: IndexArray
-    where: IndexArray
-
-    @classmethod
-    def of(cls, group: BeamGroup, ids: IndexArray, counts: IndexArray, nodes: Nodes) -> Kick:
-        """Elements `ids` of a group that kick as often as their counts say in a round."""
-        v, local = np.unique(group.vertices[ids], return_inverse=True)
-        where = 12 * local.reshape(-1, 1) + np.arange(12)
-        share = 0.5 / counts[ids][:, None, None]
-        own = group.elements.taken(ids), group.rows[ids], share
-        return cls(*own, v, nodes.rows[v], where.ravel())
+    def __init__(self, group: BeamGroup, nodes: Nodes) -> None:
+        self.elements, self.rows = group.elements, group.rows
+        self.v, local = np.unique(group.vertices, return_inverse=True)
+        self.parts = nodes.rows[self.v]
+        self.where = (12 * local.reshape(-1, 1) + np.arange(12)).ravel()
 
     def local(self, y: Floats) -> Floats:
         """Rows of y, or of velocities, of each element (ne, 12 nn)."""
         return y.take(self.rows, axis=0).reshape(len(self.rows), -1)
 
     def add(self, out: Floats, y: Floats, B: Floats, stress: Floats, h: float) -> None:
-        """Add the impulses of stresses during half of the time between two kicks to momenta."""
-        f = beam_force(self.elements, B, (h * self.share) * stress)
+        """Add the impulses of stresses during half of a round to momenta."""
+        f = beam_force(self.elements, B, 0.5 * h * stress)
         own = np.bincount(self.where, f.ravel(), 12 * len(self.v)).reshape(-1, 4, 3)
         own[:, 1] = director_force(y[self.parts[:, 1:]], own[:, 1:])
         out[self.v] -= own[:, :2]
-
-
-class Instant(NamedTuple):
-    """What happens at one instant of a round.
-
-    Attributes
-    ----------
-    free, ways : Bodies, (k,) array
-        Nodes without joints that come here, and times since they were moved last, by the round.
-    clusters : list of (Cluster, float)
-        The same of nodes with joints.
-    kicks : list of Kick
-    last : bool
-        Whether it is the end of the round.
-    """
-
-    free: Bodies
-    ways: Floats
-    clusters: list[tuple[Cluster, float]]
-    kicks: list[Kick]
-    last: bool
-
-
-def planned(system: System, nodes: Nodes, counts: list[IndexArray]) -> Iterator[Instant]:
-    """All instants of a round; at its end all nodes have come and all elements kick."""
-    groups, clock = system.beam_groups, np.zeros(len(nodes.rows))
-    known: dict[tuple[int, bytes], Kick] = {}
-    each = [np.arange(1, n) / n for n in {int(n) for c in counts for n in c}]
-    for now in [*np.unique(np.concatenate([np.zeros(0), *each])), 1.0]:
-        kicks = []
-        for k, (group, count) in enumerate(zip(groups, counts, strict=True)):
-            # fractions are rounded alike wherever they are equal
-            ids = np.flatnonzero(np.rint(now * count) / count == now)
-            if len(ids):
-                key = k, ids.tobytes()
-                if key not in known:
-                    if len(known) > KEPT:
-                        known.clear()
-                    known[key] = Kick.of(group, ids, count, nodes)
-                kicks.append(known[key])
-        touched = [kick.v for kick in kicks] if now < 1 else [np.arange(len(clock))]
-        v = np.unique(np.concatenate(touched))
-        of = nodes.cluster_of[v]
-        clusters = [nodes.clusters[number] for number in np.unique(of[of >= 0])]
-        free = v[of < 0]
-        spans = [(c, float(now - clock[c.bodies.number[0]])) for c in clusters]
-        yield Instant(nodes.bodies.taken(free), now - clock[free], spans, kicks, bool(now == 1))
-        for moved in (free, *(c.bodies.number for c in clusters)):
-            clock[moved] = now
 
 
 class Outer:
@@ -234,7 +167,7 @@ class Ends(NamedTuple):
 
 
 class Half(NamedTuple):
-    """Half of the kicks of an instant.
+    """Half of the kicks at one end of a round.
 
     Attributes
     ----------
@@ -243,7 +176,7 @@ class Half(NamedTuple):
     lost : float
         In viscous sections (J).
     ends : Ends or None
-        At the end of a round.
+        Of loads and force elements, if there are any.
     whole : (nv, 2, 3) array
         The impulse of everything.
     """
@@ -258,7 +191,7 @@ class Half(NamedTuple):
 
 
 class Marching(March):
-    """Marches a system; each element with steps of its own.
+    """Marches a system.
 
     Forces that depend on velocities take that between both halves of a kick, found by fixed-point
     iteration: the first half ends with it, the second one starts from it, so that a kick, and with
@@ -266,8 +199,8 @@ class Marching(March):
 
     Parameters
     ----------
-    scheme : ExplicitScheme
-        Says how many rounds and steps there are.
+    scheme : Explicit
+        Says how many rounds there are.
     system : System
     h : float
         Step of the run (s).
@@ -278,51 +211,45 @@ class Marching(March):
     ----------
     rounds : int
         Equal parts of a step.
-    evaluations : int
-        Of elements so far.
     shortened : bool
-        Whether elements have been given shorter steps since the start.
+        Whether there have been more of them since the start.
     """
 
     def __init__(
-        self, scheme: ExplicitScheme, system: System, h: float, watch: LimitWatch, method: str
+        self, scheme: Explicit, system: System, h: float, watch: LimitWatch, method: str
     ) -> None:
         self.system, self.h, self.method = system, h, method
         self._scheme, self._watch, self.nodes = scheme, watch, Nodes(system)
-        self.evaluations, self.shortened = 0, False
+        self.shortened = False
         couplings = system.couplings
         viscous = system.drag is not None or any(c.damping.any() for c in couplings.items)
         viscous = viscous or bool(couplings.functions)
         self._viscous = viscous or any(g.viscous for g in system.beam_groups)
         self._loaded = bool(system.loading.times or couplings.count) or (system.drag is not None)
         self._last: tuple[State, Half] | None = None
-        self._plan(*scheme.plan(system, h, watch))
+        self._kicks = [Kick(g, self.nodes) for g in system.beam_groups if len(g.rows)]
+        self._free = self.nodes.bodies.taken(np.flatnonzero(self.nodes.cluster_of < 0))
+        self.rounds = 0
+        self._divide()
 
-    def _plan(self, rounds: int, counts: list[IndexArray]) -> None:
-        self.rounds, self._counts = rounds, counts
-        most = sum({int(n) for each in counts for n in each})
-        self._kept = [*self._instants()] if most <= KEPT else None
-        pairs = [(g, n) for g, n in zip(self.system.beam_groups, counts, strict=True) if len(n)]
-        self._ends = [Kick.of(g, np.arange(len(n)), n, self.nodes) for g, n in pairs]
+    def _divide(self) -> bool:
+        """Take as many rounds as the limits ask for; whether there are others than before."""
+        rounds = self._scheme.rounds
+        if self._scheme.checked:
+            limit = self._watch.smallest.seconds
+            rounds = max(rounds, int(np.ceil(self.h / limit * (1 - NEAR))))
+        if rounds == self.rounds:
+            return False
+        self.rounds = rounds
         # changes shrink by -theta at most where theta is h gamma/2, by theta/(2 + theta) if relaxed
-        theta = 0.5 * self.h / rounds * self._watch.decay(counts)
+        theta = 0.5 * self.h / rounds * self._watch.decay
         self._relaxed = 1 / (1 + 0.5 * theta)
+        return True
 
-    def _instants(self) -> Iterator[Instant]:
-        return planned(self.system, self.nodes, self._counts)
-
-    @property
-    def counts(self) -> list[IndexArray]:
-        """Steps (ne,) of the elements of each beam group in a step of the run."""
-        return [self.rounds * each for each in self._counts]
-
-    def _replan(self, time: float) -> None:
+    def _shorten(self, time: float) -> None:
         """Shorter steps where limits have fallen."""
-        rounds, counts = self._scheme.plan(self.system, self.h, self._watch)
-        same = zip(counts, self._counts, strict=True)
-        if rounds == self.rounds and all((a == b).all() for a, b in same):
+        if not self._divide():
             return
-        self._plan(rounds, counts)
         self._last = None
         smallest = self._watch.smallest
         attached = smallest.kind in ("springs", "damping")
@@ -339,7 +266,7 @@ class Marching(March):
         system = self.system
         y = np.concatenate([system.extend(state.q, state.time), np.zeros((1, 3))])
         if self._scheme.checked and self._watch.lowered(y[:-1]):
-            self._replan(state.time)
+            self._shorten(state.time)
         m = self.nodes.momenta(y, state.p.reshape(-1, 3))
         try:
             with np.errstate(all="ignore"):  # what has blown up is looked at below
@@ -369,13 +296,9 @@ class Marching(March):
             first = half = self._first(half, outer, y, m, h)
             m += half.whole
             lost += first.lost
-            for instant in self._instants() if self._kept is None else self._kept:
-                drifts = self._drift(instant, y, m, h)
-                half, kicks = self._half(instant, y, m, h, outer if instant.last else None)
-                lost, iterations = lost + half.lost, max(iterations, drifts, kicks)
-                if not instant.last:
-                    m += half.whole
-                    lost += half.lost
+            drifts = self._drift(y, m, h)
+            half, kicks = self._half(y, m, h, outer)
+            lost, iterations = lost + half.lost, max(iterations, drifts, kicks)
             if outer is not None:
                 assert first.ends is not None
                 assert half.ends is not None
@@ -416,7 +339,7 @@ class Marching(March):
     ) -> Half:
         """The first half of the kicks of a round; elements kick as in the `last`."""
         if last is None:
-            return self._impulses(self._ends, y, m, h, outer)(m)
+            return self._impulses(y, m, h, outer)(m)
         if outer is None:
             return last
         ends = outer.at(y, self._velocities(y)(m))
@@ -424,12 +347,11 @@ class Marching(March):
         return Half(last.impulse, last.lost, ends, whole)
 
     def _impulses(
-        self, kicks: list[Kick], y: Floats, m: Floats, h: float, outer: Outer | None
+        self, y: Floats, m: Floats, h: float, outer: Outer | None
     ) -> Callable[[Floats], Half]:
-        """Half of some kicks by the momenta that give the velocity."""
+        """Half of the kicks by the momenta that give the velocity."""
         elastic, strained = np.zeros_like(m), []
-        for kick in kicks:
-            self.evaluations += len(kick.rows)
+        for kick in self._kicks:
             eps, B = beam_strain(kick.elements, kick.local(y))
             kick.add(elastic, y, B, beam_stress(kick.elements, eps), h)
             if kick.elements.viscosity is not None:
@@ -445,7 +367,7 @@ class Marching(March):
                 impulse = impulse.copy()
                 kick.add(impulse, y, B, beam_viscous_stress(kick.elements, rate), h)
                 power = beam_dissipation(kick.elements, rate)
-                lost += h * float((kick.share[:, 0, 0] * power).sum())
+                lost += 0.5 * h * float(power.sum())
             whole = impulse
             if outer is not None:
                 ends = outer.at(y, rates)
@@ -459,16 +381,14 @@ class Marching(March):
         none = np.zeros_like(y)
         return self.nodes.velocities(y) if self._viscous else lambda _: none
 
-    def _half(
-        self, instant: Instant, y: Floats, m: Floats, h: float, outer: Outer | None
-    ) -> tuple[Half, int]:
+    def _half(self, y: Floats, m: Floats, h: float, outer: Outer | None) -> tuple[Half, int]:
         """Kick by one half, in place, such that the velocity is that after it."""
-        impulses = self._impulses(instant.kicks, y, m, h, outer)
+        impulses = self._impulses(y, m, h, outer)
         half = impulses(m)
         if not self._viscous:
             m += half.whole
             return half, 0
-        projections = [cluster.projection(y) for cluster, _ in instant.clusters]
+        projections = [cluster.projection(y) for cluster in self.nodes.clusters]
         after, last = m + half.whole, np.inf
         for k in range(1, ITERATIONS + 1):
             for project in projections:
@@ -485,59 +405,17 @@ class Marching(March):
             after, last = after + self._relaxed * change, left
         raise Unclosed("the velocity that dampers leave after a kick was not found", last)
 
-    @staticmethod
-    def _drift(instant: Instant, y: Floats, m: Floats, h: float) -> int:
-        """Bring nodes, with all that joints connect to them, to an instant; gives iterations."""
-        found = [cluster.drift(y, m, h * way) for cluster, way in instant.clusters]
-        if len(instant.ways):
-            instant.free.drift(y, m, h * instant.ways)
+    def _drift(self, y: Floats, m: Floats, h: float) -> int:
+        """Bring all nodes to the end of a round; gives iterations."""
+        found = [cluster.drift(y, m, h) for cluster in self.nodes.clusters]
+        self._free.drift(y, m, np.full(len(self._free.number), h))
         return max(found, default=0)
 
 
-# -- schemes ---------------------------------------------------------------------------------------
+# -- scheme ----------------------------------------------------------------------------------------
 
 
-class ExplicitScheme(Integrator):
-    """What the explicit schemes have in common: no balance, no tangent, p = M v."""
-
-    order = 2
-    fixed_step = (
-        "symplectic for steps of one size only (with steps that follow the motion its energy"
-        " drifts), and bound to the limit of its elements"
-    )
-    solves = False
-    constraint_weight = 0.0
-    carries_node_momentum = True
-    remembered = 0
-    advice = "a step below the limit"
-    conserves = "symplectic form, momentum maps; energy oscillates within a bound"
-    checked: bool
-
-    @staticmethod
-    def limit(system: Model | System) -> StepLimit:
-        """Step (s) up to which all elements and springs are stable, and what sets it.
-
-        ``min(2/omega, 2/gamma)`` about the reference. omega is not below any frequency of the
-        scene: its square is that of the highest one of an element on its own share of the mass,
-        and a bound of the springs on its nodes (Gershgorin's). gamma bounds the rates at which
-        viscous sections, dampers and drag take velocities alike. Stresses and forces of springs
-        are left out, cables count as taut.
-
-        Raises
-        ------
-        InputError
-            If it is neither a model nor a system.
-        IncompatibleError
-            If the mass of a beam is not lumped.
-        """
-        return LimitWatch(system_of(system)).smallest
-
-    @abstractmethod
-    def plan(self, system: System, h: float, watch: LimitWatch) -> tuple[int, list[IndexArray]]:
-        """Rounds of a step (s), and counts of the elements of each beam group in a round."""
-
-
-class Explicit(ExplicitScheme):
+class Explicit(Integrator):
     """Explicit, symplectic, of second order: for soft or finely meshed beams.
 
     Beams have their mass at the nodes (``Beam(..., lumped=True)``). A step is half a kick by the
@@ -571,9 +449,9 @@ class Explicit(ExplicitScheme):
 
     Notes
     -----
-    It is :class:`Asynchronous` with one step for all elements. There are no compiled kernels.
-    Constraint forces are those of the continuous equations at the recorded states. Kick and drift:
-    Verlet's method; joints: Leimkuhler & Reich, Simulating Hamiltonian dynamics (2004), ch. 7, 8.
+    There are no compiled kernels. Constraint forces are those of the continuous equations at the
+    recorded states. Kick and drift: Verlet's method; joints: Leimkuhler & Reich, Simulating
+    Hamiltonian dynamics (2004), ch. 7, 8.
 
     Examples
     --------
@@ -594,6 +472,17 @@ class Explicit(ExplicitScheme):
 
     name = "explicit"
     reference = "Verlet, Phys. Rev. 159 (1967) 98; Leimkuhler & Reich (2004)"
+    order = 2
+    fixed_step = (
+        "symplectic for steps of one size only (with steps that follow the motion its energy"
+        " drifts), and bound to the limit of its elements"
+    )
+    solves = False
+    constraint_weight = 0.0
+    carries_node_momentum = True
+    remembered = 0
+    advice = "a step below the limit"
+    conserves = "symplectic form, momentum maps; energy oscillates within a bound"
 
     def __init__(self, rounds: int = 1, checked: bool = True) -> None:
         whole = isinstance(rounds, int | np.integer) and not isinstance(rounds, bool)
@@ -604,11 +493,24 @@ class Explicit(ExplicitScheme):
     def __repr__(self) -> str:
         return f"Explicit(rounds={self.rounds}{'' if self.checked else ', checked=False'})"
 
-    def plan(self, system: System, h: float, watch: LimitWatch) -> tuple[int, list[IndexArray]]:
-        """See the base class."""
-        least = np.ceil(h / watch.smallest.seconds * (1 - NEAR)) if self.checked else 1
-        ones = [np.ones(len(g.vertices), dtype=np.int64) for g in system.beam_groups]
-        return max(self.rounds, int(least)), ones
+    @staticmethod
+    def limit(system: Model | System) -> StepLimit:
+        """Step (s) up to which all elements and springs are stable, and what sets it.
+
+        ``min(2/omega, 2/gamma)`` about the reference. omega is not below any frequency of the
+        scene: its square is that of the highest one of an element on its own share of the mass,
+        and a bound of the springs on its nodes (Gershgorin's). gamma bounds the rates at which
+        viscous sections, dampers and drag take velocities alike. Stresses and forces of springs
+        are left out, cables count as taut.
+
+        Raises
+        ------
+        InputError
+            If it is neither a model nor a system.
+        IncompatibleError
+            If the mass of a beam is not lumped.
+        """
+        return LimitWatch(system_of(system)).smallest
 
     def march(self, system: System, treatment: Treatment, h: float) -> Marching:
         """See the base class."""
@@ -624,156 +526,3 @@ class Explicit(ExplicitScheme):
             )
         logger.info("explicit steps of %.3g s, limit %s", h / self.rounds, limit)
         return Marching(self, system, h, watch, f"explicit, limit {limit}")
-
-
-class Asynchronous(ExplicitScheme):
-    """The explicit scheme with a step of its own for every element.
-
-    Elements that are due at one instant kick their nodes together; in between, every node drifts as
-    a free rigid body from one kick of its elements to the next. Elements take the fewest equal
-    parts of the run's step that are below `safety` times their own limit, so that all meet at its
-    end, where loads and force elements kick and states are recorded. Momentum maps are exact;
-    energy stays within a bound, short of resonances: where the fast vibrations next to a slow
-    element meet its rhythm, it feeds them. Steps that change little by little prevent that. The
-    limits of elements are looked at again as these bend, and steps are made shorter where they have
-    fallen, with a warning: the energy may change a little there.
-
-    Of second order if `safety` gets smaller with the step: all elements then keep their numbers of
-    steps. With the same `safety` only the longest steps get shorter, those of the fast elements
-    stay, and so does what they leave of the error.
-
-    Parameters
-    ----------
-    safety : float
-        Largest step of an element by its limit, in (0, 1].
-    grading : float
-        Largest ratio of the steps of two elements that share a node; infinite: any.
-    checked : bool
-        False: `safety` may be above one, to see what happens there.
-
-    Raises
-    ------
-    InputError
-        If `safety` or `grading` is not in its range.
-    IncompatibleError
-        As :class:`Explicit`, before the run.
-
-    Notes
-    -----
-    Loads, springs, dampers and drag kick at the ends of the run's steps only: choose these
-    accordingly. Where springs and dampers need shorter ones, a step consists of equal rounds, at
-    whose ends they kick.
-
-    Examples
-    --------
-    A rod of which a quarter is meshed eight times as finely:
-
-    >>> from skfem_cosserat import Beam, Material, MeshCurve, Model, SectionCircle
-    >>> mesh = MeshCurve.init_line((0, 0, 0), (0.75, 0, 0), 3, name="coarse")
-    >>> mesh = mesh + MeshCurve.init_line((0.75, 0, 0), (1, 0, 0), 8, name="fine")
-    >>> section = SectionCircle(0.2, Material(5e6, 0.5, 1100))
-    >>> model = Model()
-    >>> rod = model.add("rod", Beam(mesh, section, director=(0, 1, 0), lumped=True))
-    >>> Asynchronous(safety=1.0).counts(model.freeze(), 3.7e-3)[0].tolist()
-    [1, 2, 4, 8, 8, 8, 8, 8, 8, 8, 8]
-    """
-
-    name = "asynchronous"
-    reference = "Lew, Marsden, Ortiz & West, Arch. Ration. Mech. Anal. 167 (2003) 85"
-
-    def __init__(self, safety: float = 0.9, grading: float = 2.0, checked: bool = True) -> None:
-        self.checked = switch("argument checked", checked)
-        expected = "a number in (0, 1]" if checked else "a positive finite number"
-        self.safety = real("argument safety", "safety", safety, expected)
-        if not 0 < self.safety <= (1 if checked else np.finfo(float).max):
-            raise InputError("argument safety", f"{safety!r}, expected {expected}")
-        expected = "a number of one or more"
-        self.grading = real("argument grading", "grading", grading, expected)
-        if not self.grading >= 1:
-            raise InputError("argument grading", f"{grading!r}, expected {expected}")
-
-    def __repr__(self) -> str:
-        more = "" if self.checked else ", checked=False"
-        return f"Asynchronous(safety={self.safety:g}, grading={self.grading:g}{more})"
-
-    @staticmethod
-    def limits(system: Model | System) -> list[Floats]:
-        """Largest stable step (ne,) in s of the elements of each beam group.
-
-        With springs and dampers on their nodes, see :meth:`limit`.
-
-        Raises
-        ------
-        InputError
-            If it is neither a model nor a system.
-        IncompatibleError
-            If the mass of a beam is not lumped.
-        """
-        return LimitWatch(system_of(system)).limits
-
-    def counts(
-        self, system: Model | System, step: float, limits: list[Floats] | None = None
-    ) -> list[IndexArray]:
-        """Steps (ne,) of the elements of each beam group in a step (s) of the run.
-
-        Parameters
-        ----------
-        limits : list of arrays, optional
-            Default: :meth:`limits`.
-
-        Raises
-        ------
-        InputError
-            For other arguments.
-        IncompatibleError
-            If the mass of a beam is not lumped.
-        """
-        system = system_of(system)
-        step = positive("argument step", "step", step, " of seconds")
-        chosen = self.limits(system) if limits is None else _checked(system, limits)
-        counts = [
-            np.maximum(1, np.ceil(step / (self.safety * each) * (1 - 1e-12))).astype(np.int64)
-            for each in chosen
-        ]
-        while True:
-            most = np.zeros(len(system.origin_rows), dtype=np.int64)
-            for group, own in zip(system.beam_groups, counts, strict=True):
-                np.maximum.at(most, group.vertices, own[:, None])
-            pairs = zip(system.beam_groups, counts, strict=True)
-            graded = [
-                np.maximum(own, np.ceil(most[g.vertices].max(1) / self.grading).astype(np.int64))
-                for g, own in pairs
-            ]
-            if all((a == b).all() for a, b in zip(graded, counts, strict=True)):
-                return counts
-            counts = graded
-
-    def plan(self, system: System, h: float, watch: LimitWatch) -> tuple[int, list[IndexArray]]:
-        """See the base class."""
-        rounds = max(1, int(np.ceil(h / (self.safety * watch.ends) * (1 - 1e-9))))
-        return rounds, self.counts(system, h / rounds, watch.limits)
-
-    def march(self, system: System, treatment: Treatment, h: float) -> Marching:
-        """See the base class."""
-        check_scene(repr(self), system, treatment)
-        watch = LimitWatch(system)
-        rounds, counts = self.plan(system, h, watch)
-        every = rounds * np.concatenate([*counts, np.ones(1, dtype=np.int64)])
-        low, high = int(every[:-1].min(initial=every[-1])), int(every.max())
-        limit = watch.smallest
-        logger.info("steps of elements: %d to %d a step, smallest limit %s", low, high, limit)
-        method = f"explicit, {low} to {high} steps of each element, smallest limit {limit}"
-        return Marching(self, system, h, watch, method)
-
-
-def _checked(system: System, limits: object) -> list[Floats]:
-    """Limits of the elements of each beam group, as given."""
-    check_lumped("steps of the elements", system)
-    sizes = [len(group.vertices) for group in system.beam_groups]
-    expected = f"expected positive numbers (s) of {sizes} elements, as limits(system) gives them"
-    if not isinstance(limits, Sequence) or len(limits) != len(sizes):
-        raise InputError("argument limits", f"{limits!r}, {expected}")
-    out = [numbers("argument limits", "limits", each) for each in limits]
-    if any(each.shape != (n,) or not (each > 0).all() for each, n in zip(out, sizes, strict=True)):
-        raise InputError("argument limits", f"{limits!r}, {expected}")
-    return out

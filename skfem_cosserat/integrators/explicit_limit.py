@@ -122,23 +122,14 @@ class LimitWatch:
         return np.array([_circles(H @ each @ H.T) for each in (stiffness, damping)])
 
     @property
-    def limits(self) -> list[Floats]:
-        """Smallest ones of elements (ne,) so far (s), for each beam group."""
-        return [_seconds(each) for each in self._together]
-
-    @property
     def _together(self) -> list[Floats]:
         pairs = zip(self.system.beam_groups, self.own, strict=True)
         return [own + self.attached[:, g.vertices].max(2) for g, own in pairs]
 
     @property
-    def ends(self) -> float:
-        """That of springs, dampers and drag alone (s): of what kicks at the ends of rounds."""
-        return float(_seconds(self.attached).min())
-
-    def decay(self, counts: list[IndexArray]) -> float:
-        """Highest rate of decay, that of elements by how often they kick in a round (1/s)."""
-        each = [float((own[1] / n).max()) for own, n in zip(self.own, counts, strict=True)]
+    def decay(self) -> float:
+        """Highest rate of decay, that of elements and of what is attached (1/s)."""
+        each = [float(own[1].max()) for own in self.own]
         return float(self.attached[1].max()) + max(each, default=0.0)
 
     def lowered(self, y: Array) -> bool:

@@ -1,10 +1,8 @@
-"""Explicit and asynchronous schemes: order, momenta, joints, step limit, what they refuse."""
+"""The explicit scheme: order, momenta, joints, step limit, what they refuse."""
 
 import re
-from functools import partial
 from itertools import pairwise
 
-import asynchronous_blade
 import numpy as np
 import pytest
 
@@ -206,9 +204,8 @@ def test_lumped_and_consistent_mass_meet_under_refinement():
 
 
 @pytest.mark.parametrize("order", [1, 3])
-@pytest.mark.parametrize("integrator", [sc.Explicit(rounds=50), sc.Asynchronous()])
-def test_momentum_maps_are_exact(integrator, order):
-    h = run(free_rod(order), integrator, 0.01, 0.1)
+def test_momentum_maps_are_exact(order):
+    h = run(free_rod(order), sc.Explicit(rounds=50), 0.01, 0.1)
     for name in ("linear_momentum", "angular_momentum"):
         assert abs(h[name] - h[name][0]).max() < 1e-13 * abs(h[name][0]).max(), name
     assert abs(h["energy"] / h["energy"][0] - 1).max() < 1e-3
@@ -337,92 +334,7 @@ def test_restart_and_sensors(tmp_path):
     assert whole.meta["integrator"] == "explicit"
 
 
-# -- asynchronous ----------------------------------------------------------------------------------
-
-
-def two_parts(stiffer=100.0, viscous=0.0, stiffness=0.0):
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 8, name="soft")
-    mesh = mesh + sc.MeshCurve.init_line((1, 0, 0), (1.1, 0, 0), 2, name="stiff")
-    sections = {
-        name: sc.SectionRectangle(0.06, 0.02, sc.Material(E, 0.4, 1100))
-        for name, E in (("soft", 5e6), ("stiff", stiffer * 5e6))
-    }
-    if viscous:
-        sections = {name: section.damped(time=viscous) for name, section in sections.items()}
-    model = sc.Model()
-    motion = {"velocity": lambda X: np.column_stack([0 * X[:, 0], 4 * X[:, 0], X[:, 0] ** 2])}
-    spin = {"angular_velocity": (0, 0, 4.0)}
-    beam = sc.Beam(mesh, sections, director=(0, 1, 0), lumped=True, **motion, **spin)
-    rod = model.add("rod", beam)
-    joint = sc.JointSpherical(sc.ground((0, 0, 0)), rod.node("soft.start"))
-    model.add("ball", joint)
-    if stiffness:
-        ends = sc.ground((1, 0.5, 0.2)), rod.node("stiff.end")
-        model.add("spring", sc.SpringDamper(*ends, stiffness, damping=1.0))
-    return model.freeze()
-
-
-def test_asynchronous_steps_of_elements():
-    system = two_parts()
-    limits = sc.Asynchronous.limits(system)[0]
-    step = 0.9 * limits.max()
-    alone = sc.Asynchronous(grading=np.inf).counts(system, step)[0]
-    assert (step / alone <= 0.9 * limits * (1 + 1e-9)).all()
-    assert (step / (alone - 0.999) > 0.9 * limits).all()
-    counts = sc.Asynchronous().counts(system, step)[0]
-    assert (counts >= alone).all()
-    assert (counts[1:] <= 2 * counts[:-1]).all()
-    assert counts[:4].tolist() == [1, 1, 1, 1] or counts[0] == 1
-
-
-def test_asynchronous_evaluates_as_often_as_planned_and_agrees():
-    system = two_parts()
-    scheme = sc.Asynchronous()
-    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
-    march = scheme.march(system, sc.Multipliers(), step)
-    state = sc.initial_state(system)
-    start = march.advance(state, step).state
-    first = march.evaluations
-    march.advance(start, 2 * step)
-    assert march.evaluations - first == scheme.counts(system, step)[0].sum()
-    fine = run(system, sc.Explicit(rounds=400), 20 * step, 20 * step)
-    errors = []
-    for parts in (2, 4):
-        h = run(system, scheme, step / parts, 20 * step)
-        assert h["constraint_violation"].max() < 1e-14
-        L = h["angular_momentum"]
-        assert abs(L - L[0]).max() < 1e-13 * abs(L[0]).max()
-        errors.append(np.linalg.norm(h["q"][-1] - fine["q"][-1]))
-    assert errors[1] < 0.5 * errors[0] < 1e-3
-
-
-@pytest.mark.parametrize("stiffer", [pytest.param(100.0, marks=pytest.mark.slow), 20.0])
-def test_asynchronous_is_of_second_order_with_fixed_counts(stiffer):
-    """In q, v and constraint forces: the scheme is symmetric in time."""
-    system, runs = two_parts(stiffer), []
-    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
-    for parts in (8, 16, 32):
-        scheme = sc.Asynchronous(0.9 / parts)
-        counts = scheme.counts(system, step / parts)[0]
-        assert counts.min() == 1 and counts.max() == (11 if stiffer == 100 else 5)
-        runs.append(run(system, scheme, step / parts, step))
-    for name in ("q", "v", "constraint_force"):
-        d = [np.linalg.norm(b[name][-1] - a[name][-1]) for a, b in pairwise(runs)]
-        assert np.log2(d[0] / d[1]) == pytest.approx(2, abs=0.02), name
-
-
-def test_with_fixed_safety_the_fast_elements_keep_their_steps():
-    """Negative: no order where the shortest steps stay as long as they are."""
-    system = two_parts()
-    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
-    fine, errors = run(system, sc.Explicit(rounds=800), step, step)["q"][-1], []
-    for parts in (2, 4):
-        errors.append(
-            np.linalg.norm(run(system, sc.Asynchronous(), step / parts, step)["q"][-1] - fine)
-        )
-        shortest = step / parts / sc.Asynchronous().counts(system, step / parts)[0].max()
-        assert shortest == pytest.approx(step / 12)
-    assert errors[0] / errors[1] < 2  # 4 with second order
+# -- limits that fall ------------------------------------------------------------------------------
 
 
 def twisted_rod(angle):
@@ -472,91 +384,21 @@ def test_limits_fall_where_elements_are_twisted():
     """By a quarter at 0.5 rad; the watch sees it, and steps are made shorter."""
     for angle in (0.01, 0.5):
         system, y = twisted_rod(angle)
-        watch, before = LimitWatch(system), sc.Asynchronous.limits(system)[0]
+        watch, before = LimitWatch(system), sc.Explicit.limit(system).seconds
         assert watch.lowered(y) is (angle > 0.1)
         limit = 2 / highest_frequency_by_differences(system, y)
-        assert watch.limits[0] == pytest.approx([limit] * 2, rel=2e-3)
+        assert watch.smallest.seconds == pytest.approx(limit, rel=2e-3)
         assert not watch.lowered(y)
-    assert watch.limits[0] / before == pytest.approx([0.72] * 2, abs=0.01)
+    assert watch.smallest.seconds / before == pytest.approx(0.72, abs=0.01)
     state = sc.State(0.0, 0, y.ravel(), np.zeros(system.n))
-    step = float(0.89 * before.min())
-    for scheme in (sc.Asynchronous(), sc.Explicit()):
-        march = scheme.march(system, sc.Multipliers(), step)
-        with pytest.warns(sc.AccuracyWarning, match="bent so far that their limits fall, to"):
-            march.advance(state, step)
-        assert march.shortened and march.counts[0].tolist() == [2, 2]
+    step = 0.89 * before
+    march = sc.Explicit().march(system, sc.Multipliers(), step)
+    with pytest.warns(sc.AccuracyWarning, match="bent so far that their limits fall, to"):
+        march.advance(state, step)
+    assert march.shortened and march.rounds == 2
     march = sc.Explicit(checked=False).march(system, sc.Multipliers(), step)
     march.advance(state, step)
     assert not march.shortened
-
-
-@pytest.mark.long
-@pytest.mark.filterwarnings("ignore:beam 'blade'", "ignore:balance of energy")
-def test_a_blade_that_folds_up_keeps_its_energy():
-    """By pi an element; without the shorter steps it blows up when a limit falls below its step."""
-    system = asynchronous_blade.blade(1e6)
-    step = 0.999 * 0.9 * float(sc.Asynchronous.limits(system)[0].max())
-    steps = {"step": step, "until": 9091 * step, "every": 50}
-    with pytest.warns(sc.AccuracyWarning, match="limits fall"):
-        history = run(system, sc.Asynchronous(), **steps)
-    assert history.status == "completed"
-    error = abs(history["energy"] - history["energy"][0]).max() / history["kinetic"][0]
-    assert 1e-5 < error < 0.01
-    L = history["angular_momentum"]
-    assert abs(L - L[0]).max() < 1e-12 * abs(L[0]).max()
-    turned = history["q"].reshape(len(history), -1, 4, 3)[:, :, 1:]
-    traces = np.einsum("tnij,tnij->tn", turned[:, 1:], turned[:, :-1])
-    assert np.arccos(np.clip((traces.min() - 1) / 2, -1, 1)) > 3
-    with pytest.raises(sc.Diverged, match="blown up"):
-        run(system, sc.Asynchronous(checked=False), **steps)
-
-
-def test_all_elements_alike_is_the_explicit_scheme():
-    system = free_rod()
-    step = 0.9 * sc.Explicit.limit(system).seconds
-    a = run(system, sc.Explicit(), step, 20 * step)
-    b = run(system, sc.Asynchronous(grading=1.0), step, 20 * step)
-    np.testing.assert_allclose(a["q"], b["q"], atol=1e-14)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:balance of energy")
-def test_steps_that_are_not_graded_meet_resonances():
-    """What the grading is for: without it the blade of the example blows up, with it not."""
-    system = asynchronous_blade.blade(1e8)
-    step = 0.999 * 0.8 * float(sc.Asynchronous.limits(system)[0].max())
-    graded = run(system, sc.Asynchronous(0.8), step, 2000 * step, every=50)
-    assert abs(graded["energy"] / graded["energy"][0] - 1).max() < 1e-6
-    bare = sc.Asynchronous(0.8, grading=np.inf, checked=False)  # steps stay as it folds up
-    with pytest.raises(sc.Diverged, match="blown up"):
-        run(system, bare, step, 2000 * step, every=50)
-
-
-def check_blade(numbers, bound):
-    assert numbers["fine share"] <= 0.2
-    assert numbers["step ratio"] >= 8
-    assert numbers["saving"] >= 0.7 * numbers["ideal"]
-    assert numbers["energy error"] < bound
-    assert numbers["angular momentum"] < 1e-13
-    assert numbers["linear momentum"] < 1e-14
-
-
-def test_example_of_the_blade():
-    """Saving of evaluations, energy error by the kinetic energy, momenta."""
-    check_blade(asynchronous_blade.run(1e8, 500, "numpy"), 1e-6)
-
-
-@pytest.mark.long
-@pytest.mark.filterwarnings("ignore:integrator 'asynchronous'.* limits fall")  # of the soft one
-@pytest.mark.filterwarnings("ignore:beam 'blade'")
-@pytest.mark.parametrize("name", ["nearly rigid", "middle", "soft"])
-def test_blades_over_1e5_element_steps(name):
-    example = asynchronous_blade
-    numbers = example.run(example.BLADES[name], 100_000)
-    assert numbers["element steps"] >= 1e5
-    check_blade(numbers, 3e-6)
-    assert numbers["energy error"] < 2e-3 * numbers["strain energy"]
-    assert numbers["second half"] < 3 * numbers["first half"]
 
 
 # -- springs and damping ---------------------------------------------------------------------------
@@ -616,10 +458,9 @@ def test_spring_pendulum_in_closed_form():
     assert errors[-1] < 1e-3
 
 
-@pytest.mark.parametrize("scheme", [sc.Explicit(rounds=8), sc.Asynchronous()], ids=repr)
-def test_spring_pendulum_keeps_momentum_about_its_support(scheme):
+def test_spring_pendulum_keeps_momentum_about_its_support():
     model = on_a_spring(length=0.8, velocity=(0.3, 1.0, 0.5))
-    h = run(model.freeze(), scheme, 0.05, 2.0)
+    h = run(model.freeze(), sc.Explicit(rounds=8), 0.05, 2.0)
     L = h["angular_momentum"]
     assert abs(L - L[0]).max() < 1e-13 * abs(L[0]).max()
     assert abs(h["energy"] / h["energy"][0] - 1).max() < 0.01
@@ -679,21 +520,6 @@ def test_springs_and_damping_as_with_energy_momentum():
 
 
 @pytest.mark.slow
-def test_asynchronous_is_of_second_order_with_springs_and_damping():
-    """Elements damp themselves at their own steps, the damper at the ends of the run's steps."""
-    system = two_parts(20.0, 1e-5, 50.0)
-    step = 0.9 * float(sc.Asynchronous.limits(system)[0].max())
-    runs = [run(system, sc.Asynchronous(0.9 / k), step / k, step) for k in (16, 32, 64)]
-    counts = sc.Asynchronous(0.9 / 64).counts(system, step / 64)[0]
-    assert counts.min() == 1 and counts.max() == 5
-    for name in ("q", "v"):
-        found = orders([h[name][-1] for h in runs])
-        assert (found > 1.9).all() and (found < 2.1).all(), name
-    lost = [abs(h.meta["energy_balance"]["lost"]) for h in runs]
-    assert (abs(np.log2(np.divide(lost[:-1], lost[1:])) - 2) < 0.1).all()
-
-
-@pytest.mark.slow
 def test_internal_damping_keeps_momenta():
     """Viscous beams and dampers between bodies give none and take none, to rounding."""
     model = sc.Model()
@@ -717,9 +543,9 @@ def test_drag_in_closed_form():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scheme", [sc.Explicit(rounds=8), sc.Asynchronous(0.005)], ids=repr)
-def test_torsion_spring_over_several_turns(scheme):
+def test_torsion_spring_over_several_turns():
     """Wound up by almost four turns and back: its angle does not jump."""
+    scheme = sc.Explicit(rounds=8)
     model = sc.Model()
     wheel = model.add("wheel", sc.RigidBody(1.0, (0.2, 0.3, 0.4), angular_velocity=(0, 0, 40.0)))
     place = sc.ground((0, 0, 0)), wheel.at((0, 0, 0))
@@ -869,24 +695,14 @@ def test_springs_above_the_limit():
         run(system, sc.Explicit(checked=False), 0.41, 100 * 0.41)
 
 
-def test_asynchronous_rounds_follow_springs():
-    """Where these need shorter steps than the run's, they kick more often."""
-    system = on_a_spring(velocity=(0, 0, 1.0)).freeze()
-    march = sc.Asynchronous(0.5).march(system, sc.Multipliers(), 1.0)
-    assert march.rounds == 5  # of 0.2 s, half of the limit
-    h = run(system, sc.Asynchronous(0.01), 1.0, 1.0)
-    assert h["q"][-1][2] == pytest.approx(-1 + np.sin(5.0) / 5, abs=1e-4)
-
-
-@pytest.mark.parametrize("scheme", [sc.Explicit(), sc.Asynchronous(1.0)], ids=repr)
-def test_limits_of_springs_fall_in_a_run(scheme):
+def test_limits_of_springs_fall_in_a_run():
     """The spring's lever grows as the body turns: steps get shorter, with a warning."""
     model = sc.Model()
     body = model.add("body", sc.RigidBody(1.0, (1e-3, 1e-3, 1e-3)))
     model.add("spring", sc.SpringDamper(sc.ground((5, 0, 0)), body.at((0.2, 0, 0)), 1.0))
     system = model.freeze()
     assert sc.Explicit.limit(system).seconds == pytest.approx(2.0)  # no lever about the centre
-    march = scheme.march(system, sc.Multipliers(), 0.7)
+    march = sc.Explicit().march(system, sc.Multipliers(), 0.7)
     assert march.rounds == 1
     q = np.concatenate([np.zeros(3), [0, 1, 0], [-1, 0, 0], [0, 0, 1]])
     state = sc.State(0.0, 0, q, np.zeros(12))
@@ -899,9 +715,9 @@ def test_limits_of_springs_fall_in_a_run(scheme):
     assert march.rounds == np.ceil(0.7 * omega / 2)
 
 
-@pytest.mark.parametrize("scheme", [sc.Explicit(rounds=40), sc.Asynchronous()], ids=repr)
-def test_there_are_no_compiled_kernels(scheme):
+def test_there_are_no_compiled_kernels():
     """Numpy is taken, and said why; what is asked for and not there is refused."""
+    scheme = sc.Explicit(rounds=40)
     said = "no compiled kernels for explicit steps"
     history = run(free_rod(), scheme, 1e-3, 2e-3, kernels="auto")
     assert history.meta["kernels"] == "numpy"
@@ -941,11 +757,9 @@ def refused_scene(kind):
         ("loop", "closed loops.*'?pin 1.*tree"),
     ],
 )
-@pytest.mark.parametrize("integrator", [sc.Explicit(), sc.Asynchronous()])
-def test_what_is_refused(integrator, kind, said):
-    with pytest.raises(sc.errors.IncompatibleError, match=said) as caught:
-        run(refused_scene(kind), integrator, 1e-5, 1.0)
-    assert type(integrator).__name__ in str(caught.value)
+def test_what_is_refused(kind, said):
+    with pytest.raises(sc.errors.IncompatibleError, match=rf"Explicit.*{said}"):
+        run(refused_scene(kind), sc.Explicit(), 1e-5, 1.0)
 
 
 def test_limits_of_consistent_masses_are_refused():
@@ -953,12 +767,14 @@ def test_limits_of_consistent_masses_are_refused():
     model = sc.Model()
     model.add("rod", rod_of(lumped=False))
     system = model.freeze()
-    for ask in (sc.Explicit.limit, sc.Asynchronous.limits):
-        with pytest.raises(sc.IncompatibleError, match=r"step limit.*beam 'rod'.*lumped=True"):
-            ask(system)
-    for bad in (-1.0, np.nan, "a"):
-        with pytest.raises(sc.InputError, match="step"):
-            sc.Asynchronous().counts(free_rod(), bad)
+    with pytest.raises(sc.IncompatibleError, match=r"step limit.*beam 'rod'.*lumped=True"):
+        sc.Explicit.limit(system)
+
+
+@pytest.mark.parametrize("bad", [3, None, "rod"], ids=["3", "None", "text"])
+def test_limits_of_what_is_no_system(bad):
+    with pytest.raises(sc.InputError, match=r"argument system: .* expected a Model or a System"):
+        sc.Explicit.limit(bad)
 
 
 def test_a_needle_is_refused():
@@ -973,31 +789,9 @@ def test_a_needle_is_refused():
             ask(model.freeze())
 
 
-@pytest.mark.parametrize("bad", [3, None, "rod"], ids=["3", "None", "text"])
-def test_limits_of_what_is_no_system(bad):
-    """Named, with what was expected."""
-    said = "argument system: is of type .*, expected a Model or a System"
-    counts = partial(sc.Asynchronous().counts, step=0.1)
-    for ask in (sc.Explicit.limit, sc.Asynchronous.limit, sc.Asynchronous.limits, counts):
-        with pytest.raises(sc.InputError, match=said):
-            ask(bad)
-    with pytest.raises(sc.InputError, match=said):
-        counts(bad, limits=[np.ones(3)])
-
-
-@pytest.mark.parametrize(
-    "limits", [3, [], [np.ones(5)], [np.zeros(6)], [[np.nan] * 6], ["a"], [np.ones(6)] * 2], ids=str
-)
-def test_bad_limits_of_elements(limits):
-    """Of another number of elements, or no positive numbers."""
-    with pytest.raises(sc.InputError, match=r"argument limits.*expected"):
-        sc.Asynchronous().counts(free_rod(), 0.1, limits)
-
-
-@pytest.mark.parametrize("scheme", [sc.Explicit(), sc.Asynchronous()], ids=repr)
-def test_what_would_be_ignored_is_refused(scheme):
+def test_what_would_be_ignored_is_refused():
     """A solver, as there are no linear systems; multipliers unscaled: both sides are named."""
-    name = re.escape(repr(scheme))
+    scheme, name = sc.Explicit(), re.escape(repr(sc.Explicit()))
     with pytest.raises(sc.IncompatibleError, match=name + r" with SolverSuperLU\(\).*no linear"):
         run(free_rod(), scheme, 1e-5, 1e-3, solver=sc.SolverSuperLU())
     unscaled = sc.Multipliers(scaled=False)
@@ -1014,11 +808,8 @@ def test_treatment_and_arguments():
     for bad in (0, 1.5, True):
         with pytest.raises(sc.InputError, match="rounds"):
             sc.Explicit(rounds=bad)
-    for bad in (0, 1.5, np.nan):
-        with pytest.raises(sc.InputError, match="safety"):
-            sc.Asynchronous(safety=bad)
-    with pytest.raises(sc.InputError, match="grading"):
-        sc.Asynchronous(grading=0.5)
+    with pytest.raises(AttributeError, match=r"Asynchronous is gone: take Explicit"):
+        sc.Asynchronous  # noqa: B018
     stepper = sc.Stepper(free_rod(), sc.Explicit(), sc.Multipliers(), 1e-5)
     with pytest.raises(sc.errors.IncompatibleError, match="no iteration matrix"):
         stepper.iteration_matrix(sc.initial_state(free_rod()))

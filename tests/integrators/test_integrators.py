@@ -998,8 +998,6 @@ BAD = [
     (lambda: sc.EnergyDecaying(True), "chi"),
     (lambda: sc.EnergyDecaying(np.nan), "chi"),
     (lambda: sc.Explicit(checked="no"), "checked"),
-    (lambda: sc.Asynchronous("0.9"), "safety"),
-    (lambda: sc.Asynchronous(np.inf, checked=False), "safety"),
     (lambda: sc.Composition(sc.Variational(), order=None), "order"),
     (lambda: sc.Composition(sc.Variational(), order=[4]), "order"),
     (lambda: sc.Composition(sc.Variational(), order=4.0), "order"),

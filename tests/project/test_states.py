@@ -24,7 +24,7 @@ KINDS = (
     "Solver",
 )
 ITEMS = {"Beam", "Bushing", "Cable", "Foundation", "MassPoint", "RayleighDamping", "RigidBody"}
-ITEMS |= {"SpringDamper", "FunctionOfTime", "Harmonic", "Table", "Explicit", "Asynchronous"}
+ITEMS |= {"SpringDamper", "FunctionOfTime", "Harmonic", "Table", "Explicit"}
 ITEMS |= {"ArcLength", "DisplacementControl"}
 #: base classes, what every beam has, what needs more than the core, what only reads
 LEFT_OUT = {
@@ -50,7 +50,7 @@ def test_every_kind_of_item_is_in_a_scene() -> None:
 def test_every_integrator_is_in_a_scene() -> None:
     every = {each for name in sc.__all__ if isinstance(each := getattr(sc, name), type)}
     schemes = {each for each in every if issubclass(each, sc.Integrator)} - {sc.Integrator}
-    assert schemes == {sc.Explicit, sc.Asynchronous, *map(type, SCHEMES)}
+    assert schemes == {sc.Explicit, *map(type, SCHEMES)}
 
 
 def test_a_changed_bit_is_noticed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

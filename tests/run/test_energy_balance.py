@@ -14,7 +14,7 @@ from test_failure_map import column
 import skfem_cosserat as sc
 
 NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
-EXPLICIT = [sc.Explicit(rounds=20), sc.Asynchronous()]
+EXPLICIT = [sc.Explicit(rounds=20)]
 EVERY = [
     *itertools.product(SCHEMES, (NULL, MULTIPLIERS)),
     *((scheme, MULTIPLIERS) for scheme in EXPLICIT),

@@ -226,7 +226,7 @@ def test_rates_of_sensors_with_varying_steps():
     [
         *(sc.Variational(), sc.Variational(stabilized=True)),
         *(sc.Composition(sc.Variational()), sc.Composition(sc.Variational(stabilized=True))),
-        *(sc.Explicit(), sc.Asynchronous()),
+        sc.Explicit(),
     ],
     ids=repr,
 )

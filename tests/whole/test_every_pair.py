@@ -49,7 +49,7 @@ def test_three_steps(integrator: sc.Variational, treatment: sc.NullSpace) -> Non
     assert abs(run["q"][-1] - fine["q"][-1]).max() < 0.1 * moved
 
 
-@pytest.mark.parametrize("integrator", [sc.Explicit(), sc.Asynchronous()], ids=repr)
+@pytest.mark.parametrize("integrator", [sc.Explicit()], ids=repr)
 def test_three_steps_of_explicit_schemes(integrator: sc.Explicit) -> None:
     model = sc.Model()
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
