@@ -30,7 +30,6 @@ from ..kernels import (
 )
 from ..model import Model, System, system_of
 from ..model.force_elements import CoupledForce
-from ..model.ground import KEPT
 from ..model.groups import BeamGroup
 from ..types import Floats, IndexArray, switch
 from ..warn import logger, warn
