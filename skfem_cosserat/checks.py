@@ -161,14 +161,15 @@ def _owner(system: System, group: BeamGroup, element: int) -> tuple[Beam, int]:
 
 
 def falls(result: Run) -> Iterator[Doubt]:
-    """A scene that starts at rest, and of which gravity pulls away all, as nothing holds it.
+    """A scene that starts at rest, and that gravity pulls away as a whole, as nothing holds it.
 
     Where events act, it is meant to fall: onto something, or after a release.
     """
     system = result.system
     weights = [np.any(term.acceleration()) for term in system.loading.terms]
     free = bool(weights) and all(weights) and connected_parts(system).free.all()
-    if free and not (result.eventful or np.any(result.history["p"][0])):
+    first, last = result.history["p"][[0, -1]]
+    if free and np.any(last) and not (result.eventful or np.any(first)):
         yield Doubt(
             "model",
             "nothing ties it to the ground, so all of it falls: add a joint to the ground, as"

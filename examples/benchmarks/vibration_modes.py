@@ -44,7 +44,10 @@ def clamped(elements: int, order: int, section: sc.Section, root: float = 0.0) -
 
 
 def cantilever(quick: bool = False) -> list[dict[str, Any]]:
-    """Errors of the first three frequencies for all orders, at about equal numbers of nodes."""
+    """Errors of the first three frequencies for all orders, at about equal numbers of nodes.
+
+    A warning tells of the coarsest linear mesh, whose third frequency is 5 % off, as is meant here.
+    """
     rows = []
     for order, counts in {1: (12, 24, 48), 2: (6, 12, 24), 3: (4, 8, 16), 4: (3, 6, 12)}.items():
         for elements in counts[: 2 if quick else 3]:

@@ -124,6 +124,7 @@ def turn_part(f: Any, p: int) -> None:
     sums, out = f.sums, f.turn
     K, k = rows3(sums, p, K_SUM), three(sums, p, TURN)
     noise = FLOW_NOISE * sums[p, NOISE_SIZE]
+    moves = sums[p, SIZE] > FLOW_CLOSED / FLOW_NOISE * noise
     size = sums[p, SIZE] + noise
     if not size > 0.0:
         size = 1.0
@@ -133,7 +134,7 @@ def turn_part(f: Any, p: int) -> None:
     value = k
     length = largest(value) / size
     for _ in range(FLOW_ITERATIONS):
-        if not length > FLOW_CLOSED:
+        if not (moves and length > FLOW_CLOSED):
             break
         way = times(-1.0, combine(value, cofactors(slope_of(K, regular, s))))
         after = gap_of(k, K, trace, plus(s, way))
@@ -157,7 +158,7 @@ def turn_part(f: Any, p: int) -> None:
     for i in range(3):
         put3(out, p, PLAIN + 3 * i, plain[i])
         put3(out, p, A + 3 * i, times(square, plain[i]))
-        put3(out, p, COFACTORS + 3 * i, inverse[i])
+        put3(out, p, COFACTORS + 3 * i, inverse[i] if moves else (0.0, 0.0, 0.0))
 
 
 @inlined
@@ -187,7 +188,7 @@ def sum_relative(f: Any, w: Any, p: int, first: int, last: int) -> None:
     size, noise = 0.0, 0.0
     for r in range(first, last):
         b, dq = row(rest, r), minus(row(y1, r), row(y0, r))
-        noise += np.sqrt(dot(dq, dq) * dot(b, b))
+        noise += np.sqrt(dot(row(y0, r), row(y0, r)) * dot(b, b))
         b, dq = minus(b, times(lift[r], mean)), minus(dq, times(ones[r], shift))
         put(rest, r, b)
         x, y, z = plus(x, times(dq[0], b)), plus(y, times(dq[1], b)), plus(z, times(dq[2], b))

@@ -50,7 +50,8 @@ class Flow:
     Parameters
     ----------
     parts : SeparateParts
-    dq, p0 : (rows, 3) array
+    dq, p0, y0 : (rows, 3) array
+        The change, and momenta and coordinates at the start.
     h, chi : float
 
     Attributes
@@ -59,8 +60,10 @@ class Flow:
         ``M v_m``.
     """
 
-    def __init__(self, parts: SeparateParts, dq: Array, p0: Array, h: float, chi: float) -> None:
-        self.parts, self.dq, self.h, self.chi = parts, dq, h, chi
+    def __init__(
+        self, parts: SeparateParts, dq: Array, p0: Array, y0: Array, h: float, chi: float
+    ) -> None:
+        self.parts, self.dq, self.y0, self.h, self.chi = parts, dq, y0, h, chi
         self.mdq = parts.system.mass @ dq
         b = chi * p0 + self.mdq / h
         self._total, self._lift = parts.total, parts.lift[:, None]
@@ -83,8 +86,8 @@ class Flow:
     def _turn(self) -> None:
         """Solve ``k + N s + (K s) x s = 0`` for ``s = (chi/2) tau/(1 + chi)`` of each part.
 
-        A part whose relative motion is rounding is not turned at all, and nothing it does changes
-        the others.
+        A part whose relative motion is rounding, as at the first guess of a step, is not turned at
+        all, nor is its way on from there, and nothing it does changes the others.
         """
         parts, rest = self.parts, self._rest
         # products with what is common to all positions cancel
@@ -93,7 +96,8 @@ class Flow:
         K = parts.sum(dq[:, :, None] * rest[:, None, :])
         k = parts.sum(cross(dq, rest))
         size = parts.sum(_lengths(dq) * _lengths(rest))
-        noise = FLOW_NOISE * parts.sum(_lengths(self.dq) * _lengths(rest + self._common()))
+        noise = FLOW_NOISE * parts.sum(_lengths(self.y0) * _lengths(rest + self._common()))
+        moves = size > FLOW_CLOSED / FLOW_NOISE * noise
         size = np.where(size + noise > 0, size + noise, 1.0)
         straight = np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(3) - K.swapaxes(1, 2)
         N = straight + (FLOW_REGULAR * size + noise)[:, None, None] * np.eye(3)
@@ -112,7 +116,7 @@ class Flow:
         for _ in range(FLOW_ITERATIONS):
             value = gap(s)
             length = _lengths(value, np.max) / size
-            active = length > FLOW_CLOSED
+            active = moves & (length > FLOW_CLOSED)
             if not active.any():
                 break
             way = np.where(active[:, None], change(s, value), 0.0)
@@ -126,9 +130,9 @@ class Flow:
             if (_lengths(way, np.max) < 1e-13 * (1 + _lengths(s, np.max))).all():
                 break
         if np.iscomplexobj(s):  # for the imaginary part of a complex step
-            s = s + change(s, gap(s))
-        J = slope(s)
-        self.sigma, self._slope = s, J
+            s = s + np.where(moves[:, None], change(s, gap(s)), 0.0)
+        self.sigma = s
+        self._inverse = np.where(moves[:, None, None], np.linalg.inv(slope(s)), 0.0)
         square = 1 + (s * s).sum(1)
         outer = s[:, :, None] * s[:, None, :]
         #: 1 + s^ + s s^T, and A
@@ -159,7 +163,7 @@ class Flow:
         shift = self._free * parts.sum(parts.mu[:, None] * self.dq)
         lever = self.mdq - self._lift * shift[part]
         Q = -skew(turned) + skew(lever / self.h) @ self._plain[part]
-        Q = -np.linalg.solve(self._slope, np.eye(3)[None])[part] @ Q
+        Q = -self._inverse[part] @ Q
         for k in range(count):
             mine = np.flatnonzero(part == k)
             for i in range(3):
@@ -200,7 +204,8 @@ class DecayingBalance(StepBalance):
     def evaluate(self, step: StepData, y1: Array) -> Evaluation:
         """See the base class."""
         e = super().evaluate(step, y1)
-        flow = Flow(separate_parts(self.system), e.dq, step.p0, self.h, self.scheme.decay)
+        parts = separate_parts(self.system)
+        flow = Flow(parts, e.dq, step.p0, step.y0[: len(e.dq)], self.h, self.scheme.decay)
         inertia = 2 * flow.momentum
         own = vars(e) | {"R": e.R + (inertia - e.inertia), "inertia": inertia}
         return _WithFlow(**own, flow=flow)

@@ -239,8 +239,7 @@ def read_nastran(file: Path) -> Deck:
         with _at(f"{place}: {name}"):
             if name == "GRID" and words[1] in ("", "0"):
                 _add(deck.nodes, words[0], _place(words[2:5]))
-                deck.left["output systems (CD) of GRID"] += words[5] not in ("", "0")
-                deck.left["supports (PS) of GRID"] += words[6] not in ("", "0")
+                deck.left["CD or PS of GRID"] += any(map(_real, words[5:7]))
             elif name == "GRID":
                 text = f"node {words[0]} is given in the system {words[1]}, which is not read"
                 raise ValueError(f"{text}: give it in the basic system")
