@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 
 import numpy as np
@@ -97,6 +98,43 @@ def test_drives_that_turn_far_in_a_step_are_told():
     """A chord of a turn by 1.3 rad is off by 0.13 of the radius, in the mean; by 0.6 by 0.03."""
     assert told(driven(1.3 / 0.02)) == ["drive 'motor'"]
     assert told(driven(0.6 / 0.02)) == []
+
+
+def rammed(motion):
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 0.1)))
+    slide = sc.JointPrismatic(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0))
+    model.add("ram", sc.JointDrive(model.add("slide", slide), motion))
+    return model
+
+
+@pytest.mark.parametrize("scheme", [ALPHA, MIDPOINT, sc.Variational()])
+@pytest.mark.parametrize("count", [50, 1500])
+def test_a_move_within_a_step_is_told(scheme, count):
+    """Of a smooth one from s = -0.25 to 1 of a step the chord is off by up to 0.3 of it.
+
+    In ten steps the chord is off by h^2 f''/8 at most, with f'' of 10/sqrt(3): by 0.0072.
+    """
+    begin = 0.01 * (count // 3)
+    for end, expected in ((0.0125, True), (0.1, False)):
+        ramp = sc.RampSmooth(begin - 0.0025, begin - 0.0025 + end, last=0.05)
+        ground = sc.Motion(lambda t, ramp=ramp: (ramp.value(t), 0, 0))
+        for model in (rammed(ramp), sprung(ground)):
+            assert bool(told(model, scheme, 0.01, count)) == expected
+
+
+def test_an_even_motion_that_sets_in_is_not_told():
+    """Its velocity jumps, which no step resolves, and the ends of all steps are right."""
+    assert told(rammed(lambda t: max(0.0, t - 0.113))) == []
+
+
+def test_no_step_is_named_that_the_motion_may_not_bear():
+    """A mass of 20 rad/s on ground of 2 Hz: what sees the one does not resolve the other."""
+    model = sprung(sc.Motion(lambda t: (0.1 * np.sin(4 * np.pi * t) ** 2, 0, 0)))
+    with pytest.warns(sc.AccuracyWarning, match="see what it does within") as found:
+        sc.simulate(model, MIDPOINT, sc.NullSpace(), 0.1, 5.0, kernels="numpy")
+    texts = [str(each.message) for each in found]
+    assert {step for text in texts for step in re.findall(r"steps of (\S+) s", text)} == {"0.1"}
 
 
 @pytest.mark.slow

@@ -42,12 +42,19 @@ def steps_warned(history):
     return [text for text in texts if re.search(STEP, text)]
 
 
-def test_estimate_is_the_error_of_fifty_steps():
-    """Of a vibration, whose phase is slow by (h omega)^3/12 in each step: until it is opposite."""
+@pytest.mark.parametrize(
+    ("scheme", "turns"),
+    [(sc.EnergyMomentum(), (0.05, 0.1, 0.2)), (sc.Composition(sc.EnergyMomentum()), (1.0, 1.5))],
+)
+def test_estimate_is_the_error_of_fifty_steps(scheme, turns):
+    """Of a vibration, whose phase is slow by (h omega)^3/12 in each step: until it is opposite.
+
+    In parts s_k of a composed step it advances by the sum of 2 atan(s_k h omega/2).
+    """
     model, omega = spring(), 10.0
-    for turn in (0.05, 0.1, 0.2):
+    for turn in turns:
         h = turn / omega
-        history = run(model, h, 50)
+        history = run(model, h, 50, scheme)
         x = history["q"][:, 0] - 1.0
         error = abs(x - 0.1 * np.cos(omega * history.times)).max() / 0.2
         found = resolution(model.freeze(), history)
@@ -59,6 +66,14 @@ def test_estimate_is_the_error_of_fifty_steps():
 @pytest.mark.parametrize("turn", [0.05, 0.15])
 def test_resolved_vibrations_are_not_told(turn):
     assert not steps_warned(run(spring(), turn / 10.0))
+
+
+def test_composed_steps_that_do_not_resolve_a_vibration_are_told():
+    """At 2 rad in a step it lacks 0.04 rad, so that all is lost in fifty."""
+    scheme = sc.Composition(sc.EnergyMomentum())
+    for options in ({}, {"every": 5}):
+        assert steps_warned(run(spring(), 0.2, 60, scheme, **options))
+        assert not steps_warned(run(spring(), 0.06, 60, scheme, **options))
 
 
 @pytest.mark.parametrize("turn", [0.5, 3.0, 30.0])
@@ -77,12 +92,18 @@ def test_rotations_that_are_not_resolved_are_told():
     assert not steps_warned(run(spinning(0.4), 1.0))
 
 
+def test_rotations_of_states_apart_are_those_of_their_velocities():
+    with pytest.warns(sc.AccuracyWarning, match=r"'wheel' turns by 1 rad in each step"):
+        run(spinning(1.0), 1.0, 100, every=5)
+    assert not steps_warned(run(spinning(0.4), 1.0, every=5))
+
+
 def test_prescribed_rotations_do_not_count():
     model = spinning(1.0)
     place = sc.ground((0, 0, 0)), model["wheel"].at((0, 0, 0))
     model.add("axle", sc.JointRevolute(*place, axis=(0, 0, 1)))
     model.add("drive", sc.JointDrive(model["axle"], lambda t: 1.0 * t))
-    assert not steps_warned(run(model, 1.0))
+    assert not steps_warned(run(model, 1.0)) + steps_warned(run(model, 1.0, every=5))
 
 
 def test_parts_of_a_composed_step_count():
