@@ -700,9 +700,9 @@ class JointDrive(Item):
     The constraint is ``sin(theta - theta(t)) = 0`` or ``s - s(t) = 0``; with the null space the
     coordinate is eliminated (unless the joint closes a loop). So a motion that jumps by full turns,
     as an angle modulo ``2 pi`` does, moves nothing; the joint's angle in the history counts turns
-    as the motion does. A jump by anything else is an error when a run gets there. Torque or force of the drive are
-    ``joint/NAME/moment`` and ``joint/NAME/force`` of the history, NAME being the drive's (they are
-    no part of the joint's own), its work is ``work_drives``.
+    as the motion does. A jump by anything else is an error when a run gets there. Torque or force
+    of the drive are ``joint/NAME/moment`` and ``joint/NAME/force`` of the history, NAME being the
+    drive's (they are no part of the joint's own), its work is ``work_drives``.
 
     Parameters
     ----------

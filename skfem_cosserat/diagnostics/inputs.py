@@ -64,12 +64,12 @@ def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] |
         return None
     if not found:
         return None
-    (share, time), (item, *_, acts) = max(found, key=lambda each: each[0])
+    share, (item, *_, acts) = max(found, key=lambda each: each[0])
     if share <= MISSED:
         return None
     what = "cancels in their means" if acts == "means" else "is between their ends"
     return item, (
-        f"steps of {np.diff(ends).max():.3g} s do not see what it does within {time:.2g} s:"
+        f"steps of {np.diff(ends).max():.3g} s do not see what it does:"
         f" {100 * min(share, 1.0):.0f} % of it {what}, which act; take smaller steps, and compare"
     )
 
@@ -101,8 +101,8 @@ def _missed(
     kinks: Sequence[float],
     acts: _Acts,
     ends: Floats,
-) -> tuple[float, float]:
-    """Part of a function that steps between these instants miss, and how long it changes (s)."""
+) -> float:
+    """Part of a function that steps between these instants miss."""
 
     def values(times: Floats) -> Floats:
         return np.array([np.ravel(function(t)) for t in times.tolist()])
@@ -122,8 +122,7 @@ def _missed(
     width, t, own = width[looked], t[looked], own[looked]
     knots = np.union1d(ends[steps], ends[steps + 1])
     f, at_knots = values(t), values(knots)
-    share, size = 0.0, np.linalg.norm(np.ptp(f, axis=0))
-    steepest = (np.linalg.norm(np.diff(f, axis=0), axis=1) / np.diff(t)).max()
+    share = 0.0
     if acts == "means":
         missed = width @ abs(f[:, 0]) - abs(np.bincount(own, width * f[:, 0])).sum()
     else:
@@ -131,10 +130,10 @@ def _missed(
         off = np.linalg.norm(f - chords, axis=1)
         missed = width @ off
         if acts == "moves":  # one short move is as much as all of it, and a short force is not
-            share = off.max() / max(size, ROUNDING)
+            share = off.max() / max(np.linalg.norm(np.ptp(f, axis=0)), ROUNDING)
         line = np.vander(t - t.mean(), 2)  # what is constant, or moves evenly, moves nothing
         f = f - line @ np.linalg.lstsq(line, f, rcond=None)[0]
     whole = width @ np.linalg.norm(f, axis=1)
     if whole <= ROUNDING * width.sum() * abs(at_knots).max():
-        return 0.0, np.inf
-    return max(missed / whole, share), size / steepest
+        return 0.0
+    return float(max(missed / whole, share))

@@ -100,41 +100,26 @@ def test_drives_that_turn_far_in_a_step_are_told():
     assert told(driven(0.6 / 0.02)) == []
 
 
-def rammed(motion):
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 0.1)))
-    slide = sc.JointPrismatic(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0))
-    model.add("ram", sc.JointDrive(model.add("slide", slide), motion))
-    return model
-
-
-@pytest.mark.parametrize("scheme", [ALPHA, MIDPOINT, sc.Variational()])
+@pytest.mark.parametrize("scheme", [ALPHA, MIDPOINT])
 @pytest.mark.parametrize("count", [50, 1500])
 def test_a_move_within_a_step_is_told(scheme, count):
     """Of a smooth one from s = -0.25 to 1 of a step the chord is off by up to 0.3 of it.
 
     In ten steps the chord is off by h^2 f''/8 at most, with f'' of 10/sqrt(3): by 0.0072.
     """
-    begin = 0.01 * (count // 3)
-    for end, expected in ((0.0125, True), (0.1, False)):
-        ramp = sc.RampSmooth(begin - 0.0025, begin - 0.0025 + end, last=0.05)
-        ground = sc.Motion(lambda t, ramp=ramp: (ramp.value(t), 0, 0))
-        for model in (rammed(ramp), sprung(ground)):
-            assert bool(told(model, scheme, 0.01, count)) == expected
-
-
-def test_an_even_motion_that_sets_in_is_not_told():
-    """Its velocity jumps, which no step resolves, and the ends of all steps are right."""
-    assert told(rammed(lambda t: max(0.0, t - 0.113))) == []
+    begin = 0.02 * (count // 3) - 0.005
+    for time in (0.025, 0.2):
+        ramp = sc.RampSmooth(begin, begin + time, last=0.05)
+        model = sprung(sc.Motion(lambda t, ramp=ramp: (ramp.value(t), 0, 0)))
+        assert bool(told(model, scheme, count=count)) == (time < 0.1)
 
 
 def test_no_step_is_named_that_the_motion_may_not_bear():
-    """A mass of 20 rad/s on ground of 2 Hz: what sees the one does not resolve the other."""
+    """A step that sees what moves the ground need not resolve what hangs on it."""
     model = sprung(sc.Motion(lambda t: (0.1 * np.sin(4 * np.pi * t) ** 2, 0, 0)))
-    with pytest.warns(sc.AccuracyWarning, match="see what it does within") as found:
+    with pytest.warns(sc.AccuracyWarning, match="do not see") as found:
         sc.simulate(model, MIDPOINT, sc.NullSpace(), 0.1, 5.0, kernels="numpy")
-    texts = [str(each.message) for each in found]
-    assert {step for text in texts for step in re.findall(r"steps of (\S+) s", text)} == {"0.1"}
+    assert {*re.findall(r"steps of (\S+) s", " ".join(str(w.message) for w in found))} == {"0.1"}
 
 
 @pytest.mark.slow
