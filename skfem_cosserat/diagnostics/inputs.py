@@ -122,18 +122,18 @@ def _missed(
     width, t, own = width[looked], t[looked], own[looked]
     knots = np.union1d(ends[steps], ends[steps + 1])
     f, at_knots = values(t), values(knots)
-    share = 0.0
+    size, longest = np.linalg.norm(np.ptp(f, axis=0)), 0.0
     if acts == "means":
         missed = width @ abs(f[:, 0]) - abs(np.bincount(own, width * f[:, 0])).sum()
     else:
         chords = np.stack([np.interp(t, knots, each) for each in at_knots.T], axis=1)
         off = np.linalg.norm(f - chords, axis=1)
         missed = width @ off
-        if acts == "moves":  # one short move is as much as all of it, and a short force is not
-            share = off.max() / max(np.linalg.norm(np.ptp(f, axis=0)), ROUNDING)
+        if acts == "moves":  # one short move counts by how far it goes, a short force by how long
+            longest = off.max()
         line = np.vander(t - t.mean(), 2)  # what is constant, or moves evenly, moves nothing
         f = f - line @ np.linalg.lstsq(line, f, rcond=None)[0]
     whole = width @ np.linalg.norm(f, axis=1)
     if whole <= ROUNDING * width.sum() * abs(at_knots).max():
         return 0.0
-    return float(max(missed / whole, share))
+    return float(max(missed / whole, longest / size))
