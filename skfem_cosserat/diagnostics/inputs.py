@@ -122,7 +122,7 @@ def _missed(
     width, t, own = width[looked], t[looked], own[looked]
     knots = np.union1d(ends[steps], ends[steps + 1])
     f, at_knots = values(t), values(knots)
-    size, longest = np.linalg.norm(np.ptp(f, axis=0)), 0.0
+    size, farthest = np.linalg.norm(np.ptp(f, axis=0)), 0.0
     if acts == "means":
         missed = width @ abs(f[:, 0]) - abs(np.bincount(own, width * f[:, 0])).sum()
     else:
@@ -130,10 +130,10 @@ def _missed(
         off = np.linalg.norm(f - chords, axis=1)
         missed = width @ off
         if acts == "moves":  # one short move counts by how far it goes, a short force by how long
-            longest = off.max()
+            farthest = off.max()
         line = np.vander(t - t.mean(), 2)  # what is constant, or moves evenly, moves nothing
         f = f - line @ np.linalg.lstsq(line, f, rcond=None)[0]
     whole = width @ np.linalg.norm(f, axis=1)
     if whole <= ROUNDING * width.sum() * abs(at_knots).max():
         return 0.0
-    return float(max(missed / whole, longest / size))
+    return float(max(missed / whole, farthest and farthest / size))

@@ -274,9 +274,9 @@ def test_a_step_that_fails_is_tried_again_the_general_way(integrator, treatment,
     solve = CompiledStep.solve
     calls = []
 
-    def sometimes(self, state):
+    def sometimes(self, state, end):
         calls.append(state.index)
-        return None if state.index in (4, 5) else solve(self, state)
+        return None if state.index in (4, 5) else solve(self, state, end)
 
     monkeypatch.setattr(CompiledStep, "solve", sometimes)
     monkeypatch.setattr(CompiledStep, "takes_blocks", lambda self, time: False)
