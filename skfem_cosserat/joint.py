@@ -698,17 +698,20 @@ class JointDrive(Item):
     """Prescribes an angle or a displacement of a joint: 1 constraint more, whatever it takes.
 
     The constraint is ``sin(theta - theta(t)) = 0`` or ``s - s(t) = 0``; with the null space the
-    coordinate is eliminated (unless the joint closes a loop). Torque or force of the drive are
-    ``joint/NAME/moment`` and ``joint/NAME/force`` of the history, NAME being the drive's (they are
-    no part of the joint's own), its work is ``work_drives``.
+    coordinate is eliminated (unless the joint closes a loop). So a motion that jumps by full turns,
+    as an angle modulo ``2 pi`` does, moves nothing; the joint's angle in the history counts turns
+    as the motion does. A jump by anything else is an error when a run gets there. Torque or force
+    of the drive are ``joint/NAME/moment`` and ``joint/NAME/force`` of the history, NAME being the
+    drive's (they are no part of the joint's own), its work is ``work_drives``.
 
     Parameters
     ----------
     joint : Joint
         Of the same model.
     motion : callable or FunctionOfTime
-        ``t -> float``: angle (rad) or displacement (m) from side a to side b, relative to the
-        reference configuration, hence zero at the start.
+        ``t -> float``, as ``RampSmooth(...)`` and ``Table(...)`` are, too: angle (rad) or
+        displacement (m) from side a to side b, relative to the reference configuration, hence zero
+        at the start.
     coordinate : str, optional
         Which of the joint's coordinates, such as "angle" or "displacement"; may be left out if it
         has only one.
@@ -746,7 +749,7 @@ class JointDrive(Item):
         if not isinstance(joint, Joint):
             raise InputError(self.label, f"joint is {joint!r}, expected a joint")
         if not (callable(motion) or isinstance(motion, FunctionOfTime)):
-            raise InputError(self.label, f"motion = {motion!r}, expected a function of time")
+            raise InputError(self.label, f"motion = {motion!r}, expected a function of time, f(t)")
         self.joint = joint
         self.coordinate: RelativeCoordinate = joint.coordinate(coordinate)
         if self.coordinate.kind not in ("angle", "displacement"):

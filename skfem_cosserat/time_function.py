@@ -282,6 +282,8 @@ class Table(Frozen):
         """Linear interpolation."""
         return float(np.interp(t, self.times, self.values))
 
+    __call__ = value
+
     def average(self, t0: float, t1: float) -> float:
         """Exact mean: the trapezoidal rule between all kinks."""
         t0, t1 = min(t0, t1), max(t0, t1)

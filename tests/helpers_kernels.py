@@ -244,7 +244,7 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
         problem.residual()
         plain = problem.direction()
         assert bound.solver.solve is not None
-        fast._begin(state)
+        fast._begin(state, fast.h)
         begin(*fast._all, 1)
         size = evaluate(*fast._all, 1)
         assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-13)
@@ -299,7 +299,7 @@ def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State
     a.last[where] = mu[rows]
     a.last.ravel()[fast._numbering] = guess
     bound.guess(True)
-    fast._begin(state)
+    fast._begin(state, fast.h)
     begin(*fast._all, 1)
     residual = evaluate(*fast._all, 1)
     y1 = bound.configure()

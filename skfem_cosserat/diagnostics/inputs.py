@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import cast
+from typing import Literal, cast
 
 import numpy as np
 
@@ -26,8 +26,8 @@ from .resolution import ENOUGH
 PIECES, LOOKS = 16, 1000
 #: part of what a function does that steps may miss, and the part of its size that is rounding
 MISSED, ROUNDING = 0.1, 1e-9
-#: steps in a period that count as resolving it: the midpoint rule is off by 0.8 % of it then
-RESOLVED = 20
+#: how a function of time acts: by its means over steps or at their ends, or it moves what is held
+_Acts = Literal["means", "ends", "moves"]
 
 
 def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] | None:
@@ -65,19 +65,18 @@ def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] |
         return None
     if not found:
         return None
-    (share, step), (item, *_, mean) = max(found, key=lambda each: each[0])
+    share, (item, *_, acts) = max(found, key=lambda each: each[0])
     if share <= MISSED:
         return None
-    what = "cancels in their means" if mean else "is between their ends"
+    what = "cancels in their means" if acts == "means" else "is between their ends"
     return item, (
         f"steps of {np.diff(ends).max():.3g} s do not see what it does:"
-        f" {100 * min(share, 1.0):.0f} % of it {what}, which act; take steps of {step:.2g} s, and"
-        " compare"
+        f" {100 * min(share, 1.0):.0f} % of it {what}, which act; take smaller steps, and compare"
     )
 
 
-#: item, function of time, its declared kinks, and whether its means over steps act
-_Entering = tuple[str, Callable[[float], ArrayLike], Sequence[float], bool]
+#: item, function of time, its declared kinks, and how it acts
+_Entering = tuple[str, Callable[[float], ArrayLike], Sequence[float], _Acts]
 
 
 def _entering(system: System, at_ends: bool) -> Iterator[_Entering]:
@@ -85,13 +84,13 @@ def _entering(system: System, at_ends: bool) -> Iterator[_Entering]:
         for time, owner in zip(loads.times, loads.owners, strict=True):
             if not isinstance(time, Constant):
                 kinks = getattr(time, "times", getattr(time, "kinks", ()))
-                yield owner.label, time.value, kinks, not at_ends
+                yield owner.label, time.value, kinks, "ends" if at_ends else "means"
     for drive in system.drives:
         angle = drive.coordinate.kind == "angle"
-        yield drive.label, partial(_turned, drive) if angle else drive.value, (), False
+        yield drive.label, partial(_turned, drive) if angle else drive.value, (), "moves"
     drives = {id(drive.place) for drive in system.drives}
     for place in {id(p.motion): p for p in system.moving if id(p) not in drives}.values():
-        yield place.label, partial(cast(Motion, place.motion).frame, place), (), False
+        yield place.label, partial(cast(Motion, place.motion).frame, place), (), "moves"
 
 
 def _turned(drive: JointDrive, t: float) -> tuple[float, float]:
@@ -101,14 +100,21 @@ def _turned(drive: JointDrive, t: float) -> tuple[float, float]:
 def _missed(
     function: Callable[[float], ArrayLike],
     kinks: Sequence[float],
-    mean: bool,
+    acts: _Acts,
     ends: Floats,
-) -> tuple[float, float]:
-    """Part of a function that steps between these instants miss, and a step (s) that does not."""
+) -> float:
+    """Part of a function that steps between these instants miss."""
+
+    def values(times: Floats) -> Floats:
+        return np.array([np.ravel(function(t)) for t in times.tolist()])
+
     inside = [kink for kink in kinks if ends[0] < kink < ends[-1]]
     steps = np.union1d(
         spread(len(ends) - 1, LOOKS), np.searchsorted(ends, inside, side="right") - 1
     )
+    if acts == "moves":  # a short one may be in a step between those
+        bends = np.linalg.norm(np.diff(values(ends), 2, axis=0), axis=1)
+        steps = np.union1d(steps, bends.argsort()[-ENOUGH:])
     knots = ends[steps, None] + np.diff(ends)[steps, None] * np.linspace(0, 1, PIECES + 1)
     grid = np.union1d(knots, inside)
     width, t = np.diff(grid), (grid[1:] + grid[:-1]) / 2
@@ -116,18 +122,19 @@ def _missed(
     looked = np.isin(own, steps)
     width, t, own = width[looked], t[looked], own[looked]
     knots = np.union1d(ends[steps], ends[steps + 1])
-    f, at_knots = (np.array([np.ravel(function(s)) for s in each.tolist()]) for each in (t, knots))
-    if mean:
+    f, at_knots = values(t), values(knots)
+    size, farthest = np.linalg.norm(np.ptp(f, axis=0)), 0.0
+    if acts == "means":
         missed = width @ abs(f[:, 0]) - abs(np.bincount(own, width * f[:, 0])).sum()
     else:
-        chords = np.stack([np.interp(t, knots, values) for values in at_knots.T], axis=1)
-        missed = width @ np.linalg.norm(f - chords, axis=1)
+        chords = np.stack([np.interp(t, knots, each) for each in at_knots.T], axis=1)
+        off = np.linalg.norm(f - chords, axis=1)
+        missed = width @ off
+        if acts == "moves":  # one short move counts by how far it goes, a short force by how long
+            farthest = off.max()
         line = np.vander(t - t.mean(), 2)  # what is constant, or moves evenly, moves nothing
         f = f - line @ np.linalg.lstsq(line, f, rcond=None)[0]
     whole = width @ np.linalg.norm(f, axis=1)
     if whole <= ROUNDING * width.sum() * abs(at_knots).max():
-        return 0.0, np.inf
-    # that of a sine with the same mean size and slope
-    changes = np.linalg.norm(np.diff(f, axis=0), axis=1).sum()
-    period = 2 * np.pi * whole / max(changes, ROUNDING * whole)
-    return float(missed / whole), min(period / RESOLVED, float(np.diff(ends).max()) / 2)
+        return 0.0
+    return float(max(missed / whole, farthest and farthest / size))

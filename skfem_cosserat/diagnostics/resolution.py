@@ -1,13 +1,15 @@
 """How well the steps of a run resolve its motion, from recorded states alone.
 
-Schemes of second order are off by ``h^3 x'''/12`` in a step. With neighbouring states that is a
-twelfth of their third difference. Over some steps these errors add up in one direction, until what
-vibrates is opposite to where it ought to be: then the error is twice its amplitude.
+A vibration that ought to advance by an angle x in a step advances by ``2 atan(x/2)``, a twelfth of
+``x^3`` less (so with energy-momentum; others of second order are off by as much), in a composed
+step by the sum over its parts. Over some steps this adds up, until what vibrates is opposite to
+where it ought to be: then the error is twice its amplitude. Neighbouring states tell the angle.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,7 @@ from ..arguments import checked
 from ..constraints.saddle import saddle_point
 from ..history import History
 from ..model import System
-from ..model.limits import owner
+from ..model.limits import fastest_turn, owner
 from ..model.parts import connected_parts
 from ..model.quadratic import TOGETHER
 from ..pattern import once_for_each
@@ -24,8 +26,8 @@ from ..types import Floats, IndexArray, spread
 from .momenta import Projection
 from .stacked import driven_alternation
 
-#: steps over which errors add up, and the part of a third difference that a step is off by
-STEPS, SHARE = 50, 1 / 12
+#: steps over which errors add up
+STEPS = 50
 #: error that these make, relative to the way that the scene covers, above which a run is doubtful
 MOST_OFF = 0.08
 #: windows of neighbouring states that are looked at at most, evenly spread, one for so many
@@ -57,7 +59,8 @@ class Resolution:
         Estimate of the largest error of a position that fifty steps make, or all of a shorter run,
         relative to the range of the position that moves most in what it is connected with.
     turn : float
-        Largest rotation of a frame in a step (rad), mean over a window: one jolt does not count.
+        Largest rotation of a frame in a step (rad), mean over a window, or median of states that
+        are apart: one jolt does not count.
     period : float
         Steps in a period of the motion where the error is largest.
     item, turning : str
@@ -105,14 +108,13 @@ def resolution(system: System, history: History) -> Resolution | None:
     y = _beside(system, history["q"].reshape(len(history), -1, 3)[rows], history.times[rows])
     places, turns = y.take(system.origin_rows, axis=2), _turns(system, y)
     part, extent = _extents(system, places)
-    third, chord = _differences(places)
-    with np.errstate(all="ignore"):
-        cubed = np.minimum(chord, 2.0) ** 3
-        off = np.minimum(steps * SHARE * third, 2 * third / cubed)
+    size, angle = _vibrations(places)
+    lost = steps * _lost(history, angle)
+    off = size * np.minimum(lost, 2.0)
     # a few steps do not tell how far a motion goes, and one of rounding goes nowhere
     moves = told & (extent > NOISE * system.length)
-    off = np.where(moves[part], np.fmax(off, 0.0) / np.where(moves, extent, 1.0)[part], 0.0)
-    off = np.minimum(off, steps * SHARE * cubed / 2)  # of what vibrates it covers less in a few
+    off = np.where(moves[part], off / np.where(moves, extent, 1.0)[part], 0.0)
+    off = np.minimum(off, lost / 2)  # of what vibrates it covers less in a few
     w, v = np.unravel_index(int(off.argmax()), off.shape)
     turn, turning = float(turns.max(initial=0.0)), ""
     if turns.size:
@@ -121,11 +123,17 @@ def resolution(system: System, history: History) -> Resolution | None:
     return Resolution(
         float(off[w, v]),
         turn,
-        float(2 * np.pi / chord[w, v]) if chord[w, v] > 0 else np.inf,
+        float(2 * np.pi / angle[w, v]) if angle[w, v] > 0 else np.inf,
         owner(system, int(system.origin_rows[v])).label,
         turning,
         float(history.times[rows[w, -1]]),
     )
+
+
+def _lost(history: History, angle: Floats) -> Floats:
+    """Angle that a step of a run lacks of the one that a vibration ought to advance by."""
+    parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
+    return np.asarray(abs(angle - 2 * np.arctan(parts / 2).sum(axis=0)))
 
 
 def _by_velocities(system: System, history: History) -> Resolution:
@@ -133,10 +141,13 @@ def _by_velocities(system: System, history: History) -> Resolution:
     k, count = spread(len(history), SPREAD), int(np.ptp(history["step"]))
     h, t, q = float(np.ptp(history.times)) / count, history.times[k], history["q"][k]
     moved = q + SMALL * h * Projection(system).velocities(q, history["p"][k], t)
-    places, later = (
-        _beside(system, each.reshape(len(k), -1, 3), at).take(system.origin_rows, axis=1)
+    y, later = (
+        _beside(system, each.reshape(len(k), -1, 3), at)
         for each, at in ((q, t), (moved, t + SMALL * h))
     )
+    turns = sorted((turn, item) for item, turn in map(partial(fastest_turn, system), later - y))
+    turn, turning = turns[len(k) // 2]
+    places, later = (each.take(system.origin_rows, axis=1) for each in (y, later))
     part, extent = _extents(system, places)
     size = np.where(extent > NOISE * system.length, extent, np.inf)[part] / 2
     ways = np.nan_to_num(np.linalg.norm(later - places, axis=-1) / SMALL / size)
@@ -144,9 +155,9 @@ def _by_velocities(system: System, history: History) -> Resolution:
     vertex = int(angles.argmax())
     angle = max(float(angles[vertex]), ROUNDING)
     item = owner(system, int(system.origin_rows[vertex])).label
-    off = min(min(STEPS, count) * SHARE * angle**3 / 2, 1.0)
+    off = min(min(STEPS, count) * float(_lost(history, np.array(angle))) / 2, 1.0)
     time = float(t[ways[:, vertex].argmax()])
-    return Resolution(off, 0.0, 2 * np.pi / angle, item, "", time)
+    return Resolution(off, turn / SMALL, 2 * np.pi / angle, item, turning, time)
 
 
 @checked
@@ -296,17 +307,18 @@ def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
     return part, extent
 
 
-def _differences(places: Floats) -> tuple[Floats, Floats]:
-    """Third ones over windows (w, states, v, 3), and the angle in a step of what makes them.
+def _vibrations(places: Floats) -> tuple[Floats, Floats]:
+    """Sizes over windows (w, states, v, 3) of what vibrates, and the angle that it has in a step.
 
     A vibration that advances by an angle x in a step has differences ``(2 sin(x/2))^k`` times its
-    amplitude. The fifth tell the angle of what the third come from, whatever slow motion it is on.
+    amplitude: the third and the fifth tell both, whatever slow motion it is on.
     """
     differences = np.diff(places, 3, axis=1)
     third, fifth = _largest(differences), _largest(np.diff(differences, 2, axis=1))
     some = third > ROUNDING * abs(places).max(initial=0.0)
     with np.errstate(all="ignore"):
-        return third, np.where(some, np.sqrt(fifth / third), 0.0)
+        chord = np.where(some, np.minimum(np.sqrt(fifth / third), 2.0), 0.0)
+        return np.where(chord > 0, third / chord**3, 0.0), 2 * np.arcsin(chord / 2)
 
 
 def _beside(system: System, y: Floats, times: Floats) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from itertools import pairwise
 from time import monotonic
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -510,7 +511,7 @@ class CompiledStep(CompiledScene):
         if last is not None:
             self._a.last.ravel()[self._numbering] = np.real(last)
 
-    def _begin(self, state: State, loaded: bool = False) -> None:
+    def _begin(self, state: State, end: float, loaded: bool = False) -> None:
         """Loads, unless they are there, prescribed motion and all that is fixed during a step."""
         system, t, scheme = self.system, state.time, self.scheme
         self._time = t
@@ -519,7 +520,7 @@ class CompiledStep(CompiledScene):
             self._loaded = True
         self._coupled.begin(state, loaded)
         moving = bool(system.moving)
-        self._place(state.q, self._ground_at(t) if moving and not loaded else None)
+        self._place(state.q, self._ground_at(t, end) if moving and not loaded else None)
         self.rates0 = self.integrator.start(system.tied, state, self.h) if scheme.table else None
         if system.drag is not None:
             known = self._drag_factor * state.q
@@ -538,9 +539,9 @@ class CompiledStep(CompiledScene):
         if self._called_back is not None:
             self._called_back.begin(state, self.h, scheme, self.rates0)
 
-    def _ground_at(self, time: float) -> tuple[Floats, Floats]:
-        """Rows of the ground at both ends of a step that starts at a time (s)."""
-        return self.system.ground(time), self.system.ground(time + self.h)
+    def _ground_at(self, time: float, end: float) -> tuple[Floats, Floats]:
+        """Rows of the ground at both ends (s) of a step, exactly: it may jump there."""
+        return self.system.ground(time), self.system.ground(end)
 
     def _factors_at(self, time: float) -> Floats:
         """Factors of all loads' channels in a step that starts at a time (s)."""
@@ -551,21 +552,21 @@ class CompiledStep(CompiledScene):
         return loading.values(end) if self.scheme.at_end else loading.averages(time, end)
 
     def _load_all(self, times: Sequence[float], patience: float) -> int:
-        """Loads, motors and ground of steps from these times (s) on; of how many they are known.
+        """Loads, motors and ground of steps between these times (s); of how many they are known.
 
         What a function of the user raises is kept for the step that meets it. A slow one is not
         asked for longer than `patience` (s), as nothing is solved meanwhile.
         """
         o, begun, loading, moving = self._o, monotonic(), self.system.loading, self.system.moving
-        factors: Any = None if moving else loading.ahead(times, self.h)
-        forces: Any = self._coupled.ahead(times)
+        factors: Any = None if moving else loading.ahead(times[:-1], self.h)
+        forces: Any = self._coupled.ahead(times[:-1])
         ground: list[Any] = []
         if factors is None or forces is None:
             factors, forces = [], []
-            for time in times:
+            for time, end in pairwise(times):
                 try:
                     own = self._factors_at(time), self._coupled.forces_at(time)
-                    ground += [self._ground_at(time)] if moving else []
+                    ground += [self._ground_at(time, end)] if moving else []
                 except Exception as error:
                     if not factors:
                         raise
@@ -589,10 +590,10 @@ class CompiledStep(CompiledScene):
         self._factors = None  # those of another step may have been there
         return len(factors)
 
-    def solve(self, state: State) -> tuple[int, float] | None:
-        """Solve the step that follows `state`: iterations and residual; None: not converged."""
+    def solve(self, state: State, end: float) -> tuple[int, float] | None:
+        """Solve the step from `state` to a time (s): iterations, residual; None: not converged."""
         self._record[STATES], self._marked = 1, None
-        if not self._solved(state, 1):
+        if not self._solved(state, 1, end):
             return None
         return int(self._record[ITERATIONS]), self.residual
 
@@ -632,10 +633,10 @@ class CompiledStep(CompiledScene):
         self._record[STATES] = self._kept if every else LAST + 1
         steps, varies = len(times), self._varies(state.time)
         if varies:
-            starts = [state.time, *times[:-1].tolist()]
-            steps = self._load_all(starts, AHEAD if patience is None else patience)
+            ends = [state.time, *times.tolist()]
+            steps = self._load_all(ends, AHEAD if patience is None else patience)
         self._record[VARYING] = varies
-        solved = self._solved(state, steps, varies)
+        solved = self._solved(state, steps, float(times[0]), varies)
         self._record[VARYING] = 0.0
         if solved and self.unmoved:  # the general way moves velocities
             solved = self._take_back(False)
@@ -704,12 +705,12 @@ class CompiledStep(CompiledScene):
         """Whether velocities are left to be moved onto the hidden constraints."""
         return bool(self._record[UNMOVED])
 
-    def _solved(self, state: State, steps: int, loaded: bool = False) -> bool:
+    def _solved(self, state: State, steps: int, end: float, loaded: bool = False) -> bool:
         """Solve up to so many steps; whether the last one tried was solved.
 
-        `loaded`: their loads are there.
+        `end`: of the first one (s); `loaded`: their loads are there.
         """
-        self._begin(state, loaded)
+        self._begin(state, end, loaded)
         record, a = self._record, self._a
         record[ASKED], record[TRAVELLED] = steps, self._travelled
         known = self.looped and record[KNOWN] > 0.0

@@ -168,12 +168,18 @@ class StepBalance:
 
     # -- begin -----------------------------------------------------------------------------------
 
-    def begin(self, state: State, before: Evaluation | None = None) -> StepData:
-        """Data of the step after a state; `before`: the evaluation that the state is the end of."""
+    def begin(
+        self, state: State, before: Evaluation | None = None, end: float | None = None
+    ) -> StepData:
+        """Data of the step after a state; `before`: the evaluation that the state is the end of.
+
+        `end`: when the step ends (s), to the last digit, as what is prescribed may jump there.
+        """
         s, system, h = self.scheme, self.system, self.h
         y0 = system.extend(state.q, state.time)
         p0, rates0 = state.p.reshape(-1, 3), self.integrator.start(system, state, h)
-        amplitudes, ground_rate, couplings = self._acting(state, y0)
+        end = state.time + h if end is None else end
+        amplitudes, ground_rate, couplings = self._acting(state, y0, end)
         dead = system.loading.dead_force(amplitudes)
         given, size = s.momentum * p0, largest(p0)
         if s.before:
@@ -195,9 +201,11 @@ class StepBalance:
             step.stresses0 = [g.stress(eps) for g, eps in beams]
         return step
 
-    def _acting(self, state: State, y0: Floats) -> tuple[Floats, Floats, CoupledStart | None]:
+    def _acting(
+        self, state: State, y0: Floats, t1: float
+    ) -> tuple[Floats, Floats, CoupledStart | None]:
         """Factors of the loads, rates of the ground, and force elements at the start."""
-        system, t0, t1 = self.system, state.time, state.time + self.h
+        system, t0 = self.system, state.time
         elements = system.couplings if system.couplings.count else None
         if self.scheme.at_end:
             at_end = amplitudes_at(system, t1)

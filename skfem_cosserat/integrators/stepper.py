@@ -534,10 +534,10 @@ class Stepper:
         fast = of.fast
         if fast is not None:
             if fast.looped and fast.due(state, self.bound):
-                step = self._begin(state, of)
+                step = self._begin(state, of, time)
                 fast.close(self._closing(step.y0))
             if self.bound.regular and not state.plain:
-                solved = fast.solve(state)
+                solved = fast.solve(state, time)
                 if solved is not None:
                     missed = self.system.moving and fast.missed > LOOK
                     if missed and (wrong := self._contradiction(state, h, fast.y1, solved[1])):
@@ -545,7 +545,7 @@ class Stepper:
                     return self._accept_compiled(of, fast, state, time, origin, *solved)
             # the general way tries again from there
             of.last = None if fast.last is None else (h, fast.last)
-        step = self._begin(state, of) if step is None else step
+        step = self._begin(state, of, time) if step is None else step
         self._recall(of)
         total = 0
         best: NewtonReport | None = None
@@ -631,14 +631,14 @@ class Stepper:
         balance = self.integrator.single.balance(self.system, self.h if h is None else h)
         return balance.start_force(state)
 
-    def _begin(self, state: State, of: _Size) -> StepData:
+    def _begin(self, state: State, of: _Size, time: float) -> StepData:
         """Data of a step for the general way, and its treatment at its start."""
         before = None if self._end is None or (self._end[0] != state.q).any() else self._end[1]
-        step = of.balance.begin(state, before)
+        step = of.balance.begin(state, before, time)
         momentum = state.p if state.fresh or self._first else None
         self._first = False
         self._recall(of)
-        self.bound.begin(step.y0, self.system.ground(state.time + of.h), of.h, momentum)
+        self.bound.begin(step.y0, self.system.ground(time), of.h, momentum)
         for item, text in self.bound.doubts:
             logger.info("t = %.6g s: the %s %s", state.time, item, text)  # each time
             warn(item, text, AccuracyWarning, state.time)

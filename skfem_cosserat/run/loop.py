@@ -566,7 +566,7 @@ class StepNumbers:
     def warn(self, history: History) -> None:
         """Say that steps are too long: the motion may be bounded, balanced in energy, and wrong.
 
-        Of higher orders the parts of a step count, and only by how far frames turn in them.
+        Of composed steps the parts count.
         """
         found = resolution(self.system, history)
         rough = found is None or found.error > ROUGH or found.turn > ROUGH
@@ -588,7 +588,7 @@ class StepNumbers:
         if found is None:
             return
         turn = self.numbers["turn"]
-        if found.error > MOST_OFF and self.integrator.order <= 2:
+        if found.error > MOST_OFF:
             warn(
                 "argument step",
                 f"steps of {self.h:.3g} s do not resolve the motion: they put the"

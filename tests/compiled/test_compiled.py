@@ -274,9 +274,9 @@ def test_a_step_that_fails_is_tried_again_the_general_way(integrator, treatment,
     solve = CompiledStep.solve
     calls = []
 
-    def sometimes(self, state):
+    def sometimes(self, state, end):
         calls.append(state.index)
-        return None if state.index in (4, 5) else solve(self, state)
+        return None if state.index in (4, 5) else solve(self, state, end)
 
     monkeypatch.setattr(CompiledStep, "solve", sometimes)
     monkeypatch.setattr(CompiledStep, "takes_blocks", lambda self, time: False)
@@ -295,10 +295,10 @@ def test_solutions_that_have_turned_over_are_none(integrator):
     method = INTEGRATORS[integrator]
     fast = CompiledStep(system.untied, method, 1e-2, sc.NewtonSettings(reuse=0))
     state = sc.initial_state(system)
-    assert fast.solve(state) is not None
+    assert fast.solve(state, fast.h) is not None
     fast._a.last[0] = 0, 0, 0, np.pi, 0, 0  # about x: the axis points the other way
     fast._record[[KNOWN, GUESS]] = 1  # begin there
-    assert fast.solve(state) is None
+    assert fast.solve(state, fast.h) is None
     assert system.wrong_branch(fast.y1) is not None
 
 
@@ -484,14 +484,14 @@ def test_what_goes_wrong_in_the_rest(filled, monkeypatch):
     for method in ("factor", "solve_again"):
         fast = CompiledStep(system, sc.EnergyMomentum(), 1e-3, settings)
         monkeypatch.setattr(fast.linear, method, raised(SingularMatrixError("singular")))
-        assert fast.solve(state) is None
+        assert fast.solve(state, fast.h) is None
         for error in (MemoryError("too large"), KeyboardInterrupt()):
             monkeypatch.setattr(fast.linear, method, raised(error))
             with pytest.raises(type(error)):
-                fast.solve(state)
+                fast.solve(state, fast.h)
         monkeypatch.undo()
         filled(-1)
-        assert fast.solve(state) is not None
+        assert fast.solve(state, fast.h) is not None
 
 
 # coarse struts, drawn too much

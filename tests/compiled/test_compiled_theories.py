@@ -41,7 +41,7 @@ def test_closed_loops_are_looked_at_now_and_then(monkeypatch):
     stepper = sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, kernels="numba")
     chosen, looks = [], []
     choose, clear = stepper._begin, stepper.bound.clear
-    stepper._begin = lambda state, of: (chosen.append(state.index), choose(state, of))[1]
+    stepper._begin = lambda state, *more: (chosen.append(state.index), choose(state, *more))[1]
     stepper.bound.clear = lambda rows, step: (looks.append(rows), clear(rows, step))[1]
     state = sc.initial_state(system)
     for _ in range(300):

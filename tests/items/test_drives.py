@@ -678,6 +678,7 @@ STEEP = {
     "declared kinks": sc.FunctionOfTime(lambda t: max(0.0, 0.1 - abs(t - 0.2)), kinks=[0.1, 0.2]),
     "a radian a step": lambda t: 150 * t**2,
     "wrapped angle": lambda t: (40 * t**2) % (2 * np.pi),
+    "a table": sc.Table([0, 0.1, 0.2], [0, 0, 0.3]),
 }
 
 
@@ -712,6 +713,7 @@ def test_a_jump_is_refused(name, kind, treatment):
     assert not any(JUMPS[name](t) for t in history.times)
 
 
+@pytest.mark.filterwarnings("ignore:.*do not see:skfem_cosserat.AccuracyWarning")
 @treatments
 @pytest.mark.parametrize("name", STEEP)
 def test_a_steep_motion_is_followed(name, treatment):
@@ -724,8 +726,32 @@ def test_a_steep_motion_is_followed(name, treatment):
     assert abs(np.sin(angle / 2)).max() < 1e-12
 
 
+@pytest.mark.parametrize("kernels", ["numpy", "numba"])
+@pytest.mark.parametrize("kind", [sc.JointPrismatic, "rotation"])
+@treatments
+def test_what_is_too_small_for_a_jump_is_followed(kind, treatment, kernels):
+    """Where a step ends: at t = 0.1 by 10 h, and before it by 9 h + h."""
+    for scheme in (*INTEGRATORS.values(), sc.GeneralizedAlpha(), sc.Composition(sc.Variational())):
+        model = moved(lambda t: t**2 + 9e-7 * (t >= 0.1), kind)
+        run = sc.simulate(model, scheme, TREATMENTS[treatment], 0.01, 0.15, kernels=kernels)
+        assert run["constraint_violation"].max() < 1e-13
+
+
+@treatments
+def test_full_turns_at_once_move_nothing(treatment):
+    """Angle and angle + 2 pi are one configuration: no other torque."""
+    pair = sc.EnergyMomentum(), TREATMENTS[treatment]
+    one, other = (
+        sc.simulate(moved(motion, sc.JointRevolute), *pair, 0.01, 0.3)
+        for motion in (lambda t: t**2, lambda t: t**2 + 2 * np.pi * (t >= 0.1))
+    )
+    for name in ("q", "joint/drive/moment", "work_drives"):
+        assert abs(one[name] - other[name])[:-1].max() < 1e-10
+
+
 def test_a_violated_constraint_is_told():
-    """A jump too small to be one: the null space moves by what the ends of a step differ in."""
-    model = moved(lambda t: 5e-7 * (t >= 0.1), sc.JointPrismatic)
-    with pytest.warns(sc.AccuracyWarning, match="violates the constraint of the drive 'drive' by"):
-        sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.3)
+    """Newton's method ends where increments of 2e-3 are taken for nothing."""
+    loose, model = sc.NewtonSettings(increment=2e-3, negligible=2e-3), sc.Model()
+    model.add("top", sc.RigidBody(1.0, TENSOR, angular_velocity=(3, 2, 9)))
+    with pytest.warns(sc.AccuracyWarning, match="violates the constraint of the triad of .*Newton"):
+        sc.simulate(model, sc.EnergyMomentum(), sc.Multipliers(), 0.05, 0.6, settings=loose)
