@@ -187,7 +187,8 @@ def _eliminate(builder: Any, shape: Shape, rows: list[Any], n: int) -> Any:
 
 def _upper(builder: Any, shape: Shape, rows: list[Any]) -> list[Any]:
     """Inverse of the upper triangle, with ones on its diagonal, in place and of its own."""
-    out, width = [], shape.width
+    width = shape.width
+    out: list[Any] = []
     for n in reversed(range(shape.side)):
         unit = ir.Constant(shape.row, [float(c == n) for c in range(width)])
         out.insert(0, _mixed(builder, rows[n], unit, [c + width * (c <= n) for c in range(width)]))
