@@ -213,9 +213,9 @@ def row_blocks(system: System) -> list[RowBlock]:
     """
     left = set(system.left_rows.tolist())
     count = len(system.origin_rows)
-    nodes = [theory.first + theory.beam.basis.connectivity for theory in system.theory_rows]
+    nodes = [(each.first + each.beam.basis.connectivity).tolist() for each in system.theory_rows]
     parent = {e.child: min(e.parent, count) for e in system.spanning.edges}
-    _hang(np.minimum(np.concatenate(nodes), count).tolist() if nodes else [], parent, count)
+    _hang(chain.from_iterable(nodes), parent, count)
     depth = _depths(parent)
     found: dict[int, tuple[list[int], set[int]]] = {}
     for jr in system.joint_rows:
@@ -227,7 +227,7 @@ def row_blocks(system: System) -> list[RowBlock]:
     for theory, of_elements in zip(system.theory_rows, nodes, strict=True):
         each += [
             (numbers.ravel().tolist(), set(vertices))
-            for numbers, vertices in zip(theory.numbers, of_elements.tolist(), strict=True)
+            for numbers, vertices in zip(theory.numbers, of_elements, strict=True)
         ]
     out = []
     for numbers, vertices in each:
