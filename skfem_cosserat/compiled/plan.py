@@ -213,8 +213,10 @@ def row_blocks(system: System) -> list[RowBlock]:
     """
     left = set(system.left_rows.tolist())
     count = len(system.origin_rows)
+    nodes = [(each.first + each.beam.basis.connectivity).tolist() for each in system.theory_rows]
     parent = {e.child: min(e.parent, count) for e in system.spanning.edges}
-    depth = system.spanning.depth
+    _hang(chain.from_iterable(nodes), parent, count)
+    depth = _depths(parent)
     found: dict[int, tuple[list[int], set[int]]] = {}
     for jr in system.joint_rows:
         joint = jr.joint.joint if isinstance(jr.joint, JointDrive) else jr.joint
@@ -222,11 +224,10 @@ def row_blocks(system: System) -> list[RowBlock]:
         numbers += range(jr.rows.start, jr.rows.stop)
         vertices |= {jr.a.vertex, jr.b.vertex} if joint is jr.joint else set()
     each = [*found.values()]
-    for theory in system.theory_rows:
-        nodes = theory.first + theory.beam.basis.connectivity
+    for theory, of_elements in zip(system.theory_rows, nodes, strict=True):
         each += [
             (numbers.ravel().tolist(), set(vertices))
-            for numbers, vertices in zip(theory.numbers, nodes.tolist(), strict=True)
+            for numbers, vertices in zip(theory.numbers, of_elements, strict=True)
         ]
     out = []
     for numbers, vertices in each:
@@ -237,6 +238,43 @@ def row_blocks(system: System) -> list[RowBlock]:
     return out
 
 
+def _hang(elements: Iterable[Sequence[int]], parent: dict[int, int], count: int) -> None:
+    """Join trees by elements that hold strains: the top of one hangs on the other's vertex.
+
+    Two elements that hold all strains would take the same vertex's unknowns otherwise, and the
+    second one's pivot would vanish.
+    """
+    above = dict(parent)
+
+    def top(v: int) -> int:
+        way = []
+        while v in above:
+            way.append(v)
+            v = above[v]
+        above.update(dict.fromkeys(way, v))
+        return v
+
+    for first, *others in elements:
+        for v in others:
+            ends = [(top(v), first), (top(first), v)]
+            below, on = ends[ends[0][0] == count]  # the ground hangs on nothing
+            if ends[0][0] != ends[1][0]:
+                parent[below] = above[below] = on
+
+
+def _depths(parent: Mapping[int, int]) -> dict[int, int]:
+    """How many others each vertex hangs on, one on the other."""
+    depth: dict[int, int] = {}
+    for v in parent:
+        way = []
+        while v in parent and v not in depth:
+            way.append(v)
+            v = parent[v]
+        below = depth.get(v, 0)
+        depth |= {u: below + k for k, u in enumerate(reversed(way), 1)}
+    return depth
+
+
 def _between(
     vertices: Collection[int], parent: Mapping[int, int], depth: Mapping[int, int], count: int
 ) -> tuple[int, ...]:
@@ -244,7 +282,7 @@ def _between(
     ends: set[int] = {min(v, count) for v in vertices}
     found: set[int] = set()
     while len(ends) > 1:
-        deepest = max(ends, key=lambda v: depth.get(v, -1))
+        deepest = max(ends, key=lambda v: (depth.get(v, 0), -v))  # the ground comes last
         found.add(deepest)
         ends.remove(deepest)
         if deepest in parent:
