@@ -142,7 +142,7 @@ def subtract_crossed(typing: Any, A: Any, i: Any, B: Any, j: Any, out: Any, k: A
 
 
 def _clear(builder: Any, rows: list[Any], n: int, own: Any, others: range) -> None:
-    """Subtract row n from others, so that column n leaves them; there is what they subtracted."""
+    """Clear column n of others by row n: `own` is that row, with what takes the column's place."""
     zero = ir.Constant(ROW, [0.0] * SIDE)
     for i in others:
         factor = _mixed(builder, rows[i], zero, [n] * SIDE)
@@ -162,7 +162,7 @@ def _eliminate(builder: Any, rows: list[Any], n: int) -> Any:
 
 
 def _upper(builder: Any, rows: list[Any]) -> list[Any]:
-    """Inverse of the upper triangle, with ones on its diagonal, in place and of its own."""
+    """Inverse of the upper triangle that elimination leaves, with ones on its diagonal."""
     out: list[Any] = []
     for n in reversed(range(SIDE)):
         unit = ir.Constant(ROW, [float(c == n) for c in range(SIDE)])
@@ -175,10 +175,10 @@ def _upper(builder: Any, rows: list[Any]) -> list[Any]:
 def triangles(typing: Any, A: Any, k: Any, lower: Any, upper: Any, v: Any) -> Any:
     """Inverses of a block's triangular factors, ``A_k^-T = lower_v upper_v``.
 
-    Products with one after the other lose no more to rounding than triangular solutions do, those
-    with an inverse the more the nearer the block is to a singular one. No rows are exchanged; it
-    tells whether that was stable (not if NaN): if no entry of the diagonal grew more than
-    :data:`GROWTH` times.
+    Products with one after the other lose no more to rounding than triangular solutions do. Those
+    with the inverse lose the more the nearer the block is to a singular one. No rows are exchanged:
+    it tells whether that was stable, so whether no entry of the diagonal grew more than
+    :data:`GROWTH` times. It was not if there are NaN.
     """
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:

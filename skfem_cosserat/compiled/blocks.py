@@ -1,7 +1,8 @@
 """Compiled block elimination on the graph of vertices: linear in the length of chains and trees.
 
 All blocks are 6x6: vertices with fewer unknowns are filled up with ones on the
-diagonal. Blocks of constraint rows with multipliers count as vertices, too. Where a vertex hangs on
+diagonal. Pivots act by their triangular factors: of thin elements their inverses have few right
+digits. Blocks of constraint rows with multipliers count as vertices, too. Where a vertex hangs on
 a joint, its rows and columns are those of its twist until its turn comes: then they are turned into
 its joint's own coordinates, and what its parent carries along goes to the parent (the
 articulated-body recursion, inside a factorisation). In lattices the last vertices, from
