@@ -80,8 +80,8 @@ def test_rods_without_inertia_about_their_axis(make, treatment, integrator, monk
     """No step is left to the general way."""
     solve, advance, solved = CompiledStep.solve, CompiledStep.advance_block, []
 
-    def counted(self, state):
-        found = solve(self, state)
+    def counted(self, state, time):
+        found = solve(self, state, time)
         solved.append(found is not None)
         return found
 
