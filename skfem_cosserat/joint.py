@@ -708,7 +708,7 @@ class JointDrive(Item):
     ----------
     joint : Joint
         Of the same model.
-    motion : callable or FunctionOfTime
+    motion : callable
         ``t -> float``, as ``RampSmooth(...)`` and ``Table(...)`` are, too: angle (rad) or
         displacement (m) from side a to side b, relative to the reference configuration, hence zero
         at the start.
@@ -743,12 +743,12 @@ class JointDrive(Item):
     def __init__(
         self,
         joint: Joint,
-        motion: Callable[[float], float] | FunctionOfTime,
+        motion: Callable[[float], float],
         coordinate: str | None = None,
     ) -> None:
         if not isinstance(joint, Joint):
             raise InputError(self.label, f"joint is {joint!r}, expected a joint")
-        if not (callable(motion) or isinstance(motion, FunctionOfTime)):
+        if not callable(motion):
             raise InputError(self.label, f"motion = {motion!r}, expected a function of time, f(t)")
         self.joint = joint
         self.coordinate: RelativeCoordinate = joint.coordinate(coordinate)

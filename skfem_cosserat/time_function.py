@@ -362,6 +362,8 @@ class FunctionOfTime(Frozen):
         """The function's value, which must be a finite number."""
         return self._values([t])[0]
 
+    __call__ = value
+
     def _values(self, times: Sequence[float]) -> list[float]:
         """The function's values, up to the first that is no finite number."""
         out, function = [], self.function
