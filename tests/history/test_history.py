@@ -134,6 +134,7 @@ def test_a_history_of_an_open_writer_stays_as_it_is(make_scene, tmp_path):
     for k in range(2, 6):
         writer.append(scene.row(k))
     np.testing.assert_array_equal(first["q"], before)
+    writer.close()
 
 
 def test_writer_refuses(make_scene, tmp_path):
@@ -639,6 +640,8 @@ def test_several_states_at_once_are_the_same_ones(make_scene, tmp_path, disk, st
         assert streamed and room is not None
     assert len(writer) == 25
     assert_equal(scene.history(25), writer.history())
+    disk(None)
+    writer.close()
 
 
 @pytest.mark.parametrize("room", [0, 10_000, 30_000, 60_000, 68_500])
