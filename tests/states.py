@@ -4,17 +4,22 @@
     python tests/states.py compare FILE [WORD ...]   after it; ends with 1 if one bit differs
 
 A word picks the runs whose names hold it. Everything a run gives is stored: q, v, p, multipliers,
-energies, momenta, sensors; the paths of statics, frequencies, load factors. Only files that were
-made on the same machine can be compared to the last bit; elsewhere read the largest differences,
-which are printed relative to the largest number of each series.
+energies, momenta, sensors; the paths of statics, frequencies, load factors; the rows of studies; a
+digest of files for ParaView. Only files that were made on the same machine can be compared to the
+last bit; elsewhere read the largest differences, which are printed relative to the largest number
+of each series.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import itertools
 import sys
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -346,6 +351,11 @@ def runs() -> Iterator[tuple[str, Callable[[], Any]]]:
     for name in ("cantilever", "held", "inextensible", "flying"):
         yield f"modes, {name}", _run(lambda build: sc.modes(build().freeze(), count=4), PARTS[name])
     yield "buckling", _run(lambda: sc.buckling(PARTS["cantilever"]().freeze(), 2))
+    for name in ("plain", "springs", "rigid_only"):
+        yield f"refine, {name}", _run(_refined, PARTS[name])
+        yield f"work_precision, {name}", _run(_measured, PARTS[name])
+        yield f"stability_map, {name}", _run(_mapped, PARTS[name])
+        yield f"ParaView, {name}", _run(_written, PARTS[name])
 
 
 def _each(
@@ -401,6 +411,48 @@ def _displaced() -> Any:
     return sc.static(model, NULL, control)
 
 
+def _end(history: sc.History) -> Any:
+    return history["q"][-1]
+
+
+def _refined(build: Callable[[], sc.Model]) -> Any:
+    def problem(step: float) -> Any:
+        return sc.simulate(build(), MOMENTUM, NULL, step, 0.016, kernels="numpy")
+
+    quantities = {"end": _end, "energy": lambda history: history["energy"][-1]}
+    return sc.refine(problem, step=(4e-3, 2e-3, 1e-3), quantities=quantities)
+
+
+def _measured(build: Callable[[], sc.Model]) -> Any:
+    def setup(step: float, scheme: sc.Integrator) -> Callable[[sc.System], Any]:
+        return lambda system: sc.simulate(system, scheme, NULL, step, 0.016, kernels="numpy")
+
+    steps = list(itertools.product((4e-3, 2e-3), (MOMENTUM, VARIATIONAL)))
+    setups = [(f"{scheme!r}, step = {step} s", setup(step, scheme)) for step, scheme in steps]
+    clock = itertools.count().__next__  # a second a look
+    return sc.work_precision(
+        build().freeze(), setups, setup(5e-4, MOMENTUM), {"end": _end}, 1, clock=clock
+    )
+
+
+def _mapped(build: Callable[[], sc.Model]) -> Any:
+    def problem(step: float, scheme: sc.Integrator) -> Any:
+        return sc.simulate(build(), scheme, NULL, step, 20 * step, kernels="numpy")
+
+    return sc.stability_map(problem, {"scheme": (MOMENTUM, VARIATIONAL), "step": (2e-3, 0.05)})
+
+
+def _written(build: Callable[[], sc.Model]) -> dict[str, np.ndarray]:
+    """Digests of files, by their names."""
+    history = simulated(build, MOMENTUM, NULL, kernels="numpy")
+    with tempfile.TemporaryDirectory() as folder:
+        sc.write_paraview(history, folder)
+        return {
+            str(file.relative_to(folder)): np.asarray(hashlib.sha256(file.read_bytes()).hexdigest())
+            for file in sorted(Path(folder).rglob("*.*"))
+        }
+
+
 # -- storing and comparing -------------------------------------------------------------------------
 
 
@@ -411,6 +463,12 @@ def numbers(found: Any) -> Iterator[tuple[str, np.ndarray]]:
             yield name, found[name]
         for name, record in found.sensors.items():
             yield f"sensor {name}", record.values
+    elif isinstance(found, dict):
+        yield from found.items()
+    elif hasattr(found, "table"):
+        for name in {name: None for row in found.table.rows for name in row}:
+            if name not in ("seconds", "spent_s"):
+                yield name, np.array([row.get(name, "") for row in found.table.rows])
     else:
         for name, value in vars(found).items():
             if isinstance(value, np.ndarray) and value.dtype.kind in "fc":
