@@ -324,4 +324,5 @@ def test_what_a_weld_to_a_light_body_carries(scheme, mass, links):
     force = mass * (faster * across - w**2 * along).T + (0, mass * G, 0)
     moment = 0.01 * mass * faster
     assert abs(run["joint/weld/force"] - force).max() < 2e-3 * abs(force).max()
-    assert abs(run["joint/weld/moment"][:, 2] - moment).max() < 1e-4 * abs(moment).max()
+    allowed = 1e-4 + 1e-9 / mass  # rounding of what the hinge carries counts the more, the lighter
+    assert abs(run["joint/weld/moment"][:, 2] - moment).max() < allowed * abs(moment).max()
