@@ -24,8 +24,8 @@ from .errors import InputError, MeshError
 from .frozen import lock_arrays
 from .mesh import MeshCurve
 from .mesh.topology import find_node
-from .mesh.triads import SAME, Directors, Twist, section_triads
-from .types import Array, ArrayLike, Floats, IndexArray, VectorLike
+from .mesh.triads import Directors, Twist, section_triads
+from .types import SAME, Array, ArrayLike, Floats, IndexArray, VectorLike
 
 # -- the director basis: a scikit-fem basis whose nodes carry a point and three directors ----------
 

@@ -21,6 +21,8 @@ IndexArray: TypeAlias = NDArray[np.int64]
 #: Three numbers.
 VectorLike: TypeAlias = Sequence[float] | NDArray[np.float64]
 
+#: two triads closer than this are one and the same
+SAME = 1e-12
 #: how many steps may be asked for: at a million a second these take eleven days
 MOST = 10**12
 #: so many names a message lists, and so many that are like the one asked for

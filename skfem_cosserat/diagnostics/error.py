@@ -14,11 +14,10 @@ from ..frames import is_beam
 from ..history import History
 from ..kernels import beam_stress
 from ..linear import SingularMatrixError
-from ..mesh.triads import SAME
 from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..strain import strain_measures
-from ..types import ArrayLike, Floats, IndexArray, check_kind, names_known, numbers, switch
+from ..types import SAME, ArrayLike, Floats, IndexArray, check_kind, names_known, numbers, switch
 from .energy import group_of, held_forces, section_strains
 from .forces import accelerations, element_balances, element_forces, part_resultants
 from .nearest import inner_rows, settled

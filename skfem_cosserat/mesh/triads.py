@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ..errors import InputError, MeshError
-from ..types import Array, Floats, IndexArray, VectorLike, names_known, numbers
+from ..types import SAME, Array, Floats, IndexArray, VectorLike, names_known, numbers
 
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
@@ -18,8 +18,6 @@ Directors: TypeAlias = VectorLike | Mapping[str, VectorLike] | None
 #: Twist: rate (rad/m) or angle (rad) as a function of arc length (m), for all or by beam name.
 Twist: TypeAlias = float | Callable[[float], float] | Mapping[str, Any] | None
 
-#: Two triads closer than this are one and the same.
-SAME = 1e-12
 #: Smallest sine between a hint and the tangent.
 PARALLEL = 1e-6
 
