@@ -9,7 +9,8 @@ the mesh alone, which no forces balance, shows the other way round: it stores wh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from .stacked import balancing_multipliers, curvature_matrix
 
 if TYPE_CHECKING:
     from ..beam import Beam
+    from ..element import Interpolation
 
 
 def energies(
@@ -73,20 +75,28 @@ def beams_of(system: System) -> list[Beam]:
     return [item for item in system.structures if is_beam(item)]
 
 
+@lru_cache(maxsize=8)
+def _tables(kind: Interpolation) -> tuple[Any, ...]:
+    """Points, weights, shape functions there, what spreads nodal values, and integrals up to."""
+    from ..element import gauss_rule
+
+    z, w = gauss_rule(kind.order + 3)
+    at = kind.tabulated(z, w)
+    return z, w, at, at.values.T @ np.linalg.inv((at.values * w) @ at.values.T), integrals(z, z)
+
+
 def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: Array) -> Floats:
     """Energies (2, ne) by statics less those of Gauss points, and these.
 
     Of nodal configurations, what nodes pass on, and what is spread: (ne, nn, 4, 3) each.
     """
-    from ..element import gauss_rule, lagrange  # import scikit-fem, which rigid bodies do without
+    from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
 
-    e, kind = group.elements, group.interpolation
-    z, w = gauss_rule(kind.order + 3)
-    at, h = kind.tabulated(z, w), e.lengths[:, None, None]
-    shapes = at.values.T @ np.linalg.inv((at.values * w) @ at.values.T)
+    e, h = group.elements, group.elements.lengths[:, None, None]
+    z, w, at, shapes, over = _tables(group.interpolation)
     density = np.einsum("qa,eaic->eqic", shapes, spread) / h[..., None]
     x = np.einsum("aq,eaic->eqic", at.values, nodal)
-    statics = Statics(force, nodal, 0, density, x, h * integrals(z, z))
+    statics = Statics(force, nodal, 0, density, x, h * over)
     m = statics.moment(np.einsum("aq,eac->eqc", at.slopes, nodal[:, :, 0]) / h)
     turned = nodal[:, :, 1:] if e.rotations is None else e.rotations @ nodal[:, :, 1:]
     balanced = components(np.einsum("aq,eaic->eqic", at.values, turned), statics.n, m)
@@ -96,8 +106,7 @@ def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: A
     held = np.eye(6) * (np.einsum("eii->ei", e.stiffness) == 0)[:, :, None]
     compliance = np.linalg.inv(e.stiffness + held) - held
     own, stored = (
-        np.einsum("eqi,eij,eqj,q,e->e", each, compliance, each, w, e.lengths, optimize=True)
-        for each in (balanced, found)
+        ((each @ compliance) * each).sum(2) @ w * e.lengths for each in (balanced, found)
     )
     return np.array([own - stored, stored])
 
