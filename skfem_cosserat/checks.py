@@ -231,7 +231,7 @@ def inside_out(result: Recorded) -> Iterator[Doubt]:
 
 #: energy that elements lack, against all there is, above which a result is doubtful
 LACKING = 0.1
-#: recorded states, evenly spread, whose bending is looked at: each costs as much as a step
+#: recorded states, evenly spread, whose bending is looked at
 BENT = 5
 #: strain that is nothing but rounding
 ROUNDING = 1e-10
