@@ -103,7 +103,7 @@ def main(
             partial(swing, sudden=name == "sudden"),
             step=steps,
             quantities={"ball": "ball", "strain energy": "strain_energy"},
-            norm=sc.study.MaximumOverTime(),
+            norm=sc.accuracy.MaximumOverTime(),
             folder=kept[name],
         )
     if out is not None:

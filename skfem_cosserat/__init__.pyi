@@ -1,6 +1,7 @@
 """Public names, each with the module it comes from: read when one is first asked for."""
 
 from . import (
+    accuracy as accuracy,
     diagnostics as diagnostics,
     errors as errors,
     export as export,
@@ -175,7 +176,7 @@ from .model.balance import (
 from .newton import (
     NewtonSettings as NewtonSettings,
 )
-from .parallel import (
+from .accuracy import (
     Job as Job,
     Outcome as Outcome,
     Processes as Processes,
@@ -263,7 +264,7 @@ from .statics import (
 from .statics.branch import (
     branch as branch,
 )
-from .study import (
+from .accuracy import (
     Refinement as Refinement,
     refine as refine,
     stability_map as stability_map,

@@ -9,7 +9,7 @@ import time
 import numpy as np
 
 import skfem_cosserat as sc
-from skfem_cosserat.study import FULL_PROTOCOL
+from skfem_cosserat.accuracy import FULL_PROTOCOL
 
 STEP_COST = 1e-4
 
@@ -130,7 +130,7 @@ def leapfrog(step, omega, log=None):
 
 def judged(result):
     """Blown up or not, with a number of its own."""
-    from skfem_cosserat.study import JudgeEnergy, Verdict
+    from skfem_cosserat.accuracy import JudgeEnergy, Verdict
 
     found = JudgeEnergy(amplitude, drift=3.0)(result)
     if isinstance(result, Exception):

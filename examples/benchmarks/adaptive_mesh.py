@@ -46,6 +46,7 @@ from record import Record
 
 import skfem_cosserat as sc
 from paper import three_bar_swing
+from skfem_cosserat.accuracy.chart import draw_errors
 from skfem_cosserat.adaptive import (
     Adapted,
     Halve,
@@ -58,7 +59,6 @@ from skfem_cosserat.adaptive import (
 )
 from skfem_cosserat.export import prepare_folder
 from skfem_cosserat.figures import PAGE, legend, panels, write_figure
-from skfem_cosserat.study.charts import draw_errors
 
 Floats = NDArray[np.float64]
 PICTURES = Path(__file__).resolve().parents[1] / "pictures"

@@ -18,7 +18,7 @@ HERE = Path(__file__).resolve().parent
 
 def main() -> dict[str, Any]:
     """Provenance of numbers made now: versions, machine, commit, threads of the linear algebra."""
-    return sc.study.provenance(HERE)
+    return sc.accuracy.provenance(HERE)
 
 
 class Record:
@@ -53,7 +53,7 @@ class Record:
     ) -> Path:
         """Table with comma separated values; lines in front of it that start with # say whence."""
         notes = self.provenance | {"run": self.runs[run - 1]}
-        return sc.study.write_rows(path, notes, header, rows)
+        return sc.accuracy.write_rows(path, notes, header, rows)
 
 
 def read_csv(path: Path) -> tuple[dict[str, Any], list[str], list[list[str]]]:

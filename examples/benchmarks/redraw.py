@@ -23,7 +23,7 @@ import speed_accuracy_chart
 import theory_limits
 import theory_report
 
-from skfem_cosserat.study import PrecisionTable, ResultTable
+from skfem_cosserat.accuracy import PrecisionTable, ResultTable
 
 STORED = Path(__file__).resolve().parents[1] / "pictures"
 Row = Mapping[str, Any]

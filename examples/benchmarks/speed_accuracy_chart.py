@@ -46,10 +46,10 @@ import scenes
 from measuring import EXPLICIT, INTEGRATORS, METHODS, family_of
 
 from skfem_cosserat import AccuracyWarning, CosseratError, IncompatibleError
+from skfem_cosserat.accuracy import PrecisionTable, TimeLimit
+from skfem_cosserat.accuracy.precision import pareto
+from skfem_cosserat.accuracy.setups import raised
 from skfem_cosserat.figures import write_figure
-from skfem_cosserat.study import PrecisionTable, TimeLimit
-from skfem_cosserat.study.precision import pareto
-from skfem_cosserat.study.setups import raised
 
 OURS, OWN = "skfem-cosserat", "own"
 #: single steps are timed as those of a run of so many, which has compiled kernels; a whole process

@@ -8,7 +8,7 @@ iterations each, *timeout* if it took too long. One second, in which the right l
 reverses (event X, 0.66 s).
 
 Why a cell has failed its `mechanism` tells, as far as the steps of the run do: see
-:data:`skfem_cosserat.study.verdict.MECHANISMS`.
+:data:`skfem_cosserat.accuracy.verdict.MECHANISMS`.
 
 Theory's lines: ``h omega = 2``, the limit of explicit methods for the highest frequency of the
 beam; and ``h omega_c = 2``, with the frequency of the constraint force of compressed beams (see
@@ -40,7 +40,7 @@ from measuring import EXPLICIT, METHODS
 import skfem_cosserat as sc
 from paper import three_bar_swing as swing
 from skfem_cosserat import diagnostics
-from skfem_cosserat.study import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut, stability_map
+from skfem_cosserat.accuracy import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut, stability_map
 
 STEPS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5)
 FACTORS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)

@@ -14,8 +14,8 @@ import measuring  # before numpy: one thread
 import numpy as np
 from measuring import INTEGRATORS
 
+from skfem_cosserat.accuracy.chart import STATUSES
 from skfem_cosserat.figures import PAGE, legend, panels, styles, write_figure
-from skfem_cosserat.study.charts import STATUSES
 
 Row = dict[str, Any]
 

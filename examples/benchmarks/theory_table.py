@@ -50,10 +50,10 @@ from scipy.interpolate import CubicSpline
 import skfem_cosserat as sc
 from paper import failure_map
 from paper import three_bar_swing as swing
+from skfem_cosserat.accuracy import Job
+from skfem_cosserat.accuracy.cases import run_cases
 from skfem_cosserat.integrators.choice import choose_kernels
 from skfem_cosserat.newton import NewtonSettings
-from skfem_cosserat.parallel import Job
-from skfem_cosserat.study.cases import run_cases
 
 Floats = NDArray[np.float64]
 

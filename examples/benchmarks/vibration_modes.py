@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
+from skfem_cosserat.accuracy.chart import draw_errors
 from skfem_cosserat.export import write_paraview
 from skfem_cosserat.figures import PAGE, chart_style, legend, new_figure, write_figure
-from skfem_cosserat.study.charts import draw_errors
 
 Floats = NDArray[np.float64]
 

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
+from skfem_cosserat.accuracy import FULL_PROTOCOL
 from skfem_cosserat.diagnostics import constraint_frequency
-from skfem_cosserat.study import FULL_PROTOCOL
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

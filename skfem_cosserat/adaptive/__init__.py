@@ -1,6 +1,6 @@
 """Adaptive meshes: refined where it matters, with what is known carried over."""
 
-from ..study.charts import chart_errors
+from ..accuracy.chart import chart_errors
 from .adapt import Adapted, Halve, HalveOrRaise, Level, Uniform, adapt
 from .runs import NodePosition, RunInTime, RunStatic, carry_history, carry_state
 

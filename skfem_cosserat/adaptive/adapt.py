@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from ..accuracy.chart import chart_errors
+from ..accuracy.table import ResultTable
 from ..arguments import checked
 from ..beam import Beam
 from ..diagnostics import missing_strains
@@ -19,8 +21,6 @@ from ..errors import AccuracyWarning, Diverged, InputError
 from ..history import History
 from ..mesh import MeshCurve
 from ..model import Model, System, system_of
-from ..study.charts import chart_errors
-from ..study.results import ResultTable
 from ..types import Floats, IndexArray, numbers, positive
 from ..warn import Notices, logger, sum_up, told, warn
 from .runs import OfConfiguration, Run, RunStatic

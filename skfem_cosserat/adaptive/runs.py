@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from ..accuracy.reading import Quantity
 from ..beam import Beam
 from ..constraints import NullSpace, Treatment
 from ..diagnostics import Projection, goal_shares, missing_strains, momentum
@@ -27,7 +28,6 @@ from ..run.start import checked_start
 from ..statics import Control, LoadControl, Point, equilibrium, static
 from ..statics.control import Stage
 from ..statics.schedule import Functional, recorded_amplitudes
-from ..study.quantities import Quantity
 from ..types import ArrayLike, Floats, VectorLike, check_kind, names_known, numbers, positive
 from ..warn import logger
 

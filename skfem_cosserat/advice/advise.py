@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..accuracy.chart import draw_candidates
+from ..accuracy.table import ResultTable
 from ..arguments import checked
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError
@@ -16,8 +18,6 @@ from ..figures import check_folder, legend, panels, write_figure
 from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model, System, model_of
 from ..run import Sensor
-from ..study.charts import draw_candidates
-from ..study.results import ResultTable
 from ..types import ArrayLike, positive, whole
 from ..warn import sum_up, told
 from .proposals import Proposal

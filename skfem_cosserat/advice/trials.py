@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from ..accuracy.reading import Quantity, Reading
 from ..adaptive import carry_state
 from ..beam import Beam
 from ..constraints import NullSpace
@@ -25,7 +26,6 @@ from ..model import Model, System, planarity
 from ..model.plane import Planar
 from ..run import Sensor, derive_series, initial_state, simulate
 from ..run.sensors import checked_sensors
-from ..study.quantities import Quantity, Reading
 from ..time_function import (
     Constant,
     Table,

@@ -19,11 +19,11 @@ from scipy.integrate import solve_ivp
 
 import skfem_cosserat as sc
 from skfem_cosserat import InputError, SensorPosition, advise
+from skfem_cosserat.accuracy.reading import Reading
 from skfem_cosserat.advice import BeamFull, BeamRigid
 from skfem_cosserat.advice import trials as advice_trials
 from skfem_cosserat.advice.search import _between
 from skfem_cosserat.advice.trials import Budget, CostMeter, RunningCost, Targets, Trials
-from skfem_cosserat.study.quantities import Reading
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 

@@ -8,6 +8,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from skfem_cosserat.accuracy import PrecisionTable
+from skfem_cosserat.accuracy.chart import OTHERS, STATUSES, chart_errors
 from skfem_cosserat.errors import InputError
 from skfem_cosserat.figures import (
     NAMED,
@@ -19,8 +21,6 @@ from skfem_cosserat.figures import (
     tell,
     write_figure,
 )
-from skfem_cosserat.study import PrecisionTable
-from skfem_cosserat.study.charts import OTHERS, STATUSES, chart_errors
 
 pytest.importorskip("matplotlib")
 APART = 8.0

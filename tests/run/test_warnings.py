@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat.parallel.jobs import Packer, read, run_packed
+from skfem_cosserat.accuracy.jobs import Packer, read, run_packed
 from skfem_cosserat.warn import Notices, in_words, repeat, sum_up, warn
 
 SOFT = sc.Section([1e4, 1e4, 1e4, 1e-3, 1e-3, 1e-3], mass=1.0, inertia=(1e-3, 1e-3))

@@ -1,4 +1,4 @@
-"""Studies: many runs of a problem, and what they say together.
+"""How accurate, how dear, how stable: many runs of a problem, and what they say together.
 
 :func:`refine` for meshes and steps. What it is made of serves other studies too: `run_cases` (any
 executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`.
@@ -7,32 +7,38 @@ executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`
 
 from ..export import write_rows
 from .cases import TimedOut, TimeLimit, identity, run_cases, status
+from .executors import Executor, Processes, run_all
+from .jobs import Job, Outcome
 from .orders import Convergence, convergence
 from .precision import Front, Level, PrecisionTable, Standing, work_precision
-from .quantities import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
-from .references import (
+from .reading import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
+from .reference import (
     ReferenceFinest,
     ReferenceKnown,
     ReferencePair,
     ReferenceRun,
 )
 from .refinement import Refinement, refine
-from .results import ResultTable, provenance
 from .setups import Setup, setup_grid
 from .stability import Map, stability_map
+from .table import ResultTable, provenance
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
 __all__ = [
     "FULL_PROTOCOL",
     "AtInstants",
     "Convergence",
+    "Executor",
     "Front",
+    "Job",
     "JudgeEnergy",
     "Level",
     "Map",
     "MaximumOverTime",
+    "Outcome",
     "OverTime",
     "PrecisionTable",
+    "Processes",
     "ReferenceFinest",
     "ReferenceKnown",
     "ReferencePair",
@@ -49,6 +55,7 @@ __all__ = [
     "identity",
     "provenance",
     "refine",
+    "run_all",
     "run_cases",
     "setup_grid",
     "stability_map",

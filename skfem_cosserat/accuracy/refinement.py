@@ -17,11 +17,12 @@ from ..errors import InputError
 from ..export import write_paraview
 from ..export.table import WIDE
 from ..history import History
-from ..parallel import Executor, Job, Outcome
 from ..types import Array, Floats, names_known, positive, switch
 from ..warn import counted, sum_up, told
 from .cases import OnOutcome, identity, run_cases, status
-from .charts import Line, convergence_chart
+from .chart import Line, convergence_chart
+from .executors import Executor
+from .jobs import Job, Outcome
 from .levels import (
     Series,
     StudyLevel,
@@ -31,9 +32,9 @@ from .levels import (
     text,
 )
 from .orders import ROUNDING, Convergence, convergence
-from .quantities import OverTime, Quantities, Reading, aligned
-from .references import Compared, ReferenceFinest, ReferenceKnown, reference_of_levels
-from .results import Report, ResultTable, provenance
+from .reading import OverTime, Quantities, Reading, aligned
+from .reference import Compared, ReferenceFinest, ReferenceKnown, reference_of_levels
+from .table import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -442,16 +443,16 @@ def refine(
         `norm` their last state). Default: all entries of a mapping (but ``"t"``), or the number or
         array itself under the name ``"value"``.
     norm : OverTime, optional
-        :class:`~skfem_cosserat.study.MaximumOverTime`,
-        :class:`~skfem_cosserat.study.RootMeanSquare` or
-        :class:`~skfem_cosserat.study.AtInstants`.
+        :class:`~skfem_cosserat.accuracy.MaximumOverTime`,
+        :class:`~skfem_cosserat.accuracy.RootMeanSquare` or
+        :class:`~skfem_cosserat.accuracy.AtInstants`.
         Compare over time, at instants that all levels have recorded: quantities must then have one
         entry for each state of the History (or entry of ``"t"`` of a mapping). Default: values are
         compared as they are, by the Euclidean norm.
     reference : optional
         True values: a number or array (of the only quantity) or a mapping by quantity, each also a
         function (of the instants, if compared over time), or :class:`ReferenceKnown`;
-        :class:`~skfem_cosserat.study.ReferenceRun`, another call of the problem;
+        :class:`~skfem_cosserat.accuracy.ReferenceRun`, another call of the problem;
         :class:`ReferenceFinest`. None: levels
         are compared with each other, and errors are against the value that Richardson
         extrapolation gives.

@@ -99,7 +99,7 @@ def convergence_chart(
 
     Examples
     --------
-    >>> from skfem_cosserat.study.orders import convergence
+    >>> from skfem_cosserat.accuracy.orders import convergence
     >>> found = convergence([0.5, 0.25, 0.125, 0.0625], [np.array(h**2) for h in (8, 4, 2, 1)])
     >>> line = Line("", "step", found, np.ones(4, dtype=bool))
     >>> figure = convergence_chart({"tip": [line]}, "bend", units="m")
@@ -204,7 +204,7 @@ def precision_chart(
     units: str | Mapping[str, str] | None = None,
     most: int = 8,
 ) -> Figure:
-    """One panel a quantity; see :meth:`~skfem_cosserat.study.PrecisionTable.chart`.
+    """One panel a quantity; see :meth:`~skfem_cosserat.accuracy.PrecisionTable.chart`.
 
     Parameters
     ----------

@@ -20,16 +20,16 @@ from typing import Any
 import numpy as np
 import skfem
 
+from ..accuracy.executors import CANCELLED
 from ..arguments import checked
 from ..errors import Diverged, InputError, JobError, PerformanceWarning
 from ..export import prepare_folder
 from ..history import History
-from ..parallel import Executor, Job, Outcome, run_all
-from ..parallel.executors import CANCELLED
-from ..parallel.jobs import Caught
 from ..run.progress import Progress
 from ..version import VERSION
 from ..warn import Notices, warn
+from .executors import Executor, run_all
+from .jobs import Caught, Job, Outcome
 
 # -- A limit on the time that a call may take ------------------------------------------------------
 
@@ -268,7 +268,7 @@ def run_cases(
         are jobs that did not run, lost their worker or were interrupted by Ctrl-C. A case is
         recognised by its name and arguments.
     identity : mapping of str to str, optional
-        What all cases in the folder share, see :func:`~skfem_cosserat.study.cases.identity`.
+        What all cases in the folder share, see :func:`~skfem_cosserat.accuracy.cases.identity`.
     progress : bool or callable
         See :func:`run_all`; cases that the folder holds are counted as done.
     check : callable, optional

@@ -15,16 +15,16 @@ import numpy as np
 from ..arguments import checked
 from ..errors import InputError, JobError
 from ..history import History
-from ..parallel import Executor, Job, Outcome
-from ..parallel.jobs import Caught
 from ..types import Array, Floats, positive, switch
 from ..warn import sum_up, told
 from .cases import OnOutcome, TimeLimit, identity, run_cases
-from .charts import stability_chart
+from .chart import stability_chart
+from .executors import Executor
+from .jobs import Caught, Job, Outcome
 from .levels import case_name, check_call
 from .refinement import title_of
-from .results import Report, ResultTable, provenance
 from .setups import ran
+from .table import Report, ResultTable, provenance
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ class Map(Report):
 
     @property
     def mechanism(self) -> Array:
-        """Why each failed cell has failed, see :class:`~skfem_cosserat.study.Verdict`."""
+        """Why each failed cell has failed, see :class:`~skfem_cosserat.accuracy.Verdict`."""
         return self._array("mechanism", str)
 
     @property
@@ -313,21 +313,21 @@ def stability_map(
     problem : callable
         Called as ``problem(step=1e-3, stiffness=1e4)`` with one value of each axis; gives a
         History, or raises. A step that fails counts as such only after the full protocol of
-        attempts: give runs ``settings=FULL_PROTOCOL`` of :mod:`skfem_cosserat.study`. A problem
+        attempts: give runs ``settings=FULL_PROTOCOL`` of :mod:`skfem_cosserat.accuracy`. A problem
         with an argument `settings` that has no value yet gets it from here.
     axes : mapping
         Values of each parameter by its name.
     outcome : callable, optional
-        Judges the History or the exception; gives a :class:`~skfem_cosserat.study.Verdict` or just
-        its status. Default: :class:`~skfem_cosserat.study.JudgeEnergy`, the energy at the start
-        being the right one. It is called where the problem runs: only verdicts are kept.
+        Judges the History or the exception; gives a
+        :class:`~skfem_cosserat.accuracy.Verdict` or just its status. Default:
+        :class:`~skfem_cosserat.accuracy.JudgeEnergy`, the energy at the start being the right one. It is called where the problem runs: only verdicts are kept.
     executor : executor, optional
         See :func:`~skfem_cosserat.run_all`: cells side by side.
     resume : path-like, optional
         A folder in which cells are kept as soon as they are done. The same call finds them again,
         also with more values on the axes.
     timeout_s : float, optional
-        Longest time of a cell (s), see :class:`~skfem_cosserat.study.TimeLimit`.
+        Longest time of a cell (s), see :class:`~skfem_cosserat.accuracy.TimeLimit`.
     retry : bool
         Run cells again whose judge has failed.
     progress : bool or callable

@@ -29,11 +29,11 @@ from helpers_scenes import everything, four_bar, growing, swing, waving
 from test_examples import load
 
 import skfem_cosserat as sc
+from skfem_cosserat.accuracy import executors
+from skfem_cosserat.accuracy import jobs as parallel_jobs
+from skfem_cosserat.accuracy.executors import _finish, _pipe, _received, _send
+from skfem_cosserat.accuracy.jobs import read
 from skfem_cosserat.linear import SingularMatrixError
-from skfem_cosserat.parallel import executors
-from skfem_cosserat.parallel import jobs as parallel_jobs
-from skfem_cosserat.parallel.executors import _finish, _pipe, _received, _send
-from skfem_cosserat.parallel.jobs import read
 from skfem_cosserat.run.describe import fingerprint
 from skfem_cosserat.warn import warn
 

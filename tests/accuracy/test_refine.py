@@ -19,7 +19,7 @@ import pytest
 
 import skfem_cosserat as sc
 from skfem_cosserat import InputError, PerformanceWarning, refine
-from skfem_cosserat.study import (
+from skfem_cosserat.accuracy import (
     AtInstants,
     MaximumOverTime,
     ReferenceFinest,
@@ -574,7 +574,7 @@ def test_code_and_bound_values_make_a_problem_another():
     def made(factor, power):
         return lambda elements: factor / elements**power
 
-    from skfem_cosserat.study import identity
+    from skfem_cosserat.accuracy import identity
 
     def text(problem):
         return identity(problem=problem)["problem"]

@@ -15,7 +15,7 @@ import pytest
 
 import skfem_cosserat as sc
 from skfem_cosserat import InputError, work_precision
-from skfem_cosserat.study import (
+from skfem_cosserat.accuracy import (
     AtInstants,
     MaximumOverTime,
     ReferenceFinest,
@@ -26,7 +26,7 @@ from skfem_cosserat.study import (
     TimeLimit,
     setup_grid,
 )
-from skfem_cosserat.study.precision import pareto
+from skfem_cosserat.accuracy.precision import pareto
 
 STEPS = (0.1, 0.05, 0.025, 0.0125)
 EXACT = math.exp(-1.0)

@@ -14,16 +14,15 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import InputError
-from ..parallel import Executor, Job, Outcome
-from ..parallel.jobs import Caught, in_words
 from ..types import names_known, positive, switch
 from ..warn import sum_up, told
 from .cases import OnOutcome, identity, run_cases
-from .charts import COSTS, Lines, Row, precision_chart
+from .chart import COSTS, Lines, Row, precision_chart
+from .executors import Executor
+from .jobs import Caught, Job, Outcome, in_words
 from .orders import euclidean
-from .quantities import OverTime, Quantities, Reading, aligned
-from .references import Compared, Reference, reference_of_setups
-from .results import Report, ResultTable, provenance
+from .reading import OverTime, Quantities, Reading, aligned
+from .reference import Compared, Reference, reference_of_setups
 from .setups import (
     Measured,
     Setup,
@@ -35,6 +34,7 @@ from .setups import (
     raised,
     ran,
 )
+from .table import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -497,14 +497,14 @@ def work_precision(
     problem : object
         Handed to the setups as it is: a scene, a function that builds one, numbers for a peer.
     setups : iterable
-        Pairs (label, function of the problem) or :class:`~skfem_cosserat.study.Setup`;
-        :func:`~skfem_cosserat.study.setup_grid` makes them. The function gives a History, or a
+        Pairs (label, function of the problem) or :class:`~skfem_cosserat.accuracy.Setup`;
+        :func:`~skfem_cosserat.accuracy.setup_grid` makes them. The function gives a History, or a
         mapping, see there: what another code computed in a subprocess, with its own ``cost_s``.
     reference : object
         True values: a number or array (of the only quantity), or a mapping by quantity, functions
         of the instants too if compared over time; their own error is then not known.
-        :class:`~skfem_cosserat.study.ReferenceKnown`: with errors.
-        :class:`~skfem_cosserat.study.ReferencePair`: two runs, of which the second one tells how
+        :class:`~skfem_cosserat.accuracy.ReferenceKnown`: with errors.
+        :class:`~skfem_cosserat.accuracy.ReferencePair`: two runs, of which the second one tells how
         good the first is. A function of the problem, or a setup: one run; a History: what it gave.
     quantities : mapping or sequence of str
         As in :func:`~skfem_cosserat.refine`: functions of a result by name, called in this process.
@@ -518,7 +518,7 @@ def work_precision(
     folder : path-like, optional
         Keep each setup here as soon as it is done, to go on after an interruption.
     timeout_s : float, optional
-        Longest time of one run of a setup (s), see :class:`~skfem_cosserat.study.TimeLimit`.
+        Longest time of one run of a setup (s), see :class:`~skfem_cosserat.accuracy.TimeLimit`.
     clock : callable
         In seconds: ``time.perf_counter`` or ``time.process_time``. What a result says of its own
         cost (``cost_s``) comes first.
@@ -547,7 +547,7 @@ def work_precision(
     --------
     Two rules for an integral, by the number of their points:
 
-    >>> from skfem_cosserat.study import setup_grid
+    >>> from skfem_cosserat.accuracy import setup_grid
     >>> def rule(problem, kind, count):
     ...     y = problem(np.linspace(0, 1, count + 1))
     ...     value = y[:-1].mean() if kind == "rectangles" else (y[:-1] + y[1:]).mean() / 2
