@@ -320,7 +320,8 @@ def stability_map(
     outcome : callable, optional
         Judges the History or the exception; gives a
         :class:`~skfem_cosserat.accuracy.Verdict` or just its status. Default:
-        :class:`~skfem_cosserat.accuracy.JudgeEnergy`, the energy at the start being the right one. It is called where the problem runs: only verdicts are kept.
+        :class:`~skfem_cosserat.accuracy.JudgeEnergy`, the energy at the start being
+        the right one. It is called where the problem runs: only verdicts are kept.
     executor : executor, optional
         See :func:`~skfem_cosserat.run_all`: cells side by side.
     resume : path-like, optional
