@@ -264,6 +264,10 @@ from .statics import (
 from .statics.branch import (
     branch as branch,
 )
+from .accuracy.tolerance import (
+    Answer as Answer,
+    answer as answer,
+)
 from .accuracy import (
     Refinement as Refinement,
     refine as refine,

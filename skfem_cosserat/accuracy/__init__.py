@@ -6,6 +6,7 @@ executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`
 """
 
 from ..export import write_rows
+from .asked import Component, Maximum
 from .cases import TimedOut, TimeLimit, identity, run_cases, status
 from .executors import Executor, Processes, run_all
 from .jobs import Job, Outcome
@@ -22,11 +23,15 @@ from .refinement import Refinement, refine
 from .setups import Setup, setup_grid
 from .stability import Map, stability_map
 from .table import ResultTable, provenance
+from .tolerance import Answer, Band, answer
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
 __all__ = [
     "FULL_PROTOCOL",
+    "Answer",
     "AtInstants",
+    "Band",
+    "Component",
     "Convergence",
     "Executor",
     "Front",
@@ -34,6 +39,7 @@ __all__ = [
     "JudgeEnergy",
     "Level",
     "Map",
+    "Maximum",
     "MaximumOverTime",
     "Outcome",
     "OverTime",
@@ -51,6 +57,7 @@ __all__ = [
     "TimeLimit",
     "TimedOut",
     "Verdict",
+    "answer",
     "convergence",
     "identity",
     "provenance",

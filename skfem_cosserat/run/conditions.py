@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError, failed
-from ..frozen import Frozen, brief
+from ..frozen import Attached, brief
 from ..integrators import State
 from ..joint import Joint
 from ..load import Load
@@ -27,7 +27,7 @@ from .start import consistent_start
 # -- conditions of events: numbers that pass through zero when something happens -------------------
 
 
-class Condition(Frozen):
+class Condition(Attached):
     """A number that passes through zero.
 
     To write your own, derive from it and give `value`; :class:`Event` takes a plain function of
@@ -327,7 +327,7 @@ class ActionOutcome(NamedTuple):
     stop: bool = False
 
 
-class Action(Frozen):
+class Action(Attached):
     """What an event does.
 
     To write your own, derive from it and give `outcome`; :class:`Event` takes a plain function of

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import CosseratError, Diverged, IncompatibleError, InputError
-from ..frozen import Frozen
+from ..frozen import Attached
 from ..history import History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..integrators.choice import motion_by_kernels
@@ -201,7 +201,7 @@ def _vertex(points: list[TimedValue]) -> Vertex | None:
 OFTEN = 20
 
 
-class Event(Frozen):
+class Event(Attached):
     """Something that happens when a number passes through zero.
 
     The number is looked at after each step. Where its sign has changed, the step is repeated with

@@ -11,7 +11,7 @@ import numpy as np
 from ..diagnostics.stacked import null_space_matrix
 from ..errors import InputError
 from ..frames import Place, vector
-from ..frozen import Frozen
+from ..frozen import Attached
 from ..model import System
 from ..types import MOST, Floats, VectorLike, numbers, positive
 from ..types import shown as cut
@@ -149,7 +149,7 @@ class Stage(ABC):
         return not self.stops
 
 
-class Control(Frozen):
+class Control(Attached):
     """A choice; :meth:`stage` puts it to work.
 
     Attributes

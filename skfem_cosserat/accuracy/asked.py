@@ -1,0 +1,407 @@
+"""Quantities that are asked of a scene on any of its meshes, and how far two runs are apart."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..arguments import checked
+from ..diagnostics import forces_along
+from ..diagnostics.jumps import jumps
+from ..errors import InputError, failed
+from ..frozen import Attached, Replacements
+from ..history import History
+from ..model import Model, System
+from ..run import Condition, Event, Sensor, SensorForce, SensorReaction
+from ..run.sensors import seen, window_of
+from ..types import Array, Floats, numbers
+
+# -- numbers of a run, over time or one for all of it ----------------------------------------------
+
+
+class Values(NamedTuple):
+    """Numbers of a quantity in a run.
+
+    Attributes
+    ----------
+    values : (...) or (K, ...) array
+    times : (K,) array or None
+        Instants (s); None: one value for the whole run.
+    """
+
+    values: Array
+    times: Floats | None = None
+
+    def distances(self, other: Values, apart_from: Floats) -> tuple[Floats, Floats]:
+        """Distances (k,) from another run at the instants (k,) of this one.
+
+        Parameters
+        ----------
+        other : Values
+            With steps no longer than those of this one.
+        apart_from : (j, 2) array
+            Spans of time that do not count: both runs jump there at instants of their own.
+        """
+        a, b = self, other
+        if a.times is None or b.times is None:
+            if a.values.shape != b.values.shape:
+                return np.zeros(1), np.full(1, np.inf)
+            same = np.isnan(a.values) & np.isnan(b.values)  # an event that comes in neither run
+            gap = np.linalg.norm(np.where(same, 0.0, a.values - b.values))
+            return np.zeros(1), np.array([np.inf if np.isnan(gap) else gap])
+        t = a.times
+        counts = (t >= b.times[0]) & (t <= b.times[-1] * (1 + 1e-12))
+        for first, last in apart_from:
+            counts &= (t < first) | (t > last)
+        gap = np.asarray(a.values)[counts] - b.at(t[counts])
+        return t[counts], np.linalg.norm(gap.reshape(len(gap), -1), axis=1)
+
+    def at(self, t: Floats) -> Array:
+        """Values at instants (k,): its own, or between them by cubic splines."""
+        assert self.times is not None
+        times, first = np.unique(self.times, return_index=True)
+        values = np.asarray(self.values)[first]
+        nearest = np.clip(np.searchsorted(times, t), 1, max(1, len(times) - 1))
+        nearest -= t - times[nearest - 1] < times[nearest] - t
+        if abs(times[nearest] - t).max(initial=0.0) <= 1e-9 * max(abs(times[-1]), times[1]):
+            return np.asarray(values[nearest])
+        return np.asarray(CubicSpline(times, values)(t))
+
+
+# -- what is asked ---------------------------------------------------------------------------------
+
+
+class Quantity(Attached):
+    """Base of what may be asked of a run besides sensors, conditions, series and functions."""
+
+    def sensors(self) -> dict[str, Sensor]:
+        """Sensors that the run needs, by names of its own."""
+        return {}
+
+    def values(self, name: str, run: Run) -> Values:
+        """Its numbers in a run."""
+        raise NotImplementedError
+
+
+@checked
+class Component(Quantity):
+    """One component of what a sensor sees, over time.
+
+    Parameters
+    ----------
+    sensor : Sensor
+    component : int
+        Among all its numbers at an instant.
+
+    Examples
+    --------
+    >>> import skfem_cosserat as sc
+    >>> ball = sc.MassPoint(1.0)
+    >>> sc.accuracy.Component(sc.SensorPosition(ball.place()), 2).component
+    2
+    """
+
+    def __init__(self, sensor: Sensor, component: int) -> None:
+        self.sensor, self.component = sensor, component
+
+    def sensors(self) -> dict[str, Sensor]:
+        """See the base class."""
+        return {"": self.sensor}
+
+    def values(self, name: str, run: Run) -> Values:
+        """See the base class."""
+        whole = run.seen(name, self.sensor)
+        k, rows = self.component, np.asarray(whole.values)
+        if whole.times is None:
+            return Values(rows.ravel()[k])
+        return Values(rows.reshape(len(rows), -1)[:, k], whole.times)
+
+
+@checked
+class Maximum(Quantity):
+    """Largest value over time of a component of what a sensor sees, or of its length.
+
+    The parabola through the largest value and its neighbours gives it between steps.
+
+    Parameters
+    ----------
+    sensor : Sensor
+    component : int, optional
+        Default: the Euclidean length of all its numbers.
+
+    Examples
+    --------
+    >>> import skfem_cosserat as sc
+    >>> model = sc.Model()
+    >>> ball = model.add("ball", sc.MassPoint(1.0, velocity=(0, 0, 3.0)))
+    >>> gravity = model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
+    >>> height = sc.accuracy.Maximum(sc.SensorPosition(ball.place()), 2)
+    >>> found = sc.answer(model, {"height": height}, tolerance=1e-3, until=0.7)
+    >>> round(float(found.values["height"]), 3)
+    0.45
+    """
+
+    def __init__(self, sensor: Sensor, component: int | None = None) -> None:
+        self.sensor, self.component = sensor, component
+
+    def sensors(self) -> dict[str, Sensor]:
+        """See the base class."""
+        return {"": self.sensor}
+
+    def values(self, name: str, run: Run) -> Values:
+        """See the base class."""
+        whole = run.seen(name, self.sensor)
+        rows = np.atleast_1d(whole.values).reshape(
+            1 if whole.times is None else len(whole.times), -1
+        )
+        c = self.component
+        y = np.linalg.norm(rows, axis=1) if c is None else rows[:, c]
+        k = int(np.argmax(y))
+        if whole.times is None or not 0 < k < len(y) - 1:
+            return Values(np.asarray(y[k]))
+        a, b, _ = np.polyfit(
+            whole.times[k - 1 : k + 2] - whole.times[k], y[k - 1 : k + 2] - y[k], 2
+        )
+        return Values(np.asarray(y[k] - (b * b / (4 * a) if a < 0 else 0.0)))
+
+
+class _Sampled(Quantity):
+    """What a sensor sees, over time."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self.sensor = sensor
+
+    def sensors(self) -> dict[str, Sensor]:
+        return {"": self.sensor}
+
+    def values(self, name: str, run: Run) -> Values:
+        return run.seen(name, self.sensor)
+
+
+class _TimeOf(Quantity):
+    """When an event happens first; NaN if it does not."""
+
+    def __init__(self, event: Event) -> None:
+        self.event = event
+
+    def values(self, name: str, run: Run) -> Values:
+        times = [each.time for each in run.history.events if each.name == self.event.name]
+        return Values(np.asarray(min(times, default=np.nan)))
+
+
+class _Function(Quantity):
+    """A series of the history, or what a function makes of it."""
+
+    def __init__(self, function: Callable[..., Any] | str) -> None:
+        self.function = function
+
+    def values(self, name: str, run: Run) -> Values:
+        item, history = f"quantity {name!r}", run.history
+        if isinstance(self.function, str):
+            found = history[self.function]
+        else:
+            given = (run.model, history) if _arguments(self.function) == 2 else (history,)
+            try:
+                found = self.function(*given)
+            except InputError as error:
+                text = f"{error} (the history is of another mesh: read history.sensors, or take"
+                raise InputError(item, f"{text} (model, history))") from error
+            except Exception as error:
+                raise failed(item, "it", error) from error
+        values = numbers(item, "value", found)
+        over_time = values.ndim > 0 and len(values) == len(history)
+        if run.at_rest:
+            return Values(values[-1] if over_time and isinstance(self.function, str) else values)
+        return Values(values, history.times if over_time else None)
+
+
+def _arguments(function: Callable[..., Any]) -> int:
+    """How many arguments it needs."""
+    try:
+        parameters = inspect.signature(function).parameters.values()
+    except (TypeError, ValueError):  # some written in C do not say
+        return 1
+    positional = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD
+    return sum(each.default is each.empty and each.kind in positional for each in parameters)
+
+
+# -- a run, and what is read from it ---------------------------------------------------------------
+
+
+@dataclass
+class Run:
+    """A run, or a path of equilibria, of a scene on one mesh; or why there is none.
+
+    Attributes
+    ----------
+    model : Model
+    system : System
+    history : History
+    values : dict of str to Values
+        Of each quantity.
+    cost_s : float
+        Processor time (s).
+    """
+
+    model: Model
+    system: System
+    history: History
+    values: dict[str, Values] = field(default_factory=dict)
+    cost_s: float = float("nan")
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it is a path of equilibria."""
+        return "load_factor" in self.history
+
+    def seen(self, name: str, sensor: Sensor) -> Values:
+        """What a sensor sees over time; of a path at its end."""
+        if not self.at_rest:
+            record = self.history.sensors[name]
+            finite = np.isfinite(record.values.reshape(len(record.times), -1)).all(axis=1)
+            return Values(record.values[finite], record.times[finite])
+        system, path = self.system, self.history
+        if isinstance(sensor, SensorReaction):
+            joint = f"joint/{sensor.joint.name}/"
+            return Values(np.concatenate([path[joint + "force"][-1], path[joint + "moment"][-1]]))
+        if isinstance(sensor, SensorForce):
+            point = sensor._point
+            return Values(forces_along(system, path, sensor.beam, point._s, point._part)[-1, 0])
+        if sensor.derivative:
+            raise InputError(f"quantity {name!r}", f"{type(sensor).__name__} needs a motion")
+        q, p, t = path["q"][-1:], path["p"][-1:], path.instants[-1:]
+        return Values(seen(name, sensor, system, window_of(system, t, q, p, None))[0])
+
+    @cached_property
+    def jumps(self) -> Floats:
+        """Instants (s) beside which forces belong to two sides."""
+        if self.at_rest:
+            return np.zeros(0)
+        happened = [event.time for event in self.history.events]
+        return np.union1d(jumps(self.system, self.history), happened)
+
+    def distances(self, other: Run) -> dict[str, tuple[Floats, Floats]]:
+        """By quantity: instants, and distances there from a run with steps no longer than these.
+
+        Within a step of a jump nothing is compared.
+        """
+        around = np.concatenate([self.jumps, other.jumps])
+        h = 0.0 if self.at_rest else float(self.history.meta["step"]) * (1 + 1e-9)
+        spans = np.stack([around - h, around + h], axis=1)
+        return {name: own.distances(other.values[name], spans) for name, own in self.values.items()}
+
+
+class Asked:
+    """Quantities with their tolerances, checked.
+
+    Parameters
+    ----------
+    quantities : mapping of str to quantity
+    tolerance : float or mapping of str to float
+
+    Raises
+    ------
+    InputError
+        If there is none, a name is no string or has a slash, something is no quantity, or a
+        tolerance is missing or not positive.
+    """
+
+    def __init__(self, quantities: Any, tolerance: Any) -> None:
+        item = "argument quantities"
+        if not isinstance(quantities, Mapping) or not quantities:
+            raise InputError(item, f"{quantities!r}, expected a dict of names and quantities")
+        self.wanted: dict[str, Quantity] = {}
+        for name, given in quantities.items():
+            if not isinstance(name, str) or not name or "/" in name:
+                raise InputError(item, f"{name!r}, expected a name without slashes")
+            self.wanted[name] = _quantity(name, given)
+        if isinstance(tolerance, Mapping):
+            if set(tolerance) != set(quantities):
+                known = sorted(quantities)
+                raise InputError(
+                    "argument tolerance", f"is for {list(tolerance)}, expected {known}"
+                )
+            self.tolerance = {name: _positive(name, tolerance[name]) for name in quantities}
+        else:
+            self.tolerance = dict.fromkeys(quantities, _positive("value", tolerance))
+
+    @property
+    def names(self) -> list[str]:
+        """In the order given."""
+        return list(self.wanted)
+
+    def sensors(self, copies: Replacements | None = None) -> dict[str, Sensor]:
+        """Sensors by the names of the quantities, those of a rebuilt scene."""
+        found = {}
+        for name, quantity in self.copied(copies).items():
+            for end, sensor in quantity.sensors().items():
+                found[name + end] = sensor
+        return found
+
+    def copied(self, copies: Replacements | None) -> dict[str, Quantity]:
+        """The quantities as they are in a rebuilt scene."""
+        return self.wanted if copies is None else {k: copies.of(q) for k, q in self.wanted.items()}
+
+    @property
+    def needs_states(self) -> bool:
+        """Whether functions or series are asked for, which see recorded states alone."""
+        return any(isinstance(each, _Function) for each in self.wanted.values())
+
+    def events(self, copies: Replacements | None) -> list[Event]:
+        """Events that the run has."""
+        made = self.copied(copies).values()
+        return [each.event for each in made if isinstance(each, _TimeOf)]
+
+    def read(self, run: Run, copies: Replacements | None) -> dict[str, Values]:
+        """All of them, in a run."""
+        return {name: each.values(name, run) for name, each in self.copied(copies).items()}
+
+
+def _positive(name: str, value: Any) -> float:
+    number = numbers("argument tolerance", name, value)
+    if number.shape != () or not number > 0:
+        raise InputError("argument tolerance", f"{name} = {value!r}, expected a positive number")
+    return float(number)
+
+
+def _quantity(name: str, given: Any) -> Quantity:
+    """What stands for what a user asks."""
+    if isinstance(given, Quantity):
+        return given
+    if isinstance(given, Sensor):
+        return _Sampled(given)
+    if isinstance(given, Condition):
+        return _TimeOf(Event(given, name=name))
+    if isinstance(given, Event):
+        return _TimeOf(given)
+    if isinstance(given, str) or (callable(given) and _arguments(given) in (1, 2)):
+        return _Function(given)
+    text = f"{given!r}, expected a sensor, Component, Maximum, condition, event, the name of a"
+    raise InputError(f"quantity {name!r}", f"{text} series, or a function of (history)")
+
+
+def attached(things: Iterable[Any]) -> list[Any]:
+    """All places of items that some things refer to."""
+    places = _Places()
+    for thing in things:
+        places.of(thing)
+    return places.found
+
+
+class _Places(Replacements):
+    """Notes all places that are come across."""
+
+    def __init__(self) -> None:
+        super().__init__({})
+        self.found: list[Any] = []
+
+    def of(self, value: Any) -> Any:
+        if getattr(value, "item", None) is not None and hasattr(value, "vertex"):
+            self.found.append(value)
+        return super().of(value)

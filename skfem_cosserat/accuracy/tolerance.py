@@ -1,0 +1,617 @@
+"""A tolerance is enough: mesh, order and step of a run are found for the errors allowed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..arguments import checked
+from ..beam import Beam
+from ..constraints import NullSpace
+from ..diagnostics import momentum
+from ..errors import CosseratError, InputError
+from ..frozen import Replacements
+from ..history import History
+from ..integrators import EnergyMomentum, Integrator, State
+from ..mesh import divided
+from ..model import Model, System, model_of
+from ..run import initial_state, simulate
+from ..run.carry import carry_state
+from ..run.progress import Interrupt, Progress
+from ..run.sensors import checked_sensors
+from ..statics import Control, static
+from ..theory import Theory
+from ..types import Array, Floats, positive
+from ..warn import Notices, counted, repeat
+from .asked import Asked, Run, attached
+
+#: steps of the first run; its companions have half and twice as many
+FIRST = 64
+#: highest order of elements
+HIGHEST = 4
+#: a run has no more steps, and no beam is divided more often
+MOST_STEPS, MOST_PARTS = 2**18, 64
+#: states of a run that are recorded, and where functions look at them
+RECORDED, LOOKED_AT = 128, 1024
+#: part of the scene's size by which a start is moved to see whether runs part
+NUDGE = 1e-9
+
+
+class Band(float):
+    """Estimated error of a value, in its unit: a number, with its parts.
+
+    Attributes
+    ----------
+    step, mesh : float
+        What the step and the mesh bring in.
+    """
+
+    def __new__(cls, step: float, mesh: float) -> Band:
+        """The sum of both parts."""
+        band = super().__new__(cls, step + mesh)
+        band.step, band.mesh = step, mesh
+        return band
+
+    step: float
+    mesh: float
+
+
+class Case(NamedTuple):
+    """A scene at a mesh, an order and a step.
+
+    Attributes
+    ----------
+    parts : int
+        Elements in the place of each element of the poorest mesh.
+    order : int
+    steps : int
+        Zero for equilibria.
+    """
+
+    parts: int
+    order: int
+    steps: int
+
+    @property
+    def shorter(self) -> Case:
+        """With half of the step."""
+        return self._replace(steps=2 * self.steps)
+
+    @property
+    def longer(self) -> Case:
+        """With twice the step."""
+        return self._replace(steps=self.steps // 2)
+
+    @property
+    def finer(self) -> Case:
+        """With twice as many elements."""
+        return self._replace(parts=2 * self.parts)
+
+    @property
+    def richer(self) -> Case:
+        """The next order, after the highest one twice as many elements."""
+        if self.order < HIGHEST:
+            return self._replace(order=self.order + 1)
+        return self.finer
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Answer:
+    """Result of :func:`answer`.
+
+    Attributes
+    ----------
+    reached : bool
+        Whether twice the estimated error of each quantity is within its tolerance.
+    reason : str
+        Why not; empty if it is.
+    times : (K,) array
+        Instants (s) of the values over time.
+    values : dict of str to array
+        Of each quantity: over time, or one for the whole run; of equilibria at the end of the path.
+    band : dict of str to Band
+        Estimated error of each quantity in its unit (the largest over time), with its parts `step`
+        and `mesh`.
+    history : History or None
+        The run that the values are of; None if no run came to its end.
+    model : Model
+        The scene on the mesh of that run.
+    step : float
+        Its step (s); NaN for equilibria.
+    runs : int
+        Runs that were made.
+    cost_s, cost_of_run_s : float
+        Processor time (s) of all runs, and of that one.
+    warnings : list of dict
+        As in ``history.meta["warnings"]``.
+    tolerance : dict of str to float
+    """
+
+    reached: bool
+    reason: str
+    times: Floats
+    values: dict[str, Array]
+    band: dict[str, Band]
+    history: History | None
+    model: Model
+    step: float
+    runs: int
+    cost_s: float
+    cost_of_run_s: float
+    warnings: list[dict[str, Any]]
+    tolerance: dict[str, float]
+    _of: tuple[Scene, Run, Case] | None
+
+    def __repr__(self) -> str:
+        return f"<Answer: {'reached' if self.reached else 'not reached'}, {self.runs} runs>"
+
+    def __str__(self) -> str:
+        """At most eight lines."""
+        state = "within the tolerance" if self.reached else f"not reached: {self.reason}"
+        lines = [state]
+        for name in sorted(self.band, key=lambda n: -self.band[n] / self.tolerance[n])[:4]:
+            band, value = self.band[name], np.asarray(self.values[name])
+            last = value[-1] if len(self.times) and value.ndim and len(value) > 1 else value
+            shown = np.array2string(np.asarray(last), precision=6, threshold=6)
+            lines.append(
+                f"{name}: {shown} at the end, error about {band:.1e} (step {band.step:.1e}, mesh"
+                f" {band.mesh:.1e}), tolerance {self.tolerance[name]:.1e}"
+            )
+        if len(self.band) > 4:
+            lines.append(f"and {len(self.band) - 4} quantities with smaller parts of theirs")
+        lines.append(f"{self._run()}; {self.runs} runs took {self.cost_s:.2g} s of processor time")
+        if self.warnings:
+            lines.append(f"the run gave{counted(self.warnings)}: see warnings")
+        return "\n".join(lines)
+
+    def _run(self) -> str:
+        beams = [item for name in self.model if isinstance(item := self.model[name], Beam)]
+        mesh = [
+            f"{beam.name}: {beam.mesh.nelements} elements of order {beam.basis.order}"
+            for beam in beams[:2]
+        ]
+        mesh += [f"{len(beams) - 2} more beams"] * (len(beams) > 2)
+        steps = [] if np.isnan(self.step) else [f"steps of {self.step:.3g} s"]
+        return f"run: {', '.join(steps + mesh) or 'at rest'} ({self.cost_of_run_s:.2g} s)"
+
+
+@checked
+def answer(
+    model: Model | System,
+    quantities: Mapping[str, Any],
+    tolerance: float | Mapping[str, float],
+    until: float | None,
+    *,
+    start: State | Callable[[System], State] | None = None,
+    integrator: Integrator | Control | None = None,
+    budget_s: float | None = None,
+    progress: bool | Callable[..., object] | None = None,
+) -> Answer:
+    """Find mesh and step for a tolerance: values, each with an estimate of its error.
+
+    A run on a poor mesh, one with half of its step and one with the next order of elements tell
+    which part of the error comes from where; that part is refined, until twice the estimated error
+    is within the tolerance. The run with the shorter step is the result.
+
+    Parameters
+    ----------
+    model : Model or System
+        Its own meshes do not matter: beams are divided anew, first into as few elements as their
+        lines have parts. It does not change.
+    quantities : dict of str to quantity
+        Sensors, which count at all steps; :class:`~skfem_cosserat.accuracy.Component` and
+        :class:`~skfem_cosserat.accuracy.Maximum` of sensors; conditions and events, whose time (s)
+        is the value, and which act in the run; names of series (``"energy"``); functions of
+        ``(history)`` or ``(model, history)``, such as ``lambda model, path: sc.modes(model, path,
+        3).frequencies``.
+    tolerance : float or dict of str to float
+        Largest error, in the unit of each quantity; of a vector its Euclidean length.
+    until : float or None
+        End of the run (s); None: the equilibrium under the loads.
+    start : State or function, optional
+        A state of `model`, or a function that gives that of a system; default: as in `simulate` and
+        `static`.
+    integrator : Integrator or Control, optional
+        Default: ``EnergyMomentum()``; of equilibria how the path goes, ``LoadControl()``.
+    budget_s : float, optional
+        Processor time (s): no run is begun that would go beyond it.
+    progress : bool or callable, optional
+        True: one line on stderr; a callable gets (number of runs, error in tolerances).
+
+    Returns
+    -------
+    Answer
+        Not `reached`, with the reason, where values do not converge, where runs part faster than
+        errors shrink (chaos), or where the budget is spent or Ctrl-C was pressed: with the best so
+        far.
+
+    Raises
+    ------
+    InputError
+        For bad arguments, before the first run.
+
+    Notes
+    -----
+    Within a step of the instants where loads jump or events change the scene nothing is compared.
+
+    Examples
+    --------
+    A rubber rod swings down from a hinge; where is its end, to a millimetre?
+
+    >>> import skfem_cosserat as sc
+    >>> mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 16, name="rod")
+    >>> rubber = sc.SectionCircle(radius=1e-2, material=sc.Material(E=5e6, nu=0.5, rho=1100))
+    >>> model = sc.Model()
+    >>> rod = model.add("rod", sc.Beam(mesh, rubber, director=(0, 1, 0)))
+    >>> pin = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
+    >>> pin, weight = model.add("hinge", pin), model.add("weight", sc.LoadGravity((0, -9.81, 0)))
+    >>> end = sc.SensorPosition(rod.node("rod.end"))
+    >>> found = sc.answer(model, {"end": end}, tolerance=1e-3, until=0.3)
+    >>> found.reached, float(found.band["end"]) < 5e-4
+    (True, True)
+    """
+    asked = Asked(quantities, tolerance)
+    budget = np.inf
+    if budget_s is not None:
+        budget = positive("argument budget_s", "value", budget_s, " of seconds")
+    scene = Scene(model_of(model), asked, until, start, integrator)
+    with (
+        Progress(False if progress is None else progress, _line) as show,
+        Interrupt("the best so far is handed back") as interrupt,
+    ):
+        found = _Search(scene, budget, interrupt, show).found()
+    repeat(found.warnings)
+    return found
+
+
+def _line(runs: int, error: float) -> str:
+    return f"{runs} runs, error about {error:.2g} tolerances"
+
+
+# -- the scene on any mesh -------------------------------------------------------------------------
+
+
+class Scene:
+    """A model, what is asked of it, and how it is run.
+
+    Parameters
+    ----------
+    model : Model
+    asked : Asked
+    until : float or None
+    start : State, callable or None
+    integrator : Integrator, Control or None
+
+    Raises
+    ------
+    InputError
+        As from :meth:`Model.freeze`; for an end before the start, an integrator of equilibria, and
+        sensors of items that are not in the model.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        asked: Asked,
+        until: float | None,
+        start: State | Callable[[System], State] | None,
+        integrator: Integrator | Control | None,
+    ) -> None:
+        self.model, self.asked, self.start = model, asked, start
+        self.system = model.freeze()
+        self.moves = until is not None
+        kind = Integrator if self.moves else Control
+        if integrator is not None and not isinstance(integrator, kind):
+            item, text = "argument integrator", f"{integrator!r}, expected one of {kind.__name__}"
+            raise InputError(item, text)
+        self.integrator = integrator if isinstance(integrator, Integrator) else EnergyMomentum()
+        self.control = integrator if isinstance(integrator, Control) else None
+        first = self.begin(self.system)
+        checked_sensors(asked.sensors(), self.system, first)
+        self.begun, self.span = first.time, 0.0
+        if until is not None:
+            self.span = positive("argument until", "less the start", until - first.time, " of s")
+        self.beams = {name: each for name in model if isinstance(each := model[name], Beam)}
+        places = attached([*(model[name] for name in model), *asked.wanted.values()])
+        self.keep = {name: _kept(beam, places) for name, beam in self.beams.items()}
+        self.pieces = {
+            name: divided(beam.mesh, 1, self.keep[name]).nelements
+            for name, beam in self.beams.items()
+        }
+        self._built: dict[tuple[int, int], tuple[Model, System, Replacements | None]] = {}
+
+    @property
+    def order(self) -> int:
+        """Of errors by the step."""
+        return self.integrator.order
+
+    def begin(self, system: System, nudge: float = 0.0) -> State:
+        """The state that a run starts from; with a nudge (m) velocities that move it so far."""
+        if self.start is None:
+            state = initial_state(system)
+        elif isinstance(self.start, State):
+            state = carry_state(self.system, system, self.start)
+        else:
+            state = self.start(system)
+        if not nudge:
+            return state
+        nu = np.cos(1.0 + np.arange(system.unknowns) ** 1.5)  # without a pattern, always the same
+        v = np.asarray(system.null_space(state.q, state.time) @ nu)
+        v *= nudge / self.span / max(abs(v).max(), 1e-300)
+        p = state.p + momentum(system, v)
+        return State(state.time, state.index, state.q, p, state.fresh, state.turns, state.carried)
+
+    def items(self, case: Case, theories: Mapping[str, Theory] | None = None) -> dict[str, Beam]:
+        """The beams at a mesh and an order, some of them with other theories."""
+        theories = theories or {}
+        found = {}
+        for name, beam in self.beams.items():
+            mesh = divided(beam.mesh, case.parts * self.pieces[name], self.keep[name])
+            found[name] = beam.on_mesh(mesh, case.order, theories.get(name))
+        return found
+
+    def built(self, case: Case) -> tuple[Model, System, Replacements | None]:
+        """The scene at a mesh and an order."""
+        key = case.parts, case.order
+        if key not in self._built:
+            self._built[key] = self.frozen(self.items(case))
+        return self._built[key]
+
+    def frozen(self, beams: Mapping[str, Beam]) -> tuple[Model, System, Replacements | None]:
+        """The scene with other beams."""
+        model, copies = self.model.rebuilt(beams) if beams else (self.model, None)
+        return model, model.freeze(), copies
+
+    def run(
+        self,
+        case: Case,
+        nudge: float = 0.0,
+        built: tuple[Model, System, Replacements | None] | None = None,
+    ) -> Run:
+        """A run, and what is asked of it."""
+        begun = time.process_time()
+        model, system, copies = self.built(case) if built is None else built
+        if self.moves:
+            state = self.begin(system, nudge)
+            rows = LOOKED_AT if self.asked.needs_states else RECORDED
+            history = simulate(
+                system,
+                self.integrator,
+                NullSpace(),
+                self.span / case.steps,
+                state.time + self.span,
+                start=state,
+                every=max(1, case.steps // rows),
+                sensors=self.asked.sensors(copies),
+                events=self.asked.events(copies) or None,
+            )
+        else:
+            start = None if self.start is None else self.begin(system)
+            control = self.control if copies is None else copies.of(self.control)
+            history = static(system, NullSpace(), control, start=start)
+        run = Run(model, system, history)
+        run.values = self.asked.read(run, copies)
+        run.cost_s = time.process_time() - begun
+        return run
+
+
+def _kept(beam: Beam, places: list[Any]) -> list[tuple[int, float]]:
+    """Elements and reference coordinates of the nodes of a beam that places are at."""
+    nodes = beam.basis.interpolation.nodes
+    found = []
+    for vertex in sorted({place.vertex for place in places if place.item is beam}):
+        e, k = (int(x[0]) for x in np.nonzero(beam.basis.connectivity == vertex))
+        found.append((e, float(nodes[k])))
+    return found
+
+
+# -- the search ------------------------------------------------------------------------------------
+
+
+class _Ended(Exception):
+    """No further run is made, and why."""
+
+
+class _Search:
+    def __init__(self, scene: Scene, budget: float, interrupt: Interrupt, show: Progress) -> None:
+        self.scene, self.budget, self.interrupt, self.show = scene, budget, interrupt, show
+        self.tolerance = scene.asked.tolerance
+        self.runs: dict[Case, Run | None] = {}
+        self.count, self.spent, self.error = 0, 0.0, ""
+        #: the run that is handed back, its errors and its case
+        self.best: tuple[Run, dict[str, Band], Case] | None = None
+        #: errors by the step of the cases so far, in tolerances
+        self.seen: list[float] = []
+
+    def tried(self, case: Case) -> Run | None:
+        """The run of a case, made once; None if it fails."""
+        if case not in self.runs:
+            done = [(k, run.cost_s) for k, run in self.runs.items() if run is not None]
+            expected = done[-1][1] * max(case.steps, 1) / max(done[-1][0].steps, 1) if done else 0.0
+            if self.spent + expected > self.budget:
+                raise _Ended(f"the budget of {self.budget:g} s of processor time is spent")
+            self.runs[case] = self.made(case)
+        return self.runs[case]
+
+    def made(self, case: Case, nudge: float = 0.0) -> Run | None:
+        """A run; None if it fails."""
+        if self.interrupt.asked:
+            raise _Ended("it was interrupted")
+        begun, run = time.process_time(), None
+        try:
+            with Notices(quiet=True, alone=True):
+                run = self.scene.run(case, nudge)
+        except (CosseratError, ArithmeticError) as error:
+            self.error = f"{type(error).__name__}: {error}"
+        self.spent += time.process_time() - begun
+        self.count += 1
+        if run is not None and run.history.status == "interrupted":
+            raise _Ended("it was interrupted")
+        return run
+
+    def found(self) -> Answer:
+        """The answer."""
+        try:
+            reason = self.motion() if self.scene.moves else self.rest()
+        except _Ended as ended:
+            reason = str(ended)
+        except KeyboardInterrupt:
+            reason = "it was interrupted"
+        return self.answer(reason)
+
+    def rest(self) -> str:
+        """Equilibria: order after order, until the difference of two is small enough, and fell."""
+        case, before = Case(1, 2, 0), np.inf
+        coarse: Run | None = None
+        while case.parts <= MOST_PARTS:
+            fine = self.tried(case)
+            if fine is None:
+                coarse, before, case = None, np.inf, case.finer
+                continue
+            gaps = dict.fromkeys(fine.values, 0.0 if not self.scene.beams else np.inf)
+            if coarse is not None and self.scene.beams:
+                gaps = _largest(coarse.distances(fine))
+            self.best = fine, {name: Band(0.0, gap) for name, gap in gaps.items()}, case
+            size = self.size(gaps)
+            self.show(self.count, size)
+            if 2 * size <= 1 and (size <= before < np.inf or not self.scene.beams):
+                return ""
+            coarse, before, case = fine, size, case.richer
+        return self.stuck(case)
+
+    def motion(self) -> str:
+        """Motions: a shorter step or a richer mesh, or both where both matter."""
+        case, failures = Case(1, 2, FIRST), 0
+        while case.steps <= MOST_STEPS and case.parts <= MOST_PARTS:
+            coarse, fine = self.tried(case), self.tried(case.shorter)
+            if coarse is None or fine is None:
+                failures += 1
+                finer = self.scene.beams and failures % 2
+                case = case.finer if finer else case._replace(steps=4 * case.steps)
+                continue
+            rich = self.tried(case.richer) if self.scene.beams else coarse
+            if rich is None:
+                case = case.finer
+                continue
+            mesh = _largest(coarse.distances(rich))
+            step, order = self.step_errors(case, coarse, fine)
+            if 2 * self.size(step, mesh) <= 1 and case.longer not in self.runs:
+                self.tried(case.longer)  # a third step tells whether the two agree by chance
+                step, order = self.step_errors(case, coarse, fine)
+            band = {name: Band(step[name], mesh[name]) for name in step}
+            self.best, size = (fine, band, case.shorter), self.size(step, mesh)
+            self.show(self.count, size)
+            if 2 * size <= 1:
+                return ""
+            by_step, by_mesh = self.size(step), self.size(mesh)
+            if by_step > 0.25:
+                if reason := self.doubt(case, coarse, fine, by_step):
+                    return reason
+                halvings = np.log2(min(by_step, 1e9) / 0.2) / order
+                case = case._replace(steps=case.steps * 2 ** int(np.clip(np.ceil(halvings), 1, 3)))
+            if by_mesh > 0.25:
+                for _ in range(2 if by_mesh > 10 else 1):
+                    case = case.richer
+        return self.stuck(case)
+
+    def size(self, *errors: Mapping[str, float]) -> float:
+        """The largest sum of errors in units of its tolerance."""
+        return max(sum(e[name] for e in errors) / self.tolerance[name] for name in self.tolerance)
+
+    def step_errors(self, case: Case, coarse: Run, fine: Run) -> tuple[dict[str, float], float]:
+        """Errors of the finer run by its step, and the least order by which they fall.
+
+        From the difference of both runs by the order of the integrator (1, where something jumps
+        within a step), or by a lower one that is seen if a run with twice the step is known: then
+        the larger of what the two differences tell.
+        """
+        between = _largest(coarse.distances(fine))
+        highest = 1.0 if len(coarse.jumps) else float(self.scene.order)
+        half = self.runs.get(case.longer)
+        before = between if half is None else _largest(half.distances(coarse))
+        errors, orders = {}, [highest]
+        for name, last in between.items():
+            first, order = before[name], highest
+            if half is None:
+                first = 0.0
+            elif first > 0 < last:
+                order = float(np.clip(np.log2(first / last), 0.5, highest))
+            orders.append(order)
+            errors[name] = max(last, first / 2**order) / (2**order - 1)
+        return errors, min(orders)
+
+    def doubt(self, case: Case, coarse: Run, fine: Run, error: float) -> str:
+        """Why shorter steps do not help: runs part faster than errors fall, or they do not fall."""
+        self.seen.append(error)
+        falls = [later < 2 * before / 3 for before, later in pairwise(self.seen)]
+        if not falls or falls[-1]:
+            return ""
+        moved = NUDGE * self.scene.system.length
+        nudged = self.made(case.shorter, moved)
+        if nudged is not None:
+            parted = self.within(fine.distances(nudged))
+            if parted < self.scene.begun + self.scene.span:
+                known = self.within(coarse.distances(fine), 2.0)
+                return (
+                    f"the motion is chaotic: starts that are {moved:.0e} m apart part by more than"
+                    f" the tolerance after t = {parted:.3g} s; with {2 * case.steps} steps values"
+                    f" are within it up to t = {known:.3g} s"
+                )
+        if len(falls) > 2 and not any(falls[-3:]):
+            return (
+                f"values do not converge: the error by the step is {error:.1e} tolerances with"
+                f" {2 * case.steps} steps, no less than with fewer"
+            )
+        return ""
+
+    def within(self, distances: Mapping[str, tuple[Floats, Floats]], factor: float = 1.0) -> float:
+        """Up to which time (s) distances, times a factor, are within all tolerances."""
+        ends = []
+        for name, (t, gap) in distances.items():
+            beyond = np.flatnonzero(factor * gap > self.tolerance[name])
+            ends.append(t[max(beyond[0] - 1, 0)] if len(beyond) else np.inf)
+        return float(min(ends))
+
+    def stuck(self, case: Case) -> str:
+        """Why no finer case is tried."""
+        if self.best is None and self.error:
+            return f"no run came to its end: {self.error}"
+        return f"more than {MOST_STEPS} steps or {MOST_PARTS} times the poorest mesh are needed"
+
+    def answer(self, reason: str) -> Answer:
+        """The best run so far as an answer."""
+        if self.best is None:
+            done = [(case, run) for case, run in self.runs.items() if run is not None]
+            for case, run in done[-1:]:
+                unknown = Band(np.inf, np.inf)
+                self.best = run, dict.fromkeys(self.tolerance, unknown), case
+        run, band, case = self.best or (None, {}, None)
+        values = {} if run is None else run.values
+        times = [each.times for each in values.values() if each.times is not None]
+        history = None if run is None else run.history
+        return Answer(
+            reached=not reason,
+            reason=reason,
+            times=times[0] if times else np.zeros(0),
+            values={name: each.values for name, each in values.items()},
+            band=band,
+            history=history,
+            model=self.scene.model if run is None else run.model,
+            step=self.scene.span / case.steps if case and case.steps else np.nan,
+            runs=self.count,
+            cost_s=self.spent,
+            cost_of_run_s=np.nan if run is None else run.cost_s,
+            warnings=[] if history is None else list(history.meta.get("warnings", [])),
+            tolerance=self.tolerance,
+            _of=None if run is None or case is None else (self.scene, run, case),
+        )
+
+
+def _largest(distances: Mapping[str, tuple[Floats, Floats]]) -> dict[str, float]:
+    """The largest distance of each quantity."""
+    return {name: float(gap.max(initial=0.0)) for name, (_, gap) in distances.items()}
