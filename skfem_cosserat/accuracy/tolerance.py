@@ -590,7 +590,8 @@ class _Search:
             for case, run in done[-1:]:
                 unknown = Band(np.inf, np.inf)
                 self.best = run, dict.fromkeys(self.tolerance, unknown), case
-        run, band, case = self.best or (None, {}, None)
+        found: tuple[Run | None, dict[str, Band], Case | None] = self.best or (None, {}, None)
+        run, band, case = found
         values = {} if run is None else run.values
         times = [each.times for each in values.values() if each.times is not None]
         history = None if run is None else run.history
