@@ -21,6 +21,7 @@ from ..model import Model, System
 from ..run import Condition, Event, Sensor, SensorForce, SensorReaction
 from ..run.sensors import seen, window_of
 from ..types import Array, Floats, numbers
+from .orders import ROUNDING
 
 # -- numbers of a run, over time or one for all of it ----------------------------------------------
 
@@ -54,13 +55,15 @@ class Values(NamedTuple):
                 return np.zeros(1), np.full(1, np.inf)
             same = np.isnan(a.values) & np.isnan(b.values)  # an event that comes in neither run
             gap = np.linalg.norm(np.where(same, 0.0, a.values - b.values))
-            return np.zeros(1), np.array([np.inf if np.isnan(gap) else gap])
+            least = ROUNDING * np.nan_to_num(np.abs(a.values)).max(initial=0.0)
+            return np.zeros(1), np.array([np.inf if np.isnan(gap) else max(gap, least)])
         t = a.times
         counts = (t >= b.times[0]) & (t <= b.times[-1] * (1 + 1e-12))
         for first, last in apart_from:
             counts &= (t < first) | (t > last)
         gap = np.asarray(a.values)[counts] - b.at(t[counts])
-        return t[counts], np.linalg.norm(gap.reshape(len(gap), -1), axis=1)
+        least = ROUNDING * np.abs(a.values).max(initial=0.0)
+        return t[counts], np.maximum(np.linalg.norm(gap.reshape(len(gap), -1), axis=1), least)
 
     def at(self, t: Floats) -> Array:
         """Values at instants (k,): its own, or between them by cubic splines."""

@@ -172,7 +172,8 @@ class Answer:
     def _run(self) -> str:
         beams = [item for name in self.model if isinstance(item := self.model[name], Beam)]
         mesh = [
-            f"{beam.name}: {beam.mesh.nelements} elements of order {beam.basis.order}"
+            f"{beam.name}: {beam.mesh.nelements} element{'s' * (beam.mesh.nelements > 1)} of order"
+            f" {beam.basis.order}"
             for beam in beams[:2]
         ]
         mesh += [f"{len(beams) - 2} more beams"] * (len(beams) > 2)
@@ -590,8 +591,8 @@ class _Search:
             for case, run in done[-1:]:
                 unknown = Band(np.inf, np.inf)
                 self.best = run, dict.fromkeys(self.tolerance, unknown), case
-        found: tuple[Run | None, dict[str, Band], Case | None] = self.best or (None, {}, None)
-        run, band, case = found
+        run, case = (self.best[0], self.best[2]) if self.best else (None, None)
+        band = self.best[1] if self.best else {}
         values = {} if run is None else run.values
         times = [each.times for each in values.values() if each.times is not None]
         history = None if run is None else run.history
