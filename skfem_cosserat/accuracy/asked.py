@@ -219,7 +219,7 @@ class _Function(Quantity):
                 raise failed(item, "it", error) from error
         values = numbers(item, "value", found)
         over_time = values.ndim > 0 and len(values) == len(history)
-        if run.at_rest:
+        if not run.in_time:
             return Values(values[-1] if over_time and isinstance(self.function, str) else values)
         return Values(values, history.times if over_time else None)
 
@@ -250,6 +250,8 @@ class Run:
         Of each quantity.
     cost_s : float
         Processor time (s).
+    in_time : bool
+        Whether values are asked over time: of a path over the load factor, else at its end.
     """
 
     model: Model
@@ -257,6 +259,7 @@ class Run:
     history: History
     values: dict[str, Values] = field(default_factory=dict)
     cost_s: float = float("nan")
+    in_time: bool = True
 
     @property
     def at_rest(self) -> bool:
@@ -264,7 +267,7 @@ class Run:
         return "load_factor" in self.history
 
     def seen(self, name: str, sensor: Sensor) -> Values:
-        """What a sensor sees over time; of a path at its end."""
+        """What a sensor sees over time; of a path at its end, unless its factor stands for time."""
         if not self.at_rest:
             record = self.history.sensors[name]
             finite = np.isfinite(record.values.reshape(len(record.times), -1)).all(axis=1)
@@ -272,14 +275,16 @@ class Run:
         system, path = self.system, self.history
         if isinstance(sensor, SensorReaction):
             joint = f"joint/{sensor.joint.name}/"
-            return Values(np.concatenate([path[joint + "force"][-1], path[joint + "moment"][-1]]))
-        if isinstance(sensor, SensorForce):
+            rows = np.concatenate([path[joint + "force"], path[joint + "moment"]], axis=1)
+        elif isinstance(sensor, SensorForce):
             point = sensor._point
-            return Values(forces_along(system, path, sensor.beam, point._s, point._part)[-1, 0])
-        if sensor.derivative:
+            rows = forces_along(system, path, sensor.beam, point._s, point._part)[:, 0]
+        elif sensor.derivative:
             raise InputError(f"quantity {name!r}", f"{type(sensor).__name__} needs a motion")
-        q, p, t = path["q"][-1:], path["p"][-1:], path.instants[-1:]
-        return Values(seen(name, sensor, system, window_of(system, t, q, p, None))[0])
+        else:
+            window = window_of(system, path.instants, path["q"], path["p"], None)
+            rows = seen(name, sensor, system, window)
+        return Values(rows, path["load_factor"]) if self.in_time else Values(rows[-1])
 
     @cached_property
     def jumps(self) -> Floats:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ..frozen import Replacements
 from ..history import History
 from ..integrators import EnergyMomentum, Integrator, State
 from ..mesh import divided
-from ..model import Model, System, model_of
+from ..model import Model, Planar, System, model_of
 from ..run import initial_state, simulate
 from ..run.carry import carry_state
 from ..run.progress import Interrupt, Progress
@@ -29,6 +29,9 @@ from ..theory import Theory
 from ..types import Array, Floats, positive
 from ..warn import Notices, counted, repeat
 from .asked import Asked, Run, attached
+
+if TYPE_CHECKING:
+    from .simplification import Simpler
 
 #: steps of the first run; its companions have half and twice as many
 FIRST = 64
@@ -86,6 +89,11 @@ class Case(NamedTuple):
     def longer(self) -> Case:
         """With twice the step."""
         return self._replace(steps=self.steps // 2)
+
+    @property
+    def coarser(self) -> Case:
+        """With half as many elements."""
+        return self._replace(parts=self.parts // 2)
 
     @property
     def finer(self) -> Case:
@@ -146,6 +154,20 @@ class Answer:
     warnings: list[dict[str, Any]]
     tolerance: dict[str, float]
     _of: tuple[Scene, Run, Case] | None
+
+    def simpler(self) -> Simpler:
+        """What the scene does not need; see :class:`~skfem_cosserat.accuracy.Simpler`.
+
+        Raises
+        ------
+        InputError
+            If there is no run, or the scene is at rest.
+        """
+        from .simplification import simplified
+
+        if self._of is None or self.history is None or not self._of[0].moves:
+            raise InputError("answer", "has no motion that could be had more simply")
+        return simplified(*self._of, self.band)
 
     def __repr__(self) -> str:
         return f"<Answer: {'reached' if self.reached else 'not reached'}, {self.runs} runs>"
@@ -363,10 +385,12 @@ class Scene:
             self._built[key] = self.frozen(self.items(case))
         return self._built[key]
 
-    def frozen(self, beams: Mapping[str, Beam]) -> tuple[Model, System, Replacements | None]:
-        """The scene with other beams."""
+    def frozen(
+        self, beams: Mapping[str, Beam], planar: Planar | None = None
+    ) -> tuple[Model, System, Replacements | None]:
+        """The scene with other beams, perhaps in its plane."""
         model, copies = self.model.rebuilt(beams) if beams else (self.model, None)
-        return model, model.freeze(), copies
+        return model, model.freeze(planar), copies
 
     def run(
         self,
@@ -395,7 +419,10 @@ class Scene:
             start = None if self.start is None else self.begin(system)
             control = self.control if copies is None else copies.of(self.control)
             history = static(system, NullSpace(), control, start=start)
-        run = Run(model, system, history)
+        return self.read(Run(model, system, history, in_time=self.moves), copies, begun)
+
+    def read(self, run: Run, copies: Replacements | None, begun: float) -> Run:
+        """The run with what is asked of it, and its cost since it was begun (processor time, s)."""
         run.values = self.asked.read(run, copies)
         run.cost_s = time.process_time() - begun
         return run
@@ -587,12 +614,13 @@ class _Search:
     def answer(self, reason: str) -> Answer:
         """The best run so far as an answer."""
         if self.best is None:
-            done = [(case, run) for case, run in self.runs.items() if run is not None]
-            for case, run in done[-1:]:
-                unknown = Band(np.inf, np.inf)
-                self.best = run, dict.fromkeys(self.tolerance, unknown), case
-        run, case = (self.best[0], self.best[2]) if self.best else (None, None)
+            unknown = dict.fromkeys(self.tolerance, Band(np.inf, np.inf))
+            for last, done in self.runs.items():
+                if done is not None:
+                    self.best = done, unknown, last
+        run = self.best[0] if self.best else None
         band = self.best[1] if self.best else {}
+        case = self.best[2] if self.best else None
         values = {} if run is None else run.values
         times = [each.times for each in values.values() if each.times is not None]
         history = None if run is None else run.history
