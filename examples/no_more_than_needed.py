@@ -6,8 +6,8 @@ has no shear, the inextensible one no stretching either, the rigid one does not 
 little strains here, all models agree on where the ball is, within the differences printed.
 
 A model with fewer unknowns is not cheaper by itself: strains that are left out are constraints, so
-compare the times. ``sc.advise(model, quantities, tolerance)`` makes such a comparison for you, of
-meshes and steps, too.
+compare the times. ``sc.answer(model, quantities, tolerance, until).simpler()`` makes such a
+comparison for you, after it has found mesh and step.
 
 Run ``python examples/no_more_than_needed.py``; look at the columns of unknowns and differences.
 """

@@ -10,8 +10,14 @@ from . import version as _version
 
 _attached, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
 __version__ = _version.VERSION
+_ANSWER = "answer(model, quantities, tolerance, until)"
 #: names of older versions, and what to take instead
-_GONE = {"Asynchronous": "Explicit(rounds=...), whose steps are those of the stiffest element"}
+_GONE = {
+    "Asynchronous": "Explicit(rounds=...), whose steps are those of the stiffest element",
+    "adapt": f"{_ANSWER}, which finds the mesh, too",
+    "advise": f"{_ANSWER} and its simpler()",
+    "advise_step": f"{_ANSWER}, which finds the step, too",
+}
 
 
 def __getattr__(name: str) -> object:

@@ -11,18 +11,6 @@ from . import (
     plot as plot,
     study as study,
 )
-from .adaptive import (
-    Adapted as Adapted,
-)
-from .adaptive.adapt import (
-    adapt as adapt,
-)
-from .advice import (
-    Advice as Advice,
-)
-from .advice.advise import (
-    advise as advise,
-)
 from .basis import (
     DirectorBasis as DirectorBasis,
 )
@@ -227,12 +215,11 @@ from .run import (
     SensorReaction as SensorReaction,
     SensorStrain as SensorStrain,
     SensorVelocity as SensorVelocity,
-    StepAdvice as StepAdvice,
     StepControl as StepControl,
     View as View,
     Window as Window,
-    advise_step as advise_step,
     after_events as after_events,
+    carry_state as carry_state,
     initial_state as initial_state,
     project as project,
     restart as restart,

@@ -251,7 +251,7 @@ class Beam(LineItem):
         Beam
             In no model yet. New nodes lie on the curves of the mesh; parts, named nodes, sections,
             directors and twist are the same, and so are initial velocities, which are interpolated
-            in between. :func:`skfem_cosserat.adaptive.carry_state` takes states along.
+            in between. :func:`skfem_cosserat.carry_state` takes states along.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """Charts of stored tables drawn anew, without running anything again.
 
 Run ``python examples/benchmarks/redraw.py`` after the style of the charts has changed. Charts that
-show more than is stored (failure_map, load_paths, model_ladder, vibration_modes, the lines of
+show more than is stored (failure_map, load_paths, vibration_modes, the lines of
 stability_chart) need their own programs.
 """
 
@@ -16,7 +16,6 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import adaptive_mesh
 import dynamic_report
 import element_orders
 import speed_accuracy_chart
@@ -41,15 +40,6 @@ def grouped(found: Iterable[Row], *keys: str) -> Iterator[tuple[Any, dict[str, l
         groups.setdefault(tuple(row[key] for key in keys), []).append(row)
     for key, own in groups.items():
         yield key, {name: [row[name] for row in own] for name in own[0]}
-
-
-def adaptive(path: Path) -> None:
-    """Errors by unknowns."""
-    result: dict[str, Any] = {}
-    for (problem, way), own in grouped(rows("adaptive_mesh"), "problem", "refinement"):
-        levels = list(zip(own["unknowns"], own["error_m"], strict=True))
-        result.setdefault(problem, {})[way] = {"levels": levels}
-    adaptive_mesh.chart(result, path)
 
 
 def dynamic(path: Path) -> None:
@@ -108,7 +98,6 @@ def speed(path: Path) -> None:
 
 
 CHARTS = {
-    "adaptive_mesh": adaptive,
     "dynamic_references": dynamic,
     "element_orders": elements,
     "theory_limits": limits,

@@ -10,7 +10,8 @@ energy of the midpoints does not see it; that of the nodes does. When the triads
 turned so far that their mean is noticeably shorter than 1, steps cannot be solved any more.
 
 With a slender solid section shear gives the highest frequency omega, and ``h omega_c = 2`` is a
-compressive strain of ``0.4/(h omega)^2``: 0.4 % for h omega = 10, up to which `advise_step` goes.
+compressive strain of ``0.4/(h omega)^2``: 0.4 % for h omega = 10, the limit of
+`Variational`.
 """
 
 from __future__ import annotations
@@ -170,8 +171,8 @@ def judge(build: Callable[[], sc.System], step: float, until: float) -> dict[str
     Returns
     -------
     dict
-        ``h_omega``, ``warned`` (it is above the limit of `advise_step`), ``failed_at`` (s or None:
-        the energy exceeds ten times the largest one with energy-momentum, or a step cannot be
+        ``h_omega``, ``warned`` (it is above the scheme's limit), ``failed_at`` (s or None: the
+        energy exceeds ten times the largest one with energy-momentum, or a step cannot be
         solved), ``h_omega_c`` (largest of 200 states) and ``compression``, the largest compressive
         strain with energy-momentum until then.
     """

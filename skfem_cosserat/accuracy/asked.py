@@ -6,10 +6,9 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..arguments import checked
 from ..diagnostics import forces_along
@@ -20,62 +19,8 @@ from ..history import History
 from ..model import Model, System
 from ..run import Condition, Event, Sensor, SensorForce, SensorReaction
 from ..run.sensors import seen, window_of
-from ..types import Array, Floats, numbers
-from .orders import ROUNDING
-
-# -- numbers of a run, over time or one for all of it ----------------------------------------------
-
-
-class Values(NamedTuple):
-    """Numbers of a quantity in a run.
-
-    Attributes
-    ----------
-    values : (...) or (K, ...) array
-    times : (K,) array or None
-        Instants (s); None: one value for the whole run.
-    """
-
-    values: Array
-    times: Floats | None = None
-
-    def distances(self, other: Values, apart_from: Floats) -> tuple[Floats, Floats]:
-        """Distances (k,) from another run at the instants (k,) of this one.
-
-        Parameters
-        ----------
-        other : Values
-            With steps no longer than those of this one.
-        apart_from : (j, 2) array
-            Spans of time that do not count: both runs jump there at instants of their own.
-        """
-        a, b = self, other
-        if a.times is None or b.times is None:
-            if a.values.shape != b.values.shape:
-                return np.zeros(1), np.full(1, np.inf)
-            same = np.isnan(a.values) & np.isnan(b.values)  # an event that comes in neither run
-            gap = np.linalg.norm(np.where(same, 0.0, a.values - b.values))
-            least = ROUNDING * np.nan_to_num(np.abs(a.values)).max(initial=0.0)
-            return np.zeros(1), np.array([np.inf if np.isnan(gap) else max(gap, least)])
-        t = a.times
-        counts = (t >= b.times[0]) & (t <= b.times[-1] * (1 + 1e-12))
-        for first, last in apart_from:
-            counts &= (t < first) | (t > last)
-        gap = np.asarray(a.values)[counts] - b.at(t[counts])
-        least = ROUNDING * np.abs(a.values).max(initial=0.0)
-        return t[counts], np.maximum(np.linalg.norm(gap.reshape(len(gap), -1), axis=1), least)
-
-    def at(self, t: Floats) -> Array:
-        """Values at instants (k,): its own, or between them by cubic splines."""
-        assert self.times is not None
-        times, first = np.unique(self.times, return_index=True)
-        values = np.asarray(self.values)[first]
-        nearest = np.clip(np.searchsorted(times, t), 1, max(1, len(times) - 1))
-        nearest -= t - times[nearest - 1] < times[nearest] - t
-        if abs(times[nearest] - t).max(initial=0.0) <= 1e-9 * max(abs(times[-1]), times[1]):
-            return np.asarray(values[nearest])
-        return np.asarray(CubicSpline(times, values)(t))
-
+from ..types import Floats, numbers
+from .reading import Reading
 
 # -- what is asked ---------------------------------------------------------------------------------
 
@@ -87,7 +32,7 @@ class Quantity(Attached):
         """Sensors that the run needs, by names of its own."""
         return {}
 
-    def values(self, name: str, run: Run) -> Values:
+    def values(self, name: str, run: Run) -> Reading:
         """Its numbers in a run."""
         raise NotImplementedError
 
@@ -117,13 +62,13 @@ class Component(Quantity):
         """See the base class."""
         return {"": self.sensor}
 
-    def values(self, name: str, run: Run) -> Values:
+    def values(self, name: str, run: Run) -> Reading:
         """See the base class."""
         whole = run.seen(name, self.sensor)
         k, rows = self.component, np.asarray(whole.values)
         if whole.times is None:
-            return Values(rows.ravel()[k])
-        return Values(rows.reshape(len(rows), -1)[:, k], whole.times)
+            return Reading(rows.ravel()[k])
+        return Reading(rows.reshape(len(rows), -1)[:, k], whole.times)
 
 
 @checked
@@ -157,7 +102,7 @@ class Maximum(Quantity):
         """See the base class."""
         return {"": self.sensor}
 
-    def values(self, name: str, run: Run) -> Values:
+    def values(self, name: str, run: Run) -> Reading:
         """See the base class."""
         whole = run.seen(name, self.sensor)
         rows = np.atleast_1d(whole.values).reshape(
@@ -167,11 +112,11 @@ class Maximum(Quantity):
         y = np.linalg.norm(rows, axis=1) if c is None else rows[:, c]
         k = int(np.argmax(y))
         if whole.times is None or not 0 < k < len(y) - 1:
-            return Values(np.asarray(y[k]))
+            return Reading(np.asarray(y[k]))
         a, b, _ = np.polyfit(
             whole.times[k - 1 : k + 2] - whole.times[k], y[k - 1 : k + 2] - y[k], 2
         )
-        return Values(np.asarray(y[k] - (b * b / (4 * a) if a < 0 else 0.0)))
+        return Reading(np.asarray(y[k] - (b * b / (4 * a) if a < 0 else 0.0)))
 
 
 class _Sampled(Quantity):
@@ -183,7 +128,7 @@ class _Sampled(Quantity):
     def sensors(self) -> dict[str, Sensor]:
         return {"": self.sensor}
 
-    def values(self, name: str, run: Run) -> Values:
+    def values(self, name: str, run: Run) -> Reading:
         return run.seen(name, self.sensor)
 
 
@@ -193,9 +138,9 @@ class _TimeOf(Quantity):
     def __init__(self, event: Event) -> None:
         self.event = event
 
-    def values(self, name: str, run: Run) -> Values:
+    def values(self, name: str, run: Run) -> Reading:
         times = [each.time for each in run.history.events if each.name == self.event.name]
-        return Values(np.asarray(min(times, default=np.nan)))
+        return Reading(np.asarray(min(times, default=np.nan)))
 
 
 class _Function(Quantity):
@@ -204,7 +149,7 @@ class _Function(Quantity):
     def __init__(self, function: Callable[..., Any] | str) -> None:
         self.function = function
 
-    def values(self, name: str, run: Run) -> Values:
+    def values(self, name: str, run: Run) -> Reading:
         item, history = f"quantity {name!r}", run.history
         if isinstance(self.function, str):
             found = history[self.function]
@@ -220,8 +165,8 @@ class _Function(Quantity):
         values = numbers(item, "value", found)
         over_time = values.ndim > 0 and len(values) == len(history)
         if not run.in_time:
-            return Values(values[-1] if over_time and isinstance(self.function, str) else values)
-        return Values(values, history.times if over_time else None)
+            return Reading(values[-1] if over_time and isinstance(self.function, str) else values)
+        return Reading(values, history.times if over_time else None)
 
 
 def _arguments(function: Callable[..., Any]) -> int:
@@ -246,7 +191,7 @@ class Run:
     model : Model
     system : System
     history : History
-    values : dict of str to Values
+    values : dict of str to Reading
         Of each quantity.
     cost_s : float
         Processor time (s).
@@ -257,7 +202,7 @@ class Run:
     model: Model
     system: System
     history: History
-    values: dict[str, Values] = field(default_factory=dict)
+    values: dict[str, Reading] = field(default_factory=dict)
     cost_s: float = float("nan")
     in_time: bool = True
 
@@ -266,12 +211,12 @@ class Run:
         """Whether it is a path of equilibria."""
         return "load_factor" in self.history
 
-    def seen(self, name: str, sensor: Sensor) -> Values:
+    def seen(self, name: str, sensor: Sensor) -> Reading:
         """What a sensor sees over time; of a path at its end, unless its factor stands for time."""
         if not self.at_rest:
             record = self.history.sensors[name]
             finite = np.isfinite(record.values.reshape(len(record.times), -1)).all(axis=1)
-            return Values(record.values[finite], record.times[finite])
+            return Reading(record.values[finite], record.times[finite])
         system, path = self.system, self.history
         if isinstance(sensor, SensorReaction):
             joint = f"joint/{sensor.joint.name}/"
@@ -284,7 +229,7 @@ class Run:
         else:
             window = window_of(system, path.instants, path["q"], path["p"], None)
             rows = seen(name, sensor, system, window)
-        return Values(rows, path["load_factor"]) if self.in_time else Values(rows[-1])
+        return Reading(rows, path["load_factor"]) if self.in_time else Reading(rows[-1])
 
     @cached_property
     def jumps(self) -> Floats:
@@ -366,7 +311,7 @@ class Asked:
         made = self.copied(copies).values()
         return [each.event for each in made if isinstance(each, _TimeOf)]
 
-    def read(self, run: Run, copies: Replacements | None) -> dict[str, Values]:
+    def read(self, run: Run, copies: Replacements | None) -> dict[str, Reading]:
         """All of them, in a run."""
         return {name: each.values(name, run) for name, each in self.copied(copies).items()}
 

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ..arguments import checked
 from ..errors import InputError
 from ..history import History
-from ..integrators import State
-from ..model import System
-from ..run import Sensor
 from ..types import Array, Floats, names_known, numbers
-from .orders import Norm, euclidean
+from .orders import ROUNDING, Norm, euclidean
 
 # -- how a quantity that depends on time is compared: at instants that all levels have recorded ----
 
@@ -162,15 +158,14 @@ ONLY = "value"
 TIMES = "t"
 
 
-@dataclass(frozen=True, eq=False)
-class Reading:
-    """A quantity of a run.
+class Reading(NamedTuple):
+    """Numbers of a quantity in a run, over time or one for all of it.
 
     Attributes
     ----------
     values : (...) or (K, ...) array
     times : (K,) array or None
-        None: one value for the whole run.
+        Instants (s); None: one value for the whole run.
     """
 
     values: Array
@@ -181,40 +176,42 @@ class Reading:
         """Whether all of it is numbers."""
         return bool(np.isfinite(self.values).all())
 
-    @property
-    def span(self) -> float:
-        """Largest distance from its first value, or its size."""
-        if self.times is None:
-            return float(np.linalg.norm(self.values))
-        moved = (self.values - self.values[:1]).reshape(len(self.values), -1)
-        return float(np.linalg.norm(moved, axis=1).max())
+    def distances(self, other: Reading, apart_from: Floats) -> tuple[Floats, Floats]:
+        """Distances (k,) from another run at the instants (k,) of this one.
 
-    def distance(self, other: Reading) -> float:
-        """Largest distance at the instants of the one with fewer of them."""
-        if self.times is None or other.times is None:
-            return float(np.linalg.norm(np.asarray(self.values - other.values)))
-        coarse, fine = (self, other) if len(self.times) <= len(other.times) else (other, self)
-        t, ends = self.times if coarse is self else other.times, fine.ends
-        inside = (t >= ends[0] * (1 - 1e-9)) & (t <= ends[1] * (1 + 1e-9))
-        gap = (coarse.values[inside] - fine.at(t[inside])).reshape(int(inside.sum()), -1)
-        return float(np.linalg.norm(gap, axis=1).max())
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """First and last instant."""
-        assert self.times is not None
-        return float(self.times[0]), float(self.times[-1])
+        Parameters
+        ----------
+        other : Reading
+            With steps no longer than those of this one.
+        apart_from : (j, 2) array
+            Spans of time that do not count: both runs jump there at instants of their own.
+        """
+        a, b = self, other
+        if a.times is None or b.times is None:
+            if a.values.shape != b.values.shape:
+                return np.zeros(1), np.full(1, np.inf)
+            same = np.isnan(a.values) & np.isnan(b.values)  # an event that comes in neither run
+            gap = np.linalg.norm(np.where(same, 0.0, a.values - b.values))
+            least = ROUNDING * np.nan_to_num(np.abs(a.values)).max(initial=0.0)
+            return np.zeros(1), np.array([np.inf if np.isnan(gap) else max(gap, least)])
+        t = a.times
+        counts = (t >= b.times[0]) & (t <= b.times[-1] * (1 + 1e-12))
+        for first, last in apart_from:
+            counts &= (t < first) | (t > last)
+        gap = np.asarray(a.values)[counts] - b.at(t[counts])
+        least = ROUNDING * np.abs(a.values).max(initial=0.0)
+        return t[counts], np.maximum(np.linalg.norm(gap.reshape(len(gap), -1), axis=1), least)
 
     def at(self, t: Floats) -> Array:
-        """Values at instants: its own, or between them by cubic splines."""
+        """Values at instants (k,): its own, or between them by cubic splines."""
         assert self.times is not None
-        k = np.searchsorted(self.times, t - 1e-9 * self.times[-1])
-        k = np.minimum(k, len(self.times) - 1)
-        if abs(self.times[k] - t).max() <= 1e-6 * (self.times[1] - self.times[0]):
-            return np.asarray(self.values[k])
-        from scipy.interpolate import CubicSpline
-
-        return np.asarray(CubicSpline(self.times, self.values)(t))
+        times, first = np.unique(self.times, return_index=True)
+        values = np.asarray(self.values)[first]
+        nearest = np.clip(np.searchsorted(times, t), 1, max(1, len(times) - 1))
+        nearest -= t - times[nearest - 1] < times[nearest] - t
+        if abs(times[nearest] - t).max(initial=0.0) <= 1e-9 * max(abs(times[-1]), times[1]):
+            return np.asarray(values[nearest])
+        return np.asarray(CubicSpline(times, values)(t))
 
 
 class Quantity:
@@ -223,9 +220,8 @@ class Quantity:
     Parameters
     ----------
     name : str
-    given : callable, Sensor or str
-        A function of a result, of a system and a state, or of a system and a configuration; a
-        sensor; the name of an entry of a mapping or of a series of a History.
+    given : callable or str
+        A function of a result, or the name of an entry of a mapping or of a series of a History.
 
     Examples
     --------
@@ -259,65 +255,6 @@ class Quantity:
             known = names_known(what, result)
             raise InputError(f"quantity {what!r}", f"unknown; {known}")
         return result[what]
-
-    def count_arguments(self) -> int:
-        """How many arguments it takes: a history (1), or a system and a state (2).
-
-        Raises
-        ------
-        InputError
-            If it is no such function.
-        """
-        item, quantity = f"quantity {self.name!r}", self.given
-        if not callable(quantity):
-            raise InputError(item, f"is {quantity!r}, expected a sensor or a function")
-        try:
-            parameters = inspect.signature(quantity).parameters.values()
-        except (TypeError, ValueError):  # some written in C do not say
-            return 1
-        needed = [
-            each
-            for each in parameters
-            if each.default is each.empty
-            and each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)
-        ]
-        if len(needed) not in (1, 2):
-            raise InputError(
-                item, f"takes {len(needed)} arguments, expected (history) or (system, state)"
-            )
-        return len(needed)
-
-    @property
-    def of_history(self) -> bool:
-        """Whether it wants a whole history, with what is derived from it."""
-        return not isinstance(self.given, Sensor) and self.count_arguments() == 1
-
-    def over_run(self, system: System, history: History) -> Reading:
-        """From the sensors' records and the recorded states of a run."""
-        if isinstance(self.given, Sensor):
-            record = history.sensors[self.name]
-            return Reading(record.values, record.times)
-        if self.of_history:
-            values = numbers("quantity", self.name, self.given(history))
-            series = values.ndim > 0 and len(values) == len(history)
-            return Reading(values, history.times if series else None)
-        rows = history.times, history["step"], history["q"], history["p"]
-        states = [State(float(t), int(k), q, p) for t, k, q, p in zip(*rows, strict=True)]
-        found = [self.given(system, state) for state in states]
-        return Reading(numbers("quantity", self.name, found), history.times)
-
-    def at(self, system: System, q: Floats) -> Floats:
-        """Its numbers (k,) at one configuration (n,).
-
-        Raises
-        ------
-        InputError
-            If they are none, or not finite.
-        """
-        value = np.atleast_1d(numbers("quantity", "value", self.given(system, q)))
-        if value.ndim != 1 or not value.size or not np.isfinite(value).all():
-            raise InputError("quantity", f"gave {value!r}, expected one or more finite numbers")
-        return value
 
 
 class Quantities:

@@ -25,8 +25,8 @@ from ..time_function import Constant
 from ..types import Floats
 from ..warn import Notices
 from .asked import Run
+from .case import Case, Scene
 from .table import ResultTable, provenance
-from .tolerance import Band, Case, Scene
 
 #: energy that may be left out, as a part of what it is compared with, for a trial to be worth it
 SLIGHT = 0.01
@@ -89,8 +89,8 @@ class Simpler:
         for row in self.rows:
             verdict = "may go" if row["proposed"] else "stays"
             effect = row["reason"] or (
-                f"without, values change by {row['change']:.2g} tolerances, {row['unknowns']} unknowns"
-                f" are left and the run takes {1 - row['saves']:.2g} times as long"
+                f"without, values change by {row['change']:.2g} tolerances, {row['unknowns']}"
+                f" unknowns are left and the run takes {1 - row['saves']:.2g} times as long"
             )
             lines.append(f"{row['left_out']} {verdict}: {row['because']}; {effect}")
         together = f"all of it together changes values by {self.change:.2g} tolerances"
@@ -112,7 +112,7 @@ class _Trial(NamedTuple):
     planar: Planar | None = None
 
 
-def simplified(scene: Scene, run: Run, case: Case, band: Mapping[str, Band]) -> Simpler:
+def simplified(scene: Scene, run: Run, case: Case, band: Mapping[str, float]) -> Simpler:
     """Try what the numbers of a run suggest, each by one run, then all that fits together."""
     room = 1 - 2 * max(band[name] / scene.asked.tolerance[name] for name in band)
     energies = {name: energies_of(run, name) for name in scene.beams}

@@ -20,8 +20,6 @@ from .error import (
     SectionValues,
     evaluate,
     forces_along,
-    goal_shares,
-    missing_strains,
     transfer,
 )
 from .forces import (
@@ -70,7 +68,6 @@ __all__ = [
     "evaluate",
     "external_energy",
     "forces_along",
-    "goal_shares",
     "ground_part",
     "hidden_violation",
     "highest_frequency",
@@ -81,7 +78,6 @@ __all__ = [
     "linear_momentum",
     "midpoint_angular_momentum",
     "midpoint_energy",
-    "missing_strains",
     "momentum",
     "momentum_violation",
     "multipliers",

@@ -149,19 +149,6 @@ def element_balances(
     return Balances(nodal, spread, force), single
 
 
-def element_forces(system: System, beam: Beam, y: Floats, factors: Floats) -> Floats:
-    """Nodal forces (ne, p + 1, 4, 3) of a beam's elements at rest, less those of loads.
-
-    Parameters
-    ----------
-    y : (rows, 3) array
-        Configuration.
-    factors : (k,) array
-        Of the channels of ``system.loading``.
-    """
-    return _internal(system, beam, y, None, 0.0) - spread_over(system, beam, y, factors, None, None)
-
-
 def _at_ends(F: Floats, nodal: Floats, beam: Beam) -> Floats:
     """Forces and moments (N, ne, 2, 6) in section triads of nodal forces (N, ne, p + 1, 4, 3)."""
     out = np.empty((*F.shape[:2], 2, 6))

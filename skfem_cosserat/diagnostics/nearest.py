@@ -8,7 +8,6 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from ..constraints.base import RowSpace
-from ..frames import is_beam
 from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..linear import SingularMatrixError
 from ..model import System
@@ -156,15 +155,6 @@ def _missing(tangent: ReducedTangent, inertia: Floats | None) -> Floats:
     if inertia is None:
         return tangent.residual
     return np.asarray(tangent.residual + tangent.P.T @ inertia)
-
-
-def inner_rows(system: System) -> IndexArray:
-    """Rows (k, 4) of y of the nodes inside elements."""
-    rows = [np.zeros((0, 4), dtype=np.int64)]
-    for beam in (item for item in system.structures if is_beam(item)):
-        inner = beam.basis.connectivity[:, 1:-1].ravel()
-        rows.append(system.first[id(beam)][1] + 4 * inner[:, None] + np.arange(4))
-    return np.concatenate(rows)
 
 
 # -- the configuration on the constraints that is nearest to a given one ---------------------------

@@ -54,8 +54,8 @@ class Integrator(Frozen):
     order : int
         Order of convergence in q and p.
     frequency_limit : float or None
-        Step size times highest natural frequency up to which :func:`skfem_cosserat.advise_step`
-        goes: compression drives rotations that alternate from step to step, see
+        Step size times highest natural frequency up to which no rotations are known that
+        compression drives and that alternate from step to step, see
         :func:`skfem_cosserat.diagnostics.constraint_frequency`. None: the scheme has no such limit.
     loses : bool
         Whether it is meant to take energy out of a motion.

@@ -1,5 +1,6 @@
 """Integration in time: a generator of steps, and a simulation with a history on top of it."""
 
+from .carry import carry_state
 from .conditions import (
     Action,
     ActionFunction,
@@ -34,7 +35,6 @@ from .sensors import (
     Window,
 )
 from .start import initial_state, project, restart
-from .step_advice import StepAdvice, advise_step
 from .step_size import StepControl
 
 __all__ = [
@@ -63,12 +63,11 @@ __all__ = [
     "SensorReaction",
     "SensorStrain",
     "SensorVelocity",
-    "StepAdvice",
     "StepControl",
     "View",
     "Window",
-    "advise_step",
     "after_events",
+    "carry_state",
     "derive_series",
     "describe",
     "initial_state",

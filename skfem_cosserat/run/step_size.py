@@ -280,7 +280,7 @@ class StepControl(Frozen):
     Notes
     -----
     For schemes whose steps may vary, such as energy-momentum and generalized-alpha. Symplectic ones
-    are refused; :func:`advise_step` finds the fixed step for a tolerance.
+    are refused; :func:`skfem_cosserat.answer` finds the fixed step for a tolerance.
     A step that cannot be solved counts as one that is too large. Proportional-integral control:
     Gustafsson, ACM Trans. Math. Softw. 17 (1991) 533; error per unit step: Hairer, Norsett &
     Wanner, Solving Ordinary Differential Equations I, II.4.
@@ -334,7 +334,7 @@ class StepControl(Frozen):
         if integrator.fixed_step is not None:
             raise IncompatibleError(
                 f"{integrator!r} with {self!r}",
-                f"the scheme is {integrator.fixed_step}; give a step, which advise_step() finds for"
+                f"the scheme is {integrator.fixed_step}; give a step, which sc.answer finds for"
                 " a tolerance, or take EnergyMomentum()",
             )
 

@@ -26,7 +26,7 @@ def test_charts_of_stored_tables(name, tmp_path, monkeypatch):
     def keep(figure, path):
         figures.append(write_figure(figure, path))
 
-    for module in (redraw.adaptive_mesh, redraw.dynamic_report, redraw.element_orders):
+    for module in (redraw.dynamic_report, redraw.element_orders):
         monkeypatch.setattr(module, "write_figure", keep)
     for module in (redraw.theory_limits, redraw.theory_report, redraw.speed_accuracy_chart):
         monkeypatch.setattr(module, "write_figure", keep)

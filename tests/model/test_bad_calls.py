@@ -25,7 +25,7 @@ X, Y, Z = np.eye(3)
 NAN, INF = float("nan"), float("inf")
 CALLED = "called_in_an_example"
 #: a call that is taken after all would run for long
-DEAR = ("advise", "adapt", "refine", "stability_map", "work_precision", "Processes", "run_all")
+DEAR = ("answer", "refine", "stability_map", "work_precision", "Processes", "run_all")
 
 BODY = sc.RigidBody.box(1.0, (1, 1, 1), position=(9, 9, 9))
 POINT, PLACE, GROUND = sc.MassPoint(1.0, (5, 5, 5)), BODY.at((9, 9, 9)), sc.ground((9, 9, 9))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skfem_cosserat.accuracy import PrecisionTable
-from skfem_cosserat.accuracy.chart import OTHERS, STATUSES, chart_errors
+from skfem_cosserat.accuracy.chart import OTHERS, STATUSES
 from skfem_cosserat.errors import InputError
 from skfem_cosserat.figures import (
     NAMED,
@@ -131,10 +131,6 @@ def test_lines_that_are_no_results_lie_behind():
     axis = PrecisionTable(rows, {"x": 0.01}, {}).chart().axes[0]
     order = {line.get_label(): line.get_zorder() for line in axis.lines}
     assert order["front, ours"] < min(order["a"], order["b"])
-    axis = chart_errors({"uniform": ([1, 2], [1.0, 0.5])}, 0.7, unit="m").axes[0]
-    measured, limit = axis.lines
-    assert limit.get_zorder() < measured.get_zorder()
-    assert axis.get_ylabel() == "error in m" and axis.get_xlabel() == "unknowns"
 
 
 def test_a_page_tells_each_mark_and_needs_no_network(tmp_path):

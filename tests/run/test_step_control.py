@@ -235,7 +235,7 @@ def test_symplectic_schemes_are_refused(scheme):
     with pytest.raises(sc.IncompatibleError) as caught:
         sc.simulate(pendulum(), scheme, sc.Multipliers(), sc.StepControl(1e-3), until=1.0)
     text = str(caught.value)
-    for word in (repr(scheme), "StepControl(tolerance=0.001)", "energy drifts", "advise_step()"):
+    for word in (repr(scheme), "StepControl(tolerance=0.001)", "energy drifts", "sc.answer"):
         assert word in text
 
 
@@ -262,62 +262,3 @@ def test_composition_of_energy_momentum_is_controlled():
     assert np.linalg.norm(history["q"][-1] - swung(2.0)) < 1e-4
     total = history["energy"] + history["external"]
     assert abs(total - total[0]).max() < 1e-11
-
-
-# -- advice ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
-def test_advice_is_good(tolerance):
-    """The error of the run with the advised step, by the closed form."""
-    run = pendulum(), sc.Variational(), sc.Multipliers()
-    advice = sc.advise_step(*run, tolerance, until=4.0, pilot=2.0)
-    history = sc.simulate(*run, advice.step, 4.0, derive=False)
-    exact = np.array([swung(t) for t in history.times])
-    error = np.linalg.norm(history["q"] - exact, axis=1).max()
-    assert 0.2 * tolerance < error < 1.5 * tolerance
-    assert 4.0 / advice.step == pytest.approx(round(4.0 / advice.step), abs=1e-9)
-    assert advice.order == pytest.approx(2, abs=0.3) and advice.highest is None
-
-
-def test_advice_heeds_the_limits_of_schemes():
-    """Of the explicit scheme that of its elements, of the variational one its frequency limit."""
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
-    model = sc.Model()
-    soft = sc.Beam(mesh, RUBBER, director=(0, 1, 0), lumped=True, angular_velocity=(0, 0, 1.0))
-    model.add("rod", soft)
-    system = model.freeze()
-    limit = sc.Explicit.limit(system).seconds
-    run = system, sc.Explicit(), sc.Multipliers()
-    advice = sc.advise_step(*run, 0.5, until=0.05, pilot=0.05)
-    assert advice.step < limit and "order" in advice.limit
-    advice = sc.advise_step(system, sc.Variational(), sc.NullSpace(), 0.5, until=2.0, pilot=0.05)
-    assert advice.step * advice.highest <= sc.Variational.frequency_limit
-    assert f"{advice.resolved:.3g} rad/s, of" in str(advice)
-
-
-def test_bad_advice():
-    run = pendulum(), sc.Variational(), sc.NullSpace()
-    with pytest.raises(sc.InputError, match="tolerance"):
-        sc.advise_step(*run, -1e-3, until=1.0)
-    with pytest.raises(sc.InputError, match="longer than the run"):
-        sc.advise_step(*run, 1e-3, until=1.0, pilot=2.0)
-    noise = np.random.default_rng(0)
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0))
-    model.add("noise", sc.LoadForce(bob.place(), (1, 0, 0), _Noise(noise)))
-    with pytest.raises(sc.Diverged, match="do not fall by the order 2"):
-        sc.advise_step(model.freeze(), sc.Variational(), sc.NullSpace(), 1e-3, until=1.0)
-
-
-class _Noise:
-    """A force without any time scale."""
-
-    def __init__(self, random):
-        self.random = random
-
-    def value(self, t):
-        return float(self.random.standard_normal())
-
-    def average(self, t0, t1):
-        return float(self.random.standard_normal()) / (t1 - t0)

@@ -9,10 +9,8 @@ import pytest
 from test_theories import SECTION, TIP, arc, branched, cantilever, flying, looped
 
 import skfem_cosserat as sc
-from skfem_cosserat import diagnostics
-from skfem_cosserat.adaptive import carry_history, carry_state
+from skfem_cosserat import carry_state, diagnostics
 from skfem_cosserat.diagnostics.nearest import nearest_configuration
-from skfem_cosserat.run import derive_series
 
 THEORIES = {
     "full": None,
@@ -161,11 +159,8 @@ def test_a_run_goes_on_without_what_does_not_matter():
     )
     arguments = sc.EnergyMomentum(), sc.NullSpace(), 0.02
     whole = sc.simulate(source, *arguments, 1.0, kernels="numpy")
-    first = whole.truncated(26)
-    history = carry_history(source, target, first)
-    derive_series(target, history)
-    assert np.isfinite(history["energy"]).all()
-    start = sc.restart(target, history, *arguments[::2])
+    first = sc.restart(source, whole.truncated(26), *arguments[::2])
+    start = carry_state(source, target, first)
     assert violations(target, start)[0] < 1e-12
     rest = sc.simulate(target, *arguments, 1.0, start=start, kernels="numpy")
     end = 12 * source.structures[0].node("rod.end").vertex
@@ -183,7 +178,7 @@ def test_an_equilibrium_goes_on_on_another_theory():
         for theory in (None, sc.TheoryInextensible())
     )
     path, own = (sc.static(system) for system in (source, target))
-    start = sc.equilibrium(target, carry_history(source, target, path))
+    start = carry_state(source, target, sc.equilibrium(source, path))
     before, after = (abs(q - own["q"][-1]).max() for q in (path["q"][-1], start.q))
     assert after < 0.1 * before
     control = sc.LoadControl(until=1.5, steps=1)
