@@ -252,8 +252,8 @@ class _Search:
         self.count, self.spent, self.error = 0, 0.0, ""
         #: the run that is handed back, its errors and its case
         self.best: tuple[Run, dict[str, Band], Case] | None = None
-        #: errors by the step of the cases so far, in tolerances
-        self.seen: list[float] = []
+        #: errors by the step, in tolerances, by the number of steps
+        self.seen: dict[int, float] = {}
 
     def tried(self, case: Case) -> Run | None:
         """The run of a case, made once; None if it fails."""
@@ -374,8 +374,9 @@ class _Search:
 
     def doubt(self, case: Case, coarse: Run, fine: Run, error: float) -> str:
         """Why shorter steps do not help: runs part faster than errors fall, or they do not fall."""
-        self.seen.append(error)
-        falls = [later < 2 * before / 3 for before, later in pairwise(self.seen)]
+        if self.seen.setdefault(case.steps, error) != error or error < 1:
+            return ""  # only the mesh has changed, or little is missing
+        falls = [later < 2 * before / 3 for before, later in pairwise(self.seen.values())]
         if not falls or falls[-1]:
             return ""
         moved = NUDGE * self.scene.system.length

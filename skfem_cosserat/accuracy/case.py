@@ -1,0 +1,215 @@
+"""A case: a scene at a mesh, an order and a step, and its run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..beam import Beam
+from ..constraints import NullSpace
+from ..diagnostics import momentum
+from ..errors import InputError
+from ..frozen import Replacements
+from ..integrators import EnergyMomentum, Integrator, State
+from ..mesh import divided
+from ..model import Model, Planar, System
+from ..run import carry_state, initial_state, simulate
+from ..run.sensors import checked_sensors
+from ..statics import Control, static
+from ..theory import Theory
+from ..types import positive
+from .asked import Asked, Run, attached
+
+#: highest order of elements
+HIGHEST = 4
+#: states of a run that are recorded, and where functions look at them
+RECORDED, LOOKED_AT = 128, 1024
+
+
+class Case(NamedTuple):
+    """A scene at a mesh, an order and a step.
+
+    Attributes
+    ----------
+    parts : int
+        Elements in the place of each element of the poorest mesh.
+    order : int
+    steps : int
+        Zero for equilibria.
+    """
+
+    parts: int
+    order: int
+    steps: int
+
+    @property
+    def shorter(self) -> Case:
+        """With half of the step."""
+        return self._replace(steps=2 * self.steps)
+
+    @property
+    def longer(self) -> Case:
+        """With twice the step."""
+        return self._replace(steps=self.steps // 2)
+
+    @property
+    def coarser(self) -> Case:
+        """With half as many elements."""
+        return self._replace(parts=self.parts // 2)
+
+    @property
+    def finer(self) -> Case:
+        """With twice as many elements."""
+        return self._replace(parts=2 * self.parts)
+
+    @property
+    def richer(self) -> Case:
+        """The next order, after the highest one twice as many elements."""
+        if self.order < HIGHEST:
+            return self._replace(order=self.order + 1)
+        return self.finer
+
+
+# -- the scene on any mesh -------------------------------------------------------------------------
+
+
+class Scene:
+    """A model, what is asked of it, and how it is run.
+
+    Parameters
+    ----------
+    model : Model
+    asked : Asked
+    until : float or None
+    start : State, callable or None
+    integrator : Integrator, Control or None
+
+    Raises
+    ------
+    InputError
+        As from :meth:`Model.freeze`; for an end before the start, an integrator of equilibria, and
+        sensors of items that are not in the model.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        asked: Asked,
+        until: float | None,
+        start: State | Callable[[System], State] | None,
+        integrator: Integrator | Control | None,
+    ) -> None:
+        self.model, self.asked, self.start = model, asked, start
+        self.system = model.freeze()
+        self.moves = until is not None
+        kind = Integrator if self.moves else Control
+        if integrator is not None and not isinstance(integrator, kind):
+            item, text = "argument integrator", f"{integrator!r}, expected one of {kind.__name__}"
+            raise InputError(item, text)
+        self.integrator = integrator if isinstance(integrator, Integrator) else EnergyMomentum()
+        self.control = integrator if isinstance(integrator, Control) else None
+        first = self.begin(self.system)
+        checked_sensors(asked.sensors(), self.system, first)
+        self.begun, self.span = first.time, 0.0
+        if until is not None:
+            self.span = positive("argument until", "less the start", until - first.time, " of s")
+        self.beams = {name: each for name in model if isinstance(each := model[name], Beam)}
+        places = attached([*(model[name] for name in model), *asked.wanted.values()])
+        self.keep = {name: _kept(beam, places) for name, beam in self.beams.items()}
+        self.pieces = {
+            name: divided(beam.mesh, 1, self.keep[name]).nelements
+            for name, beam in self.beams.items()
+        }
+        self._built: dict[tuple[int, int], tuple[Model, System, Replacements | None]] = {}
+
+    @property
+    def order(self) -> int:
+        """Of errors by the step."""
+        return self.integrator.order
+
+    def begin(self, system: System, nudge: float = 0.0) -> State:
+        """The state that a run starts from; with a nudge (m) velocities that move it so far."""
+        if self.start is None:
+            state = initial_state(system)
+        elif isinstance(self.start, State):
+            state = carry_state(self.system, system, self.start)
+        else:
+            state = self.start(system)
+        if not nudge:
+            return state
+        nu = np.cos(1.0 + np.arange(system.unknowns) ** 1.5)  # without a pattern, always the same
+        v = np.asarray(system.null_space(state.q, state.time) @ nu)
+        v *= nudge / self.span / max(abs(v).max(), 1e-300)
+        p = state.p + momentum(system, v)
+        return State(state.time, state.index, state.q, p, state.fresh, state.turns, state.carried)
+
+    def items(self, case: Case, theories: Mapping[str, Theory] | None = None) -> dict[str, Beam]:
+        """The beams at a mesh and an order, some of them with other theories."""
+        theories = theories or {}
+        found = {}
+        for name, beam in self.beams.items():
+            mesh = divided(beam.mesh, case.parts * self.pieces[name], self.keep[name])
+            found[name] = beam.on_mesh(mesh, case.order, theories.get(name))
+        return found
+
+    def built(self, case: Case) -> tuple[Model, System, Replacements | None]:
+        """The scene at a mesh and an order."""
+        key = case.parts, case.order
+        if key not in self._built:
+            self._built[key] = self.frozen(self.items(case))
+        return self._built[key]
+
+    def frozen(
+        self, beams: Mapping[str, Beam], planar: Planar | None = None
+    ) -> tuple[Model, System, Replacements | None]:
+        """The scene with other beams, perhaps in its plane."""
+        model, copies = self.model.rebuilt(beams) if beams else (self.model, None)
+        return model, model.freeze(planar), copies
+
+    def run(
+        self,
+        case: Case,
+        nudge: float = 0.0,
+        built: tuple[Model, System, Replacements | None] | None = None,
+    ) -> Run:
+        """A run, and what is asked of it."""
+        begun = time.process_time()
+        model, system, copies = self.built(case) if built is None else built
+        if self.moves:
+            state = self.begin(system, nudge)
+            rows = LOOKED_AT if self.asked.needs_states else RECORDED
+            history = simulate(
+                system,
+                self.integrator,
+                NullSpace(),
+                self.span / case.steps,
+                state.time + self.span,
+                start=state,
+                every=max(1, case.steps // rows),
+                sensors=self.asked.sensors(copies),
+                events=self.asked.events(copies) or None,
+            )
+        else:
+            start = None if self.start is None else self.begin(system)
+            control = self.control if copies is None else copies.of(self.control)
+            history = static(system, NullSpace(), control, start=start)
+        return self.read(Run(model, system, history, in_time=self.moves), copies, begun)
+
+    def read(self, run: Run, copies: Replacements | None, begun: float) -> Run:
+        """The run with what is asked of it, and its cost since it was begun (processor time, s)."""
+        run.values = self.asked.read(run, copies)
+        run.cost_s = time.process_time() - begun
+        return run
+
+
+def _kept(beam: Beam, places: list[Any]) -> list[tuple[int, float]]:
+    """Elements and reference coordinates of the nodes of a beam that places are at."""
+    nodes = beam.basis.interpolation.nodes
+    found = []
+    for vertex in sorted({place.vertex for place in places if place.item is beam}):
+        e, k = (int(x[0]) for x in np.nonzero(beam.basis.connectivity == vertex))
+        found.append((e, float(nodes[k])))
+    return found
