@@ -46,9 +46,9 @@ class Simpler:
     rows : list of dict
         One a trial: ``left_out`` (in words), ``because`` (the numbers of the run that suggest it),
         ``change`` (of the values, in tolerances), ``unknowns`` and ``cost_s`` with it, ``saves``
-        (part of the processor time of the run), ``work`` (unknowns times iterations times processor
-        time, as a part of those of the run), ``proposed`` (the change fits into what the error
-        leaves of the tolerance, and there is less work), ``reason`` (why it could not be run).
+        (part of the processor time of the run; NaN where other kernels ran), ``proposed`` (the
+        change fits into what the error leaves of the tolerance), ``reason`` (why it could not be
+        run).
     model : Model or None
         The scene with all that is proposed; None where nothing is, or where all of it together
         changes the values by too much.
@@ -88,9 +88,11 @@ class Simpler:
         lines = []
         for row in self.rows:
             verdict = "may go" if row["proposed"] else "stays"
+            known = not np.isnan(row["saves"])
+            takes = f", the run takes {1 - row['saves']:.2g} times as long" if known else ""
             effect = row["reason"] or (
                 f"without, values change by {row['change']:.2g} tolerances, {row['unknowns']}"
-                f" unknowns are left and the run takes {1 - row['saves']:.2g} times as long"
+                f" unknowns are left{takes}"
             )
             lines.append(f"{row['left_out']} {verdict}: {row['because']}; {effect}")
         together = f"all of it together changes values by {self.change:.2g} tolerances"
@@ -121,7 +123,7 @@ def simplified(scene: Scene, run: Run, case: Case, band: Mapping[str, float]) ->
         if trial.theories and any(trial.theories.keys() == each.theories.keys() for each in taken):
             continue  # a simpler theory of these beams does already
         row, _ = _tried(scene, run, trial)
-        row["proposed"] = row["change"] <= room and (trial.statics or row["work"] < 1)
+        row["proposed"] = row["change"] <= room
         taken += [trial] * row["proposed"]
         rows.append(row)
     together = _combined(case, taken)
@@ -236,8 +238,7 @@ def _tried(scene: Scene, run: Run, trial: _Trial) -> tuple[dict[str, Any], Run |
     kind waits for compiled kernels.
     """
     row = {"left_out": trial.left_out, "because": trial.because, "change": np.inf}
-    row |= {"unknowns": run.system.unknowns, "cost_s": np.nan, "saves": 0.0, "work": np.inf}
-    row["reason"] = ""
+    row |= {"unknowns": run.system.unknowns, "cost_s": np.nan, "saves": np.nan, "reason": ""}
     try:
         with Notices(quiet=True, alone=True):
             built = scene.frozen(scene.items(trial.case, trial.theories), trial.planar)
@@ -251,15 +252,10 @@ def _tried(scene: Scene, run: Run, trial: _Trial) -> tuple[dict[str, Any], Run |
     except (CosseratError, ArithmeticError) as error:
         return row | {"reason": f"it cannot be run without ({error})"}, None
     sizes = [gap.max(initial=0.0) / scene.asked.tolerance[n] for n, (_, gap) in apart.items()]
-    longer = found.cost_s / run.cost_s
-    work = longer * _count(found) / max(_count(run), 1)
-    more = {"unknowns": found.system.unknowns, "cost_s": found.cost_s, "work": work}
-    return row | {"change": float(max(sizes)), "saves": 1 - longer} | more, found
-
-
-def _count(run: Run) -> float:
-    """Unknowns times Newton iterations: what a run solves, whatever else the machine does."""
-    return float(run.system.unknowns * run.history.meta["newton_iterations"])
+    alike = found.history.meta["kernels"] == run.history.meta["kernels"]
+    saves = 1 - found.cost_s / run.cost_s if alike else np.nan
+    more = {"unknowns": found.system.unknowns, "cost_s": found.cost_s, "saves": saves}
+    return row | {"change": float(max(sizes))} | more, found
 
 
 def _at_rest(scene: Scene, run: Run, built: Any) -> Run:

@@ -321,11 +321,13 @@ class _Search:
                 finer = self.scene.beams and failures % 2
                 case = case.finer if finer else case._replace(steps=4 * case.steps)
                 continue
-            rich = self.tried(case.richer) if self.scene.beams else coarse
-            if rich is None:
-                case = case.finer
-                continue
-            mesh = _largest(coarse.distances(rich))
+            mesh = dict.fromkeys(self.tolerance, 0.0)
+            if self.scene.beams:
+                rich = self.tried(case.richer)
+                if rich is None:
+                    case = case.finer
+                    continue
+                mesh = _largest(coarse.distances(rich))
             step, order = self.step_errors(case, coarse, fine)
             if 2 * self.size(step, mesh) <= 1 and case.longer not in self.runs:
                 self.tried(case.longer)  # a third step tells whether the two agree by chance

@@ -1,0 +1,337 @@
+"""Answers within a tolerance, what they say of themselves, and what a scene does not need."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+from answer_scenes import ALUMINIUM, STEEL, Scene, clamp, drawn, rod, weight
+
+import skfem_cosserat as sc
+from skfem_cosserat.accuracy import Component, Maximum
+
+
+def asked(scene, **options):
+    return sc.answer(
+        scene.model,
+        scene.quantities,
+        scene.tolerance,
+        scene.until,
+        **{**scene.options, **options},
+    )
+
+
+def thrown():
+    """A mass point: x = v t - g t^2/2 is what the midpoint rule gives at its steps."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(2.0, velocity=(1.0, 0, 3.0)))
+    weight(model)
+    return model, ball
+
+
+# -- closed forms ----------------------------------------------------------------------------------
+
+
+def test_a_thrown_ball():
+    """Height and its maximum v^2/2g, the time of a level, the energy: by the parabola."""
+    model, ball = thrown()
+    place, g = sc.SensorPosition(ball.place()), 9.81
+    quantities = {
+        "place": place,
+        "top": Maximum(place, 2),
+        "down": sc.ConditionSensor(place, 0.2, component=2),
+        "kinetic": "kinetic",
+    }
+    found = sc.answer(
+        model, quantities, {"place": 1e-6, "top": 1e-6, "down": 1e-8, "kinetic": 1e-6}, 0.5
+    )
+    assert found.reached and not found.reason
+    t = found.times
+    exact = np.stack([t, 0 * t, 3 * t - g * t**2 / 2], axis=1)
+    assert abs(found.values["place"] - exact).max() < 1e-9
+    assert abs(found.values["top"] - 9 / (2 * g)) < 1e-9
+    assert abs(found.values["down"] - (3 - np.sqrt(9 - 0.4 * g)) / g) < 1e-8
+    assert t[-1] == pytest.approx(0.5, abs=1e-12)
+
+
+def test_a_pendulum_by_its_integral():
+    """A rigid pendulum from 1 rad: the period is 4 K(sin^2(1/2)) sqrt(l/g), half of it a level."""
+    from scipy.special import ellipk
+
+    model = sc.Model()
+    start = (np.sin(1.0), 0, -np.cos(1.0))
+    bob = model.add("bob", sc.MassPoint(1.0, position=start))
+    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    weight(model)
+    quarter = ellipk(np.sin(0.5) ** 2) / np.sqrt(9.81)
+    lowest = sc.ConditionSensor(sc.SensorPosition(bob.place()), 0.0, component=0)
+    for tolerance in (1e-3, 1e-5):
+        found = sc.answer(model, {"lowest": lowest}, tolerance, 0.8)
+        assert found.reached
+        error = abs(float(found.values["lowest"]) - quarter)
+        assert error < tolerance and error < 2 * found.band["lowest"]
+        assert found.band["lowest"] == found.band["lowest"].step
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.002])
+def test_a_cantilever_at_rest(radius):
+    """Small deflection F l^3/3EI + F l/GA, first frequency 1.8751^2 sqrt(EI/m)/2 pi."""
+    model = sc.Model()
+    bar = rod(model, "bar", (0, 0, 0), (1, 0, 0), radius, STEEL)
+    clamp(model, bar.node("bar.start"))
+    section = bar.sections["section"]
+    EI, GA, m = section.stiffness[3, 3], section.stiffness[0, 0], section.mass
+    force = 1e-6 * EI
+    model.add("push", sc.LoadForce(bar.node("bar.end"), (0, 0, force)))
+    quantities = {
+        "end": Component(sc.SensorPosition(bar.node("bar.end")), 2),
+        "frequency": lambda model, path: sc.modes(model, path, count=1).frequencies[0],
+        "root": sc.SensorForce(bar, 0.0),
+    }
+    first = 1.8751041**2 * np.sqrt(EI / m) / (2 * np.pi)
+    tolerance = {"end": 1e-10, "frequency": 1e-3 * first, "root": 1e-9 * EI}
+    found = sc.answer(model, quantities, tolerance, None)
+    assert found.reached and np.isnan(found.step)
+    assert float(found.values["end"]) == pytest.approx(force / 3 / EI + force / GA, abs=1e-10)
+    assert float(found.values["frequency"]) == pytest.approx(first, rel=2e-3)
+    assert np.linalg.norm(found.values["root"][3:]) == pytest.approx(force, abs=1e-9 * EI)
+
+
+# -- what it refines -------------------------------------------------------------------------------
+
+
+def test_the_meshes_of_the_model_do_not_matter():
+    """A model of 3 and of 30 elements: the same answer, and neither of them changes."""
+    answers = []
+    for count in (3, 30):
+        model = sc.Model()
+        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), count, name="bar")
+        bar = model.add("bar", sc.Beam(mesh, sc.SectionCircle(0.01, ALUMINIUM)))
+        clamp(model, bar.node("bar.start"))
+        weight(model)
+        end = sc.SensorPosition(bar.node("bar.end"))
+        answers.append(sc.answer(model, {"end": end}, 1e-3, 0.2))
+        assert model["bar"].mesh.nelements == count
+    np.testing.assert_allclose(*(a.values["end"] for a in answers), atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_smaller_tolerance_takes_shorter_steps_and_richer_meshes():
+    scene = drawn("arm", 0)
+    rough, good = (asked(scene._replace(tolerance=t)) for t in (2e-2, 2e-4))
+    assert rough.reached and good.reached
+    assert good.step < rough.step and good.cost_of_run_s > rough.cost_of_run_s
+    near = np.array([abs(good.times - t).argmin() for t in rough.times])
+    gap = np.linalg.norm(rough.values["tip"] - good.values["tip"][near], axis=1).max()
+    assert gap < 2 * rough.band["tip"] + 2 * good.band["tip"] < 2e-2
+    assert rough.band["tip"] == rough.band["tip"].step + rough.band["tip"].mesh
+
+
+def test_a_start_that_is_bent():
+    """A cantilever let go from its equilibrium: the state is carried to each mesh."""
+    model = sc.Model()
+    bar = rod(model, "bar", (0, 0, 0), (1, 0, 0), 0.01, ALUMINIUM, order=3)
+    clamp(model, bar.node("bar.start"))
+    push = model.add("push", sc.LoadForce(bar.node("bar.end"), (0, 0, 20.0)))
+    bent = sc.equilibrium(model, sc.static(model))
+    assert push.name == "push"
+    end = sc.SensorPosition(bar.node("bar.end"))
+    found = sc.answer(model, {"end": end}, 1e-5, 0.1, start=bent)
+    assert found.reached  # it stays there
+    assert np.ptp(found.values["end"], axis=0).max() < 2e-5
+
+
+# -- what cannot be reached ------------------------------------------------------------------------
+
+
+def test_chaos_is_named_with_the_time_up_to_which_it_can():
+    found = asked(drawn("chaos", 0))
+    assert not found.reached and "chaotic" in found.reason and "up to t = " in found.reason
+    assert found.history is not None and found.runs < 10
+    known = float(found.reason.rsplit("t = ", 1)[1].split(" s")[0])
+    own = found.values["b"][found.times <= known]
+    end = found.times[len(own) - 1]
+    run = found.model, sc.EnergyMomentum(), sc.NullSpace(), found.step / 8, end
+    place = sc.simulate(*run, every=8, derive=False).position(found.model["b"].place())
+    assert np.linalg.norm(own - place, axis=1).max() < 1e-3
+
+
+def test_a_budget_that_is_spent():
+    scene = drawn("rope", 0)._replace(tolerance=1e-7)
+    with pytest.warns(sc.AccuracyWarning):  # of the rough run that is handed back
+        found = asked(scene, budget_s=0.3)
+    assert found.warnings
+    assert not found.reached and "budget of 0.3 s" in found.reason
+    assert found.history is not None and np.isfinite(found.values["mass"]).all()
+
+
+def test_no_run_comes_to_its_end():
+    model = sc.Model()
+    bar = rod(model, "bar", (0, 0, 0), (1, 0, 0), 0.01, STEEL)
+    model.add("push", sc.LoadForce(bar.node("bar.end"), (0, 0, 1.0)))
+    end = sc.SensorPosition(bar.node("bar.end"))
+    found = sc.answer(model, {"end": end}, 1e-3, None)  # nothing holds it: no equilibrium
+    assert not found.reached and found.reason.startswith("no run came to its end: ")
+    assert found.history is None and not found.values and "not reached" in str(found)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_ctrl_c_hands_back_the_best_so_far():
+    scene = drawn("rope", 1)._replace(tolerance=1e-9)
+
+    def press(runs, error):
+        if runs > 3:
+            threading.Thread(target=os.kill, args=(os.getpid(), signal.SIGINT)).start()
+            time.sleep(0.1)
+
+    found = asked(scene, progress=press)
+    assert not found.reached and "interrupted" in found.reason and found.history is not None
+
+
+# -- words -----------------------------------------------------------------------------------------
+
+
+def test_it_prints_in_eight_lines():
+    found = asked(drawn("section_force", 0))
+    lines = str(found).splitlines()
+    assert len(lines) <= 8 and lines[0] == "within the tolerance"
+    assert "tolerance 1.0e-03" in str(found) and f"{found.runs} runs" in str(found)
+    assert repr(found) == f"<Answer: reached, {found.runs} runs>"
+
+
+MODEL, BALL = thrown()
+PLACE = sc.SensorPosition(BALL.place())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (({}, 1.0, 1.0), "argument quantities: {}, expected a dict"),
+        (({"a/b": PLACE}, 1.0, 1.0), "'a/b', expected a name without slashes"),
+        (({"a": 3}, 1.0, 1.0), "quantity 'a': 3, expected a sensor"),
+        (({"a": PLACE}, 0.0, 1.0), "argument tolerance: value = 0.0, expected a positive"),
+        (({"a": PLACE}, {"b": 1.0}, 1.0), r"argument tolerance: is for \['b'\], expected \['a'\]"),
+        (({"a": PLACE}, 1.0, -1.0), "argument until: less the start = -1.0, expected a positive"),
+        (({"a": sc.SensorPosition(sc.MassPoint(1.0).place())}, 1.0, 1.0), "of 'a' is not in this"),
+    ],
+)
+def test_bad_arguments(arguments, message):
+    with pytest.raises(sc.InputError, match=message):
+        sc.answer(MODEL, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"integrator": sc.LoadControl()}, "argument integrator: .*expected one of Integrator"),
+        ({"budget_s": 0.0}, "argument budget_s"),
+        ({"progress": 3}, "argument progress: 3"),
+    ],
+)
+def test_bad_options(options, message):
+    with pytest.raises(sc.InputError, match=message):
+        sc.answer(MODEL, {"a": PLACE}, 1.0, 1.0, **options)
+
+
+@pytest.mark.parametrize("name", ["adapt", "advise", "advise_step", "Asynchronous"])
+def test_names_of_older_versions_say_what_to_take(name):
+    with pytest.raises(AttributeError, match=rf"{name} is gone: take "):
+        getattr(sc, name)
+
+
+# -- what a scene does not need --------------------------------------------------------------------
+
+
+def pendulum_on_a_rope():
+    """100 kg on 2 m of steel rope."""
+    model = sc.Model()
+    rope = rod(model, "rope", (0, 0, 0), (2, 0, 0), 0.004, STEEL)
+    model.add("hook", sc.JointSpherical(sc.ground((0, 0, 0)), rope.node("rope.start")))
+    model.add("load", sc.MassPoint(100.0, on=rope.node("rope.end")))
+    weight(model)
+    return Scene(model, {"load": sc.SensorPosition(rope.node("rope.end"))}, 2e-2, 1.0)
+
+
+def tower():
+    """A tower with an arm under a gust: the tower bends, the arm goes with it."""
+    model = sc.Model()
+    leg = rod(model, "leg", (0, 0, 0), (0, 0, 3), 0.03, STEEL)
+    arm = rod(model, "arm", (0, 0, 3), (1, 0, 3), 0.03, STEEL)
+    clamp(model, leg.node("leg.start"))
+    model.add("corner", sc.JointFixed(leg.node("leg.end"), arm.node("arm.start")))
+    gust = sc.Table([0, 0.2, 0.5], [0, 1, 0])
+    model.add("gust", sc.LoadForce(leg.node("leg.end"), (0, 20, 0), gust))
+    return Scene(model, {"top": sc.SensorPosition(leg.node("leg.end"))}, 2e-4, 0.8)
+
+
+def proposed(found):
+    return {row["left_out"] for row in found.rows if row["proposed"]}
+
+
+def test_a_heavy_load_on_a_steel_rope_has_a_rigid_rope():
+    scene = pendulum_on_a_rope()
+    found = asked(scene)
+    less = found.simpler()
+    assert "strains of rope" in proposed(less)
+    assert less.model is not None and isinstance(less.model["rope"].theory, sc.TheoryRigid)
+    own = sc.simulate(
+        *(less.model, sc.EnergyMomentum(), sc.NullSpace(), less.step, 1.0), derive=False
+    )
+    end = own.position(less.model["rope"].node("rope.end"))
+    exact = np.array([found.values["load"][abs(found.times - t).argmin()] for t in own.times])
+    gap = np.linalg.norm(end - exact, axis=1).max() / 2e-2
+    assert gap == pytest.approx(less.change, rel=1e-6) and gap < 1
+    assert isinstance(scene.model["rope"].theory, sc.TheoryReissner)  # nothing is applied
+
+
+def test_a_slow_press_is_statics():
+    less = asked(drawn("slow", 0)).simpler()
+    assert "inertia (statics)" in proposed(less) and less.statics and np.isnan(less.step)
+    energies = less.notes["energy of bar (J)"]
+    assert less.notes["kinetic energy (J)"] < 1e-4 * sum(energies.values())
+
+
+def test_a_tower_under_a_gust_has_a_rigid_arm():
+    found = asked(tower())
+    less = found.simpler()
+    assert "strains of arm" in proposed(less) and "strains of leg" not in proposed(less)
+    assert isinstance(less.model["arm"].theory, sc.TheoryRigid)
+    strains = {name: sum(less.notes[f"energy of {name} (J)"].values()) for name in ("leg", "arm")}
+    assert strains["arm"] < 0.01 * strains["leg"]
+
+
+def test_energies_by_kind_of_strain():
+    """A bar pulled, pushed aside and twisted: N^2 l/2EA, Q^2 l/2GA, F^2 l^3/6EI, M^2 l/2GJ."""
+    model = sc.Model()
+    bar = rod(model, "bar", (0, 0, 0), (1, 0, 0), 0.02, STEEL)
+    clamp(model, bar.node("bar.start"))
+    ramp = sc.RampSmooth(0, 1.0)
+    N, Q, M = 100.0, 10.0, 20.0
+    model.add("force", sc.LoadForce(bar.node("bar.end"), (N, 0, Q), ramp))
+    model.add("moment", sc.LoadMoment(bar.node("bar.end"), (M, 0, 0), ramp))
+    found = sc.answer(model, {"end": sc.SensorPosition(bar.node("bar.end"))}, 1e-5, 2.0)
+    energies = found.simpler().notes["energy of bar (J)"]
+    GA, _, EA, EI, _, GJ = np.diag(bar.sections["section"].stiffness)
+    exact = {
+        "shear": Q**2 / 2 / GA,
+        "extension": N**2 / 2 / EA,
+        "bending": Q**2 / 6 / EI,
+        "torsion": M**2 / 2 / GJ,
+    }
+    for kind, energy in exact.items():
+        assert energies[kind] == pytest.approx(energy, rel=0.05), kind
+
+
+@pytest.mark.slow
+def test_nothing_where_nothing_may_go():
+    """A soft arm that swings wildly, with no room in the tolerance for what its parts do."""
+    found = asked(drawn("flying", 1)._replace(tolerance=1e-3))
+    less = found.simpler()
+    assert not {row["left_out"] for row in less.rows if "strains" in row["left_out"]} & proposed(
+        less
+    )
+    assert "half of the elements" not in proposed(less)
