@@ -50,8 +50,6 @@ from scipy.interpolate import CubicSpline
 import skfem_cosserat as sc
 from paper import failure_map
 from paper import three_bar_swing as swing
-from skfem_cosserat.accuracy import Job
-from skfem_cosserat.accuracy.cases import run_cases
 from skfem_cosserat.integrators.choice import choose_kernels
 from skfem_cosserat.newton import NewtonSettings
 
@@ -314,7 +312,7 @@ class Study:
     def kept(self, function: Callable[..., Any], *args: Any) -> Any:
         """The value of a function of these arguments and the plan."""
         name = " ".join(map(str, (function.__name__, *args)))
-        (found,) = run_cases([Job(name, function, *args, self.plan)], folder=self.resume)
+        (found,) = sc.run_all([sc.Job(name, function, *args, self.plan)], folder=self.resume)
         if found.error is not None:
             raise found.error
         return found.value

@@ -1,15 +1,12 @@
 """How accurate, how dear, how stable: many runs of a problem, and what they say together.
 
-:func:`refine` for meshes and steps. What it is made of serves other studies too: `run_cases` (any
+:func:`refine` for meshes and steps. What it is made of serves other studies too: `run_all` (any
 executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`.
 :func:`work_precision` for errors against costs, :func:`stability_map` for where methods fail.
 """
 
 from ..export import write_rows
 from .asked import Component, Maximum
-from .cases import TimedOut, TimeLimit, identity, run_cases, status
-from .executors import Executor, Processes, run_all
-from .jobs import Job, Outcome
 from .orders import Convergence, convergence
 from .precision import Front, Level, PrecisionTable, Standing, work_precision
 from .reading import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
@@ -20,6 +17,7 @@ from .reference import (
     ReferenceRun,
 )
 from .refinement import Refinement, refine
+from .run import Executor, Job, Outcome, Processes, TimedOut, TimeLimit, run_all
 from .setups import Setup, setup_grid
 from .stability import Map, stability_map
 from .table import ResultTable, provenance
@@ -59,14 +57,11 @@ __all__ = [
     "Verdict",
     "answer",
     "convergence",
-    "identity",
     "provenance",
     "refine",
     "run_all",
-    "run_cases",
     "setup_grid",
     "stability_map",
-    "status",
     "work_precision",
     "write_rows",
 ]

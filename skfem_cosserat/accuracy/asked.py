@@ -13,13 +13,13 @@ import numpy as np
 from ..arguments import checked
 from ..diagnostics import forces_along
 from ..diagnostics.jumps import jumps
-from ..errors import InputError, failed
+from ..errors import CosseratError, InputError, failed
 from ..frozen import Attached, Replacements
 from ..history import History
 from ..model import Model, System
 from ..run import Condition, Event, Sensor, SensorForce, SensorReaction
 from ..run.sensors import seen, window_of
-from ..types import Floats, numbers
+from ..types import Floats, names_known, numbers
 from .reading import Reading
 
 # -- what is asked ---------------------------------------------------------------------------------
@@ -56,7 +56,7 @@ class Component(Quantity):
     """
 
     def __init__(self, sensor: Sensor, component: int) -> None:
-        self.sensor, self.component = sensor, component
+        self.sensor, self.component = sensor, _whole("Component", component)
 
     def sensors(self) -> dict[str, Sensor]:
         """See the base class."""
@@ -65,10 +65,8 @@ class Component(Quantity):
     def values(self, name: str, run: Run) -> Reading:
         """See the base class."""
         whole = run.seen(name, self.sensor)
-        k, rows = self.component, np.asarray(whole.values)
-        if whole.times is None:
-            return Reading(rows.ravel()[k])
-        return Reading(rows.reshape(len(rows), -1)[:, k], whole.times)
+        column = _column(name, whole, self.component)
+        return Reading(column[0] if whole.times is None else column, whole.times)
 
 
 @checked
@@ -96,7 +94,8 @@ class Maximum(Quantity):
     """
 
     def __init__(self, sensor: Sensor, component: int | None = None) -> None:
-        self.sensor, self.component = sensor, component
+        self.sensor = sensor
+        self.component = None if component is None else _whole("Maximum", component)
 
     def sensors(self) -> dict[str, Sensor]:
         """See the base class."""
@@ -109,7 +108,7 @@ class Maximum(Quantity):
             1 if whole.times is None else len(whole.times), -1
         )
         c = self.component
-        y = np.linalg.norm(rows, axis=1) if c is None else rows[:, c]
+        y = np.linalg.norm(rows, axis=1) if c is None else _column(name, whole, c)
         k = int(np.argmax(y))
         if whole.times is None or not 0 < k < len(y) - 1:
             return Reading(np.asarray(y[k]))
@@ -117,6 +116,29 @@ class Maximum(Quantity):
             whole.times[k - 1 : k + 2] - whole.times[k], y[k - 1 : k + 2] - y[k], 2
         )
         return Reading(np.asarray(y[k] - (b * b / (4 * a) if a < 0 else 0.0)))
+
+
+def _whole(item: str, component: Any) -> int:
+    """The number of a component.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if type(component) is not int or component < 0:
+        raise InputError(item, f"component = {component!r}, expected 0, 1, 2, ...")
+    return component
+
+
+def _column(name: str, whole: Reading, component: int) -> Floats:
+    """A component over time (K,), or (1,) of one value for the whole run."""
+    rows = np.asarray(whole.values)
+    rows = rows.reshape(1 if whole.times is None else len(rows), -1)
+    if component >= rows.shape[1]:
+        text = f"component = {component}, of a sensor that sees {rows.shape[1]} numbers"
+        raise InputError(f"quantity {name!r}", text)
+    return rows[:, component]
 
 
 class _Sampled(Quantity):
@@ -152,6 +174,9 @@ class _Function(Quantity):
     def values(self, name: str, run: Run) -> Reading:
         item, history = f"quantity {name!r}", run.history
         if isinstance(self.function, str):
+            if self.function not in history:
+                known = names_known(self.function, history)
+                raise InputError(item, f"series {self.function!r} is unknown; {known}")
             found = history[self.function]
         else:
             given = (run.model, history) if _arguments(self.function) == 2 else (history,)
@@ -160,6 +185,8 @@ class _Function(Quantity):
             except InputError as error:
                 text = f"{error} (the history is of another mesh: read history.sensors, or take"
                 raise InputError(item, f"{text} (model, history))") from error
+            except CosseratError:  # such as of modes that a poor mesh does not have
+                raise
             except Exception as error:
                 raise failed(item, "it", error) from error
         values = numbers(item, "value", found)

@@ -20,7 +20,7 @@ from ..run import carry_state, initial_state, simulate
 from ..run.sensors import checked_sensors
 from ..statics import Control, static
 from ..theory import Theory
-from ..types import positive
+from ..types import check_kind
 from .asked import Asked, Run, attached
 
 #: highest order of elements
@@ -107,15 +107,22 @@ class Scene:
         self.moves = until is not None
         kind = Integrator if self.moves else Control
         if integrator is not None and not isinstance(integrator, kind):
-            item, text = "argument integrator", f"{integrator!r}, expected one of {kind.__name__}"
-            raise InputError(item, text)
+            wanted = "an integrator such as EnergyMomentum(), or until=None for equilibria"
+            wanted = wanted if self.moves else "a control such as LoadControl()"
+            raise InputError("argument integrator", f"{integrator!r}, expected {wanted}")
         self.integrator = integrator if isinstance(integrator, Integrator) else EnergyMomentum()
         self.control = integrator if isinstance(integrator, Control) else None
         first = self.begin(self.system)
-        checked_sensors(asked.sensors(), self.system, first)
+        try:
+            checked_sensors(asked.sensors(), self.system, first)
+        except InputError as error:
+            raise InputError("argument quantities", str(error)) from error
         self.begun, self.span = first.time, 0.0
         if until is not None:
-            self.span = positive("argument until", "less the start", until - first.time, " of s")
+            if not until > first.time or not np.isfinite(until):
+                text = f"{until!r}, expected a time after the start at {first.time:.9g} s"
+                raise InputError("argument until", text)
+            self.span = until - first.time
         self.beams = {name: each for name in model if isinstance(each := model[name], Beam)}
         places = attached([*(model[name] for name in model), *asked.wanted.values()])
         self.keep = {name: _kept(beam, places) for name, beam in self.beams.items()}
@@ -138,6 +145,7 @@ class Scene:
             state = carry_state(self.system, system, self.start)
         else:
             state = self.start(system)
+            check_kind("argument start: what it gave", state, State)
         if not nudge:
             return state
         nu = np.cos(1.0 + np.arange(system.unknowns) ** 1.5)  # without a pattern, always the same

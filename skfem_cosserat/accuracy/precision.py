@@ -16,13 +16,11 @@ from ..arguments import checked
 from ..errors import InputError
 from ..types import names_known, positive, switch
 from ..warn import sum_up, told
-from .cases import OnOutcome, identity, run_cases
 from .chart import COSTS, Lines, Row, precision_chart
-from .executors import Executor
-from .jobs import Caught, Job, Outcome, in_words
 from .orders import euclidean
 from .reading import OverTime, Quantities, Reading, aligned
 from .reference import Compared, Reference, reference_of_setups
+from .run import Caught, Executor, Job, OnOutcome, Outcome, in_words, run_all
 from .setups import (
     Measured,
     Setup,
@@ -578,16 +576,15 @@ def work_precision(
     jobs += [
         Job(s.label, measure, s.label, problem, s.run, s.timed, int(repeats), *rest) for s in chosen
     ]
-    shared = {} if folder is None else identity()
     study = _PrecisionStudy(chosen, truth, wanted)
-    outcomes = run_cases(
+    outcomes = run_all(
         jobs,
         executor,
         folder=folder,
-        identity=shared,
         progress=progress,
         check=study.check,
         retry=switch("argument retry", retry),
+        tell=False,
     )
     kind = "runs" if truth.runs else "values"
     notes = {"reference": f"{type(reference).__name__} ({kind})"}

@@ -19,10 +19,7 @@ from ..export.table import WIDE
 from ..history import History
 from ..types import Array, Floats, names_known, positive, switch
 from ..warn import counted, sum_up, told
-from .cases import OnOutcome, identity, run_cases, status
 from .chart import Line, convergence_chart
-from .executors import Executor
-from .jobs import Job, Outcome
 from .levels import (
     Series,
     StudyLevel,
@@ -34,6 +31,7 @@ from .levels import (
 from .orders import ROUNDING, Convergence, convergence
 from .reading import OverTime, Quantities, Reading, aligned
 from .reference import Compared, ReferenceFinest, ReferenceKnown, reference_of_levels
+from .run import Executor, Job, OnOutcome, Outcome, run_all
 from .table import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
@@ -218,7 +216,7 @@ class Refinement(Report):
     def _state(self, level: StudyLevel) -> tuple[str, str]:
         """Status and reason."""
         outcome = self.outcomes[level.name]
-        state = status(outcome)
+        state = outcome.status
         if state == "ok":
             keys = [key for key, values in self.values.items() if level.name in values]
             bad = [key for key in keys if not np.isfinite(self.values[key][level.name]).all()]
@@ -535,15 +533,14 @@ def refine(
     for arguments in plan.calls.values():
         check_call(problem, arguments)
     jobs = [Job(name, problem, **arguments) for name, arguments in plan.calls.items()]
-    shared = {} if folder is None else identity(problem=problem)
-    outcomes = run_cases(
+    outcomes = run_all(
         jobs,
         executor,
         folder=folder,
-        identity=shared,
         progress=progress,
         check=plan.check,
         retry=switch("argument retry", retry),
+        tell=False,
     )
     study = plan.result(title_of(problem), {each.name: each for each in outcomes})
     about = {each.name: each.warnings for each in outcomes}
@@ -594,7 +591,7 @@ class _Plan:
 
     def check(self, outcome: Outcome) -> None:
         """Look at the first result: what is wrong with the quantities ends the study early."""
-        if status(outcome) != "ok" or self._names:
+        if outcome.status != "ok" or self._names:
             return
         self._names = list(self.wanted.sample(outcome.value, outcome.name))
         self._check_names(self._names)
@@ -613,7 +610,7 @@ class _Plan:
         every = {
             name: self.wanted.sample(each.value, name)
             for name, each in outcomes.items()
-            if status(each) == "ok"
+            if each.status == "ok"
         }
         samples = {
             name: every[name] for name in (*self.levels, *self.reference.runs) if name in every

@@ -15,7 +15,7 @@ from ..arguments import checked
 from ..errors import Diverged, InputError, JobError
 from ..history import History
 from ..types import positive
-from .cases import LATE, TimeLimit
+from .run import LATE, TimeLimit
 
 # -- setups of a work-precision study: what is run, and what comes of one run ----------------------
 

@@ -17,12 +17,10 @@ from ..errors import InputError, JobError
 from ..history import History
 from ..types import Array, Floats, positive, switch
 from ..warn import sum_up, told
-from .cases import OnOutcome, TimeLimit, identity, run_cases
 from .chart import stability_chart
-from .executors import Executor
-from .jobs import Caught, Job, Outcome
 from .levels import case_name, check_call
 from .refinement import title_of
+from .run import Caught, Executor, Job, OnOutcome, Outcome, TimeLimit, run_all
 from .setups import ran
 from .table import Report, ResultTable, provenance
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
@@ -375,15 +373,14 @@ def stability_map(
     jobs = [Job(case_name(c), _cell, case_name(c), problem, judge, c, timeout_s) for c in choices]
     if len({job.name for job in jobs}) < len(jobs):
         raise InputError("argument axes", "holds the same value twice on an axis")
-    shared = {} if resume is None else identity(problem=problem, outcome=judge)
-    found = run_cases(
+    found = run_all(
         jobs,
         executor,
         folder=resume,
-        identity=shared,
         progress=progress,
         check=_check,
         retry=switch("argument retry", retry),
+        tell=False,
     )
     shape = tuple(len(each) for each in values.values())
     cells = np.empty(len(found), dtype=object)

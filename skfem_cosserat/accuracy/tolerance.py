@@ -121,15 +121,19 @@ class Answer:
             band, value = self.band[name], np.asarray(self.values[name])
             last = value[-1] if len(self.times) and value.ndim and len(value) > 1 else value
             shown = np.array2string(np.asarray(last), precision=6, threshold=6)
+            error = "error unknown"
+            if np.isfinite(band):
+                parts = f"step {band.step:.1e}, mesh {band.mesh:.1e}"
+                error = f"error about {band:.1e} ({parts})"
             lines.append(
-                f"{name}: {shown} at the end, error about {band:.1e} (step {band.step:.1e}, mesh"
-                f" {band.mesh:.1e}), tolerance {self.tolerance[name]:.1e}"
+                f"{name}: {shown} at the end, {error}, tolerance {self.tolerance[name]:.1e}"
             )
         if len(self.band) > 4:
             lines.append(f"and {len(self.band) - 4} quantities with smaller parts of theirs")
-        lines.append(f"{self._run()}; {self.runs} runs took {self.cost_s:.2g} s of processor time")
+        made = "" if self.history is None else f"{self._run()}; "
+        lines.append(f"{made}{self.runs} runs took {self.cost_s:.2g} s of processor time")
         if self.warnings:
-            lines.append(f"the run gave{counted(self.warnings)}: see warnings")
+            lines.append(f"the run gave{counted(self.warnings).lstrip(',')}: see warnings")
         return "\n".join(lines)
 
     def _run(self) -> str:
@@ -174,7 +178,8 @@ def answer(
         ``(history)`` or ``(model, history)``, such as ``lambda model, path: sc.modes(model, path,
         3).frequencies``.
     tolerance : float or dict of str to float
-        Largest error, in the unit of each quantity; of a vector its Euclidean length.
+        Largest error, in the unit of each quantity; of a vector its Euclidean length. Infinite: the
+        quantity is not judged, as of an event that only has to act.
     until : float or None
         End of the run (s); None: the equilibrium under the loads.
     start : State or function, optional
@@ -185,7 +190,8 @@ def answer(
     budget_s : float, optional
         Processor time (s): no run is begun that would go beyond it.
     progress : bool or callable, optional
-        True: one line on stderr; a callable gets (number of runs, error in tolerances).
+        True: one line on stderr; a callable gets (number of runs, error in tolerances), and ends
+        the search by what it raises.
 
     Returns
     -------
@@ -249,6 +255,8 @@ class _Search:
         self.scene, self.budget, self.interrupt, self.show = scene, budget, interrupt, show
         self.tolerance = scene.asked.tolerance
         self.runs: dict[Case, Run | None] = {}
+        #: processor time (s) of each, also of those that failed
+        self.costs: dict[Case, float] = {}
         self.count, self.spent, self.error = 0, 0.0, ""
         #: the run that is handed back, its errors and its case
         self.best: tuple[Run, dict[str, Band], Case] | None = None
@@ -258,11 +266,16 @@ class _Search:
     def tried(self, case: Case) -> Run | None:
         """The run of a case, made once; None if it fails."""
         if case not in self.runs:
-            done = [(k, run.cost_s) for k, run in self.runs.items() if run is not None]
-            expected = done[-1][1] * max(case.steps, 1) / max(done[-1][0].steps, 1) if done else 0.0
+            before, cost = next(reversed(self.costs.items()), (case, 0.0))
+            expected = cost * max(case.steps, 1) / max(before.steps, 1)
             if self.spent + expected > self.budget:
-                raise _Ended(f"the budget of {self.budget:g} s of processor time is spent")
+                raise _Ended(
+                    f"{self.spent:.2g} s are spent, and the next run may take {expected:.2g} s,"
+                    f" beyond the budget of {self.budget:g} s"
+                )
+            spent = self.spent
             self.runs[case] = self.made(case)
+            self.costs[case] = self.spent - spent
         return self.runs[case]
 
     def made(self, case: Case, nudge: float = 0.0) -> Run | None:
@@ -274,7 +287,11 @@ class _Search:
             with Notices(quiet=True, alone=True):
                 run = self.scene.run(case, nudge)
         except (CosseratError, ArithmeticError) as error:
-            self.error = f"{type(error).__name__}: {error}"
+            if isinstance(error, InputError) and str(error).startswith("quantity "):
+                raise
+            same, self.error = self.error, f"{type(error).__name__}: {error}"
+            if isinstance(error, InputError) and self.error == same:  # no mesh and step changes it
+                raise _Ended(f"no run came to its end: {self.error}") from error
         self.spent += time.process_time() - begun
         self.count += 1
         if run is not None and run.history.status == "interrupted":
@@ -289,6 +306,10 @@ class _Search:
             reason = str(ended)
         except KeyboardInterrupt:
             reason = "it was interrupted"
+        if self.best is not None and not reason:
+            unknown = [n for n, each in self.best[0].values.items() if not each.finite]
+            if unknown:
+                reason = f"{unknown[0]!r} is not a number: an event that does not happen, or a NaN"
         return self.answer(reason)
 
     def rest(self) -> str:

@@ -15,7 +15,7 @@ from ..history import History
 from ..model.limits import FAR_TURN
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray, positive
-from .cases import LATE
+from .run import LATE
 
 #: With these settings a step that fails has had the full protocol: from an extrapolated and from a
 #: zero increment, without and with line search, up to 100 iterations each, rotations capped.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import re
 import signal
@@ -18,7 +17,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat import InputError, PerformanceWarning, refine
+from skfem_cosserat import InputError, refine
 from skfem_cosserat.accuracy import (
     AtInstants,
     MaximumOverTime,
@@ -29,8 +28,6 @@ from skfem_cosserat.accuracy import (
     ResultTable,
     RootMeanSquare,
     convergence,
-    run_cases,
-    status,
 )
 
 HALVED = 0.5 ** np.arange(8)
@@ -553,73 +550,16 @@ def test_ctrl_c_ends_a_study_in_good_order(tmp_path):
     assert calls(tmp_path) == [4, 8, 16, 32]
 
 
-def test_a_changed_problem_is_refused(tmp_path):
+def test_another_problem_or_argument_is_another_level(tmp_path):
+    """A level is known by the problem's name, what is bound to it, and its arguments."""
     log, options = tmp_path, {"elements": (4, 8), "folder": tmp_path / "study"}
     refine(partial(problems.noted, log=log), **options)
-    with pytest.raises(InputError, match=r"study.*: problem was .*noted.* is now .*other") as error:
-        refine(partial(problems.other, log=log), **options)
-    assert "choose another folder" in str(error.value)
-    with pytest.raises(InputError, match="problem was"):
-        refine(partial(problems.noted, log=log, fatal=(1,)), **options)
-    index = tmp_path / "study" / "study.json"
-    content = json.loads(index.read_text())
-    content["identity"]["version of skfem-cosserat"] = "0.0.1"
-    index.write_text(json.dumps(content))
-    with pytest.raises(InputError, match=r"version of skfem-cosserat was 0.0.1"):
-        refine(partial(problems.noted, log=log), **options)
-    assert calls(log) == [4, 8]
-
-
-def test_code_and_bound_values_make_a_problem_another():
-    def made(factor, power):
-        return lambda elements: factor / elements**power
-
-    from skfem_cosserat.accuracy import identity
-
-    def text(problem):
-        return identity(problem=problem)["problem"]
-
-    assert text(made(1.0, 2)) == text(made(1.0, 2))
-    assert text(made(1.0, 2)) != text(made(2.0, 2))
-    one, other = (lambda x: x + 1.0), (lambda x: x + 2.0)
-    other.__qualname__ = one.__qualname__
-    assert text(one) != text(other)
-
-
-def test_failed_levels_are_kept_unless_tried_again(tmp_path):
-    seen = []
-
-    def problem(elements):
-        seen.append(elements)
-        raise ValueError("no")
-
-    def told(*what):
-        told.done.append(what[:2])
-
-    told.done = []
-    jobs = [sc.Job("one", problem, 1)]
-    run_cases(jobs, folder=tmp_path)
-    (kept,) = run_cases(jobs, folder=tmp_path, progress=told)
-    assert (seen, told.done, status(kept), str(kept.error)) == ([1], [], "error", "no")
-    run_cases(jobs, folder=tmp_path, retry=True, progress=told)
-    assert (seen, told.done) == ([1, 1], [(1, 1)])
-
-
-def test_a_damaged_case_is_run_again(tmp_path):
-    log = tmp_path
-    options = {"elements": (4, 8), "folder": tmp_path / "study"}
     refine(partial(problems.noted, log=log), **options)
-    (tmp_path / "study").joinpath(
-        next(path.name for path in (tmp_path / "study").glob("elements_8*.case"))
-    ).write_bytes(b"\x80")
-    with pytest.warns(PerformanceWarning, match="is run again"):
-        refine(partial(problems.noted, log=log), **options)
-    assert calls(log) == [4, 8, 8]
-
-
-def test_results_that_cannot_be_kept_are_refused(tmp_path):
-    with pytest.raises(InputError, match="cannot be kept in a file"):
-        refine(lambda elements: (x for x in ()), elements=(4, 8), folder=tmp_path)
+    assert calls(log) == [4, 8]
+    refine(partial(problems.other, log=log), **options)
+    refine(partial(problems.noted, log=log, fatal=(1,)), **options)
+    assert calls(log) == [4, 8, 4, 8, 4, 8]
+    assert len(list((tmp_path / "study").glob("*.case"))) == 6
 
 
 @pytest.mark.filterwarnings(

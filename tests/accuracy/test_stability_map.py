@@ -218,8 +218,8 @@ def test_resumed_map(tmp_path):
     more = stability_map(problem, {"step": STEPS, "omega": OMEGAS}, JUDGE, resume=folder)
     assert len((tmp_path / "calls").read_text().splitlines()) == 12
     assert (more.status[:2] == first.status).all()
-    with pytest.raises(InputError, match="holds cases of another study: outcome"):
-        stability_map(problem, {"step": STEPS, "omega": OMEGAS}, helpers.judged, resume=folder)
+    stability_map(problem, {"step": STEPS, "omega": OMEGAS}, helpers.judged, resume=folder)
+    assert len((tmp_path / "calls").read_text().splitlines()) == 24  # judged anew
 
 
 @pytest.mark.slow

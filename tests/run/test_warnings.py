@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat.accuracy.jobs import Packer, read, run_packed
+from skfem_cosserat.accuracy.run import run_sent
 from skfem_cosserat.warn import Notices, in_words, repeat, sum_up, warn
 
 SOFT = sc.Section([1e4, 1e4, 1e4, 1e-3, 1e-3, 1e-3], mass=1.0, inertia=(1e-3, 1e-3))
@@ -180,7 +180,7 @@ def test_jobs_keep_theirs_and_they_are_said_with_the_name():
             assert silent.warnings == [] and "1 warning>" in repr(taut)
             assert taut.warnings == taut.value.meta["warnings"]
     # in a worker nothing is said, and errors keep what was said before them
-    outcome = read("x", run_packed(Packer().pack(sc.Job("x", failing, doubtful))))
+    outcome = pickle.loads(run_sent("x", pickle.dumps(sc.Job("x", failing, doubtful))))
     assert outcome.error.warnings == outcome.warnings != []
 
 
