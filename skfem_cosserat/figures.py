@@ -6,18 +6,12 @@ A chart is made by :func:`panels`, its curves are drawn in the :func:`styles` of
 
 from __future__ import annotations
 
-import io
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import WeakKeyDictionary
-from xml.etree import ElementTree
-
-import numpy as np
 
 from .arguments import checked
 from .errors import InputError, writing
@@ -335,24 +329,6 @@ def _finish(figure: Figure) -> None:
 
 # -- files -----------------------------------------------------------------------------------------
 
-_TOLD: WeakKeyDictionary[Any, str | list[str]] = WeakKeyDictionary()
-_SVG = "http://www.w3.org/2000/svg"
-_PAGE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
-body {{ margin: 1em; font-family: sans-serif; }} svg {{ max-width: 100%; height: auto; }}
-use:hover, .told:hover {{ stroke: black; stroke-width: 3; opacity: 1; }}
-</style></head><body>
-<p>Point at a mark: its setup is shown.</p>
-{svg}
-</body></html>
-"""
-
-
-@checked
-def tell(artist: Any, texts: str | Sequence[str]) -> None:
-    """What an HTML page tells of a mark: a text for each point of a line, or one for the whole."""
-    _TOLD[artist] = texts if isinstance(texts, str) else list(texts)
-
 
 @checked
 def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
@@ -362,8 +338,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     ----------
     figure : Figure
     path : path-like or None
-        ``.png``, ``.svg``, ``.pdf`` or whatever matplotlib writes; ``.html``: a page that needs
-        nothing else, and tells what each mark is when the mouse points at it, see :func:`tell`.
+        ``.png``, ``.svg``, ``.pdf`` or whatever matplotlib writes.
 
     Raises
     ------
@@ -375,73 +350,15 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     _finish(figure)
     if path is not None:
         check_folder(path)
-        known = [*figure.canvas.get_supported_filetypes(), "html"]
+        known = figure.canvas.get_supported_filetypes()
         ending = Path(path).suffix.lstrip(".").lower()
         if ending and ending not in known:
             raise InputError(
                 f"file {str(path)!r}", f"ends with .{ending}, expected one of {', '.join(known)}"
             )
         with writing(path):
-            if ending == "html":
-                Path(path).write_text(_html(figure, Path(path).stem), encoding="utf-8")
-            else:
-                figure.savefig(path, dpi=150)
+            figure.savefig(path, dpi=150)
     return figure
-
-
-def _html(figure: Figure, title: str) -> str:
-    """A page with the figure as SVG, a title for each mark."""
-    artists: dict[str, tuple[Any, Any]] = {}
-    for axes in figure.axes:
-        for artist in (*axes.lines, *axes.patches, *axes.collections):
-            texts = _TOLD.get(artist) or _texts(axes, artist)
-            if texts:
-                name = f"told-{len(artists)}"
-                artist.set_gid(name)
-                artists[name] = artist, texts
-    memory = io.StringIO()
-    figure.savefig(memory, format="svg")
-    ElementTree.register_namespace("", _SVG)
-    ElementTree.register_namespace("xlink", "http://www.w3.org/1999/xlink")
-    svg = ElementTree.fromstring(memory.getvalue())
-    for metadata in svg.findall(f"{{{_SVG}}}metadata"):
-        svg.remove(metadata)
-    for group in svg.iter(f"{{{_SVG}}}g"):
-        found = artists.get(group.get("id", ""))
-        if found is not None:
-            _add_titles(group, *found, figure)
-    return _PAGE.format(title=escape(title), svg=ElementTree.tostring(svg, encoding="unicode"))
-
-
-def _texts(axes: Any, artist: Any) -> str | list[str]:
-    """What is told of an artist of which nobody told anything: its label, where its marks are."""
-    label = str(artist.get_label())
-    label = "" if label.startswith("_") else label
-    if not hasattr(artist, "get_xydata") or artist.get_marker() in (None, "None", "", " "):
-        return label
-    names = axes.get_xlabel() or "x", axes.get_ylabel() or "y"
-    own = artist.get_transform().contains_branch_seperately(axes.transData)
-    return [
-        "\n".join(
-            [label] * bool(label)
-            + [f"{n}: {x:.4g}" for n, x, mine in zip(names, xy, own, strict=True) if mine]
-        )
-        for xy in np.asarray(artist.get_xydata(), dtype=float)
-    ]
-
-
-def _add_titles(group: Any, artist: Any, texts: str | list[str], figure: Figure) -> None:
-    """The texts as titles of the marks of an artist, which are found by where they are."""
-    if isinstance(texts, str):
-        group.set("class", "told")
-        ElementTree.SubElement(group, f"{{{_SVG}}}title").text = texts
-        return
-    points = artist.get_transform().transform(artist.get_xydata()) * 72.0 / figure.dpi
-    places = np.column_stack([points[:, 0], 72.0 * figure.get_figheight() - points[:, 1]])
-    for mark in group.iter(f"{{{_SVG}}}use"):
-        where = np.array([float(mark.get("x", "0")), float(mark.get("y", "0"))])
-        nearest = np.nanargmin(np.linalg.norm(places - where, axis=1))
-        ElementTree.SubElement(mark, f"{{{_SVG}}}title").text = texts[int(nearest)]
 
 
 @checked

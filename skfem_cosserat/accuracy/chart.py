@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..figures import DASHES, PAGE, Style, legend, number, panels, styles, tell, write_figure
+from ..figures import DASHES, PAGE, Style, legend, number, panels, styles, write_figure
 from ..types import Array, Floats
 from .orders import Convergence
 
@@ -27,26 +27,13 @@ FOOT, TOP = 0.04, 0.97
 # -- what several charts share ---------------------------------------------------------------------
 
 
-def _crosses(
-    axis: Any, x: Sequence[float] | Floats, height: float, texts: Sequence[str] = (), **style: Any
-) -> bool:
+def _crosses(axis: Any, x: Sequence[float] | Floats, height: float, **style: Any) -> bool:
     """Crosses at a part of the height for what failed; whether there are any."""
     if len(x):
         y = np.full(len(x), height)
         place = axis.get_xaxis_transform()
-        (line,) = axis.plot(x, y, "x", transform=place, **{"label": "failed", **style})
-        if texts:
-            tell(line, texts)
+        axis.plot(x, y, "x", transform=place, **{"label": "failed", **style})
     return len(x) > 0
-
-
-def _described(row: Row) -> str:
-    """All that a row tells of its setup, for the mark of it."""
-    own = {name: value for name, value in row.items() if value not in (None, "", False)}
-    return "\n".join(
-        f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}"
-        for name, value in own.items()
-    )
 
 
 def _error_label(name: str, units: str | Mapping[str, str] | None) -> str:
@@ -304,7 +291,7 @@ def _points(
     def plot(found: Sequence[Row], **how: Any) -> None:
         if found:
             x, y = [row[column] for row in found], [row[f"error_{name}"] for row in found]
-            tell(axis.plot(x, y, **how)[0], [_described(row) for row in found])
+            axis.plot(x, y, **how)
 
     solved = [r for r in rows if r["status"] == "ok" and r["cost_s"] is not None]
     own = _shown([row for row in solved if lines.kind(row) == line], name, column)
@@ -334,9 +321,8 @@ def _failures(axis: Any, rows: Sequence[Row], lines: Lines, drawn: Mapping[str, 
     for line in lines.families:
         own = [row for row in bad if lines.kind(row) == line]
         colour = drawn[line].color if line in drawn else "0.6"
-        texts = [_described(row) for row in own]
         x = [max(row["spent_s"], 1e-9) for row in own]
-        if _crosses(axis, x, TOP, texts, label=label, color=colour, markersize=5):
+        if _crosses(axis, x, TOP, label=label, color=colour, markersize=5):
             label = "_nolegend_"
 
 
@@ -374,7 +360,6 @@ def stability_chart(
     lines: Mapping[str, Floats],
     path: str | os.PathLike[str] | None = None,
     labels: Mapping[str, str] | None = None,
-    texts: Array | None = None,
 ) -> Figure:
     """Cells of a map over its last axis (to the right) and the last but one.
 
@@ -391,8 +376,6 @@ def stability_chart(
         Write it here.
     labels : mapping, optional
         Names of the axes with units, and words for a status, by the name of a parameter or status.
-    texts : array of str, optional
-        What an HTML page tells of each cell; default: its status.
 
     Examples
     --------
@@ -405,7 +388,6 @@ def stability_chart(
     values = [None] if len(names) == 2 else list(axes[names[0]])
     shape = (len(values), *status.shape[-2:])
     cells = status.reshape(shape)
-    told = cells if texts is None else texts.reshape(shape)
     kinds = _kinds(status, words)
     across = min(len(values), ABREAST)
     down = -(-len(values) // across)
@@ -413,7 +395,7 @@ def stability_chart(
     figure, shown = panels(*size, down, across, len(values), sharex=True, sharey=True)
     figure.suptitle(title)
     for k, axis in enumerate(shown):
-        _cells(axis, cells[k], told[k], kinds)
+        _cells(axis, cells[k], kinds)
         if values[k] is not None:
             axis.set_title(_text(values[k]), fontsize="small")
         for (_, field), style in zip(lines.items(), DASHES * len(lines), strict=False):
@@ -448,8 +430,8 @@ def _kinds(status: Array, words: Mapping[str, str]) -> dict[str, _Cell]:
     return {n: kind._replace(words=words.get(n, kind.words)) for n, kind in kinds.items()}
 
 
-def _cells(axis: Any, status: Array, texts: Array, kinds: Mapping[str, _Cell]) -> None:
-    """A rectangle each: only those of a pattern of their own have one, and each tells its own."""
+def _cells(axis: Any, status: Array, kinds: Mapping[str, _Cell]) -> None:
+    """A rectangle each: only those of a pattern of their own have one."""
     from matplotlib.patches import Rectangle
 
     for (row, column), name in np.ndenumerate(status):
@@ -461,7 +443,7 @@ def _cells(axis: Any, status: Array, texts: Array, kinds: Mapping[str, _Cell]) -
         }
         corner = column - 0.5, row - 0.5
         cell = Rectangle(corner, 1, 1, facecolor=kind.color, hatch=kind.hatch or None, **edge)
-        tell(axis.add_patch(cell), str(texts[row, column]))
+        axis.add_patch(cell)
     axis.grid(False)
     axis.set(xlim=(-0.5, status.shape[1] - 0.5), ylim=(-0.5, status.shape[0] - 0.5))
 
