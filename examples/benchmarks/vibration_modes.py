@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
-from skfem_cosserat.accuracy.chart import draw_errors
 from skfem_cosserat.export import write_paraview
-from skfem_cosserat.figures import PAGE, chart_style, legend, new_figure, write_figure
+from skfem_cosserat.figures import PAGE, chart_style, legend, new_figure, styles, write_figure
 
 Floats = NDArray[np.float64]
 
@@ -161,12 +160,11 @@ def write(
 
 def _draw_errors(axis: Any, rows: list[dict[str, Any]]) -> None:
     orders = [f"order {row['order']}" for row in rows]
-    lines = {
-        name: tuple(zip(*((r["unknowns"], abs(r["errors"][2])) for r in own), strict=True))
-        for name in dict.fromkeys(orders)
-        if (own := [r for r, order in zip(rows, orders, strict=True) if order == name])
-    }
-    draw_errors(axis, lines, title="Cantilever, third frequency", unit="")
+    for name, style in styles(dict.fromkeys(orders)).items():
+        own = [row for row, order in zip(rows, orders, strict=True) if order == name]
+        errors = [abs(row["errors"][2]) for row in own]
+        axis.loglog([r["unknowns"] for r in own], errors, **style._asdict(), ms=4, label=name)
+    axis.set(xlabel="unknowns", ylabel="relative error", title="Cantilever, third frequency")
     legend(axis, below=2)
 
 

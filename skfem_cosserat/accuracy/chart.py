@@ -1,4 +1,4 @@
-"""Charts of all studies: errors over sizes, costs and unknowns, maps, candidates (matplotlib)."""
+"""Charts of all studies: errors over sizes and costs, maps (matplotlib)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..errors import InputError
-from ..figures import DASHES, PAGE, Style, legend, number, panels, styles, tell, write_figure
+from ..figures import DASHES, PAGE, Style, legend, panels, styles, write_figure
 from ..types import Array, Floats
 from .orders import Convergence
 
@@ -27,26 +27,11 @@ FOOT, TOP = 0.04, 0.97
 # -- what several charts share ---------------------------------------------------------------------
 
 
-def _crosses(
-    axis: Any, x: Sequence[float] | Floats, height: float, texts: Sequence[str] = (), **style: Any
-) -> bool:
-    """Crosses at a part of the height for what failed; whether there are any."""
+def _crosses(axis: Any, x: Sequence[float] | Floats, height: float, **style: Any) -> None:
+    """Crosses at a part of the height for what failed."""
     if len(x):
-        y = np.full(len(x), height)
         place = axis.get_xaxis_transform()
-        (line,) = axis.plot(x, y, "x", transform=place, **{"label": "failed", **style})
-        if texts:
-            tell(line, texts)
-    return len(x) > 0
-
-
-def _described(row: Row) -> str:
-    """All that a row tells of its setup, for the mark of it."""
-    own = {name: value for name, value in row.items() if value not in (None, "", False)}
-    return "\n".join(
-        f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}"
-        for name, value in own.items()
-    )
+        axis.plot(x, np.full(len(x), height), "x", transform=place, **{"label": "failed", **style})
 
 
 def _error_label(name: str, units: str | Mapping[str, str] | None) -> str:
@@ -63,9 +48,6 @@ def _with_unit(name: str) -> str:
 
 
 # -- the chart of a refinement: errors over sizes with slopes --------------------------------------
-
-#: so many sizes are written below the axis, if there are more the axis has its own ticks
-TICKS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +98,6 @@ def convergence_chart(
             label += "\n(open: differences between levels)"
         kinds = ", ".join(dict.fromkeys(_with_unit(line.kind) for line in lines))
         axis.set(xscale="log", yscale="log", xlabel=kinds, ylabel=label)
-        sizes = np.unique(np.concatenate([line.found.sizes for line in lines]))
-        if len(sizes) <= TICKS:
-            axis.set_xticks(sizes, [f"{size:.3g}" for size in sizes])
-            axis.set_xticks([], minor=True)
         shown = styles([line.label for line in lines])
         for line in lines:
             _draw(axis, line, shown[line.label])
@@ -304,14 +282,12 @@ def _points(
     def plot(found: Sequence[Row], **how: Any) -> None:
         if found:
             x, y = [row[column] for row in found], [row[f"error_{name}"] for row in found]
-            tell(axis.plot(x, y, **how)[0], [_described(row) for row in found])
+            axis.plot(x, y, **how)
 
     solved = [r for r in rows if r["status"] == "ok" and r["cost_s"] is not None]
     own = _shown([row for row in solved if lines.kind(row) == line], name, column)
     if style is None:
-        seen = "others" in axis.get_legend_handles_labels()[1]
-        label = "_nolegend_" if seen else "others"
-        plot(own, color="0.6", marker=".", linestyle="none", ms=3, label=label, zorder=1.5)
+        plot(own, color="0.6", marker=".", linestyle="none", ms=3, label="others", zorder=1.5)
         return
     dots = {"color": style.color, "marker": style.marker, "linestyle": "none", "zorder": 1.8}
     plot(own, **dots, ms=2.5, alpha=0.3, label="_nolegend_")
@@ -330,14 +306,11 @@ def _fronts(axis: Any, lines: Lines, name: str, column: str) -> None:
 
 def _failures(axis: Any, rows: Sequence[Row], lines: Lines, drawn: Mapping[str, Style]) -> None:
     bad = [row for row in rows if row["status"] != "ok" and isfinite(row["spent_s"])]
-    label = "failed"
     for line in lines.families:
         own = [row for row in bad if lines.kind(row) == line]
         colour = drawn[line].color if line in drawn else "0.6"
-        texts = [_described(row) for row in own]
-        x = [max(row["spent_s"], 1e-9) for row in own]
-        if _crosses(axis, x, TOP, texts, label=label, color=colour, markersize=5):
-            label = "_nolegend_"
+        x = [row["spent_s"] for row in own if row["spent_s"] > 0]
+        _crosses(axis, x, TOP, color=colour, markersize=5)
 
 
 # -- the chart of a stability map: cells in the colour of their status, and theory's lines ---------
@@ -349,6 +322,12 @@ class _Cell(NamedTuple):
     words: str
     color: str
     hatch: str = ""
+
+    @property
+    def style(self) -> dict[str, Any]:
+        """Arguments of a patch; only cells of a pattern have a grey edge, which draws it."""
+        edge = "0.5" if self.hatch else "white"
+        return {"facecolor": self.color, "hatch": self.hatch or None, "edgecolor": edge}
 
 
 #: apart in lightness by 8 and more, or by a pattern
@@ -374,7 +353,6 @@ def stability_chart(
     lines: Mapping[str, Floats],
     path: str | os.PathLike[str] | None = None,
     labels: Mapping[str, str] | None = None,
-    texts: Array | None = None,
 ) -> Figure:
     """Cells of a map over its last axis (to the right) and the last but one.
 
@@ -391,8 +369,6 @@ def stability_chart(
         Write it here.
     labels : mapping, optional
         Names of the axes with units, and words for a status, by the name of a parameter or status.
-    texts : array of str, optional
-        What an HTML page tells of each cell; default: its status.
 
     Examples
     --------
@@ -401,11 +377,13 @@ def stability_chart(
     >>> [text.get_text() for text in figure.legends[0].get_texts()]
     ['solved', 'step not solved']
     """
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
     names, words = list(axes), dict(labels or {})
     values = [None] if len(names) == 2 else list(axes[names[0]])
     shape = (len(values), *status.shape[-2:])
     cells = status.reshape(shape)
-    told = cells if texts is None else texts.reshape(shape)
     kinds = _kinds(status, words)
     across = min(len(values), ABREAST)
     down = -(-len(values) // across)
@@ -413,7 +391,7 @@ def stability_chart(
     figure, shown = panels(*size, down, across, len(values), sharex=True, sharey=True)
     figure.suptitle(title)
     for k, axis in enumerate(shown):
-        _cells(axis, cells[k], told[k], kinds)
+        _cells(axis, cells[k], kinds)
         if values[k] is not None:
             axis.set_title(_text(values[k]), fontsize="small")
         for (_, field), style in zip(lines.items(), DASHES * len(lines), strict=False):
@@ -430,9 +408,9 @@ def stability_chart(
         shown[0].set_ylabel(up)
     else:
         figure.supylabel(up, fontsize="medium")
-    handles = [_patch(kinds[name]) for name in kinds]
+    handles: list[Any] = [Patch(label=kind.words, **kind.style) for kind in kinds.values()]
     handles += [
-        _stroke(text + _outside(field), style)
+        Line2D([], [], color="black", linestyle=style, label=text + _outside(field))
         for (text, field), style in zip(lines.items(), DASHES * len(lines), strict=False)
     ]
     legend(figure, below=0 if across == 1 else 4, handles=handles)
@@ -448,33 +426,21 @@ def _kinds(status: Array, words: Mapping[str, str]) -> dict[str, _Cell]:
     return {n: kind._replace(words=words.get(n, kind.words)) for n, kind in kinds.items()}
 
 
-def _cells(axis: Any, status: Array, texts: Array, kinds: Mapping[str, _Cell]) -> None:
-    """A rectangle each: only those of a pattern of their own have one, and each tells its own."""
+def _cells(axis: Any, status: Array, kinds: Mapping[str, _Cell]) -> None:
+    """A rectangle each."""
     from matplotlib.patches import Rectangle
 
     for (row, column), name in np.ndenumerate(status):
-        kind = kinds[str(name)]
-        edge: dict[str, Any] = {
-            "edgecolor": "0.5" if kind.hatch else "white",
-            "linewidth": 0.5,
-            "zorder": 1,
-        }
-        corner = column - 0.5, row - 0.5
-        cell = Rectangle(corner, 1, 1, facecolor=kind.color, hatch=kind.hatch or None, **edge)
-        tell(axis.add_patch(cell), str(texts[row, column]))
+        style = kinds[str(name)].style | {"linewidth": 0.5, "zorder": 1}
+        axis.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, **style))
     axis.grid(False)
     axis.set(xlim=(-0.5, status.shape[1] - 0.5), ylim=(-0.5, status.shape[0] - 0.5))
 
 
 def _ticks(axis: Any, values: Sequence[Any], most: int) -> None:
-    """At most so many of the values; powers of ten first if there are too many."""
-    numbers = all(isinstance(each, int | float) for each in values)
-    places = list(range(len(values)))
-    if len(places) > most:
-        tens = [k for k in places if numbers and values[k] > 0 and np.log10(values[k]) % 1 < 1e-9]
-        places = tens if 2 < len(tens) <= most else places[:: -(-len(places) // most)]
-    powers = numbers and any(0 < abs(each) < 1e-3 for each in values)
-    axis.set_ticks(places, [_text(values[k], powers) for k in places])
+    """At most so many of the values."""
+    places = range(0, len(values), -(-len(values) // most))
+    axis.set_ticks(places, [_text(values[k]) for k in places])
 
 
 def _limit(axis: Any, field: Floats, style: str) -> None:
@@ -494,111 +460,5 @@ def _outside(field: Floats) -> str:
     return " (all cells beyond)" if values.min() > 1 else " (no cell beyond)"
 
 
-def _patch(kind: _Cell) -> Any:
-    from matplotlib.patches import Patch
-
-    hatch: dict[str, Any] = {"hatch": kind.hatch or None, "edgecolor": "0.5"}
-    return Patch(facecolor=kind.color, label=kind.words, **hatch)
-
-
-def _stroke(text: str, style: str) -> Any:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color="black", linestyle=style, label=text)
-
-
-def _text(value: Any, powers: bool = False) -> str:
-    return number(value, powers) if isinstance(value, float) or powers else str(value)
-
-
-# -- errors against unknowns as a log-log chart (matplotlib, optional) -----------------------------
-
-
-def chart_errors(
-    lines: Mapping[str, tuple[Sequence[float], Sequence[float]]],
-    tolerance: float | None = None,
-    path: str | os.PathLike[str] | None = None,
-    unit: str | None = None,
-) -> Figure:
-    """Errors against unknowns, each line with markers.
-
-    Parameters
-    ----------
-    lines : mapping of str to (unknowns, errors)
-        By what the legend says.
-    tolerance : float, optional
-        A dashed line.
-    path : path, optional
-        Picture to write.
-    unit : str, optional
-        Of the errors; empty: they are relative.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If there is nothing to draw, or the folder of `path` does not exist.
-    ImportError
-        Without matplotlib.
-
-    Examples
-    --------
-    >>> lines = {"uniform": ([10, 20, 40], [1e-1, 6e-3, 4e-4])}
-    >>> figure = chart_errors(lines, tolerance=1e-3, unit="m")
-    >>> len(figure.axes[0].lines)
-    2
-    """
-    if not lines:
-        raise InputError("argument lines", "there is nothing to draw")
-    figure, (axes,) = panels(6.5, 4.0)
-    draw_errors(axes, lines, tolerance, unit=unit)
-    legend(axes)
-    return write_figure(figure, path)
-
-
-def draw_errors(
-    axes: Any,
-    lines: Mapping[str, tuple[Sequence[float], Sequence[float]]],
-    tolerance: float | None = None,
-    title: str = "",
-    unit: str | None = None,
-) -> None:
-    """The same on axes that there are, without a legend; what is zero or infinite is left out."""
-    for label, style in styles(list(lines)).items():
-        known = [(n, e) for n, e in zip(*lines[label], strict=True) if 0 < e < float("inf")]
-        axes.loglog(*zip(*known, strict=True), **style._asdict(), ms=4, label=label)
-    if tolerance is not None:
-        axes.axhline(tolerance, color="0.5", ls="--", lw=1, zorder=1, label="tolerance")
-    error = "error" if unit is None else f"error in {unit}" if unit else "relative error"
-    axes.set(xlabel="unknowns", ylabel=error, title=title)
-
-
-# -- the chart of an advice: errors over costs of all candidates -----------------------------------
-
-
-def draw_candidates(axis: Any, rows: Sequence[Row]) -> None:
-    """The candidates of an advice on axes of matplotlib, the proposal marked, without a legend."""
-    axis.set(xscale="log", yscale="log", xlabel="CPU time in s", ylabel="error / tolerance")
-    axis.axhline(1.0, color="black", linewidth=0.8, zorder=1)
-    done = [row for row in rows if row["status"] == "ok" and row["error"] > 0]
-    for kind, style in styles(sorted({row["theories"] for row in done})).items():
-        own = [row for row in done if row["theories"] == kind]
-        mark = {"color": style.color, "marker": style.marker, "ls": "none", "ms": 4}
-        axis.plot([], [], **mark, label=kind or "bodies")
-        for robust in (True, False):
-            some = [row for row in own if bool(row["robust"]) == robust]
-            x, y = [row["cost_s"] for row in some], [row["error"] for row in some]
-            (line,) = axis.plot(x, y, **mark, mfc=style.color if robust else "none")
-            tell(line, [_described(row) for row in some])
-    if not all(row["robust"] for row in done):
-        axis.plot([], [], "o", mfc="none", color="grey", label="fails with half the step")
-    failed = [row for row in rows if row["status"] != "ok" and np.isfinite(row["cost_s"])]
-    texts = [_described(row) for row in failed]
-    _crosses(axis, [row["cost_s"] for row in failed], TOP, texts, color="k")
-    for row in rows:
-        if row["chosen"]:
-            ring = {"mfc": "none", "mec": "black", "ms": 12, "mew": 1.5, "ls": "none"}
-            axis.plot(row["cost_s"], row["error"], marker="o", **ring, label="proposal")
+def _text(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -227,7 +227,7 @@ class PrecisionTable(Report):
         Parameters
         ----------
         path : path-like, optional
-            Write it here (``.png``, ``.svg``, ``.pdf``, or ``.html``, which tells each setup).
+            Write it here (``.png``, ``.svg``, ``.pdf``).
         quantities : iterable of str, optional
             Default: all.
         kind : callable, optional

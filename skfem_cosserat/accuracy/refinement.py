@@ -267,7 +267,7 @@ class Refinement(Report):
         Parameters
         ----------
         path : path-like, optional
-            Write it here (``.png``, ``.svg``, ``.pdf``, ``.html``).
+            Write it here (``.png``, ``.svg``, ``.pdf``).
         units : str or mapping, optional
             Of the errors, by quantity, for the names of the axes; empty: they are relative.
         title : str, optional

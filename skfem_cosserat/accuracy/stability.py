@@ -202,7 +202,7 @@ class Map(Report):
         Parameters
         ----------
         path : path-like, optional
-            Write it here (``.png``, ``.svg``, ``.pdf``, or ``.html``, which tells each cell).
+            Write it here (``.png``, ``.svg``, ``.pdf``).
         lines : mapping, optional
             By the text of the legend: an array over the axes, or a function of the parameters, by
             keyword. The line is drawn where it is 1: ``{"h omega = 2": lambda step, stiffness:
@@ -238,15 +238,6 @@ class Map(Report):
         fields = {text: self._line(text, line) for text, line in (lines or {}).items()}
         order = [*[name for name in names if name not in (x, y)], y, x]
         places = [names.index(name) for name in order]
-        texts = [
-            "\n".join(
-                f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}"
-                for name, value in row.items()
-                if value not in ("", None)
-            )
-            for row in self.rows
-        ]
-        told = np.array(texts).reshape(self.cells.shape)
         return stability_chart(
             self.title if title is None else title,
             {name: self.axes[name] for name in order},
@@ -254,7 +245,6 @@ class Map(Report):
             {text: field.transpose(places) for text, field in fields.items()},
             path,
             labels,
-            told.transpose(places),
         )
 
     def _line(self, text: str, line: Any) -> Floats:

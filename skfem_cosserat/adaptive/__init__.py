@@ -1,6 +1,5 @@
 """Adaptive meshes: refined where it matters, with what is known carried over."""
 
-from ..accuracy.chart import chart_errors
 from .adapt import Adapted, Halve, HalveOrRaise, Level, Uniform, adapt
 from .runs import NodePosition, RunInTime, RunStatic, carry_history, carry_state
 
@@ -16,5 +15,4 @@ __all__ = [
     "adapt",
     "carry_history",
     "carry_state",
-    "chart_errors",
 ]

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ..accuracy.chart import chart_errors
 from ..accuracy.table import ResultTable
 from ..arguments import checked
 from ..beam import Beam
@@ -26,7 +25,7 @@ from ..warn import Notices, logger, sum_up, told, warn
 from .runs import OfConfiguration, Run, RunStatic
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 # -- what to do about an error: which elements to halve, which orders to raise ---------------------
 
@@ -400,12 +399,6 @@ class Adapted:
     def write_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write the :attr:`table`."""
         return self.table.to_csv(path)
-
-    def chart(self, path: str | os.PathLike[str] | None = None, unit: str | None = None) -> Figure:
-        """Estimated errors, in this unit, against unknowns (needs matplotlib); a file if given."""
-        estimates = [level.estimate for level in self.levels]
-        line = ([level.unknowns for level in self.levels], estimates)
-        return chart_errors({"estimate": line}, self.tolerance, path, unit)
 
 
 # -- meshes refined where it matters, until a quantity is right to a tolerance ---------------------

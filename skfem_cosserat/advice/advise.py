@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..accuracy.chart import draw_candidates
 from ..accuracy.table import ResultTable
 from ..arguments import checked
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..errors import InputError
-from ..figures import check_folder, legend, panels, write_figure
+from ..figures import check_folder
 from ..integrators import EnergyMomentum, Integrator, Variational
 from ..model import Model, System, model_of
 from ..run import Sensor
@@ -26,7 +25,7 @@ from .search import Candidate, Search
 from .trials import NUDGE, PATIENCE, Budget, Pilot, Start, Targets, Trials, check_start
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 # -- what the advisor gives: a proposal, its errors and costs, all candidates, and why -------------
 
@@ -117,23 +116,6 @@ class Advice:
         """
         check_folder(path)
         self.table.to_csv(path)
-
-    def chart(self, path: str | os.PathLike[str] | None = None) -> Figure:
-        """Errors over costs of all candidates, the proposal marked; see :meth:`csv`.
-
-        Raises
-        ------
-        ImportError
-            Without matplotlib.
-        """
-        figure, (axis,) = panels(7.5, 4.5)
-        self.draw(axis)
-        legend(axis)
-        return write_figure(figure, path)
-
-    def draw(self, axis: Any) -> None:
-        """Draw the chart on axes of matplotlib, without a legend."""
-        draw_candidates(axis, self.candidates)
 
 
 def explained(advice: Advice, lines: Sequence[str], tolerance: dict[str, float]) -> str:
