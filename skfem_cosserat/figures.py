@@ -12,6 +12,8 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from .arguments import checked
 from .errors import InputError, writing
 
@@ -254,11 +256,15 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     StorageError
         If the disk is full.
     """
-    from matplotlib.ticker import LogFormatterSciNotation
+    from matplotlib.ticker import FixedLocator, LogFormatterSciNotation, LogLocator
 
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if axis.get_scale() == "log":  # numbers between powers of ten on less than two decades
-            axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(2, 0.5)))
+        low, high = sorted(axis.get_view_interval())
+        given = isinstance(axis.get_major_locator(), FixedLocator)
+        if axis.get_scale() == "log" and not given and 10 * low < high < 100 * low:
+            # powers of ten alone would be one number, or two
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf)))
     if path is not None:
         check_folder(path)
         known = figure.canvas.get_supported_filetypes()
