@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, log
+from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -203,13 +203,11 @@ def precision_chart(
     Raises
     ------
     InputError
-        If a quantity is unknown, or none is given.
+        If no quantity is given.
     """
-    unknown = [name for name in lines.fronts if name not in reference_errors]
-    if unknown or not lines.fronts:
+    if not lines.fronts:
         known = ", ".join(reference_errors)
-        given = list(lines.fronts)
-        raise InputError("argument quantities", f"{given!r}, expected some of {known}")
+        raise InputError("argument quantities", f"[], expected some of {known}")
     column, label = COSTS[cost]
     names = list(lines.fronts)
     figure, axes = panels(PAGE, 4.6 * len(names), len(names))
@@ -234,33 +232,27 @@ def precision_chart(
 def _chosen(lines: Lines, column: str, most: int) -> list[str]:
     """The best line of each group, and others nearest to what is cheapest, in their order."""
     room = max(1, most - max(len(_several(lines, name)) for name in lines.fronts))
-    distance = {}
+    distance: dict[str, tuple[float, float]] = {}
+    groups: dict[str, str] = {}
     for line in lines.families:
-        ratios = []
+        ratios = [np.inf]
         for name, own in lines.own.items():
             every = [row for front in lines.fronts[name].values() for row in front]
-            for row in _shown(own[line], name, column):
+            for row in own[line]:
                 reach = [r[column] for r in every if r[f"error_{name}"] <= row[f"error_{name}"]]
-                ratios.append(log(row[column] / min(reach)))
-        distance[line] = (min(ratios), np.mean(ratios)) if ratios else (np.inf, np.inf)
+                ratios.append(row[column] / min(reach))
+                groups[line] = row["group"]
+        distance[line] = min(ratios), float(np.mean(np.log(ratios[1:] or ratios)))
     near = sorted(distance, key=lambda line: distance[line])
-    groups: dict[str, str] = {}
-    for line in near:  # no group is without its best line
-        rows = [row for own in lines.own.values() for row in own[line]]
-        if rows:
-            groups.setdefault(rows[0]["group"], line)
-    best = list(dict.fromkeys((*groups.values(), *near)))[: max(room, len(groups))]
+    first = {groups[line]: line for line in reversed(near) if line in groups}
+    best = list(dict.fromkeys((*first.values(), *near)))[: max(room, len(first))]
     return [line for line in lines.families if line in best]
 
 
 def _several(lines: Lines, name: str) -> list[str]:
     """Groups with several lines: the front of another one is its line."""
-    found = []
-    for group, front in lines.fronts[name].items():
-        own = [line for line, rows in lines.own[name].items() if any(r in front for r in rows)]
-        if len(own) > 1:
-            found.append(group)
-    return found
+    ends = [rows[0]["group"] for rows in lines.own[name].values() if rows]
+    return [group for group in lines.fronts[name] if ends.count(group) > 1]
 
 
 def _shown(rows: Sequence[Row], name: str, column: str) -> list[Row]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from math import ceil, floor, isfinite, log10
 from typing import TYPE_CHECKING, Any
@@ -590,19 +590,16 @@ def work_precision(
     return table
 
 
+@dataclass
 class _PrecisionStudy:
     """From outcomes to rows."""
 
-    def __init__(
-        self,
-        setups: list[Setup],
-        truth: Reference,
-        wanted: Quantities,
-    ) -> None:
-        self.setups, self.truth, self.wanted = setups, truth, wanted
-        self.outcomes: dict[str, Outcome] = {}
-        self.failed: dict[str, tuple[str, str]] = {}
-        self.samples: dict[str, dict[str, Reading]] = {}
+    setups: list[Setup]
+    truth: Reference
+    wanted: Quantities
+    outcomes: dict[str, Outcome] = field(default_factory=dict)
+    failed: dict[str, tuple[str, str]] = field(default_factory=dict)
+    samples: dict[str, dict[str, Reading]] = field(default_factory=dict)
 
     def check(self, outcome: Outcome) -> None:
         """End the study early if nothing could be compared with a run of the reference."""
@@ -626,9 +623,7 @@ class _PrecisionStudy:
             self._sample(outcomes[setup.label])
         names = self._names()
         errors: dict[str, dict[str, float]] = {setup.label: {} for setup in self.setups}
-        own: dict[str, float] = {}
-        for name in names:
-            own[name] = self._compare(name, errors)
+        own = {name: self._compare(name, errors) for name in names}
         rows = [self._row(setup, names, errors[setup.label]) for setup in self.setups]
         return PrecisionTable(rows, own, notes)
 

@@ -252,4 +252,5 @@ def ran(result: Any) -> str:
 def _count(value: Any) -> int | float | None:
     if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
         return None
-    return int(value) if float(value).is_integer() else float(value)
+    number = float(value)
+    return int(number) if number.is_integer() else number
