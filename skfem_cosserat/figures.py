@@ -221,7 +221,7 @@ def legend(
     if handles is None:
         axes = owner.axes if whole else [owner]
         handles = [handle for axis in axes for handle in axis.get_legend_handles_labels()[0]]
-    shown = {str(handle.get_label()): handle for handle in reversed(handles)}
+    shown = {str(handle.get_label()): handle for handle in handles}
     if not shown:
         return
     style: dict[str, Any] = {"fontsize": "small", "title_fontsize": "small", "frameon": False}
@@ -232,8 +232,7 @@ def legend(
         style |= {"loc": "upper center", "bbox_to_anchor": (0.5, -0.22)}
     else:
         style |= {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-    order = list(reversed(shown.values()))
-    owner.legend(handles=order, ncols=max(below, 1), title=title or None, **style)
+    owner.legend(handles=list(shown.values()), ncols=max(below, 1), title=title or None, **style)
 
 
 # -- files -----------------------------------------------------------------------------------------
@@ -268,7 +267,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     if path is not None:
         check_folder(path)
         known = figure.canvas.get_supported_filetypes()
-        ending = Path(path).suffix.lstrip(".").lower()
+        ending = Path(path).suffix[1:].lower()
         if ending and ending not in known:
             raise InputError(
                 f"file {str(path)!r}", f"ends with .{ending}, expected one of {', '.join(known)}"
