@@ -221,7 +221,7 @@ def legend(
     if handles is None:
         axes = owner.axes if whole else [owner]
         handles = [handle for axis in axes for handle in axis.get_legend_handles_labels()[0]]
-    shown = {str(handle.get_label()): handle for handle in handles}
+    shown = {str(handle.get_label()): handle for handle in reversed(handles)}
     if not shown:
         return
     style: dict[str, Any] = {"fontsize": "small", "title_fontsize": "small", "frameon": False}
@@ -232,7 +232,8 @@ def legend(
         style |= {"loc": "upper center", "bbox_to_anchor": (0.5, -0.22)}
     else:
         style |= {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-    owner.legend(handles=list(shown.values()), ncols=max(below, 1), title=title or None, **style)
+    order = list(reversed(shown.values()))
+    owner.legend(handles=order, ncols=max(below, 1), title=title or None, **style)
 
 
 # -- files -----------------------------------------------------------------------------------------
