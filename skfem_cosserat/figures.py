@@ -1,17 +1,18 @@
-"""The style of all charts: colours and marks, axes, legends, ticks, files (matplotlib, optional).
+"""The style of all charts: colours and marks, axes, legends, files (matplotlib, optional).
 
 A chart is made by :func:`panels`, its curves are drawn in the :func:`styles` of their names, its
-:func:`legend` stands beside the axes, and :func:`write_figure` numbers its ticks and writes it.
+:func:`legend` stands beside the axes, and :func:`write_figure` writes it.
 """
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from .arguments import checked
 from .errors import InputError, writing
@@ -101,30 +102,21 @@ def styles(names: Iterable[str] | Mapping[str, str]) -> dict[str, Style]:
     families = dict(names) if isinstance(names, Mapping) else {name: name for name in names}
     found = {name: NAMED[name.lower()] for name in families if name.lower() in NAMED}
     colours = {families[name]: style.color for name, style in found.items()}
-    known = sorted(NAMED, key=len, reverse=True)
     for name, family in families.items():
         if name in found:
             continue
-        starts = (
-            f"{name.lower()} ".startswith(tuple(f"{each}{end}" for end in " ,-")) for each in known
-        )
-        root = next((each for each, fits in zip(known, starts, strict=True) if fits), None)
-        if root is not None and NAMED[root] not in found.values():
-            found[name] = NAMED[root]
+        start = f"{name.lower()} "
+        roots = [n for n in NAMED if start.startswith((f"{n} ", f"{n},", f"{n}-"))]
+        root = NAMED[max(roots, key=len)] if roots else None
+        if root is not None and root not in found.values():
+            found[name] = root
             continue
-        if root is not None:
-            colour = NAMED[root].color
-        elif family in colours:
-            colour = colours[family]
-        else:
-            taken = {style.color for style in found.values()}
-            spare = [each for each in PALETTE.values() if each not in taken]
-            colour = spare[0] if spare else list(PALETTE.values())[len(found) % len(PALETTE)]
+        drawn = [style.color for style in found.values()]
+        free = min(PALETTE.values(), key=drawn.count)
+        colour = colours.get(family, free) if root is None else root.color
         colours.setdefault(family, colour)
-        marks = {style.marker for style in found.values()}
-        mark = next((m for m in MARKS if m not in marks), MARKS[len(found) % len(MARKS)])
-        same = sum(style.color == colour for style in found.values())
-        found[name] = Style(colour, mark, DASHES[same % len(DASHES)])
+        mark = min(MARKS, key=[style.marker for style in found.values()].count)
+        found[name] = Style(colour, mark, DASHES[drawn.count(colour) % len(DASHES)])
     return {name: found[name] for name in families}
 
 
@@ -225,106 +217,23 @@ def legend(
     handles : sequence, optional
         What it shows; default: all that has a label.
     """
-    figure = hasattr(owner, "axes") and isinstance(owner.axes, list)
+    whole = not hasattr(owner, "get_legend_handles_labels")
     if handles is None:
-        shown: dict[str, Any] = {}
-        for axis in owner.axes if figure else [owner]:
-            for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
-                shown.setdefault(label, handle)
-        handles, labels = list(shown.values()), list(shown)
-    else:
-        labels = [str(handle.get_label()) for handle in handles]
-    if not labels:
+        axes = owner.axes if whole else [owner]
+        handles = [handle for axis in axes for handle in axis.get_legend_handles_labels()[0]]
+    shown = {str(handle.get_label()): handle for handle in reversed(handles)}
+    if not shown:
         return
-    style: dict[str, Any] = {"fontsize": "small", "frameon": False}
-    style |= {"title": title or None, "title_fontsize": "small"}
-    if figure:
+    style: dict[str, Any] = {"fontsize": "small", "title_fontsize": "small", "frameon": False}
+    if whole:
         style["loc"] = "outside lower center" if below else "outside right upper"
     elif below:
         # below the numbers and the name of the axis
         style |= {"loc": "upper center", "bbox_to_anchor": (0.5, -0.22)}
     else:
         style |= {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)}
-    owner.legend(handles, labels, ncols=max(below, 1), **style)
-
-
-# -- ticks of logarithmic axes ---------------------------------------------------------------------
-
-#: of a decade, from few ticks to many
-_WITHIN = (
-    (1.0,),
-    (1.0, 3.0),
-    (1.0, 2.0, 5.0),
-    (1.0, 2.0, 3.0, 5.0, 7.0),
-    tuple(float(k) for k in range(1, 10)),
-)
-
-
-@checked
-def number(value: float, powers: bool = False) -> str:
-    r"""A number as it stands at an axis: ``0.02``, or with a power of ten.
-
-    Examples
-    --------
-    >>> number(0.02), number(2e-5), number(1000.0, powers=True)
-    ('0.02', '$2\\times10^{-5}$', '$10^{3}$')
-    """
-    if value == 0 or not math.isfinite(value) or (not powers and 1e-3 <= abs(value) < 1e5):
-        return f"{value:g}"
-    digits, _, power = f"{value:.2e}".partition("e")
-    digits = digits.rstrip("0").rstrip(".")
-    return {"1": "$", "-1": "$-"}.get(digits, rf"${digits}\times") + f"10^{{{int(power)}}}$"
-
-
-def _number_ticks(axis: Any, room: float) -> None:
-    """Numbers at 1, 2, 5 within each decade where there is room, else at 1 and 3, or at 1.
-
-    Parameters
-    ----------
-    axis : x axis or y axis of matplotlib
-        A logarithmic one.
-    room : float
-        For how many numbers.
-    """
-    from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
-
-    low, high = sorted(axis.get_view_interval())
-    if not 0 < low < high < math.inf:
-        return
-    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    counts = [
-        sum(low <= each * 10.0**k <= high for k in decades for each in within) for within in _WITHIN
-    ]
-    powers = low < 8e-4 or high > 2e4  # longer numbers
-    fitting = [k for k, count in enumerate(counts) if count <= (0.8 if powers else 1.0) * room]
-    # the fewest that number three ticks, else as many as there is room for; powers of ten alone
-    # only where there are many
-    chosen = next(
-        (k for k in fitting if counts[k] >= (7 if k == 0 else 3)), max(fitting, default=0)
-    )
-    if counts[chosen] < 2:
-        axis.set_major_locator(MaxNLocator(min(5, max(2, int(room))), steps=[1, 2, 5, 10]))
-        powers = False
-    else:
-        axis.set_major_locator(LogLocator(subs=_WITHIN[chosen]))
-    axis.set_major_formatter(lambda value, _place: number(value, powers))
-    axis.set_minor_locator(LogLocator(subs=_WITHIN[-1]))
-    axis.set_minor_formatter(NullFormatter())
-
-
-def _finish(figure: Figure) -> None:
-    """Ticks of all logarithmic axes whose places were not given."""
-    from matplotlib.ticker import FixedLocator
-
-    width, height = figure.get_size_inches()
-    for axes in figure.axes:
-        place = axes.get_position()
-        rooms = (("xaxis", place.width * width / 0.42), ("yaxis", place.height * height / 0.25))
-        for name, room in rooms:
-            axis: Any = getattr(axes, name, None)
-            fixed = axis is None or isinstance(axis.get_major_locator(), FixedLocator)
-            if not fixed and axis.get_scale() == "log" and len(axis.get_majorticklocs()):
-                _number_ticks(axis, room)
+    order = list(reversed(shown.values()))
+    owner.legend(handles=order, ncols=max(below, 1), title=title or None, **style)
 
 
 # -- files -----------------------------------------------------------------------------------------
@@ -332,13 +241,13 @@ def _finish(figure: Figure) -> None:
 
 @checked
 def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
-    """Number the ticks; write the figure here, if anywhere; give it back.
+    """Write the figure here, if anywhere; give it back.
 
     Parameters
     ----------
     figure : Figure
     path : path-like or None
-        ``.png``, ``.svg``, ``.pdf`` or whatever matplotlib writes.
+        ``.png``, ``.svg``, ``.pdf`` or whatever else matplotlib writes.
 
     Raises
     ------
@@ -347,11 +256,19 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     StorageError
         If the disk is full.
     """
-    _finish(figure)
+    from matplotlib.ticker import FixedLocator, LogFormatterSciNotation, LogLocator
+
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        low, high = sorted(axis.get_view_interval())
+        given = isinstance(axis.get_major_locator(), FixedLocator)
+        if axis.get_scale() == "log" and not given and 10 * low < high < 100 * low:
+            # powers of ten alone would be one number, or two
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf)))
     if path is not None:
         check_folder(path)
         known = figure.canvas.get_supported_filetypes()
-        ending = Path(path).suffix.lstrip(".").lower()
+        ending = Path(path).suffix[1:].lower()
         if ending and ending not in known:
             raise InputError(
                 f"file {str(path)!r}", f"ends with .{ending}, expected one of {', '.join(known)}"

@@ -1,17 +1,17 @@
-"""Charts of all studies: errors over sizes, costs and unknowns, maps, candidates (matplotlib)."""
+"""Charts of all studies: errors over sizes and costs, maps (matplotlib)."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, log
+from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
-from ..figures import DASHES, PAGE, Style, legend, number, panels, styles, write_figure
+from ..figures import DASHES, PAGE, Style, legend, panels, styles, write_figure
 from ..types import Array, Floats
 from .orders import Convergence
 
@@ -27,13 +27,11 @@ FOOT, TOP = 0.04, 0.97
 # -- what several charts share ---------------------------------------------------------------------
 
 
-def _crosses(axis: Any, x: Sequence[float] | Floats, height: float, **style: Any) -> bool:
-    """Crosses at a part of the height for what failed; whether there are any."""
+def _crosses(axis: Any, x: Sequence[float] | Floats, height: float, **style: Any) -> None:
+    """Crosses at a part of the height for what failed."""
     if len(x):
-        y = np.full(len(x), height)
         place = axis.get_xaxis_transform()
-        axis.plot(x, y, "x", transform=place, **{"label": "failed", **style})
-    return len(x) > 0
+        axis.plot(x, np.full(len(x), height), "x", transform=place, **{"label": "failed", **style})
 
 
 def _error_label(name: str, units: str | Mapping[str, str] | None) -> str:
@@ -50,9 +48,6 @@ def _with_unit(name: str) -> str:
 
 
 # -- the chart of a refinement: errors over sizes with slopes --------------------------------------
-
-#: so many sizes are written below the axis, if there are more the axis has its own ticks
-TICKS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +98,6 @@ def convergence_chart(
             label += "\n(open: differences between levels)"
         kinds = ", ".join(dict.fromkeys(_with_unit(line.kind) for line in lines))
         axis.set(xscale="log", yscale="log", xlabel=kinds, ylabel=label)
-        sizes = np.unique(np.concatenate([line.found.sizes for line in lines]))
-        if len(sizes) <= TICKS:
-            axis.set_xticks(sizes, [f"{size:.3g}" for size in sizes])
-            axis.set_xticks([], minor=True)
         shown = styles([line.label for line in lines])
         for line in lines:
             _draw(axis, line, shown[line.label])
@@ -212,13 +203,11 @@ def precision_chart(
     Raises
     ------
     InputError
-        If a quantity is unknown, or none is given.
+        If no quantity is given.
     """
-    unknown = [name for name in lines.fronts if name not in reference_errors]
-    if unknown or not lines.fronts:
+    if not lines.fronts:
         known = ", ".join(reference_errors)
-        given = list(lines.fronts)
-        raise InputError("argument quantities", f"{given!r}, expected some of {known}")
+        raise InputError("argument quantities", f"[], expected some of {known}")
     column, label = COSTS[cost]
     names = list(lines.fronts)
     figure, axes = panels(PAGE, 4.6 * len(names), len(names))
@@ -243,33 +232,27 @@ def precision_chart(
 def _chosen(lines: Lines, column: str, most: int) -> list[str]:
     """The best line of each group, and others nearest to what is cheapest, in their order."""
     room = max(1, most - max(len(_several(lines, name)) for name in lines.fronts))
-    distance = {}
+    distance: dict[str, tuple[float, float]] = {}
+    groups: dict[str, str] = {}
     for line in lines.families:
-        ratios = []
+        ratios = [np.inf]
         for name, own in lines.own.items():
             every = [row for front in lines.fronts[name].values() for row in front]
-            for row in _shown(own[line], name, column):
+            for row in own[line]:
                 reach = [r[column] for r in every if r[f"error_{name}"] <= row[f"error_{name}"]]
-                ratios.append(log(row[column] / min(reach)))
-        distance[line] = (min(ratios), np.mean(ratios)) if ratios else (np.inf, np.inf)
+                ratios.append(row[column] / min(reach))
+                groups[line] = row["group"]
+        distance[line] = min(ratios), float(np.mean(np.log(ratios[1:] or ratios)))
     near = sorted(distance, key=lambda line: distance[line])
-    groups: dict[str, str] = {}
-    for line in near:  # no group is without its best line
-        rows = [row for own in lines.own.values() for row in own[line]]
-        if rows:
-            groups.setdefault(rows[0]["group"], line)
-    best = list(dict.fromkeys((*groups.values(), *near)))[: max(room, len(groups))]
+    first = {groups[line]: line for line in reversed(near) if line in groups}
+    best = list(dict.fromkeys((*first.values(), *near)))[: max(room, len(first))]
     return [line for line in lines.families if line in best]
 
 
 def _several(lines: Lines, name: str) -> list[str]:
     """Groups with several lines: the front of another one is its line."""
-    found = []
-    for group, front in lines.fronts[name].items():
-        own = [line for line, rows in lines.own[name].items() if any(r in front for r in rows)]
-        if len(own) > 1:
-            found.append(group)
-    return found
+    ends = [rows[0]["group"] for rows in lines.own[name].values() if rows]
+    return [group for group in lines.fronts[name] if ends.count(group) > 1]
 
 
 def _shown(rows: Sequence[Row], name: str, column: str) -> list[Row]:
@@ -296,9 +279,7 @@ def _points(
     solved = [r for r in rows if r["status"] == "ok" and r["cost_s"] is not None]
     own = _shown([row for row in solved if lines.kind(row) == line], name, column)
     if style is None:
-        seen = "others" in axis.get_legend_handles_labels()[1]
-        label = "_nolegend_" if seen else "others"
-        plot(own, color="0.6", marker=".", linestyle="none", ms=3, label=label, zorder=1.5)
+        plot(own, color="0.6", marker=".", linestyle="none", ms=3, label="others", zorder=1.5)
         return
     dots = {"color": style.color, "marker": style.marker, "linestyle": "none", "zorder": 1.8}
     plot(own, **dots, ms=2.5, alpha=0.3, label="_nolegend_")
@@ -317,13 +298,11 @@ def _fronts(axis: Any, lines: Lines, name: str, column: str) -> None:
 
 def _failures(axis: Any, rows: Sequence[Row], lines: Lines, drawn: Mapping[str, Style]) -> None:
     bad = [row for row in rows if row["status"] != "ok" and isfinite(row["spent_s"])]
-    label = "failed"
     for line in lines.families:
         own = [row for row in bad if lines.kind(row) == line]
         colour = drawn[line].color if line in drawn else "0.6"
-        x = [max(row["spent_s"], 1e-9) for row in own]
-        if _crosses(axis, x, TOP, label=label, color=colour, markersize=5):
-            label = "_nolegend_"
+        x = [row["spent_s"] for row in own if row["spent_s"] > 0]
+        _crosses(axis, x, TOP, color=colour, markersize=5)
 
 
 # -- the chart of a stability map: cells in the colour of their status, and theory's lines ---------
@@ -335,6 +314,12 @@ class _Cell(NamedTuple):
     words: str
     color: str
     hatch: str = ""
+
+    @property
+    def style(self) -> dict[str, Any]:
+        """Arguments of a patch; only cells of a pattern have a grey edge, which draws it."""
+        edge = "0.5" if self.hatch else "white"
+        return {"facecolor": self.color, "hatch": self.hatch or None, "edgecolor": edge}
 
 
 #: apart in lightness by 8 and more, or by a pattern
@@ -384,6 +369,9 @@ def stability_chart(
     >>> [text.get_text() for text in figure.legends[0].get_texts()]
     ['solved', 'step not solved']
     """
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
     names, words = list(axes), dict(labels or {})
     values = [None] if len(names) == 2 else list(axes[names[0]])
     shape = (len(values), *status.shape[-2:])
@@ -412,9 +400,9 @@ def stability_chart(
         shown[0].set_ylabel(up)
     else:
         figure.supylabel(up, fontsize="medium")
-    handles = [_patch(kinds[name]) for name in kinds]
+    handles: list[Any] = [Patch(label=kind.words, **kind.style) for kind in kinds.values()]
     handles += [
-        _stroke(text + _outside(field), style)
+        Line2D([], [], color="black", linestyle=style, label=text + _outside(field))
         for (text, field), style in zip(lines.items(), DASHES * len(lines), strict=False)
     ]
     legend(figure, below=0 if across == 1 else 4, handles=handles)
@@ -431,32 +419,20 @@ def _kinds(status: Array, words: Mapping[str, str]) -> dict[str, _Cell]:
 
 
 def _cells(axis: Any, status: Array, kinds: Mapping[str, _Cell]) -> None:
-    """A rectangle each: only those of a pattern of their own have one."""
+    """A rectangle each."""
     from matplotlib.patches import Rectangle
 
     for (row, column), name in np.ndenumerate(status):
-        kind = kinds[str(name)]
-        edge: dict[str, Any] = {
-            "edgecolor": "0.5" if kind.hatch else "white",
-            "linewidth": 0.5,
-            "zorder": 1,
-        }
-        corner = column - 0.5, row - 0.5
-        cell = Rectangle(corner, 1, 1, facecolor=kind.color, hatch=kind.hatch or None, **edge)
-        axis.add_patch(cell)
+        style = kinds[str(name)].style | {"linewidth": 0.5, "zorder": 1}
+        axis.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, **style))
     axis.grid(False)
     axis.set(xlim=(-0.5, status.shape[1] - 0.5), ylim=(-0.5, status.shape[0] - 0.5))
 
 
 def _ticks(axis: Any, values: Sequence[Any], most: int) -> None:
-    """At most so many of the values; powers of ten first if there are too many."""
-    numbers = all(isinstance(each, int | float) for each in values)
-    places = list(range(len(values)))
-    if len(places) > most:
-        tens = [k for k in places if numbers and values[k] > 0 and np.log10(values[k]) % 1 < 1e-9]
-        places = tens if 2 < len(tens) <= most else places[:: -(-len(places) // most)]
-    powers = numbers and any(0 < abs(each) < 1e-3 for each in values)
-    axis.set_ticks(places, [_text(values[k], powers) for k in places])
+    """At most so many of the values."""
+    places = range(0, len(values), -(-len(values) // most))
+    axis.set_ticks(places, [_text(values[k]) for k in places])
 
 
 def _limit(axis: Any, field: Floats, style: str) -> None:
@@ -476,18 +452,5 @@ def _outside(field: Floats) -> str:
     return " (all cells beyond)" if values.min() > 1 else " (no cell beyond)"
 
 
-def _patch(kind: _Cell) -> Any:
-    from matplotlib.patches import Patch
-
-    hatch: dict[str, Any] = {"hatch": kind.hatch or None, "edgecolor": "0.5"}
-    return Patch(facecolor=kind.color, label=kind.words, **hatch)
-
-
-def _stroke(text: str, style: str) -> Any:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], color="black", linestyle=style, label=text)
-
-
-def _text(value: Any, powers: bool = False) -> str:
-    return number(value, powers) if isinstance(value, float) or powers else str(value)
+def _text(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from math import ceil, floor, isfinite, log10
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,6 @@ from .setups import (
     Measured,
     Setup,
     as_setups,
-    best_cost,
     counts,
     failure,
     measure,
@@ -161,7 +160,7 @@ class PrecisionTable(Report):
         if errors is None:
             levels = _decades(points, quantity, self.reference_errors[quantity])
         else:
-            several = [errors] if isinstance(errors, str | bytes | int | float) else errors
+            several = np.atleast_1d(np.asarray(errors, dtype=object))
             levels = [positive("argument errors", "error", each) for each in several]
         found = {level: _cheapest(points, quantity, level) for level in levels}
         return Front(quantity, found, pareto(points, quantity), self.reference_errors[quantity])
@@ -184,16 +183,14 @@ class PrecisionTable(Report):
         mine = [row for row in points if (ours(row) if callable(ours) else row["group"] == ours)]
         if not mine:
             raise InputError("argument ours", f"{ours!r}: no setup of it has an error and a cost")
-        own = {row["label"] for row in mine}
         floor_ = self.reference_errors[quantity]
         levels = []
-        for group in dict.fromkeys(row["group"] for row in points if row["label"] not in own):
-            theirs = [r for r in points if r["group"] == group and r["label"] not in own]
-            for row in pareto(theirs, quantity):
+        others = [row for row in points if row not in mine]
+        for group in dict.fromkeys(row["group"] for row in others):
+            for row in pareto([r for r in others if r["group"] == group], quantity):
                 error = row[f"error_{quantity}"]
-                judged = not (isfinite(floor_) and error < 2 * floor_)
                 best = _cheapest(mine, quantity, error)
-                levels.append(Level(group, error, row, best, judged))
+                levels.append(Level(group, error, row, best, not error < 2 * floor_))
         return Standing(quantity, levels)
 
     @property
@@ -266,12 +263,12 @@ class PrecisionTable(Report):
             points = [row for row in self.points(name) if (row[column] or 0) > 0]
             own[name] = {
                 line: _apart(
-                    _pareto([row for row in points if kind(row) == line], name, column), name
+                    pareto([row for row in points if kind(row) == line], name, column), name
                 )
                 for line in families
             }
             fronts[name] = {
-                group: _pareto([row for row in points if row["group"] == group], name, column)
+                group: pareto([row for row in points if row["group"] == group], name, column)
                 for group in groups
             }
         drawn = Lines(kind, families, own, fronts)
@@ -426,7 +423,9 @@ def _kind_by(what: str, row: Row) -> str:
     return str(row[what] or row["label"])
 
 
-def pareto(points: Iterable[dict[str, Any]], quantity: str) -> list[dict[str, Any]]:
+def pareto(
+    points: Iterable[dict[str, Any]], quantity: str, column: str = "cost_s"
+) -> list[dict[str, Any]]:
     """Rows that are not beaten by another one in both cost and error, cheapest first.
 
     Examples
@@ -435,10 +434,6 @@ def pareto(points: Iterable[dict[str, Any]], quantity: str) -> list[dict[str, An
     >>> [row["cost_s"] for row in pareto(rows, "x")]
     [1, 3]
     """
-    return _pareto(points, quantity, "cost_s")
-
-
-def _pareto(points: Iterable[dict[str, Any]], quantity: str, column: str) -> list[dict[str, Any]]:
     key = f"error_{quantity}"
     kept: list[dict[str, Any]] = []
     for row in sorted(points, key=lambda row: (row[column], row[key])):
@@ -460,9 +455,7 @@ def _decades(points: Sequence[Row], quantity: str, reference: float) -> list[flo
     sizes = [row[f"error_{quantity}"] for row in points if row[f"error_{quantity}"] > 0]
     if not sizes:
         return [0.0] if points else []
-    least = max(min(sizes), reference) if isfinite(reference) else min(sizes)
-    top = floor(log10(max(sizes)))
-    bottom = ceil(log10(least))
+    top, bottom = floor(log10(max(sizes))), ceil(log10(np.fmax(min(sizes), reference)))
     return [10.0**k for k in range(max(top, bottom), bottom - 1, -1)]
 
 
@@ -594,19 +587,16 @@ def work_precision(
     return table
 
 
+@dataclass
 class _PrecisionStudy:
     """From outcomes to rows."""
 
-    def __init__(
-        self,
-        setups: list[Setup],
-        truth: Reference,
-        wanted: Quantities,
-    ) -> None:
-        self.setups, self.truth, self.wanted = setups, truth, wanted
-        self.outcomes: dict[str, Outcome] = {}
-        self.failed: dict[str, tuple[str, str]] = {}
-        self.samples: dict[str, dict[str, Reading]] = {}
+    setups: list[Setup]
+    truth: Reference
+    wanted: Quantities
+    outcomes: dict[str, Outcome] = field(default_factory=dict)
+    failed: dict[str, tuple[str, str]] = field(default_factory=dict)
+    samples: dict[str, dict[str, Reading]] = field(default_factory=dict)
 
     def check(self, outcome: Outcome) -> None:
         """End the study early if nothing could be compared with a run of the reference."""
@@ -630,9 +620,7 @@ class _PrecisionStudy:
             self._sample(outcomes[setup.label])
         names = self._names()
         errors: dict[str, dict[str, float]] = {setup.label: {} for setup in self.setups}
-        own: dict[str, float] = {}
-        for name in names:
-            own[name] = self._compare(name, errors)
+        own = {name: self._compare(name, errors) for name in names}
         rows = [self._row(setup, names, errors[setup.label]) for setup in self.setups]
         return PrecisionTable(rows, own, notes)
 
@@ -704,7 +692,7 @@ class _PrecisionStudy:
         outcome = self.outcomes[setup.label]
         measured = outcome.value if outcome.ok else Measured(None, ())
         state, reason = self.failed.get(setup.label, ("ok", ""))
-        row: dict[str, Any] = {"label": setup.label, "cost_s": best_cost(measured.costs)}
+        row: dict[str, Any] = {"label": setup.label, "cost_s": min(measured.costs, default=None)}
         row |= counts(measured.result)
         row |= {f"error_{name}": errors.get(name) if state == "ok" else None for name in names}
         row |= {"status": state, "reason": reason, "group": setup.group, "series": setup.series}

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from itertools import product
+from numbers import Real
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from ..arguments import checked
 from ..errors import Diverged, InputError, JobError
@@ -151,11 +149,9 @@ def as_setups(given: Any) -> list[Setup]:
         setup = Setup(*each)
         if not isinstance(setup.label, str) or not setup.label:
             raise InputError("argument setups", f"label {setup.label!r}, expected a name")
-        for function in (setup.run, setup.timed):
-            if not callable(function) and function is not setup.timed:
+        for function in (setup.run, setup.timed or setup.run):
+            if not callable(function):
                 raise InputError(f"setup {setup.label!r}", f"{function!r} cannot be called")
-        if setup.timed is not None and not callable(setup.timed):
-            raise InputError(f"setup {setup.label!r}", f"{setup.timed!r} cannot be called")
         if setup.label in labels:
             raise InputError("argument setups", f"two setups are called {setup.label!r}")
         labels.add(setup.label)
@@ -234,35 +230,27 @@ def raised(error: Exception) -> tuple[str, str]:
     return ("timeout" if isinstance(error, LATE) else "error"), reason
 
 
+def told_of(result: Any) -> Mapping[str, Any]:
+    """Names and values that a history, that of an error, or a mapping tells of its run."""
+    if isinstance(result, Exception):
+        result = getattr(result, "history", None)
+    found = result.meta if isinstance(result, History) else result
+    return found if isinstance(found, Mapping) else {}
+
+
 def counts(result: Any) -> dict[str, int | float | None]:
     """Newton iterations, factorisations and unknowns, as far as a result tells them."""
-    found: Any = {}
-    if isinstance(result, History):
-        found = result.meta
-    elif isinstance(result, Mapping):
-        found = result
+    found = {} if isinstance(result, Exception) else told_of(result)
     return {name: _count(found.get(name)) for name in COUNTS}
 
 
 def ran(result: Any) -> str:
-    """Kernels that ran, as a history, that of an error or a mapping tells; empty: not told."""
-    if isinstance(result, Exception):
-        result = getattr(result, "history", None)
-    found: Any = result.meta if isinstance(result, History) else result
-    return str(found.get("kernels", "")) if isinstance(found, Mapping) else ""
+    """Kernels that ran, as far as a result or an error tells; empty: not told."""
+    return str(told_of(result).get("kernels", ""))
 
 
 def _count(value: Any) -> int | float | None:
-    number = isinstance(value, int | float | np.integer | np.floating)
-    if not number or isinstance(value, bool) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
         return None
-    return int(value) if float(value).is_integer() else float(value)
-
-
-def best_cost(costs: Sequence[float]) -> float | None:
-    """The smallest; None if nothing was timed."""
-    return min(costs) if costs else None
-
-
-#: clocks that a study may take
-CLOCK = time.perf_counter
+    number = float(value)
+    return int(number) if number.is_integer() else number

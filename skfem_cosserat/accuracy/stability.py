@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 #: what a verdict says in words
 WORDS = "reason", "warnings", "kernels", "mechanism"
+NAN = float("nan")
 
 # -- what came of a stability map: arrays over the axes, table, chart ------------------------------
 
@@ -81,27 +82,21 @@ class Map(Report):
         if "stability map" not in stored.notes or "status" not in names:
             raise InputError(f"file {str(path)!r}", "is not of a stability map")
         parameters = names[: names.index("status")]
-        own = [*parameters, *known, "time_s", "seconds"]
+        own = {*parameters, *known, "time_s", "seconds"}
         found = {}
         for row in stored.rows:
-            about = {name: row[name] for name in known if row.get(name) is not None}
-            about |= {name: str(about.get(name, "")) for name in WORDS}
-            number = {
-                name: row[name] for name in names if name not in own and row[name] is not None
-            }
-            time = {} if row.get("time_s") is None else {"time": row["time_s"]}
-            found[tuple(row[name] for name in parameters)] = (
-                Verdict(**about | time, numbers=number),
-                float("nan") if row["seconds"] is None else float(row["seconds"]),
-            )
+            told = {name: value for name, value in row.items() if value is not None}
+            about = {name: told[name] for name in known if name in told}
+            about |= {name: str(told.get(name, "")) for name in WORDS}
+            about["time"] = told.get("time_s", NAN)
+            about["numbers"] = {name: value for name, value in told.items() if name not in own}
+            place = tuple(row[name] for name in parameters)
+            found[place] = Verdict(**about), float(told.get("seconds", NAN))
         axes = {
             name: list(dict.fromkeys(key[k] for key in found)) for k, name in enumerate(parameters)
         }
-        cells = np.empty(tuple(map(len, axes.values())), dtype=object)
-        seconds = np.empty(cells.shape)
-        for place, choice in zip(np.ndindex(cells.shape), product(*axes.values()), strict=True):
-            cells[place], seconds[place] = found.get(choice, (Verdict("not run"), float("nan")))
-        return cls(str(stored.notes["stability map"]), axes, cells, seconds)
+        cells = [found.get(choice, (Verdict("not run"), NAN)) for choice in product(*axes.values())]
+        return cls(str(stored.notes["stability map"]), axes, *_arrays(axes, cells))
 
     @property
     def status(self) -> Array:
@@ -140,13 +135,8 @@ class Map(Report):
     def numbers(self) -> dict[str, Floats]:
         """What the judge gave beside it, by name; NaN where it did not."""
         names = dict.fromkeys(name for cell in self.cells.flat for name in cell.numbers)
-        nan = float("nan")
-        return {
-            name: np.array([cell.numbers.get(name, nan) for cell in self.cells.flat]).reshape(
-                self.cells.shape
-            )
-            for name in names
-        }
+        values = {name: [cell.numbers.get(name, NAN) for cell in self.cells.flat] for name in names}
+        return {name: np.array(each).reshape(self.cells.shape) for name, each in values.items()}
 
     def _array(self, name: str, kind: type = float) -> Array:
         values = [getattr(cell, name) for cell in self.cells.flat]
@@ -155,8 +145,8 @@ class Map(Report):
     @property
     def rows(self) -> list[dict[str, Any]]:
         """One row a cell: parameters, verdict, seconds; a number that a cell lacks is NaN."""
-        names, nan = list(self.numbers), float("nan")
-        choices = product(*self.axes.values())
+        names = list(self.numbers)
+        cells = zip(product(*self.axes.values()), self.cells.flat, self.seconds.flat, strict=True)
         return [
             {
                 **dict(zip(self.axes, choice, strict=True)),
@@ -164,16 +154,14 @@ class Map(Report):
                 "time_s": cell.time,
                 "energy_error": cell.energy_error,
                 "newton_residual": cell.newton_residual,
-                **{name: cell.numbers.get(name, nan) for name in names},
+                **{name: cell.numbers.get(name, NAN) for name in names},
                 "seconds": float(seconds),
                 "kernels": cell.kernels,
                 "mechanism": cell.mechanism,
                 "reason": cell.reason,
                 "warnings": cell.warnings,
             }
-            for choice, cell, seconds in zip(
-                choices, self.cells.flat, self.seconds.flat, strict=True
-            )
+            for choice, cell, seconds in cells
         ]
 
     @property
@@ -372,14 +360,19 @@ def stability_map(
         retry=switch("argument retry", retry),
         tell=False,
     )
-    shape = tuple(len(each) for each in values.values())
-    cells = np.empty(len(found), dtype=object)
-    cells[:] = [_verdict(each) for each in found]
-    seconds = np.array([each.seconds for each in found])
-    result = Map(title_of(problem), values, cells.reshape(shape), seconds.reshape(shape))
+    cells = [(_verdict(each), each.seconds) for each in found]
+    result = Map(title_of(problem), values, *_arrays(values, cells))
     about = {each.name: each.warnings for each in found}
     sum_up(f"stability map of {result.title}", "cells", about, "found.rows")
     return result
+
+
+def _arrays(
+    axes: Mapping[str, list[Any]], cells: list[tuple[Verdict, float]]
+) -> tuple[Array, Floats]:
+    """Verdicts and seconds, with an axis for each parameter."""
+    found = np.array(cells, dtype=object).reshape(*map(len, axes.values()), 2)
+    return found[..., 0], found[..., 1].astype(float)
 
 
 def _axes(given: Any) -> dict[str, list[Any]]:

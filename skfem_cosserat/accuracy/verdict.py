@@ -247,11 +247,9 @@ class JudgeEnergy:
             )
         with np.errstate(all="ignore"):
             change = (energy[after] - start) / scale
-        bad = np.flatnonzero(~(change <= self.blowup - 1))
-        if len(bad):
-            k = bad[0]
-            return float(t[after[k]]), float(np.nanmax(abs(change[: k + 1]))), True
-        return float(t[-1]), float(abs(change).max()), False
+        bad = ~(change <= self.blowup - 1)
+        end = int(bad.argmax()) if bad.any() else len(after) - 1
+        return float(t[after[end]]), float(np.nanmax(abs(change[: end + 1]))), bool(bad.any())
 
     def _scale(self, start: float, history: History, after: IndexArray) -> float:
         """What changes of the energy are compared with."""
@@ -294,9 +292,10 @@ def full_protocol(error: Diverged) -> bool:
     >>> full_protocol(Diverged(0.0, 1, 1.0, "no convergence", "try", [[1.0]]))
     False
     """
-    given = error.settings
-    if given is None or len(error.residuals) < ATTEMPTS:
-        return False
-    full = FULL_PROTOCOL
-    enough = given.iterations >= full.iterations
-    return bool(enough and given.damped_iterations >= full.damped_iterations)
+    given, full = error.settings, FULL_PROTOCOL
+    return (
+        given is not None
+        and len(error.residuals) >= ATTEMPTS
+        and given.iterations >= full.iterations
+        and given.damped_iterations >= full.damped_iterations
+    )

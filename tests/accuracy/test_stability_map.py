@@ -317,7 +317,7 @@ def test_stored_maps_have_the_same_chart(oscillator, tmp_path):
     pytest.importorskip("matplotlib")
     again.cells[0, 0] = Verdict("not run")
     words = {"omega": "frequency in rad/s", "blowup": "it blows up"}
-    figure = again.chart(tmp_path / "map.png", labels=words)
+    figure = again.chart(tmp_path / "map.svg", labels=words)
     assert figure.axes[0].get_ylabel() == "frequency in rad/s"
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["solved", "it blows up", "not run"]

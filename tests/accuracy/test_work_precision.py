@@ -356,8 +356,7 @@ def test_charts_of_other_costs_and_of_a_stored_table(table, tmp_path):
     again = type(table).read(table.csv(tmp_path / "table.csv"))
     assert again.reference_errors == pytest.approx(table.reference_errors, nan_ok=True)
     assert str(again) == str(table)
-    again.chart(tmp_path / "table.svg")
-    assert (tmp_path / "table.svg").read_text().startswith("<?xml")
+    assert len(again.chart().axes[0].lines) == len(table.chart().axes[0].lines)
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="not of a work-precision study"):
         type(table).read(tmp_path / "other.csv")
