@@ -27,6 +27,7 @@ from margins import note_margins
 from skfem_cosserat.integrators import choice
 
 WORTHWHILE = choice.WORTHWHILE
+KEPT = choice.READING, choice.FURTHER, choice.STARTING
 # "auto" does not look for compiled kernels here: what there is hangs on the tests run before
 choice.READING = choice.FURTHER = choice.STARTING = float("inf")
 
@@ -66,6 +67,13 @@ def _plain(request: pytest.FixtureRequest) -> Iterator[None]:
         choice.WORTHWHILE = WORTHWHILE
     yield
     choice.WORTHWHILE = asked
+
+
+@pytest.fixture
+def kept_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiled kernels that are on disk are taken, as outside of the tests."""
+    for name, value in zip(("READING", "FURTHER", "STARTING"), KEPT, strict=True):
+        monkeypatch.setattr(choice, name, value)
 
 
 @pytest.fixture(params=["numpy", "numba"])

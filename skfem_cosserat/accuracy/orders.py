@@ -342,7 +342,9 @@ def _extrapolated(
     p, before = _pair(trend, n - 2), _pair(trend, n - 3)
     value = _at_zero(h, values, n, p)
     uncertainty = norm(value - _at_zero(h, values, n - 1, before))
-    lower = _at_zero(h, values, n, max(p - spread, p / 2))
+    # orders of methods are whole numbers: two pairs that agree on another one do so by chance
+    doubt = max(spread, abs(p - round(p)))
+    lower = _at_zero(h, values, n, max(p - doubt, p / 2))
     uncertainty = max(uncertainty, norm(value - lower))
     if n < len(values) - 1:  # finer levels differ by rounding only
         value = values[-1]

@@ -258,6 +258,8 @@ class _Search:
         #: processor time (s) of each, also of those that failed
         self.costs: dict[Case, float] = {}
         self.count, self.spent, self.error = 0, 0.0, ""
+        #: number of parts with which an error came first, by its text
+        self.failed: dict[str, int] = {}
         #: the run that is handed back, its errors and its case
         self.best: tuple[Run, dict[str, Band], Case] | None = None
         #: errors by the step, in tolerances, by the number of steps
@@ -289,8 +291,8 @@ class _Search:
         except (CosseratError, ArithmeticError) as error:
             if isinstance(error, InputError) and str(error).startswith("quantity "):
                 raise
-            same, self.error = self.error, f"{type(error).__name__}: {error}"
-            if isinstance(error, InputError) and self.error == same:  # no mesh and step changes it
+            self.error = f"{type(error).__name__}: {error}"
+            if self.failed.setdefault(self.error, case.parts) != case.parts:  # no mesh changes it
                 raise _Ended(f"no run came to its end: {self.error}") from error
         self.spent += time.process_time() - begun
         self.count += 1
@@ -336,7 +338,8 @@ class _Search:
         """Motions: a shorter step or a richer mesh, or both where both matter."""
         case, failures = Case(1, 2, FIRST), 0
         while case.steps <= MOST_STEPS and case.parts <= MOST_PARTS:
-            coarse, fine = self.tried(case), self.tried(case.shorter)
+            coarse = self.tried(case)
+            fine = None if coarse is None else self.tried(case.shorter)
             if coarse is None or fine is None:
                 failures += 1
                 finer = self.scene.beams and failures % 2

@@ -50,6 +50,7 @@ def judged(kind, seed):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("kept_kernels")
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.CosseratWarning")
 def test_forty_scenes():
     kinds = [kind for kind in KINDS if kind != "chaos"]
