@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..beam import Beam
-from ..constraints import NullSpace
+from ..constraints import Multipliers, NullSpace
 from ..diagnostics import momentum
 from ..errors import InputError
 from ..frozen import Replacements
@@ -111,6 +111,8 @@ class Scene:
             wanted = wanted if self.moves else "a control such as LoadControl()"
             raise InputError("argument integrator", f"{integrator!r}, expected {wanted}")
         self.integrator = integrator if isinstance(integrator, Integrator) else EnergyMomentum()
+        marches = type(self.integrator).march is not Integrator.march  # its joints need multipliers
+        self.treatment = Multipliers() if marches else NullSpace()
         self.control = integrator if isinstance(integrator, Control) else None
         first = self.begin(self.system)
         try:
@@ -192,7 +194,7 @@ class Scene:
             history = simulate(
                 system,
                 self.integrator,
-                NullSpace(),
+                self.treatment,
                 self.span / case.steps,
                 state.time + self.span,
                 start=state,
@@ -203,7 +205,7 @@ class Scene:
         else:
             start = None if self.start is None else self.begin(system)
             control = self.control if copies is None else copies.of(self.control)
-            history = static(system, NullSpace(), control, start=start)
+            history = static(system, self.treatment, control, start=start)
         return self.read(Run(model, system, history, in_time=self.moves), copies, begun)
 
     def read(self, run: Run, copies: Replacements | None, begun: float) -> Run:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..beam import Beam
-from ..errors import CosseratError, InputError
+from ..errors import CosseratError, Diverged, InputError, MeshError
 from ..history import History
 from ..integrators import Integrator, State
 from ..model import Model, System, model_of
@@ -257,9 +257,10 @@ class _Search:
         self.runs: dict[Case, Run | None] = {}
         #: processor time (s) of each, also of those that failed
         self.costs: dict[Case, float] = {}
-        self.count, self.spent, self.error = 0, 0.0, ""
-        #: number of parts with which an error came first, by its text
-        self.failed: dict[str, int] = {}
+        self.count, self.spent = 0, 0.0
+        #: what made the last run fail, and the case in which such a text came first
+        self.error: Exception | None = None
+        self.failed: dict[str, Case] = {}
         #: the run that is handed back, its errors and its case
         self.best: tuple[Run, dict[str, Band], Case] | None = None
         #: errors by the step, in tolerances, by the number of steps
@@ -291,9 +292,11 @@ class _Search:
         except (CosseratError, ArithmeticError) as error:
             if isinstance(error, InputError) and str(error).startswith("quantity "):
                 raise
-            self.error = f"{type(error).__name__}: {error}"
-            if self.failed.setdefault(self.error, case.parts) != case.parts:  # no mesh changes it
-                raise _Ended(f"no run came to its end: {self.error}") from error
+            self.error = error
+            first = self.failed.setdefault(str(error), case)
+            moved = first.steps != case.steps or not self.scene.moves
+            if moved and first.parts != case.parts:  # neither mesh nor step changes it
+                raise _Ended(self.stuck(case)) from error
         self.spent += time.process_time() - begun
         self.count += 1
         if run is not None and run.history.status == "interrupted":
@@ -342,8 +345,9 @@ class _Search:
             fine = None if coarse is None else self.tried(case.shorter)
             if coarse is None or fine is None:
                 failures += 1
-                finer = self.scene.beams and failures % 2
-                case = case.finer if finer else case._replace(steps=4 * case.steps)
+                coarse_mesh = isinstance(self.error, MeshError)
+                bent = isinstance(self.error, Diverged) and self.scene.beams and failures % 2
+                case = case.finer if coarse_mesh or bent else case._replace(steps=4 * case.steps)
                 continue
             mesh = dict.fromkeys(self.tolerance, 0.0)
             if self.scene.beams:
@@ -433,8 +437,8 @@ class _Search:
 
     def stuck(self, case: Case) -> str:
         """Why no finer case is tried."""
-        if self.best is None and self.error:
-            return f"no run came to its end: {self.error}"
+        if self.best is None and self.error is not None:
+            return f"no run came to its end: {type(self.error).__name__}: {self.error}"
         return f"more than {MOST_STEPS} steps or {MOST_PARTS} times the poorest mesh are needed"
 
     def answer(self, reason: str) -> Answer:
