@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ..time_function import (
     time_function,
 )
 from ..types import Floats, numbers, switch
-from .sensors import Sensor, View, Views
+from .sensors import Sensor, States, View
 from .start import consistent_start
 
 # -- conditions of events: numbers that pass through zero when something happens -------------------
@@ -64,21 +64,9 @@ class Condition(Attached):
     period: float | None = None
     monotonic: bool = False
 
-    def __init_subclass__(cls) -> None:
-        """Numbers at several states are those of the class whose own `value` counts."""
-        if "value" in vars(cls) and "_values" not in vars(cls):
-            cls._values = Condition._values  # type: ignore[method-assign]
-
     @abstractmethod
     def value(self, view: View) -> float:
         """The number at a state."""
-
-    def _values(self, views: Views) -> Floats | None:
-        """The numbers (k,) at several states, as `value` up to rounding.
-
-        None, as by default: each state is to be looked at alone. Later ones may not be reached.
-        """
-        return None
 
     def check(self, system: System) -> None:
         """Raise InputError if it cannot be found in this system."""
@@ -112,7 +100,24 @@ class ConditionFunction(Condition):
         return float(out)
 
 
-class ConditionTime(Condition):
+class OfStates(Condition):
+    """A condition whose numbers are found for many states at once."""
+
+    def value(self, view: View) -> float:
+        """See the base class."""
+        return float(self.values(view._states)[0])
+
+    @abstractmethod
+    def values(self, states: States) -> Floats:
+        """The numbers (k,) at several states."""
+
+    @property
+    def of_the_user(self) -> bool:
+        """Whether functions of users are asked, which are to see no state after an event."""
+        return False
+
+
+class ConditionTime(OfStates):
     """A time is reached, ``t - time``.
 
     Parameters
@@ -126,16 +131,12 @@ class ConditionTime(Condition):
     def __init__(self, time: float) -> None:
         self.time = _level(time)
 
-    def value(self, view: View) -> float:
+    def values(self, states: States) -> Floats:
         """See the base class."""
-        return view.time - self.time
-
-    def _values(self, views: Views) -> Floats:
-        """See the base class."""
-        return views.time - self.time
+        return states.time - self.time
 
 
-class ConditionCoordinate(Condition):
+class ConditionCoordinate(OfStates):
     """A joint's angle (rad) or displacement (m) reaches a level.
 
     Parameters
@@ -171,25 +172,15 @@ class ConditionCoordinate(Condition):
         if coordinate.kind == "angle" and not self.rate:
             vars(self)["period"] = 2 * np.pi  # of a joint that may be given by its name
 
-    def value(self, view: View) -> float:
-        """See the base class."""
+    def values(self, states: States) -> Floats:
+        """See the base class; angles are away from the level by the shortest way."""
         if self.rate:
-            return view.rate(self.joint, self.coordinate) - self.level
-        return float(self._away(view.coordinate(self.joint, self.coordinate)))
-
-    def _values(self, views: Views) -> Floats:
-        """See the base class."""
-        if self.rate:
-            return views.rate(self.joint, self.coordinate) - self.level
-        return np.asarray(self._away(views.coordinate(self.joint, self.coordinate)))
-
-    def _away(self, value: Any) -> Any:
-        """From the level; angles by the shortest way."""
-        away = value - self.level
+            return states.rate(self.joint, self.coordinate) - self.level
+        away = states.coordinate(self.joint, self.coordinate) - self.level
         return away if self.period is None else (away + np.pi) % (2 * np.pi) - np.pi
 
 
-class ConditionSensor(Condition):
+class ConditionSensor(OfStates):
     """What a sensor sees reaches a level.
 
     Parameters
@@ -213,22 +204,20 @@ class ConditionSensor(Condition):
             if id(each) not in known:
                 raise InputError("condition", f"the {each.label} of its sensor is not here")
 
-    def value(self, view: View) -> float:
+    @property
+    def of_the_user(self) -> bool:
         """See the base class."""
-        seen = np.asarray(view.sensor(self.sensor))
-        if self.component is None:
-            return float(seen if seen.ndim == 0 else np.linalg.norm(seen)) - self.level
-        return float(seen.ravel()[self.component]) - self.level
+        return self.sensor._of_the_user
 
-    def _values(self, views: Views) -> Floats | None:
-        """See the base class; functions of users are asked state by state."""
-        if self.sensor._of_the_user:
-            return None
-        seen = views.sensor(self.sensor)
+    def values(self, states: States) -> Floats:
+        """See the base class."""
+        if self.sensor.forces or self.sensor.derivative > 1:
+            raise InputError("condition", f"{type(self.sensor).__name__} needs several states")
+        seen = states.sensor(self.sensor)
         each = seen.reshape(len(seen), -1)
         if self.component is not None:
-            return np.asarray(each[:, self.component] - self.level)
-        return np.asarray((seen if seen.ndim == 1 else np.linalg.norm(each, axis=1)) - self.level)
+            return each[:, self.component] - self.level
+        return (seen if seen.ndim == 1 else np.linalg.norm(each, axis=1)) - self.level
 
 
 class ConditionReaction(Condition):
@@ -270,7 +259,7 @@ class ConditionReaction(Condition):
         return float(np.linalg.norm(found) if c is None else found[c]) - self.level
 
 
-class ConditionEnergy(Condition):
+class ConditionEnergy(OfStates):
     """Kinetic and stored energy (J) together, or the kinetic one alone, reach a level.
 
     Parameters
@@ -283,13 +272,9 @@ class ConditionEnergy(Condition):
     def __init__(self, level: float, kinetic: bool = False) -> None:
         self.level, self.kinetic = _level(level), switch("condition", kinetic, "kinetic")
 
-    def value(self, view: View) -> float:
+    def values(self, states: States) -> Floats:
         """See the base class."""
-        return (view.kinetic_energy() if self.kinetic else view.energy()) - self.level
-
-    def _values(self, views: Views) -> Floats:
-        """See the base class."""
-        return (views.kinetic_energy() if self.kinetic else views.energy()) - self.level
+        return (states.kinetic_energy() if self.kinetic else states.energy()) - self.level
 
 
 def _level(value: float) -> float:

@@ -36,7 +36,7 @@ from ..diagnostics.joint_motion import relative_names, relative_series
 from ..diagnostics.jumps import at_jumps
 from ..diagnostics.stacked import all_rows
 from ..errors import HistoryError, IncompleteWarning, InputError
-from ..frames import Place, is_beam
+from ..frames import is_beam
 from ..history import History
 from ..model import System, takes_scene
 from ..model.groups import lumped
@@ -46,6 +46,7 @@ from ..time_function import of_the_user
 from ..types import Floats, IndexArray, names_known
 from ..version import VERSION
 from ..warn import logger, warn
+from .sensors import spot
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -483,9 +484,9 @@ def configuration_formulas(system: System) -> Formulas:
 
     def places(h: History) -> list[Floats]:
         rows = all_rows(system, h["q"], h.instants)
-        ends = [[_positions(system, at, rows) for at in (item.a, item.b)] for item in couplings]
+        ends = [[spot(system, at, rows) for at in (item.a, item.b)] for item in couplings]
         return [
-            *(_positions(system, item.a, rows) for item in items),
+            *(spot(system, item.a, rows) for item in items),
             *(np.stack(each, axis=1) for each in ends),
         ]
 
@@ -546,9 +547,3 @@ def _balance(history: History) -> list[Floats]:
     work = sum(history[name] for name in WORKS)
     balance = history["energy"] - work + history["dissipated"]
     return [balance - balance[:1]]
-
-
-def _positions(system: System, place: Place, y: Floats) -> Floats:
-    """Where a place is, (N, 3)."""
-    terms = system.kinematics.spot_terms(system.spot(place))
-    return np.asarray(sum(c * y[:, a] for a, c in terms))

@@ -19,8 +19,15 @@ from ..integrators.report import OF_USERS, BlockReport, ForcePoint, force_points
 from ..model import System, takes_scene
 from ..types import Floats, IndexArray, positive, switch
 from ..warn import logger
-from .conditions import Action, ActionFunction, ActionNone, Condition, ConditionFunction
-from .sensors import View, Views
+from .conditions import (
+    Action,
+    ActionFunction,
+    ActionNone,
+    Condition,
+    ConditionFunction,
+    OfStates,
+)
+from .sensors import States, View
 from .step_size import StepperFactory
 
 # -- zeros of a number within a step: located, and found where it passes through zero and back -----
@@ -284,14 +291,19 @@ class Event(Attached):
         """How errors call it."""
         return f"event {self.name!r}"
 
-    def _values(self, views: Views) -> Floats | None:
+    def values(self, states: States) -> Floats | None:
         """Its condition's numbers at several states; None: each state is to be looked at alone.
 
         Also where they cannot be had: a run may end before it gets to these states.
         """
+        condition = self.condition
+        if not isinstance(condition, OfStates) or condition.of_the_user:
+            return None
+        if type(condition).value is not OfStates.value:  # of a class derived by a user
+            return None
         try:
             with np.errstate(all="ignore"):
-                return self.condition._values(views)
+                return condition.values(states)
         except (CosseratError, ArithmeticError):
             return None
 
@@ -436,7 +448,7 @@ NEAR = 1e-9
 class EventMonitor:
     """Looks for events after each step of a run.
 
-    Steps in one go are looked at together where all conditions can be (:meth:`Condition._values`):
+    Steps in one go are looked at together where all conditions can be (:class:`OfStates`):
     those that come near to an event, or may, are then looked at one by one as others are, so it is
     found in the same way. Functions of users are called at state after state, and never at one that
     is later than an event.
@@ -516,8 +528,8 @@ class EventMonitor:
         if self._earlier is None:
             return alone
         block, looks = report.block, (self._earlier, self._now)
-        views = self.view._many(report.times, block.q, block.p, block.turns)
-        columns = [event._values(views) for event in self.events]
+        states = self.view._states.others(report.times, block.q, block.p, block.turns)
+        columns = [event.values(states) for event in self.events]
         if any(column is None for column in columns):
             return alone
         earlier = [[look.values[event.name] for look in looks] for event in self.events]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from .. import diagnostics
 from ..arguments import checked
-from ..constraints.saddle import accelerations, nearest_velocity
+from ..constraints.saddle import accelerations
 from ..diagnostics import multipliers, reactions
 from ..diagnostics.error import SectionPlaces
 from ..diagnostics.joint_motion import rates
@@ -36,7 +36,130 @@ if TYPE_CHECKING:
 #: what kernels find of states by their configurations and momenta; None where they cannot
 Motions = Callable[[Floats, Floats], Motion | None]
 
-# -- A state of a run as the conditions of events see it -------------------------------------------
+# -- states of a run and what is read from them: by conditions of events, and by sensors -----------
+
+
+class States:
+    """Some states of one system, and what follows from them, found when it is asked for.
+
+    Parameters
+    ----------
+    system : System
+    time : (k,) array
+        (s)
+    q, p : (k, n) array
+        Configurations and momenta.
+    turns : (k, angles) array, optional
+        Full turns of the angles of force elements.
+    motions : callable, optional
+        Gives velocities and energies; asked first.
+    readings : dict, optional
+        Readings of joint coordinates that are set up already.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        time: Floats,
+        q: Floats,
+        p: Floats,
+        turns: IndexArray | None = None,
+        motions: Motions | None = None,
+        readings: dict[tuple[str, str | None], _Reading] | None = None,
+    ) -> None:
+        self.system, self.time, self.q, self.p, self.turns = system, time, q, p, turns
+        self.motions = motions
+        self.readings = {} if readings is None else readings
+
+    def others(self, time: Floats, q: Floats, p: Floats, turns: IndexArray | None) -> States:
+        """Other states of the same system, which share what is set up for it."""
+        return States(self.system, time, q, p, turns, self.motions, self.readings)
+
+    @cached_property
+    def y(self) -> Floats:
+        """All rows (k, total, 3)."""
+        return all_rows(self.system, self.q, self.time)
+
+    @cached_property
+    def _motion(self) -> Motion:
+        found = None if self.motions is None else self.motions(self.q, self.p)
+        if found is not None:
+            return found
+        v = diagnostics.Projection(self.system).velocities(self.q, self.p, self.time)
+        return Motion(v, diagnostics.kinetic_energy_of_velocity(self.system, v), None)
+
+    @property
+    def v(self) -> Floats:
+        """Velocities (k, n) on the hidden constraints."""
+        return self._motion.v
+
+    @cached_property
+    def ydot(self) -> Floats:
+        """Rates of all rows (k, total, 3)."""
+        return rates(self.system, self.v, self.time)
+
+    def position(self, place: Place) -> Floats:
+        """Of a place (k, 3) in m."""
+        return spot(self.system, place, self.y)
+
+    def velocity(self, place: Place) -> Floats:
+        """Of a place (k, 3) in m/s."""
+        return spot(self.system, place, self.ydot)
+
+    def rotation(self, place: Place) -> Floats:
+        """Of the frame that carries a place (k, 3, 3): in its rows the directors."""
+        row = self.system.row_of(with_frame(place))
+        return self.y[:, row + 1 : row + 4].copy()
+
+    def coordinate(self, joint: Joint | str, name: str | None = None) -> Floats:
+        """Angle (rad, the principal value) or displacement (m) of a joint (k,)."""
+        return _reading(self.system, self.readings, joint, name).value(self.y)
+
+    def rate(self, joint: Joint | str, name: str | None = None) -> Floats:
+        """Rate of :meth:`coordinate` (k,)."""
+        return _reading(self.system, self.readings, joint, name).rate(self.y, self.ydot)
+
+    def kinetic_energy(self) -> Floats:
+        """Of the velocities v (k,) in J."""
+        return self._motion.kinetic
+
+    def energy(self) -> Floats:
+        """Kinetic energy, and that stored in beams and force elements (k,) in J."""
+        stored = self._motion.stored
+        stored = diagnostics.strain_energy(self.system, self.q) if stored is None else stored
+        if self.system.couplings.count:
+            given = self.system, self.q, self.time, self.turns
+            stored = stored + diagnostics.coupling_energy(*given)
+        return self._motion.kinetic + stored
+
+    def strain_of(self, beam: Beam, s: float) -> Floats:
+        """Strains (k, 6) ``(Gamma, K)`` of a beam at an arc length (m) of the reference."""
+        if not is_beam(beam):
+            raise InputError("argument beam", f"is of type {type(beam).__name__}, expected a Beam")
+        return diagnostics.evaluate(self.system, beam, self.q, *beam.along([s])).strain[:, 0]
+
+    def sensor(self, sensor: Sensor) -> Floats:
+        """What a sensor without forces sees (k, ...)."""
+        if not sensor.derivative:
+            window = window_of(self.system, self.time, self.q, self.p, self.turns)
+            return sensor.values(self.system, window)
+        # rates by central differences along the motion
+        t, q, v = self.time, self.q, self.v
+        speed = abs(v).max(axis=1, initial=0.0)
+        s = np.divide(1e-5 * self.system.length, speed, out=np.full(len(t), 1e-5), where=speed > 0)
+        ends = np.concatenate([t + np.where(t > s, -s, 0.0), t + np.where(t > s, s, 2 * s)])
+        moved = np.tile(q, (2, 1)) + (ends - np.tile(t, 2))[:, None] * np.tile(v, (2, 1))
+        window = window_of(self.system, ends, moved, 0 * moved, None)
+        before, after = np.split(sensor.values(self.system, window), 2)
+        over = ends[len(t) :] - ends[: len(t)]
+        return np.asarray((after - before) / over.reshape(-1, *[1] * (after.ndim - 1)))
+
+
+def spot(system: System, place: Place, rows: Floats) -> Floats:
+    """Where a place is, or how fast it moves, (k, 3), by all rows (k, total, 3) or their rates."""
+    check_kind("argument place", place, Place, FROM)
+    terms = system.kinematics.spot_terms(system.spot(place))
+    return np.asarray(sum(c * rows[:, a] for a, c in terms))
 
 
 @checked
@@ -65,74 +188,59 @@ class View:
     9.0
     """
 
-    #: what views of one system share: readings of joint coordinates; what finds velocities and
-    #: energies by configurations and momenta, None where it cannot
-    _readings: dict[tuple[str, str | None], _Reading]
-    _motions: Motions | None
     #: gives constraint forces at instants beside the state, those of a run's steps
     _points: Callable[[], Sequence[ForcePoint]] = staticmethod(tuple)
 
     def __init__(self, system: Model | System, state: State) -> None:
-        self.system = system_of(system)
+        system = system_of(system)
         check_kind("argument state", state, State, ", see initial_state")
-        if np.shape(state.q) != (self.system.n,):
-            given = f"q has shape {np.shape(state.q)}, expected ({self.system.n},)"
+        if np.shape(state.q) != (system.n,):
+            given = f"q has shape {np.shape(state.q)}, expected ({system.n},)"
             raise InputError("argument state", given)
-        self.state = state
-        self.time, self.q = state.time, state.q
-        self._readings, self._motions = {}, None
+        nothing = np.zeros(0), np.zeros((0, system.n)), np.zeros((0, system.n)), None
+        self._look_at(state, States(system, *nothing))
+
+    def _look_at(self, state: State, beside: States) -> None:
+        self.system, self.state, self.time, self.q = beside.system, state, state.time, state.q
+        turns = None if state.turns is None else state.turns[None]
+        here = np.array([state.time]), state.q[None], state.p[None], turns
+        self._states = beside.others(*here)
 
     def _at(self, state: State, points: Callable[[], Sequence[ForcePoint]] = tuple) -> View:
         """The view of another state of the same system, which shares what is set up for it."""
         out = View.__new__(View)
-        out.system, out.state, out.time, out.q = self.system, state, state.time, state.q
-        out._readings, out._motions, out._points = self._readings, self._motions, points
+        out._look_at(state, self._states)
+        out._points = points
         return out
-
-    def _many(self, time: Floats, q: Floats, p: Floats, turns: IndexArray) -> Views:
-        """Several states of the same system, which share what is set up for it."""
-        return Views(self.system, time, q, p, turns, self._motions, self._readings)
 
     def _find_motions(self, by: Motions) -> None:
         """Ask this for velocities and energies first; so do views that are made from this one."""
-        self._motions = by
+        self._states.motions = by
 
     def __repr__(self) -> str:
         return f"<View: t = {self.time:g} s, step {self.state.index}, n = {self.system.n}>"
 
-    @cached_property
+    @property
     def y(self) -> Floats:
         """All rows (total, 3)."""
-        return self.system.extend(self.q, self.time)
+        return self._states.y[0]
 
-    @cached_property
-    def _motion(self) -> Motion | None:
-        return None if self._motions is None else self._motions(self.q, self.state.p)
-
-    @cached_property
+    @property
     def v(self) -> Floats:
         """See the class."""
-        if self._motion is not None:
-            return self._motion.v
-        return nearest_velocity(self.system, self.y, self.state.p, self.time)
+        return self._states.v[0]
 
     def position(self, place: Place) -> Floats:
         """Of a place (3,) in m."""
-        return self._spot(place, self.y)
+        return self._states.position(place)[0]
 
     def rotation(self, place: Place) -> Floats:
         """Of the frame that carries a place (3, 3): in its rows the directors d1, d2, d3."""
-        row = self.system.row_of(with_frame(place))
-        return self.y[row + 1 : row + 4].copy()
+        return self._states.rotation(place)[0]
 
     def velocity(self, place: Place) -> Floats:
         """Of a place (3,) in m/s."""
-        return self._spot(place, rates(self.system, self.v[None], np.array([self.time]))[0])
-
-    def _spot(self, place: Place, rows: Floats) -> Floats:
-        check_kind("argument place", place, Place, FROM)
-        terms = self.system.kinematics.spot_terms(self.system.spot(place))
-        return np.asarray(sum(c * rows[a] for a, c in terms))
+        return self._states.velocity(place)[0]
 
     def coordinate(self, joint: Joint | str, name: str | None = None) -> float:
         """Angle (rad, the principal value) or displacement (m) of a joint.
@@ -142,15 +250,11 @@ class View:
         InputError
             If there is no such joint or coordinate, or it has several components.
         """
-        return float(self._reading(joint, name).value(self.y))
+        return float(self._states.coordinate(joint, name)[0])
 
     def rate(self, joint: Joint | str, name: str | None = None) -> float:
         """Rate of :meth:`coordinate` (rad/s, m/s)."""
-        moving = rates(self.system, self.v[None], np.array([self.time]))[0]
-        return float(self._reading(joint, name).rate(self.y, moving))
-
-    def _reading(self, joint: Joint | str, name: str | None) -> _Reading:
-        return _reading(self.system, self._readings, joint, name)
+        return float(self._states.rate(joint, name)[0])
 
     def reaction(self, joint: Joint | str) -> tuple[Floats, Floats]:
         """Force and moment (N, N m) of a joint on its side b.
@@ -160,7 +264,7 @@ class View:
         steps, they are those of the equations of motion here.
         """
         name = joint_of(self.system, joint).name or ""
-        t, turns, y = self.time, self.state.turns, self.y[None]
+        t, turns, y = self.time, self.state.turns, self._states.y
         found = one_sided(t, self._points())
         if found is None:
             lam = accelerations(self.system, self.q, self.v, t, turns)[1][None]
@@ -171,28 +275,15 @@ class View:
 
     def kinetic_energy(self) -> float:
         """Of the velocity v (J)."""
-        if self._motion is not None:
-            return float(self._motion.kinetic)
-        v = self.v.reshape(-1, 3)
-        return float(0.5 * (v * self.system.inertia.dot(v)).sum())
+        return float(self._states.kinetic_energy()[0])
 
     def energy(self) -> float:
         """Kinetic energy, and that stored in beams and force elements (J)."""
-        found = None if self._motion is None else self._motion.stored
-        stored = float(diagnostics.strain_energy(self.system, self.q) if found is None else found)
-        if self.system.couplings.count:
-            turns = None if self.state.turns is None else self.state.turns[None]
-            q, t = self.q[None], np.array([self.time])
-            stored += float(diagnostics.coupling_energy(self.system, q, t, turns)[0])
-        return self.kinetic_energy() + stored
+        return float(self._states.energy()[0])
 
     def strain_of(self, beam: Beam, s: float) -> Floats:
         """Strains (6,) ``(Gamma, K)`` of a beam at an arc length (m) of the reference."""
-        if not is_beam(beam):
-            raise InputError("argument beam", f"is of type {type(beam).__name__}, expected a Beam")
-        return np.asarray(
-            diagnostics.evaluate(self.system, beam, self.q, *beam.along([s])).strain[0]
-        )
+        return self._states.strain_of(beam, s)[0]
 
     def sensor(self, sensor: Sensor) -> Floats:
         """What a sensor sees here.
@@ -207,91 +298,7 @@ class View:
             raise InputError(
                 "sensor", f"{type(sensor).__name__} needs several states, which events do not have"
             )
-        given = np.array([self.time]), self.q[None]
-        if sensor.derivative:
-            return np.asarray(_seen_rates(self.system, *given, self.v[None], sensor)[0])
-        turns = None if self.state.turns is None else self.state.turns[None]
-        return np.asarray(_seen(self.system, *given, self.state.p[None], turns, sensor)[0])
-
-
-class Views:
-    """Several states of a run as conditions see them together, as far as steps in one go have them.
-
-    Parameters
-    ----------
-    system : System
-    time : (k,) array
-        (s)
-    q, p : (k, n) array
-        Configurations and momenta.
-    turns : (k, angles) array
-        Full turns of the angles of force elements.
-    motions : callable, optional
-        As of a :class:`View`, asked first.
-    readings : dict, optional
-        Of joint coordinates, as of a :class:`View`.
-    """
-
-    def __init__(
-        self,
-        system: System,
-        time: Floats,
-        q: Floats,
-        p: Floats,
-        turns: IndexArray | None = None,
-        motions: Motions | None = None,
-        readings: dict[tuple[str, str | None], _Reading] | None = None,
-    ) -> None:
-        self.system, self.time, self.q, self._p, self._turns = system, time, q, p, turns
-        self._motion = None if motions is None else partial(motions, q, p)
-        self._readings = {} if readings is None else readings
-
-    @cached_property
-    def _found(self) -> Motion:
-        found = None if self._motion is None else self._motion()
-        if found is not None:
-            return found
-        v = diagnostics.Projection(self.system).velocities(self.q, self._p, self.time)
-        return Motion(v, diagnostics.kinetic_energy_of_velocity(self.system, v), None)
-
-    @property
-    def v(self) -> Floats:
-        """Velocities (k, n) on the hidden constraints."""
-        return self._found.v
-
-    def kinetic_energy(self) -> Floats:
-        """See :class:`View` (k,)."""
-        return self._found.kinetic
-
-    def energy(self) -> Floats:
-        """See :class:`View` (k,)."""
-        stored = self._found.stored
-        stored = diagnostics.strain_energy(self.system, self.q) if stored is None else stored
-        if self.system.couplings.count:
-            given = self.system, self.q, self.time, self._turns
-            stored = stored + diagnostics.coupling_energy(*given)
-        return self._found.kinetic + stored
-
-    @cached_property
-    def y(self) -> Floats:
-        """All rows (k, total, 3)."""
-        return all_rows(self.system, self.q, self.time)
-
-    def coordinate(self, joint: Joint | str, name: str | None = None) -> Floats:
-        """See :class:`View` (k,)."""
-        return _reading(self.system, self._readings, joint, name).value(self.y)
-
-    def rate(self, joint: Joint | str, name: str | None = None) -> Floats:
-        """See :class:`View` (k,)."""
-        moving = rates(self.system, self.v, self.time)
-        return _reading(self.system, self._readings, joint, name).rate(self.y, moving)
-
-    def sensor(self, sensor: Sensor) -> Floats:
-        """See :class:`View` (k, ...)."""
-        given = self.system, self.time, self.q
-        if sensor.derivative:
-            return _seen_rates(*given, self.v, sensor)
-        return _seen(*given, self._p, self._turns, sensor)
+        return np.asarray(self._states.sensor(sensor)[0])
 
 
 def _reading(
@@ -335,24 +342,6 @@ class _Reading:
         """At all rows and their rates (..., total, 3)."""
         slope = self._kind.slope(self._invariants.values(y))
         return np.asarray((slope @ self._invariants.rates(y, ydot)[..., None])[..., 0, 0, 0])
-
-
-def _seen(
-    system: System, t: Floats, q: Floats, p: Floats, turns: IndexArray | None, sensor: Sensor
-) -> Floats:
-    """What a sensor without forces sees at states q (k, n), times t (k,)."""
-    return sensor.values(system, window_of(system, t, q, p, turns))
-
-
-def _seen_rates(system: System, t: Floats, q: Floats, v: Floats, sensor: Sensor) -> Floats:
-    """Rates of what it sees, for velocities v (k, n): central differences along the motion."""
-    speed = abs(v).max(axis=1, initial=0.0)
-    s = np.divide(1e-5 * system.length, speed, out=np.full(len(t), 1e-5), where=speed > 0)
-    ends = np.concatenate([t + np.where(t > s, -s, 0.0), t + np.where(t > s, s, 2 * s)])
-    moved = np.tile(q, (2, 1)) + (ends - np.tile(t, 2))[:, None] * np.tile(v, (2, 1))
-    before, after = np.split(_seen(system, ends, moved, 0 * moved, None, sensor), 2)
-    over = ends[len(t) :] - ends[: len(t)]
-    return np.asarray((after - before) / over.reshape(-1, *[1] * (after.ndim - 1)))
 
 
 # -- sensors: what is recorded at every step while whole states are recorded now and then ----------
@@ -533,7 +522,7 @@ class SensorPosition(Sensor):
             return x
         rows = all_rows(system, window.q, window.t)
         first = system.row_of(self.frame)
-        origin = _place_positions(system, self.frame, rows)
+        origin = spot(system, self.frame, rows)
         return np.einsum("kic,kc->ki", rows[:, first + 1 : first + 4], x - origin)
 
 
@@ -755,7 +744,7 @@ class _Point(Attached):
         if self.beam is not None:
             return self.section.values(system, window.q).position[:, 0]
         assert self.place is not None
-        return _place_positions(system, self.place, all_rows(system, window.q, window.t))
+        return spot(system, self.place, all_rows(system, window.q, window.t))
 
     @property
     def section(self) -> SectionPlaces:
@@ -764,12 +753,6 @@ class _Point(Attached):
             vars(self)["_places"] = SectionPlaces(self.beam, self._elements, self._xi)
             assert self._places is not None
         return self._places
-
-
-def _place_positions(system: System, place: Place, rows: Floats) -> Floats:
-    """Where a place is (k, 3), for all rows (k, total, 3)."""
-    terms = system.kinematics.spot_terms(system.spot(place))
-    return np.asarray(sum(c * rows[:, a] for a, c in terms))
 
 
 class SensorBank:

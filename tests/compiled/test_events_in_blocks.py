@@ -24,7 +24,7 @@ from skfem_cosserat import Stepper
 from skfem_cosserat.integrators import compiled_step
 from skfem_cosserat.run import step_size
 from skfem_cosserat.run.events import TimedValue, comes_near, dip
-from skfem_cosserat.run.sensors import Views
+from skfem_cosserat.run.sensors import States
 
 from helpers_kernels import INTEGRATORS, TREATMENTS  # isort: skip
 
@@ -438,19 +438,26 @@ def test_conditions_see_the_same_together(kernels, sprung):
     system, rod = swinging_rod(sprung)
     history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), H, 0.1)
     rows = slice(3, 20)
-    views = Views(system, history.times[rows], history["q"][rows], history["carried"][rows])
+    states = States(system, history.times[rows], history["q"][rows], history["carried"][rows])
     for name, condition in looking(rod, level=0.5).items():
         condition.check(system)
         each = [
             condition.value(sc.View(system, sc.State(t, k, q, p)))
             for k, (t, q, p) in enumerate(
-                zip(views.time, views.q, history["carried"][rows], strict=True)
+                zip(states.time, states.q, history["carried"][rows], strict=True)
             )
         ]
-        assert condition._values(views) == pytest.approx(each, rel=1e-12, abs=1e-12), name
+        found = sc.Event(condition).values(states)
+        assert found == pytest.approx(each, rel=1e-12, abs=1e-12), name
     users = sc.SensorQuantity(lambda system, q, t: q[:, 0])
-    assert sc.ConditionSensor(users, 0.0)._values(views) is None
-    assert sc.ConditionReaction("hinge", 1.0)._values(views) is None
+    assert sc.Event(sc.ConditionSensor(users, 0.0)).values(states) is None
+    assert sc.Event(sc.ConditionReaction("hinge", 1.0)).values(states) is None
+
+    class Late(sc.ConditionTime):
+        def value(self, view):
+            return view.time - 2 * self.time
+
+    assert sc.Event(Late(1.0)).values(states) is None
 
 
 def test_numbers_that_come_near_to_zero():
