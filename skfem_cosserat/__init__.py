@@ -14,6 +14,9 @@ _ANSWER = "answer(model, quantities, tolerance, until)"
 #: names of older versions, and what to take instead
 _GONE = {
     "Asynchronous": "Explicit(rounds=...), whose steps are those of the stiffest element",
+    "Adapted": f"{_ANSWER}, which finds the mesh, too",
+    "Advice": f"{_ANSWER} and its simpler()",
+    "StepAdvice": f"{_ANSWER}, which finds the step, too",
     "adapt": f"{_ANSWER}, which finds the mesh, too",
     "advise": f"{_ANSWER} and its simpler()",
     "advise_step": f"{_ANSWER}, which finds the step, too",

@@ -471,9 +471,8 @@ def refine(
         module.
     folder : path-like, optional
         Keep the result of each level here as soon as it is there. The same call finds them again,
-        after an interruption too, also with more levels or other quantities; with another problem
-        (its code, bound arguments and the numbers it takes from its module, not what it calls) or
-        version of the package it is refused.
+        after an interruption too, also with more levels or other quantities. How a level is known
+        again is in :func:`run_all`: an edited problem needs another folder.
     retry : bool
         Solve levels again that are kept as failed.
     progress : bool or callable

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import os
 import pickle
 import re
@@ -12,21 +13,16 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import (
-    BrokenExecutor,
-    CancelledError,
-    Future,
-    ProcessPoolExecutor,
-    as_completed,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures import Executor as FuturesExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from itertools import count, islice
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
 from pathlib import Path
+from queue import SimpleQueue
 from subprocess import TimeoutExpired
 from types import FrameType, FunctionType
 from typing import Any, Protocol, runtime_checkable
@@ -36,8 +32,8 @@ from ..errors import CosseratWarning, Diverged, InputError, JobError, Performanc
 from ..export import prepare_folder
 from ..frames import Item
 from ..history import History
-from ..model import Model, System
 from ..run.progress import Interrupt, Progress
+from ..types import whole
 from ..version import VERSION
 from ..warn import Notices, counted, logger, repeat, warn
 
@@ -183,9 +179,7 @@ def done(job: Job) -> Outcome:
         value = job.function(*job.args, **job.kwargs)
     seconds, error = time.perf_counter() - start, caught.error
     text = "" if error is None else _text(error)
-    if isinstance(error, SystemExit):
-        error = JobError(job.name, f"it called sys.exit({error.code!r})")
-    elif error is not None and not isinstance(error, Exception):
+    if error is not None and not isinstance(error, Exception):  # as of sys.exit
         error = JobError(job.name, f"it raised {in_words(error)}")
     return Outcome(job.name, value, error, seconds, text, notices.kept())
 
@@ -257,35 +251,23 @@ class TimeLimit:
 
     def __enter__(self) -> TimeLimit:
         self._begun = time.monotonic()
-        if self._alarm and self.seconds is not None:
+        if self._alarm:
             self._before = signal.signal(signal.SIGALRM, self._stop)
-            signal.setitimer(signal.ITIMER_REAL, self.seconds)
+            signal.setitimer(signal.ITIMER_REAL, self.seconds or 0.0)
         return self
 
-    def _stop(self, number: int, frame: FrameType | None) -> None:
-        raise self._error()
-
-    def _error(self) -> TimedOut:
-        return TimedOut(f"not done within {self.seconds:g} s")
+    def _stop(self, number: int = 0, frame: FrameType | None = None) -> None:
+        raise TimedOut(f"not done within {self.seconds:g} s")
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         if self._alarm:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._before)
-        elif kind is None and self.seconds is not None and self._late():
-            raise self._error()
-
-    def _late(self) -> bool:
-        return self.seconds is not None and time.monotonic() - self._begun > self.seconds
+        elif kind is None and time.monotonic() - self._begun > (self.seconds or math.inf):
+            self._stop()
 
 
 # -- there and back: pickled jobs and outcomes, functions by reference -----------------------------
-
-#: what to do about a function
-ADVICE = (
-    "write functions with def at the top level of an importable module (parameters by"
-    " functools.partial), give loads a Table, or run with executor=None"
-)
 
 
 def run_sent(name: str, sent: bytes) -> bytes:
@@ -297,17 +279,19 @@ def run_sent(name: str, sent: bytes) -> bytes:
         Of the job.
     sent : bytes
     """
-    outcome, working = None, Caught()
+    job: Any = None
+    reading, lost = Caught(), JobError(name, "it was interrupted")
+    with reading:
+        job = pickle.loads(sent)
     try:
-        with working, _interruptible():
-            outcome = done(pickle.loads(sent))
+        if reading.error is None:
+            outcome = done(job)
+        else:
+            why = f"it cannot be read in the worker process ({in_words(reading.error)})"
+            lost = JobError(name, f"{why}: what it refers to must be importable there")
+            outcome = Outcome(name, error=lost, traceback=_text(reading.error))
     except KeyboardInterrupt:
-        outcome = Outcome(name, error=JobError(name, "it was interrupted"))
-    if outcome is None:
-        assert working.error is not None
-        what = f"it cannot be read in the worker process ({in_words(working.error)})"
-        lost = JobError(name, f"{what}: what it refers to must be importable there")
-        outcome = Outcome(name, error=lost, traceback=_text(working.error))
+        outcome = Outcome(name, error=lost)
     sending, data = Caught(), b""
     with sending:
         data = pickle.dumps(outcome, pickle.HIGHEST_PROTOCOL)
@@ -316,34 +300,30 @@ def run_sent(name: str, sent: bytes) -> bytes:
     if sending.error is None:
         return data
     kind = f"value, of type {type(outcome.value).__name__}"
-    kind = kind if outcome.ok else f"error, {in_words(outcome.error or sending.error)}"
+    kind = kind if outcome.error is None else f"error, {in_words(outcome.error)}"
     lost = JobError(name, f"its {kind}, cannot travel between processes: {in_words(sending.error)}")
-    text = outcome.traceback or _text(sending.error)
-    return pickle.dumps(Outcome(name, None, lost, outcome.seconds, text, outcome.warnings))
+    where = outcome.traceback or _text(sending.error)
+    return pickle.dumps(replace(outcome, value=None, error=lost, traceback=where))
 
 
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Ctrl-C reaches the job, where workers without one ignore it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+class _Noting(pickle.Pickler):
+    """Keeps what it takes apart, one after the other."""
+
+    noted: list[Any]
+
+    def reducer_override(self, value: Any) -> Any:
+        """Pickle it as usual."""
+        self.noted.append(value)
+        return NotImplemented
 
 
-def _received(name: str, data: bytes) -> Outcome:
-    """The outcome that came back."""
-    outcome, reading = None, Caught()
-    with reading:
-        outcome = pickle.loads(data)
-    if isinstance(outcome, Outcome):
-        return outcome
-    why = "" if reading.error is None else f": {in_words(reading.error)}"
-    return Outcome(name, error=JobError(name, f"what it gave cannot be read back{why}"))
+def _stuck(value: Any) -> list[Any]:
+    """What pickle came to until it failed, the last stands in the way; empty if it did not fail."""
+    pickler, trial = _Noting(io.BytesIO(), pickle.HIGHEST_PROTOCOL), Caught()
+    pickler.noted = [value]
+    with trial:
+        pickler.dump(value)
+    return pickler.noted if trial.error else []
 
 
 def _sent(job: Job) -> bytes:
@@ -352,52 +332,29 @@ def _sent(job: Job) -> bytes:
     Raises
     ------
     InputError
-        Naming what stands in the way.
+        Naming what stands in the way, and the item or argument that has it.
     """
     sending, data = Caught(), b""
     with sending:
         data = pickle.dumps(job, pickle.HIGHEST_PROTOCOL)
     if sending.error is None:
         return data
-    named = {"function": job.function}
-    named |= {f"argument {k + 1}": value for k, value in enumerate(job.args)}
-    named |= {f"argument {name}": value for name, value in job.kwargs.items()}
-    stuck = [item for item in named.items() if not _travels(item[1])] or list(named.items())
-    where, value = _culprit(stuck[0][1], stuck[0][0])
-    kind = getattr(value, "__qualname__", None)
-    what = f"{kind!r}" if kind else f"an object of type {type(value).__name__!r}"
-    text = f"{what} cannot be sent to another process: {ADVICE}"
-    raise InputError(f"job {job.name!r}, {where}", text) from sending.error
-
-
-def _travels(value: Any) -> bool:
-    trial = Caught()
-    with trial:
-        pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
-    return trial.error is None
-
-
-def _culprit(value: Any, where: str) -> tuple[str, Any]:
-    """The smallest part of something that cannot be pickled, and the item that has it."""
-    if isinstance(value, Item) and not isinstance(value, type):
-        where = value.label
-    parts: list[Any] = []
-    if isinstance(value, System):
-        parts = list(value.__reduce__()[1])
-    elif isinstance(value, Model):
-        parts = [value[name] for name in value]
-    elif isinstance(value, Mapping):
-        parts = list(value.values())
-    elif isinstance(value, list | tuple | set | frozenset):
-        parts = list(value)
-    elif isinstance(value, partial):
-        parts = [value.func, *value.args, *value.keywords.values()]
-    elif type(value).__module__.startswith(__name__.split(".", maxsplit=1)[0]):
-        parts = list(vars(value).values())
-    for part in parts:
-        if not _travels(part):
-            return _culprit(part, where)
-    return where, value
+    parts = {"function": job.function}
+    parts |= {f"argument {k + 1}": value for k, value in enumerate(job.args)}
+    parts |= {f"argument {name}": value for name, value in job.kwargs.items()}
+    where, noted = next(
+        ((where, noted) for where, part in parts.items() if (noted := _stuck(part))), ("", [job])
+    )
+    items = (each for each in reversed(noted) if isinstance(each, Item) and _stuck(each))
+    where, stuck = next((item.label for item in items), where), noted[-1]
+    name = getattr(stuck, "__qualname__", None)
+    what = f"{name!r}" if name else f"an object of type {type(stuck).__name__!r}"
+    raise InputError(
+        f"job {job.name!r}, {where}",
+        f"{what} cannot be sent to another process: write functions with def at the top level of an"
+        " importable module (parameters by functools.partial), give loads a Table, or run with"
+        " executor=None",
+    ) from sending.error
 
 
 # -- worker processes ------------------------------------------------------------------------------
@@ -415,7 +372,7 @@ _STARTING = threading.Lock()
 
 
 def _prepared() -> None:
-    """In a worker: Ctrl-C ends jobs, and no worker; it ends with the process that started it."""
+    """In a worker: Ctrl-C ends simulations, and no worker; it ends with the process it is for."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_follow, daemon=True).start()
 
@@ -432,7 +389,8 @@ class Processes(FuturesExecutor):
     """An executor of worker processes on this machine, each for one job at a time.
 
     Workers are started when they are needed, as new Python processes ("spawn"), and kept. If one is
-    killed, others are started for what comes after.
+    killed, others are started for what comes after. Used as a context it ends them; those at work
+    are ended too if the block raises.
 
     Parameters
     ----------
@@ -464,11 +422,9 @@ class Processes(FuturesExecutor):
     """
 
     def __init__(self, workers: int | None = None, threads: int | None = 1) -> None:
-        for name, value in (("workers", workers), ("threads", threads)):
-            if value is not None and (type(value) is not int or value < 1):
-                raise InputError(f"argument {name}", f"{value!r}, expected a positive integer")
-        self.workers = workers or os.cpu_count() or 1
-        self.threads = threads
+        workers = (os.cpu_count() or 1) if workers is None else workers
+        self.workers = whole("argument workers", workers, 1)
+        self.threads = None if threads is None else whole("argument threads", threads, 1)
         self._pool = self._made()
 
     def _made(self) -> ProcessPoolExecutor:
@@ -494,98 +450,86 @@ class Processes(FuturesExecutor):
         self._pool.shutdown(wait, cancel_futures=cancel_futures)
 
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> bool | None:
-        self.shutdown(cancel_futures=kind is not None)
+        if kind is not None:  # nobody will ask for what is under way
+            for process in list((self._pool._processes or {}).values()):
+                process.terminate()
+        self.shutdown()
         return None
 
 
 @contextmanager
 def _environment(threads: int | None) -> Iterator[None]:
     """The environment that a process starts with: a copy of our own at that moment."""
-    if threads is None:
-        yield
-        return
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, str(threads)))
+    names = () if threads is None else THREADS
+    before = {name: os.environ[name] for name in names if name in os.environ}
+    os.environ.update(dict.fromkeys(names, str(threads)))
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for name in names:
+            del os.environ[name]
+        os.environ.update(before)
 
 
 # -- outcomes in a folder, so that a killed study goes on ------------------------------------------
 
 
 class _Naming(pickle.Pickler):
-    """Takes functions by their names, whatever they are."""
+    """Takes functions inside others by name, line and what they have from around them."""
 
     def reducer_override(self, value: Any) -> Any:
-        """A name in place of a function."""
-        if isinstance(value, FunctionType):
-            return str, (f"{value.__module__}.{value.__qualname__}",)
-        return NotImplemented
+        """What stands for such a function."""
+        if not isinstance(value, FunctionType) or "<" not in value.__qualname__:
+            return NotImplemented
+        name = f"{value.__module__}.{value.__qualname__} {value.__code__.co_firstlineno}"
+        cells = [cell.cell_contents for cell in value.__closure__ or ()]
+        return str, (name,), [cells, value.__defaults__, value.__kwdefaults__]
 
 
-class _Store:
-    """A folder of outcomes, one file each."""
+def _path(folder: Path, job: Job) -> Path:
+    """File of a job: its name, made readable, and a sum of its pickled form and our version."""
+    memory, naming = io.BytesIO(), Caught()
+    with naming:
+        _Naming(memory, pickle.HIGHEST_PROTOCOL).dump((VERSION, job))
+    if naming.error is not None:
+        raise InputError(
+            f"job {job.name!r}",
+            f"has arguments that cannot be recognised in a later run ({naming.error}): use plain"
+            " data and functions, or folder=None",
+        ) from naming.error
+    digest = hashlib.sha256(memory.getvalue()).hexdigest()[:12]
+    readable = re.sub(r"[^\w.+-]+", "_", job.name)[:80]
+    return folder / f"{readable}.{digest}.case"
 
-    def __init__(self, folder: Path) -> None:
-        prepare_folder(folder)
-        self.folder = folder
 
-    def path(self, job: Job) -> Path:
-        """File of a job: its name, made readable, and a sum of all that it is called with."""
-        memory, naming = io.BytesIO(), Caught()
-        what = VERSION, job.name, job.function, job.args, job.kwargs
-        with naming:
-            _Naming(memory, pickle.HIGHEST_PROTOCOL).dump(what)
-        if naming.error is not None:
-            raise InputError(
-                f"job {job.name!r}",
-                f"has arguments that cannot be recognised in a later run ({naming.error}): use"
-                " plain data and functions, or folder=None",
-            ) from naming.error
-        digest = hashlib.sha256(memory.getvalue()).hexdigest()[:12]
-        readable = re.sub(r"[^\w.+-]+", "_", job.name)[:80]
-        return self.folder / f"{readable}.{digest}.case"
-
-    def read(self, job: Job) -> Outcome | None:
-        """The outcome that is kept, if there is one that can be read."""
-        path, outcome, reading = self.path(job), None, Caught()
-        if not path.exists():
-            return None
-        with reading:
-            outcome = pickle.loads(path.read_bytes())
-        if isinstance(outcome, Outcome):
-            return outcome
-        text = f"cannot be read ({reading.error}): the job is run again"
-        warn(f"file {str(path)!r}", text, PerformanceWarning)
+def _kept(path: Path) -> Outcome | None:
+    """The outcome in a file, if there is one that can be read."""
+    outcome, reading = None, Caught()
+    if not path.exists():
         return None
+    with reading:
+        outcome = pickle.loads(path.read_bytes())
+    if isinstance(outcome, Outcome):
+        return outcome
+    text = f"cannot be read ({reading.error}): the job is run again"
+    warn(f"file {str(path)!r}", text, PerformanceWarning)
+    return None
 
-    def write(self, job: Job, outcome: Outcome) -> None:
-        """Keep an outcome that another run would have too: at once or not at all."""
-        if isinstance(outcome.error, JobError) or outcome.status == "interrupted":
-            return
-        pickling, data = Caught(), b""
-        with pickling:
-            data = pickle.dumps(outcome, pickle.HIGHEST_PROTOCOL)
-        if pickling.error is not None:
-            raise InputError(
-                f"job {job.name!r}",
-                f"gave what cannot be kept in a file ({pickling.error}): give numbers, arrays or a"
-                " History, or take folder=None",
-            ) from pickling.error
-        path = self.path(job)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            part.write_bytes(data)
-            part.replace(path)
-        except OSError as error:
-            item = f"folder {str(self.folder)!r}"
-            raise InputError(item, f"cannot be written: {error.strerror}") from error
+
+def _write(path: Path, outcome: Outcome) -> None:
+    """Keep an outcome that another run would have too: at once or not at all."""
+    if isinstance(outcome.error, JobError) or outcome.status == "interrupted":
+        return
+    part, writing = path.with_name(f".{path.name}.{os.getpid()}.part"), Caught()
+    with writing:
+        part.write_bytes(pickle.dumps(outcome, pickle.HIGHEST_PROTOCOL))
+        part.replace(path)
+    if writing.error is not None:
+        raise InputError(
+            f"folder {str(path.parent)!r}",
+            f"what job {outcome.name!r} gave cannot be kept in it ({in_words(writing.error)}):"
+            " give numbers, arrays or a History, or take folder=None",
+        ) from writing.error
 
 
 # -- run a list of jobs, here or through an executor -----------------------------------------------
@@ -618,7 +562,7 @@ def run_all(
 
     A job that fails does not disturb the others: look at ``outcome.error``, or call
     ``outcome.result()``, which raises it. Warnings of a job are kept in ``outcome.warnings``, and
-    given here with its name when it is done.
+    given here with its name when all are done.
 
     Parameters
     ----------
@@ -633,9 +577,10 @@ def run_all(
     folder : path-like, optional
         Made if needed. Each outcome is written there as soon as it is there, failures too, and jobs
         whose outcomes are there already are not run; not written are jobs that did not run, lost
-        their worker or were interrupted by Ctrl-C. A job is known by its name, the name of its
-        function and its arguments: take another folder when a function has changed. Files are
-        pickled: read only what you wrote.
+        their worker or were interrupted by Ctrl-C. A job is known by its name, its arguments
+        and the module and name of its function (one inside another function by its line and what it
+        takes from there, too): take another folder when a function, or a number that it takes from
+        its module, has changed. Files are pickled: read only what you wrote.
     retry : bool
         Run jobs again that have failed in the folder.
     progress : bool or callable
@@ -670,12 +615,12 @@ def run_all(
     step, if its process got the Ctrl-C too), and what there is is returned; jobs that did not run
     have a :class:`JobError`. A second one raises KeyboardInterrupt, with the outcomes so far as
     its attribute ``outcomes``. So has the first warning of a job where warnings are errors, raised
-    after all jobs.
+    after all jobs. A ``ProcessPoolExecutor`` has one job more than workers, which starts.
 
-    A worker that is killed makes its job fail with a :class:`JobError`. With :class:`Processes` all
-    jobs that were not done by then run again, one at a time, so that only the one to blame fails. A
-    ``ProcessPoolExecutor`` is broken after that: all unfinished jobs fail. Dask tries the job again
-    some times.
+    A worker that is killed makes its job fail with a :class:`JobError`. With :class:`Processes` the
+    jobs that ran at that time run again after the others, one at a time, so that only the one to
+    blame fails. A ``ProcessPoolExecutor`` is broken after that: all unfinished jobs fail. Dask
+    tries the job again some times.
 
     Start one thread a worker: with several processes, threads of BLAS and numba only disturb each
     other. :class:`Processes` sees to it; for other executors set ``OPENBLAS_NUM_THREADS=1`` (or
@@ -700,82 +645,73 @@ def run_all(
     >>> [len(outcome.result()) for outcome in sc.run_all(jobs)]
     [11, 11, 11]
     """
-    jobs = list(jobs)
-    names = [job.name for job in jobs]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError("argument jobs", f"two jobs are called {name!r}")
+    by_name: dict[str, Job] = {}
+    for job in jobs:
+        if job.name in by_name:
+            raise InputError("argument jobs", f"two jobs are called {job.name!r}")
+        by_name[job.name] = job
     if isinstance(executor, type) or not isinstance(executor, Executor | None):
         raise InputError(
             "argument executor",
             f"{executor!r}, expected None or an object with submit(), such as Processes(2)",
         )
-    store = None if folder is None else _Store(Path(folder))
-    kept: dict[str, Outcome] = {}
-    if store is not None:
-        stored = {job.name: store.read(job) for job in jobs}
-        kept = {name: each for name, each in stored.items() if each and (each.ok or not retry)}
-    missing = {job.name: job for job in jobs if job.name not in kept}
+    outcomes = {name: Outcome(name, error=JobError(name, CANCELLED)) for name in by_name}
+    paths: dict[str, Path] = {}
+    missing = by_name
+    if folder is not None:
+        prepare_folder(Path(folder))
+        paths = {name: _path(Path(folder), job) for name, job in by_name.items()}
+        found = {name: _kept(path) for name, path in paths.items()}
+        outcomes |= {name: each for name, each in found.items() if each and (each.ok or not retry)}
+        missing = {name: job for name, job in by_name.items() if outcomes[name] is not found[name]}
     sent = {} if executor is None else {name: _sent(job) for name, job in missing.items()}
-    results, raised = dict(kept), list[CosseratWarning]()
+    number = count(len(by_name) - len(missing) + 1)
     begun = time.monotonic()
-    with Progress(progress, _line) as show:
+    with Progress(progress, "{} of {} jobs done, last {.name!r}".format) as show:
 
         def keep(outcome: Outcome) -> None:
-            results[outcome.name] = outcome
-            if store is not None:
-                store.write(missing[outcome.name], outcome)
+            outcomes[outcome.name] = outcome
+            if paths:
+                _write(paths[outcome.name], outcome)
             if check is not None:
                 check(outcome)
-            try:
-                if tell:
-                    repeat(outcome.warnings, f"job {outcome.name!r}, ")
-            except CosseratWarning as warning:  # an error, if the user wants it so: after all jobs
-                raised.append(warning)
-            show(len(results), len(jobs), outcome)
+            show(next(number), len(by_name), outcome)
 
         if check is not None:
-            for outcome in kept.values():
-                check(outcome)
+            for name in by_name.keys() - missing.keys():
+                check(outcomes[name])
         try:
             if executor is None:
                 _run_here(missing.values(), keep)
             else:
-                _run_there(sent, executor, results, keep)
+                _run_there(sent, executor, keep)
         except KeyboardInterrupt as error:
-            error.outcomes = _in_order(names, results)  # type: ignore[attr-defined]
+            error.outcomes = [*outcomes.values()]  # type: ignore[attr-defined]
             raise
-    outcomes = _in_order(names, results)
+    elapsed = time.monotonic() - begun
     try:
+        for name, outcome in outcomes.items() if tell else ():
+            repeat(outcome.warnings, f"job {name!r}, ")
         if executor is not None:
-            _judge([results[name] for name in missing if name in results], time.monotonic() - begun)
-    except CosseratWarning as warning:
-        raised.append(warning)
-    if raised:
-        raised[0].outcomes = outcomes  # type: ignore[attr-defined]
-        raise raised[0]
-    return outcomes
+            _judge([outcomes[name] for name in missing], elapsed)
+    except CosseratWarning as warning:  # an error, if the user wants it so
+        warning.outcomes = [*outcomes.values()]  # type: ignore[attr-defined]
+        raise
+    return [*outcomes.values()]
 
 
 def _judge(outcomes: Sequence[Outcome], elapsed: float) -> None:
     """Say if the jobs would have been done sooner one after the other."""
-    alone = sum(outcome.seconds for outcome in outcomes if outcome.seconds >= 0)
-    if elapsed > alone + WORTH and all(outcome.seconds >= 0 for outcome in outcomes):
+    alone = sum(outcome.seconds for outcome in outcomes)
+    if (
+        elapsed > alone + WORTH
+    ):  # never where one was lost: nobody knows how long it would have taken
         text = (
             f"{len(outcomes)} jobs took {elapsed:.2g} s with it, but no more than {alone:.2g} s in"
             " themselves: one after the other in this process (executor=None) they would be done"
             " sooner. Starting workers takes half a second; executors that stay open do it once"
         )
         warn("argument executor", text, PerformanceWarning)
-
-
-def _line(done: int, count: int, outcome: Outcome) -> str:
-    return f"{done} of {count} jobs done, last {outcome.name!r}"
-
-
-def _in_order(names: Iterable[str], results: Mapping[str, Outcome]) -> list[Outcome]:
-    """All outcomes; jobs without one were not run."""
-    return [results.get(name, Outcome(name, error=JobError(name, CANCELLED))) for name in names]
 
 
 def _run_here(jobs: Iterable[Job], keep: Callable[[Outcome], None]) -> None:
@@ -787,74 +723,74 @@ def _run_here(jobs: Iterable[Job], keep: Callable[[Outcome], None]) -> None:
 
 
 def _run_there(
-    sent: Mapping[str, bytes],
-    executor: Executor,
-    results: Mapping[str, Outcome],
-    keep: Callable[[Outcome], None],
+    sent: Mapping[str, bytes], executor: Executor, keep: Callable[[Outcome], None]
 ) -> None:
-    """Run pickled jobs by an executor; those that a broken pool has lost again, one at a time."""
-    futures: dict[str, Any] = {}
-    again = isinstance(executor, Processes)
-    try:
-        try:
-            for name, data in sent.items():
-                futures[name] = _submitted(executor, name, data)
-            lost = _collect(futures, keep, again)
-            for name in lost:
-                futures[name] = _submitted(executor, name, sent[name])
-                _collect({name: futures[name]}, keep, False)
-        except KeyboardInterrupt:
-            logger.info("interrupted: no further job is started, those running are waited for")
-            left = {name: each for name, each in futures.items() if name not in results}
-            _cancel(left)
-            _collect(left, keep, False)
-    finally:
-        _cancel({name: each for name, each in futures.items() if name not in results})
+    """Run pickled jobs by an executor.
 
-
-def _submitted(executor: Executor, name: str, data: bytes) -> Any:
-    """A future; one that has failed where the executor takes nothing any more."""
-    try:
-        return executor.submit(run_sent, name, data)
-    except (RuntimeError, OSError) as error:  # broken by a job before, or closed
-        future: Future[Any] = Future()
-        future.set_exception(error)
-        return future
-
-
-def _collect(futures: Mapping[str, Any], keep: Callable[[Outcome], None], again: bool) -> list[str]:
-    """Keep outcomes as they come, or in order where futures are not those of Python.
-
-    With `again` names of jobs that a broken pool has lost are given instead of an outcome.
+    Workers of ours have one job each: none is started after Ctrl-C, and one that is killed takes no
+    more with it than what runs at the same time. That runs again, one job at a time.
     """
-    lost, names = [], {id(future): name for name, future in futures.items()}
-    own = all(isinstance(future, Future) for future in futures.values())
-    for future in as_completed(futures.values()) if own else futures.values():
-        name, answer, waiting = names[id(future)], None, Caught()
-        with waiting:  # jobs raise nothing: this is about the executor
-            answer = future.result()
-        if answer is not None:
-            keep(_received(name, answer))
-        elif again and isinstance(waiting.error, BrokenExecutor):
-            lost.append(name)
-        else:
-            keep(_lost(name, waiting.error))
-    return lost
+    futures: dict[str, Any] = {}
+    ready: SimpleQueue[str] = SimpleQueue()
+    names, alone = list(sent), False
+    try:
+        while names:
+            room = executor.workers if isinstance(executor, Processes) else len(names)
+            room, rest, lost = 1 if alone else room, iter(names), []
+            while True:
+                for name in islice(rest, room - len(futures)):
+                    futures[name] = _submitted(executor, name, sent[name], ready)
+                if not futures:
+                    break
+                name = ready.get()
+                outcome = _outcome(name, futures[name])
+                del futures[name]
+                broken = isinstance(getattr(outcome.error, "__cause__", None), BrokenExecutor)
+                if broken and not alone and isinstance(executor, Processes):
+                    lost.append(name)
+                else:
+                    keep(outcome)
+            names, alone = lost, True
+    except KeyboardInterrupt:
+        logger.info("interrupted: no further job is started, those running are waited for")
+        for future in futures.values():
+            future.cancel()
+        for name, future in list(futures.items()):
+            keep(_outcome(name, future))
+            del futures[name]
+    finally:
+        for future in futures.values():
+            future.cancel()
 
 
-def _cancel(futures: Mapping[str, Any]) -> None:
-    for future in futures.values():
-        future.cancel()
+def _submitted(executor: Executor, name: str, data: bytes, ready: SimpleQueue[str]) -> Any:
+    """A future; its job is ready when it is done, or at once where it cannot tell that."""
+    try:
+        future = executor.submit(run_sent, name, data)
+    except (RuntimeError, OSError) as error:  # broken by a job before, or closed
+        future = Future()
+        future.set_exception(error)
+    if hasattr(future, "add_done_callback"):
+        future.add_done_callback(lambda _: ready.put(name))
+    else:
+        ready.put(name)
+    return future
 
 
-def _lost(name: str, error: BaseException | None) -> Outcome:
-    """What the executor says instead of an answer."""
+def _outcome(name: str, future: Any) -> Outcome:
+    """What came back, or what the executor says instead of it."""
+    outcome, waiting = None, Caught()
+    with waiting:  # jobs raise nothing: this is about the executor
+        outcome = pickle.loads(future.result())
+    if isinstance(outcome, Outcome):
+        return outcome
+    error = waiting.error
     if isinstance(error, BrokenExecutor):
         what = f"its worker process ended before it answered ({error})"
     elif isinstance(error, CancelledError):
         what = CANCELLED
     else:
-        what = "the executor gave no answer" + (f": {in_words(error)}" if error else "")
+        what = "no answer came back" + (f": {in_words(error)}" if error else "")
     lost = JobError(name, what)
     lost.__cause__ = error
     return Outcome(name, error=lost)

@@ -291,25 +291,6 @@ def test_a_sensor_that_sees_nothing_ends_the_run_before_its_first_step(value, tm
     assert not (tmp_path / "run").exists()
 
 
-CONSTANT = 1.0
-
-
-def constant_by_size(elements):
-    return CONSTANT + 1 / elements**2
-
-
-def test_a_study_whose_constants_have_changed_is_another_study(tmp_path, monkeypatch):
-    """Numbers at the top of a script were no part of the problem: old results came back."""
-    study = {"elements": (4, 8, 16, 32), "folder": tmp_path / "study"}
-    first = sc.refine(constant_by_size, **study)
-    assert sc.refine(constant_by_size, **study).errors["value"].tolist() == pytest.approx(
-        first.errors["value"], rel=1e-12
-    )
-    monkeypatch.setitem(globals(), "CONSTANT", 2.0)
-    with pytest.raises(sc.InputError, match="cases of another study: problem"):
-        sc.refine(constant_by_size, **study)
-
-
 def test_a_study_of_a_function_that_calls_itself(tmp_path):
     """A RecursionError came out, if it was made inside another function."""
 
