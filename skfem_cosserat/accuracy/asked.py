@@ -59,11 +59,11 @@ class Component(Quantity):
         self.sensor, self.component = sensor, _whole("Component", component)
 
     def sensors(self) -> dict[str, Sensor]:
-        """See the base class."""
+        """One, under the name of the quantity."""
         return {"": self.sensor}
 
     def values(self, name: str, run: Run) -> Reading:
-        """See the base class."""
+        """The component over time, or at the end of a path."""
         whole = run.seen(name, self.sensor)
         column = _column(name, whole, self.component)
         return Reading(column[0] if whole.times is None else column, whole.times)
@@ -98,11 +98,11 @@ class Maximum(Quantity):
         self.component = None if component is None else _whole("Maximum", component)
 
     def sensors(self) -> dict[str, Sensor]:
-        """See the base class."""
+        """One, under the name of the quantity."""
         return {"": self.sensor}
 
     def values(self, name: str, run: Run) -> Reading:
-        """See the base class."""
+        """The largest value of the run."""
         whole = run.seen(name, self.sensor)
         rows = np.atleast_1d(whole.values).reshape(
             1 if whole.times is None else len(whole.times), -1
@@ -142,7 +142,7 @@ def _column(name: str, whole: Reading, component: int) -> Floats:
 
 
 class _Sampled(Quantity):
-    """What a sensor sees, over time."""
+    """Values of a sensor, over time."""
 
     def __init__(self, sensor: Sensor) -> None:
         self.sensor = sensor
@@ -155,7 +155,7 @@ class _Sampled(Quantity):
 
 
 class _TimeOf(Quantity):
-    """When an event happens first; NaN if it does not."""
+    """Time (s) at which an event happens first; NaN if it does not."""
 
     def __init__(self, event: Event) -> None:
         self.event = event
@@ -197,7 +197,7 @@ class _Function(Quantity):
 
 
 def _arguments(function: Callable[..., Any]) -> int:
-    """How many arguments it needs."""
+    """Number of arguments that a function needs."""
     try:
         parameters = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):  # some written in C do not say
@@ -235,11 +235,11 @@ class Run:
 
     @property
     def at_rest(self) -> bool:
-        """Whether it is a path of equilibria."""
+        """True for a path of equilibria."""
         return "load_factor" in self.history
 
     def seen(self, name: str, sensor: Sensor) -> Reading:
-        """What a sensor sees over time; of a path at its end, unless its factor stands for time."""
+        """Values of a sensor over time; of a path at its end, unless its factor stands for time."""
         if not self.at_rest:
             record = self.history.sensors[name]
             finite = np.isfinite(record.values.reshape(len(record.times), -1)).all(axis=1)
@@ -330,7 +330,7 @@ class Asked:
 
     @property
     def needs_states(self) -> bool:
-        """Whether functions or series are asked for, which see recorded states alone."""
+        """True if functions or series are asked for, which see recorded states alone."""
         return any(isinstance(each, _Function) for each in self.wanted.values())
 
     def events(self, copies: Replacements | None) -> list[Event]:
@@ -351,7 +351,7 @@ def _positive(name: str, value: Any) -> float:
 
 
 def _quantity(name: str, given: Any) -> Quantity:
-    """What stands for what a user asks."""
+    """The quantity that a user's sensor, condition, event, name or function stands for."""
     if isinstance(given, Quantity):
         return given
     if isinstance(given, Sensor):

@@ -136,7 +136,7 @@ class Scene:
 
     @property
     def order(self) -> int:
-        """Of errors by the step."""
+        """Order of errors by the step."""
         return self.integrator.order
 
     def begin(self, system: System, nudge: float = 0.0) -> State:

@@ -1,4 +1,4 @@
-"""What a scene does not need: suggested by numbers of one run, tried by one run each."""
+"""Parts that a scene does not need: suggested by numbers of one run, tried by one run each."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ KINDS = {"shear": (0, 1), "extension": (2,), "bending": (3, 4), "torsion": (5,)}
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
 class Simpler:
-    """What a scene does not need; result of :meth:`Answer.simpler`.
+    """Parts that a scene does not need; result of :meth:`Answer.simpler`.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class Simpler:
 
 
 class _Trial(NamedTuple):
-    """What may be left out, and why."""
+    """A part that may be left out, and the numbers that suggest it."""
 
     left_out: str
     because: str

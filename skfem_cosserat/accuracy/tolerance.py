@@ -99,7 +99,7 @@ class Answer:
     _of: tuple[Scene, Run, Case] | None
 
     def simpler(self) -> Simpler:
-        """What the scene does not need; see :class:`~skfem_cosserat.accuracy.Simpler`.
+        """Try which parts of the scene can be left out; see :class:`~skfem_cosserat.accuracy.Simpler`.
 
         Raises
         ------
@@ -403,7 +403,7 @@ class _Search:
         return errors, min(orders)
 
     def doubt(self, case: Case, coarse: Run, fine: Run, error: float) -> str:
-        """Why shorter steps do not help: runs part faster than errors fall, or they do not fall."""
+        """Reason why shorter steps do not help: chaos, or errors that do not fall; empty: they help."""
         if self.seen.setdefault(case.steps, error) != error or error < 1:
             return ""  # only the mesh has changed, or little is missing
         falls = [later < 2 * before / 3 for before, later in pairwise(self.seen.values())]
@@ -428,7 +428,7 @@ class _Search:
         return ""
 
     def within(self, distances: Mapping[str, tuple[Floats, Floats]], factor: float = 1.0) -> float:
-        """Up to which time (s) distances, times a factor, are within all tolerances."""
+        """Time (s) up to which distances, times a factor, are within all tolerances."""
         ends = []
         for name, (t, gap) in distances.items():
             beyond = np.flatnonzero(factor * gap > self.tolerance[name])
@@ -436,7 +436,7 @@ class _Search:
         return float(min(ends))
 
     def stuck(self, case: Case) -> str:
-        """Why no finer case is tried."""
+        """Reason why no finer case is tried."""
         if self.best is None and self.error is not None:
             return f"no run came to its end: {type(self.error).__name__}: {self.error}"
         return f"more than {MOST_STEPS} steps or {MOST_PARTS} times the poorest mesh are needed"

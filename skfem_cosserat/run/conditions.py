@@ -113,7 +113,7 @@ class OfStates(Condition):
 
     @property
     def of_the_user(self) -> bool:
-        """Whether functions of users are asked, which are to see no state after an event."""
+        """True if functions of users are asked, which are to see no state after an event."""
         return False
 
 
@@ -173,7 +173,7 @@ class ConditionCoordinate(OfStates):
             vars(self)["period"] = 2 * np.pi  # of a joint that may be given by its name
 
     def values(self, states: States) -> Floats:
-        """See the base class; angles are away from the level by the shortest way."""
+        """Distances from the level; of angles by the shortest way."""
         if self.rate:
             return states.rate(self.joint, self.coordinate) - self.level
         away = states.coordinate(self.joint, self.coordinate) - self.level

@@ -99,15 +99,15 @@ class States:
         return rates(self.system, self.v, self.time)
 
     def position(self, place: Place) -> Floats:
-        """Of a place (k, 3) in m."""
+        """Positions of a place (k, 3) in m."""
         return spot(self.system, place, self.y)
 
     def velocity(self, place: Place) -> Floats:
-        """Of a place (k, 3) in m/s."""
+        """Velocities of a place (k, 3) in m/s."""
         return spot(self.system, place, self.ydot)
 
     def rotation(self, place: Place) -> Floats:
-        """Of the frame that carries a place (k, 3, 3): in its rows the directors."""
+        """Directors of the frame that carries a place, in the rows of (k, 3, 3)."""
         row = self.system.row_of(with_frame(place))
         return self.y[:, row + 1 : row + 4].copy()
 
@@ -120,7 +120,7 @@ class States:
         return _reading(self.system, self.readings, joint, name).rate(self.y, self.ydot)
 
     def kinetic_energy(self) -> Floats:
-        """Of the velocities v (k,) in J."""
+        """Kinetic energy of the velocities v (k,) in J."""
         return self._motion.kinetic
 
     def energy(self) -> Floats:
@@ -139,7 +139,7 @@ class States:
         return diagnostics.evaluate(self.system, beam, self.q, *beam.along([s])).strain[:, 0]
 
     def sensor(self, sensor: Sensor) -> Floats:
-        """What a sensor without forces sees (k, ...)."""
+        """Values (k, ...) of a sensor without forces."""
         if not sensor.derivative:
             window = window_of(self.system, self.time, self.q, self.p, self.turns)
             return sensor.values(self.system, window)
@@ -227,19 +227,19 @@ class View:
 
     @property
     def v(self) -> Floats:
-        """See the class."""
+        """Velocity (n,) on the hidden constraints."""
         return self._states.v[0]
 
     def position(self, place: Place) -> Floats:
-        """Of a place (3,) in m."""
+        """Position of a place (3,) in m."""
         return self._states.position(place)[0]
 
     def rotation(self, place: Place) -> Floats:
-        """Of the frame that carries a place (3, 3): in its rows the directors d1, d2, d3."""
+        """Directors d1, d2, d3 of the frame that carries a place, in the rows of (3, 3)."""
         return self._states.rotation(place)[0]
 
     def velocity(self, place: Place) -> Floats:
-        """Of a place (3,) in m/s."""
+        """Velocity of a place (3,) in m/s."""
         return self._states.velocity(place)[0]
 
     def coordinate(self, joint: Joint | str, name: str | None = None) -> float:
@@ -274,7 +274,7 @@ class View:
         return force[0], moment[0]
 
     def kinetic_energy(self) -> float:
-        """Of the velocity v (J)."""
+        """Kinetic energy of the velocity v (J)."""
         return float(self._states.kinetic_energy()[0])
 
     def energy(self) -> float:
@@ -286,7 +286,7 @@ class View:
         return self._states.strain_of(beam, s)[0]
 
     def sensor(self, sensor: Sensor) -> Floats:
-        """What a sensor sees here.
+        """Value of a sensor here.
 
         Raises
         ------
