@@ -99,7 +99,7 @@ class Answer:
     _of: tuple[Scene, Run, Case] | None
 
     def simpler(self) -> Simpler:
-        """Try which parts of the scene can be left out; see :class:`~skfem_cosserat.accuracy.Simpler`.
+        """Parts of the scene that can be left out: :class:`~skfem_cosserat.accuracy.Simpler`.
 
         Raises
         ------
