@@ -256,7 +256,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
     StorageError
         If the disk is full.
     """
-    from matplotlib.ticker import FixedLocator, LogFormatterSciNotation, LogLocator
+    from matplotlib.ticker import FixedLocator, LogFormatterSciNotation, LogLocator, NullFormatter
 
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         low, high = sorted(axis.get_view_interval())
@@ -265,6 +265,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
             # powers of ten alone would be one number, or two
             axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             axis.set_major_formatter(LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf)))
+            axis.set_minor_formatter(NullFormatter())
     if path is not None:
         check_folder(path)
         known = figure.canvas.get_supported_filetypes()

@@ -403,7 +403,7 @@ class _Search:
         return errors, min(orders)
 
     def doubt(self, case: Case, coarse: Run, fine: Run, error: float) -> str:
-        """Reason why shorter steps do not help: chaos, or errors that do not fall; empty: they help."""
+        """Reason why shorter steps do not help (chaos, errors that do not fall), or nothing."""
         if self.seen.setdefault(case.steps, error) != error or error < 1:
             return ""  # only the mesh has changed, or little is missing
         falls = [later < 2 * before / 3 for before, later in pairwise(self.seen.values())]
