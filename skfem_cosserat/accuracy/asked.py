@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..arguments import checked
 from ..diagnostics import forces_along
 from ..diagnostics.jumps import jumps
 from ..errors import CosseratError, InputError, failed
+from ..frames import Place
 from ..frozen import Attached, Replacements
 from ..history import History
 from ..model import Model, System
@@ -366,7 +368,7 @@ def _quantity(name: str, given: Any) -> Quantity:
     raise InputError(f"quantity {name!r}", f"{text} series, or a function of (history)")
 
 
-def attached(things: Iterable[Any]) -> list[Any]:
+def attached(things: Iterable[Any]) -> list[Place]:
     """All places of items that some things refer to."""
     places = _Places()
     for thing in things:
@@ -375,13 +377,19 @@ def attached(things: Iterable[Any]) -> list[Any]:
 
 
 class _Places(Replacements):
-    """Notes all places that are come across."""
+    """Notes all places that are come across, also in functions of users."""
 
     def __init__(self) -> None:
         super().__init__({})
-        self.found: list[Any] = []
+        self.found: list[Place] = []
+        self._functions: set[int] = set()
 
     def of(self, value: Any) -> Any:
-        if getattr(value, "item", None) is not None and hasattr(value, "vertex"):
+        if isinstance(value, Place) and value.item is not None:
             self.found.append(value)
+        if isinstance(value, FunctionType) and id(value) not in self._functions:
+            self._functions.add(id(value))
+            known = inspect.getclosurevars(value)
+            for each in (*known.nonlocals.values(), *known.globals.values()):
+                self.of(each)
         return super().of(value)

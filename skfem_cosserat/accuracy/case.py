@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ..beam import Beam
 from ..constraints import Multipliers, NullSpace
 from ..diagnostics import momentum
 from ..errors import InputError
+from ..frames import Place
 from ..frozen import Replacements
 from ..integrators import EnergyMomentum, Integrator, State
 from ..mesh import divided
@@ -215,7 +216,7 @@ class Scene:
         return run
 
 
-def _kept(beam: Beam, places: list[Any]) -> list[tuple[int, float]]:
+def _kept(beam: Beam, places: list[Place]) -> list[tuple[int, float]]:
     """Elements and reference coordinates of the nodes of a beam that places are at."""
     nodes = beam.basis.interpolation.nodes
     found = []

@@ -174,9 +174,9 @@ def answer(
     quantities : dict of str to quantity
         Sensors, which count at all steps; :class:`~skfem_cosserat.accuracy.Component` and
         :class:`~skfem_cosserat.accuracy.Maximum` of sensors; conditions and events, whose time (s)
-        is the value, and which act in the run; names of series (``"energy"``); functions of
-        ``(history)`` or ``(model, history)``, such as ``lambda model, path: sc.modes(model, path,
-        3).frequencies``.
+        is the value, and which act in the run (functions in them may have places of `model`); names
+        of series (``"energy"``); functions of ``(history)`` or ``(model, history)``, such as
+        ``lambda model, path: sc.modes(model, path, 3).frequencies``.
     tolerance : float or dict of str to float
         Largest error, in the unit of each quantity; of a vector its Euclidean length. Infinite: the
         quantity is not judged, as of an event that only has to act.

@@ -164,7 +164,7 @@ def _anew(
 ) -> System:
     items = system.structures, joints, loads, drives, system.couplings.items, system.dampings
     with Notices(system.warnings) as notices:
-        out = _checked(System(*items, placed))
+        out = _checked(System(*items, placed, copies=system.copies))
         out = out if system.plane is None else out.within(system.plane)
         if out.immovable is not None:  # a run goes on as far as it can
             warn(*out.immovable, ModelWarning)
@@ -219,6 +219,7 @@ class Model:
 
     def __init__(self) -> None:
         self._items: dict[str, Item] = {}
+        self._copies: Replacements | None = None
         self._system: System | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -319,7 +320,10 @@ class Model:
         return self.rebuilt(items)[0]
 
     def rebuilt(self, items: Mapping[str, StructuralItem]) -> tuple[Model, Replacements]:
-        """As :meth:`with_items`, with what finds the copies of sensors and the like."""
+        """As :meth:`with_items`, with what finds the copies of sensors and the like.
+
+        Systems of it know places of this model, too: functions of users go on to have them.
+        """
         for name, item in items.items():
             old = self[name]
             if not all(is_beam(i) or isinstance(i, RigidBody) for i in (old, item)):
@@ -334,6 +338,7 @@ class Model:
         other = type(self)()
         for name in self:
             other.add(name, replacements.of(self[name]))
+        other._copies = replacements
         return other, replacements
 
     def freeze(self, planar: Planar | None = None) -> System:
@@ -385,6 +390,7 @@ class Model:
                 _couplings(items),
                 [i for i in items if isinstance(i, RayleighDamping)],
                 scene=dict(self._items),
+                copies=self._copies,
             )
             system = _checked(found) if planar is None else confined(_checked(found), planar)
             if system.immovable is not None:

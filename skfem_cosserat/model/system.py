@@ -21,7 +21,7 @@ from ..coupling import Coupling
 from ..damping import RayleighDamping
 from ..errors import InputError
 from ..frames import Item, Place, is_beam
-from ..frozen import lock_arrays
+from ..frozen import Replacements, lock_arrays
 from ..joint import Joint, JointDrive
 from ..load import Load
 from ..pattern import product_form, sum_at
@@ -118,10 +118,13 @@ class System:
         dampings: Sequence[RayleighDamping] = (),
         placed: Placed | None = None,
         scene: dict[str, Item] | None = None,
+        copies: Replacements | None = None,
     ) -> None:
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
         self.warnings: list[dict[str, Any]] = []
         self.scene = scene
+        #: finds what stands for places of the model that this scene was rebuilt from
+        self.copies = copies
         self.placed, self.since = placed, 0.0 if placed is None else placed.t
         self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
         self.drives, self.dampings = list(drives), list(dampings)
@@ -271,6 +274,9 @@ class System:
         """Number of a place's vertex, with its material coordinates."""
         offset = tuple(place.offset.tolist())
         if place.item is not None:
+            if id(place.item) not in self.first and self.copies is not None:
+                place = self.copies.of(place)
+                offset = tuple(place.offset.tolist())
             if id(place.item) not in self.first:
                 known = listed([i.label for i in self.structures])
                 raise InputError("place", f"{place.label} is not in this system, which has {known}")

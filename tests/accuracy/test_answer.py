@@ -149,6 +149,29 @@ def test_a_start_that_is_bent():
     assert np.ptp(found.values["end"], axis=0).max() < 2e-5
 
 
+def test_functions_have_places_of_the_model_that_was_given():
+    """A bar falls on a stop under its middle and bounces: by functions of the user's."""
+    model = sc.Model()
+    bar = rod(model, "bar", (0, 0, 1), (1, 0, 1), 0.05, STEEL)
+    start, middle = bar.node("bar.start"), bar.node((0.5, 0, 1))
+    model.add("hinge", sc.JointRevolute(sc.ground(start.position), start, axis=(0, 1, 0)))
+    weight(model)
+
+    def height(time, view):
+        return view.position(middle)[2] - 0.8
+
+    def bounce(time, view):
+        return sc.initial_state(view.system, q=view.q, v=-0.5 * view.v)
+
+    hit = sc.Event(height, bounce, direction=-1, name="hit")
+    found = sc.answer(model, {"hit": hit}, 1e-3, 0.5)
+    # a rigid bar: theta'' = 1.5 g cos(theta)/l from rest to sin(theta) = 0.4
+    angle = np.linspace(0, 1, 20001)[1:] ** 2 * np.arcsin(0.4)  # without the root at the start
+    rate = 1 / np.sqrt(3 * 9.81 * np.sin(angle))
+    exact = np.diff(angle) @ (rate[1:] + rate[:-1]) / 2
+    assert found.reached and float(found.values["hit"]) == pytest.approx(exact, abs=2e-3)
+
+
 # -- what cannot be reached ------------------------------------------------------------------------
 
 
