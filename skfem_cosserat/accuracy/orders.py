@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
+from scipy.special import exprel
 
 from ..arguments import checked
 from ..types import Array, Floats
@@ -16,15 +17,15 @@ from ..types import Array, Floats
 ROUNDING = 64 * float(np.finfo(float).eps)
 #: an error counts if it is so many times above rounding
 ABOVE = 100.0
-#: levels that it takes to trust an order, and those that give it
-LEVELS, FINEST = 4, 3
+#: levels that it takes to trust an order; all but one of them give it
+LEVELS = 4
 #: largest change of the order between the last pairs of levels, as if each level halved the size;
 #: relative to order 2 for higher ones
 CHANGE = 0.1
 #: largest change before that, in units of CHANGE: the order may still have been settling
 SETTLING = 4.0
 #: the order may be off by so many times its last change: changes that halve from pair to pair add
-#: up to one more, and a fit to three levels lies half of one behind
+#: up to one more
 DOUBT = 2.0
 #: cosine between errors (or differences) of neighbouring levels that point the same way
 ALIGNED = 0.9
@@ -53,14 +54,13 @@ class Convergence:
         Of `errors`: that of the extrapolated value, or the rounding; NaN where `errors` are hints.
     differences : (n,)
         Between each level and the next finer one; NaN for the finest.
-    pairwise : (k,)
-        Observed orders between neighbours, coarsest first: of the errors against a reference, of
-        the differences between levels without one. Levels at rounding give none.
     observed : (n,)
-        The same by level, each at the finest level that it rests on; NaN for levels without.
+        Orders between neighbours, each at the finest level that it rests on: of the errors against
+        a reference, of the differences between levels without one. NaN for levels without, such as
+        those at rounding.
     order, spread : float
-        Order of the three finest levels above rounding, and how far to trust it: twice the change
-        of the order from the pair before, and what rounding may do to it. NaN if not asymptotic.
+        Order of the last pair above rounding, and how far to trust it: twice the change of the
+        order from the pair before, and what rounding may do to it. NaN if not asymptotic.
     asymptotic : bool
         Whether errors fall as a power of the size, as far as the levels tell.
     verdict : str
@@ -68,7 +68,8 @@ class Convergence:
     extrapolated : array or None
         Richardson's value for size zero; None where the levels do not bear it.
     uncertainty : float
-        Of `extrapolated`, in the norm of the study.
+        Of `extrapolated`, in the norm of the study: what an order changes that is off by its
+        spread, or that is the next whole number, and what the level before says.
     rounding : float
         Below 100 times this an error says nothing about the order.
 
@@ -86,7 +87,6 @@ class Convergence:
     errors: Floats
     uncertainties: Floats
     differences: Floats
-    pairwise: Floats
     observed: Floats
     order: float
     spread: float
@@ -132,26 +132,59 @@ def convergence(
     Convergence
     """
     norm = euclidean if norm is None else norm
-    h = np.asarray(sizes, dtype=float)
-    good = [k for k, value in enumerate(values) if value is not None]
-    chosen = [np.asarray(values[k]) for k in good]
-    scale = max([norm(value) for value in chosen], default=0.0)
     relative = ROUNDING if rounding is None else rounding
-    if finest and len(good) > 1:
-        judged = good[:-1]
-        exact: Array | None = chosen[-1]
-        smallest = np.full(len(judged), h[good[-1]])
-    else:
-        judged, exact = good, reference
-        smallest = np.zeros(len(good))
-    if exact is None:
-        alone = _differences(h[good], chosen, norm, relative * scale)
-        return _result(h, good, chosen, norm, alone, alone, None)
-    size = max(scale, norm(exact))
-    offsets = [value - exact for value in chosen[: len(judged)]]
-    trend = _Trend(h[judged], smallest, offsets, norm, relative * size, scale=size)
-    among = _differences(h[good], chosen, norm, trend.floor)
-    return _result(h, good, chosen, norm, among, trend, exact)
+    good = np.array([k for k, value in enumerate(values) if value is not None], dtype=int)
+    chosen = [np.asarray(values[k]) for k in good]
+    every = np.asarray(sizes, dtype=float)
+    h, scale = every[good], max(map(norm, chosen), default=0.0)
+    finest = finest and len(good) > 1
+    exact, floor = chosen[-1] if finest else reference, relative * scale
+    trend = None
+    if exact is not None:
+        size = max(scale, norm(exact))
+        off = [value - exact for value in chosen][: len(h) - finest]
+        g = np.full(len(off), h[-1] if finest else 0.0)
+        trend = _Trend(h[: len(off)], g, off, norm, relative * size, size)
+        floor = trend.floor
+    among = _Trend(h[:-1], h[1:], [b - a for a, b in pairwise(chosen)], norm, floor, scale, True)
+    trend = trend or among
+    limit, uncertainty = _extrapolated(h, chosen, among, norm)
+
+    def by_level(numbers: object, levels: Array) -> Floats:
+        found = np.full(len(every), np.nan)
+        found[levels] = numbers
+        return found
+
+    if exact is not None:
+        errors = [norm(each - exact) for each in chosen]
+        own = np.nan if limit is None else norm(limit - exact)
+        doubt = own if finest else trend.floor
+    elif limit is not None:
+        errors, doubt = [norm(each - limit) for each in chosen], uncertainty
+    else:  # hints: the finest level has none
+        finer = [[norm(a - b) for b in chosen[k:]] for k, a in enumerate(chosen, 1)]
+        errors, doubt = [max(each, default=np.nan) for each in finer], np.nan
+    verdict = f"order {trend.order:.2f} +- {max(trend.spread, 0.005):.2f} ({trend.finest})"
+    if trend.reason:
+        verdict = trend.reason
+        if exact is not None and limit is not None:
+            verdict += f"; the levels converge (order {among.order:.2f}) to a value {own:.2g} from"
+            verdict += " the reference"
+    first = 1 + trend.between
+    return Convergence(
+        sizes=every,
+        errors=by_level(errors, good),
+        uncertainties=by_level(doubt, good),
+        differences=by_level(among.sizes, good[:-1]),
+        observed=by_level(trend.pairs, good[first : first + len(trend.pairs)]),
+        order=trend.order,
+        spread=trend.spread,
+        asymptotic=not trend.reason,
+        verdict=verdict,
+        extrapolated=limit,
+        uncertainty=uncertainty,
+        rounding=trend.floor,
+    )
 
 
 def euclidean(difference: Array) -> float:
@@ -159,17 +192,33 @@ def euclidean(difference: Array) -> float:
     return float(np.linalg.norm(difference))
 
 
-def _differences(h: Floats, values: list[Array], norm: Norm, floor: float) -> _Trend:
-    """What the levels say of each other."""
-    steps = [b - a for a, b in pairwise(values)]
-    scale = max([norm(value) for value in values], default=0.0)
-    return _Trend(h[:-1], h[1:], steps, norm, floor, scale=scale, between=True)
+def _extrapolated(
+    h: Floats, values: list[Array], trend: _Trend, norm: Norm
+) -> tuple[Array | None, float]:
+    """Value for size zero with its uncertainty, if the differences between levels bear one."""
+    if trend.reason or trend.cosine < ALIGNED:
+        return None, np.nan
+
+    def at_zero(n: int, p: float) -> Array:
+        """Richardson's value from levels n - 1 and n with order p."""
+        factor = 1 / np.expm1(p * np.log(h[n - 1] / h[n]))
+        return values[n] + factor * (values[n] - values[n - 1])
+
+    n, (before, p) = trend.used, trend.pairs[-2:]
+    value = at_zero(n, p)
+    # orders of methods are whole numbers: two pairs that agree on another one do so by chance
+    doubt = max(trend.spread, abs(p - round(p)))
+    others = [at_zero(n - 1, before), at_zero(n, max(p - doubt, p / 2))]
+    uncertainty = max(norm(value - each) for each in others)
+    if n < len(values) - 1:  # finer levels differ by rounding only
+        value = values[-1]
+        uncertainty = max(norm(value - each) for each in values[n:])
+    return value, max(uncertainty, trend.floor)
 
 
 # -- a sequence of errors or differences ----------------------------------------------------------
 
 
-@dataclass
 class _Trend:
     """Errors whose k-th is C (h_k^p - g_k^p), with the order p that is looked for.
 
@@ -177,247 +226,102 @@ class _Trend:
     finer one (`between`).
     """
 
-    h: Floats
-    g: Floats
-    vectors: list[Array]
-    norm: Norm
-    floor: float
-    scale: float
-    between: bool = False
-    sizes: Floats = field(init=False)
-    used: int = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.sizes = np.array([self.norm(vector) for vector in self.vectors])
-        e = self.sizes
-        stalled = (e[1:] > STALLED * e[:-1]) & (e[1:] < STALLED_SIZE * self.scale)
-        if stalled.any():
-            self.floor = max(self.floor, float(e[1:][stalled].max()))
+    def __init__(
+        self,
+        h: Floats,
+        g: Floats,
+        vectors: list[Array],
+        norm: Norm,
+        floor: float,
+        scale: float,
+        between: bool = False,
+    ) -> None:
+        self.h, self.vectors, self.scale, self.between = h, vectors, scale, between
+        self.sizes = e = np.array([norm(vector) for vector in vectors])
+        stalled = (e[1:] > STALLED * e[:-1]) & (e[1:] < STALLED_SIZE * scale)
+        self.floor = float(max(floor, e[1:][stalled].max(initial=0.0)))
         above = e > ABOVE * self.floor
         self.used = len(e) if above.all() else int(np.argmin(above))
         self.again = bool(above[self.used :].any())
+        self.relative = bool(g.any())
+        pairs = (slice(k, k + 2) for k in range(self.used - 1))
+        self.pairs = np.array([_order(e[two], h[two], g[two]) for two in pairs])
+        cosines = [
+            _cosine(a, b) for a, b in pairwise(vectors[max(self.used - LEVELS, 0) : self.used])
+        ]
+        self.cosine = float(np.min(cosines, initial=np.inf))
+        self.order = self.spread = np.nan
+        self.reason = self._judged()
+
+    def _judged(self) -> str:
+        """Why there is no order (empty: there is one, which is set with its spread)."""
+        pairs, levels = self.pairs, len(self.sizes) + self.between
+        if self.relative and levels > 1 and not self.sizes.any():
+            return "no order: all levels are identical, nothing depends on their size"
+        shown = ", ".join(f"{p:.2g}" if abs(p) < 1 else f"{p:.3g}" for p in pairs[-4:])
+        seen = f": pairwise order{'s' * (len(pairs) > 1)} {shown}" if len(pairs) else ""
+        if levels < LEVELS:
+            return "fewer than four levels" + seen
+        if self.used + self.between < LEVELS and not self.again:
+            return f"at rounding: no order ({self.counted})"
+        wandering = f"not in the asymptotic range{seen}{self._hint()}"
+        if self.again:
+            return f"{wandering}; below rounding and above it again"
+        if not np.isfinite(pairs).all() or pairs[-1] <= 0:
+            return wandering
+        logs = np.log2(self.h[: self.used])
+        halvings = (logs[:-2] - logs[2:]) / 2
+        changes = (abs(np.diff(pairs)) / np.minimum(halvings, 1.0))[2 - LEVELS :]
+        order = pairs[-1]
+        allowed = CHANGE * max(1.0, order / 2)
+        if order < 3 * allowed or changes[-1] > allowed or changes.max() > SETTLING * allowed:
+            return wandering
+        if self.vectors[0].size == 1 and self.cosine < 0:
+            return f"{wandering}; the sign of the error changes"
+        if self.between and len(pairs) < LEVELS - 1 and self.cosine < ALIGNED:
+            turning = "differences between levels do not point the same way"
+            return f"{wandering}; {turning}, which takes five levels"
+        noise = self.floor / self.sizes[self.used - 1] / np.log(self.h[-2] / self.h[-1])
+        self.order, self.spread = float(order), float(DOUBT * changes[-1] + noise)
+        return ""
+
+    def _hint(self) -> str:
+        """In words, where what wanders may be rounding above what it was taken for."""
+        relative = self.sizes[self.used - 1] / self.scale if self.used else 1.0
+        if relative > STALLED_SIZE:
+            return ""
+        return f" (down to {relative:.1e} of the value: if that is rounding, declare it)"
 
     @property
-    def levels(self) -> int:
-        """How many levels are above rounding."""
-        return self.used + (self.between and self.used > 0)
+    def counted(self) -> str:
+        """How many errors count, in words."""
+        what = "differences between levels" if self.between else "errors"
+        return f"{self.used} of {len(self.sizes)} {what} above 100 x rounding"
 
     @property
-    def all_levels(self) -> int:
-        """How many levels there are."""
-        return len(self.sizes) + self.between
-
-    def pairwise(self) -> Floats:
-        """Orders between neighbours above rounding."""
-        return np.array([_pair(self, k) for k in range(self.used - 1)])
-
-    def order(self) -> float:
-        """Of the three finest levels above rounding: least squares of the logarithms."""
-        last = slice(self.used - (FINEST - self.between), self.used)
-        if self.between:
-            return _pair(self, self.used - 2)
-        e, h, g = np.log(self.sizes[last]), self.h[last], self.g[last]
-
-        def misfit(p: float) -> float:
-            return float(np.var(e - np.log(h**p - g**p)))
-
-        pairs = [_pair(self, k) for k in range(self.used - FINEST + 1, self.used - 1)]
-        low, high = max(min(pairs), 1e-3), max(*pairs, 2e-3)
-        if high - low < 1e-9:
-            return high
-        found = minimize_scalar(misfit, bounds=(low, high), method="bounded")
-        return float(found.x)
-
-    def cosines(self) -> Floats:
-        """Between the vectors of neighbours, the last three pairs above rounding."""
-        chosen = self.vectors[max(self.used - LEVELS, 0) : self.used]
-        return np.array([_cosine(a, b) for a, b in pairwise(chosen)])
+    def finest(self) -> str:
+        """Levels that the order rests on, in words."""
+        levels = len(self.sizes) + self.between
+        some = "" if self.used == len(self.sizes) else f", {self.counted}"
+        return f"three finest of {COUNTS.get(levels, levels)} levels{some}"
 
 
-def _pair(trend: _Trend, k: int) -> float:
-    """Order p with e_k/e_k+1 = (h_k^p - g_k^p)/(h_k+1^p - g_k+1^p)."""
-    ratio = np.log(trend.sizes[k] / trend.sizes[k + 1])
-    (ha, hb), (ga, gb) = trend.h[k : k + 2], trend.g[k : k + 2]
-    if ga == 0.0 and gb == 0.0:
-        return float(ratio / np.log(ha / hb))
+def _order(e: Floats, h: Floats, g: Floats) -> float:
+    """Order p of two errors that are as h^p - g^p."""
+    ratio = np.log(e[0] / e[1])
+    if not g.any():
+        return float(ratio / np.log(h[0] / h[1]))
+    logs = np.log(h / g)
 
     def excess(p: float) -> float:
-        return p * np.log(ga / gb) + _log_power(p, ha / ga) - _log_power(p, hb / gb) - ratio
+        powers = p * np.log(g) + np.log(logs * exprel(p * logs))  # log((h^p - g^p)/p)
+        return float(powers[0] - powers[1] - ratio)
 
     if excess(LOWEST) * excess(HIGHEST) > 0:
         return float(np.copysign(np.inf, -excess(LOWEST)))
     return float(brentq(excess, LOWEST, HIGHEST, xtol=1e-12))
 
 
-def _log_power(p: float, ratio: float) -> float:
-    """Logarithm of (ratio^p - 1)/p, which is that of log(ratio) for p = 0."""
-    x = np.log(ratio)
-    if abs(p * x) < 1e-8:
-        return float(np.log(x) + p * x / 2)
-    return float(np.log(np.expm1(p * x) / p))
-
-
 def _cosine(a: Array, b: Array) -> float:
-    product = abs(np.linalg.norm(a) * np.linalg.norm(b))
+    product = np.linalg.norm(a) * np.linalg.norm(b)
     return float(np.real(np.vdot(a, b)) / product) if product else np.nan
-
-
-# -- verdict ---------------------------------------------------------------------------------------
-
-
-def _judged(trend: _Trend) -> tuple[float, float, str]:
-    """Order, spread, and why there is no order (empty: there is one)."""
-    if trend.g.any() and trend.all_levels > 1 and not trend.sizes.any():
-        return np.nan, np.nan, "no order: all levels are identical, nothing depends on their size"
-    pairs = trend.pairwise()
-    if trend.all_levels < LEVELS:
-        return np.nan, np.nan, _with_pairs("fewer than four levels", pairs)
-    if trend.levels < LEVELS and not trend.again:
-        return np.nan, np.nan, f"at rounding: no order ({_above(trend)})"
-    wandering = _with_pairs("not in the asymptotic range", pairs) + _small(trend)
-    if trend.again:
-        return np.nan, np.nan, f"{wandering}; below rounding and above it again"
-    if not np.isfinite(pairs).all() or pairs[-1] <= 0:
-        return np.nan, np.nan, wandering
-    order = trend.order()
-    changes = _changes(trend, pairs[-FINEST:])
-    allowed = CHANGE * max(1.0, order / 2)
-    noise = trend.floor / trend.sizes[trend.used - 1]
-    spread = float(DOUBT * changes[-1] + noise / np.log(trend.h[-2] / trend.h[-1]))
-    if order < 3 * allowed or changes[-1] > allowed or changes.max() > SETTLING * allowed:
-        return np.nan, np.nan, wandering
-    cosines = trend.cosines()
-    if trend.vectors[0].size == 1 and cosines.min() < 0:
-        return np.nan, np.nan, f"{wandering}; the sign of the error changes"
-    if trend.between and len(pairs) < FINEST and cosines.min() < ALIGNED:
-        reason = "; differences between levels do not point the same way, which takes five levels"
-        return np.nan, np.nan, wandering + reason
-    return order, spread, ""
-
-
-def _changes(trend: _Trend, pairs: Floats) -> Floats:
-    """How the order changes from pair to pair; where sizes are not halved, as if they were."""
-    logs = np.log2(trend.h[: trend.used])[-len(pairs) - 1 :]
-    halvings = (logs[:-2] - logs[2:]) / 2
-    return np.asarray(abs(np.diff(pairs)) / np.minimum(halvings, 1.0))
-
-
-def _small(trend: _Trend) -> str:
-    """A hint, where what wanders may be rounding above what it was taken for."""
-    relative = trend.sizes[trend.used - 1] / trend.scale if trend.used else 1.0
-    if relative > STALLED_SIZE:
-        return ""
-    return f" (down to {relative:.1e} of the value: if that is rounding, declare it)"
-
-
-def _with_pairs(text: str, pairs: Floats) -> str:
-    if not len(pairs):
-        return text
-    shown = ", ".join(f"{p:.2g}" if abs(p) < 1 else f"{p:.3g}" for p in pairs[-4:])
-    return f"{text}: pairwise order{'s' if len(pairs) > 1 else ''} {shown}"
-
-
-def _above(trend: _Trend) -> str:
-    what = "differences between levels" if trend.between else "errors"
-    return f"{trend.used} of {len(trend.sizes)} {what} above 100 x rounding"
-
-
-def _finest(trend: _Trend) -> str:
-    count = COUNTS.get(trend.all_levels, trend.all_levels)
-    used = f"three finest of {count} levels"
-    return used if trend.used == len(trend.sizes) else f"{used}, {_above(trend)}"
-
-
-# -- value and errors ------------------------------------------------------------------------------
-
-
-def _extrapolated(
-    h: Floats, values: list[Array], trend: _Trend, norm: Norm
-) -> tuple[Array, float] | None:
-    """Value for size zero with its uncertainty, if the differences between levels bear one."""
-    _, spread, reason = _judged(trend)
-    if reason or trend.cosines().min() < ALIGNED:
-        return None
-    n = trend.levels - 1
-    p, before = _pair(trend, n - 2), _pair(trend, n - 3)
-    value = _at_zero(h, values, n, p)
-    uncertainty = norm(value - _at_zero(h, values, n - 1, before))
-    # orders of methods are whole numbers: two pairs that agree on another one do so by chance
-    doubt = max(spread, abs(p - round(p)))
-    lower = _at_zero(h, values, n, max(p - doubt, p / 2))
-    uncertainty = max(uncertainty, norm(value - lower))
-    if n < len(values) - 1:  # finer levels differ by rounding only
-        value = values[-1]
-        uncertainty = max(norm(value - each) for each in values[n:])
-    return value, max(uncertainty, trend.floor)
-
-
-def _at_zero(h: Floats, values: list[Array], n: int, p: float) -> Array:
-    """Richardson's value from levels n - 1 and n with order p."""
-    factor = 1 / np.expm1(p * np.log(h[n - 1] / h[n]))
-    return values[n] + factor * (values[n] - values[n - 1])
-
-
-def _result(
-    h: Floats,
-    good: list[int],
-    values: list[Array],
-    norm: Norm,
-    differences: _Trend,
-    trend: _Trend,
-    exact: Array | None,
-) -> Convergence:
-    order, spread, reason = _judged(trend)
-    limit = _extrapolated(h[good], values, differences, norm)
-    value, uncertainty = limit if limit is not None else (None, np.nan)
-    errors, doubts = np.full(len(h), np.nan), np.full(len(h), np.nan)
-    if exact is not None:
-        errors[good] = [norm(each - exact) for each in values]
-        known = exact is not values[-1]  # the finest level has an error of its own
-        doubts[good] = trend.floor if known else _off(value, exact, norm)
-    elif value is not None:
-        errors[good] = [norm(each - value) for each in values]
-        doubts[good] = uncertainty
-    else:
-        errors[good] = _hints(values, norm)
-    steps = np.full(len(h), np.nan)
-    steps[good[:-1]] = differences.sizes
-    if reason:
-        verdict = reason + _other_limit(differences, value, exact, norm)
-    else:
-        verdict = f"order {order:.2f} +- {max(spread, 0.005):.2f} ({_finest(trend)})"
-    pairs, observed = trend.pairwise(), np.full(len(h), np.nan)
-    first = 1 + trend.between
-    observed[good[first : first + len(pairs)]] = pairs
-    return Convergence(
-        sizes=h,
-        errors=errors,
-        uncertainties=doubts,
-        differences=steps,
-        pairwise=pairs,
-        observed=observed,
-        order=order,
-        spread=spread,
-        asymptotic=not reason,
-        verdict=verdict,
-        extrapolated=value,
-        uncertainty=uncertainty,
-        rounding=trend.floor,
-    )
-
-
-def _hints(values: list[Array], norm: Norm) -> list[float]:
-    """Largest differences from finer levels; the finest level has no hint."""
-    return [*(max(norm(a - b) for b in values[k + 1 :]) for k, a in enumerate(values[:-1])), np.nan]
-
-
-def _off(value: Array | None, exact: Array, norm: Norm) -> float:
-    return np.nan if value is None else norm(value - exact)
-
-
-def _other_limit(differences: _Trend, value: Array | None, exact: Array | None, norm: Norm) -> str:
-    """A reference that the levels do not converge to, though they do converge."""
-    if exact is None or value is None:
-        return ""
-    order, off = _judged(differences)[0], _off(value, exact, norm)
-    return f"; the levels converge (order {order:.2f}) to a value {off:.2g} from the reference"

@@ -19,7 +19,7 @@ from ..warn import sum_up, told
 from .chart import COSTS, Lines, Row, precision_chart
 from .orders import euclidean
 from .reading import OverTime, Quantities, Reading, aligned
-from .reference import Compared, Reference, reference_of_setups
+from .reference import Reference, reference_of
 from .run import Caught, Executor, Job, OnOutcome, Outcome, in_words, run_all
 from .setups import (
     Measured,
@@ -550,7 +550,7 @@ def work_precision(
     for 1e-04 in integral the cheapest is trapezoid, count = 100: 1.4e-05 in 0.0001 s
     """
     chosen = as_setups(setups)
-    truth, wanted = reference_of_setups(reference), Quantities(quantities, norm)
+    truth, wanted = reference_of(reference, levels=False), Quantities(quantities, norm)
     if isinstance(repeats, bool) or not isinstance(repeats, int | np.integer) or repeats < 1:
         raise InputError("argument repeats", f"{repeats!r}, expected a positive integer")
     if timeout_s is not None:
@@ -666,7 +666,7 @@ class _PrecisionStudy:
 
         size = self.wanted.norm(instants)
         shape = next(iter(values.values())).shape
-        exact, own = self.truth.of(Compared(name, values, instants, shape, size))
+        exact, own = self.truth.of(name, shape, instants, values, size)
         for label, value in values.items():
             if label in errors:
                 errors[label][name] = size(value - exact)
@@ -683,7 +683,7 @@ class _PrecisionStudy:
                     aligned(name, pair, self.wanted.over)
                 elif self.wanted.over is None:
                     value = sample[name].values if name in sample else np.empty(0)
-                    self.truth.of(Compared(name, {}, None, value.shape, euclidean))
+                    self.truth.of(name, value.shape, None, {}, euclidean)
             if comparing.error is not None:
                 self.failed[label] = "error", in_words(comparing.error)
                 del self.samples[label]

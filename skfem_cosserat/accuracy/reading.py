@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 
 from ..arguments import checked
@@ -73,8 +74,7 @@ class RootMeanSquare(OverTime):
         squares = _rows(difference) ** 2
         if len(instants) < 2:
             return float(np.sqrt(squares.mean()))
-        integral = np.diff(instants) @ (squares[1:] + squares[:-1]) / 2
-        return float(np.sqrt(integral / np.ptp(instants)))
+        return float(np.sqrt(trapezoid(squares, instants) / np.ptp(instants)))
 
 
 @checked
@@ -99,22 +99,22 @@ class AtInstants(MaximumOverTime):
 
     def __init__(self, times: Sequence[float]) -> None:
         self.times = np.atleast_1d(numbers("AtInstants", "times", times))
-        if not self.times.size or not np.isfinite(self.times).all():
-            raise InputError("AtInstants", f"times = {times!r}, expected finite numbers")
-        if (np.diff(self.times) <= 0).any():
-            raise InputError("AtInstants", f"times = {times!r}, expected increasing ones")
+        steps = np.diff(self.times, prepend=-np.inf)
+        if not self.times.size or not np.isfinite(self.times).all() or not (steps > 0).all():
+            text = f"times = {times!r}, expected finite numbers, each larger than the one before"
+            raise InputError("AtInstants", text)
 
     def select(self, instants: Floats) -> Floats:
         """The instants nearest to the times."""
-        span = max(float(np.ptp(instants)), abs(self.times).max()) if len(instants) else 1.0
-        for time in self.times:
-            if not len(instants) or abs(instants - time).min() > SAME * span:
-                raise InputError(
-                    "AtInstants",
-                    f"times holds {time:g}, which not all levels have recorded: choose steps that"
-                    " divide it",
-                )
-        return np.array([instants[abs(instants - time).argmin()] for time in self.times])
+        found = instants[rows_at(instants, self.times)]
+        missed = abs(found - self.times) > SAME * max(np.ptp(instants), abs(self.times).max())
+        if missed.any():
+            raise InputError(
+                "AtInstants",
+                f"times holds {self.times[missed][0]:g}, which not all levels have recorded:"
+                " choose steps that divide it",
+            )
+        return found
 
 
 def common_instants(times: Sequence[Floats]) -> Floats:
@@ -128,7 +128,7 @@ def common_instants(times: Sequence[Floats]) -> Floats:
     shared = times[0]
     for other in times[1:]:
         near = abs(shared - other[rows_at(other, shared)])
-        shared = shared[near <= SAME * max(float(np.ptp(other)), float(np.ptp(shared)))]
+        shared = shared[near <= SAME * max(np.ptp(other), np.ptp(shared))]
     return shared
 
 
@@ -140,14 +140,13 @@ def rows_at(times: Floats, instants: Floats) -> Array:
     >>> rows_at(np.array([0.0, 1.0, 2.0]), np.array([0.9, 2.0])).tolist()
     [1, 2]
     """
-    right = np.clip(np.searchsorted(times, instants), 1, max(1, len(times) - 1))
-    left = right - 1
-    right = np.minimum(right, len(times) - 1)
-    return np.where(instants - times[left] <= times[right] - instants, left, right)
+    return np.searchsorted((times[1:] + times[:-1]) / 2, instants)
 
 
 def _rows(difference: Array) -> Floats:
-    return np.asarray(np.linalg.norm(difference.reshape(len(difference), -1), axis=1))
+    """Euclidean norm of each row."""
+    flat = difference.reshape(len(difference), int(np.prod(difference.shape[1:])))
+    return np.asarray(np.linalg.norm(flat, axis=1))
 
 
 # -- what is looked at in the results of a study, level by level -----------------------------------
@@ -200,61 +199,17 @@ class Reading(NamedTuple):
             counts &= (t < first) | (t > last)
         gap = np.asarray(a.values)[counts] - b.at(t[counts])
         least = ROUNDING * np.abs(a.values).max(initial=0.0)
-        return t[counts], np.maximum(np.linalg.norm(gap.reshape(len(gap), -1), axis=1), least)
+        return t[counts], np.maximum(_rows(gap), least)
 
     def at(self, t: Floats) -> Array:
         """Values at instants (k,): its own, or between them by cubic splines."""
         assert self.times is not None
         times, first = np.unique(self.times, return_index=True)
         values = np.asarray(self.values)[first]
-        nearest = np.clip(np.searchsorted(times, t), 1, max(1, len(times) - 1))
-        nearest -= t - times[nearest - 1] < times[nearest] - t
-        if abs(times[nearest] - t).max(initial=0.0) <= 1e-9 * max(abs(times[-1]), times[1]):
+        nearest = rows_at(times, t)
+        if abs(times[nearest] - t).max(initial=0.0) <= SAME * max(abs(times[-1]), times[1]):
             return np.asarray(values[nearest])
         return np.asarray(CubicSpline(times, values)(t))
-
-
-class Quantity:
-    """What is looked at in results, under a name.
-
-    Parameters
-    ----------
-    name : str
-    given : callable or str
-        A function of a result, or the name of an entry of a mapping or of a series of a History.
-
-    Examples
-    --------
-    >>> Quantity("twice", lambda result: 2 * result).of_result(4.0)
-    8.0
-    """
-
-    def __init__(self, name: str, given: Any) -> None:
-        self.name, self.given = name, given
-
-    def of_result(self, result: Any, over_time: bool = False) -> Any:
-        """From a result of a study: over time, or at its end.
-
-        Raises
-        ------
-        InputError
-            If there is no such entry.
-        """
-        what = self.given
-        if not isinstance(what, str):
-            return what(result)
-        if isinstance(result, History):
-            return result[what] if over_time else result[what][-1]
-        if not isinstance(result, Mapping):
-            raise InputError(
-                f"quantity {what!r}",
-                f"is a name, but the problem gave a {type(result).__name__}, which has none:"
-                " expected a mapping or a History",
-            )
-        if what not in result:
-            known = names_known(what, result)
-            raise InputError(f"quantity {what!r}", f"unknown; {known}")
-        return result[what]
 
 
 class Quantities:
@@ -281,28 +236,25 @@ class Quantities:
                 f"{over!r}, expected MaximumOverTime(), RootMeanSquare() or AtInstants(times)",
             )
         self.over = over
-        self._given: list[Quantity] | None = None
+        self.given: dict[str, Any] | None = None
         if given is None:
             return
-        if isinstance(given, str) or not isinstance(given, Mapping | Sequence):
+        if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:
             raise InputError(
                 "argument quantities", f"{given!r}, expected names, or functions by name"
             )
-        named = dict(given) if isinstance(given, Mapping) else {name: name for name in given}
-        for name, what in named.items():
+        self.given = dict(given) if isinstance(given, Mapping) else {name: name for name in given}
+        for name, what in self.given.items():
             if not isinstance(name, str) or not (isinstance(what, str) or callable(what)):
                 raise InputError(
                     f"quantity {name!r}",
                     f"{what!r}, expected a function of the result or the name of an entry",
                 )
-        if not named:
-            raise InputError("argument quantities", f"{given!r}, expected at least one")
-        self._given = [Quantity(name, what) for name, what in named.items()]
 
     @property
     def names(self) -> list[str]:
         """Names, as far as known without a result."""
-        return [each.name for each in self._given or ()]
+        return list(self.given or ())
 
     def norm(self, instants: Floats | None) -> Norm:
         """Size of differences at these instants (None: not compared over time)."""
@@ -319,23 +271,33 @@ class Quantities:
         InputError
             If one of them is not in the result, or is no number or array.
         """
-        times = self._times(result, level) if self.over is not None else None
-        if self._given is None:
-            values = _all_entries(result)
-        else:
-            over = self.over is not None
-            values = {each.name: each.of_result(result, over) for each in self._given}
-        arrays = {name: _array(name, value, level) for name, value in values.items()}
-        for name, array in arrays.items():
-            if times is not None and (array.ndim == 0 or len(array) != len(times)):
+        times, given = self._times(result, level), self.given
+        if given is None:
+            if isinstance(result, History):
+                raise InputError(
+                    "argument quantities",
+                    "None, but the problem gives a History: say what is looked at, such as"
+                    ' quantities={"tip": lambda history: history["q"][-1, -12:-9]}',
+                )
+            named = isinstance(result, Mapping)
+            given = (
+                {str(k): k for k in result if k != TIMES} if named else {ONLY: lambda all_: all_}
+            )
+        found = {}
+        for name, what in given.items():
+            values = _array(name, _entry(what, result, times is not None), level)
+            if times is not None and values.shape[:1] != times.shape:
                 raise InputError(
                     f"quantity {name!r}",
-                    f"shape {array.shape} at {level}, expected one entry for each of the"
+                    f"shape {values.shape} at {level}, expected one entry for each of the"
                     f" {len(times)} states, as it is compared over time",
                 )
-        return {name: Reading(array, times) for name, array in arrays.items()}
+            found[name] = Reading(values, times)
+        return found
 
-    def _times(self, result: Any, level: str) -> Floats:
+    def _times(self, result: Any, level: str) -> Floats | None:
+        if self.over is None:
+            return None
         if isinstance(result, History):
             return result.times
         if isinstance(result, Mapping) and TIMES in result:
@@ -347,16 +309,21 @@ class Quantities:
         )
 
 
-def _all_entries(result: Any) -> dict[str, Any]:
+def _entry(what: Any, result: Any, over_time: bool) -> Any:
+    """A function of the result, or what it has under a name: over time, or at its end."""
+    if callable(what):
+        return what(result)
     if isinstance(result, History):
-        raise InputError(
-            "argument quantities",
-            "None, but the problem gives a History: say what is looked at, such as"
-            ' quantities={"tip": lambda history: history["q"][-1, -12:-9]}',
-        )
+        return result[what] if over_time else result[what][-1]
     if not isinstance(result, Mapping):
-        return {ONLY: result}
-    return {str(name): value for name, value in result.items() if name != TIMES}
+        raise InputError(
+            f"quantity {what!r}",
+            f"is a name, but the problem gave a {type(result).__name__}, which has none:"
+            " expected a mapping or a History",
+        )
+    if what not in result:
+        raise InputError(f"quantity {what!r}", f"unknown; {names_known(what, result)}")
+    return result[what]
 
 
 def _array(name: str, value: Any, level: str) -> Array:
@@ -388,20 +355,20 @@ def aligned(
     instants = None
     if over is not None:
         times = {level: np.asarray(sample[name].times) for level, sample in samples.items()}
-        instants = over.select(common_instants(list(times.values())))
-        if not len(instants):
+        shared = common_instants(list(times.values()))
+        if not len(shared):
             raise InputError(
                 f"quantity {name!r}",
                 "no instant that all levels have recorded: choose steps that divide each other",
             )
+        instants = over.select(shared)
         values = {level: each[rows_at(times[level], instants)] for level, each in values.items()}
-    shapes = {level: each.shape for level, each in values.items()}
-    first = next(iter(shapes), "")
-    for level, shape in shapes.items():
-        if shape != shapes[first]:
+    first = next(iter(values), "")
+    for level, each in values.items():
+        if each.shape != values[first].shape:
             raise InputError(
                 f"quantity {name!r}",
-                f"shape {shapes[first]} at {first}, {shape} at {level}: expected the same on all"
-                " levels, such as values at some points",
+                f"shape {values[first].shape} at {first}, {each.shape} at {level}: expected the"
+                " same on all levels, such as values at some points",
             )
     return values, instants

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -15,48 +16,29 @@ from .levels import case_name
 
 #: names of the runs of a reference
 FINE, COARSE = "reference", "reference, second run"
-#: a value, or a function of the common instants (of nothing, if not compared over time)
-Known = Array | Callable[..., Any]
-Size = Callable[[Array], float]
-
-
-class Compared(NamedTuple):
-    """A quantity, as a reference is asked for it.
-
-    Attributes
-    ----------
-    name : str
-    values : mapping
-        Of the reference's own runs, at the common instants.
-    instants : array or None
-    shape : tuple of int
-        Of the quantity.
-    size : callable
-        Norm of the study.
-    """
-
-    name: str
-    values: Mapping[str, Array]
-    instants: Floats | None
-    shape: tuple[int, ...]
-    size: Size
 
 
 class Reference:
-    """What results are compared with; this one is nothing: they are compared with each other.
+    """Values with an error of each; this one has none: levels are compared with each other.
 
-    Attributes
+    Parameters
     ----------
-    runs : dict
-        What must be run for it, by name: functions of the problem, or arguments for it.
+    runs : mapping, optional
+        What must be run for it, by name: functions of the problem, or arguments for it. The first
+        run is the truth, a second one tells how good it is.
     about : str
         What it is, in words.
     """
 
-    about = "none: levels are compared with each other"
+    #: of errors, if the second run has steps (or elements) twice as long
+    order: float | None = None
 
-    def __init__(self) -> None:
-        self.runs: dict[str, Any] = {}
+    def __init__(
+        self,
+        runs: Mapping[str, Any] | None = None,
+        about: str = "none: levels are compared with each other",
+    ) -> None:
+        self.runs, self.about = dict(runs or {}), about
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(...)"
@@ -81,9 +63,43 @@ class Reference:
             If one has another name, or one is missing.
         """
 
-    def of(self, what: Compared) -> tuple[Any, float]:
-        """Value of a quantity to compare with (None: none), and its error (NaN: not known)."""
-        return None, float("nan")
+    def of(
+        self,
+        name: str,
+        shape: tuple[int, ...],
+        instants: Floats | None,
+        values: Mapping[str, Array],
+        norm: Callable[[Array], float],
+    ) -> tuple[Any, float]:
+        """Value of a quantity to compare with (None: none), and its error (NaN: not known).
+
+        Parameters
+        ----------
+        name : str
+        shape : tuple of int
+            Of the quantity.
+        instants : array or None
+        values : mapping
+            Of the reference's own runs, at these instants.
+        norm : callable
+
+        Raises
+        ------
+        InputError
+            If the value is not finite, or has another shape than the quantity.
+        """
+        if not self.runs:
+            return None, np.nan
+        fine, *coarse = (values[run] for run in self.runs)
+        if not np.isfinite(fine).all():
+            raise InputError("argument reference", f"its run gave {name!r} not finite")
+        if not coarse:
+            return fine, np.nan
+        change = fine - coarse[0]
+        if self.order is None:
+            return fine, norm(change)
+        change = change / (2**self.order - 1)
+        return fine + change, norm(change)
 
 
 @checked
@@ -100,7 +116,8 @@ class ReferenceFinest(Reference):
     order 2.00 +- 0.01 (three finest of four levels)
     """
 
-    about = "the finest level"
+    def __init__(self) -> None:
+        super().__init__(about="the finest level")
 
 
 @checked
@@ -124,32 +141,57 @@ class ReferenceRun(Reference):
     """
 
     def __init__(self, **arguments: Any) -> None:
-        super().__init__()
         if not arguments:
             raise InputError("ReferenceRun", "got no arguments, expected some: elements=1000")
+        super().__init__(about=f"<ReferenceRun: {case_name(arguments)}>")
         self.arguments = arguments
 
     def beside(self, finest: Mapping[str, Any]) -> Reference:
         """The run with these arguments, as far as it has none of its own."""
         arguments = {**finest, **self.arguments}
-        return SingleRun(case_name(arguments), arguments, repr(self))
+        return Reference({case_name(arguments): arguments}, self.about)
 
     def __repr__(self) -> str:
-        return f"<ReferenceRun: {case_name(self.arguments)}>"
+        return self.about
 
 
-class SingleRun(Reference):
-    """One run, of which nobody knows how good it is."""
+@checked
+class ReferencePair(Reference):
+    """Two runs of the problem: the fine one is the truth, the other tells how good it is.
 
-    def __init__(self, name: str, run: Any, about: str = "a run") -> None:
-        self.runs, self.about = {name: run}, about
+    Parameters
+    ----------
+    fine, coarse : callable
+        Functions of the problem, like those of setups. Let them differ in all that matters: mesh,
+        step and scheme.
+    order : float, optional
+        If the coarse one has steps (or elements) twice as long, and nothing else differs: the limit
+        after Richardson is the truth, for errors of this order. The error is then the distance
+        of the fine run from it.
 
-    def of(self, what: Compared) -> tuple[Any, float]:
-        """See the base class."""
-        (value,) = (what.values[run] for run in self.runs)
-        if not np.isfinite(value).all():
-            raise InputError("argument reference", f"its run gave {what.name!r} not finite")
-        return value, float("nan")
+    Raises
+    ------
+    InputError
+        If one of them cannot be called, or the order is not positive.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import work_precision
+    >>> pair = ReferencePair(lambda problem: {"x": 1.01}, lambda problem: {"x": 1.04}, order=2)
+    >>> setups = [("rough", lambda problem: {"x": 1.2})]
+    >>> table = work_precision(None, setups, pair, ["x"], repeats=1)
+    >>> round(table.rows[0]["error_x"], 9), round(table.reference_errors["x"], 9)
+    (0.2, 0.01)
+    """
+
+    def __init__(
+        self, fine: Callable[..., Any], coarse: Callable[..., Any], order: float | None = None
+    ) -> None:
+        for name, run in (("fine", fine), ("coarse", coarse)):
+            if not callable(run):
+                raise InputError("ReferencePair", f"{name} = {run!r}, expected a function")
+        super().__init__({FINE: fine, COARSE: coarse})
+        self.order = None if order is None else positive("ReferencePair", "order", order)
 
 
 @checked
@@ -174,20 +216,15 @@ class ReferenceKnown(Reference):
     {None: 3e-06}
     """
 
-    about = "given"
-
     def __init__(self, values: Any, errors: float | Mapping[str, float]) -> None:
-        super().__init__()
+        super().__init__(about="given")
         given = values if isinstance(values, Mapping) else {None: values}
-        self.known: dict[str | None, Known] = {
-            name: value if callable(value) else _finite(value, _label(name))
-            for name, value in given.items()
-        }
+        self.known = {k: v if callable(v) else _finite(v, k) for k, v in given.items()}
         named: Mapping[Any, float] = errors if isinstance(errors, Mapping) else {None: errors}
         self.errors = {k: positive("ReferenceKnown", "errors", each) for k, each in named.items()}
 
     def check(self, names: list[str], every: bool = True) -> None:
-        """See the base class."""
+        """Refuse values that do not fit the quantities, as :meth:`Reference.check`."""
         if None in self.known and len(names) > 1:
             raise InputError(
                 "argument reference",
@@ -195,41 +232,36 @@ class ReferenceKnown(Reference):
                 f" {', '.join(names)}",
             )
         for name in (*self.known, *self.errors):
-            if name is not None and name not in names:
+            if name not in (None, *names):
                 raise InputError(f"reference of {name!r}", f"unknown; {names_known(name, names)}")
         missing = [name for name in names if name not in self.known and None not in self.known]
         if every and missing:
             raise InputError("argument reference", f"has no value of {missing[0]!r}")
 
-    def of(self, what: Compared) -> tuple[Any, float]:
-        """See the base class.
-
-        Raises
-        ------
-        InputError
-            If the value has another shape than the quantity.
-        """
-        name, shape = what.name, what.shape
+    def of(
+        self,
+        name: str,
+        shape: tuple[int, ...],
+        instants: Floats | None,
+        values: Mapping[str, Array],
+        norm: Callable[[Array], float],
+    ) -> tuple[Any, float]:
+        """The value that was given, as :meth:`Reference.of`."""
         value = self.known.get(name, self.known.get(None))
         error = float(self.errors.get(name, self.errors.get(None, np.nan)))
         if callable(value):
-            value = _finite(
-                value() if what.instants is None else value(what.instants), _label(name)
-            )
+            value = _finite(value() if instants is None else value(instants), name)
         if value is None or value.shape == shape:
             return value, error
         if value.size != 1 or int(np.prod(shape)) != 1:
             text = f"shape {value.shape}, expected that of the values, {shape}"
-            raise InputError(_label(name), text)
+            raise InputError(f"reference of quantity {name!r}", text)
         return value.reshape(shape), error
 
 
-def _label(name: str | None) -> str:
-    return "argument reference" if name is None else f"reference of quantity {name!r}"
-
-
-def _finite(value: Any, label: str) -> Array:
+def _finite(value: Any, name: str | None) -> Array:
     """An array of finite numbers, or an error."""
+    label = "argument reference" if name is None else f"reference of quantity {name!r}"
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -239,109 +271,44 @@ def _finite(value: Any, label: str) -> Array:
     return array
 
 
-@checked
-class ReferencePair(Reference):
-    """Two runs of the problem: the fine one is the truth, the other tells how good it is.
+def _given(history: History, problem: Any) -> History:
+    """A run that has been done, whatever the problem."""
+    return history
+
+
+def reference_of(given: Any, levels: bool) -> Reference:
+    """What an argument stands for: a reference, true values, or a run.
 
     Parameters
     ----------
-    fine, coarse : callable
-        Functions of the problem, like those of setups. Let them differ in all that matters: mesh,
-        step and scheme.
-    order : float, optional
-        If the coarse one has steps (or elements) twice as long, and nothing else differs: the limit
-        after Richardson is the truth, for errors of this order. The error is then the distance
-        of the fine run from it.
+    given : object
+    levels : bool
+        Whether levels are compared with it, or setups: these take a problem, as its runs do.
 
     Raises
     ------
     InputError
-        If one of them cannot be called, or the order is not positive.
+        If it is nothing to compare with, or a reference of the other ones.
 
     Examples
     --------
-    >>> pair = ReferencePair(lambda problem: 1.01, lambda problem: 1.04, order=2)
-    >>> round(pair.value(np.array(1.01), np.array(1.04)).item(), 12)
-    1.0
+    >>> reference_of({"x": 1.0}, levels=True).of("x", (), None, {}, abs)
+    (array(1.), nan)
     """
-
-    def __init__(
-        self, fine: Callable[..., Any], coarse: Callable[..., Any], order: float | None = None
-    ) -> None:
-        for name, run in (("fine", fine), ("coarse", coarse)):
-            if not callable(run):
-                raise InputError("ReferencePair", f"{name} = {run!r}, expected a function")
-        self.fine, self.coarse = fine, coarse
-        self.runs = {FINE: fine, COARSE: coarse}
-        self.order = None if order is None else positive("ReferencePair", "order", order)
-
-    def value(self, fine: Array, coarse: Array) -> Array:
-        """The truth, from the values of both runs."""
-        if self.order is None:
-            return fine
-        return np.asarray(fine + (fine - coarse) / (2**self.order - 1))
-
-    def error(self, fine: Array, coarse: Array, size: Size) -> float:
-        """How good it is."""
-        other = coarse if self.order is None else fine
-        return size(self.value(fine, coarse) - other)
-
-    def of(self, what: Compared) -> tuple[Any, float]:
-        """See the base class."""
-        both = what.values[FINE], what.values[COARSE]
-        return self.value(*both), self.error(*both, what.size)
-
-
-# -- from the argument of a study ------------------------------------------------------------------
-
-
-def reference_of_levels(given: Any) -> Reference:
-    """That of a refinement: a reference, or true values.
-
-    Raises
-    ------
-    InputError
-        If it is none, or one of setups.
-    """
-    if given is None:
-        return Reference()
-    usable = isinstance(given, Reference) and not isinstance(given, ReferencePair)
-    return given if usable else ReferenceKnown(given, {})
-
-
-class _Done:
-    """A run that has been done, as a function of the problem."""
-
-    def __init__(self, history: History) -> None:
-        self.history = history
-
-    def __call__(self, problem: Any) -> History:
-        return self.history
-
-
-def reference_of_setups(given: Any) -> Reference:
-    """That of a work-precision study: a reference, true values, or a run.
-
-    Raises
-    ------
-    InputError
-        If it is none, or one of levels.
-
-    Examples
-    --------
-    >>> truth = reference_of_setups({"x": 1.0})
-    >>> truth.runs, truth.of(Compared("x", {}, None, (), abs))
-    ({}, (array(1.), nan))
-    """
+    if levels:
+        if given is None:
+            return Reference()
+        kinds: tuple[type[Reference], ...] = ReferenceKnown, ReferenceRun, ReferenceFinest
+        return given if isinstance(given, kinds) else ReferenceKnown(given, {})
     if isinstance(given, ReferenceKnown | ReferencePair):
         return given
-    if isinstance(given, History):
-        return SingleRun(FINE, _Done(given))
     pair = isinstance(given, tuple | list) and len(given) > 1
     if pair and isinstance(given[0], str) and callable(given[1]):  # a setup
-        return SingleRun(FINE, given[1])
+        given = given[1]
+    if isinstance(given, History):
+        given = partial(_given, given)
     if callable(given):
-        return SingleRun(FINE, given)
+        return Reference({FINE: given}, "a run")
     if given is None or isinstance(given, str | Reference):
         raise InputError(
             "argument reference",

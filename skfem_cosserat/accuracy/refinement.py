@@ -8,29 +8,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..arguments import checked
 from ..errors import InputError
 from ..export import write_paraview
-from ..export.table import WIDE
+from ..export.table import WIDE, column_names
 from ..history import History
-from ..types import Array, Floats, names_known, positive, switch
+from ..types import Array, Floats, positive, switch
 from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
-from .levels import (
-    Series,
-    StudyLevel,
-    case_name,
-    check_call,
-    series_of,
-    text,
-)
+from .levels import ARGUMENTS, Series, StudyLevel, case_name, check_call, series_of, text
 from .orders import ROUNDING, Convergence, convergence
 from .reading import OverTime, Quantities, Reading, aligned
-from .reference import Compared, ReferenceFinest, ReferenceKnown, reference_of_levels
+from .reference import ReferenceFinest, ReferenceKnown, reference_of
 from .run import Executor, Job, OnOutcome, Outcome, run_all
 from .table import Report, ResultTable, provenance
 
@@ -43,46 +36,22 @@ if TYPE_CHECKING:
 HELD = 2.0
 
 
-@dataclass(frozen=True)
-class Held:
+class Held(NamedTuple):
     """What a series did not vary, and what it does to a quantity.
 
     Attributes
     ----------
-    name : str
-        ``"step"``, ``"elements"`` or ``"mesh"``.
-    value : str
-        That it was held at.
-    change : float
-        Of the quantity at the finest level, by half the step or twice the elements, in the norm of
-        the study; NaN: not known.
-    reason : str
-        Why it is not known, or where from if it was not probed.
-
-    Examples
-    --------
-    >>> Held("step", "0.01", 0.5).error
-    1.0
+    error : float
+        Bound of the error by it, in the norm of the study; NaN: not known.
+    words : str
+        Its name and value, and where the bound is from, or why there is none.
     """
 
-    name: str
-    value: str
-    change: float
-    reason: str = ""
-
-    @property
-    def error(self) -> float:
-        """Bound of the error by it: of first order, half of it is left after the change."""
-        return HELD * self.change
+    error: float
+    words: str
 
     def __str__(self) -> str:
-        if np.isnan(self.change):
-            return f"{self.name} = {self.value} was held, its error is not known: {self.reason}"
-        start = f"{self.error:.1e} of each band by {self.name} = {self.value}, held"
-        if self.reason:
-            return f"{start}: {self.reason}"
-        finer = {"step": "half of it", "elements": "twice as many"}.get(self.name, "a finer one")
-        return f"{start}: {finer} changes the finest level by {self.change:.1e}"
+        return self.words
 
 
 @checked
@@ -99,6 +68,8 @@ class Refinement(Report):
         Name of the problem.
     series : list of Series
         Levels of each series: ``arguments``, ``size`` and ``name``, coarsest first.
+    quantities : list of str
+        Names of the quantities.
     outcomes : dict
         By the name of the level: value or error of the problem, seconds.
     orders : dict of Convergence
@@ -128,6 +99,7 @@ class Refinement(Report):
 
     title: str
     series: list[Series]
+    quantities: list[str]
     outcomes: dict[str, Outcome]
     orders: dict[str, Convergence]
     values: dict[str, dict[str, Array]]
@@ -165,22 +137,19 @@ class Refinement(Report):
         """
         found = {}
         for name, each in self.orders.items():
-            known, pair = np.isfinite(each.uncertainties), (np.nan, np.nan)
-            if not known.any() and each.extrapolated is not None:
-                known = np.isfinite(each.errors)
-            if known.any():
-                last = np.flatnonzero(known)[-1]
-                pair = each.errors[last], each.uncertainties[last]
-            elif np.isfinite(each.differences).any():
-                pair = each.differences[np.isfinite(each.differences)][-1], np.nan
-            found[name] = float(pair[0]), float(pair[1])
+            sure = np.isfinite(each.uncertainties)
+            if each.extrapolated is not None:
+                sure |= np.isfinite(each.errors)
+            errors = each.errors if sure.any() else each.differences
+            last = max(np.flatnonzero(np.isfinite(errors)), default=-1)
+            found[name] = float(errors[last]), float(each.uncertainties[last])
         return found
 
     @property
     def failed(self) -> dict[str, str]:
         """Levels without a result, and why."""
-        levels = {level.name: level for series in self.series for level in series.levels}
-        reasons = {name: self._state(level) for name, level in levels.items()}
+        levels = [level for series in self.series for level in series.levels]
+        reasons = {level.name: self._state(level) for level in levels}
         return {name: ": ".join(state) for name, state in reasons.items() if state[0] != "ok"}
 
     @property
@@ -198,45 +167,30 @@ class Refinement(Report):
         quantity its numbers (if they are few), ``error_``, ``uncertainty_``, ``difference_`` and
         ``order_`` with its name.
         """
-        return [
-            row
-            for series in self.series
-            for row in (self._row(series, k) for k in range(len(series.levels)))
-        ]
-
-    def _names(self, series: Series) -> dict[str, str]:
-        """Keys of the quantities of a series, by their own names."""
-        end = f", {series.label}" if series.label else ""
-        return {
-            key.removesuffix(end): key
-            for key in self.orders
-            if not series.label or key.endswith(end)
-        }
+        return [self._row(series, k) for series in self.series for k in range(len(series.levels))]
 
     def _state(self, level: StudyLevel) -> tuple[str, str]:
         """Status and reason."""
         outcome = self.outcomes[level.name]
-        state = outcome.status
-        if state == "ok":
-            keys = [key for key, values in self.values.items() if level.name in values]
-            bad = [key for key in keys if not np.isfinite(self.values[key][level.name]).all()]
-            return ("not finite", f"quantity {bad[0]!r}") if bad else ("ok", "")
-        return state, f"{type(outcome.error).__name__}: {outcome.error}" if outcome.error else ""
+        if outcome.status != "ok":
+            error = outcome.error
+            return outcome.status, f"{type(error).__name__}: {error}" if error else ""
+        for key, values in self.values.items():
+            if not np.isfinite(values.get(level.name, 0.0)).all():
+                return "not finite", f"quantity {key!r}"
+        return "ok", ""
 
     def _row(self, series: Series, k: int) -> dict[str, Any]:
         level = series.levels[k]
+        outcome, (state, reason) = self.outcomes[level.name], self._state(level)
         row: dict[str, Any] = {"series": series.label} if len(self.series) > 1 else {}
         for name, value in level.arguments.items():
             row[name] = value if isinstance(value, int | float) else text(value)
-        state, reason = self._state(level)
-        row |= {"size": level.size, "status": state, "reason": reason}
-        row["seconds"] = self.outcomes[level.name].seconds
-        row["warnings"] = told(self.outcomes[level.name].warnings)
-        for name, key in self._names(series).items():
-            value = self.values[key].get(level.name)
-            if value is not None and value.size <= WIDE:
-                row |= _columns(name, value)
-            found = self.orders[key]
+        row |= {"size": level.size, "status": state, "reason": reason, "seconds": outcome.seconds}
+        row["warnings"] = told(outcome.warnings)
+        for name in self.quantities:
+            found = self.orders[series.key(name)]
+            row |= _columns(name, self.values[series.key(name)].get(level.name))
             row[f"error_{name}"] = float(found.errors[k])
             row[f"uncertainty_{name}"] = float(found.uncertainties[k])
             row[f"difference_{name}"] = float(found.differences[k])
@@ -284,8 +238,9 @@ class Refinement(Report):
         panels: dict[str, list[Line]] = {}
         for series in self.series:
             solved = [self._state(level)[0] == "ok" for level in series.levels]
-            for name, key in self._names(series).items():
-                line = Line(series.label, series.kind, self.orders[key], np.array(solved))
+            for name in self.quantities:
+                found = self.orders[series.key(name)]
+                line = Line(series.label, series.kind, found, np.array(solved))
                 panels.setdefault(name, []).append(line)
         return convergence_chart(panels, self.title if title is None else title, path, units)
 
@@ -327,10 +282,20 @@ class Refinement(Report):
     def __str__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
         lines = [f"refinement of {self.title}: {len(self.outcomes)} levels{failed}"]
-        width = max(len(level.name) for series in self.series for level in series.levels)
+        width = max(map(len, self.outcomes))
         for series in self.series:
-            for key in self._names(series).values():
-                lines += _report(key, series, self.orders[key], self._state, width)
+            states = [self._state(level) for level in series.levels]
+            for key in map(series.key, self.quantities):
+                found = self.orders[key]
+                lines.append(f"{key}: {found.verdict}")
+                if found.extrapolated is not None and found.extrapolated.size <= WIDE:
+                    numbers = ", ".join(f"{each:.9g}" for each in found.extrapolated.ravel())
+                    band = f"{numbers}{_band(found.uncertainty)}"
+                    lines.append(f"  extrapolated in {' and '.join(series.varied)}: {band}")
+                shown = _shown(found, [k for k, state in enumerate(states) if state[0] == "ok"])
+                for k, (level, state) in enumerate(zip(series.levels, states, strict=True)):
+                    words = shown.get(k, ": ".join(state).rstrip(": "))
+                    lines.append(f"  {level.name:{width}s}  {words}")
                 lines += [f"  {each}" for each in self.held[key]]
         if not self.orders:  # no level came to its quantities
             lines += [f"  {name}: {why}" for name, why in self.failed.items()]
@@ -343,53 +308,31 @@ class Refinement(Report):
         return f"<Refinement of {self.title}: {verdicts}{counted(count)}>"
 
 
-def _columns(name: str, value: Array) -> Mapping[str, float]:
-    """Numbers of a quantity under their names."""
-    numbers = value.ravel()
-    parts = {name: numbers}
-    if np.iscomplexobj(numbers):
-        parts = {f"{name}_real": numbers.real, f"{name}_imag": numbers.imag}
-    if value.size == 1:
-        return {part: float(each[0]) for part, each in parts.items()}
-    ends = "xyz" if value.shape == (3,) else [str(k) for k in range(value.size)]
-    return {
-        f"{part}_{end}": float(number)
-        for part, each in parts.items()
-        for end, number in zip(ends, each, strict=True)
-    }
+def _columns(name: str, value: Array | None) -> dict[str, Any]:
+    """Numbers of a quantity under their names, if they are few."""
+    if value is None or value.size > WIDE:
+        return {}
+    row = value.ravel() if value.size == 1 else value.reshape(1, -1)
+    return dict(zip(column_names(name, row), value.ravel().tolist(), strict=True))
 
 
-def _report(key: str, series: Series, found: Convergence, state: Any, width: int) -> list[str]:
-    """Lines about one quantity."""
-    lines = [f"{key}: {found.verdict}"]
-    if found.extrapolated is not None and found.extrapolated.size <= WIDE:
-        numbers = ", ".join(f"{each:.9g}" for each in found.extrapolated.ravel())
-        band = f" +- {found.uncertainty:.1e}" if np.isfinite(found.uncertainty) else ""
-        lines.append(f"  extrapolated in {' and '.join(series.varied)}: {numbers}{band}")
-    shown = _shown(found, [state(level)[0] == "ok" for level in series.levels])
-    for level, numbers in zip(series.levels, shown, strict=True):
-        status, reason = state(level)
-        text = numbers if status == "ok" else f"{status}: {reason}".rstrip(": ")
-        lines.append(f"  {level.name:{width}s}  {text}")
-    return lines
+def _band(uncertainty: float) -> str:
+    return f" +- {uncertainty:.1e}" if np.isfinite(uncertainty) else ""
 
 
-def _shown(found: Convergence, solved: list[bool]) -> list[str]:
-    """Numbers of each level in words: errors, or hints, and the orders that follow from them."""
-    good, texts = np.flatnonzero(solved), [""] * len(solved)
+def _shown(found: Convergence, good: list[int]) -> dict[int, str]:
+    """Numbers of solved levels in words: errors, or hints, and the orders that follow from them."""
     hints = found.extrapolated is None and not np.isfinite(found.uncertainties).any()
-    alone = hints and len(good) and np.isnan(found.errors[good[-1]])  # no reference either
-    for number, k in enumerate(good):
-        if alone:
-            change = found.differences[good[number - 1]] if number else np.nan
-            texts[k] = f"change {change:.3e}" if number else "change -"
-        elif hints:
-            error = found.errors[k]
-            texts[k] = f"differs by {error:.3e}" if k != good[-1] else "the reference"
+    texts = {}
+    for before, k in zip([None, *good], good, strict=False):
+        error = found.errors[k]
+        if not hints:
+            texts[k] = f"error {error:.3e}{_band(found.uncertainties[k])}"
+        elif np.isnan(found.errors[good[-1]]):  # no reference either
+            change = "-" if before is None else f"{found.differences[before]:.3e}"
+            texts[k] = f"change {change}"
         else:
-            texts[k] = f"error {found.errors[k]:.3e}"
-            if np.isfinite(found.uncertainties[k]):
-                texts[k] += f" +- {found.uncertainties[k]:.1e}"
+            texts[k] = "the reference" if k == good[-1] else f"differs by {error:.3e}"
         if np.isfinite(found.observed[k]):
             texts[k] += f"  order {found.observed[k]:.2f}"
     return texts
@@ -409,7 +352,7 @@ def refine(
     quantities: Mapping[str, Any] | Sequence[str] | None = None,
     norm: OverTime | None = None,
     reference: Any = None,
-    rounding: float | Mapping[str, float] | None = None,
+    rounding: float | None = None,
     together: bool = True,
     probe: bool = True,
     executor: Executor | None = None,
@@ -454,8 +397,8 @@ def refine(
         :class:`ReferenceFinest`. None: levels
         are compared with each other, and errors are against the value that Richardson
         extrapolation gives.
-    rounding : float or mapping, optional
-        Error of each quantity by rounding and unfinished iterations, relative to its largest value.
+    rounding : float, optional
+        Error of quantities by rounding and unfinished iterations, relative to their largest value.
         Levels whose error is not 100 times that do not count for the order. Default: 64 times the
         machine precision; what stops falling below 1e-8 is taken for rounding in any case.
     together : bool
@@ -528,6 +471,8 @@ def refine(
     """
     series = series_of(elements, mesh, order, step, together)
     wanted = Quantities(quantities, norm)
+    if rounding is not None:
+        rounding = positive("argument rounding", "value", rounding)
     plan = _Plan(series, wanted, reference, rounding, switch("argument probe", probe))
     for arguments in plan.calls.values():
         check_call(problem, arguments)
@@ -549,11 +494,9 @@ def refine(
 
 def title_of(problem: Any) -> str:
     """Name of the problem, with what is bound to it as far as it is short."""
-    bound: dict[str, Any] = {}
-    while isinstance(problem, partial):
-        bound = {**problem.keywords, **bound}
-        problem = problem.func
-    name = str(getattr(problem, "__name__", type(problem).__name__))
+    function = problem.func if isinstance(problem, partial) else problem
+    bound = problem.keywords if isinstance(problem, partial) else {}
+    name = str(getattr(function, "__name__", type(function).__name__))
     short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
     return f"{name} ({case_name(short)})" if short else name
 
@@ -566,95 +509,84 @@ class _Plan:
         series: list[Series],
         wanted: Quantities,
         reference: Any,
-        rounding: Any,
-        probe: bool = True,
+        rounding: float | None,
+        probe: bool,
     ) -> None:
-        self.series, self.wanted, self.given = series, wanted, reference
-        self.rounding = _rounding(rounding)
+        self.series, self.wanted, self.rounding = series, wanted, rounding
         levels = [level for each in series for level in each.levels]
-        self.reference = reference_of_levels(reference).beside(levels[-1].arguments)
+        self.reference = reference_of(reference, levels=True).beside(levels[-1].arguments)
         self.levels = {level.name: level.arguments for level in levels}
-        self.asked = not isinstance(self.reference, ReferenceKnown)
+        true = isinstance(self.reference, ReferenceKnown)
+        self.held = [(each, name) for each in series for name in each.held if not true]
         varied = {name for each in series for name in each.varied}
-        probes = [
-            each.probe(name)
-            for each in series
-            for name in each.held
-            if probe and self.asked and name not in varied
-        ]
-        self.probes = {level.name: level.arguments for level in probes}
-        self.calls = self.levels | self.reference.runs | self.probes
-        self._names: list[str] = []
+        probes = [each.probe(name) for each, name in self.held if probe and name not in varied]
+        self.calls = self.levels | self.reference.runs
+        self.calls |= {each.name: each.arguments for each in probes}
+        self.quantities: list[str] = []
         if wanted.names:
-            self._check_names(wanted.names)
+            self.reference.check(wanted.names, every=False)
 
     def check(self, outcome: Outcome) -> None:
         """Look at the first result: what is wrong with the quantities ends the study early."""
-        if outcome.status != "ok" or self._names:
-            return
-        self._names = list(self.wanted.sample(outcome.value, outcome.name))
-        self._check_names(self._names)
-
-    def _check_names(self, names: list[str]) -> None:
-        """Refuse references and roundings that do not fit the quantities."""
-        given = self.given if isinstance(self.given, Mapping) else {}
-        strange = [name for name in (*given, *self.rounding) if name not in (None, *names)]
-        if strange:
-            known = names_known(strange[0], names)
-            raise InputError(f"quantity {strange[0]!r}", f"unknown; {known}")
-        self.reference.check(names, every=False)
+        if outcome.status == "ok" and not self.quantities:
+            self.quantities = list(self.wanted.sample(outcome.value, outcome.name))
+            self.reference.check(self.quantities, every=False)
 
     def result(self, title: str, outcomes: dict[str, Outcome]) -> Refinement:
         """Judge each quantity in each series."""
-        every = {
-            name: self.wanted.sample(each.value, name)
-            for name, each in outcomes.items()
-            if each.status == "ok"
-        }
-        samples = {
-            name: every[name] for name in (*self.levels, *self.reference.runs) if name in every
-        }
+        solved = {name: each.value for name, each in outcomes.items() if each.status == "ok"}
+        samples = {name: self.wanted.sample(value, name) for name, value in solved.items()}
         for run in self.reference.runs:
             if run not in samples:
                 raise InputError("argument reference", f"its run failed: {outcomes[run].error}")
-        orders: dict[str, Convergence] = {}
-        values: dict[str, dict[str, Array]] = {}
-        held: dict[str, list[Held]] = {}
-        for name in self._names:
-            shared, instants = aligned(name, samples, self.wanted.over)
-            norm, known = self.wanted.norm(instants), None
-            noise = self.rounding.get(name, self.rounding.get(None))
-            for first in [*shared.values()][:1]:
-                asked = Compared(name, shared, instants, first.shape, norm)
-                known, off = self.reference.of(asked)
-                size = max(map(norm, shared.values()))
-                if isinstance(self.reference, ReferenceKnown) and off > 0 and size > 0:
-                    # differences below the reference's own error tell no order
-                    noise = max(off / size, ROUNDING if noise is None else noise)
-            for series in self.series:
-                key = f"{name}, {series.label}" if series.label else name
-                judged = convergence(
-                    series.sizes,
-                    [_finite(shared, level) for level in series.levels],
-                    norm,
-                    known,
-                    noise,
-                    isinstance(self.reference, ReferenceFinest),
-                )
-                orders[key] = _at_once(judged) if series.at_once else judged
-                names = [level.name for level in series.levels]
-                values[key] = {each: shared[each] for each in names if each in shared}
-            for series in self.series if self.asked else ():
-                key = f"{name}, {series.label}" if series.label else name
-                held[key] = [
-                    self._held(name, series, each, every, outcomes, orders) for each in series.held
-                ]
-        for key, found in held.items():
-            orders[key] = _widened(orders[key], sum(each.error for each in found))
-        used = {each: outcomes[each] for each in outcomes if each in self.levels}
-        notes = {"reference": self.reference.about}
-        held = {key: held.get(key, []) for key in orders}
-        return Refinement(title, self.series, used, orders, values, held, notes)
+        compared = {
+            name: samples[name] for name in (*self.levels, *self.reference.runs) if name in samples
+        }
+        study = Refinement(
+            title,
+            self.series,
+            self.quantities if compared else [],
+            {name: each for name, each in outcomes.items() if name in self.levels},
+            orders={},
+            values={},
+            held={},
+            notes={"reference": self.reference.about},
+        )
+        for name in study.quantities:
+            self._judge(name, compared, study)
+        for name in study.quantities:
+            for series, argument in self.held:
+                found = self._held(name, series, argument, samples, outcomes, study.orders)
+                study.held[series.key(name)].append(found)
+        for key, held in study.held.items():
+            judged, error = study.orders[key], sum(each.error for each in held)
+            bands = judged.uncertainties + error
+            band = judged.uncertainty + error
+            study.orders[key] = replace(judged, uncertainties=bands, uncertainty=band)
+        return study
+
+    def _judge(
+        self, name: str, samples: Mapping[str, Mapping[str, Reading]], study: Refinement
+    ) -> None:
+        """Orders and values of a quantity, into the study."""
+        shared, instants = aligned(name, samples, self.wanted.over)
+        norm, noise = self.wanted.norm(instants), self.rounding
+        shape = next(iter(shared.values())).shape
+        known, off = self.reference.of(name, shape, instants, shared, norm)
+        size = max(map(norm, shared.values()))
+        if off > 0 and size > 0:  # differences below the reference's own error tell no order
+            noise = max(off / size, ROUNDING if noise is None else noise)
+        for series in self.series:
+            key, names = series.key(name), [level.name for level in series.levels]
+            study.values[key] = {each: shared[each] for each in names if each in shared}
+            good = {k: value for k, value in study.values[key].items() if np.isfinite(value).all()}
+            finest = isinstance(self.reference, ReferenceFinest)
+            found = convergence(series.sizes, [*map(good.get, names)], norm, known, noise, finest)
+            if len(series.varied) > 1 and found.verdict.startswith("not in the asymptotic range"):
+                advice = "mesh and step, refined at once, may have orders of their own"
+                verdict = f"{found.verdict}; {advice}: see together=False"
+                found = replace(found, verdict=verdict)
+            study.orders[key], study.held[key] = found, []
 
     def _held(
         self,
@@ -667,54 +599,24 @@ class _Plan:
     ) -> Held:
         """What an argument that a series holds does to a quantity at its finest level."""
         finest, probe = series.levels[-1], series.probe(argument)
-        value = text(finest.arguments[argument])
+        what = f"{argument} = {text(finest.arguments[argument])}"
         other = next((each for each in self.series if argument in each.varied), None)
+        error, words = np.nan, "it was not probed"
         if other is not None:  # held at the finest level of a series of its own
-            found = orders[f"{name}, {other.label}" if other.label else name]
-            last = np.add(found.errors, found.uncertainties)[-1]
-            reason = f"see the series {other.label!r}"
-            return Held(argument, value, float(last) / HELD, reason)
-        if probe.name not in self.probes:
-            return Held(argument, value, np.nan, "it was not probed")
-        if finest.name not in samples:
-            return Held(argument, value, np.nan, "the finest level failed")
-        if probe.name not in samples:
-            error = outcomes[probe.name].error
-            return Held(argument, value, np.nan, f"{probe.name} failed: {error}")
-        pair = {each.name: samples[each.name] for each in (finest, probe)}
-        try:
-            shared, instants = aligned(name, pair, self.wanted.over)
-        except InputError as error:  # values at points of the mesh, or no instants in common
-            return Held(argument, value, np.nan, str(error))
-        change = self.wanted.norm(instants)(shared[probe.name] - shared[finest.name])
-        reason = "" if np.isfinite(change) else f"{probe.name} is not finite"
-        return Held(argument, value, float(change) if np.isfinite(change) else np.nan, reason)
-
-
-def _widened(found: Convergence, error: float) -> Convergence:
-    """With the error by what was held in all uncertainties."""
-    both = found.uncertainties + error, found.uncertainty + error
-    return replace(found, uncertainties=both[0], uncertainty=float(both[1]))
-
-
-def _at_once(found: Convergence) -> Convergence:
-    """Say that mesh and step, refined together, may converge with orders of their own."""
-    if not found.verdict.startswith("not in the asymptotic range"):
-        return found
-    advice = "; mesh and step, refined at once, may have orders of their own: see together=False"
-    return replace(found, verdict=found.verdict + advice)
-
-
-def _finite(shared: Mapping[str, Array], level: StudyLevel) -> Array | None:
-    value = shared.get(level.name)
-    return value if value is not None and np.isfinite(value).all() else None
-
-
-def _rounding(given: Any) -> dict[str | None, float]:
-    if given is None:
-        return {}
-    named = given if isinstance(given, Mapping) else {None: given}
-    return {
-        name: positive("argument rounding", "value" if name is None else str(name), value)
-        for name, value in named.items()
-    }
+            found = orders[other.key(name)]
+            error = float(found.errors[-1] + found.uncertainties[-1])
+            words = f"see the series {other.label!r}"
+        elif probe.name in samples:
+            pair = {each.name: samples.get(each.name, {}) for each in (finest, probe)}
+            try:
+                shared, instants = aligned(name, pair, self.wanted.over)
+                change = self.wanted.norm(instants)(shared[probe.name] - shared[finest.name])
+                error = HELD * change
+                words = f"{ARGUMENTS[argument].words} changes the finest level by {change:.1e}"
+            except InputError as wrong:  # values at points of the mesh, or no instants in common
+                words = str(wrong)
+        elif probe.name in outcomes:
+            words = f"{probe.name} failed: {outcomes[probe.name].error}"
+        if np.isfinite(error):
+            return Held(error, f"{error:.1e} of each band by {what}, held: {words}")
+        return Held(error, f"{what} was held, its error is not known: {words}")

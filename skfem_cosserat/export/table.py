@@ -35,7 +35,8 @@ def _columns(array: np.ndarray) -> int:
     return int(np.prod(array.shape[1:]))
 
 
-def _header(name: str, array: np.ndarray) -> list[str]:
+def column_names(name: str, array: np.ndarray) -> list[str]:
+    """Names of the columns of an array of numbers, or of rows of numbers."""
     if array.ndim == 1:
         return [name]
     ends = "xyz" if array.shape[1] == 3 else [str(k) for k in range(array.shape[1])]
@@ -91,7 +92,7 @@ def write_csv(
             raise InputError(
                 f"series {name!r}", f"has shape {array.shape}, a table takes scalars and vectors"
             )
-        header += _header(name, array)
+        header += column_names(name, array)
         columns += (array[:, None] if array.ndim == 1 else array).T.tolist()
     notes = {key: history.meta[key] for key in _PROVENANCE if key in history.meta}
     return write_rows(path, notes, header, zip(*columns, strict=True), "skfem-cosserat history")

