@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..export import write_paraview
 from ..export.table import WIDE, column_names
 from ..history import History
-from ..types import Array, Floats, positive, switch
+from ..types import Array, Floats, names_known, positive, switch
 from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
 from .levels import ARGUMENTS, Series, StudyLevel, case_name, check_call, series_of, text
@@ -352,7 +352,7 @@ def refine(
     quantities: Mapping[str, Any] | Sequence[str] | None = None,
     norm: OverTime | None = None,
     reference: Any = None,
-    rounding: float | None = None,
+    rounding: float | Mapping[str, float] | None = None,
     together: bool = True,
     probe: bool = True,
     executor: Executor | None = None,
@@ -397,8 +397,8 @@ def refine(
         :class:`ReferenceFinest`. None: levels
         are compared with each other, and errors are against the value that Richardson
         extrapolation gives.
-    rounding : float, optional
-        Error of quantities by rounding and unfinished iterations, relative to their largest value.
+    rounding : float or mapping, optional
+        Error of each quantity by rounding and unfinished iterations, relative to its largest value.
         Levels whose error is not 100 times that do not count for the order. Default: 64 times the
         machine precision; what stops falling below 1e-8 is taken for rounding in any case.
     together : bool
@@ -471,8 +471,9 @@ def refine(
     """
     series = series_of(elements, mesh, order, step, together)
     wanted = Quantities(quantities, norm)
-    if rounding is not None:
-        rounding = positive("argument rounding", "value", rounding)
+    given = rounding if isinstance(rounding, Mapping) else {"value": rounding}
+    for name, each in given.items() if rounding is not None else ():
+        positive("argument rounding", name, each)
     plan = _Plan(series, wanted, reference, rounding, switch("argument probe", probe))
     for arguments in plan.calls.values():
         check_call(problem, arguments)
@@ -509,7 +510,7 @@ class _Plan:
         series: list[Series],
         wanted: Quantities,
         reference: Any,
-        rounding: float | None,
+        rounding: float | Mapping[str, float] | None,
         probe: bool,
     ) -> None:
         self.series, self.wanted, self.rounding = series, wanted, rounding
@@ -530,6 +531,10 @@ class _Plan:
         """Look at the first result: what is wrong with the quantities ends the study early."""
         if outcome.status == "ok" and not self.quantities:
             self.quantities = list(self.wanted.sample(outcome.value, outcome.name))
+            for name in self.rounding if isinstance(self.rounding, Mapping) else ():
+                if name not in self.quantities:
+                    known = names_known(name, self.quantities)
+                    raise InputError(f"quantity {name!r}", f"unknown; {known}")
             self.reference.check(self.quantities, every=False)
 
     def result(self, title: str, outcomes: dict[str, Outcome]) -> Refinement:
@@ -571,6 +576,8 @@ class _Plan:
         """Orders and values of a quantity, into the study."""
         shared, instants = aligned(name, samples, self.wanted.over)
         norm, noise = self.wanted.norm(instants), self.rounding
+        if isinstance(noise, Mapping):
+            noise = noise.get(name)
         shape = next(iter(shared.values())).shape
         known, off = self.reference.of(name, shape, instants, shared, norm)
         size = max(map(norm, shared.values()))

@@ -234,6 +234,18 @@ def test_series_tell_each_other_what_they_hold():
         assert abs(found.extrapolated - 1) < found.uncertainty < 1e-2, name
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_bands_hold_where_orders_agree_by_chance(order):
+    """Errors h^p + c h^(p+1) + d h^(p+2): two pairs may show the same order beside a whole one."""
+    random, inside = np.random.default_rng(8), []
+    for _ in range(2000):
+        x, (c, d) = HALVED[:4], random.uniform(-4, 4, 2)
+        found = convergence(x, [np.array(1 + h**order * (1 + c * h + d * h**2)) for h in x])
+        if found.extrapolated is not None:
+            inside.append(abs(float(found.extrapolated) - 1) <= 2 * found.uncertainty)
+    assert len(inside) > 50 and np.mean(inside) > 0.95
+
+
 @pytest.mark.slow
 def test_bands_of_random_runs_hold():
     """Runs and equilibria with mesh or step held: 86 of 87 bands did in 75 studies."""
