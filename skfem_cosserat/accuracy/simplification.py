@@ -255,7 +255,7 @@ def _tried(scene: Scene, run: Run, trial: _Trial) -> tuple[dict[str, Any], Run |
     alike = found.history.meta["kernels"] == run.history.meta["kernels"]
     saves = 1 - found.cost_s / run.cost_s if alike else np.nan
     more = {"unknowns": found.system.unknowns, "cost_s": found.cost_s, "saves": saves}
-    return row | {"change": float(max(sizes))} | more, found
+    return row | {"change": float(np.nanmax(sizes))} | more, found
 
 
 def _at_rest(scene: Scene, run: Run, built: Any) -> Run:

@@ -254,6 +254,8 @@ class _Search:
     def __init__(self, scene: Scene, budget: float, interrupt: Interrupt, show: Progress) -> None:
         self.scene, self.budget, self.interrupt, self.show = scene, budget, interrupt, show
         self.tolerance = scene.asked.tolerance
+        #: quantities that are judged
+        self.judged = [name for name, limit in self.tolerance.items() if np.isfinite(limit)]
         self.runs: dict[Case, Run | None] = {}
         #: processor time (s) of each, also of those that failed
         self.costs: dict[Case, float] = {}
@@ -290,7 +292,7 @@ class _Search:
             with Notices(quiet=True, alone=True):
                 run = self.scene.run(case, nudge)
         except (CosseratError, ArithmeticError) as error:
-            if isinstance(error, InputError) and str(error).startswith("quantity "):
+            if isinstance(error, InputError) and error.item.startswith("quantity "):
                 raise
             self.error = error
             first = self.failed.setdefault(str(error), case)
@@ -312,7 +314,7 @@ class _Search:
         except KeyboardInterrupt:
             reason = "it was interrupted"
         if self.best is not None and not reason:
-            unknown = [n for n, each in self.best[0].values.items() if not each.finite]
+            unknown = [name for name in self.judged if not self.best[0].values[name].finite]
             if unknown:
                 reason = f"{unknown[0]!r} is not a number: an event that does not happen, or a NaN"
         return self.answer(reason)
@@ -378,7 +380,8 @@ class _Search:
 
     def size(self, *errors: Mapping[str, float]) -> float:
         """The largest sum of errors in units of its tolerance."""
-        return max(sum(e[name] for e in errors) / self.tolerance[name] for name in self.tolerance)
+        sizes = [sum(e[name] for e in errors) / self.tolerance[name] for name in self.judged]
+        return max(sizes, default=0.0)
 
     def step_errors(self, case: Case, coarse: Run, fine: Run) -> tuple[dict[str, float], float]:
         """Errors of the finer run by its step, and the least order by which they fall.
@@ -430,7 +433,8 @@ class _Search:
     def within(self, distances: Mapping[str, tuple[Floats, Floats]], factor: float = 1.0) -> float:
         """Time (s) up to which distances, times a factor, are within all tolerances."""
         ends = []
-        for name, (t, gap) in distances.items():
+        for name in self.judged:
+            t, gap = distances[name]
             beyond = np.flatnonzero(factor * gap > self.tolerance[name])
             ends.append(t[max(beyond[0] - 1, 0)] if len(beyond) else np.inf)
         return float(min(ends))

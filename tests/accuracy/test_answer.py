@@ -210,6 +210,10 @@ def test_an_event_that_does_not_happen():
     level = sc.ConditionSensor(PLACE, 100.0, component=2)
     found = sc.answer(MODEL, {"level": level, "place": PLACE}, 1e-3, 0.5)
     assert not found.reached and "'level' is not a number: an event that does not" in found.reason
+    found = sc.answer(
+        MODEL, {"level": level, "place": PLACE}, {"level": np.inf, "place": 1e-3}, 0.5
+    )
+    assert found.reached and np.isnan(found.values["level"])  # it had to act only
 
 
 @pytest.mark.parametrize("component", [-1, 1.5, True])
