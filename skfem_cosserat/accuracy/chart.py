@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..figures import DASHES, PAGE, Style, legend, panels, styles, write_figure
-from ..types import Array, Floats
+from ..types import Array, Floats, names_known
 from .orders import Convergence
 
 if TYPE_CHECKING:
@@ -152,31 +152,66 @@ COSTS = {
 }
 
 
-class Lines(NamedTuple):
-    """What is drawn as a line.
+@dataclass(frozen=True)
+class Drawn:
+    """Rows of a table, and what they are drawn as.
 
     Attributes
     ----------
-    kind : callable
-        From a row to the name of its line.
-    families : dict
-        What has its colour, by the name of a line.
-    own : dict
-        Rows of its front, by quantity and name of a line.
-    fronts : dict
-        Rows of its front, by quantity and group.
+    rows : list of dict
+        All of them.
+    points : dict
+        Rows that were solved, by quantity.
+    kind, family : callable
+        From a row to the name of its line, and of what has the colour of it.
+    limits : dict
+        Error of the reference by quantity.
     """
 
+    rows: Sequence[Row]
+    points: Mapping[str, Sequence[Row]]
     kind: Callable[[Row], str]
-    families: Mapping[str, str]
-    own: Mapping[str, Mapping[str, Sequence[Row]]]
-    fronts: Mapping[str, Mapping[str, Sequence[Row]]]
+    family: Callable[[Row], str]
+    limits: Mapping[str, float]
+
+    @property
+    def families(self) -> dict[str, str]:
+        """By the name of a line, in the order of the rows."""
+        return {self.kind(row): self.family(row) for row in self.rows}
+
+    def fronts(self, by: Callable[[Row], str], name: str, column: str) -> dict[str, list[Row]]:
+        """The front of a quantity of each kind, or group, of rows."""
+        found = self.by(by, name, column)
+        return {key: pareto(rows, name, column) for key, rows in found.items()}
+
+    def by(self, what: Callable[[Row], str], name: str, column: str) -> dict[str, list[Row]]:
+        """Rows with a place on logarithmic axes, by their kind or group."""
+        found: dict[str, list[Row]] = {}
+        for row in self.points[name]:
+            if row[f"error_{name}"] > 0 and (row[column] or 0) > 0:
+                found.setdefault(what(row), []).append(row)
+        return found
+
+
+def pareto(points: Iterable[Row], quantity: str, column: str = "cost_s") -> list[Any]:
+    """Rows that are not beaten by another one in both cost and error, cheapest first.
+
+    Examples
+    --------
+    >>> rows = [{"cost_s": c, "error_x": e} for c, e in ((1, 0.5), (2, 0.6), (3, 0.1))]
+    >>> [row["cost_s"] for row in pareto(rows, "x")]
+    [1, 3]
+    """
+    key = f"error_{quantity}"
+    kept: list[Row] = []
+    for row in sorted(points, key=lambda row: (row[column], row[key])):
+        if not kept or row[key] < kept[-1][key]:
+            kept.append(row)
+    return kept
 
 
 def precision_chart(
-    rows: Sequence[Row],
-    lines: Lines,
-    reference_errors: Mapping[str, float],
+    drawn: Drawn,
     path: str | os.PathLike[str] | None = None,
     cost: str = "seconds",
     units: str | Mapping[str, str] | None = None,
@@ -184,125 +219,87 @@ def precision_chart(
 ) -> Figure:
     """One panel a quantity; see :meth:`~skfem_cosserat.accuracy.PrecisionTable.chart`.
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-        Of the table.
-    lines : Lines
-    reference_errors : mapping
-        By quantity.
-    path : path-like, optional
-        Write it here.
-    cost : str
-        One of `COSTS`.
-    units : str or mapping, optional
-        Of the errors, by quantity; empty: they are relative.
-    most : int
-        So many lines, fronts among them, but one of each group; other setups are grey dots.
-
     Raises
     ------
     InputError
-        If no quantity is given.
+        If no quantity is given, or the cost is unknown.
     """
-    if not lines.fronts:
-        known = ", ".join(reference_errors)
-        raise InputError("argument quantities", f"[], expected some of {known}")
+    if cost not in COSTS:
+        raise InputError("argument cost", f"{cost!r}, unknown; {names_known(cost, COSTS)}")
+    if not drawn.points:
+        raise InputError("argument quantities", f"[], expected some of {', '.join(drawn.limits)}")
     column, label = COSTS[cost]
-    names = list(lines.fronts)
-    figure, axes = panels(PAGE, 4.6 * len(names), len(names))
-    chosen = _chosen(lines, column, most)
-    drawn = styles({name: lines.families[name] for name in chosen})
-    for axis, name in zip(axes, names, strict=True):
+    figure, axes = panels(PAGE, 4.6 * len(drawn.points), len(drawn.points))
+    chosen = _chosen(drawn, column, most)
+    shown = styles({name: drawn.families[name] for name in chosen})
+    for axis, name in zip(axes, drawn.points, strict=True):
         axis.set(xscale="log", yscale="log", xlabel=label, ylabel=_error_label(name, units))
-        _fronts(axis, lines, name, column)
-        for line in (*chosen, *(each for each in lines.families if each not in drawn)):
-            _points(axis, rows, lines, name, line, column, drawn.get(line))
+        lines = drawn.fronts(drawn.kind, name, column)
+        groups = drawn.fronts(_group, name, column)
+        for group, dashes in zip(_several(lines, groups), DASHES * len(groups), strict=False):
+            wide = {"linestyle": dashes, "color": "0.75", "linewidth": 4.0, "zorder": 1}
+            front = f"front, {group}" if group else "front"
+            _plot(axis, groups[group], name, column, drawstyle="steps-post", label=front, **wide)
+        dots = {"marker": ".", "linestyle": "none"}
+        for line, rows in drawn.by(drawn.kind, name, column).items():
+            if line not in shown:
+                rest = {"color": "0.6", "ms": 3, "label": "others", "zorder": 1.5}
+                _plot(axis, rows, name, column, **dots, **rest)
+                continue
+            style = shown[line]
+            faint = {"color": style.color, "ms": 2.5, "alpha": 0.3, "zorder": 1.8}
+            _plot(axis, rows, name, column, **dots, **faint)
+            marks = {**style._asdict(), "ms": 4.5, "linewidth": 1.3, "label": line}
+            _plot(axis, lines[line], name, column, **marks)
         if column == "cost_s":
-            _failures(axis, rows, lines, drawn)
-        own = reference_errors[name]
-        if isfinite(own) and own > 0:
-            bottom = min(axis.get_ylim()[0], own / 2)
-            axis.axhspan(bottom, own, color="0.85", label="below the reference's error", zorder=0)
+            for line in drawn.families:
+                bad = [r for r in drawn.rows if r["status"] != "ok" and drawn.kind(r) == line]
+                colour = shown[line].color if line in shown else "0.6"
+                times = [row["spent_s"] for row in bad if 0 < row["spent_s"] < np.inf]
+                _crosses(axis, times, TOP, color=colour, markersize=5)
+        limit = drawn.limits[name]
+        if isfinite(limit) and limit > 0:
+            bottom = min(axis.get_ylim()[0], limit / 2)
+            axis.axhspan(bottom, limit, color="0.85", label="below the reference's error", zorder=0)
             axis.set_ylim(bottom=bottom)
     legend(figure)
     return write_figure(figure, path)
 
 
-def _chosen(lines: Lines, column: str, most: int) -> list[str]:
-    """The best line of each group, and others nearest to what is cheapest, in their order."""
-    room = max(1, most - max(len(_several(lines, name)) for name in lines.fronts))
-    distance: dict[str, tuple[float, float]] = {}
-    groups: dict[str, str] = {}
-    for line in lines.families:
-        ratios = [np.inf]
-        for name, own in lines.own.items():
-            every = [row for front in lines.fronts[name].values() for row in front]
-            for row in own[line]:
-                reach = [r[column] for r in every if r[f"error_{name}"] <= row[f"error_{name}"]]
-                ratios.append(row[column] / min(reach))
-                groups[line] = row["group"]
-        distance[line] = min(ratios), float(np.mean(np.log(ratios[1:] or ratios)))
-    near = sorted(distance, key=lambda line: distance[line])
-    first = {groups[line]: line for line in reversed(near) if line in groups}
-    best = list(dict.fromkeys((*first.values(), *near)))[: max(room, len(first))]
-    return [line for line in lines.families if line in best]
+def _group(row: Row) -> str:
+    return str(row["group"])
 
 
-def _several(lines: Lines, name: str) -> list[str]:
+def _plot(axis: Any, rows: Sequence[Row], name: str, column: str, **style: Any) -> None:
+    """Errors over costs."""
+    axis.plot([row[column] for row in rows], [row[f"error_{name}"] for row in rows], **style)
+
+
+def _several(lines: Mapping[str, Sequence[Row]], groups: Mapping[str, Any]) -> list[str]:
     """Groups with several lines: the front of another one is its line."""
-    ends = [rows[0]["group"] for rows in lines.own[name].values() if rows]
-    return [group for group in lines.fronts[name] if ends.count(group) > 1]
+    ends = [rows[0]["group"] for rows in lines.values()]
+    return [group for group in groups if ends.count(group) > 1]
 
 
-def _shown(rows: Sequence[Row], name: str, column: str) -> list[Row]:
-    """Those with a place on the chart: an error and a cost that are not zero."""
-    return [row for row in rows if row[f"error_{name}"] > 0 and (row[column] or 0) > 0]
-
-
-def _points(
-    axis: Any,
-    rows: Sequence[Row],
-    lines: Lines,
-    name: str,
-    line: str,
-    column: str,
-    style: Style | None,
-) -> None:
-    """Setups of a kind that were solved, and their front; without a style all as grey dots."""
-
-    def plot(found: Sequence[Row], **how: Any) -> None:
-        if found:
-            x, y = [row[column] for row in found], [row[f"error_{name}"] for row in found]
-            axis.plot(x, y, **how)
-
-    solved = [r for r in rows if r["status"] == "ok" and r["cost_s"] is not None]
-    own = _shown([row for row in solved if lines.kind(row) == line], name, column)
-    if style is None:
-        plot(own, color="0.6", marker=".", linestyle="none", ms=3, label="others", zorder=1.5)
-        return
-    dots = {"color": style.color, "marker": style.marker, "linestyle": "none", "zorder": 1.8}
-    plot(own, **dots, ms=2.5, alpha=0.3, label="_nolegend_")
-    front = _shown(lines.own[name][line], name, column)
-    plot(front, **style._asdict(), ms=4.5, linewidth=1.3, label=line)
-
-
-def _fronts(axis: Any, lines: Lines, name: str, column: str) -> None:
-    """What each group of several lines reaches at which cost, behind its lines."""
-    for group, dashes in zip(_several(lines, name), DASHES * len(lines.fronts), strict=False):
-        front = _shown(lines.fronts[name][group], name, column)
-        x, y = [row[column] for row in front], [row[f"error_{name}"] for row in front]
-        style = {"linestyle": dashes, "color": "0.75", "linewidth": 4.0, "zorder": 1}
-        axis.step(x, y, where="post", label=f"front, {group}" if group else "front", **style)
-
-
-def _failures(axis: Any, rows: Sequence[Row], lines: Lines, drawn: Mapping[str, Style]) -> None:
-    bad = [row for row in rows if row["status"] != "ok" and isfinite(row["spent_s"])]
-    for line in lines.families:
-        own = [row for row in bad if lines.kind(row) == line]
-        colour = drawn[line].color if line in drawn else "0.6"
-        x = [row["spent_s"] for row in own if row["spent_s"] > 0]
-        _crosses(axis, x, TOP, color=colour, markersize=5)
+def _chosen(drawn: Drawn, column: str, most: int) -> list[str]:
+    """The best line of each group, and others nearest to what is cheapest, in their order."""
+    ratios: dict[str, list[float]] = {line: [] for line in drawn.families}
+    owners: dict[str, str] = {}
+    room = most
+    for name in drawn.points:
+        lines, groups = (drawn.fronts(by, name, column) for by in (drawn.kind, _group))
+        room = min(room, most - len(_several(lines, groups)))
+        every = [row for front in groups.values() for row in front]
+        for line, front in lines.items():
+            owners[line] = front[0]["group"]
+            for row in front:
+                reach = [r[column] for r in every if r[f"error_{name}"] <= row[f"error_{name}"]]
+                ratios[line].append(row[column] / min(reach))
+    distance = {line: (min(each), np.mean(np.log(each))) for line, each in ratios.items() if each}
+    near = sorted(distance, key=distance.__getitem__)
+    first = {owners[line]: line for line in reversed(near)}
+    best = list(dict.fromkeys((*first.values(), *near, *ratios)))[: max(room, len(first), 1)]
+    return [line for line in drawn.families if line in best]
 
 
 # -- the chart of a stability map: cells in the colour of their status, and theory's lines ---------

@@ -8,29 +8,21 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import ceil, floor, isfinite, log10
-from typing import TYPE_CHECKING, Any
+from numbers import Real
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..arguments import checked
 from ..errors import InputError
-from ..types import names_known, positive, switch
-from ..warn import sum_up, told
-from .chart import COSTS, Lines, Row, precision_chart
+from ..types import names_known, positive
+from ..warn import told
+from .chart import Drawn, Row, pareto, precision_chart
 from .orders import euclidean
 from .reading import OverTime, Quantities, Reading, aligned
 from .reference import Reference, reference_of
-from .run import Caught, Executor, Job, OnOutcome, Outcome, in_words, run_all
-from .setups import (
-    Measured,
-    Setup,
-    as_setups,
-    counts,
-    failure,
-    measure,
-    raised,
-    ran,
-)
+from .run import Caught, Executor, Job, OnOutcome, Outcome, in_words, run_study, time_limit
+from .setups import COUNTS, Measured, Setup, as_setups, ended, measure, ran, told_of
 from .table import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
@@ -38,9 +30,6 @@ if TYPE_CHECKING:
 
 # --------------------------------------------------------------------------------------------------
 # What came of a work-precision study: rows, fronts in words, where one code is behind another.
-
-#: an error above this part of another one is the same on a chart
-NEXT = 0.98
 
 
 @checked
@@ -249,31 +238,12 @@ class PrecisionTable(Report):
         ImportError
             Without matplotlib.
         """
-        if cost not in COSTS:
-            raise InputError("argument cost", f"{cost!r}, unknown; {names_known(cost, COSTS)}")
-        column = COSTS[cost][0]
+        several = len({row["group"] for row in self.rows}) > 1
+        kind = kind or partial(_kind_by, "group" if several else "series")
         names = self.quantities if quantities is None else list(quantities)
-        groups = dict.fromkeys(row["group"] for row in self.rows)
-        if kind is None:
-            several = len(groups) > 1
-            kind = partial(_kind_by, "group" if several else "series")
-        families = {kind(row): (family or kind)(row) for row in self.rows}
-        fronts, own = {}, {}
-        for name in names:
-            points = [row for row in self.points(name) if (row[column] or 0) > 0]
-            own[name] = {
-                line: _apart(
-                    pareto([row for row in points if kind(row) == line], name, column), name
-                )
-                for line in families
-            }
-            fronts[name] = {
-                group: pareto([row for row in points if row["group"] == group], name, column)
-                for group in groups
-            }
-        drawn = Lines(kind, families, own, fronts)
-        limits = self.reference_errors
-        return precision_chart(self.rows, drawn, limits, path, cost, units, most)
+        points = {name: self.points(name) for name in names}
+        drawn = Drawn(self.rows, points, kind, family or kind, self.reference_errors)
+        return precision_chart(drawn, path, cost, units, most)
 
     def __str__(self) -> str:
         lines = []
@@ -292,8 +262,7 @@ class PrecisionTable(Report):
         return f"<PrecisionTable: {len(self.rows)} setups, {len(self.failed)} failed{doubt}>"
 
 
-@dataclass(frozen=True, eq=False)
-class Front:
+class Front(NamedTuple):
     """What is cheapest for errors of a quantity.
 
     Attributes
@@ -333,8 +302,7 @@ class Front:
         return "\n".join(self.lines)
 
 
-@dataclass(frozen=True, eq=False)
-class Level:
+class Level(NamedTuple):
     """An error that a peer reaches, and what it costs.
 
     Attributes
@@ -362,8 +330,7 @@ class Level:
         return float("inf") if self.ours is None else self.ours["cost_s"] / self.theirs["cost_s"]
 
 
-@dataclass(frozen=True, eq=False)
-class Standing:
+class Standing(NamedTuple):
     """Our front against the others'.
 
     Attributes
@@ -391,55 +358,26 @@ class Standing:
                 lines.append(f"{group}: no error that the reference lets one judge")
                 continue
             good = [1 / each.ratio for each in own if each.ratio < 1]
-            text = f"{group}: cheaper at {len(good)} of the {len(own)} errors it reaches"
-            if good:
-                text += f", {min(good):.3g} to {max(good):.3g} times"
-            lines.append(text)
-            lines += [self._behind(each) for each in own if not each.ratio < 1]
+            times = f", {min(good):.3g} to {max(good):.3g} times" if good else ""
+            head = f"{group}: cheaper at {len(good)} of the {len(own)} errors it reaches{times}"
+            lines.append(head)
+            for each in own:
+                if each.ratio < 1:
+                    continue
+                theirs = f"{each.theirs['cost_s']:.3g} s"
+                text = f"not reached, the peer takes {theirs}"
+                if each.ours is not None:
+                    cost = f"{each.ours['cost_s']:.3g} s against {theirs}"
+                    text = f"{cost}, {each.ratio:.2f} times as much"
+                lines.append(f"{group}: behind at {each.error:.1e} in {self.quantity}: {text}")
         return lines
-
-    def _behind(self, level: Level) -> str:
-        start = f"{level.group}: behind at {level.error:.1e} in {self.quantity}"
-        if level.ours is None:
-            return f"{start}: not reached, the peer takes {level.theirs['cost_s']:.3g} s"
-        ours, theirs = level.ours["cost_s"], level.theirs["cost_s"]
-        return f"{start}: {ours:.3g} s against {theirs:.3g} s, {level.ratio:.2f} times as much"
 
     def __str__(self) -> str:
         return "\n".join(self.lines)
 
 
-def _apart(front: list[dict[str, Any]], quantity: str) -> list[dict[str, Any]]:
-    """Points of a front that can be told apart on a chart."""
-    kept: list[dict[str, Any]] = []
-    for row in front:
-        key = f"error_{quantity}"
-        if not kept or row[key] < NEXT * kept[-1][key]:
-            kept.append(row)
-    return kept
-
-
 def _kind_by(what: str, row: Row) -> str:
     return str(row[what] or row["label"])
-
-
-def pareto(
-    points: Iterable[dict[str, Any]], quantity: str, column: str = "cost_s"
-) -> list[dict[str, Any]]:
-    """Rows that are not beaten by another one in both cost and error, cheapest first.
-
-    Examples
-    --------
-    >>> rows = [{"cost_s": c, "error_x": e} for c, e in ((1, 0.5), (2, 0.6), (3, 0.1))]
-    >>> [row["cost_s"] for row in pareto(rows, "x")]
-    [1, 3]
-    """
-    key = f"error_{quantity}"
-    kept: list[dict[str, Any]] = []
-    for row in sorted(points, key=lambda row: (row[column], row[key])):
-        if not kept or row[key] < kept[-1][key]:
-            kept.append(row)
-    return kept
 
 
 def _cheapest(
@@ -553,8 +491,6 @@ def work_precision(
     truth, wanted = reference_of(reference, levels=False), Quantities(quantities, norm)
     if isinstance(repeats, bool) or not isinstance(repeats, int | np.integer) or repeats < 1:
         raise InputError("argument repeats", f"{repeats!r}, expected a positive integer")
-    if timeout_s is not None:
-        timeout_s = positive("argument timeout_s", "timeout_s", timeout_s, " of seconds")
     if not callable(clock):
         raise InputError("argument clock", f"{clock!r}, expected a function such as process_time")
     if wanted.names:
@@ -562,29 +498,22 @@ def work_precision(
     clash = [setup.label for setup in chosen if setup.label in truth.runs]
     if clash:
         raise InputError("argument setups", f"label {clash[0]!r} is that of the reference's run")
-    rest = clock, timeout_s
-    jobs = [
-        Job(name, measure, name, problem, run, None, 0, *rest) for name, run in truth.runs.items()
-    ]
-    jobs += [
-        Job(s.label, measure, s.label, problem, s.run, s.timed, int(repeats), *rest) for s in chosen
-    ]
+    rest = clock, time_limit(timeout_s)
+    jobs = [Job(name, measure, name, problem, run, 0, *rest) for name, run in truth.runs.items()]
+    jobs += [Job(s.label, measure, s.label, problem, s.run, int(repeats), *rest) for s in chosen]
     study = _PrecisionStudy(chosen, truth, wanted)
-    outcomes = run_all(
+    outcomes = run_study(
+        ("work and precision", "setups", "table.rows, print(table)"),
         jobs,
         executor,
         folder=folder,
         progress=progress,
         check=study.check,
-        retry=switch("argument retry", retry),
-        tell=False,
+        retry=retry,
     )
     kind = "runs" if truth.runs else "values"
     notes = {"reference": f"{type(reference).__name__} ({kind})"}
-    table = study.table({each.name: each for each in outcomes}, notes)
-    about = {each.name: each.warnings for each in outcomes}
-    sum_up("work and precision", "setups", about, "table.rows, print(table)")
-    return table
+    return study.table({each.name: each for each in outcomes}, notes)
 
 
 @dataclass
@@ -627,9 +556,9 @@ class _PrecisionStudy:
     def _sample(self, outcome: Outcome) -> BaseException | None:
         """Quantities of a run, or why there are none; gives what reading them raised."""
         label = outcome.name
-        wrong = failure(outcome.value.result) if outcome.error is None else raised(outcome.error)
-        if wrong is not None:
-            self.failed[label] = wrong
+        state = ended(outcome.value.result if outcome.error is None else outcome.error)
+        if state[0] != "ok":
+            self.failed[label] = state
             return None
         sample: dict[str, Reading] = {}
         reading = Caught()
@@ -693,7 +622,8 @@ class _PrecisionStudy:
         measured = outcome.value if outcome.ok else Measured(None, ())
         state, reason = self.failed.get(setup.label, ("ok", ""))
         row: dict[str, Any] = {"label": setup.label, "cost_s": min(measured.costs, default=None)}
-        row |= counts(measured.result)
+        counts = {name: told_of(measured.result).get(name) for name in COUNTS}
+        row |= {name: each if isinstance(each, Real) else None for name, each in counts.items()}
         row |= {f"error_{name}": errors.get(name) if state == "ok" else None for name in names}
         row |= {"status": state, "reason": reason, "group": setup.group, "series": setup.series}
         said = outcome.error if measured.result is None else measured.result

@@ -33,9 +33,9 @@ from ..export import prepare_folder
 from ..frames import Item
 from ..history import History
 from ..run.progress import Interrupt, Progress
-from ..types import whole
+from ..types import positive, switch, whole
 from ..version import VERSION
-from ..warn import Notices, counted, logger, repeat, warn
+from ..warn import Notices, counted, logger, repeat, sum_up, warn
 
 # -- jobs and their outcomes -----------------------------------------------------------------------
 
@@ -200,6 +200,13 @@ def _text(error: BaseException) -> str:
 
 #: what says that something took too long, a subprocess (such as a peer) too
 LATE = (TimeoutError, TimeoutExpired)
+
+
+def time_limit(seconds: Any) -> float | None:
+    """The argument `timeout_s` of a study, checked."""
+    if seconds is None:
+        return None
+    return positive("argument timeout_s", "timeout_s", seconds, " of seconds")
 
 
 class TimedOut(TimeoutError):
@@ -645,6 +652,7 @@ def run_all(
     >>> [len(outcome.result()) for outcome in sc.run_all(jobs)]
     [11, 11, 11]
     """
+    switch("argument retry", retry)
     by_name: dict[str, Job] = {}
     for job in jobs:
         if job.name in by_name:
@@ -698,6 +706,24 @@ def run_all(
         warning.outcomes = [*outcomes.values()]  # type: ignore[attr-defined]
         raise
     return [*outcomes.values()]
+
+
+def run_study(
+    about: tuple[str, str, str], jobs: Iterable[Job], executor: Executor | None, **options: Any
+) -> list[Outcome]:
+    """Outcomes of the jobs of a study, as of :func:`run_all`; their warnings are summed up once.
+
+    Parameters
+    ----------
+    about : tuple of str
+        Its name, what its jobs are ("levels"), and where their warnings can be read.
+    jobs, executor, **options
+        Of :func:`run_all`.
+    """
+    outcomes = run_all(jobs, executor, tell=False, **options)
+    study, kind, where = about
+    sum_up(study, kind, {each.name: each.warnings for each in outcomes}, where)
+    return outcomes
 
 
 def _judge(outcomes: Sequence[Outcome], elapsed: float) -> None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from itertools import product
-from numbers import Real
 from typing import Any, NamedTuple
 
 from ..arguments import checked
 from ..errors import Diverged, InputError, JobError
 from ..history import History
 from ..types import positive
-from .run import LATE, TimeLimit
+from .run import LATE, TimeLimit, in_words
 
 # -- setups of a work-precision study: what is run, and what comes of one run ----------------------
 
@@ -21,6 +19,7 @@ from .run import LATE, TimeLimit
 STATUSES = ("ok", "diverged", "newton", "timeout", "error")
 #: what a result of somebody else's may call "ok"
 DONE = ("ok", "completed")
+#: what a result may count
 COUNTS = ("newton_iterations", "factorisations", "unknowns")
 Run = Callable[[Any], Any]
 
@@ -35,8 +34,6 @@ class Setup(NamedTuple):
         ``run(problem)`` gives a History, or a mapping with the quantities and, if there are any,
         ``cost_s``, ``newton_iterations``, ``factorisations``, ``unknowns``, ``status``,
         ``reason``, ``kernels``.
-    timed : callable, optional
-        The same work without what is only there to look at; it is timed instead of `run`.
     series : str
         Setups of one series are joined by a line in the chart.
     group : str
@@ -50,7 +47,6 @@ class Setup(NamedTuple):
 
     label: str
     run: Run
-    timed: Run | None = None
     series: str = ""
     group: str = ""
 
@@ -67,7 +63,6 @@ def setup_grid(
     run: Callable[..., Any],
     *,
     group: str = "",
-    timed: Callable[..., Any] | None = None,
     **axes: Any,
 ) -> list[Setup]:
     """Setups for all combinations: integrator x treatment x order x mesh x step.
@@ -78,8 +73,6 @@ def setup_grid(
         Called as ``run(problem, integrator=..., step=...)`` with one value of each axis.
     group : str
         See :class:`Setup`.
-    timed : callable, optional
-        See :class:`Setup`; called like `run`.
     **axes
         Sequences of values, or mappings from their names to values. Along the last one the points
         of the chart are joined by lines.
@@ -106,9 +99,8 @@ def setup_grid(
     for choice in product(*(each.items() for each in named.values())):
         values = {axis: value for axis, (_, value) in zip(named, choice, strict=True)}
         words = [name for name, _ in choice]
-        bound = None if timed is None else partial(timed, **values)
         series = ", ".join(words[:-1])
-        found.append(Setup(", ".join(words), partial(run, **values), bound, series, group))
+        found.append(Setup(", ".join(words), partial(run, **values), series, group))
     return found
 
 
@@ -149,9 +141,8 @@ def as_setups(given: Any) -> list[Setup]:
         setup = Setup(*each)
         if not isinstance(setup.label, str) or not setup.label:
             raise InputError("argument setups", f"label {setup.label!r}, expected a name")
-        for function in (setup.run, setup.timed or setup.run):
-            if not callable(function):
-                raise InputError(f"setup {setup.label!r}", f"{function!r} cannot be called")
+        if not callable(setup.run):
+            raise InputError(f"setup {setup.label!r}", f"{setup.run!r} cannot be called")
         if setup.label in labels:
             raise InputError("argument setups", f"two setups are called {setup.label!r}")
         labels.add(setup.label)
@@ -165,7 +156,6 @@ def measure(
     label: str,
     problem: Any,
     run: Run,
-    timed: Run | None,
     repeats: int,
     clock: Callable[[], float],
     timeout_s: float | None,
@@ -183,51 +173,39 @@ def measure(
         result = run(problem)
     if isinstance(result, History) and result.status == "interrupted":
         raise JobError(label, "it was interrupted")
-    costs = []
-    if failure(result) is None:
-        for _ in range(repeats):
-            with TimeLimit(timeout_s):
-                begun = clock()
-                again = (run if timed is None else timed)(problem)
-                seconds = clock() - begun
-            wrong = failure(again)
-            if wrong is not None:
-                return Measured({"status": wrong[0], "reason": f"when timed: {wrong[1]}"}, ())
-            costs.append(_own_cost(again, seconds))
+    costs: list[float] = []
+    while ended(result)[0] == "ok" and len(costs) < repeats:
+        with TimeLimit(timeout_s):
+            begun = clock()
+            again = run(problem)
+            seconds = clock() - begun
+        state, reason = ended(again)
+        if state != "ok":
+            return Measured({"status": state, "reason": f"when timed: {reason}"}, ())
+        if isinstance(again, Mapping) and again.get("cost_s") is not None:
+            seconds = positive("result", "cost_s", again["cost_s"], " of seconds")
+        costs.append(seconds)
     return Measured(result, tuple(costs))
 
 
-def _own_cost(result: Any, seconds: float) -> float:
-    """What a result says of its cost, or what the clock says."""
-    if isinstance(result, Mapping) and result.get("cost_s") is not None:
-        return positive("result", "cost_s", result["cost_s"], " of seconds")
-    return seconds
-
-
-def failure(result: Any) -> tuple[str, str] | None:
-    """Status and reason of a result that says that it failed; None if it does not."""
-    if isinstance(result, History):
-        bad = result.status in ("diverged", "failed", "killed")
-        return ("newton", str(result.meta.get("failure", result.status))) if bad else None
-    if not isinstance(result, Mapping) or result.get("status", "ok") in DONE:
-        return None
-    state = str(result["status"])
-    reason = str(result.get("reason", ""))
-    return (state, reason) if state in STATUSES else ("error", f"{state}: {reason}".rstrip(": "))
-
-
-def raised(error: Exception) -> tuple[str, str]:
-    """Status and reason of a setup that raised something.
+def ended(result: Any) -> tuple[str, str]:
+    """Status and reason of a history, of a mapping with a status, or of an error.
 
     A step that Newton's method could not solve is ``newton``; numbers that left all bounds, and a
     :class:`Diverged` that tells of no iterations, are ``diverged``.
     """
-    reason = f"{type(error).__name__}: {error}"
-    if isinstance(error, Diverged):
-        return ("newton" if error.residuals else "diverged"), reason
-    if isinstance(error, ArithmeticError):
-        return "diverged", reason
-    return ("timeout" if isinstance(error, LATE) else "error"), reason
+    if isinstance(result, Exception):
+        state = "timeout" if isinstance(result, LATE) else "error"
+        if isinstance(result, Diverged):
+            state = "newton" if result.residuals else "diverged"
+        return "diverged" if isinstance(result, ArithmeticError) else state, in_words(result)
+    if isinstance(result, History):
+        bad = result.status in ("diverged", "failed", "killed")
+        return ("newton", str(result.meta.get("failure", result.status))) if bad else ("ok", "")
+    if not isinstance(result, Mapping) or result.get("status", "ok") in DONE:
+        return "ok", ""
+    state, reason = str(result["status"]), str(result.get("reason", ""))
+    return (state, reason) if state in STATUSES else ("error", f"{state}: {reason}".rstrip(": "))
 
 
 def told_of(result: Any) -> Mapping[str, Any]:
@@ -238,19 +216,6 @@ def told_of(result: Any) -> Mapping[str, Any]:
     return found if isinstance(found, Mapping) else {}
 
 
-def counts(result: Any) -> dict[str, int | float | None]:
-    """Newton iterations, factorisations and unknowns, as far as a result tells them."""
-    found = {} if isinstance(result, Exception) else told_of(result)
-    return {name: _count(found.get(name)) for name in COUNTS}
-
-
 def ran(result: Any) -> str:
     """Kernels that ran, as far as a result or an error tells; empty: not told."""
     return str(told_of(result).get("kernels", ""))
-
-
-def _count(value: Any) -> int | float | None:
-    if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-        return None
-    number = float(value)
-    return int(number) if number.is_integer() else number

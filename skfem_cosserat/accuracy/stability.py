@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from inspect import Parameter, signature
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -15,12 +15,12 @@ import numpy as np
 from ..arguments import checked
 from ..errors import InputError, JobError
 from ..history import History
-from ..types import Array, Floats, positive, switch
-from ..warn import sum_up, told
+from ..types import Array, Floats
+from ..warn import told
 from .chart import stability_chart
 from .levels import case_name, check_call
 from .refinement import title_of
-from .run import Caught, Executor, Job, OnOutcome, Outcome, TimeLimit, run_all
+from .run import Caught, Executor, Job, OnOutcome, Outcome, TimeLimit, run_study, time_limit
 from .setups import ran
 from .table import Report, ResultTable, provenance
 from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
@@ -28,8 +28,6 @@ from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: what a verdict says in words
-WORDS = "reason", "warnings", "kernels", "mechanism"
 NAN = float("nan")
 
 # -- what came of a stability map: arrays over the axes, table, chart ------------------------------
@@ -66,37 +64,6 @@ class Map(Report):
     axes: dict[str, list[Any]]
     cells: Array
     seconds: Floats
-
-    @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> Map:
-        """A map that :meth:`csv` has written, for another chart; values are numbers and text.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read, or is none of a map.
-        """
-        stored = ResultTable.read(path)
-        known = [field.name for field in fields(Verdict) if field.name != "numbers"]
-        names = stored.columns
-        if "stability map" not in stored.notes or "status" not in names:
-            raise InputError(f"file {str(path)!r}", "is not of a stability map")
-        parameters = names[: names.index("status")]
-        own = {*parameters, *known, "time_s", "seconds"}
-        found = {}
-        for row in stored.rows:
-            told = {name: value for name, value in row.items() if value is not None}
-            about = {name: told[name] for name in known if name in told}
-            about |= {name: str(told.get(name, "")) for name in WORDS}
-            about["time"] = told.get("time_s", NAN)
-            about["numbers"] = {name: value for name, value in told.items() if name not in own}
-            place = tuple(row[name] for name in parameters)
-            found[place] = Verdict(**about), float(told.get("seconds", NAN))
-        axes = {
-            name: list(dict.fromkeys(key[k] for key in found)) for k, name in enumerate(parameters)
-        }
-        cells = [found.get(choice, (Verdict("not run"), NAN)) for choice in product(*axes.values())]
-        return cls(str(stored.notes["stability map"]), axes, *_arrays(axes, cells))
 
     @property
     def status(self) -> Array:
@@ -344,35 +311,27 @@ def stability_map(
     judge = JudgeEnergy() if outcome is None else outcome
     if not callable(judge):
         raise InputError("argument outcome", f"{outcome!r}, expected a function of a History")
-    if timeout_s is not None:
-        timeout_s = positive("argument timeout_s", "timeout_s", timeout_s, " of seconds")
+    limit = time_limit(timeout_s)
     choices = [dict(zip(values, choice, strict=True)) for choice in product(*values.values())]
     check_call(problem, choices[0] | _settings(problem, choices[0]))
-    jobs = [Job(case_name(c), _cell, case_name(c), problem, judge, c, timeout_s) for c in choices]
+    jobs = [Job(case_name(c), _cell, case_name(c), problem, judge, c, limit) for c in choices]
     if len({job.name for job in jobs}) < len(jobs):
         raise InputError("argument axes", "holds the same value twice on an axis")
-    found = run_all(
+    title = title_of(problem)
+    found = run_study(
+        (f"stability map of {title}", "cells", "found.rows"),
         jobs,
         executor,
         folder=resume,
         progress=progress,
         check=_check,
-        retry=switch("argument retry", retry),
-        tell=False,
+        retry=retry,
     )
-    cells = [(_verdict(each), each.seconds) for each in found]
-    result = Map(title_of(problem), values, *_arrays(values, cells))
-    about = {each.name: each.warnings for each in found}
-    sum_up(f"stability map of {result.title}", "cells", about, "found.rows")
-    return result
-
-
-def _arrays(
-    axes: Mapping[str, list[Any]], cells: list[tuple[Verdict, float]]
-) -> tuple[Array, Floats]:
-    """Verdicts and seconds, with an axis for each parameter."""
-    found = np.array(cells, dtype=object).reshape(*map(len, axes.values()), 2)
-    return found[..., 0], found[..., 1].astype(float)
+    cells = np.empty(len(found), dtype=object)
+    cells[:] = [_verdict(each) for each in found]
+    shape = [len(each) for each in values.values()]
+    seconds = np.array([each.seconds for each in found])
+    return Map(title, values, cells.reshape(shape), seconds.reshape(shape))
 
 
 def _axes(given: Any) -> dict[str, list[Any]]:

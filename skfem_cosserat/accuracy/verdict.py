@@ -15,7 +15,7 @@ from ..history import History
 from ..model.limits import FAR_TURN
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray, positive
-from .run import LATE
+from .run import LATE, in_words
 
 #: With these settings a step that fails has had the full protocol: from an extrapolated and from a
 #: zero increment, without and with line search, up to 100 iterations each, rotations capped.
@@ -177,51 +177,51 @@ class JudgeEnergy:
 
     def __call__(self, result: Any) -> Verdict:
         """The verdict on a History, or on an exception; with the numbers of its steps."""
-        if isinstance(result, Exception):
-            found, history = self._failed(result), getattr(result, "history", None)
-        else:
-            found, history = self._judged(result), result
+        failed = isinstance(result, Exception)
+        history = getattr(result, "history", None) if failed else result
         if not isinstance(history, History):
-            return found
+            if not failed:
+                raise InputError(
+                    "argument problem",
+                    f"gave a {type(result).__name__}, expected a History (or another outcome=)",
+                )
+            return self._failed(result, float("nan"), float("nan"), False)
+        try:
+            time, error, blown = self._change(history, failed)
+        except InputError:
+            if not failed:
+                raise
+            # it was stopped before its energies were there
+            time, error, blown = float(history.times[-1]), float("nan"), False
+        if failed:
+            found = self._failed(result, time, error, blown)
+        elif history.status == "diverged" and not blown:
+            reason = f"no error came with the history: {history.meta.get('failure', '')}"
+            found = Verdict("error", time, error, reason=reason)
+        else:
+            state = "blowup" if blown else "drift" if error > self.drift else "ok"
+            found = Verdict(state, time, error)
         numbers = dict(history.meta.get("steps") or {})
         balance = history.meta.get("energy_balance") or {}
         if balance.get("scale", 0.0) > 0:
             numbers["lost"] = balance["lost"] / balance["scale"]
         return replace(found, numbers=numbers, mechanism=mechanism(found.status, numbers))
 
-    def _judged(self, result: Any) -> Verdict:
-        if not isinstance(result, History):
-            raise InputError(
-                "argument problem",
-                f"gave a {type(result).__name__}, expected a History (or another outcome=)",
-            )
-        time, error, blown = self._change(result)
-        if result.status == "diverged" and not blown:
-            reason = str(result.meta.get("failure", ""))
-            return Verdict("error", time, error, reason=f"no error came with the history: {reason}")
-        state = "blowup" if blown else "drift" if error > self.drift else "ok"
-        return Verdict(state, time, error)
-
-    def _failed(self, error: Exception) -> Verdict:
-        history = getattr(error, "history", None)
-        time, change, blown = float("nan"), float("nan"), False
-        if isinstance(history, History):
-            try:
-                time, change, blown = self._change(history, failed=True)
-            except InputError:  # it was stopped before its energies were there
-                time = float(history.times[-1])
-        reason = f"{type(error).__name__}: {error}"
+    def _failed(self, error: Exception, time: float, change: float, blown: bool) -> Verdict:
+        """Of a run that came to a time, where its energy had changed by so much."""
+        reason, residual = in_words(error), float("nan")
+        state = "timeout" if isinstance(error, LATE) else "error"
         if isinstance(error, Diverged):
-            state, note = ("newton", "") if full_protocol(error) else ("error", NOT_FULL)
+            residual = float(error.residual)
             if not error.residuals:  # nothing was iterated: an explicit scheme, or a dead point
-                state, note = ("error" if np.isfinite(error.residual) else "blowup"), ""
-            residual, end = float(error.residual), float(error.time)
-            reason = f"{note}{reason}"
-        else:
-            state = "timeout" if isinstance(error, LATE) else "error"
-            residual, end = float("nan"), time
+                state = "error" if np.isfinite(residual) else "blowup"
+            elif full_protocol(error):
+                state = "newton"
+            else:
+                reason = NOT_FULL + reason
         if blown:
             return Verdict("blowup", time, change, residual, f"then {reason}")
+        end = float(error.time) if isinstance(error, Diverged) else time
         return Verdict(state, end, change, residual, reason)
 
     def _change(self, history: History, failed: bool = False) -> tuple[float, float, bool]:

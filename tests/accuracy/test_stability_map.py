@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import warnings
+from dataclasses import replace
 from functools import partial
 
 import helpers_precision as helpers
@@ -304,20 +305,12 @@ def test_chart_with_the_explicit_limit(oscillator, tmp_path):
     assert turned.axes[0].get_ylabel() == "step in s"
 
 
-def test_stored_maps_have_the_same_chart(oscillator, tmp_path):
-    again = Map.read(oscillator.csv(tmp_path / "map.csv"))
-    assert again.status.tolist() == oscillator.status.tolist()
-    assert again.axes == {name: list(values) for name, values in oscillator.axes.items()}
-    for name in ("time", "energy_error", "newton_residual"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(oscillator, name))
-    assert again.title == oscillator.title and str(again) == str(oscillator)
-    (tmp_path / "other.csv").write_text("a,b\n1,2\n")
-    with pytest.raises(InputError, match="not of a stability map"):
-        Map.read(tmp_path / "other.csv")
+def test_chart_with_words_of_the_user(oscillator, tmp_path):
     pytest.importorskip("matplotlib")
-    again.cells[0, 0] = Verdict("not run")
+    cells = oscillator.cells.copy()
+    cells[0, 0] = Verdict("not run")
     words = {"omega": "frequency in rad/s", "blowup": "it blows up"}
-    figure = again.chart(tmp_path / "map.svg", labels=words)
+    figure = replace(oscillator, cells=cells).chart(tmp_path / "map.svg", labels=words)
     assert figure.axes[0].get_ylabel() == "frequency in rad/s"
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["solved", "it blows up", "not run"]
@@ -413,7 +406,7 @@ def test_what_cannot_be_judged_ends_the_map():
 # -- mechanisms ------------------------------------------------------------------------------------
 
 
-def test_failed_cells_have_a_mechanism(tmp_path):
+def test_failed_cells_have_a_mechanism():
     """A wheel that turns too fast in a step, and others that turn less."""
 
     def wheel(kind, rate):
@@ -431,9 +424,6 @@ def test_failed_cells_have_a_mechanism(tmp_path):
     turns = [np.arcsin(0.2), np.arcsin(0.9), 1.2]
     assert found.numbers["turn"].ravel() == pytest.approx(turns, rel=1e-3)
     assert found.mechanism.ravel().tolist() == ["", "", "rotation"]
-    found.csv(tmp_path / "map.csv")
-    again = Map.read(tmp_path / "map.csv")
-    assert again.mechanism.tolist() == found.mechanism.tolist()
     assert "mechanism" in found.rows[0] and "turn" in found.rows[2]
 
 
