@@ -19,7 +19,7 @@ from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import Array, ArrayLike, Floats, IndexArray, switch
 from .energy import group_of, held_forces, momentum
-from .stacked import all_rows, as_series, as_stack, as_times
+from .stacked import all_rows, as_array, as_stack, as_times
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -468,7 +468,7 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     >>> multipliers(model.freeze(), y[None], np.array([[0.0, 0, -20.0]])).tolist()
     [[20.0]]
     """
-    y, force = as_series("y", y, system.total, 3), as_series("force", force, system.n)
+    y, force = as_array("y", y, None, system.total, 3), as_array("force", force, None, system.n)
     lam, c = stacked_multipliers(system, y, force), system.constraints
     parts = c.contributions(c.inside, y) * lam[:, c.G_rows]
     entries = np.arange(parts.shape[1]), c.G_cols
@@ -520,7 +520,7 @@ def reactions(system: System, y: Floats, lam: Floats) -> dict[str, tuple[Floats,
     >>> (force + 0.0).tolist()
     [[0.0, 0.0, 20.0]]
     """
-    y, lam = as_series("y", y, system.total, 3), as_series("lam", lam, system.m)
+    y, lam = as_array("y", y, None, system.total, 3), as_array("lam", lam, None, system.m)
     return {jr.joint.name or "": _wrenches(system, jr, y, lam) for jr in system.joint_rows}
 
 

@@ -73,12 +73,13 @@ def joint_coordinates(
     return {name: (a[0], b[0]) for name, (a, b) in found.items()} if single else found
 
 
-def rates(system: System, v: Floats, t: Floats) -> Floats:
-    """Rates of all rows of y (N, total, 3) for velocities v (N, n)."""
-    out = np.zeros((len(v), system.total, 3))
-    out[:, : system.rows] = v.reshape(len(v), system.rows, 3)
+def rates(system: System, v: ArrayLike, t: ArrayLike) -> Floats:
+    """Rates of all rows of y (N, total, 3) for velocities v (N, n) at times t (N,)."""
+    own = np.reshape(v, (-1, system.rows, 3))
+    out = np.zeros((len(own), system.total, 3))
+    out[:, : system.rows] = own
     if system.moving:
-        for row, s in zip(out, t, strict=True):
+        for row, s in zip(out, np.asarray(t), strict=True):
             row[system.rows :] = system.ground_rate(float(s))
     return out
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -10,8 +10,8 @@ from scipy.sparse import csr_matrix, identity, kron
 from scipy.sparse.linalg import splu
 
 from ..arguments import checked
-from ..constraints.base import RowSpace, massless, rows_touching
-from ..constraints.saddle import SaddlePoint, nearest_velocity
+from ..constraints.base import massless, rows_touching
+from ..constraints.saddle import SaddlePoint, hidden_rate
 from ..constraints.stacked import nearest_velocities, stacked_multipliers
 from ..errors import IncompatibleError, InputError
 from ..history import History
@@ -24,12 +24,12 @@ from .energy import mass_solver, momentum
 from .joint_motion import rates
 from .stacked import (
     all_rows,
+    as_array,
     as_floats,
-    as_one,
-    as_rows,
     as_stack,
     as_times,
     check_consecutive,
+    of_states,
     step_size,
 )
 
@@ -119,6 +119,7 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
 
 
 @takes_scene
+@of_states
 def angular_momentum(
     system: System, q: ArrayLike, p: ArrayLike, massive_only: bool = False
 ) -> Floats:
@@ -156,15 +157,11 @@ def angular_momentum(
     >>> angular_momentum(model.freeze(), [1.0, 0, 0], [0, 6.0, 0]).tolist()
     [0.0, 0.0, 6.0]
     """
-    Q, single = as_stack(system, "q", q)
-    P, _ = as_stack(system, "p", p, Q)
     massive_only = switch("argument massive_only", massive_only)
     rows = system.mass.diagonal() > 0 if massive_only else slice(None)
-    shape = (len(Q), system.rows, 3)
-    # sums of q_i p_j first: fewer numbers to cross
-    both = Q.reshape(shape)[:, rows].transpose(0, 2, 1) @ P.reshape(shape)[:, rows]
-    out = np.stack([both[:, i, j] - both[:, j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
-    return out[0] if single else out
+    Q, P = (np.reshape(each, (-1, system.rows, 3))[:, rows] for each in (q, p))
+    both = Q.transpose(0, 2, 1) @ P  # sums of q_i p_j first: fewer numbers to cross
+    return np.stack([both[:, i, j] - both[:, j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
 
 
 @takes_scene
@@ -207,6 +204,7 @@ def midpoint_angular_momentum(system: System, q: ArrayLike, step: float) -> Floa
 
 
 @takes_scene
+@of_states
 def linear_momentum(system: System, p: ArrayLike) -> Floats:
     """Sum of the momenta of all positions phi.
 
@@ -236,12 +234,11 @@ def linear_momentum(system: System, p: ArrayLike) -> Floats:
     >>> linear_momentum(model.freeze(), [1.0, 0, 0, 2.0, 0, 0]).tolist()
     [3.0, 0.0, 0.0]
     """
-    P, single = as_stack(system, "p", p)
-    out = P.reshape(len(P), system.rows, 3)[:, system.origin_rows].sum(1)
-    return out[0] if single else out
+    return np.reshape(p, (-1, system.rows, 3))[:, system.origin_rows].sum(1)
 
 
 @takes_scene
+@of_states
 def constraint_violation(system: System, q: ArrayLike, t: ArrayLike = 0.0) -> Floats:
     """Largest ``|g(q)|`` of each state, unscaled.
 
@@ -274,13 +271,12 @@ def constraint_violation(system: System, q: ArrayLike, t: ArrayLike = 0.0) -> Fl
     >>> constraint_violation(model.freeze(), [[0, 0, -1.0], [0, 0, -2.0]]).tolist()
     [0.0, 1.5]
     """
-    Q, single = as_stack(system, "q", q)
-    y = all_rows(system, Q, as_times(t, len(Q)))
-    out = abs(system.constraints.stacked_values(y)).max(axis=1, initial=0.0)
-    return out[0] if single else out
+    y = all_rows(system, q, t)
+    return np.asarray(abs(system.constraints.stacked_values(y)).max(axis=1, initial=0.0))
 
 
 @takes_scene
+@of_states
 def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0) -> Floats:
     """Largest ``|G(q) v + g_t|`` of each state: the hidden constraint (46) on velocity level.
 
@@ -312,15 +308,12 @@ def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 
     >>> float(hidden_violation(model.freeze(), [0, 0, -1.0], [2.0, 0, 3.0]))
     3.0
     """
-    Q, single = as_stack(system, "q", q)
-    V, _ = as_stack(system, "v", v, Q)
-    times = as_times(t, len(Q))
-    y, ydot = all_rows(system, Q, times), rates(system, V, times)
-    out = abs(system.constraints.stacked_values(y, ydot)).max(axis=1, initial=0.0)
-    return out[0] if single else out
+    found = system.constraints.stacked_values(all_rows(system, q, t), rates(system, v, t))
+    return np.asarray(abs(found).max(axis=1, initial=0.0))
 
 
 @takes_scene
+@of_states
 def momentum_violation(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike = 0.0) -> Floats:
     """Largest ``|G M^-1 p + g_t|`` of each state: the hidden constraint (115) on momentum level.
 
@@ -355,17 +348,12 @@ def momentum_violation(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike 
     >>> float(momentum_violation(model.freeze(), [0, 0, -1.0], [2.0, 0, 6.0]))
     3.0
     """
-    Q, single = as_stack(system, "q", q)
-    P, _ = as_stack(system, "p", p, Q)
-    inverse = mass_solver(system)
     kept = np.flatnonzero(~rows_touching(system, massless(system)))
-    out = np.empty(len(Q))
-    for k, (row, force, s) in enumerate(zip(Q, P, as_times(t, len(Q)), strict=True)):
-        y = system.extend(row, float(s))
-        rate = inverse(force.reshape(-1, 3)).reshape(-1)
-        hidden = system.constraints.rate(y, rate) + ground_part(system, y, float(s))
-        out[k] = abs(hidden[kept]).max(initial=0.0)
-    return out[0] if single else out
+    momenta = np.reshape(p, (-1, system.rows, 3)).transpose(1, 0, 2)
+    v = mass_solver(system)(momenta.reshape(system.rows, -1)).reshape(momenta.shape)
+    ydot = rates(system, v.transpose(1, 0, 2), t)
+    hidden = system.constraints.stacked_values(all_rows(system, q, t), ydot)[:, kept]
+    return np.asarray(abs(hidden).max(axis=1, initial=0.0))
 
 
 @takes_scene
@@ -395,12 +383,8 @@ def ground_part(system: System, y: Floats, t: float) -> Floats:
     >>> ground_part(system, system.extend(system.q0, 0.0), 0.0)[6:].round(9).tolist()
     [-2.0, 0.0, 0.0]
     """
-    y, t = as_rows(system, "y", y), real("argument t", "t", t, "a time (s)")
-    if not system.moving:
-        return np.zeros(system.m)
-    rate = np.zeros_like(y)
-    rate[system.rows :] = system.ground_rate(t)
-    return system.constraints.ground_rate(y, rate)
+    y, t = as_array("y", y, system.total, 3), real("argument t", "t", t, "a time (s)")
+    return -hidden_rate(system, y, t)
 
 
 # -- momenta and velocities on the hidden constraints: projections, reduced momenta ----------------
@@ -408,77 +392,37 @@ def ground_part(system: System, y: Floats, t: float) -> Floats:
 ProjectionMethod: TypeAlias = Literal["saddle-point", "directors-dropped", "reduced"]
 
 
-class _Rule(ABC):
-    """A way to project; holds what does not change with the state."""
-
-    def __init__(self, system: System) -> None:
-        self.system = system
-
-    @abstractmethod
-    def velocity(self, q: Floats, p: Floats, t: float) -> Floats:
-        """Velocity (n,) on the hidden constraints at one state."""
-
-    def velocities(self, q: Floats, p: Floats, t: Floats) -> Floats:
-        """The same at many states (N, n), times t (N,)."""
-        states = zip(q, p, t, strict=True)
-        return np.array([self.velocity(a, b, float(s)) for a, b, s in states]).reshape(p.shape)
+#: velocities (N, n) on the hidden constraints of configurations, momenta (N, n) at times (N,)
+_Rule = Callable[[Floats, Floats, Floats], Floats]
 
 
-class _SaddlePoint(_Rule):
+def _saddle_point(system: System) -> _Rule:
     """``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``."""
-
-    def velocity(self, q: Floats, p: Floats, t: float) -> Floats:
-        """See the base class."""
-        return nearest_velocity(self.system, self.system.extend(q, t), p, t)
-
-    def velocities(self, q: Floats, p: Floats, t: Floats) -> Floats:
-        """See the base class."""
-        return nearest_velocities(self.system, all_rows(self.system, q, t), p, t.tolist())
+    return lambda q, p, t: nearest_velocities(system, all_rows(system, q, t), p, t.tolist())
 
 
-class _DirectorsDropped(_Rule):
-    """The same without the rows and columns of directors that have no mass (116)."""
+def _directors_dropped(system: System) -> _Rule:
+    """The saddle point without the rows and columns of directors that have no mass (116)."""
+    solve = SaddlePoint(system, massless(system))
 
-    def __init__(self, system: System) -> None:
-        super().__init__(system)
-        self._solve = SaddlePoint(system, massless(system))
+    def velocities(q: Floats, p: Floats, t: Floats) -> Floats:
+        out, y = np.empty_like(p), all_rows(system, q, t)
+        for k, s in enumerate(t.tolist()):
+            out[k] = solve(y[k], p[k], hidden_rate(system, y[k], s))[0]
+        return out
 
-    def velocity(self, q: Floats, p: Floats, t: float) -> Floats:
-        """See the base class."""
-        y = self.system.extend(q, t)
-        return self._solve(y, p, -ground_part(self.system, y, t))[0]
-
-
-class _Reduced(_Rule):
-    """``v = P nu + v_0``, ``P^T M P nu = P^T (p - M v_0)``, where v_0 fulfils ``G v_0 = -g_t``."""
-
-    def __init__(self, system: System) -> None:
-        super().__init__(system)
-        self.mass = csr_matrix(kron(system.mass, identity(3)))
-
-    def velocity(self, q: Floats, p: Floats, t: float) -> Floats:
-        """See the base class."""
-        y = self.system.extend(q, t)
-        P = null_space_matrix(self.system, y)
-        if not self.system.moving:
-            return P @ self.rates(P, P.T @ p)
-        start = RowSpace(self.system, y).least_norm(-ground_part(self.system, y, t))
-        return P @ self.rates(P, P.T @ (p - self.mass @ start)) + start
-
-    def rates(self, P: csr_matrix, reduced: Floats) -> Floats:
-        """``nu = (P^T M P)^-1`` of a reduced momentum."""
-        if not P.shape[1]:
-            return np.zeros(0)
-        try:
-            return splu((P.T @ self.mass @ P).tocsc()).solve(reduced)
-        except RuntimeError as error:  # SuperLU: exactly singular
-            raise SingularMatrixError("P^T M P is singular: a motion has no inertia") from error
+    return velocities
 
 
-_RULES: dict[str, type[_Rule]] = {
-    "saddle-point": _SaddlePoint,
-    "directors-dropped": _DirectorsDropped,
-    "reduced": _Reduced,
+def _reduced(system: System) -> _Rule:
+    """The velocity that has the same reduced momentum."""
+    return lambda q, p, t: velocity_from_reduced(system, q, reduced_momentum(system, q, p, t), t)
+
+
+_RULES: dict[str, Callable[[System], _Rule]] = {
+    "saddle-point": _saddle_point,
+    "directors-dropped": _directors_dropped,
+    "reduced": _reduced,
 }
 
 
@@ -540,10 +484,9 @@ class Projection:
         t : float
             Time (s), for prescribed motion.
         """
-        q, p = as_one(self.system, "q", q), as_one(self.system, "p", p)
-        t = real("argument t", "t", t, "a time (s)")
-        v = self._rule.velocity(q, p, t)
-        return v, (self.system.mass @ v.reshape(-1, 3)).reshape(-1)
+        q, p = (as_array(k, x, self.system.n)[None] for k, x in (("q", q), ("p", p)))
+        v = self._rule(q, p, np.array([real("argument t", "t", t, "a time (s)")]))[0]
+        return v, momentum(self.system, v)
 
     def stack(self, q: Floats, p: Floats, t: ArrayLike) -> tuple[Floats, Floats]:
         """The same for stacks q, p (N, n) at times t (s), a number or (N,).
@@ -560,11 +503,12 @@ class Projection:
         p, _ = as_stack(self.system, "p", p, q)
         v, known = np.full(p.shape, np.nan), np.asarray(np.isfinite(p).all(axis=1))
         some = slice(None) if known.all() else known
-        v[some] = self._rule.velocities(q[some], p[some], as_times(t, len(q))[some])
+        v[some] = self._rule(q[some], p[some], as_times(t, len(q))[some])
         return v
 
 
 @takes_scene
+@of_states
 def reduced_momentum(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike = 0.0) -> Floats:
     """``P(q)^T p``: the momentum without the part that constraint forces can give.
 
@@ -605,19 +549,14 @@ def reduced_momentum(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike = 
     >>> reduced_momentum(system, system.q0, momentum(system, system.v0)).round(9).tolist()
     [6.0]
     """
-    Q, single = as_stack(system, "q", q)
-    P, _ = as_stack(system, "p", p, Q)
-    times = as_times(t, len(Q))
-    out = np.array(
-        [
-            null_space_matrix(system, system.extend(a, float(s))).T @ b
-            for a, b, s in zip(Q, P, times, strict=True)
-        ]
+    y = all_rows(system, q, t)
+    return np.array(
+        [null_space_matrix(system, a).T @ b for a, b in zip(y, np.asarray(p), strict=True)]
     )
-    return out[0] if single else out
 
 
 @takes_scene
+@of_states
 def velocity_from_reduced(
     system: System, q: ArrayLike, reduced: ArrayLike, t: ArrayLike = 0.0
 ) -> Floats:
@@ -658,21 +597,25 @@ def velocity_from_reduced(
     >>> velocity_from_reduced(system, system.q0, reduced).tolist()   # not along the rod
     [1.0, 2.0, 0.0]
     """
-    Q, single = as_stack(system, "q", q)
-    pi = np.atleast_2d(as_floats("reduced", reduced))
-    rule, out = _Reduced(system), np.full(Q.shape, np.nan)
-    saddle, rest = _SaddlePoint(system) if system.moving else None, np.zeros(system.n)
-    for k, s in enumerate(as_times(t, len(Q))):
-        P = null_space_matrix(system, system.extend(Q[k], float(s)))
-        if pi.shape != (len(Q), P.shape[1]):
+    pi, y = np.atleast_2d(as_floats("reduced", reduced)), all_rows(system, q, t)
+    mass, out = csr_matrix(kron(system.mass, identity(3))), np.full((len(y), system.n), np.nan)
+    for k, s in enumerate(np.asarray(t)):
+        P = null_space_matrix(system, y[k])
+        if pi.shape != (len(y), P.shape[1]):
             raise InputError(
                 "argument reduced",
                 f"has shape {np.shape(reduced)}, expected ({P.shape[1]},) for each state",
             )
-        if np.isfinite(pi[k]).all():
-            start = 0.0 if saddle is None else saddle.velocity(Q[k], rest, float(s))
-            out[k] = P @ rule.rates(P, pi[k]) + start
-    return out[0] if single else out
+        if not np.isfinite(pi[k]).all():
+            continue
+        out[k] = prescribed_velocity(system, y[k, : system.rows].ravel(), s)
+        if not P.shape[1]:
+            continue
+        try:
+            out[k] += P @ splu((P.T @ mass @ P).tocsc()).solve(pi[k])
+        except RuntimeError as error:  # SuperLU: exactly singular
+            raise SingularMatrixError("P^T M P is singular: a motion has no inertia") from error
+    return out
 
 
 @takes_scene
@@ -712,5 +655,4 @@ def prescribed_velocity(system: System, q: ArrayLike, t: float = 0.0) -> Floats:
     """
     if not system.moving:
         return np.zeros(system.n)
-    t = real("argument t", "t", t, "a time (s)")
-    return _SaddlePoint(system).velocity(as_one(system, "q", q), np.zeros(system.n), t)
+    return Projection(system)(q, np.zeros(system.n), t)[0]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
+from inspect import signature
+from typing import Any, TypeVar, cast
 
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import LinAlgError, eigh
 from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, diags, identity, kron, spmatrix
-from scipy.sparse.linalg import eigsh, splu
+from scipy.sparse.linalg import eigsh
 
 from ..constraints.base import RowSpace
 from ..errors import IncompatibleError, InputError
@@ -17,6 +21,8 @@ from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Balance, balance, balance_tangent
 from ..model.loops import null_space_matrix
 from ..types import Array, ArrayLike, Floats, numbers, real
+
+FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
 # -- states one by one or stacked: (n,) or (N, n) --------------------------------------------------
 
@@ -43,33 +49,48 @@ def as_floats(name: str, value: ArrayLike) -> Floats:
     return numbers(f"argument {name}", name, value)
 
 
-def as_one(system: System, name: str, value: ArrayLike, finite: bool = False) -> Floats:
-    """A single array (n,)."""
+def as_array(name: str, value: ArrayLike, *shape: int | None) -> Floats:
+    """An array of this shape, where None stands for any number of states."""
     array = as_floats(name, value)
-    if array.shape != (system.n,):
-        raise InputError(f"argument {name}", f"has shape {array.shape}, expected ({system.n},)")
-    if finite and not np.isfinite(array).all():
-        raise InputError(f"argument {name}", "is not finite")
+    if array.ndim != len(shape) or any(
+        size not in (None, own) for size, own in zip(shape, array.shape, strict=True)
+    ):
+        expected = str(shape).replace("None", "N")
+        raise InputError(f"argument {name}", f"has shape {array.shape}, expected {expected}")
     return array
 
 
-def as_rows(system: System, name: str, value: ArrayLike) -> Floats:
-    """Rows of y at one state, (total, 3), from :meth:`System.extend`."""
-    array = as_floats(name, value)
-    if array.shape != (system.total, 3):
-        raise InputError(
-            f"argument {name}", f"has shape {array.shape}, expected ({system.total}, 3)"
-        )
-    return array
+def of_states(function: FunctionT) -> FunctionT:
+    """Let a function of many states take a single one as well, and give what it is of that.
+
+    Its arguments q, p, v and a become (N, n), its argument t (N,).
+    """
+    asked = signature(function)
+    states = [name for name in asked.parameters if name in ("q", "p", "v", "a")]
+
+    @wraps(function)
+    def taking(*args: Any, **kwargs: Any) -> Any:
+        call = asked.bind(*args, **kwargs)
+        call.apply_defaults()
+        given, like, single = call.arguments, None, False
+        for name in states:
+            if like is None:
+                like, single = as_stack(given["system"], name, given[name])
+                given[name] = like
+            elif given[name] is not None:
+                given[name] = as_stack(given["system"], name, given[name], like)[0]
+        if like is not None and "t" in given:
+            given["t"] = as_times(given["t"], len(like))
+        found = function(*call.args, **call.kwargs)
+        return _of_the_first(found) if single else found
+
+    return cast("FunctionT", taking)
 
 
-def as_series(name: str, value: ArrayLike, *shape: int) -> Floats:
-    """An array of this shape for each of some states."""
-    array = as_floats(name, value)
-    if array.shape[1:] != shape or array.ndim != len(shape) + 1:
-        sizes = ", ".join(str(size) for size in shape)
-        raise InputError(f"argument {name}", f"has shape {array.shape}, expected (N, {sizes})")
-    return array
+def _of_the_first(found: Any) -> Any:
+    if isinstance(found, dict):
+        return {name: _of_the_first(each) for name, each in found.items()}
+    return tuple(each[0] for each in found) if isinstance(found, tuple) else found[0]
 
 
 def step_size(step: float) -> float:
@@ -102,12 +123,13 @@ def check_consecutive(history: History, item: str) -> None:
         )
 
 
-def all_rows(system: System, q: Floats, t: Floats) -> Floats:
+def all_rows(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
     """All rows of y (N, total, 3) of states q (N, n) at times t (N,)."""
-    out = np.empty((len(q), system.total, 3))
-    out[:, : system.rows] = q.reshape(len(q), system.rows, 3)
+    own = np.reshape(q, (-1, system.rows, 3))
+    out = np.empty((len(own), system.total, 3))
+    out[:, : system.rows] = own
     if system.moving:
-        for row, s in zip(out, t, strict=True):
+        for row, s in zip(out, np.asarray(t), strict=True):
             row[system.rows :] = system.ground(float(s))
     else:
         out[:, system.rows :] = system.ground(0.0)
@@ -195,7 +217,7 @@ def reduced_tangent(
     >>> reduced_tangent(system, y, amplitudes_at(system, 0.0)).K.toarray().round(9).tolist()
     [[20.0, 0.0], [0.0, 20.0]]
     """
-    y = as_rows(system, "y", y)
+    y = as_array("y", y, system.total, 3)
     if at is None:
         at = balance(system, y, amplitudes)
     multipliers = balancing_multipliers(system, y, at.R.ravel())
@@ -270,7 +292,7 @@ def material_stiffness(system: System, y: Floats) -> csr_matrix:
 
 
 @takes_scene
-def highest_frequency(system: System, q: ArrayLike | None = None, iterations: int = 50) -> float:
+def highest_frequency(system: System, q: ArrayLike | None = None) -> float:
     """Highest natural frequency of the elastic vibrations about a configuration.
 
     Largest eigenvalue of ``P^T K P`` against ``P^T M P``, with the material stiffness
@@ -282,9 +304,6 @@ def highest_frequency(system: System, q: ArrayLike | None = None, iterations: in
         Springs and bushings are left out.
     q : (n,) array, optional
         Configuration; default: the reference.
-    iterations : int
-        Power iterations. The frequency comes out too low, never too high: by some percent after
-        50, as the highest frequencies of a mesh lie close together.
 
     Returns
     -------
@@ -294,7 +313,7 @@ def highest_frequency(system: System, q: ArrayLike | None = None, iterations: in
     Raises
     ------
     InputError
-        If the shape of `q` does not fit the system or `iterations` is not a positive integer.
+        If the shape of `q` does not fit the system.
     SingularMatrixError
         If a motion has no inertia.
 
@@ -312,30 +331,28 @@ def highest_frequency(system: System, q: ArrayLike | None = None, iterations: in
     >>> bool(0.95 < omega / (2 * 3**0.5 / 0.1 * (210e9 / 7850) ** 0.5) <= 1)
     True
     """
-    whole = isinstance(iterations, int | np.integer) and not isinstance(iterations, bool)
-    if not whole or iterations < 1:
-        raise InputError("argument iterations", f"{iterations!r}, expected a positive integer")
-    where = as_stack(system, "q", system.q0 if q is None else q)[0][0]
+    where = as_array("q", system.q0 if q is None else q, system.n)
     if not system.beam_groups or not system.unknowns:
         return 0.0
     y = system.extend(where, 0.0)
     P = null_space_matrix(system, y)
     K = congruent(P, material_stiffness(system, y))
-    M = congruent(P, kron(system.mass, identity(3))).tocsc()
+    M = congruent(P, kron(system.mass, identity(3)))
     try:
-        solve = splu(M).solve
-    except RuntimeError as error:  # SuperLU: exactly singular
+        return float(np.sqrt(max(_largest(K, M)[0], 0.0)))
+    except (RuntimeError, LinAlgError) as error:  # M cannot be factorised
         raise SingularMatrixError("P^T M P is singular: a motion has no inertia") from error
-    x = np.random.default_rng(0).standard_normal(M.shape[0])
-    square = 0.0
-    for _ in range(int(iterations)):
-        x /= np.sqrt(x @ (M @ x))
-        force = K @ x
-        square = float(x @ force)
-        x = solve(force)
-        if not x.any():
-            break
-    return float(np.sqrt(max(square, 0.0)))
+
+
+def _largest(K: csr_matrix, M: csr_matrix) -> tuple[float, Floats]:
+    """The largest eigenvalue of K against M, and its vector."""
+    size = K.shape[0]
+    if size <= EIGENVALUES:
+        value, shape = eigh(K.toarray(), M.toarray(), subset_by_index=[size - 1, size - 1])
+    else:
+        start = np.random.default_rng(0).normal(size=size)
+        value, shape = eigsh(K, 1, M.tocsc(), which="LA", tol=1e-6, v0=start)
+    return value[0], shape
 
 
 @takes_scene
@@ -374,8 +391,10 @@ def constraint_frequency(system: System, q: Floats, constraint_force: Floats) ->
     >>> constraint_frequency(system, system.q0, np.zeros(system.n))
     0.0
     """
-    q = as_one(system, "q", q, finite=True)
-    constraint_force = as_one(system, "constraint_force", constraint_force, finite=True)
+    q = as_array("q", q, system.n)
+    constraint_force = as_array("constraint_force", constraint_force, system.n)
+    if not np.isfinite(constraint_force).all():
+        raise InputError("argument constraint_force", "is not finite")
     return driven_alternation(system, q, constraint_force)[0]
 
 
@@ -402,11 +421,6 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     shape_of = (3 * count, 3 * count)
     M = coo_matrix((entries.ravel(), [each.ravel() for each in at]), shape_of).tocsc()
     K = bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape_of).tocsc()
-    if 3 * count <= EIGENVALUES:
-        top = 3 * count - 1
-        value, shape = eigh(K.toarray(), M.toarray(), subset_by_index=[top, top])
-    else:
-        start = np.random.default_rng(0).normal(size=3 * count)
-        value, shape = eigsh(K, 1, M, which="LA", tol=1e-6, v0=start)
+    value, shape = _largest(K, M)
     most = int(np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax())
-    return float(np.sqrt(max(value[0], 0.0))), int(rows[most, 0]) - 1
+    return float(np.sqrt(max(value, 0.0))), int(rows[most, 0]) - 1

@@ -77,13 +77,11 @@ SCENES = {
 
 @pytest.mark.parametrize("name", SCENES)
 def test_highest_frequency_against_a_dense_eigenvalue_solver(name):
-    """The Rayleigh quotient comes from below; a few percent as promised."""
     system = SCENES[name]()
     P = system.null_space(system.q0)
     K = P.T @ stiffness(system, system.q0, 0.0) @ P
     exact = np.sqrt(eigh(K, P.T @ mass(system) @ P, eigvals_only=True)[-1])
-    assert 0.96 * exact < highest_frequency(system) <= (1 + 1e-9) * exact
-    assert 0.999 * exact < highest_frequency(system, iterations=3000)
+    assert highest_frequency(system) == pytest.approx(exact, rel=1e-5)
     assert highest_frequency(system) == highest_frequency(system)
 
 
@@ -94,26 +92,22 @@ def test_highest_frequency_in_a_bent_configuration():
     P = system.null_space(q)
     K = P.T @ stiffness(system, q, 0.0) @ P
     exact = np.sqrt(eigh(K, P.T @ mass(system) @ P, eigvals_only=True)[-1])
-    assert 0.96 * exact < highest_frequency(system, q) <= (1 + 1e-9) * exact
+    assert highest_frequency(system, q) == pytest.approx(exact, rel=1e-5)
 
 
 @pytest.mark.parametrize("elements", [2, 10])
 def test_highest_frequency_of_axial_waves(elements):
     """``2 sqrt(3)/l sqrt(E/rho)`` of the free bar with consistent mass: closed form."""
     exact = 2 * np.sqrt(3) * elements * np.sqrt(210e9 / 7850)
-    assert highest_frequency(bar(elements), iterations=500) == pytest.approx(exact, rel=1e-6)
+    assert highest_frequency(bar(elements)) == pytest.approx(exact, rel=1e-6)
 
 
 def test_frequency_without_beams_and_bad_arguments():
     model = sc.Model()
     model.add("ball", sc.MassPoint(1.0))
     assert highest_frequency(model.freeze()) == 0.0
-    system = bar(2)
-    for bad in (0, -3, 1.5, True, "many"):
-        with pytest.raises(sc.InputError, match="iterations"):
-            highest_frequency(system, iterations=bad)
     with pytest.raises(sc.InputError, match="argument q"):
-        highest_frequency(system, np.zeros(3))
+        highest_frequency(bar(2), np.zeros(3))
 
 
 # -- the mechanism is told -------------------------------------------------------------------------
