@@ -24,15 +24,11 @@ def _changes(arguments: argparse.Namespace) -> str:
 
 def _warm(arguments: argparse.Namespace) -> str:
     """Compile the kernels of runs and equilibria, which takes minutes; runs find them on disk."""
-    from .compiled.kept import Source, compile_errors
     from .constraints import Multipliers, NullSpace
-    from .constraints.stacked import have_stacked
-    from .errors import PerformanceWarning
     from .integrators import EnergyDecaying, EnergyMomentum, GeneralizedAlpha, Stepper
     from .integrators.compiled_scene import CompiledMotion
     from .newton import NewtonSettings
     from .statics import static
-    from .warn import warn
 
     for order in sorted(set(arguments.orders)):
         for model in _models(order):
@@ -43,11 +39,6 @@ def _warm(arguments: argparse.Namespace) -> str:
             system = model.freeze().tied
             if CompiledMotion.serves(system):
                 CompiledMotion(system, NewtonSettings())
-    try:
-        have_stacked(Source.COMPILER)
-    except compile_errors() as error:  # runs do without
-        text = f"numba does not compile those of velocities and multipliers: {error}"
-        warn("kernels", text, PerformanceWarning)
     return "kernels are compiled\n"
 
 

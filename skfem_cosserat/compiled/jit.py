@@ -72,7 +72,6 @@ _FAMILIES = {
     "laws": ("laws",),
     "step": ("step",),
     "static": ("static",),
-    "stacked": ("stacked",),
 }
 
 

@@ -24,7 +24,6 @@ __all__ = [
     "LOOKS",
     "PLAN",
     "PROJECTION",
-    "STACKED",
     "STEPS",
     "TREE",
     "WORK",
@@ -350,8 +349,6 @@ PROJECTION = ("parts", "tree", "plan", "work", "beams", "numbers")
 LOOKS = (*PROJECTION, "q", "p", "v", "energies")
 STEPS = (*PROJECTION, "record", "carried")
 EQUILIBRIUM = (*PROJECTION, "residuals", "increments", "pulled", "pivots")
-#: many eliminations at once, see :mod:`.stacked`
-STACKED = ("X", "start", "places", "x", "scratch")
 #: fields of each kind of structure
 FAMILIES = {
     "beams": BEAMS,
@@ -366,7 +363,6 @@ FAMILIES = {
     "looks": LOOKS,
     "steps": STEPS,
     "equilibrium": EQUILIBRIUM,
-    "stacked": STACKED,
 }
 
 

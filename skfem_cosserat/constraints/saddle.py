@@ -15,7 +15,6 @@ from ..model.closure import RANK_TOLERANCE
 from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
 from .base import dependent_rows, rows_touching
-from .gradients import is_lattice, velocity_of_lattice
 
 #: share of the scene's extent by which constraints are differenced along the motion
 SHARE = 0.1
@@ -112,10 +111,7 @@ def nearest_velocity(system: System, y: Floats, p: Floats, t: float | None) -> F
 
     ``M v = p - G(y)^T mu``, ``G(y) v + g_t = 0`` at y (total, 3), for None ``G(y) v = 0``.
     """
-    rate, found = hidden_rate(system, y, t), None
-    if is_lattice(system):
-        found = velocity_of_lattice(system, y, p, rate)
-    return saddle_point(system)(y, p, rate)[0] if found is None else found
+    return saddle_point(system)(y, p, hidden_rate(system, y, t))[0]
 
 
 def accelerations(

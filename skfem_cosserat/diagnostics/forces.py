@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from ..constraints import Treatment
+from ..constraints.base import RowSpace
 from ..constraints.saddle import accelerations as by_motion
-from ..constraints.stacked import WRONG, nearest_velocities, stacked_multipliers
+from ..constraints.saddle import saddle_point
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
 from ..kernels import beam_stress, cross
+from ..linear import SingularMatrixError
 from ..model import System, takes_scene
 from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import Array, ArrayLike, Floats, IndexArray, switch
-from .energy import group_of, held_forces, momentum
+from .energy import group_of, held_forces
 from .stacked import all_rows, as_array, as_stack, as_times
 
 if TYPE_CHECKING:
@@ -430,10 +432,10 @@ def constraint_points(system: System, history: History) -> Floats:
 
 @takes_scene
 def multipliers(system: System, y: Floats, force: Floats) -> Floats:
-    """Multipliers from ``G(y)^T lambda = force``, by ``(G G^T) lambda = G force``.
+    """Multipliers from ``G(y)^T lambda = force``, by ``M a + G^T lambda = force``, ``G a = 0``.
 
-    A force that no multipliers give, as the mean of two steps, is first replaced by the one that
-    gives the nearest accelerations: ``force - M a``, ``G a = 0``. A joint of a light body is then
+    A force that no multipliers give, as the mean of two steps, is so replaced by the one that
+    gives the nearest accelerations: ``force - M a``. A joint of a light body is then
     off by a share of its own force, not of those of heavy bodies.
 
     Where constraint rows are redundant, only ``G^T lambda`` is unique: of all lambda that give
@@ -469,16 +471,15 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     [[20.0]]
     """
     y, force = as_array("y", y, None, system.total, 3), as_array("force", force, None, system.n)
-    lam, c = stacked_multipliers(system, y, force), system.constraints
-    parts = c.contributions(c.inside, y) * lam[:, c.G_rows]
-    entries = np.arange(parts.shape[1]), c.G_cols
-    place = csr_matrix((np.ones(parts.shape[1]), entries), (parts.shape[1], system.n))
-    off = abs(force - parts @ place).max(axis=1, initial=0.0)
-    some = np.flatnonzero(off > WRONG * abs(force).max(axis=1, initial=0.0))
-    if len(some):
-        a = nearest_velocities(system, y[some], force[some], [None] * len(some))
-        lam[some] = stacked_multipliers(system, y[some], force[some] - momentum(system, a))
-    return lam
+    out, still = np.full((len(y), system.m), np.nan), np.zeros(system.m)
+    for k in np.flatnonzero(np.isfinite(force).all(axis=1)) if system.m else ():
+        with suppress(SingularMatrixError):  # stays NaN
+            # of M a + G^T lambda = f, G a = 0
+            out[k] = saddle_point(system)(y[k], force[k], still)[1]
+            if len(system.closure.rows):  # rows that depend on others have had no share
+                given = system.constraints.jacobian(y[k]).T @ out[k]
+                out[k] = RowSpace(system, y[k]).multipliers(given)
+    return out
 
 
 def overstretched_at(system: System, y: Floats, force: Floats) -> tuple[str, str] | None:

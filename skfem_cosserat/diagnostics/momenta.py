@@ -11,11 +11,11 @@ from scipy.sparse.linalg import splu
 
 from ..arguments import checked
 from ..constraints.base import massless, rows_touching
-from ..constraints.saddle import SaddlePoint, hidden_rate
-from ..constraints.stacked import nearest_velocities, stacked_multipliers
+from ..constraints.saddle import SaddlePoint, hidden_rate, nearest_velocity, saddle_point
 from ..errors import IncompatibleError, InputError
 from ..history import History
 from ..integrators import State, Variational
+from ..integrators.choice import kept_motion
 from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
 from ..model.loops import null_space_matrix
@@ -109,8 +109,8 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
         minus[n] = evaluation.R.reshape(-1)
         plus[n + 1] = balance.finish(step, evaluation).momentum.reshape(-1)
         if history["fresh"][n]:
-            y = step.y0[None]
-            lam = stacked_multipliers(system, y, (history["p"][n] - minus[n])[None])[0]
+            given = history["p"][n] - minus[n]
+            lam = saddle_point(system)(step.y0, given, np.zeros(system.m))[1]
             half[n] = system.constraints.jacobian(step.y0).T @ lam
     return minus + half, plus - half
 
@@ -397,8 +397,17 @@ _Rule = Callable[[Floats, Floats, Floats], Floats]
 
 
 def _saddle_point(system: System) -> _Rule:
-    """``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``."""
-    return lambda q, p, t: nearest_velocities(system, all_rows(system, q, t), p, t.tolist())
+    """``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``; by kernels, if the process has some."""
+
+    def velocities(q: Floats, p: Floats, t: Floats) -> Floats:
+        kernels = kept_motion(system) if len(p) > 1 else None
+        found = None if kernels is None else kernels(q, p)
+        if found is not None:
+            return found.v
+        states = zip(all_rows(system, q, t), p, t.tolist(), strict=True)
+        return np.array([nearest_velocity(system, *each) for each in states]).reshape(p.shape)
+
+    return velocities
 
 
 def _directors_dropped(system: System) -> _Rule:

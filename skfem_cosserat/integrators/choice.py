@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from functools import cache
+from functools import cache, lru_cache
 from importlib.metadata import version
 from importlib.util import find_spec
+from threading import get_ident
 from typing import NamedTuple, TypeVar
 
 from ..compiled.kept import NotKept, Source, compile_errors, loaded, promising
 from ..compiled.plan import Plan, plan_of
 from ..compiled.tables.couplings import MOST_XI
 from ..constraints import Multipliers, NullSpace, Treatment
-from ..constraints.gradients import is_lattice
 from ..errors import InputError, PerformanceWarning
 from ..linear import Solver
 from ..model import System
@@ -89,6 +89,8 @@ ELIMINATED, MULTIPLIED = 5, 2
 SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
 #: oldest version of numba that compiles the kernels
 NUMBA = (0, 63)
+#: vertices left by elimination along chains and trees above which it is a large lattice
+LATTICE = 100
 #: number of steps taken for granted where none is given
 STEPS = 1000
 
@@ -287,20 +289,31 @@ def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | No
         return Choice("numpy", why), None
 
 
-def motion_by_kernels(system: System, choice: Choice) -> CompiledMotion | None:
-    """Velocities and energies of states by the kernels of a run; None: there are none.
+def motion_by_kernels(system: System, source: Source) -> CompiledMotion | None:
+    """Velocities and energies of states by compiled kernels; None: there are none.
 
-    They are compiled only where the run is long enough for it. Large lattices do without them.
+    Nor are there for prescribed motion, closed loops, and large lattices, in which an elimination
+    vertex by vertex is filled in.
     """
     own = system.tied
-    if choice.name != "numba" or not CompiledMotion.serves(own) or is_lattice(system):
+    if not CompiledMotion.serves(own) or len(plan_of(own).rest) > LATTICE:
         return None
     try:
-        return CompiledMotion(own, NewtonSettings(), choice.source)
+        return CompiledMotion(own, NewtonSettings(), source)
     except NotKept:
         return None
     except compile_errors():  # plain numpy takes over: nothing but time is lost
         return None
+
+
+@lru_cache(maxsize=4)
+def _motion(system: System, thread: int) -> CompiledMotion | None:
+    return motion_by_kernels(system, Source.DISK)
+
+
+def kept_motion(system: System) -> CompiledMotion | None:
+    """Velocities by kernels on disk, in a process that has some; each thread has its own."""
+    return _motion(system, get_ident()) if loaded() else None
 
 
 @cache

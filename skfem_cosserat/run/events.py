@@ -422,9 +422,11 @@ class _Motions:
 
     def __call__(self, q: Floats, p: Floats) -> Motion | None:
         """Of one or several states; None if there are no kernels for it."""
-        if not self._tried and self._factory.choice is not None:
+        choice = self._factory.choice
+        if not self._tried and choice is not None:
             self._tried = True
-            self._made = motion_by_kernels(self._system, self._factory.choice)
+            if choice.name == "numba":
+                self._made = motion_by_kernels(self._system, choice.source)
         return None if self._made is None else self._made(q, p)
 
 

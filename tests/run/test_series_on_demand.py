@@ -5,11 +5,11 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from helpers_scenes import everything, four_bar
+from helpers_scenes import four_bar
 
 import skfem_cosserat as sc
-from skfem_cosserat.constraints import stacked
 from skfem_cosserat.constraints.saddle import nearest_velocity
+from skfem_cosserat.integrators import choice
 from skfem_cosserat.run import derive_series
 
 # the end of the rod is drawn farther than such elements can be
@@ -184,38 +184,33 @@ def test_paths_and_modes_derive_theirs_too():
 # -- many states at once ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "build", [lambda: everything(1), lambda: everything(2), lambda: four_bar().freeze()]
-)
-def test_velocities_of_many_states_are_those_of_each(build):
-    system, rng = build(), np.random.default_rng(1)
-    start = sc.initial_state(system, v=sc.project(system, system.q0, system.v0))
-    history = sc.simulate(system, *PAIR, 1e-3, 8e-3, start=start, kernels="numpy", derive=False)
-    q, t = history["q"], history.times
-    p = np.array([system.mass @ rng.standard_normal((system.rows, 3)) for _ in t]).reshape(q.shape)
-    y = np.array([system.extend(*each) for each in zip(q, t, strict=True)])
-    found = stacked.nearest_velocities(system, y, p, t)
-    alone = np.array(
-        [nearest_velocity(system, *each) for each in zip(y, p, t.tolist(), strict=True)]
-    )
-    assert abs(found - alone).max() <= 1e-11 * abs(alone).max()
-    part = stacked.nearest_velocities(system, y[3:6], p[3:6], t[3:6])
-    assert np.array_equal(part, found[3:6]), "whatever else is solved with them"
+@pytest.mark.parametrize("theory", [sc.TheoryReissner(), sc.TheoryKirchhoff()], ids=repr)
+def test_velocities_of_many_states_by_kernels(theory):
+    """Those of one sparse factorisation each, also where strains are held by rows."""
+    pytest.importorskip("numba")
+    model = pendulum()
+    rod = model["rod"]
+    model = model.rebuilt({"rod": rod.on_mesh(rod.mesh, 2, theory)})[0]
+    history = run(model, derive=False)
+    system, random = model.freeze(), np.random.default_rng(1)
+    v = random.standard_normal((len(history), system.rows, 3))
+    p = np.array([system.mass @ each for each in v]).reshape(len(v), -1)
+    kernels = choice.motion_by_kernels(system, choice.Source.COMPILER)
+    states = zip(history["q"], p, history.times.tolist(), strict=True)
+    alone = [nearest_velocity(system, system.extend(q, t), m, t) for q, m, t in states]
+    found = kernels(history["q"], p)
+    np.testing.assert_allclose(found.v, alone, rtol=0, atol=1e-11 * abs(np.array(alone)).max())
 
 
-def test_rows_left_out_are_chosen_for_many_states_together(monkeypatch):
-    """Not at each of them: once, as long as the others stay independent."""
+def test_multipliers_of_redundant_rows_have_least_norm():
+    """Of a planar four-bar: of all that give the same forces."""
     system = four_bar().freeze()
     start = sc.initial_state(system, rates={"pin 0": 1.0})
     history = sc.simulate(system, *PAIR, 1e-2, 0.5, start=start, kernels="numpy", derive=False)
-    chosen = []
-    own = stacked.dependent_rows
-    monkeypatch.setattr(stacked, "dependent_rows", lambda *a: (chosen.append(1), own(*a))[1])
     y = sc.diagnostics.constraint_points(system, history)
-    lam = sc.diagnostics.multipliers(system, y, history["constraint_force"])
-    assert 1 <= len(chosen) <= 5 < len(history)
+    force = history["constraint_force"]
+    lam = sc.diagnostics.multipliers(system, y, force)
     for k in (0, 20, 50):
-        alone = sc.diagnostics.multipliers(
-            system, y[k : k + 1], history["constraint_force"][k : k + 1]
-        )[0]
-        assert np.allclose(lam[k], alone, rtol=0, atol=1e-9 * abs(alone).max())
+        G = system.constraints.jacobian(y[k]).toarray()
+        least = np.linalg.lstsq(G.T, G.T @ lam[k], rcond=1e-9)[0]
+        np.testing.assert_allclose(lam[k], least, rtol=0, atol=1e-8 * abs(least).max())
