@@ -26,10 +26,9 @@ from margins import note_margins
 
 from skfem_cosserat.integrators import choice
 
-WORTHWHILE = choice.WORTHWHILE
-KEPT = choice.READING, choice.FURTHER, choice.STARTING
+LONG_RUN, promising = choice.LONG_RUN, choice.promising
 # "auto" does not look for compiled kernels here: what there is hangs on the tests run before
-choice.READING = choice.FURTHER = choice.STARTING = float("inf")
+choice.promising = lambda: False
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -45,7 +44,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("--kernels") == "numba":
-        choice.WORTHWHILE = 0.0
+        choice.LONG_RUN = 0
     if config.getoption("--margins"):
         note_margins(config.getoption("--margins"))
     if config.getoption("--measure"):
@@ -62,18 +61,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(autouse=True)
 def _plain(request: pytest.FixtureRequest) -> Iterator[None]:
     """Tests of plain kernels: of which kernels are chosen, of iterations, of the last digits."""
-    asked = choice.WORTHWHILE
+    asked = choice.LONG_RUN
     if request.node.get_closest_marker("plain"):
-        choice.WORTHWHILE = WORTHWHILE
+        choice.LONG_RUN = LONG_RUN
     yield
-    choice.WORTHWHILE = asked
+    choice.LONG_RUN = asked
 
 
 @pytest.fixture
 def kept_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiled kernels that are on disk are taken, as outside of the tests."""
-    for name, value in zip(("READING", "FURTHER", "STARTING"), KEPT, strict=True):
-        monkeypatch.setattr(choice, name, value)
+    monkeypatch.setattr(choice, "promising", promising)
 
 
 @pytest.fixture(params=["numpy", "numba"])

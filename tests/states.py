@@ -29,7 +29,7 @@ import skfem_cosserat as sc
 from skfem_cosserat.integrators import choice
 
 # runs that do not say which kernels they take have plain ones, whatever ran before them
-choice.READING = choice.FURTHER = choice.STARTING = float("inf")
+choice.promising = lambda: False
 
 GROUND = sc.ground((0, 0, 0))
 SECTION = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.3, inertia=(2e-3, 3e-3))

@@ -397,7 +397,7 @@ _Rule = Callable[[Floats, Floats, Floats], Floats]
 
 
 def _saddle_point(system: System) -> _Rule:
-    """``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``; by kernels, if the process has some."""
+    """``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``; by kernels, if they are on disk."""
 
     def velocities(q: Floats, p: Floats, t: Floats) -> Floats:
         kernels = kept_motion(system) if len(p) > 1 else None

@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from threading import get_ident
 from typing import NamedTuple, TypeVar
 
-from ..compiled.kept import NotKept, Source, compile_errors, loaded, promising
+from ..compiled.kept import NotKept, Source, compile_errors, promising
 from ..compiled.plan import Plan, plan_of
 from ..compiled.tables.couplings import MOST_XI
 from ..constraints import Multipliers, NullSpace, Treatment
@@ -67,74 +67,42 @@ def static_refusal(system: System, treatment: Treatment) -> str | None:
 
 MadeT = TypeVar("MadeT")
 
-#: what kernels have to save (s) for a run to have them compiled: on an empty cache that takes 7 to
-#: 12 s on two processors, 14 to 20 s on one
-WORTHWHILE = 25.0
-#: ... to have them read from the disk, which takes 0.04 to 0.05 s with the import of llvmlite; as
-#: estimates are right to a factor of two, a single run may lose 0.025 s by that
-READING = 0.05
-#: ... to have further ones read where this process has some: 5 ms beside what `STARTING` is for
-FURTHER = 0.015
-#: ... to take those that this process has: to put arrays of a scene into structures for them takes
-#: a few ms, and some time for each vertex
-STARTING, STARTING_EACH = 0.01, 4e-5
-#: Newton iterations assumed for a step
-ITERATIONS = 3
+#: steps of a run for which kernels are compiled: that takes 7 to 12 s on two processors, 14 to 20 s
+#: on one, and as many steps of a small scene take as long with plain ones
+LONG_RUN = 10_000
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
 #: was measured for 20 and for 2000 elements lies on both sides
 FACTOR = 15
-#: how much slower plain kernels are where lines of beams are eliminated: 4 to 7 times as measured
-#: for 20 elements, more for more; and with multipliers: twice for 20 elements, more for more
-ELIMINATED, MULTIPLIED = 5, 2
-SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
 #: oldest version of numba that compiles the kernels
 NUMBA = (0, 63)
 #: vertices left by elimination along chains and trees above which it is a large lattice
 LATTICE = 100
-#: number of steps taken for granted where none is given
-STEPS = 1000
+SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
+#: why a run takes what it takes; what an error says
+ASKED = "asked for"
+NEEDED = "kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'"
+NOT_ON_DISK = "not all kernels of the scene are on disk, and compiling them takes longer"
 
 
 class Choice(NamedTuple):
-    """Kernels, and why; how compiled ones eliminate.
+    """Kernels, and why.
 
-    And how long all is estimated to take with plain ones (s), and where compiled ones may come
-    from.
+    Attributes
+    ----------
+    name, why : str
+    plan : Plan or None
+        How compiled ones eliminate.
+    source : Source
+        Where compiled ones may come from.
+    long : bool
+        Whether a run is so long that kernels are compiled for it.
     """
 
     name: str
     why: str
     plan: Plan | None = None
-    seconds: float = 0.0
     source: Source = Source.COMPILER
-
-
-def estimated_seconds(system: System, steps: int, iterations: int = ITERATIONS) -> float:
-    """Time of as many steps or points with the plain kernels, to a factor of two or so (s)."""
-    return steps * (1.5e-4 + iterations * _plain_iteration(system))
-
-
-def _plain_iteration(system: System) -> float:
-    """Time of an iteration with the plain kernels (s)."""
-    couplings = system.couplings.items
-    kinds = len({tuple(c.kind for c in item.coordinates) for item in couplings})
-    vertices = 1.5e-6 * len(system.origin_rows)
-    return 2e-4 + 7e-7 * _entries(system) + vertices + 3e-4 * kinds + 3e-6 * len(couplings)
-
-
-def compiled_share(system: System) -> float:
-    """Time of an iteration with compiled kernels, by that with plain ones.
-
-    What both do alike is left out of both: sparse factorisations, functions that are called back.
-    """
-    items = 5e-7 * len(system.joints) + 1e-6 * len(system.couplings.items)
-    return min(1.0, (3e-6 + 4e-8 * _entries(system) + items) / _plain_iteration(system))
-
-
-def _entries(system: System) -> int:
-    """Nodes of elements, and pairs of them."""
-    shapes = [group.vertices.shape for group in system.beam_groups]
-    return sum(count * nodes * (1 + nodes) for count, nodes in shapes)
+    long: bool = False
 
 
 def choose_kernels(
@@ -146,29 +114,23 @@ def choose_kernels(
     solver: Solver | None = None,
 ) -> Choice:
     """See :func:`choose`; for a run of as many steps, each perhaps composed of others."""
-    count = (STEPS if steps is None else steps) * max(1, len(integrator.shares))
-    seconds = estimated_seconds(system, count)
-    if isinstance(treatment, Multipliers):
-        seconds *= MULTIPLIED
-    elif system.kinematics.elements is not None:
-        seconds *= ELIMINATED
+    count = (steps or 0) * max(1, len(integrator.shares))
     refused = refusal(system, integrator, treatment)
     if not integrator.solves:  # there is nothing to be compiled for the sake of
-        seconds = 0.0
-    chosen = choose(kernels, stepped(system, treatment), refused, seconds, solver)
-    return chosen._replace(seconds=seconds)
+        count = 0
+    return choose(kernels, stepped(system, treatment), refused, count, solver)
 
 
 def choose(
     kernels: str,
     system: System,
     refused: str | None,
-    seconds: float,
+    steps: int = 0,
     solver: Solver | None = None,
 ) -> Choice:
     """What ``kernels="auto" | "numpy" | "numba"`` means for a scene.
 
-    Whether kernels are where the choice lets them come from turns out when they are made, see
+    Whether all kernels are where the choice lets them come from turns out when they are made, see
     :func:`built`.
 
     Parameters
@@ -177,8 +139,8 @@ def choose(
     system : System
     refused : str or None
         Why compiled kernels cannot be taken.
-    seconds : float
-        Estimated time with the plain ones (s).
+    steps : int
+        Of the run.
     solver : Solver, optional
         That is asked for: elimination in blocks leaves all it can to it.
 
@@ -191,6 +153,7 @@ def choose(
     """
     if not isinstance(kernels, str) or kernels not in ("auto", "numpy", "numba"):
         raise InputError("argument kernels", f"{kernels!r}, expected 'auto', 'numpy' or 'numba'")
+    long = steps >= LONG_RUN
     if kernels == "numpy":
         return Choice("numpy", ASKED)
     if kernels == "numba":
@@ -201,62 +164,19 @@ def choose(
             raise InputError("argument kernels", f"'numba': {hindrance}")
         if hindrance:
             raise ImportError(f"{NEEDED} ({hindrance})")
-        return Choice("numba", ASKED, plan_of(system, solver is not None))
-    if refused:
-        if seconds >= WORTHWHILE:
-            text = (
-                f"{refused}; about {seconds:.0f} s of work with numpy, some {FACTOR} times slower"
-            )
+        return Choice("numba", ASKED, plan_of(system, solver is not None), long=long)
+    if not (refused or long or promising()):
+        return Choice("numpy", NOT_ON_DISK)
+    if hindrance := refused or _hindrance():
+        if long:
+            remedy = "" if refused else " (pip install 'skfem-cosserat[fast]')"
+            text = f"{hindrance}{remedy}; {steps} steps with numpy take some {FACTOR} times as long"
             warn("argument kernels", text, PerformanceWarning)
-        return Choice("numpy", refused)
-    work = f"about {seconds:.2g} s of work"
-    source = _source(system, seconds)
-    if source is None:
-        return Choice("numpy", f"{work}, {LONGER}")
-    hindrance = _hindrance()
-    if hindrance:
-        if source == Source.COMPILER:
-            warn(
-                "argument kernels",
-                f"about {seconds:.0f} s of work with numpy: with numba (pip install"
-                f" 'skfem-cosserat[fast]') some {FACTOR} times faster; {hindrance}",
-                PerformanceWarning,
-            )
         return Choice("numpy", hindrance)
-    compiled = ", and the kernels are compiled already" if source < Source.COMPILER else ""
-    plan = plan_of(system, solver is not None)
-    return Choice("numba", f"{work} with numpy{compiled}", plan, source=source)
-
-
-#: why a run takes what it takes; what an error says
-ASKED = "asked for"
-NEEDED = "kernels='numba' needs numba: pip install 'skfem-cosserat[fast]'"
-#: why a run goes without kernels
-LONGER = "reading or compiling kernels would take longer"
-
-
-class _Missed:
-    """What runs of this process would have saved with kernels, as each alone was too short (s)."""
-
-    seconds = 0.0
-
-
-def _source(system: System, seconds: float) -> Source | None:
-    """Where kernels may come from to save more time than that takes; None: nowhere.
-
-    `seconds` is the time without kernels. Kernels are also looked for on the disk where many short
-    runs together would have paid for it.
-    """
-    saved = seconds * (1 - compiled_share(system))
-    if saved >= WORTHWHILE:
-        return Source.COMPILER
-    _Missed.seconds += saved
-    if _Missed.seconds >= (min(READING, FURTHER) if loaded() else READING):
-        _Missed.seconds = 0.0
-        if promising():
-            return Source.DISK
-    vertices = STARTING_EACH * len(system.origin_rows)
-    return Source.PROCESS if loaded() and saved >= STARTING + vertices else None
+    source, why = Source.DISK, "the kernels of the scene are on disk"
+    if long:
+        source, why = Source.COMPILER, f"the run has {LONG_RUN} steps or more"
+    return Choice("numba", why, plan_of(system, solver is not None), source, long)
 
 
 def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | None]:
@@ -271,9 +191,7 @@ def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | No
     try:
         return choice, make()
     except NotKept:
-        missing = ", not all of its kernels are on disk" if choice.source == Source.DISK else ""
-        work = choice.why.partition(" with numpy")[0]
-        return Choice("numpy", f"{work}{missing}, {LONGER}", seconds=choice.seconds), None
+        return Choice("numpy", NOT_ON_DISK), None
     except compile_errors() as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         said = lines[0][:200] if lines else type(error).__name__
@@ -283,7 +201,7 @@ def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | No
             if choice.why == ASKED:
                 raise ImportError(f"{NEEDED} ({why})") from error
         if choice.source < Source.COMPILER:  # warned of where it is worth while
-            return Choice("numpy", why, seconds=choice.seconds), None
+            return Choice("numpy", why), None
         text = f"{why}; plain numpy takes over, some {FACTOR} times slower"
         warn("argument kernels", text, PerformanceWarning)
         return Choice("numpy", why), None
@@ -312,8 +230,8 @@ def _motion(system: System, thread: int) -> CompiledMotion | None:
 
 
 def kept_motion(system: System) -> CompiledMotion | None:
-    """Velocities by kernels on disk, in a process that has some; each thread has its own."""
-    return _motion(system, get_ident()) if loaded() else None
+    """Velocities by kernels that are on disk; each thread has its own."""
+    return _motion(system, get_ident()) if promising() else None
 
 
 @cache

@@ -23,7 +23,7 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator, March
-from .choice import FACTOR, WORTHWHILE, built, choose_kernels
+from .choice import FACTOR, built, choose_kernels
 from .compiled_step import CompiledStep, compiled_step
 from .report import BlockReport, Code, ComposedReport, Failure, Solved, StepReport
 from .scheme import State, StepOrigin, carried_rates
@@ -746,7 +746,7 @@ class Stepper:
     def _count_left(self, state: State) -> None:
         """A step is left to plain numpy: say it where that costs much."""
         self._left_in_a_row += 1
-        if self._left_in_a_row != LEFT or self.choice.seconds < WORTHWHILE:
+        if self._left_in_a_row != LEFT or not self.choice.long:
             return
         why = "they find no solution in as many iterations"
         if not self.bound.regular:

@@ -164,11 +164,6 @@ class Control(Attached):
     turn: float | None
     all_points: bool
 
-    @property
-    @abstractmethod
-    def expected(self) -> int:
-        """How many points it takes, roughly: for an estimate of the work."""
-
     @abstractmethod
     def stage(self, system: System, point: Point) -> Stage:
         """Start at a point."""
@@ -203,13 +198,6 @@ class _Steered(Control):
         turn = _turned(item, turn)
         self.steps, self.turn = steps, turn if steps is None else None
         self.all_points = steps is None and at is None
-
-    @property
-    def expected(self) -> int:
-        """See the base class; automatic steps are about half as long as the longest."""
-        if self.steps is not None:
-            return self.steps
-        return max(int(np.ceil(2 / self.longest)), 0 if self.at is None else len(self.at))
 
     def _given(self) -> str:
         ends = {"until": self.until} if self.at is None else {"at": list(self.at)}
@@ -506,11 +494,6 @@ class ArcLength(Control):
         self.length = positive(item, "length", length)
         self.longest = positive(item, "longest", longest)
         self.points = int(points)
-
-    @property
-    def expected(self) -> int:
-        """See the base class."""
-        return self.points
 
     def __repr__(self) -> str:
         given = {"points": self.points, "until": self.until, "first": self.sign * self.first}

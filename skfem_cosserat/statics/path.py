@@ -17,7 +17,7 @@ from ..errors import AccuracyWarning, CosseratError, Diverged, IncompleteWarning
 from ..frames import is_beam
 from ..history import History
 from ..integrators import State
-from ..integrators.choice import choose, estimated_seconds, static_refusal
+from ..integrators.choice import choose, static_refusal
 from ..integrators.compiled_step import stepped
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
@@ -637,8 +637,6 @@ class Continuation:
 
 #: Newton's method far from the solution: increments are not shortened, predicted stresses carry it
 STATIC = NewtonSettings(iterations=25, rotation=1e3, mixed=1e-9, largest=100.0)
-#: iterations assumed for a point, to estimate the work
-ITERATIONS = 5
 
 
 @takes_scene
@@ -763,13 +761,8 @@ def static(
         if direction is None:
             first = held_start(system, schedule, first)
 
-        choice = choose(
-            kernels,
-            stepped(system, treatment),
-            static_refusal(system, treatment),
-            estimated_seconds(system, control.expected, ITERATIONS),
-            solver,
-        )
+        refused = static_refusal(system, treatment)
+        choice = choose(kernels, stepped(system, treatment), refused, solver=solver)
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
         continuation = Continuation(system, points, control, watch and system.unknowns > 0)
         show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)

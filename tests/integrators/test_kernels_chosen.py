@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -25,92 +24,36 @@ pytest.importorskip("numba")
 TypingError = pytest.importorskip("numba.core.errors").TypingError
 
 
+RUN = sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05
+
+
 @pytest.mark.plain
-def test_short_runs_take_numpy():
-    system = tree(1)
-    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05, derive=False)
+def test_runs_take_numpy_where_no_kernels_are_on_disk():
+    run = sc.simulate(tree(1), *RUN, derive=False)
     assert run.meta["kernels"] == "numpy"
-    assert "reading or compiling kernels would take longer" in run.meta["kernels_why"]
+    assert run.meta["kernels_why"] == choice.NOT_ON_DISK
 
 
-def test_long_runs_take_numba():
-    system = tree(1)
-    pair = sc.EnergyMomentum(), sc.NullSpace()
-    assert choice.choose_kernels("auto", system, *pair, 10**6).name == "numba"
-    assert choice.estimated_seconds(system, 10**6) > choice.WORTHWHILE
+def test_long_runs_have_kernels_compiled():
+    for steps, source in ((choice.LONG_RUN, Source.COMPILER), (choice.LONG_RUN - 1, None)):
+        taken = choice.choose_kernels("auto", tree(1), *RUN[:2], steps)
+        assert (taken.source if taken.name == "numba" else None) == source
+    # a step of order four is made of three
+    fourth = sc.Composition(sc.EnergyMomentum())
+    assert choice.choose_kernels("auto", tree(1), fourth, RUN[1], choice.LONG_RUN // 3 + 1).long
 
 
-@pytest.mark.parametrize("loaded", [False, True])
-def test_further_kernels_are_read_sooner(loaded, monkeypatch):
-    """A process that has some has imported what loads them: it takes less to save that."""
-    monkeypatch.setattr(choice, "READING", 0.5)
-    monkeypatch.setattr(choice, "FURTHER", 0.03)
-    monkeypatch.setattr(choice, "loaded", lambda: loaded)
-    monkeypatch.setattr(choice, "promising", lambda: True)
-    monkeypatch.setattr(choice._Missed, "seconds", 0.0)
-    system = tree(1)
-    seconds = 0.02 / (1 - choice.compiled_share(system))
-    found = [choice._source(system, seconds) for _ in range(3)]
-    assert found == [None, Source.DISK if loaded else None, None]
-
-
-def test_short_runs_take_kernels_that_are_compiled_already(monkeypatch):
+@pytest.mark.plain
+def test_runs_take_kernels_that_are_compiled_already(kept_kernels, monkeypatch):
     """In this process or on disk; a single one that is not decides for numpy."""
-    monkeypatch.setattr(choice, "READING", 0.0)
-    monkeypatch.setattr(choice, "WORTHWHILE", 25.0)
-    run = partial(sc.simulate, tree(1), sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05)
-    run(kernels="numba", derive=False)
-    meta = run(derive=False).meta
-    assert meta["kernels"] == "numba"
-    assert "are compiled already" in meta["kernels_why"]
+    sc.simulate(tree(1), *RUN, kernels="numba", derive=False)
+    meta = sc.simulate(tree(1), *RUN, derive=False).meta
+    assert meta["kernels"] == "numba" and meta["kernels_why"].endswith("are on disk")
 
     monkeypatch.setattr(kept, "_ADDRESSES", {("step", "another", ()): 0})
     monkeypatch.setattr(kept, "_load", lambda key: None)
-    meta = run(derive=False).meta
-    assert meta["kernels"] == "numpy"
-    assert "not all of its kernels are on disk" in meta["kernels_why"]
-
-
-def test_the_shortest_runs_take_kernels_of_this_process_but_read_none(monkeypatch):
-    monkeypatch.setattr(choice, "STARTING", 0.0)
-    monkeypatch.setattr(choice, "STARTING_EACH", 0.0)
-    monkeypatch.setattr(choice, "WORTHWHILE", 25.0)
-    run = partial(sc.simulate, tree(1), sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.05)
-    run(kernels="numba", derive=False)
-    assert run(derive=False).meta["kernels"] == "numba"
-    monkeypatch.setattr(kept, "_ADDRESSES", {("step", "another", ()): 0})
-    monkeypatch.setattr(kept, "_load", None)  # is not asked
-    meta = run(derive=False).meta
-    assert meta["kernels"] == "numpy"
-    assert meta["kernels_why"].endswith("s of work, reading or compiling kernels would take longer")
-
-
-def test_kernels_are_judged_by_what_they_save():
-    """A thousand springs cost compiled steps nearly as much as plain ones: less is saved."""
-    scenes = [rod_with_springs(count) for count in (0, 1, 1000)]
-    share = [choice.compiled_share(system) for system in scenes]
-    assert 0.0 < share[0] < 0.1 and share[1] < 0.1 and 0.2 < share[2] < 0.6
-    # springs count among the plain work
-    seconds = [choice.estimated_seconds(system, 1) for system in scenes]
-    assert 1.5 * seconds[0] < seconds[1] < seconds[2]
-    steps = int(1.2 * choice.WORTHWHILE / seconds[2])
-    pair = sc.EnergyMomentum(), sc.NullSpace()
-    chosen = choice.choose_kernels("auto", scenes[2], *pair, steps)
-    assert chosen.seconds > choice.WORTHWHILE and chosen.name == "numpy"
-    assert choice.choose_kernels("auto", scenes[0], *pair, 10**6).source == Source.COMPILER
-
-
-def rod_with_springs(count):
-    model = sc.Model()
-    section = sc.SectionCircle(0.01, sc.Material(5e6, 0.5, 1e3))
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 20, name="rod")
-    rod = model.add("rod", sc.Beam(mesh, section))
-    start, end = rod.node("rod.start"), rod.node("rod.end")
-    model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), start, axis=(0, 0, 1)))
-    for k in range(count):
-        place = sc.ground((1, 1 + k / 100, 0))
-        model.add(f"spring {k}", sc.SpringDamper(place, end, stiffness=1.0, damping=0.1))
-    return model.freeze()
+    meta = sc.simulate(tree(1), *RUN, derive=False).meta
+    assert meta["kernels"] == "numpy" and meta["kernels_why"] == choice.NOT_ON_DISK
 
 
 def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):
@@ -121,8 +64,8 @@ def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):
         (kept.folder() / f"step.solve-{stamp}-0123456789abcdef.kernel").write_bytes(b"")
         assert kept.promising() == there
     program = (
-        "import sys, skfem_cosserat as sc; from skfem_cosserat.integrators import choice\n"
-        "choice.READING = 0.0; model = sc.Model(); model.add('ball', sc.MassPoint(1.0))\n"
+        "import sys, skfem_cosserat as sc; model = sc.Model()\n"
+        "model.add('ball', sc.MassPoint(1.0))\n"
         "pair = sc.EnergyMomentum(), sc.NullSpace()\n"
         "run = sc.simulate(model.freeze(), *pair, 0.1, 0.5, derive=False)\n"
         "assert run.meta['kernels'] == 'numpy' and 'numba' not in sys.modules"
@@ -169,7 +112,7 @@ def test_numpy_takes_over_where_numba_does_not_compile(error, monkeypatch):
 def test_without_numba(monkeypatch):
     monkeypatch.setattr(choice, "installed", lambda: False)
     system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
-    with pytest.warns(sc.PerformanceWarning, match="times faster"):
+    with pytest.warns(sc.PerformanceWarning, match="15 times as long"):
         taken = choice.choose_kernels("auto", system, *pair, 10**6)
     assert taken[:2] == ("numpy", "numba is not installed")
     with pytest.raises(ImportError, match=r"skfem-cosserat\[fast\]"):
@@ -256,7 +199,7 @@ def test_long_runs_are_told_that_they_are_not_compiled():
     """At their start; short ones have it in their meta data. No kernels would do explicit steps."""
     system, treatments = tree(1), (sc.NullSpace(), sc.Multipliers(full=True))
     for pair in zip((OwnBalance(), sc.Variational()), treatments, strict=True):
-        with pytest.warns(sc.PerformanceWarning, match=r"; about \d+ s of work with numpy"):
+        with pytest.warns(sc.PerformanceWarning, match=r"; 1000000 steps with numpy take"):
             sc.Stepper(system, *pair, 1e-3, steps=10**6)
         sc.Stepper(system, *pair, 1e-3, steps=10)
         sc.Stepper(system, *pair, 1e-3, kernels="numpy", steps=10**6)

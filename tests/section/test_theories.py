@@ -835,18 +835,6 @@ def test_kept_factors(integrator):
     assert 2 * kept.meta["factorisations"] < whole.meta["factorisations"]
 
 
-@pytest.mark.plain
-def test_automatic_choice_knows_that_plain_kernels_are_slow():
-    """With lines eliminated: fewer steps are enough for compiled kernels to pay."""
-    pytest.importorskip("numba")
-    names = {}
-    for theory in (None, sc.TheoryInextensible()):
-        system = swing().scene("stiff", theory=theory).freeze()
-        stepper = sc.Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, steps=8000)
-        names[theory] = stepper.choice.name
-    assert names == {None: "numpy", sc.TheoryInextensible(): "numba"}
-
-
 @pytest.mark.parametrize("treatment", ["null space", "multipliers"])
 @pytest.mark.parametrize("integrator", ["energy-momentum", "variational"])
 @pytest.mark.parametrize(

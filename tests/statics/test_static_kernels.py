@@ -389,35 +389,14 @@ def test_forces_of_joints_are_known_at_the_start(treatment):
 
 # bent beyond what its elements follow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.plain
-def test_short_studies_take_numpy():
-    path = sc.static(scenes.bend(4, 1).system, derive=False)
-    assert path.meta["kernels"] == "numpy"
-    assert "reading or compiling kernels would take longer" in path.meta["kernels_why"]
-
-
-# bent beyond what its elements follow
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-def test_long_studies_take_numba(monkeypatch):
+def test_paths_take_kernels_that_are_on_disk(kept_kernels):
     pytest.importorskip("numba")
-    monkeypatch.setattr("skfem_cosserat.integrators.choice.WORTHWHILE", 1e-3)
-    path = sc.static(scenes.bend(4, 1).system, derive=False)
+    system = scenes.bend(4, 1).system
+    sc.static(system, derive=False, kernels="numba")
+    path = sc.static(system, derive=False)
     assert path.meta["kernels"] == "numba"
     assert path.meta["solver"] == "blocks"
     assert path.meta["factorisations"] > path.meta["newton_iterations"]
-
-
-@pytest.mark.parametrize(
-    ("control", "expected"),
-    [
-        (sc.LoadControl(), 8),
-        (sc.LoadControl(steps=50), 50),
-        (sc.LoadControl(at=np.linspace(0.1, 1, 10)), 10),
-        (sc.ArcLength(70), 70),
-    ],
-)
-def test_expected_points(control, expected):
-    assert control.expected == expected
 
 
 def test_what_is_not_compiled_is_refused():
