@@ -169,7 +169,7 @@ class Stepper:
     kernels : {"auto", "numpy", "numba"}
         See :func:`skfem_cosserat.simulate`.
     steps : int, optional
-        How many are intended, to judge whether compiling pays.
+        How many are intended: for many kernels are compiled.
     solver : Solver, optional
         See :func:`skfem_cosserat.simulate`.
     announce : callable, optional

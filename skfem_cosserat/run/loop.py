@@ -221,7 +221,7 @@ def steps(
     settings : NewtonSettings, optional
         When Newton's method stops.
     kernels : {"auto", "numpy", "numba"}
-        See :func:`simulate`; "auto" takes a thousand steps for granted.
+        See :func:`simulate`; "auto" compiles none.
     solver : Solver, optional
         See :func:`simulate`.
 
@@ -304,8 +304,9 @@ def simulate(
     kernels : {"auto", "numpy", "numba"}
         Plain numpy kernels, or those compiled by numba (extra ``fast``): the same results to
         rounding, six to 35 times faster after some 10 s of compilation, once. "auto" takes them
-        where that pays. There are none for explicit schemes, integrators with a balance of their
-        own, treatments of one's own and the full system of multipliers.
+        where they are on disk, and compiles them for a run of 10 000 steps. There are none for
+        explicit schemes, integrators with a balance of their own, treatments of one's own and the
+        full system of multipliers.
         ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken, and why; page 12
         of the guide says more.
     solver : Solver, optional

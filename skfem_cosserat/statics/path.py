@@ -696,8 +696,8 @@ def static(
         When Newton's method stops.
     kernels : {"auto", "numpy", "numba"}
         Plain numpy kernels, or those compiled by numba (extra ``fast``): the same points to
-        rounding, an order of magnitude faster, see :func:`skfem_cosserat.simulate`. There are none
-        for ``Multipliers(full=True)``.
+        rounding, an order of magnitude faster, see :func:`skfem_cosserat.simulate`; "auto" takes
+        them where they are on disk. There are none for ``Multipliers(full=True)``.
         ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken, and why.
     watch : bool
         Look for limit and bifurcation points on the way; they are recorded as points.
