@@ -10,15 +10,13 @@ from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
+from scipy.sparse import csc_matrix, csr_matrix
 
 from .errors import InputError
 from .types import Array, ArrayLike, IndexArray
 
 #: rows and columns up to which a full matrix is multiplied faster than a sparse one
 FULL_ROWS = 100
-#: pairs of numbers above which scipy sorts them faster than numpy
-COUNTED = 100_000
 
 
 class FrozenPattern:
@@ -64,7 +62,7 @@ class FrozenPattern:
             raise InputError(
                 "argument cols", f"has shape {np.shape(cols)}, rows have {np.shape(rows)}"
             )
-        order = order_by(i, j)
+        order = np.lexsort((i, j))
         key = (j * int(shape[0]) + i)[order]
         new = np.concatenate([[True], key[1:] != key[:-1]])[: len(key)]
         first = order[new]
@@ -132,30 +130,6 @@ class FrozenPattern:
         out.has_sorted_indices = True
         out.has_canonical_format = True
         return out
-
-
-def order_by(*keys: IndexArray) -> IndexArray:
-    """Order of whole numbers from 0 on, as `np.lexsort` gives it: by the last key first of all.
-
-    Numpy sorts 16 bits by counting, and longer ones by comparison: they are taken in pieces. Many
-    pairs are counted faster by scipy, as a matrix that it brings into other forms, of numbers that
-    are no larger than their count: it takes memory for all up to the largest.
-    """
-    count = len(keys[0])
-    if len(keys) == 2 and count > COUNTED and max(map(np.max, keys)) <= count:
-        numbers = coo_matrix((np.arange(count), keys))
-        numbers.has_canonical_format = True  # else entries of one place are summed
-        return np.asarray(numbers.tocsr().tocsc().data)
-    order: IndexArray | None = None
-    for key in keys:
-        for shift in range(0, max(int(key.max(initial=0)).bit_length(), 1), 16):
-            piece = (key >> shift).astype(np.uint16)
-            if order is None:
-                order = np.argsort(piece, kind="stable")
-            else:
-                order = order[np.argsort(piece[order], kind="stable")]
-    assert order is not None
-    return order
 
 
 def sum_at(index: IndexArray, values: Array, size: int) -> Array:

@@ -15,7 +15,7 @@ from ..frozen import lock_arrays
 from ..joint import JointDrive
 from ..model import System
 from ..model.loading import Followers
-from ..pattern import order_by, shared
+from ..pattern import shared
 from ..types import ArrayLike, Floats, IndexArray
 
 __all__ = ["Plan", "RowBlock", "following", "plan_of", "row_blocks"]
@@ -332,7 +332,7 @@ def _sorted_lists(sets: Sequence[Collection[int]]) -> tuple[IndexArray, IndexArr
     ptr = np.concatenate([[0], np.cumsum(sizes)])
     members = np.fromiter(chain.from_iterable(sets), dtype=np.int64, count=ptr[-1])
     owner = np.repeat(np.arange(len(sets)), sizes)
-    return ptr, members[order_by(members, owner)]
+    return ptr, members[np.lexsort((members, owner))]
 
 
 class _Graph:

@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..errors import PerformanceWarning
-from ..kernels import add_scalar, beam_geometric, null_space_entries, skew, spin_gradient
+from ..kernels import add_scalar, beam_geometric, null_space_blocks, skew, spin_gradient
 from ..linear import LinearSolver
 from ..model import System
 from ..model.closure import Selected, continued
@@ -23,50 +23,6 @@ from ..pattern import FrozenPattern, shared, sum_at
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
-
-# -- internal null space matrices of all elements of a group, straight from the rows of y ----------
-
-
-class NullSpaceBlocks:
-    """:func:`skfem_cosserat.kernels.null_space_blocks` of the same frames, again and again.
-
-    Zeros and ones stay; where the other entries come from and go to is known beforehand.
-
-    Parameters
-    ----------
-    rows : (ne, nn, 3) int array
-        Rows of y of the directors of each element's nodes.
-    total : int
-        Rows of y.
-    count : int
-        How many configurations are asked for at once.
-    """
-
-    def __init__(self, rows: IndexArray, total: int, count: int) -> None:
-        ne, nn = rows.shape[:2]
-        ones, where, part, sign = null_space_entries(nn)
-        self._shape = count, ne, 12 * nn, 6 * nn
-        size = 72 * nn * nn
-        numbers = (3 * rows[..., None] + np.arange(3)).reshape(ne, -1)[:, part]
-        starts = size * np.arange(count * ne)[:, None]
-        self._source = (3 * total * np.arange(count)[:, None, None] + numbers).ravel()
-        self._where, self._ones = (starts + where).ravel(), (starts + ones).ravel()
-        self._sign = np.tile(sign, count * ne)
-        self._flat: Array = np.zeros(0)
-
-    def at(self, y: Array) -> Array:
-        """P_int (count, ne, 12 nn, 6 nn) of configurations one after the other, flat.
-
-        Overwritten when asked for again.
-        """
-        if self._flat.dtype != y.dtype or not len(self._flat):
-            self._flat = np.zeros(int(np.prod(self._shape)), dtype=y.dtype)
-            self._flat[self._ones] = 1
-        entries = y.take(self._source)
-        entries *= self._sign
-        self._flat[self._where] = entries
-        return self._flat.reshape(self._shape)
-
 
 # -- products ``T^T A T`` with matrices of a fixed pattern: from coordinates to unknowns -----------
 
@@ -361,11 +317,8 @@ class BoundNullSpace(BoundTreatment):
         number = np.zeros(len(system.origin_rows), dtype=np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
         rows = [kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups]
-        #: null space matrices where forces act, at the end of a step, and both, overwritten
-        self._P = {
-            which: [None if r is None else NullSpaceBlocks(r, kin.total, count) for r in rows]
-            for which, count in ((("both", 2),) if weight else (("left", 1), ("right", 1)))
-        }
+        #: of each group, first rows of directors of each element's nodes; none of points
+        self._directors = rows
         self._loops = len(self.closure.rows) > 0
         self._curved, loop_pairs = system.constraints.curvature_of(self.closure.rows)
         curved = self._loops and weight > 0
@@ -595,21 +548,17 @@ class BoundNullSpace(BoundTreatment):
         force = self.kin.twist_force(self._left.y, gradient)
         return self._by_unknowns(self._map.reduce(self._T_left, force))
 
-    def _null_spaces(self, which: str, ys: Array) -> list[list[Array | None]]:
-        """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points; of all ys."""
-        flat, kept = ys.reshape(-1), self._P[which]
-        found = [(None, None) if blocks is None else blocks.at(flat) for blocks in kept]
-        return [[P[i] for P in found] for i in range(2 if which == "both" else 1)]
+    def _null_spaces(self, y: Array) -> list[Array | None]:
+        """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points."""
+        rows = self._directors
+        return [None if r is None else null_space_blocks(y.take(r, axis=0)) for r in rows]
 
     def _project(self, blocks: Sequence[Blocks], y1: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
-        if self.weight:  # P_left changes as often as P_right
-            both = np.concatenate((self._left.y, y1))
-            P_left, P_right = self._null_spaces("both", both)
-        else:
-            if self._P_left is None:
-                (self._P_left,) = self._null_spaces("left", self._left.y)
-            (P_right,), P_left = self._null_spaces("right", y1), self._P_left
+        P_right = self._null_spaces(y1)
+        if self._P_left is None:
+            self._P_left = self._null_spaces(self._left.y)
+        P_left = self._P_left
         out = []
         for block, left, right in zip(blocks, P_left, P_right, strict=True):
             if left is None or right is None:

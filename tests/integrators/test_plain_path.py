@@ -10,7 +10,6 @@ from scipy.sparse import random as random_matrix
 
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper, kernels
-from skfem_cosserat.constraints.null_space import NullSpaceBlocks
 from skfem_cosserat.model import groups
 from skfem_cosserat.model.kinematics import combination
 from skfem_cosserat.pattern import FrozenPattern, product_form
@@ -72,19 +71,6 @@ def test_steps_go_on_from_any_state_as_a_new_stepper_does(integrator):
         # p = 2 M dq/h - p_0: rounding of q, divided by the step
         rounding = 2 / 1e-3 * abs(system.mass).sum(axis=1).max() * 1e-14 * system.length
         assert abs(again.p - moved.p).max() < rounding
-
-
-@pytest.mark.parametrize("dtype", [float, complex])
-@pytest.mark.parametrize("nodes", [1, 3])
-def test_null_space_matrices_by_known_places(nodes, dtype):
-    rng = np.random.default_rng(2)
-    frames = np.array([[3, 0, 2], [1, 3, 0]])[:, :nodes]
-    rows = 4 * frames[..., None] + np.arange(1, 4)
-    blocks = NullSpaceBlocks(rows, 16, 2)
-    for _ in range(2):  # written to again
-        y = rng.standard_normal((2, 16, 3)).astype(dtype)
-        wanted = [kernels.null_space_blocks(each[rows]) for each in y]
-        assert (blocks.at(y.reshape(-1)) == wanted).all()
 
 
 def test_products_with_small_and_with_large_matrices():
