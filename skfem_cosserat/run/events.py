@@ -27,7 +27,7 @@ from .conditions import (
     ConditionFunction,
     OfStates,
 )
-from .sensors import States, View
+from .sensors import View, Window
 from .step_size import StepperFactory
 
 # -- zeros of a number within a step: located, and found where it passes through zero and back -----
@@ -291,7 +291,7 @@ class Event(Attached):
         """How errors call it."""
         return f"event {self.name!r}"
 
-    def values(self, states: States) -> Floats | None:
+    def values(self, states: Window) -> Floats | None:
         """Its condition's numbers at several states; None: each state is to be looked at alone.
 
         Also where they cannot be had: a run may end before it gets to these states.
@@ -488,7 +488,7 @@ class EventMonitor:
         if self._stepper is not None and self._stepper.system is not system:
             self._stepper = None
         self.system, self.view = system, View(system, state)
-        self.view._find_motions(_Motions(self.factory, system))
+        self.view._states._motions = _Motions(self.factory, system)
         self.view._points = partial(self._points, state, [])
         #: the last two steps since then
         self._behind: list[StepReport] = []
@@ -528,7 +528,8 @@ class EventMonitor:
         if self._earlier is None:
             return alone
         block, looks = report.block, (self._earlier, self._now)
-        states = self.view._states.others(report.times, block.q, block.p, block.turns)
+        given = report.times, block.q, block.p, block.turns, self.view._states._motions
+        states = Window(self.system, *given)
         columns = [event.values(states) for event in self.events]
         if any(column is None for column in columns):
             return alone

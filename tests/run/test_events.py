@@ -18,6 +18,7 @@ from skfem_cosserat.constraints import saddle
 from skfem_cosserat.history import read_meta
 from skfem_cosserat.integrators import compiled_scene
 from skfem_cosserat.integrators.compiled_scene import CompiledMotion
+from skfem_cosserat.model import force_elements
 from skfem_cosserat.run import sensors
 from skfem_cosserat.run.events import EventMonitor, TimedValue, dip
 
@@ -819,7 +820,7 @@ def test_looks_set_nothing_up_anew(monkeypatch, kernels):
         before = own.__init__
         monkeypatch.setattr(own, "__init__", init)
 
-    counting(sensors, "Invariants")
+    counting(force_elements, "Invariants")
     counting(sensors, "SectionPlaces")
     counting(saddle, "SaddlePoint")
     counting(compiled_scene, "CompiledMotion")
