@@ -126,15 +126,6 @@ def spectrum(times: ArrayLike, values: ArrayLike, window: str = "hann") -> Spect
     return Spectrum(np.asarray(np.fft.rfftfreq(len(t), step), dtype=float), lines)
 
 
-def _weights(at: Floats, order: int) -> Floats:
-    """Weights of values at these distances for a derivative at zero, exact for polynomials."""
-    size = float(abs(at).max())
-    powers = np.vander(at / size, increasing=True).T
-    wanted = np.zeros(len(at))
-    wanted[order] = (1.0, 1.0, 2.0)[order] / size**order
-    return np.asarray(np.linalg.solve(powers, wanted))
-
-
 @checked
 @dataclass(frozen=True, repr=False)
 class SensorRecord:
@@ -176,23 +167,17 @@ class SensorRecord:
         per = {1: "/s", 2: "/s^2"}[order]
         if len(t) < order + 2:
             return SensorRecord(t, np.full(x.shape, np.nan), self.unit + per)
-        h = float((t[-1] - t[0]) / (len(t) - 1))
-        out = np.empty_like(x)
-        if abs(np.diff(t) - h).max() > 1e-6 * h:
-            for k in range(len(t)):
-                near = np.clip(k + np.arange(-1, 2), 0, len(t) - 1)
-                if order == 2 or k in (0, len(t) - 1):
-                    first = min(max(k - 1, 0), len(t) - 2 - order)
-                    near = first + np.arange(2 + order if k in (0, len(t) - 1) else 3)
-                out[k] = np.tensordot(_weights(t[near] - t[k], order), x[near], 1)
-        elif order == 1:
-            out[1:-1] = (x[2:] - x[:-2]) / (2 * h)
-            out[0] = (-3 * x[0] + 4 * x[1] - x[2]) / (2 * h)
-            out[-1] = (3 * x[-1] - 4 * x[-2] + x[-3]) / (2 * h)
-        else:
-            out[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) / h**2
-            out[0] = (2 * x[0] - 5 * x[1] + 4 * x[2] - x[3]) / h**2
-            out[-1] = (2 * x[-1] - 5 * x[-2] + 4 * x[-3] - x[-4]) / h**2
+        steps, h = np.diff(t), float((t[-1] - t[0]) / (len(t) - 1))
+        equal = abs(steps - h).max() <= 1e-6 * h
+        out = np.gradient(x, h if equal else t, axis=0, edge_order=2)
+        if order == 2:
+            steps = np.where(equal, h, steps).reshape(-1, *[1] * (x.ndim - 1))
+            change = np.diff(np.diff(x, axis=0) / steps, axis=0)
+            out[1:-1] = 2 * change / (steps[1:] + steps[:-1])
+            middle = (t[:-2] + t[1:-1] + t[2:]) / 3  # where these are, of cubic polynomials
+            for end, to in ((0, 1), (-1, -1)):
+                share = (t[end] - middle[end]) / (middle[end + to] - middle[end])
+                out[end] = out[end + to] + share * (out[end + 2 * to] - out[end + to])
         return SensorRecord(t, out, self.unit + per)
 
 

@@ -10,9 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import diagnostics
-from ..constraints.saddle import nearest_velocity
-from ..diagnostics import Projection
+from ..diagnostics import Projection, kinetic_energy
 from ..errors import (
     AccuracyWarning,
     CosseratError,
@@ -33,7 +31,7 @@ from ..model import System
 from ..types import Floats, IndexArray, numbers, spread
 from ..warn import Notices, logger, warn
 from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
-from .sensors import BLOCK, Sensor, SensorBank, checked_sensors
+from .sensors import BLOCK, Sensor, SensorBank, Window, checked_sensors
 
 # -- work done since the start of a run, and the balance of energy at its end ----------------------
 
@@ -146,42 +144,22 @@ class Between(NamedTuple):
     largest: float
 
 
-def energy(system: System, integrator: Integrator, state: State) -> float:
-    """Kinetic and stored energy (J) of a state of a run.
+def energies(integrator: Integrator, states: Window) -> Floats:
+    """Kinetic and stored energy (J) of some states of a run.
 
     Kinetic energy is that of the momentum in terms of which a scheme has its balance. With the
     variational scheme this is the one on the hidden constraints: a part along ``G^T``, which what
     it carries has to first order in the step, moves nothing and only changes the next multipliers
     (the motion is that of ``stabilized=True``). Others carry the momentum of the node.
     """
-    q, p, t = state.q, state.p, state.time
     if integrator.carries_node_momentum:
-        kinetic = diagnostics.kinetic_energy(system, p)
-    else:
-        v = nearest_velocity(system, system.extend(q, t), p, t)
-        kinetic = diagnostics.kinetic_energy_of_velocity(system, v)
-    turns = None if state.turns is None else state.turns[None]
-    coupled = diagnostics.coupling_energy(system, q[None], np.array([t]), turns)
-    stored = diagnostics.strain_energy(system, q)
-    return float(kinetic + stored + coupled[0])
+        return kinetic_energy(states.system, states.p) + states.stored_energy()
+    return states.energy()
 
 
-def energies(system: System, integrator: Integrator, part: History, rows: IndexArray) -> Floats:
-    """The same of recorded states of one system, by their rows."""
-    q, p, t = part["q"][rows], part["carried"][rows], part.times[rows]
-    if integrator.carries_node_momentum:
-        kinetic = diagnostics.kinetic_energy(system, p)
-    else:
-        if len(rows) < MANY:
-            states = zip(q, p, t.tolist(), strict=True)
-            each = [nearest_velocity(system, system.extend(a, s), b, s) for a, b, s in states]
-            v = np.array(each)
-        else:
-            v = Projection(system).velocities(q, p, t)
-        kinetic = diagnostics.kinetic_energy_of_velocity(system, v)
-    turns = part["turns"][rows] if "turns" in part else None
-    coupled = diagnostics.coupling_energy(system, q, t, turns)
-    return np.asarray(kinetic + coupled + diagnostics.strain_energy(system, q))
+def energy(system: System, integrator: Integrator, state: State) -> float:
+    """Kinetic and stored energy (J) of a single one."""
+    return float(energies(integrator, Window.at(system, state))[0])
 
 
 class Works:
@@ -349,8 +327,6 @@ def _along(force: Floats, change: Floats) -> float:
 
 #: recorded states, evenly spread, at which the balance of energy is looked at
 BETWEEN = 100
-#: states for which it pays to lay out the elimination that solves them together
-MANY = 40
 #: recorded states after which what sensors saw is written, so that a killed run keeps it, too
 SEEN = 50
 
@@ -723,8 +699,11 @@ class Recorder:
         try:
             with np.errstate(all="ignore"):
                 for k in np.unique(owner):
-                    chosen = self.segments[k].system, integrator, history, rows[owner == k]
-                    found[owner == k] = energies(*chosen)
+                    some = rows[owner == k]
+                    q, p, t = history["q"][some], history["carried"][some], history.times[some]
+                    turns = history["turns"][some] if "turns" in history else None
+                    states = Window(self.segments[k].system, t, q, p, turns)
+                    found[owner == k] = energies(integrator, states)
         except (CosseratError, ArithmeticError) as error:
             logger.info("no balance of energy in between: %s", error)
             found[:] = np.nan

@@ -113,11 +113,16 @@ class Window:
 
     def position(self, place: Place) -> Floats:
         """Positions of a place (k, 3) in m."""
-        return spot(self.system, place, self.y)
+        return self._spot(place, self.y)
 
     def velocity(self, place: Place) -> Floats:
         """Velocities of a place (k, 3) in m/s."""
-        return spot(self.system, place, self.ydot)
+        return self._spot(place, self.ydot)
+
+    def _spot(self, place: Place, rows: Floats) -> Floats:
+        check_kind("argument place", place, Place, FROM)
+        terms = self.system.kinematics.spot_terms(self.system.spot(place))
+        return np.asarray(sum(c * rows[:, a] for a, c in terms))
 
     def rotation(self, place: Place) -> Floats:
         """Directors of the frame that carries a place, in the rows of (k, 3, 3)."""
@@ -143,14 +148,16 @@ class Window:
         """Kinetic energy of the velocities v (k,) in J."""
         return self._motion.kinetic
 
+    def stored_energy(self) -> Floats:
+        """Energy stored in beams and force elements (k,) in J."""
+        stored = None if self._motions is None else self._motion.stored
+        if stored is None:
+            stored = diagnostics.strain_energy(self.system, self.q)
+        return stored + diagnostics.coupling_energy(self.system, self.q, self.t, self.turns)
+
     def energy(self) -> Floats:
         """Kinetic energy, and that stored in beams and force elements (k,) in J."""
-        stored = self._motion.stored
-        stored = diagnostics.strain_energy(self.system, self.q) if stored is None else stored
-        if self.system.couplings.count:
-            given = self.system, self.q, self.t, self.turns
-            stored = stored + diagnostics.coupling_energy(*given)
-        return self._motion.kinetic + stored
+        return self.kinetic_energy() + self.stored_energy()
 
     def reaction(self, joint: Joint) -> tuple[Floats, Floats]:
         """Force and moment (j, 3) of a joint on its side b, where forces are known (N, N m)."""
@@ -174,13 +181,6 @@ class Window:
         before, after = np.split(sensor.values(self.system, both), 2)
         over = ends[len(t) :] - ends[: len(t)]
         return np.asarray((after - before) / over.reshape(-1, *[1] * (after.ndim - 1)))
-
-
-def spot(system: System, place: Place, rows: Floats) -> Floats:
-    """Where a place is, or how fast it moves, (k, 3), by all rows (k, total, 3) or their rates."""
-    check_kind("argument place", place, Place, FROM)
-    terms = system.kinematics.spot_terms(system.spot(place))
-    return np.asarray(sum(c * rows[:, a] for a, c in terms))
 
 
 @checked
