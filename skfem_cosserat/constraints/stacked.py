@@ -29,8 +29,6 @@ from .saddle import hidden_rate, nearest_velocity, saddle_point
 
 #: numbers in a matrix of all states that are worked on together
 TOGETHER = 2**17
-#: states whose velocities are found one by one: below, setting up for many takes longer
-FEW = 40
 #: columns of matrices whose elimination by numpy takes as long as compiling kernels for it
 COMPILING = 200_000
 #: residual, relative to its terms, above which a solution is improved, and above which it is none
@@ -591,7 +589,7 @@ def nearest_velocities(system: System, y: Floats, p: Floats, t: Sequence[float |
 
     As :func:`.saddle.nearest_velocity` at each of the states y (N, total, 3), times t (N,).
     """
-    if is_lattice(system) or len(p) < FEW:  # one alone has not to lay out the elimination
+    if is_lattice(system) or len(p) < 2:  # one alone has not to lay out the elimination
         states = zip(y, p, t, strict=True)
         return np.array([nearest_velocity(system, *each) for each in states]).reshape(p.shape)
     out, solver = np.empty_like(p), _velocities(system)

@@ -7,19 +7,16 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from ..errors import InputError
 from ..frames import is_beam
-from ..frozen import lock_arrays
 from ..kernels import BeamElements, beam_energy, beam_stress
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.theories import theory_of
-from ..pattern import once_for_each, shared
+from ..pattern import once_for_each
 from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
 from .stacked import as_stack, of_states, step_size
@@ -44,12 +41,17 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
     """
     mass = system.mass.tocsc()
     massive = mass.diagonal() > 0
-    parts = shared(_MassBlocks, mass.indptr, mass.indices, massive)
-    large, entries = parts.large, np.concatenate([[0.0], mass.data])
-    A = parts.entries
-    between = csc_matrix((entries[A.data], A.indices, A.indptr), shape=A.shape)
-    factor = splu(between) if len(large) else None
-    blocks = [(ids, np.linalg.pinv(entries[places], hermitian=True)) for ids, places in parts.small]
+    label = connected_components(mass, directed=False)[1]
+    members, present = np.bincount(label)[label], np.bincount(label, massive)[label] > 0
+    large = np.flatnonzero(massive & (members > 8))
+    factor = splu(mass[large][:, large]) if len(large) else None
+    blocks = []
+    for r in np.unique(members[present & (members <= 8)]).tolist():
+        own = np.flatnonzero(present & (members == r))
+        rows = own[np.argsort(label[own], kind="stable")].reshape(-1, r)
+        i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
+        block = np.asarray(mass[i.ravel(), j.ravel()]).reshape(i.shape)
+        blocks.append((rows, np.linalg.pinv(block, hermitian=True)))
 
     def solve(rhs: Floats) -> Floats:
         out = np.zeros_like(rhs)
@@ -60,45 +62,6 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
         return out
 
     return solve
-
-
-class _MassBlocks:
-    """Rows of a mass matrix that hang together, by its pattern.
-
-    Attributes
-    ----------
-    large : (k,) int array
-        Rows with mass that hang together with more than seven others.
-    entries : (k, k) sparse matrix
-        Which entries of the whole matrix are between them, counted from 1.
-    small : list of ((b, r) int array, (b, r, r) int array)
-        Rows of all other blocks of one size, and their entries; 0: there is none.
-    """
-
-    def __init__(self, indptr: IndexArray, indices: IndexArray, massive: NDArray[np.bool_]) -> None:
-        size = len(indptr) - 1
-        each = csc_matrix((np.arange(1, len(indices) + 1), indices, indptr), shape=(size, size))
-        count, label = connected_components(each, directed=False)
-        members, present = np.bincount(label, minlength=count), np.zeros(count, dtype=bool)
-        present[label[massive]] = True
-        self.large = np.flatnonzero(massive & (members[label] > 8))
-        self.entries = csc_matrix(each[self.large][:, self.large])
-        self.entries.sort_indices()  # nobody can later
-        column = np.repeat(np.arange(size), np.diff(indptr))
-        self.small = []
-        for r in np.unique(members[present & (members <= 8)]).tolist():
-            own = np.flatnonzero((present & (members == r))[label])
-            rows = own[np.argsort(label[own], kind="stable")].reshape(-1, r)
-            place = np.full(size, -1)
-            place[rows] = np.arange(rows.size).reshape(rows.shape)
-            inside = np.flatnonzero(place[column] >= 0)
-            entries = np.zeros((rows.size, r), dtype=np.int64)
-            entries[place[indices[inside]], place[column[inside]] % r] = 1 + inside
-            self.small.append((rows, entries.reshape(-1, r, r)))
-        lock_arrays(self)
-        lock_arrays(self.entries)
-        for array in (each for pair in self.small for each in pair):
-            array.flags.writeable = False
 
 
 @takes_scene

@@ -112,18 +112,15 @@ def spectrum(times: ArrayLike, values: ArrayLike, window: str = "hann") -> Spect
         raise InputError(
             "argument times", f"steps from {steps.min():.6g} to {steps.max():.6g}, expected equal"
         )
-    from scipy.signal import detrend, get_window  # slow to import, seldom needed
+    from scipy.signal import periodogram  # slow to import, seldom needed
 
     try:
-        weights = get_window(window, len(t))
+        asked = {"detrend": "linear", "scaling": "spectrum", "axis": 0}
+        frequencies, power = periodogram(y, 1 / step, window, **asked)
     except ValueError as error:
         raise InputError("argument window", f"{window!r} is none that scipy knows") from error
-    shaped = detrend(y, axis=0) * weights.reshape(-1, *[1] * (y.ndim - 1))
-    lines: Floats = np.abs(np.fft.rfft(shaped, axis=0)).astype(float) / weights.sum()
-    lines[1:] *= 2
-    if len(t) % 2 == 0:
-        lines[-1] /= 2  # the highest line has no partner
-    return Spectrum(np.asarray(np.fft.rfftfreq(len(t), step), dtype=float), lines)
+    power[1 : (len(t) + 1) // 2] *= 2  # of an amplitude half the square; the highest is alone
+    return Spectrum(frequencies, np.sqrt(power))
 
 
 @checked

@@ -143,23 +143,21 @@ def _describe_lump(
     system: System, item: RigidBody | MassPoint, meta: dict[str, Any], static: dict[str, Any]
 ) -> None:
     """A body or mass point, also one that is attached to a node: it moves with that frame."""
-    place = item.place() if isinstance(item, MassPoint) else item.at(item.position)
     if isinstance(item, RigidBody):
-        meta["bodies"].append({"name": item.name, "shape": "surface"})
-        static[f"body/{item.name}/offset"] = np.array(system.offset(place))
-        if item.surface is not None:
-            points = np.array(item.surface[0], dtype=float) + place.offset
-            static[f"body/{item.name}/points"] = points
-            static[f"body/{item.name}/faces"] = np.array(item.surface[1], dtype=np.int64)
-    elif place.offset.any():  # off the origin of its frame: a small ball that moves with it
-        meta["bodies"].append({"name": item.name, "shape": "ball"})
-        points, faces = ball_surface(0.01 * system.length)
-        static[f"body/{item.name}/offset"] = np.array(system.offset(place))
-        static[f"body/{item.name}/points"] = points + place.offset
-        static[f"body/{item.name}/faces"] = faces
-    else:
+        place, surface = item.at(item.position), item.surface
+    else:  # off the origin of its frame: a small ball that moves with it
+        place = item.place()
+        surface = ball_surface(0.01 * system.length) if place.offset.any() else None
+    rigid = isinstance(item, RigidBody)
+    key = f"{'body' if rigid or surface is not None else 'point'}/{item.name}/"
+    static[key + "offset"] = np.array(system.offset(place))
+    if key.startswith("point"):
         meta["points"].append({"name": item.name})
-        static[f"point/{item.name}/offset"] = np.array(system.offset(place))
+        return
+    meta["bodies"].append({"name": item.name, "shape": "surface" if rigid else "ball"})
+    if surface is not None:
+        static[key + "points"] = np.array(surface[0], dtype=float) + place.offset
+        static[key + "faces"] = np.array(surface[1], dtype=np.int64)
 
 
 def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[str, Any]:
