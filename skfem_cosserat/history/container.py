@@ -164,17 +164,21 @@ class SensorRecord:
         per = {1: "/s", 2: "/s^2"}[order]
         if len(t) < order + 2:
             return SensorRecord(t, np.full(x.shape, np.nan), self.unit + per)
-        steps, h = np.diff(t), float((t[-1] - t[0]) / (len(t) - 1))
-        equal = abs(steps - h).max() <= 1e-6 * h
-        out = np.gradient(x, h if equal else t, axis=0, edge_order=2)
+        steps, unit = np.diff(t), float((t[-1] - t[0]) / (len(t) - 1))
+        if abs(steps - unit).max() <= 1e-6 * unit:
+            at = np.arange(len(t), dtype=float)  # differences of equal steps have no rounding
+        else:
+            at, unit = t, 1.0
+        out = np.gradient(x, at, axis=0, edge_order=2)
         if order == 2:
-            steps = np.where(equal, h, steps).reshape(-1, *[1] * (x.ndim - 1))
+            steps = np.diff(at).reshape(-1, *[1] * (x.ndim - 1))
             change = np.diff(np.diff(x, axis=0) / steps, axis=0)
             out[1:-1] = 2 * change / (steps[1:] + steps[:-1])
-            middle = (t[:-2] + t[1:-1] + t[2:]) / 3  # where these are, of cubic polynomials
+            middle = (at[:-2] + at[1:-1] + at[2:]) / 3  # where these are, of cubic polynomials
             for end, to in ((0, 1), (-1, -1)):
-                share = (t[end] - middle[end]) / (middle[end + to] - middle[end])
+                share = (at[end] - middle[end]) / (middle[end + to] - middle[end])
                 out[end] = out[end + to] + share * (out[end + 2 * to] - out[end + to])
+        out /= unit**order
         return SensorRecord(t, out, self.unit + per)
 
 
