@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..diagnostics import Projection, kinetic_energy
 from ..errors import (
@@ -783,27 +782,28 @@ class Numbered:
     ) -> None:
         self._first, self._count, self._every = state.index, count, int(every)
         self._seen = seen
-        #: numbers asked for, in order; None: every k-th
-        self._at = None if at is None else _numbers(state, h, count, every, at)
+        #: numbers asked for, in order, and one that no run has; None: every k-th
+        self._at: IndexArray | None = None
+        if at is not None:
+            ends = state.time - 0.5 * h, state.time + (count + 0.5) * h
+            places = np.rint((_asked(at, every, *ends) - state.time) / h).astype(np.int64)
+            self._at = np.append(np.unique(places), np.iinfo(np.int64).max)
 
     @property
     def rows(self) -> int:
         """How many states are recorded, if all steps are solved; some more at most."""
         return (self._count // self._every if self._at is None else len(self._at)) + 2
 
+    def _next(self, k: Any, later: int = 0) -> Any:
+        """The first number that is asked for from the k-th on, or one so many later."""
+        if self._at is None:
+            return (-(-k // self._every) + later) * self._every
+        return self._at[np.minimum(np.searchsorted(self._at, k) + later, len(self._at) - 1)]
+
     def __call__(self, index: Any, time: Any, h: float) -> Any:
         """Whether states are to be recorded."""
         k = index - self._first
-        if self._at is None:
-            return (k % self._every == 0) | (k == self._count)
-        return np.searchsorted(self._at, k, "right") > np.searchsorted(self._at, k)
-
-    def _dense(self, k: int) -> bool:
-        """Whether many of the states after the k-th are recorded, or all of them seen."""
-        if self._seen or self._at is None:
-            return self._seen or self._every < SPARSE
-        near = self._at[np.searchsorted(self._at, k) :][:SPARSE]
-        return len(near) == SPARSE and bool(near[-1] - k < SPARSE * SPARSE)
+        return (self._next(k) == k) | (self._at is None and k == self._count)
 
     def ahead(self, state: State) -> tuple[int, bool]:
         """Steps that may be taken in one go, and whether states between them are kept.
@@ -812,14 +812,11 @@ class Numbered:
         alone; as are the first three, which complete that of the start.
         """
         k = state.index - self._first
-        if k >= 3 and self._dense(k):
+        if k >= 3 and (self._seen or self._next(k, SPARSE) - k < SPARSE * SPARSE):
             return self._count - k, True
         if k < 3 or self(state.index, state.time, 0.0):
             return 1, False
-        if self._at is None:
-            return min(self._every - k % self._every, self._count - k), False
-        left = self._at[np.searchsorted(self._at, k) :]
-        return int(left[0] if len(left) else self._count) - k, False
+        return min(int(self._next(k)), self._count) - k, False
 
 
 def timed(
@@ -829,7 +826,7 @@ def timed(
     first = state.index
     if at is None:
         return lambda index, time, h: (index - first) % every == 0
-    times = np.sort(_times(at, state.time, until, every))
+    times = np.sort(_asked(at, every, state.time, until))
 
     def wanted(index: Any, time: Any, h: float) -> Any:
         half = 1e-9 * h if exact else 0.5 * h
@@ -839,31 +836,14 @@ def timed(
     return wanted
 
 
-def _times(at: Sequence[float], start: float, until: float, every: int) -> Floats:
-    """Times asked for, within a run."""
-    times = _asked(at, every)
-    _check_inside(times, (times < start) | (times > until))
-    return times
-
-
-def _numbers(state: State, h: float, count: int, every: int, at: Sequence[float]) -> IndexArray:
-    """Numbers of the steps nearest to times, in order."""
-    times = _asked(at, every)
-    k = np.rint((times - state.time) / h).astype(np.int64)
-    _check_inside(times, (k < 0) | (k > count))
-    return np.unique(k)
-
-
-def _asked(at: Sequence[float], every: int) -> Floats:
+def _asked(at: Sequence[float], every: int, start: float, end: float) -> Floats:
+    """Times asked for, which are within a run."""
     if every != 1:
         raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
     times = numbers("argument at", "at", at)
     if times.ndim != 1 or not np.isfinite(times).all():
         raise InputError("argument at", f"{at!r}, expected a list of times")
+    outside = times[(times < start) | (times > end)]
+    if len(outside):
+        raise InputError("argument at", f"time {float(outside[0])!r} s is outside of the run")
     return times
-
-
-def _check_inside(times: Floats, outside: NDArray[np.bool_]) -> None:
-    if outside.any():
-        bad = float(times[outside][0])
-        raise InputError("argument at", f"time {bad!r} s is outside of the run")
