@@ -437,7 +437,7 @@ class Recorder:
         self._row = self._row_of(state, 0, 1, 0.0, force)
         self._first = self._row
         self._kept = True
-        self.bank.go_on(StateForces(integrator, self.system, state, force))
+        self.bank.go_on(self._forces)
 
     def __enter__(self) -> Recorder:
         return self
@@ -510,14 +510,19 @@ class Recorder:
         self._numerical = works.numerical
         return row
 
-    def _append_last(self) -> None:
+    def _append_last(self, force: Floats) -> None:
         """Record the present state, and what waits for steps that will not come."""
         row, self._row = self._row, {}
-        force = self._forces.end()[1]
         self._first["constraint_force"] = self._forces.start
         if row:
             self._finish_row(row, force)
         self._record(row, self._numerical, kept=True)
+
+    def _end(self) -> Floats:
+        """The force of the present state, which sensors see, too; steps come no more."""
+        end = self._forces.end()
+        self.bank.note(None if self._at_end else end)
+        return end[1]
 
     def _finish_row(self, row: dict[str, Any], force: Floats) -> None:
         """Force, momentum and work of the last state, as far as a step after it would tell them."""
@@ -550,8 +555,9 @@ class Recorder:
         """What a step says of the state that it starts from."""
         self.works.finish(report.stages[0].constraint_force)
         row, wanted = self._row, self._kept and not self._at_end
-        found = self._forces.take(report, wanted)
-        if found is not None:
+        found = self._forces.take(report, wanted or self.bank.forces)
+        self.bank.note(found)
+        if found is not None and wanted:
             row["constraint_force"] = self._force = found[1]
         if self._forces.start is not None:
             self._first["constraint_force"] = self._forces.start
@@ -568,7 +574,11 @@ class Recorder:
         start, between = (self._row, self._numerical, self._kept), None
         if block is not None:
             last = range(max(1, block.steps - 3), block.steps)
-            self._forces.skip(block.part(k) for k in last)
+            if self.bank.forces:
+                for k in range(1, block.steps):
+                    self.bank.note(self._forces.take(block.part(k)))
+            else:
+                self._forces.skip(block.part(k) for k in last)
             sums = self.works.add_block(block)
             between = self._between(block, sums) if every else None
         else:
@@ -640,7 +650,7 @@ class Recorder:
 
     def switch(self, system: System, stepper: Stepper, state: State, h: float, loss: float) -> None:
         """Go on with another state, and perhaps another system, by steps of a size (s)."""
-        self._append_last()
+        self._append_last(self._end())
         if system is not self.system:
             self.segments.append(Segment(self._rows, system))
         self.note()
@@ -676,13 +686,14 @@ class Recorder:
         """All rows, the last one with all that can be known of it; the file is not closed."""
         if self._complete is not None:
             return self._complete
+        force = self._end()
         try:
-            self.bank.finish()
+            self.bank.flush()
         except StorageError:
             raise
         except (CosseratError, *OF_USERS) as error:  # a user's function: the history is kept
             warn("sensors", f"their last values are missing: {error}", IncompleteWarning)
-        self._append_last()
+        self._append_last(force)
         self._complete = self.writer.history()
         return self._complete
 

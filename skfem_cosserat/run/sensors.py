@@ -706,7 +706,8 @@ class SensorBank:
     def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter) -> None:
         self.sensors, self.writer = sensors, writer
         self.system: System
-        self._forces = any(sensor.forces for sensor in sensors.values())
+        #: whether constraint forces of every state are asked for
+        self.forces = any(sensor.forces for sensor in sensors.values())
         self._seen: list[tuple[Any, ...]] = []
         self._shapes: dict[str, Floats] = {}
         self._steps: list[tuple[float, Floats, Floats]] = []
@@ -716,12 +717,10 @@ class SensorBank:
 
     def go_on(self, own: StateForces) -> None:
         """Begin, or go on, at a state; what sensors saw before in another scene is written."""
-        if self._own is not None:
-            self._end_forces()
-            if own.system is not self.system:
-                self.flush()
+        if self._own is not None and own.system is not self.system:
+            self.flush()
         self.system, self._own = own.system, own
-        self._place = len(self._steps) if self._forces else None
+        self._place = len(self._steps) if self.forces else None
 
     def begin(self, state: State) -> None:
         """The state a run starts from."""
@@ -741,39 +740,21 @@ class SensorBank:
             self._seen.append((report.times, *kept))
         else:
             self.begin(report.state)
-        if self._forces:
-            for k in range(report.steps):
-                self._take_force(report.part(k))
 
-    def _take_force(self, report: StepReport) -> None:
-        assert self._own is not None
-        found = self._own.take(report)
-        self._note_start()
-        if found is not None and found[0] is not self._own.state:
+    def note(self, found: tuple[State, Floats] | None) -> None:
+        """A state and its constraint force are known, or that of the start."""
+        own = self._own
+        if own is None or not self.forces:
+            return
+        if self._place is not None and own.start is not None:
+            self._note(own.state, own.start, self._place)
+            self._place = None
+        if found is not None and found[0] is not own.state:
             self._note(*found, len(self._steps))
 
     def _note(self, state: State, force: Floats, place: int) -> None:
         y = self.system.extend(state.q, state.time)
         self._steps.insert(place, (state.time, y, force))
-
-    def _note_start(self) -> None:
-        own = self._own
-        if self._place is not None and own is not None and own.start is not None:
-            self._note(own.state, own.start, self._place)
-            self._place = None
-
-    def _end_forces(self) -> None:
-        """Add states whose forces wait for steps that will not come."""
-        if self._forces and self._own is not None:
-            end = self._own.end()
-            self._note_start()
-            if end[0] is not self._own.state and self._own.integrator.constraint_weight < 1:
-                self._note(*end, len(self._steps))
-
-    def finish(self) -> None:
-        """Write all that is left; a sensor may raise."""
-        self._end_forces()
-        self.flush()
 
     def flush(self, least: int = 0) -> None:
         """Write what has been collected, if it is so many states at least; a sensor may raise."""
