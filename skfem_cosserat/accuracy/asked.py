@@ -20,7 +20,7 @@ from ..frozen import Attached, Replacements
 from ..history import History
 from ..model import Model, System
 from ..run import Condition, Event, Sensor, SensorForce, SensorReaction
-from ..run.sensors import seen, window_of
+from ..run.sensors import Window, seen
 from ..types import Floats, names_known, numbers
 from .reading import Reading
 
@@ -256,8 +256,8 @@ class Run:
         elif sensor.derivative:
             raise InputError(f"quantity {name!r}", f"{type(sensor).__name__} needs a motion")
         else:
-            window = window_of(system, path.instants, path["q"], path["p"], None)
-            rows = seen(name, sensor, system, window)
+            window = Window(system, path.instants, path["q"], path["p"])
+            rows = seen(name, sensor, window)
         return Reading(rows, path["load_factor"]) if self.in_time else Reading(rows[-1])
 
     @cached_property

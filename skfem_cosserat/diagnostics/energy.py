@@ -2,34 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from ..errors import InputError
 from ..frames import is_beam
-from ..frozen import lock_arrays
 from ..kernels import BeamElements, beam_energy, beam_stress
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.theories import theory_of
-from ..pattern import once_for_each, shared
+from ..pattern import once_for_each
 from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
-from .stacked import as_floats, as_stack, as_times, step_size
+from .stacked import as_stack, of_states, step_size
 
 if TYPE_CHECKING:
     from ..beam import Beam
 
 
-def _states(numbers: int) -> int:
-    """How many states of so many numbers each are evaluated at once, in the processor's cache."""
-    return int(np.clip(2**16 // max(1, numbers), 8, 256))
+def _in_parts(function: Callable[..., Floats], numbers: int, *states: Floats) -> Floats:
+    """Results (N, ...) of a function of some states, each of so many numbers, in the cache."""
+    size = int(np.clip(2**16 // max(1, numbers), 8, 256))
+    starts = range(0, max(1, len(states[0])), size)
+    return np.concatenate([function(*(x[k : k + size] for x in states)) for k in starts])
 
 
 @once_for_each  # factors take longer than all else that needs them
@@ -41,12 +41,17 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
     """
     mass = system.mass.tocsc()
     massive = mass.diagonal() > 0
-    parts = shared(_MassBlocks, mass.indptr, mass.indices, massive)
-    large, entries = parts.large, np.concatenate([[0.0], mass.data])
-    A = parts.entries
-    between = csc_matrix((entries[A.data], A.indices, A.indptr), shape=A.shape)
-    factor = splu(between) if len(large) else None
-    blocks = [(ids, np.linalg.pinv(entries[places], hermitian=True)) for ids, places in parts.small]
+    label = connected_components(mass, directed=False)[1]
+    members, present = np.bincount(label)[label], np.bincount(label, massive)[label] > 0
+    large = np.flatnonzero(massive & (members > 8))
+    factor = splu(mass[large][:, large]) if len(large) else None
+    blocks = []
+    for r in np.unique(members[present & (members <= 8)]).tolist():
+        own = np.flatnonzero(present & (members == r))
+        rows = own[np.argsort(label[own], kind="stable")].reshape(-1, r)
+        i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
+        block = np.asarray(mass[i.ravel(), j.ravel()]).reshape(i.shape)
+        blocks.append((rows, np.linalg.pinv(block, hermitian=True)))
 
     def solve(rhs: Floats) -> Floats:
         out = np.zeros_like(rhs)
@@ -59,46 +64,8 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
     return solve
 
 
-class _MassBlocks:
-    """Rows of a mass matrix that hang together, by its pattern.
-
-    Attributes
-    ----------
-    large : (k,) int array
-        Rows with mass that hang together with more than seven others.
-    entries : (k, k) sparse matrix
-        Which entries of the whole matrix are between them, counted from 1.
-    small : list of ((b, r) int array, (b, r, r) int array)
-        Rows of all other blocks of one size, and their entries; 0: there is none.
-    """
-
-    def __init__(self, indptr: IndexArray, indices: IndexArray, massive: NDArray[np.bool_]) -> None:
-        size = len(indptr) - 1
-        each = csc_matrix((np.arange(1, len(indices) + 1), indices, indptr), shape=(size, size))
-        count, label = connected_components(each, directed=False)
-        members, present = np.bincount(label, minlength=count), np.zeros(count, dtype=bool)
-        present[label[massive]] = True
-        self.large = np.flatnonzero(massive & (members[label] > 8))
-        self.entries = csc_matrix(each[self.large][:, self.large])
-        self.entries.sort_indices()  # nobody can later
-        column = np.repeat(np.arange(size), np.diff(indptr))
-        self.small = []
-        for r in np.unique(members[present & (members <= 8)]).tolist():
-            own = np.flatnonzero((present & (members == r))[label])
-            rows = own[np.argsort(label[own], kind="stable")].reshape(-1, r)
-            place = np.full(size, -1)
-            place[rows] = np.arange(rows.size).reshape(rows.shape)
-            inside = np.flatnonzero(place[column] >= 0)
-            entries = np.zeros((rows.size, r), dtype=np.int64)
-            entries[place[indices[inside]], place[column[inside]] % r] = 1 + inside
-            self.small.append((rows, entries.reshape(-1, r, r)))
-        lock_arrays(self)
-        lock_arrays(self.entries)
-        for array in (each for pair in self.small for each in pair):
-            array.flags.writeable = False
-
-
 @takes_scene
+@of_states
 def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     """``p . M^-1 p / 2`` over the blocks that have mass (the d3 of beams have none).
 
@@ -127,18 +94,23 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     >>> float(kinetic_energy(model, [6.0, 0, 0]))
     9.0
     """
-    P, single = as_stack(system, "p", p)
-    solve, out = mass_solver(system), np.empty(len(P))
-    size = _states(system.n)
-    for start in range(0, len(P), size):
-        some = P[start : start + size].reshape(-1, system.rows, 3)
-        rows = some.transpose(1, 0, 2).reshape(system.rows, -1)
+    solve = mass_solver(system)
+
+    def energies(some: Floats) -> Floats:
+        rows = _in_rows(system, some)
         products = (rows * solve(rows)).sum(0)
-        out[start : start + size] = 0.5 * products.reshape(-1, 3).sum(1)
-    return out[0] if single else out
+        return np.asarray(0.5 * products.reshape(-1, 3).sum(1))
+
+    return _in_parts(energies, system.n, np.asarray(p))
+
+
+def _in_rows(system: System, states: Floats) -> Floats:
+    """Numbers (N, n) of states as columns (rows, 3 N)."""
+    return states.reshape(-1, system.rows, 3).transpose(1, 0, 2).reshape(system.rows, -1)
 
 
 @takes_scene
+@of_states
 def momentum(system: System, v: ArrayLike) -> Floats:
     """``M v``, zero in the blocks without mass.
 
@@ -167,17 +139,16 @@ def momentum(system: System, v: ArrayLike) -> Floats:
     >>> momentum(model, [3.0, 0, 0]).tolist()
     [6.0, 0.0, 0.0]
     """
-    V, single = as_stack(system, "v", v)
-    out, size = np.empty((len(V), system.rows, 3)), _states(system.n)
-    for start in range(0, len(V), size):
-        some = V[start : start + size].reshape(-1, system.rows, 3)
-        rows = some.transpose(1, 0, 2).reshape(system.rows, -1)
-        found = (system.mass @ rows).reshape(system.rows, -1, 3)
-        out[start : start + size] = found.transpose(1, 0, 2)
-    return out[0].reshape(-1) if single else out.reshape(len(V), system.n)
+
+    def momenta(some: Floats) -> Floats:
+        found = (system.mass @ _in_rows(system, some)).reshape(system.rows, -1, 3)
+        return found.transpose(1, 0, 2).reshape(some.shape)
+
+    return _in_parts(momenta, system.n, np.asarray(v))
 
 
 @takes_scene
+@of_states
 def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
     """``v . M v / 2``.
 
@@ -206,10 +177,11 @@ def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
     >>> kinetic_energy_of_velocity(model, [[0, 0, 0], [3.0, 0, 0]]).tolist()
     [0.0, 9.0]
     """
-    return 0.5 * (as_floats("v", v) * momentum(system, v)).sum(-1)
+    return np.asarray(0.5 * (np.asarray(v) * momentum(system, v)).sum(-1))
 
 
 @takes_scene
+@of_states
 def strain_energy(system: System, q: ArrayLike) -> Floats:
     """Stored energy ``int W(Gamma, K) ds`` of all beams, W = ``eps . D eps/2`` by default.
 
@@ -241,14 +213,7 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
     >>> round(float(strain_energy(model, q)), 9)
     1.0
     """
-    Q, single = as_stack(system, "q", q)
-    if len(Q) == 1:  # all beams of a kind at once, with what their group has at hand
-        y = Q.reshape(-1, 3)
-        energies = [
-            float((beam_energy(g.elements, g.strain(y)[0]) * g.elements.measure[..., 0]).sum())
-            for g in system.beam_groups
-        ]
-        return np.array(sum(energies) if single else [sum(energies)])
+    Q = np.asarray(q)
     return sum((group_energy(g, Q) for g in system.beam_groups), np.zeros(len(Q)))
 
 
@@ -259,11 +224,8 @@ def stored_energy(e: BeamElements, strains: Floats) -> Floats:
 
 def group_energy(group: BeamGroup, Q: Floats) -> Floats:
     """Energy (N,) stored in all elements of a group (J), of configurations (N, n)."""
-    out, size = np.empty(len(Q)), _states(3 * group.rows.size)
-    for start in range(0, len(Q), size):
-        some = slice(start, start + size)
-        out[some] = stored_energy(group.elements, _strains(group.elements, group.rows, Q[some]))
-    return out
+    e, rows = group.elements, group.rows
+    return _in_parts(lambda some: stored_energy(e, _strains(e, rows, some)), 3 * rows.size, Q)
 
 
 def group_stretches(group: BeamGroup, Q: Floats) -> Floats:
@@ -271,15 +233,9 @@ def group_stretches(group: BeamGroup, Q: Floats) -> Floats:
 
     Of configurations (N, n).
     """
-    e = group.elements
-    out = np.empty((len(Q), *e.reference.shape[:2]))
-    xyz = _coordinates(group.rows)
-    size = _states(xyz.size)
-    for start in range(0, len(Q), size):
-        some = slice(start, start + size)
-        for g, (x, xs) in enumerate(_fields(e, Q[some], xyz)):
-            out[some, :, g] = strain_measures(x, xs, [2])[..., 0].T
-    return out
+    e, rows = group.elements, group.rows
+    axial = _in_parts(lambda some: _strains(e, rows, some, which=[2]), 3 * rows.size, Q)
+    return np.asarray(axial[..., 0] + e.reference[..., 2])
 
 
 @takes_scene
@@ -326,6 +282,7 @@ def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Fl
 
 
 @takes_scene
+@of_states
 def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
     """Potential ``-f(t) . q`` (J) of the dead loads and gravity with their value at time t.
 
@@ -359,27 +316,22 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
     >>> external_energy(model, [[0, 0, 0], [0, 0, 3.0]], [0.0, 0.1]).tolist()
     [0.0, 60.0]
     """
-    Q, single = as_stack(system, "q", q)
-    times = as_times(t, len(Q))
     loading = system.loading
-    if loading.constant:
-        force = loading.dead_force(loading.values(0.0)).reshape(-1)
-        out = -Q @ force
-    else:
-        last = loading.constant_after  # a pulse that is over, most of the time
-        each = {s: loading.values(s) for s in np.unique(np.minimum(times, last)).tolist()}
-        out = potential(system, Q, np.array([each[s] for s in np.minimum(times, last).tolist()]))
-    return out[0] if single else out
+    # a pulse that is over, most of the time
+    times = np.minimum(t, max(loading.constant_after, 0.0)).tolist()
+    each = {s: loading.values(s) for s in set(times)}
+    return potential(system, np.asarray(q), np.array([each[s] for s in times]))
 
 
 def potential(system: System, q: Floats, amplitudes: Floats) -> Floats:
     """``-f . q`` (N,) of the dead loads (J), for amplitudes (N, k) of all channels."""
     each = [system.loading.dead_force(unit).ravel() for unit in np.eye(amplitudes.shape[1])]
     unit = np.array(each).reshape(amplitudes.shape[1], system.n)
-    return np.asarray(-((q @ unit.T) * amplitudes).sum(1))
+    return np.asarray(((-q @ unit.T) * amplitudes).sum(1))
 
 
 @takes_scene
+@of_states
 def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
     """Strains ``(Gamma_1, Gamma_2, Gamma_3, K_1, K_2, K_3)`` at the Gauss points of a beam.
 
@@ -416,12 +368,11 @@ def section_strains(system: System, beam: Beam, q: ArrayLike) -> Floats:
     >>> (section_strains(model, rod, q)[0, 0].round(9) + 0.0).tolist()
     [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
     """
-    Q, single = as_stack(system, "q", q)
-    out = _strains(*_elements(system, beam), Q)
-    return out[0] if single else out
+    return _strains_of(system, beam, np.asarray(q))
 
 
 @takes_scene
+@of_states
 def section_strain_rates(system: System, beam: Beam, q: ArrayLike, v: ArrayLike) -> Floats:
     """Rates of the strains at the Gauss points of a beam.
 
@@ -458,10 +409,7 @@ def section_strain_rates(system: System, beam: Beam, q: ArrayLike, v: ArrayLike)
     >>> section_strain_rates(model, rod, model.freeze().q0, v)[0, 0].round(9).tolist()
     [0.0, 0.0, 0.01, 0.0, 0.0, 0.0]
     """
-    Q, single = as_stack(system, "q", q)
-    V, _ = as_stack(system, "v", v, Q)
-    out = _strains(*_elements(system, beam), Q, V)
-    return out[0] if single else out
+    return _strains_of(system, beam, np.asarray(q), np.asarray(v))
 
 
 def group_of(system: System, beam: Beam) -> BeamGroup:
@@ -474,26 +422,32 @@ def group_of(system: System, beam: Beam) -> BeamGroup:
     return group
 
 
-def _elements(system: System, beam: Beam) -> tuple[BeamElements, IndexArray]:
-    """Of a beam, and the rows of y (ne, 4 nn) of their nodes."""
+def _strains_of(system: System, beam: Beam, *states: Floats) -> Floats:
+    """Strains (N, ne, ng, 6) of a beam in configurations; or rates, if there are velocities."""
     group = group_of(system, beam)
-    return beam.elements, group.rows[group.slices[id(beam)]]
+    rows = group.rows[group.slices[id(beam)]]
+    return _in_parts(partial(_strains, beam.elements, rows), 3 * rows.size, *states)
 
 
-def _strains(e: BeamElements, rows: IndexArray, Q: Floats, V: Floats | None = None) -> Floats:
-    """Strains (N, ne, ng, 6) at the Gauss points of elements; or rates, if there are velocities."""
+def _strains(
+    e: BeamElements,
+    rows: IndexArray,
+    Q: Floats,
+    V: Floats | None = None,
+    which: Sequence[int] = range(6),
+) -> Floats:
+    """Some strains (N, ne, ng, ...) of elements with these rows, or their rates; of few states."""
     xyz = _coordinates(rows)
-    out = np.empty((len(Q), len(rows), len(e.points), 6))
-    size = _states(xyz.size)
-    for start in range(0, len(Q), size):
-        some = slice(start, start + size)
-        fields = _fields(e, Q[some], xyz)
-        if V is None:
-            for g, (x, xs) in enumerate(fields):
-                out[some, :, g] = (strain_measures(x, xs) - e.reference[:, None, g]).swapaxes(0, 1)
-            continue
-        for g, ((x, xs), (v, vs)) in enumerate(zip(fields, _fields(e, V[some], xyz), strict=True)):
-            out[some, :, g] = (strain_measures(v, xs) + strain_measures(x, vs)).swapaxes(0, 1)
+    out = np.empty((len(Q), *e.reference.shape[:2], len(which)))
+    if V is None:
+        for g, (x, xs) in enumerate(_fields(e, Q, xyz)):
+            strains = strain_measures(x, xs, which) - e.reference[:, None, g, which]
+            out[:, :, g] = strains.swapaxes(0, 1)
+        return out
+    for g, ((x, xs), (v, vs)) in enumerate(
+        zip(_fields(e, Q, xyz), _fields(e, V, xyz), strict=True)
+    ):
+        out[:, :, g] = (strain_measures(v, xs) + strain_measures(x, vs)).swapaxes(0, 1)
     return out
 
 
@@ -518,16 +472,16 @@ def _fields(e: BeamElements, q: Floats, xyz: IndexArray) -> Iterator[tuple[Float
 
 
 def held_forces(
-    system: System, beam: Beam, multipliers: ArrayLike | None, count: int | None = None
+    system: System, beam: Beam, multipliers: ArrayLike | None, count: int
 ) -> Floats | float:
-    """Resultants (..., ne, ng, 6) of strains that a beam's theory holds, zeros beside; 0 without.
+    """Resultants (N, ne, ng, 6) of strains that a beam's theory holds, zeros beside; 0 without.
 
     Parameters
     ----------
     multipliers : (m,) or (N, m) array, optional
         Of all constraint rows; None: not known, NaN.
-    count : int, optional
-        Of states, where that is not the number of multipliers' rows.
+    count : int
+        Of states, N.
 
     Raises
     ------
@@ -537,16 +491,15 @@ def held_forces(
     theory = theory_of(system.theory_rows, beam)
     if theory is None:
         return 0.0
-    shape: tuple[int, ...] = (system.m,) if count is None else (count, system.m)
-    if multipliers is None:
-        return theory.stress(np.full(shape, np.nan))
-    found = np.asarray(multipliers, dtype=float)
+    shape = count, system.m
+    found = np.full(shape, np.nan) if multipliers is None else np.asarray(multipliers, dtype=float)
     if found.shape not in (shape, (system.m,)):
         raise InputError("argument multipliers", f"has shape {found.shape}, expected {shape}")
     return theory.stress(np.broadcast_to(found, shape))
 
 
 @takes_scene
+@of_states
 def section_forces(
     system: System,
     beam: Beam,
@@ -605,4 +558,4 @@ def resultants(
 ) -> Floats:
     """Elastic forces and moments of strains, see :func:`section_forces`."""
     out = beam_stress(beam.elements, strains)
-    return out + held_forces(system, beam, multipliers, None if out.ndim == 3 else len(out))
+    return out + held_forces(system, beam, multipliers, len(out))

@@ -17,7 +17,7 @@ from ..strain import strain_measures
 from ..types import SAME, ArrayLike, Floats, IndexArray, check_kind, numbers, switch
 from .energy import group_of, held_forces, section_strains
 from .forces import accelerations, element_balances, part_resultants
-from .stacked import as_stack
+from .stacked import as_stack, of_states
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -230,6 +230,7 @@ class SectionValues(NamedTuple):
 
 
 @takes_scene
+@of_states
 def evaluate(
     system: System,
     beam: Beam,
@@ -406,36 +407,33 @@ class SectionPlaces:
         multipliers: ArrayLike | None = None,
     ) -> SectionValues:
         """See :func:`evaluate`."""
-        Q, single = as_stack(system, "q", q)
+        Q = np.reshape(q, (-1, system.rows, 3))
         beam, group = self.beam, group_of(system, self.beam)
         rows = group.rows[group.slices[id(beam)]][self._e]
-        value, strain = self._at(Q.reshape(len(Q), -1, 3)[:, rows])
+        value, strain = self._at(Q[:, rows])
         strain = strain - self._reference
         triad = value[:, :, 1:]
         if switch("argument orthonormal", orthonormal):
             u, _, vt = np.linalg.svd(triad)
             triad = u @ vt
         resultant = beam_stress(self._sections, strain[:, :, None])[:, :, 0]
-        count = None if single else len(Q)
-        held = np.asarray(held_forces(system, beam, multipliers, count))
+        held = np.asarray(held_forces(system, beam, multipliers, len(Q)))
         if held.ndim:
-            at_points = held.reshape(-1, *held.shape[-3:])[:, self._e]
+            at_points = held[:, self._e]
             from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
 
             weights = lagrange(beam.elements.points, self._x).T
             resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
-        out = SectionValues(value[:, :, 0], triad, strain, resultant)
-        return SectionValues(*(array[0] for array in out)) if single else out
+        return SectionValues(value[:, :, 0], triad, strain, resultant)
 
     def resultants(self, system: System, q: ArrayLike, *motion: Any) -> Floats:
         """By the balance of parts of elements, see :func:`forces_along`.
 
         `motion`: as for :func:`element_balances`.
         """
-        found, single = element_balances(system, self.beam, q, *motion, viscous=False)
-        strains = section_strains(system, self.beam, np.atleast_2d(q))
-        out = part_resultants(self.beam, self._e, self._x, found, strains)
-        return out[0] if single else out
+        found = element_balances(system, self.beam, q, *motion, viscous=False)
+        strains = section_strains(system, self.beam, q)
+        return part_resultants(self.beam, self._e, self._x, found, strains)
 
 
 def _own_rows(beam: Beam) -> IndexArray:

@@ -21,7 +21,7 @@ from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import Array, ArrayLike, Floats, IndexArray, switch
 from .energy import group_of, held_forces
-from .stacked import all_rows, as_array, as_stack, as_times
+from .stacked import all_rows, as_array, as_stack, as_times, of_states
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 
 @takes_scene
+@of_states
 def nodal_resultants(
     system: System,
     beam: Beam,
@@ -94,9 +95,8 @@ def nodal_resultants(
     >>> (nodal_resultants(model, rod, q)[0, :, :3].round(6) + 0.0).tolist()
     [[0.0, 0.0, 100.0], [0.0, 0.0, 100.0]]
     """
-    found, single = element_balances(system, beam, q, t, amplitudes, v, a, multipliers)
-    out = _at_ends(found.force, found.nodal, beam)
-    return out[0] if single else out
+    found = element_balances(system, beam, q, t, amplitudes, v, a, multipliers)
+    return _at_ends(found.force, found.nodal, beam)
 
 
 class Balances(NamedTuple):
@@ -128,27 +128,25 @@ def element_balances(
     multipliers: ArrayLike | None,
     *,
     viscous: bool = True,
-) -> tuple[Balances, bool]:
-    """Balances, and whether one state was given; arguments of :func:`nodal_resultants`.
+) -> Balances:
+    """Balances at some states; arguments of :func:`nodal_resultants`.
 
     With or without the viscous forces of sections.
     """
-    Q, single = as_stack(system, "q", q)
-    group = group_of(system, beam)
-    rates = [_like("v", v, Q, system), _like("a", a, Q, system)]
+    group, Q = group_of(system, beam), np.reshape(q, (-1, system.rows, 3))
     factors = _factors(system, t, amplitudes, len(Q))
+    rates = [None if rate is None else np.reshape(rate, Q.shape) for rate in (v, a)]
     own = group.rows[group.slices[id(beam)]]
-    nodal = Q.reshape(len(Q), -1, 3)[:, own].reshape(len(Q), len(own), -1, 4, 3)
+    nodal = Q[:, own].reshape(len(Q), len(own), -1, 4, 3)
     spread, force = np.empty_like(nodal), np.empty_like(nodal)
-    held = np.asarray(held_forces(system, beam, multipliers, None if single else len(Q)))
+    held = np.asarray(held_forces(system, beam, multipliers, len(Q)))
     held = np.broadcast_to(held, (len(Q), *held.shape[-3:]))
-    for k, q_k in enumerate(Q):
-        velocity, acceleration = (None if r is None else r[k].reshape(-1, 3) for r in rates)
-        y = q_k.reshape(-1, 3)
+    for k, y in enumerate(Q):
+        velocity, acceleration = (None if rate is None else rate[k] for rate in rates)
         spread[k] = spread_over(system, beam, y, factors[k], velocity, acceleration)
         rate = velocity if viscous else None
         force[k] = _internal(system, beam, y, rate, held[k]) - spread[k]
-    return Balances(nodal, spread, force), single
+    return Balances(nodal, spread, force)
 
 
 def _at_ends(F: Floats, nodal: Floats, beam: Beam) -> Floats:
@@ -165,15 +163,6 @@ def _passed_on(F: Array, nodal: Array, end: int) -> tuple[Array, Array]:
     """Force and moment (..., 3) in space on the face at the end 0 or -1 of elements."""
     sign, f = (1.0 if end else -1.0), F[..., end, :, :]
     return sign * f[..., 0, :], sign * cross(nodal[..., end, 1:, :], f[..., 1:, :]).sum(-2)
-
-
-def _like(name: str, value: ArrayLike | None, Q: Floats, system: System) -> Floats | None:
-    if value is None:
-        return None
-    rates, _ = as_stack(system, name, value)
-    if rates.shape != Q.shape:
-        raise InputError(f"argument {name}", f"has shape {rates.shape}, q has {Q.shape}")
-    return rates
 
 
 def _factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: int) -> Floats:
@@ -339,6 +328,7 @@ def components(d: Array, n: Array, m: Array) -> Array:
 
 
 @takes_scene
+@of_states
 def accelerations(
     system: System,
     q: ArrayLike,
@@ -385,13 +375,12 @@ def accelerations(
     >>> (a.round(9) + 0.0).tolist(), lam.round(9).tolist()
     ([0.0, 0.0, 9.0], [38.0])
     """
-    Q, single = as_stack(system, "q", q)
-    V, _ = as_stack(system, "v", v, Q)
+    Q, V, times = np.asarray(q), np.asarray(v), np.asarray(t).tolist()
     counted = [None] * len(Q) if turns is None else np.atleast_2d(np.asarray(turns, dtype=np.int64))
     a, lam = np.empty_like(Q), np.empty((len(Q), system.m))
-    for k, (s, turned) in enumerate(zip(as_times(t, len(Q)), counted, strict=True)):
-        a[k], lam[k] = by_motion(system, Q[k], V[k], float(s), turned, viscous=False)
-    return (a[0], lam[0]) if single else (a, lam)
+    for k, (s, turned) in enumerate(zip(times, counted, strict=True)):
+        a[k], lam[k] = by_motion(system, Q[k], V[k], s, turned, viscous=False)
+    return a, lam
 
 
 # -- multipliers, reactions of joints, conditioning ------------------------------------------------

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from ..joint import Joint
 from ..model import System, takes_scene
 from ..model.force_elements import Invariants, kind_of
 from ..types import ArrayLike, Floats, IndexArray
-from .stacked import all_rows, as_stack, as_times
+from .stacked import all_rows, of_states
 
 Pairs = dict[str, tuple[Floats, Floats]]
 
 
 @takes_scene
+@of_states
 def joint_coordinates(
     system: System,
     joint: Joint,
@@ -65,12 +68,8 @@ def joint_coordinates(
     >>> float(angle), float(rate)
     (0.0, 2.0)
     """
-    Q, single = as_stack(system, "q", q)
-    V, _ = as_stack(system, "v", v, Q)
-    times = as_times(t, len(Q))
-    y, ydot = all_rows(system, Q, times), rates(system, V, times)
-    found = _coordinates(system, joint, y, ydot, times, turns)
-    return {name: (a[0], b[0]) for name, (a, b) in found.items()} if single else found
+    times = np.asarray(t)
+    return _coordinates(system, joint, all_rows(system, q, t), rates(system, v, t), times, turns)
 
 
 def rates(system: System, v: ArrayLike, t: ArrayLike) -> Floats:
@@ -84,6 +83,39 @@ def rates(system: System, v: ArrayLike, t: ArrayLike) -> Floats:
     return out
 
 
+class Reading:
+    """How a coordinate of a joint follows from all rows of states.
+
+    Raises
+    ------
+    InputError
+        If there is no such coordinate.
+    """
+
+    def __init__(self, system: System, joint: Joint, name: str | None) -> None:
+        self.coordinate = joint.coordinate(name)
+        self.kind = kind_of((self.coordinate,))
+        self._invariants = Invariants([self.coordinate.forms], system.row_of)
+        self._start: Floats | float = 0.0
+        if self.coordinate.kind == "displacement":
+            self._start = self.values(system.extend(system.q0, 0.0))
+
+    def values(self, y: Floats) -> Floats:
+        """Its components (N, size) for rows (N, total, 3)."""
+        return np.asarray(self.kind.value(self._invariants.values(y))[..., 0, :] - self._start)
+
+    def rates(self, y: Floats, ydot: Floats) -> Floats:
+        """Their rates (N, size)."""
+        slope = self.kind.slope(self._invariants.values(y))
+        return np.asarray((slope @ self._invariants.rates(y, ydot)[..., None])[..., 0, :, 0])
+
+
+@lru_cache(maxsize=64)
+def reading_of(system: System, joint: Joint, name: str | None) -> Reading:
+    """The reading of a coordinate; its name is needed where a joint has several."""
+    return Reading(system, joint, name)
+
+
 def _coordinates(
     system: System,
     joint: Joint,
@@ -94,12 +126,8 @@ def _coordinates(
 ) -> Pairs:
     out = {}
     for coordinate in joint.coordinates():
-        kind, invariants = kind_of((coordinate,)), Invariants([coordinate.forms], system.row_of)
-        pi = invariants.values(y)
-        xi = kind.value(pi)[:, 0]
-        if coordinate.kind == "displacement":
-            xi = xi - kind.value(invariants.values(system.extend(system.q0, 0.0)))[0]
-        rate = (kind.slope(pi) @ invariants.rates(y, ydot)[..., None])[:, 0, :, 0]
+        reading = reading_of(system, joint, coordinate.name)
+        xi, rate, kind = reading.values(y), reading.rates(y, ydot), reading.kind
         if kind.period:
             followed = _turns(system, joint, coordinate.name, turns)
             if followed is not None:
@@ -138,6 +166,7 @@ def _turns(system: System, joint: Joint, name: str, turns: ArrayLike | None) -> 
 
 
 @takes_scene
+@of_states
 def coupling_energy(
     system: System, q: ArrayLike, t: ArrayLike = 0.0, turns: ArrayLike | None = None
 ) -> Floats:
@@ -173,71 +202,10 @@ def coupling_energy(
     >>> coupling_energy(model.freeze(), [[0, 0, -2.0], [0, 0, -3.0]]).tolist()
     [0.0, 25.0]
     """
-    Q, single = as_stack(system, "q", q)
     if not system.couplings.count:
-        out = np.zeros(len(Q))
-    else:
-        number = None if turns is None else np.asarray(turns, dtype=np.int64)
-        out = system.couplings.energy(all_rows(system, Q, as_times(t, len(Q))), number)
-    return out[0] if single else out
-
-
-@takes_scene
-def coupling_forces(
-    system: System,
-    q: ArrayLike,
-    v: ArrayLike,
-    t: ArrayLike = 0.0,
-    turns: ArrayLike | None = None,
-) -> Pairs:
-    """Coordinates and forces of springs, dampers, cables and bushings.
-
-    ``simulate`` adds them to its history as ``coupling/NAME/coordinate`` and
-    ``coupling/NAME/force``.
-
-    Parameters
-    ----------
-    q, v, t, turns
-        As for :func:`joint_coordinates`; angles count from their principal value without `turns`.
-
-    Returns
-    -------
-    dict of str to (coordinate, force)
-        By the names of the elements: the length of a spring or cable (m), the coordinate of a
-        joint (m, rad), ``(u, psi)`` of a bushing, and the generalised force of spring and damper
-        against it (N, N m): tension is positive. Numbers or (N,); with m components (m,) or (N, m).
-
-    Raises
-    ------
-    InputError
-        If the shape of an array does not fit the system.
-
-    Examples
-    --------
-    A spring with a damper, 1 m longer than at rest and growing by 0.5 m/s:
-
-    >>> from skfem_cosserat import MassPoint, Model, SpringDamper, ground
-    >>> model = Model()
-    >>> bob = model.add("bob", MassPoint(1.0, position=(0, 0, -2)))
-    >>> item = SpringDamper(ground((0, 0, 0)), bob.place(), stiffness=50.0, damping=2.0)
-    >>> item = model.add("spring", item)
-    >>> length, force = coupling_forces(model.freeze(), [0, 0, -3.0], [0, 0, -0.5])["spring"]
-    >>> float(length), float(force)
-    (3.0, 51.0)
-    """
-    Q, single = as_stack(system, "q", q)
-    V, _ = as_stack(system, "v", v, Q)
-    times = as_times(t, len(Q))
-    found = _forces(system, all_rows(system, Q, times), rates(system, V, times), turns)
-    return {name: (a[0], b[0]) for name, (a, b) in found.items()} if single else found
-
-
-def _forces(system: System, y: Floats, ydot: Floats, turns: ArrayLike | None) -> Pairs:
+        return np.zeros(len(np.asarray(q)))
     number = None if turns is None else np.asarray(turns, dtype=np.int64)
-    return {
-        item.name or "": (xi[:, 0], force[:, 0]) if item.size == 1 else (xi, force)
-        for item, xi, force in system.couplings.forces(y, ydot, number)
-    }
+    return system.couplings.energy(all_rows(system, q, t), number)
 
 
 def relative_names(system: System) -> list[str]:
@@ -262,7 +230,9 @@ def relative_series(
         for name, (value, rate) in _coordinates(system, joint, y, ydot, t, turns).items():
             out[f"joint/{joint.name}/{name}"] = value
             out[f"joint/{joint.name}/{name}_rate"] = rate
-    for name, (xi, force) in _forces(system, y, ydot, turns).items():
-        out[f"coupling/{name}/coordinate"] = xi
-        out[f"coupling/{name}/force"] = force
+    number = None if turns is None else np.asarray(turns, dtype=np.int64)
+    for item, xi, force in system.couplings.forces(y, ydot, number):
+        single = item.size == 1
+        out[f"coupling/{item.name}/coordinate"] = xi[:, 0] if single else xi
+        out[f"coupling/{item.name}/force"] = force[:, 0] if single else force
     return out

@@ -90,7 +90,10 @@ def of_states(function: FunctionT) -> FunctionT:
 def _of_the_first(found: Any) -> Any:
     if isinstance(found, dict):
         return {name: _of_the_first(each) for name, each in found.items()}
-    return tuple(each[0] for each in found) if isinstance(found, tuple) else found[0]
+    if not isinstance(found, tuple):
+        return found[0]
+    own = (_of_the_first(each) for each in found)
+    return type(found)(*own) if hasattr(found, "_fields") else tuple(own)
 
 
 def step_size(step: float) -> float:

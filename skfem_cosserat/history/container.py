@@ -112,27 +112,15 @@ def spectrum(times: ArrayLike, values: ArrayLike, window: str = "hann") -> Spect
         raise InputError(
             "argument times", f"steps from {steps.min():.6g} to {steps.max():.6g}, expected equal"
         )
-    from scipy.signal import detrend, get_window  # slow to import, seldom needed
+    from scipy.signal import periodogram  # slow to import, seldom needed
 
     try:
-        weights = get_window(window, len(t))
+        asked = {"detrend": "linear", "scaling": "spectrum", "axis": 0}
+        frequencies, power = periodogram(y, 1 / step, window, **asked)
     except ValueError as error:
         raise InputError("argument window", f"{window!r} is none that scipy knows") from error
-    shaped = detrend(y, axis=0) * weights.reshape(-1, *[1] * (y.ndim - 1))
-    lines: Floats = np.abs(np.fft.rfft(shaped, axis=0)).astype(float) / weights.sum()
-    lines[1:] *= 2
-    if len(t) % 2 == 0:
-        lines[-1] /= 2  # the highest line has no partner
-    return Spectrum(np.asarray(np.fft.rfftfreq(len(t), step), dtype=float), lines)
-
-
-def _weights(at: Floats, order: int) -> Floats:
-    """Weights of values at these distances for a derivative at zero, exact for polynomials."""
-    size = float(abs(at).max())
-    powers = np.vander(at / size, increasing=True).T
-    wanted = np.zeros(len(at))
-    wanted[order] = (1.0, 1.0, 2.0)[order] / size**order
-    return np.asarray(np.linalg.solve(powers, wanted))
+    power[1 : (len(t) + 1) // 2] *= 2  # of an amplitude half the square; the highest is alone
+    return Spectrum(frequencies, np.sqrt(power))
 
 
 @checked
@@ -176,23 +164,21 @@ class SensorRecord:
         per = {1: "/s", 2: "/s^2"}[order]
         if len(t) < order + 2:
             return SensorRecord(t, np.full(x.shape, np.nan), self.unit + per)
-        h = float((t[-1] - t[0]) / (len(t) - 1))
-        out = np.empty_like(x)
-        if abs(np.diff(t) - h).max() > 1e-6 * h:
-            for k in range(len(t)):
-                near = np.clip(k + np.arange(-1, 2), 0, len(t) - 1)
-                if order == 2 or k in (0, len(t) - 1):
-                    first = min(max(k - 1, 0), len(t) - 2 - order)
-                    near = first + np.arange(2 + order if k in (0, len(t) - 1) else 3)
-                out[k] = np.tensordot(_weights(t[near] - t[k], order), x[near], 1)
-        elif order == 1:
-            out[1:-1] = (x[2:] - x[:-2]) / (2 * h)
-            out[0] = (-3 * x[0] + 4 * x[1] - x[2]) / (2 * h)
-            out[-1] = (3 * x[-1] - 4 * x[-2] + x[-3]) / (2 * h)
+        steps, unit = np.diff(t), float((t[-1] - t[0]) / (len(t) - 1))
+        if abs(steps - unit).max() <= 1e-6 * unit:
+            at = np.arange(len(t), dtype=float)  # differences of equal steps have no rounding
         else:
-            out[1:-1] = (x[2:] - 2 * x[1:-1] + x[:-2]) / h**2
-            out[0] = (2 * x[0] - 5 * x[1] + 4 * x[2] - x[3]) / h**2
-            out[-1] = (2 * x[-1] - 5 * x[-2] + 4 * x[-3] - x[-4]) / h**2
+            at, unit = t, 1.0
+        out = np.gradient(x, at, axis=0, edge_order=2)
+        if order == 2:
+            steps = np.diff(at).reshape(-1, *[1] * (x.ndim - 1))
+            change = np.diff(np.diff(x, axis=0) / steps, axis=0)
+            out[1:-1] = 2 * change / (steps[1:] + steps[:-1])
+            middle = (at[:-2] + at[1:-1] + at[2:]) / 3  # where these are, of cubic polynomials
+            for end, to in ((0, 1), (-1, -1)):
+                share = (at[end] - middle[end]) / (middle[end + to] - middle[end])
+                out[end] = out[end + to] + share * (out[end + 2 * to] - out[end + to])
+        out /= unit**order
         return SensorRecord(t, out, self.unit + per)
 
 

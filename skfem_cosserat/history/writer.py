@@ -21,13 +21,6 @@ from .file import SAVE_BYTES, FileWriter, check_basic, load_file, plain, series_
 _LARGE = 2**28
 
 
-def _is_plain(value: object) -> bool:
-    """Whether the type of an entry, and the shape of an array, say all about it."""
-    return (
-        bool(value.ndim) if isinstance(value, np.ndarray) else isinstance(value, bool | int | float)
-    )
-
-
 @checked
 class HistoryWriter:
     """Record states one after the other.
@@ -85,13 +78,6 @@ class HistoryWriter:
         self._block = block
         self._expected = expected
         self._buffer: dict[str, Array] = {}
-        #: the single numbers of rows, which are written together; names of all others with their
-        #: types and shapes; names and types of all entries in the first row
-        self._numbers: Array = np.zeros(0)
-        self._single: list[str] = []
-        self._arrays: list[tuple[str, Any, tuple[int, ...]]] = []
-        self._names: tuple[str, ...] = ()
-        self._types: tuple[type, ...] = ()
         self._fill = 0
         self._rows = 0
         self._done: list[dict[str, Array]] = []
@@ -147,29 +133,10 @@ class HistoryWriter:
             Naming the entry that does not fit the first row, or if the writer is closed.
         """
         self._check_open()
-        values = row
-        if not self._fits(row):
-            values = {
-                name: series_numbers(value, f"row entry {name!r}") for name, value in row.items()
-            }
-            if not self._rows:
-                self._begin(values)
-                self._names = tuple(row)
-                if all(map(_is_plain, row.values())):  # else no row is as the first without a look
-                    self._types = tuple(map(type, row.values()))
-            self._check_names(values)
-            for name, value in values.items():
-                self._check(name, value.shape, value.dtype)
-        if self._fill == self._block:
-            self._flush()
-        k, buffer = self._fill, self._buffer
-        self._numbers[k] = tuple([values[name] for name in self._single])
-        for name, _, _ in self._arrays:
-            buffer[name][k] = values[name]
-        self._fill += 1
-        self._rows += 1
-        if self._failure is not None:
-            self._say()
+        values = {k: series_numbers(value, f"row entry {k!r}")[None] for k, value in row.items()}
+        if not self._rows:
+            self._begin(values)
+        self.extend(values)
 
     def extend(self, rows: Mapping[str, Array]) -> None:
         """Record several states, after a first one (copied).
@@ -185,9 +152,7 @@ class HistoryWriter:
             Naming the entry that does not fit the first row, or if the writer is closed.
         """
         self._check_open()
-        self._check_names(rows)
-        for name, values in rows.items():
-            self._check(name, values.shape[1:], values.dtype)
+        self._check(rows)
         done, count = 0, len(rows["t"])
         while done < count:
             if self._fill == self._block:
@@ -358,35 +323,20 @@ class HistoryWriter:
         if self._closed:
             raise InputError("history writer", "is closed already")
 
-    def _fits(self, row: Mapping[str, Any]) -> bool:
-        """Whether all entries are plainly as in the first row: what else may do takes longer."""
-        if tuple(row) != self._names or tuple(map(type, row.values())) != self._types:
-            return False
-        for name, dtype, shape in self._arrays:
-            value = row[name]
-            if value.shape != shape or value.dtype != dtype:
-                return False
-        return True
-
-    def _check_names(self, values: Mapping[str, Array]) -> None:
-        if values.keys() != self._buffer.keys():
-            odd = sorted(values.keys() ^ self._buffer.keys())
-            found = "is new" if odd[0] in values else "is missing"
+    def _check(self, rows: Mapping[str, Array]) -> None:
+        if rows.keys() != self._buffer.keys():
+            odd = sorted(rows.keys() ^ self._buffer.keys())
+            found = "is new" if odd[0] in rows else "is missing"
             text = f"{found}; all rows have the same entries"
             raise InputError(f"row entry {odd[0]!r}", text)
-
-    def _check(self, name: str, shape: tuple[int, ...], dtype: Any) -> None:
-        model = self._buffer[name]
-        if shape != model.shape[1:]:
-            raise InputError(
-                f"row entry {name!r}",
-                f"got shape {shape}, expected {model.shape[1:]} as in the first row",
-            )
-        if dtype != model.dtype:
-            raise InputError(
-                f"row entry {name!r}",
-                f"got data type {dtype}, expected {model.dtype} as in the first row",
-            )
+        for name, values in rows.items():
+            first = self._buffer[name]
+            if values.dtype != first.dtype or values.shape[1:] != first.shape[1:]:
+                raise InputError(
+                    f"row entry {name!r}",
+                    f"got {values.dtype} of shape {values.shape[1:]}, expected {first.dtype} of"
+                    f" shape {first.shape[1:]} as in the first row",
+                )
 
     def _begin(self, values: Mapping[str, Array]) -> None:
         """Take memory for rows like the first one."""
@@ -397,18 +347,11 @@ class HistoryWriter:
         self._block = min(wanted, most)
         self._grow = 1 if self._file is not None or self._expected is not None else 2
         self._most = most
-        self._single = [name for name, value in values.items() if not value.ndim]
-        self._arrays = [(k, v.dtype, v.shape) for k, v in values.items() if v.ndim]
-        self._form = [(name, values[name].dtype) for name in self._single]
-        self._order = list(values)
-        self._allocate()
+        self._allocate(values)
 
-    def _allocate(self) -> None:
-        self._numbers = np.empty(self._block, self._form)
-        buffer = {name: self._numbers[name] for name in self._single}
-        for name, dtype, shape in self._arrays:
-            buffer[name] = np.empty((self._block, *shape), dtype)
-        self._buffer = {name: buffer[name] for name in self._order}
+    def _allocate(self, like: Mapping[str, Array]) -> None:
+        shapes = {name: (self._block, *array.shape[1:]) for name, array in like.items()}
+        self._buffer = {name: np.empty(shapes[name], like[name].dtype) for name in like}
 
     def _flush(self) -> None:
         if not self._fill:
@@ -419,5 +362,5 @@ class HistoryWriter:
             self._done.append(part)
             if self._fill == self._block:  # the next ones are written elsewhere
                 self._block = min(self._most, self._grow * self._block)
-                self._allocate()
+                self._allocate(self._buffer)
         self._fill = 0

@@ -21,7 +21,7 @@ from ..time_function import (
     time_function,
 )
 from ..types import Floats, numbers, switch
-from .sensors import Sensor, States, View
+from .sensors import Sensor, View, Window
 from .start import consistent_start
 
 # -- conditions of events: numbers that pass through zero when something happens -------------------
@@ -108,7 +108,7 @@ class OfStates(Condition):
         return float(self.values(view._states)[0])
 
     @abstractmethod
-    def values(self, states: States) -> Floats:
+    def values(self, states: Window) -> Floats:
         """The numbers (k,) at several states."""
 
     @property
@@ -131,9 +131,9 @@ class ConditionTime(OfStates):
     def __init__(self, time: float) -> None:
         self.time = _level(time)
 
-    def values(self, states: States) -> Floats:
+    def values(self, states: Window) -> Floats:
         """See the base class."""
-        return states.time - self.time
+        return states.t - self.time
 
 
 class ConditionCoordinate(OfStates):
@@ -172,7 +172,7 @@ class ConditionCoordinate(OfStates):
         if coordinate.kind == "angle" and not self.rate:
             vars(self)["period"] = 2 * np.pi  # of a joint that may be given by its name
 
-    def values(self, states: States) -> Floats:
+    def values(self, states: Window) -> Floats:
         """Distances from the level; of angles by the shortest way."""
         if self.rate:
             return states.rate(self.joint, self.coordinate) - self.level
@@ -209,7 +209,7 @@ class ConditionSensor(OfStates):
         """See the base class."""
         return self.sensor._of_the_user
 
-    def values(self, states: States) -> Floats:
+    def values(self, states: Window) -> Floats:
         """See the base class."""
         if self.sensor.forces or self.sensor.derivative > 1:
             raise InputError("condition", f"{type(self.sensor).__name__} needs several states")
@@ -272,7 +272,7 @@ class ConditionEnergy(OfStates):
     def __init__(self, level: float, kinetic: bool = False) -> None:
         self.level, self.kinetic = _level(level), switch("condition", kinetic, "kinetic")
 
-    def values(self, states: States) -> Floats:
+    def values(self, states: Window) -> Floats:
         """See the base class."""
         return (states.kinetic_energy() if self.kinetic else states.energy()) - self.level
 

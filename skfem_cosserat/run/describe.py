@@ -30,11 +30,11 @@ from ..diagnostics import (
     multipliers,
     reactions,
     section_strains,
+    strain_energy,
 )
-from ..diagnostics.energy import group_energy, potential, resultants, stored_energy
+from ..diagnostics.energy import potential, resultants
 from ..diagnostics.joint_motion import relative_names, relative_series
 from ..diagnostics.jumps import at_jumps
-from ..diagnostics.stacked import all_rows
 from ..errors import HistoryError, IncompleteWarning, InputError
 from ..frames import is_beam
 from ..history import History
@@ -46,7 +46,7 @@ from ..time_function import of_the_user
 from ..types import Floats, IndexArray, names_known
 from ..version import VERSION
 from ..warn import logger, warn
-from .sensors import spot
+from .sensors import Window
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -143,23 +143,21 @@ def _describe_lump(
     system: System, item: RigidBody | MassPoint, meta: dict[str, Any], static: dict[str, Any]
 ) -> None:
     """A body or mass point, also one that is attached to a node: it moves with that frame."""
-    place = item.place() if isinstance(item, MassPoint) else item.at(item.position)
     if isinstance(item, RigidBody):
-        meta["bodies"].append({"name": item.name, "shape": "surface"})
-        static[f"body/{item.name}/offset"] = np.array(system.offset(place))
-        if item.surface is not None:
-            points = np.array(item.surface[0], dtype=float) + place.offset
-            static[f"body/{item.name}/points"] = points
-            static[f"body/{item.name}/faces"] = np.array(item.surface[1], dtype=np.int64)
-    elif place.offset.any():  # off the origin of its frame: a small ball that moves with it
-        meta["bodies"].append({"name": item.name, "shape": "ball"})
-        points, faces = ball_surface(0.01 * system.length)
-        static[f"body/{item.name}/offset"] = np.array(system.offset(place))
-        static[f"body/{item.name}/points"] = points + place.offset
-        static[f"body/{item.name}/faces"] = faces
-    else:
+        place, surface = item.at(item.position), item.surface
+    else:  # off the origin of its frame: a small ball that moves with it
+        place = item.place()
+        surface = ball_surface(0.01 * system.length) if place.offset.any() else None
+    rigid = isinstance(item, RigidBody)
+    key = f"{'body' if rigid or surface is not None else 'point'}/{item.name}/"
+    static[key + "offset"] = np.array(system.offset(place))
+    if key.startswith("point"):
         meta["points"].append({"name": item.name})
-        static[f"point/{item.name}/offset"] = np.array(system.offset(place))
+        return
+    meta["bodies"].append({"name": item.name, "shape": "surface" if rigid else "ball"})
+    if surface is not None:
+        static[key + "points"] = np.array(surface[0], dtype=float) + place.offset
+        static[key + "faces"] = np.array(surface[1], dtype=np.int64)
 
 
 def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[str, Any]:
@@ -438,7 +436,7 @@ def _momenta_formulas(system: System) -> Formulas:
         ("v",): lambda h: [Projection(system).velocities(h["q"], h["p"], h.times)],
         ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
         ("kinetic",): lambda h: [kinetic_energy(system, h["p"])],
-        ("strain_energy",): _strain_energy(system),
+        ("strain_energy",): lambda h: [strain_energy(system, h["q"])],
         ("external",): lambda h: [external_energy(system, h["q"], h.times)],
         ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["kinetic"] + h["strain_energy"] + h["coupling_energy"]],
@@ -456,7 +454,7 @@ def path_formulas(system: System) -> Formulas:
     """Of the equilibria along a path."""
     return {
         ("v",): lambda h: [np.zeros_like(h["q"])],
-        ("strain_energy",): _strain_energy(system),
+        ("strain_energy",): lambda h: [strain_energy(system, h["q"])],
         ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["strain_energy"] + h["coupling_energy"]],
         ("external",): lambda h: [potential(system, h["q"], h["amplitudes/loads"])],
@@ -483,10 +481,10 @@ def configuration_formulas(system: System) -> Formulas:
         return [each for pair in found.values() for each in pair]
 
     def places(h: History) -> list[Floats]:
-        rows = all_rows(system, h["q"], h.instants)
-        ends = [[spot(system, at, rows) for at in (item.a, item.b)] for item in couplings]
+        position = Window(system, h.instants, h["q"], h["p"]).position
+        ends = [[position(item.a), position(item.b)] for item in couplings]
         return [
-            *(spot(system, item.a, rows) for item in items),
+            *(position(item.a) for item in items),
             *(np.stack(each, axis=1) for each in ends),
         ]
 
@@ -516,25 +514,6 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
         (strain,): lambda h: [section_strains(system, beam, h["q"])],
         (f"beam/{beam.name}/resultant",): resultant,
     }
-
-
-def _strain_energy(system: System) -> Formula:
-    """Of all beams together: those of a kind at once, unless their strains are wanted anyway."""
-
-    def energy(h: History) -> list[Floats]:
-        out = np.zeros(len(h))
-        for group in system.beam_groups:
-            beams = [beam for beam in system.structures if id(beam) in group.slices]
-            strains = [f"beam/{beam.name}/strain" for beam in beams]
-            if len(beams) == 1 or set(strains) <= set(h.recorded):
-                for beam, name in zip(beams, strains, strict=True):
-                    assert is_beam(beam)
-                    out += stored_energy(beam.elements, h[name])
-            else:
-                out += group_energy(group, h["q"])
-        return [out]
-
-    return energy
 
 
 def _coupling_energy(system: System) -> Formula:

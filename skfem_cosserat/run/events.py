@@ -27,7 +27,7 @@ from .conditions import (
     ConditionFunction,
     OfStates,
 )
-from .sensors import States, View
+from .sensors import View, Window
 from .step_size import StepperFactory
 
 # -- zeros of a number within a step: located, and found where it passes through zero and back -----
@@ -72,8 +72,8 @@ class Bracket(NamedTuple):
     ----------
     side : int
         Sign of the number before it.
-    a, b : Point
-        Before and after it.
+    a, b : TimedValue
+        Before and after it, positive before it: times `side`.
     best : StepReport
         The step to `b`.
     """
@@ -86,14 +86,14 @@ class Bracket(NamedTuple):
 
 def located(bracket: Bracket, trial: Trial, width: float) -> StepReport:
     """The step to the first state known to be past a zero, to a width (s)."""
-    side, (a, fa), (b, fb), best = bracket
+    _, (a, fa), (b, fb), best = bracket
     kept = 0
     while b - a > width:
         # false position, with a bisection where it gets stuck on one side
         c = 0.5 * (a + b) if kept > 2 else b - fb * (b - a) / (fb - fa)
         c = min(max(c, a + 0.5 * width), b - 0.5 * width)
         found, report = trial(c)
-        if found * side > 0:
+        if found > 0:
             kept = kept + 1 if kept > 0 else 1
             a, fa = c, found
             fb = fb / 2 if kept > 1 else fb  # the Illinois rule
@@ -291,7 +291,7 @@ class Event(Attached):
         """How errors call it."""
         return f"event {self.name!r}"
 
-    def values(self, states: States) -> Floats | None:
+    def values(self, states: Window) -> Floats | None:
         """Its condition's numbers at several states; None: each state is to be looked at alone.
 
         Also where they cannot be had: a run may end before it gets to these states.
@@ -396,14 +396,14 @@ class _Trials:
         """Of the step itself."""
         return self._reports.part(self._k)
 
-    def of(self, event: Event) -> Trial:
-        """The number of an event at their ends."""
+    def of(self, event: Event, side: int) -> Trial:
+        """The number of an event at their ends, times a sign."""
 
         def trial(size: float) -> tuple[float, StepReport]:
             if size not in self._known:
                 self._known[size] = self.watch.step(self.state, size, self.report.step)
             report = self._known[size]
-            return event.value(self.watch.seen(self._reports, self._k, report)), report
+            return side * event.value(self.watch.seen(self._reports, self._k, report)), report
 
         return trial
 
@@ -490,7 +490,7 @@ class EventMonitor:
         if self._stepper is not None and self._stepper.system is not system:
             self._stepper = None
         self.system, self.view = system, View(system, state)
-        self.view._find_motions(_Motions(self.factory, system))
+        self.view._states._motions = _Motions(self.factory, system)
         self.view._points = partial(self._points, state, [])
         #: the last two steps since then
         self._behind: list[StepReport] = []
@@ -530,7 +530,8 @@ class EventMonitor:
         if self._earlier is None:
             return alone
         block, looks = report.block, (self._earlier, self._now)
-        states = self.view._states.others(report.times, block.q, block.p, block.turns)
+        given = report.times, block.q, block.p, block.turns, self.view._states._motions
+        states = Window(self.system, *given)
         columns = [event.values(states) for event in self.events]
         if any(column is None for column in columns):
             return alone
@@ -569,9 +570,9 @@ class EventMonitor:
             return None
         report = trials.report
         where = [
-            located(brackets[event.name], trials.of(event), self._width(event, report, trials.h))
+            located(found, trials.of(event, found.side), self._width(event, report, trials.h))
             for event in self.events
-            if event.name in brackets
+            if (found := brackets.get(event.name))
         ]
         first = min(where, key=lambda each: each.state.time)
         view = self.seen(reports, k, first)
@@ -641,52 +642,29 @@ class EventMonitor:
     def _bracket(self, event: Event, trials: _Trials, value: float) -> Bracket | None:
         """Where its number passes through zero in the step to this value; None: nowhere."""
         side, start = self._sides[event.name], self._now.values[event.name]
-        a, b = (
-            TimedValue(0.0, start if start * side > 0 else side * 1e-300),
-            TimedValue(trials.h, value),
-        )
+        a, b = TimedValue(0.0, max(start * side, 1e-300)), TimedValue(trials.h, value * side)
         if self._met(event, value, side):
             return Bracket(side, a, b, trials.report)
-        if not value * side > 0 or event.condition.monotonic or self._jumps(event, value):
+        if not b.f > 0 or event.condition.monotonic or self._jumps(event, value):
             return None
+        before = None
         if self._earlier is not None:
-            c, before = self._earlier.values[event.name], self._earlier.view.time
-            ratio = (trials.state.time - before) / trials.h
-            if not comes_near(side * c, side * a.f, side * b.f, ratio):
+            c, time = self._earlier.values[event.name], self._earlier.view.time
+            before = TimedValue(time - trials.state.time, side * c)
+            if not comes_near(before.f, a.f, b.f, -before.t / trials.h) or self._jumps(event, c):
                 return None
-        found = self._dip(event, trials, a, b)
-        if found is None:
-            return None
-        inside, there = found
-        if event.direction == side:  # the way back is asked for
-            return Bracket(-side, inside, b, trials.report)
-        return Bracket(side, a, inside, there)
-
-    def _dip(
-        self, event: Event, trials: _Trials, a: TimedValue, b: TimedValue
-    ) -> tuple[TimedValue, StepReport] | None:
-        """Where its number is on the other side between two points on the same one."""
-        side, before = self._sides[event.name], None
-        if self._earlier is not None:
-            time, value = self._earlier.view.time, self._earlier.values[event.name]
-            before = TimedValue(time - trials.state.time, side * value)
-            if self._jumps(event, value):
-                return None
-        sized = trials.of(event)
-
-        def trial(size: float) -> tuple[float, StepReport]:
-            value, report = sized(size)
-            return side * value, report
-
         try:
-            found = dip(trial, TimedValue(a.t, side * a.f), TimedValue(b.t, side * b.f), before)
+            found = dip(trials.of(event, side), a, b, before)
         except Diverged as error:  # the run itself has got over it
             logger.debug("%s: a part of the step cannot be solved: %s", event.label, error)
             return None
         if found is None:
             return None
-        point, report = found
-        return TimedValue(point.t, side * point.f), report
+        inside, there = found
+        if event.direction == side:  # the way back is asked for
+            a, b = (TimedValue(t, -f) for t, f in (inside, b))
+            return Bracket(-side, a, b, trials.report)
+        return Bracket(side, a, inside, there)
 
     def _width(self, event: Event, report: StepReport, h: float) -> float:
         """What the time of an event is located to (s)."""

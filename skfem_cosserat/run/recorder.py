@@ -8,11 +8,8 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from .. import diagnostics
-from ..constraints.saddle import nearest_velocity
-from ..diagnostics import Projection
+from ..diagnostics import Projection, kinetic_energy
 from ..errors import (
     AccuracyWarning,
     CosseratError,
@@ -33,7 +30,7 @@ from ..model import System
 from ..types import Floats, IndexArray, numbers, spread
 from ..warn import Notices, logger, warn
 from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
-from .sensors import BLOCK, Sensor, SensorBank, checked_sensors
+from .sensors import BLOCK, Sensor, SensorBank, Window, checked_sensors
 
 # -- work done since the start of a run, and the balance of energy at its end ----------------------
 
@@ -146,42 +143,22 @@ class Between(NamedTuple):
     largest: float
 
 
-def energy(system: System, integrator: Integrator, state: State) -> float:
-    """Kinetic and stored energy (J) of a state of a run.
+def energies(integrator: Integrator, states: Window) -> Floats:
+    """Kinetic and stored energy (J) of some states of a run.
 
     Kinetic energy is that of the momentum in terms of which a scheme has its balance. With the
     variational scheme this is the one on the hidden constraints: a part along ``G^T``, which what
     it carries has to first order in the step, moves nothing and only changes the next multipliers
     (the motion is that of ``stabilized=True``). Others carry the momentum of the node.
     """
-    q, p, t = state.q, state.p, state.time
     if integrator.carries_node_momentum:
-        kinetic = diagnostics.kinetic_energy(system, p)
-    else:
-        v = nearest_velocity(system, system.extend(q, t), p, t)
-        kinetic = diagnostics.kinetic_energy_of_velocity(system, v)
-    turns = None if state.turns is None else state.turns[None]
-    coupled = diagnostics.coupling_energy(system, q[None], np.array([t]), turns)
-    stored = diagnostics.strain_energy(system, q)
-    return float(kinetic + stored + coupled[0])
+        return kinetic_energy(states.system, states.p) + states.stored_energy()
+    return states.energy()
 
 
-def energies(system: System, integrator: Integrator, part: History, rows: IndexArray) -> Floats:
-    """The same of recorded states of one system, by their rows."""
-    q, p, t = part["q"][rows], part["carried"][rows], part.times[rows]
-    if integrator.carries_node_momentum:
-        kinetic = diagnostics.kinetic_energy(system, p)
-    else:
-        if len(rows) < MANY:
-            states = zip(q, p, t.tolist(), strict=True)
-            each = [nearest_velocity(system, system.extend(a, s), b, s) for a, b, s in states]
-            v = np.array(each)
-        else:
-            v = Projection(system).velocities(q, p, t)
-        kinetic = diagnostics.kinetic_energy_of_velocity(system, v)
-    turns = part["turns"][rows] if "turns" in part else None
-    coupled = diagnostics.coupling_energy(system, q, t, turns)
-    return np.asarray(kinetic + coupled + diagnostics.strain_energy(system, q))
+def energy(system: System, integrator: Integrator, state: State) -> float:
+    """Kinetic and stored energy (J) of a single one."""
+    return float(energies(integrator, Window.at(system, state))[0])
 
 
 class Works:
@@ -349,8 +326,6 @@ def _along(force: Floats, change: Floats) -> float:
 
 #: recorded states, evenly spread, at which the balance of energy is looked at
 BETWEEN = 100
-#: states for which it pays to lay out the elimination that solves them together
-MANY = 40
 #: recorded states after which what sensors saw is written, so that a killed run keeps it, too
 SEEN = 50
 
@@ -462,7 +437,7 @@ class Recorder:
         self._row = self._row_of(state, 0, 1, 0.0, force)
         self._first = self._row
         self._kept = True
-        self.bank.go_on(StateForces(integrator, self.system, state, force))
+        self.bank.go_on(self._forces)
 
     def __enter__(self) -> Recorder:
         return self
@@ -535,14 +510,19 @@ class Recorder:
         self._numerical = works.numerical
         return row
 
-    def _append_last(self) -> None:
+    def _append_last(self, force: Floats) -> None:
         """Record the present state, and what waits for steps that will not come."""
         row, self._row = self._row, {}
-        force = self._forces.end()[1]
         self._first["constraint_force"] = self._forces.start
         if row:
             self._finish_row(row, force)
         self._record(row, self._numerical, kept=True)
+
+    def _end(self) -> Floats:
+        """The force of the present state, which sensors see, too; steps come no more."""
+        end = self._forces.end()
+        self.bank.note(None if self._at_end else end)
+        return end[1]
 
     def _finish_row(self, row: dict[str, Any], force: Floats) -> None:
         """Force, momentum and work of the last state, as far as a step after it would tell them."""
@@ -575,8 +555,9 @@ class Recorder:
         """What a step says of the state that it starts from."""
         self.works.finish(report.stages[0].constraint_force)
         row, wanted = self._row, self._kept and not self._at_end
-        found = self._forces.take(report, wanted)
-        if found is not None:
+        found = self._forces.take(report, wanted or self.bank.forces)
+        self.bank.note(found)
+        if found is not None and wanted:
             row["constraint_force"] = self._force = found[1]
         if self._forces.start is not None:
             self._first["constraint_force"] = self._forces.start
@@ -593,7 +574,11 @@ class Recorder:
         start, between = (self._row, self._numerical, self._kept), None
         if block is not None:
             last = range(max(1, block.steps - 3), block.steps)
-            self._forces.skip(block.part(k) for k in last)
+            if self.bank.forces:
+                for k in range(1, block.steps):
+                    self.bank.note(self._forces.take(block.part(k)))
+            else:
+                self._forces.skip(block.part(k) for k in last)
             sums = self.works.add_block(block)
             between = self._between(block, sums) if every else None
         else:
@@ -665,7 +650,7 @@ class Recorder:
 
     def switch(self, system: System, stepper: Stepper, state: State, h: float, loss: float) -> None:
         """Go on with another state, and perhaps another system, by steps of a size (s)."""
-        self._append_last()
+        self._append_last(self._end())
         if system is not self.system:
             self.segments.append(Segment(self._rows, system))
         self.note()
@@ -701,13 +686,14 @@ class Recorder:
         """All rows, the last one with all that can be known of it; the file is not closed."""
         if self._complete is not None:
             return self._complete
+        force = self._end()
         try:
-            self.bank.finish()
+            self.bank.flush()
         except StorageError:
             raise
         except (CosseratError, *OF_USERS) as error:  # a user's function: the history is kept
             warn("sensors", f"their last values are missing: {error}", IncompleteWarning)
-        self._append_last()
+        self._append_last(force)
         self._complete = self.writer.history()
         return self._complete
 
@@ -723,8 +709,11 @@ class Recorder:
         try:
             with np.errstate(all="ignore"):
                 for k in np.unique(owner):
-                    chosen = self.segments[k].system, integrator, history, rows[owner == k]
-                    found[owner == k] = energies(*chosen)
+                    some = rows[owner == k]
+                    q, p, t = history["q"][some], history["carried"][some], history.times[some]
+                    turns = history["turns"][some] if "turns" in history else None
+                    states = Window(self.segments[k].system, t, q, p, turns)
+                    found[owner == k] = energies(integrator, states)
         except (CosseratError, ArithmeticError) as error:
             logger.info("no balance of energy in between: %s", error)
             found[:] = np.nan
@@ -804,27 +793,28 @@ class Numbered:
     ) -> None:
         self._first, self._count, self._every = state.index, count, int(every)
         self._seen = seen
-        #: numbers asked for, in order; None: every k-th
-        self._at = None if at is None else _numbers(state, h, count, every, at)
+        #: numbers asked for, in order, and one that no run has; None: every k-th
+        self._at: IndexArray | None = None
+        if at is not None:
+            ends = state.time - 0.5 * h, state.time + (count + 0.5) * h
+            places = np.rint((_asked(at, every, *ends) - state.time) / h).astype(np.int64)
+            self._at = np.append(np.unique(places), np.iinfo(np.int64).max)
 
     @property
     def rows(self) -> int:
         """How many states are recorded, if all steps are solved; some more at most."""
         return (self._count // self._every if self._at is None else len(self._at)) + 2
 
+    def _next(self, k: Any, later: int = 0) -> Any:
+        """The first number that is asked for from the k-th on, or one so many later."""
+        if self._at is None:
+            return (-(-k // self._every) + later) * self._every
+        return self._at[np.minimum(np.searchsorted(self._at, k) + later, len(self._at) - 1)]
+
     def __call__(self, index: Any, time: Any, h: float) -> Any:
         """Whether states are to be recorded."""
         k = index - self._first
-        if self._at is None:
-            return (k % self._every == 0) | (k == self._count)
-        return np.searchsorted(self._at, k, "right") > np.searchsorted(self._at, k)
-
-    def _dense(self, k: int) -> bool:
-        """Whether many of the states after the k-th are recorded, or all of them seen."""
-        if self._seen or self._at is None:
-            return self._seen or self._every < SPARSE
-        near = self._at[np.searchsorted(self._at, k) :][:SPARSE]
-        return len(near) == SPARSE and bool(near[-1] - k < SPARSE * SPARSE)
+        return (self._next(k) == k) | (self._at is None and k == self._count)
 
     def ahead(self, state: State) -> tuple[int, bool]:
         """Steps that may be taken in one go, and whether states between them are kept.
@@ -833,14 +823,11 @@ class Numbered:
         alone; as are the first three, which complete that of the start.
         """
         k = state.index - self._first
-        if k >= 3 and self._dense(k):
+        if k >= 3 and (self._seen or self._next(k, SPARSE) - k < SPARSE * SPARSE):
             return self._count - k, True
         if k < 3 or self(state.index, state.time, 0.0):
             return 1, False
-        if self._at is None:
-            return min(self._every - k % self._every, self._count - k), False
-        left = self._at[np.searchsorted(self._at, k) :]
-        return int(left[0] if len(left) else self._count) - k, False
+        return min(int(self._next(k)), self._count) - k, False
 
 
 def timed(
@@ -850,7 +837,7 @@ def timed(
     first = state.index
     if at is None:
         return lambda index, time, h: (index - first) % every == 0
-    times = np.sort(_times(at, state.time, until, every))
+    times = np.sort(_asked(at, every, state.time, until))
 
     def wanted(index: Any, time: Any, h: float) -> Any:
         half = 1e-9 * h if exact else 0.5 * h
@@ -860,31 +847,14 @@ def timed(
     return wanted
 
 
-def _times(at: Sequence[float], start: float, until: float, every: int) -> Floats:
-    """Times asked for, within a run."""
-    times = _asked(at, every)
-    _check_inside(times, (times < start) | (times > until))
-    return times
-
-
-def _numbers(state: State, h: float, count: int, every: int, at: Sequence[float]) -> IndexArray:
-    """Numbers of the steps nearest to times, in order."""
-    times = _asked(at, every)
-    k = np.rint((times - state.time) / h).astype(np.int64)
-    _check_inside(times, (k < 0) | (k > count))
-    return np.unique(k)
-
-
-def _asked(at: Sequence[float], every: int) -> Floats:
+def _asked(at: Sequence[float], every: int, start: float, end: float) -> Floats:
+    """Times asked for, which are within a run."""
     if every != 1:
         raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
     times = numbers("argument at", "at", at)
     if times.ndim != 1 or not np.isfinite(times).all():
         raise InputError("argument at", f"{at!r}, expected a list of times")
+    outside = times[(times < start) | (times > end)]
+    if len(outside):
+        raise InputError("argument at", f"time {float(outside[0])!r} s is outside of the run")
     return times
-
-
-def _check_inside(times: Floats, outside: NDArray[np.bool_]) -> None:
-    if outside.any():
-        bad = float(times[outside][0])
-        raise InputError("argument at", f"time {bad!r} s is outside of the run")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..arguments import checked
 from ..constraints.saddle import accelerations
 from ..diagnostics import multipliers, reactions
 from ..diagnostics.error import SectionPlaces
-from ..diagnostics.joint_motion import rates
+from ..diagnostics.joint_motion import Reading, rates, reading_of
 from ..diagnostics.stacked import all_rows
 from ..errors import InputError, failed
 from ..frames import Item, Place, is_beam, with_frame
@@ -25,7 +25,6 @@ from ..integrators.compiled_scene import Motion
 from ..integrators.report import BlockReport, ForcePoint, StateForces, one_sided
 from ..joint import Joint
 from ..model import Model, System, system_of
-from ..model.force_elements import Invariants, kind_of
 from ..model.scene import joint_of
 from ..model.system import FROM
 from ..types import ArrayLike, Floats, IndexArray, check_kind, numbers
@@ -38,54 +37,68 @@ Motions = Callable[[Floats, Floats], Motion | None]
 
 # -- states of a run and what is read from them: by conditions of events, and by sensors -----------
 
+#: instants, all rows, and constraint forces
+_Forces = Sequence[tuple[float, Floats, Floats]]
 
-class States:
+
+class Window:
     """Some states of one system, and what follows from them, found when it is asked for.
 
-    Parameters
+    The method ``values`` of a sensor is given it; see :class:`Sensor`.
+
+    Attributes
     ----------
     system : System
-    time : (k,) array
-        (s)
-    q, p : (k, n) array
-        Configurations and momenta.
-    turns : (k, angles) array, optional
-        Full turns of the angles of force elements.
-    motions : callable, optional
-        Gives velocities and energies; asked first.
-    readings : dict, optional
-        Readings of joint coordinates that are set up already.
+    t : (k,) array
+        Time (s) of each state.
+    q : (k, n) array
+        Configuration of each state.
+    p : (k, n) array
+        Momentum of each state.
+    turns : (k, angles) int array or None
+        Full turns of the angles of force elements, of each state.
+    step_t : (j,) array
+        Instants (s) of the states whose constraint forces are known.
+    points : (j, total, 3) array
+        All rows of these states; only for sensors that ask for forces.
+    force : (j, n) array
+        Constraint forces of these states; only for sensors that ask for them.
     """
 
     def __init__(
         self,
         system: System,
-        time: Floats,
+        t: Floats,
         q: Floats,
         p: Floats,
         turns: IndexArray | None = None,
         motions: Motions | None = None,
-        readings: dict[tuple[str, str | None], _Reading] | None = None,
+        steps: _Forces = (),
     ) -> None:
-        self.system, self.time, self.q, self.p, self.turns = system, time, q, p, turns
-        self.motions = motions
-        self.readings = {} if readings is None else readings
+        self.system, self.t, self.q, self.p, self.turns = system, t, q, p, turns
+        self._motions = motions
+        self.step_t = np.array([t for t, _, _ in steps])
+        self.points = np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3)
+        self.force = np.array([f for _, _, f in steps]).reshape(-1, system.n)
 
-    def others(self, time: Floats, q: Floats, p: Floats, turns: IndexArray | None) -> States:
-        """Other states of the same system, which share what is set up for it."""
-        return States(self.system, time, q, p, turns, self.motions, self.readings)
+    @classmethod
+    def at(cls, system: System, state: State, motions: Motions | None = None) -> Window:
+        """A single state."""
+        turns = None if state.turns is None else state.turns[None]
+        q = state.q[None].copy()  # an own sensor may write there
+        return cls(system, np.array([state.time]), q, state.p[None], turns, motions)
 
     @cached_property
     def y(self) -> Floats:
         """All rows (k, total, 3)."""
-        return all_rows(self.system, self.q, self.time)
+        return all_rows(self.system, self.q, self.t)
 
     @cached_property
     def _motion(self) -> Motion:
-        found = None if self.motions is None else self.motions(self.q, self.p)
+        found = None if self._motions is None else self._motions(self.q, self.p)
         if found is not None:
             return found
-        v = diagnostics.Projection(self.system).velocities(self.q, self.p, self.time)
+        v = diagnostics.Projection(self.system).velocities(self.q, self.p, self.t)
         return Motion(v, diagnostics.kinetic_energy_of_velocity(self.system, v), None)
 
     @property
@@ -96,15 +109,20 @@ class States:
     @cached_property
     def ydot(self) -> Floats:
         """Rates of all rows (k, total, 3)."""
-        return rates(self.system, self.v, self.time)
+        return rates(self.system, self.v, self.t)
 
     def position(self, place: Place) -> Floats:
         """Positions of a place (k, 3) in m."""
-        return spot(self.system, place, self.y)
+        return self._spot(place, self.y)
 
     def velocity(self, place: Place) -> Floats:
         """Velocities of a place (k, 3) in m/s."""
-        return spot(self.system, place, self.ydot)
+        return self._spot(place, self.ydot)
+
+    def _spot(self, place: Place, rows: Floats) -> Floats:
+        check_kind("argument place", place, Place, FROM)
+        terms = self.system.kinematics.spot_terms(self.system.spot(place))
+        return np.asarray(sum(c * rows[:, a] for a, c in terms))
 
     def rotation(self, place: Place) -> Floats:
         """Directors of the frame that carries a place, in the rows of (k, 3, 3)."""
@@ -113,53 +131,56 @@ class States:
 
     def coordinate(self, joint: Joint | str, name: str | None = None) -> Floats:
         """Angle (rad, the principal value) or displacement (m) of a joint (k,)."""
-        return _reading(self.system, self.readings, joint, name).value(self.y)
+        return self._reading(joint, name).values(self.y)[:, 0]
 
     def rate(self, joint: Joint | str, name: str | None = None) -> Floats:
         """Rate of :meth:`coordinate` (k,)."""
-        return _reading(self.system, self.readings, joint, name).rate(self.y, self.ydot)
+        return self._reading(joint, name).rates(self.y, self.ydot)[:, 0]
+
+    def _reading(self, joint: Joint | str, name: str | None) -> Reading:
+        joint = joint if isinstance(joint, Joint) else joint_of(self.system, joint)
+        found = reading_of(self.system, joint, name).coordinate
+        if found.size != 1:
+            raise InputError(joint.label, f"its {found.name} has {found.size} components")
+        return reading_of(self.system, joint, name)
 
     def kinetic_energy(self) -> Floats:
         """Kinetic energy of the velocities v (k,) in J."""
         return self._motion.kinetic
 
+    def stored_energy(self) -> Floats:
+        """Energy stored in beams and force elements (k,) in J."""
+        stored = None if self._motions is None else self._motion.stored
+        if stored is None:
+            stored = diagnostics.strain_energy(self.system, self.q)
+        return stored + diagnostics.coupling_energy(self.system, self.q, self.t, self.turns)
+
     def energy(self) -> Floats:
         """Kinetic energy, and that stored in beams and force elements (k,) in J."""
-        stored = self._motion.stored
-        stored = diagnostics.strain_energy(self.system, self.q) if stored is None else stored
-        if self.system.couplings.count:
-            given = self.system, self.q, self.time, self.turns
-            stored = stored + diagnostics.coupling_energy(*given)
-        return self._motion.kinetic + stored
+        return self.kinetic_energy() + self.stored_energy()
 
-    def strain_of(self, beam: Beam, s: float) -> Floats:
-        """Strains (k, 6) ``(Gamma, K)`` of a beam at an arc length (m) of the reference."""
-        if not is_beam(beam):
-            raise InputError("argument beam", f"is of type {type(beam).__name__}, expected a Beam")
-        return diagnostics.evaluate(self.system, beam, self.q, *beam.along([s])).strain[:, 0]
+    def reaction(self, joint: Joint) -> tuple[Floats, Floats]:
+        """Force and moment (j, 3) of a joint on its side b, where forces are known (N, N m)."""
+        return reactions(self.system, self.points, self._multipliers)[joint.name or ""]
+
+    @cached_property
+    def _multipliers(self) -> Floats:
+        return multipliers(self.system, self.points, self.force)
 
     def sensor(self, sensor: Sensor) -> Floats:
         """Values (k, ...) of a sensor without forces."""
         if not sensor.derivative:
-            window = window_of(self.system, self.time, self.q, self.p, self.turns)
-            return sensor.values(self.system, window)
+            return sensor.values(self.system, self)
         # rates by central differences along the motion
-        t, q, v = self.time, self.q, self.v
+        t, q, v = self.t, self.q, self.v
         speed = abs(v).max(axis=1, initial=0.0)
         s = np.divide(1e-5 * self.system.length, speed, out=np.full(len(t), 1e-5), where=speed > 0)
         ends = np.concatenate([t + np.where(t > s, -s, 0.0), t + np.where(t > s, s, 2 * s)])
         moved = np.tile(q, (2, 1)) + (ends - np.tile(t, 2))[:, None] * np.tile(v, (2, 1))
-        window = window_of(self.system, ends, moved, 0 * moved, None)
-        before, after = np.split(sensor.values(self.system, window), 2)
+        both = Window(self.system, ends, moved, 0 * moved)
+        before, after = np.split(sensor.values(self.system, both), 2)
         over = ends[len(t) :] - ends[: len(t)]
         return np.asarray((after - before) / over.reshape(-1, *[1] * (after.ndim - 1)))
-
-
-def spot(system: System, place: Place, rows: Floats) -> Floats:
-    """Where a place is, or how fast it moves, (k, 3), by all rows (k, total, 3) or their rates."""
-    check_kind("argument place", place, Place, FROM)
-    terms = system.kinematics.spot_terms(system.spot(place))
-    return np.asarray(sum(c * rows[:, a] for a, c in terms))
 
 
 @checked
@@ -197,25 +218,18 @@ class View:
         if np.shape(state.q) != (system.n,):
             given = f"q has shape {np.shape(state.q)}, expected ({system.n},)"
             raise InputError("argument state", given)
-        nothing = np.zeros(0), np.zeros((0, system.n)), np.zeros((0, system.n)), None
-        self._look_at(state, States(system, *nothing))
+        self._look_at(system, state)
 
-    def _look_at(self, state: State, beside: States) -> None:
-        self.system, self.state, self.time, self.q = beside.system, state, state.time, state.q
-        turns = None if state.turns is None else state.turns[None]
-        here = np.array([state.time]), state.q[None], state.p[None], turns
-        self._states = beside.others(*here)
+    def _look_at(self, system: System, state: State, motions: Motions | None = None) -> None:
+        self.system, self.state, self.time, self.q = system, state, state.time, state.q
+        self._states = Window.at(system, state, motions)
 
     def _at(self, state: State, points: Callable[[], Sequence[ForcePoint]] = tuple) -> View:
-        """The view of another state of the same system, which shares what is set up for it."""
+        """The view of another state of the same system, which takes velocities from the same."""
         out = View.__new__(View)
-        out._look_at(state, self._states)
+        out._look_at(self.system, state, self._states._motions)
         out._points = points
         return out
-
-    def _find_motions(self, by: Motions) -> None:
-        """Ask this for velocities and energies first; so do views that are made from this one."""
-        self._states.motions = by
 
     def __repr__(self) -> str:
         return f"<View: t = {self.time:g} s, step {self.state.index}, n = {self.system.n}>"
@@ -283,7 +297,7 @@ class View:
 
     def strain_of(self, beam: Beam, s: float) -> Floats:
         """Strains (6,) ``(Gamma, K)`` of a beam at an arc length (m) of the reference."""
-        return self._states.strain_of(beam, s)[0]
+        return self.sensor(SensorStrain(beam, s))
 
     def sensor(self, sensor: Sensor) -> Floats:
         """Value of a sensor here.
@@ -301,85 +315,10 @@ class View:
         return np.asarray(self._states.sensor(sensor)[0])
 
 
-def _reading(
-    system: System,
-    known: dict[tuple[str, str | None], _Reading],
-    joint: Joint | str,
-    name: str | None,
-) -> _Reading:
-    """That of a coordinate of a joint; made once."""
-    found = joint if isinstance(joint, Joint) else joint_of(system, joint)
-    key = found.name or "", name
-    if key not in known or known[key].joint is not found:
-        known[key] = _Reading(system, found, name)
-    return known[key]
-
-
-class _Reading:
-    """How a coordinate of a joint is read off the rows of a system.
-
-    Raises
-    ------
-    InputError
-        If there is no such coordinate, or it has several components.
-    """
-
-    def __init__(self, system: System, joint: Joint, name: str | None) -> None:
-        coordinate = joint.coordinate(name)
-        if coordinate.size != 1:
-            raise InputError(joint.label, f"its {coordinate.name} has {coordinate.size} components")
-        self.joint, self._kind = joint, kind_of((coordinate,))
-        self._invariants = Invariants([coordinate.forms], system.row_of)
-        self._start = np.zeros(())
-        if coordinate.kind == "displacement":
-            self._start = self.value(system.extend(system.q0, 0.0))
-
-    def value(self, y: Floats) -> Floats:
-        """At all rows y (..., total, 3)."""
-        return np.asarray(self._kind.value(self._invariants.values(y))[..., 0, 0] - self._start)
-
-    def rate(self, y: Floats, ydot: Floats) -> Floats:
-        """At all rows and their rates (..., total, 3)."""
-        slope = self._kind.slope(self._invariants.values(y))
-        return np.asarray((slope @ self._invariants.rates(y, ydot)[..., None])[..., 0, 0, 0])
-
-
 # -- sensors: what is recorded at every step while whole states are recorded now and then ----------
 
 #: states that are looked at together
 BLOCK = 128
-
-
-class Window(NamedTuple):
-    """Some states after each other, and the steps that led from one to the next.
-
-    The method ``values`` of a sensor is given it; see :class:`Sensor`.
-
-    Attributes
-    ----------
-    t : (k,) array
-        Time (s) of each state.
-    q : (k, n) array
-        Configuration of each state.
-    step_t : (j,) array
-        Instants (s) of the states whose constraint forces are known.
-    points : (j, total, 3) array
-        All rows of these states; only for sensors that ask for forces.
-    force : (j, n) array
-        Constraint forces of these states; only for sensors that ask for them.
-    p : (k, n) array
-        Momentum of each state.
-    turns : (k, angles) int array or None
-        Full turns of the angles of force elements, of each state.
-    """
-
-    t: Floats
-    q: Floats
-    step_t: Floats
-    points: Floats
-    force: Floats
-    p: Floats
-    turns: IndexArray | None
 
 
 class Sensor(Attached):
@@ -517,13 +456,11 @@ class SensorPosition(Sensor):
 
     def values(self, system: System, window: Window) -> Floats:
         """See the base class."""
-        x = self._point.positions(system, window)
+        x = self._point.positions(window)
         if self.frame is None:
             return x
-        rows = all_rows(system, window.q, window.t)
-        first = system.row_of(self.frame)
-        origin = spot(system, self.frame, rows)
-        return np.einsum("kic,kc->ki", rows[:, first + 1 : first + 4], x - origin)
+        away = x - window.position(self.frame)
+        return np.einsum("kic,kc->ki", window.rotation(self.frame), away)
 
 
 class SensorVelocity(SensorPosition):
@@ -610,8 +547,7 @@ class SensorForce(SensorStrain):
 
     def values(self, system: System, window: Window) -> Floats:
         """See the base class."""
-        q, t = window.q, window.t
-        v = diagnostics.Projection(system).velocities(q, window.p, t)
+        q, v, t = window.q, window.v, window.t
         at = diagnostics.accelerations(system, q, v, t, window.turns)
         return self._point.section.resultants(system, q, t, None, v, *at)[:, 0]
 
@@ -643,9 +579,7 @@ class SensorReaction(Sensor):
 
     def values(self, system: System, window: Window) -> Floats:
         """See the base class."""
-        lam = multipliers(system, window.points, window.force)
-        force, moment = reactions(system, window.points, lam)[self.joint.name or ""]
-        return np.concatenate([force, moment], axis=1)
+        return np.concatenate(window.reaction(self.joint), axis=1)
 
 
 class SensorQuantity(Sensor):
@@ -740,11 +674,11 @@ class _Point(Attached):
         assert self.place is not None
         return [] if self.place.item is None else [self.place.item]
 
-    def positions(self, system: System, window: Window) -> Floats:
+    def positions(self, window: Window) -> Floats:
         if self.beam is not None:
-            return self.section.values(system, window.q).position[:, 0]
+            return self.section.values(window.system, window.q).position[:, 0]
         assert self.place is not None
-        return spot(system, self.place, all_rows(system, window.q, window.t))
+        return window.position(self.place)
 
     @property
     def section(self) -> SectionPlaces:
@@ -772,7 +706,8 @@ class SensorBank:
     def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter) -> None:
         self.sensors, self.writer = sensors, writer
         self.system: System
-        self._forces = any(sensor.forces for sensor in sensors.values())
+        #: whether constraint forces of every state are asked for
+        self.forces = any(sensor.forces for sensor in sensors.values())
         self._seen: list[tuple[Any, ...]] = []
         self._shapes: dict[str, Floats] = {}
         self._steps: list[tuple[float, Floats, Floats]] = []
@@ -782,12 +717,10 @@ class SensorBank:
 
     def go_on(self, own: StateForces) -> None:
         """Begin, or go on, at a state; what sensors saw before in another scene is written."""
-        if self._own is not None:
-            self._end_forces()
-            if own.system is not self.system:
-                self.flush()
+        if self._own is not None and own.system is not self.system:
+            self.flush()
         self.system, self._own = own.system, own
-        self._place = len(self._steps) if self._forces else None
+        self._place = len(self._steps) if self.forces else None
 
     def begin(self, state: State) -> None:
         """The state a run starts from."""
@@ -807,39 +740,21 @@ class SensorBank:
             self._seen.append((report.times, *kept))
         else:
             self.begin(report.state)
-        if self._forces:
-            for k in range(report.steps):
-                self._take_force(report.part(k))
 
-    def _take_force(self, report: StepReport) -> None:
-        assert self._own is not None
-        found = self._own.take(report)
-        self._note_start()
-        if found is not None and found[0] is not self._own.state:
+    def note(self, found: tuple[State, Floats] | None) -> None:
+        """A state and its constraint force are known, or that of the start."""
+        own = self._own
+        if own is None or not self.forces:
+            return
+        if self._place is not None and own.start is not None:
+            self._note(own.state, own.start, self._place)
+            self._place = None
+        if found is not None and found[0] is not own.state:
             self._note(*found, len(self._steps))
 
     def _note(self, state: State, force: Floats, place: int) -> None:
         y = self.system.extend(state.q, state.time)
         self._steps.insert(place, (state.time, y, force))
-
-    def _note_start(self) -> None:
-        own = self._own
-        if self._place is not None and own is not None and own.start is not None:
-            self._note(own.state, own.start, self._place)
-            self._place = None
-
-    def _end_forces(self) -> None:
-        """Add states whose forces wait for steps that will not come."""
-        if self._forces and self._own is not None:
-            end = self._own.end()
-            self._note_start()
-            if end[0] is not self._own.state and self._own.integrator.constraint_weight < 1:
-                self._note(*end, len(self._steps))
-
-    def finish(self) -> None:
-        """Write all that is left; a sensor may raise."""
-        self._end_forces()
-        self.flush()
 
     def flush(self, least: int = 0) -> None:
         """Write what has been collected, if it is so many states at least; a sensor may raise."""
@@ -851,7 +766,7 @@ class SensorBank:
         angles = np.zeros((0, len(self.system.couplings.angles)), dtype=np.int64)
         states = zip((np.zeros(0), none, none, angles), *self._seen, strict=True)
         t, q, p, turns = map(np.concatenate, states)
-        window = window_of(self.system, t, q, p, turns, self._steps)
+        window = Window(self.system, t, q, p, turns, steps=self._steps)
         arrays = {}
         for name, sensor in self.sensors.items():
             times, known = window.step_t if sensor.forces else window.t, self._shapes.get(name)
@@ -871,7 +786,7 @@ class SensorBank:
             each for each in sensor.items() if isinstance(each, Joint) and each.name not in here
         ]
         if not gone:
-            values = seen(name, sensor, self.system, window)
+            values = seen(name, sensor, window)
             before = self._shapes.setdefault(name, values)
             if values.shape[1:] != before.shape[1:]:
                 text = f"gives values {values.shape[1:]}, and {before.shape[1:]} before"
@@ -882,11 +797,11 @@ class SensorBank:
         return np.full((count, *((6,) if known is None else known.shape[1:])), np.nan)
 
 
-def seen(name: str, sensor: Sensor, system: System, window: Window) -> Floats:
+def seen(name: str, sensor: Sensor, window: Window) -> Floats:
     """What a sensor sees in a window: real numbers, for each of its instants."""
     item, times = f"sensor {name!r}", window.step_t if sensor.forces else window.t
     try:
-        values = numbers(item, "values", sensor.values(system, window))
+        values = numbers(item, "values", sensor.values(window.system, window))
     except InputError:
         raise
     except Exception as error:
@@ -894,26 +809,6 @@ def seen(name: str, sensor: Sensor, system: System, window: Window) -> Floats:
     if values.shape[:1] != times.shape:
         raise InputError(item, f"gives an array {values.shape} for {len(times)} instants")
     return values
-
-
-def window_of(
-    system: System,
-    t: Floats,
-    q: Floats,
-    p: Floats,
-    turns: IndexArray | None,
-    steps: Sequence[tuple[float, Floats, Floats]] = (),
-) -> Window:
-    """Of states (q, p) (k, n) at times t, and instants, rows and forces of those with forces."""
-    return Window(
-        np.array(t),
-        np.array(q),  # an own sensor may write there
-        np.array([t for t, _, _ in steps]),
-        np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3),
-        np.array([f for _, _, f in steps]).reshape(-1, system.n),
-        p,
-        turns,
-    )
 
 
 def checked_sensors(
@@ -934,9 +829,8 @@ def checked_sensors(
         for each in sensor.items():
             if id(each) not in known:
                 raise InputError(item, f"the {each.label} of {name!r} is not in this system")
-    turns = None if start.turns is None else start.turns[None]
-    window = window_of(system, np.array([start.time]), start.q[None], start.p[None], turns)
+    window = Window.at(system, start)
     for name, sensor in sensors.items():
         if not sensor.forces:
-            seen(name, sensor, system, window)
+            seen(name, sensor, window)
     return dict(sensors)

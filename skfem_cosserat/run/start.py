@@ -53,7 +53,7 @@ def with_joint_rates(
             "initial state", f"rates = {rates!r}, expected a dict of rates by joint names"
         )
     projection = Projection(system)
-    nearest = projection(q, (system.mass @ v.reshape(-1, 3)).reshape(-1), t)[0]
+    nearest = projection(q, diagnostics.momentum(system, v), t)[0]
     if not rates:
         return nearest
     y = system.extend(q, t)
@@ -66,7 +66,7 @@ def with_joint_rates(
     # how the scene answers to a unit impulse on each coordinate
     still = projection(q, np.zeros(system.n), t)[0]
     impulses = slopes[:, : system.rows].reshape(len(found), -1)
-    answers = np.array([projection(q, impulse, t)[0] - still for impulse in impulses])
+    answers = projection.velocities(np.tile(q, (len(impulses), 1)), impulses, t) - still
     gram = impulses @ answers.T
     size = np.sqrt(np.maximum(np.diagonal(gram), 0.0))  # zero for what a drive holds
     scale = 1 / np.where(size > 1e-12 * size.max(initial=1e-300), size, 1.0)

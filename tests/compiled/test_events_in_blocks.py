@@ -24,7 +24,7 @@ from skfem_cosserat import Stepper
 from skfem_cosserat.integrators import compiled_step
 from skfem_cosserat.run import step_size
 from skfem_cosserat.run.events import TimedValue, comes_near, dip
-from skfem_cosserat.run.sensors import States
+from skfem_cosserat.run.sensors import Window
 
 from helpers_kernels import INTEGRATORS, TREATMENTS  # isort: skip
 
@@ -438,13 +438,13 @@ def test_conditions_see_the_same_together(kernels, sprung):
     system, rod = swinging_rod(sprung)
     history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), H, 0.1)
     rows = slice(3, 20)
-    states = States(system, history.times[rows], history["q"][rows], history["carried"][rows])
+    states = Window(system, history.times[rows], history["q"][rows], history["carried"][rows])
     for name, condition in looking(rod, level=0.5).items():
         condition.check(system)
         each = [
             condition.value(sc.View(system, sc.State(t, k, q, p)))
             for k, (t, q, p) in enumerate(
-                zip(states.time, states.q, history["carried"][rows], strict=True)
+                zip(states.t, states.q, history["carried"][rows], strict=True)
             )
         ]
         found = sc.Event(condition).values(states)

@@ -16,7 +16,6 @@ import skfem_cosserat as sc
 from skfem_cosserat import pattern
 from skfem_cosserat.compiled import plan
 from skfem_cosserat.constraints import null_space
-from skfem_cosserat.diagnostics.energy import _MassBlocks
 from skfem_cosserat.model.parts import connected_parts
 from skfem_cosserat.pattern import FrozenPattern, Shared, shared
 
@@ -128,15 +127,6 @@ def test_a_frozen_scene_takes_what_follows_from_its_integers_alone():
     assert other[1].part.tolist() == [0] * 32 and other[2].elements.tolist() == list(range(7))
     with pytest.raises(ValueError, match="read-only"):
         first[1].part[0] = 1
-
-
-def test_blocks_of_masses_cannot_be_written_to():
-    mass = rod().freeze().mass.tocsc()
-    blocks = _MassBlocks(mass.indptr, mass.indices, mass.diagonal() > 0)
-    entries = blocks.entries
-    arrays = [blocks.large, entries.data, entries.indices, entries.indptr]
-    for array in (*arrays, *(each for pair in blocks.small for each in pair)):
-        assert not array.flags.writeable
 
 
 def test_what_is_kept_is_bounded():

@@ -18,6 +18,7 @@ from skfem_cosserat.constraints import saddle
 from skfem_cosserat.history import read_meta
 from skfem_cosserat.integrators import compiled_scene
 from skfem_cosserat.integrators.compiled_scene import CompiledMotion
+from skfem_cosserat.model import force_elements
 from skfem_cosserat.run import sensors
 from skfem_cosserat.run.events import EventMonitor, TimedValue, dip
 
@@ -819,7 +820,7 @@ def test_looks_set_nothing_up_anew(monkeypatch, kernels):
         before = own.__init__
         monkeypatch.setattr(own, "__init__", init)
 
-    counting(sensors, "Invariants")
+    counting(force_elements, "Invariants")
     counting(sensors, "SectionPlaces")
     counting(saddle, "SaddlePoint")
     counting(compiled_scene, "CompiledMotion")
@@ -880,9 +881,9 @@ def test_kernels_agree_on_velocities_and_energies(name):
         assert (float(one.kinetic), float(one.stored)) == (kinetic[k], stored[k])
         view = sc.View(system, sc.State(float(history.times[k]), k, q[k], p[k]))
         plain = view.kinetic_energy(), view.energy()
-        view = view._at(view.state)
-        view._find_motions(motions)
-        assert (view.kinetic_energy(), view.energy()) == pytest.approx(plain, rel=1e-11, abs=1e-15)
+        window = sensors.Window.at(system, view.state, motions)
+        found = window.kinetic_energy()[0], window.energy()[0]
+        assert found == pytest.approx(plain, rel=1e-11, abs=1e-15)
 
 
 @needs_numba
@@ -903,9 +904,8 @@ def test_energies_by_a_law_are_left_to_the_law():
     assert motions(q, p).stored is None
     view = sc.View(system, sc.State(0.01, 10, q, p))
     plain = view.energy()
-    view = view._at(view.state)
-    view._find_motions(motions)
-    assert view.energy() == pytest.approx(plain, rel=1e-11) and plain > 1e-3
+    found = sensors.Window.at(system, view.state, motions).energy()[0]
+    assert found == pytest.approx(plain, rel=1e-11) and plain > 1e-3
 
 
 @needs_numba
