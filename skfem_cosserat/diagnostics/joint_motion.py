@@ -10,6 +10,7 @@ from ..model.force_elements import Invariants, kind_of
 from ..types import ArrayLike, Floats, IndexArray
 from .stacked import all_rows, as_stack, as_times
 
+
 def rates(system: System, v: Floats, t: Floats) -> Floats:
     """Rates of all rows of y (N, total, 3) for velocities v (N, n)."""
     out = np.zeros((len(v), system.total, 3))
