@@ -12,7 +12,7 @@ from .arguments import checked
 from .errors import InputError, failed
 from .frozen import Attached, Frozen, Replacements
 from .kernels import cross, exp_quaternion, rotation_matrix
-from .types import ArrayLike, Floats, numbers, switch
+from .types import TOLERANCE, ArrayLike, Floats, numbers, switch
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 #: what to do instead of changing a beam or body
 REPLACED = "make another one: model.with_items({name: ...}) is the model with it"
-TOLERANCE = 1e-9  # of lengths and cosines in the reference configuration
 
 
 def vector(item: str, name: str, value: ArrayLike) -> Floats:

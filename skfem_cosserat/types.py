@@ -21,8 +21,11 @@ IndexArray: TypeAlias = NDArray[np.int64]
 #: Three numbers.
 VectorLike: TypeAlias = Sequence[float] | NDArray[np.float64]
 
-#: two triads closer than this are one and the same
+#: numbers closer than this, relative to what they are made of, are one and the same: what is left
+#: is rounding
 SAME = 1e-12
+#: of lengths, sines and cosines in the reference configuration, and of places in elements
+TOLERANCE = 1e-9
 #: how many steps may be asked for: at a million a second these take eleven days
 MOST = 10**12
 #: so many names a message lists, and so many that are like the one asked for
@@ -82,11 +85,7 @@ def switch(item: str, value: Any, name: str = "") -> bool:
     return bool(value)
 
 
-#: states of a history that are looked at
-LOOKS = 20
-
-
-def spread(count: int, most: int = LOOKS) -> IndexArray:
+def spread(count: int, most: int = 20) -> IndexArray:
     """So many numbers from 0 on, or `most` of them, evenly spread, with the first and the last.
 
     Examples

@@ -22,17 +22,16 @@ from ..compiled.kept import NotKept, Source, compile_errors, entry, loaded
 from ..compiled.structures import STACKED, structure
 from ..linear import SingularMatrixError
 from ..model import System
+from ..model.quadratic import TOGETHER
 from ..types import Floats, IndexArray
 from .base import RowSpace, dependent_rows
-from .gradients import is_lattice
+from .gradients import WRONG, is_lattice
 from .saddle import hidden_rate, nearest_velocity, saddle_point
 
-#: numbers in a matrix of all states that are worked on together
-TOGETHER = 2**17
 #: columns of matrices whose elimination by numpy takes as long as compiling kernels for it
 COMPILING = 200_000
-#: residual, relative to its terms, above which a solution is improved, and above which it is none
-ROUGH, WRONG = 1e-13, 1e-11
+#: residual, relative to its terms, above which a solution is improved
+ROUGH = 1e-13
 #: part that is left of pivots of constraint rows where others are chosen
 LEFT = 1e-2
 #: (k, i, c, sign) of ``(a x b)_k = sum sign a_i b_c``
@@ -353,7 +352,7 @@ class Stacked:
         position = np.argsort(order)
         self._constrained = position[first:]
         size = max(self.solver.slots, len(entries.powers))
-        self.chunk = int(np.clip(TOGETHER // size, 32, 256))
+        self.chunk = int(np.clip(2 * TOGETHER // size, 32, 256))
 
     @cached_property
     def parts(self) -> IndexArray:

@@ -78,8 +78,6 @@ FURTHER = 0.015
 #: ... to take those that this process has: to put arrays of a scene into structures for them takes
 #: a few ms, and some time for each vertex
 STARTING, STARTING_EACH = 0.01, 4e-5
-#: Newton iterations assumed for a step
-ITERATIONS = 3
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
 #: was measured for 20 and for 2000 elements lies on both sides
 FACTOR = 15
@@ -107,7 +105,7 @@ class Choice(NamedTuple):
     source: Source = Source.COMPILER
 
 
-def estimated_seconds(system: System, steps: int, iterations: int = ITERATIONS) -> float:
+def estimated_seconds(system: System, steps: int, iterations: int = 3) -> float:
     """Time of as many steps or points with the plain kernels, to a factor of two or so (s)."""
     return steps * (1.5e-4 + iterations * _plain_iteration(system))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..element import gauss_rule
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
 from ..types import ArrayLike, Floats, VectorLike, numbers, real, shown, switch
@@ -15,8 +16,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 #: Gauss rule used to measure splines, on [0, 1].
-_LEGENDRE = np.polynomial.legendre.leggauss(16)
-_GAUSS_X, _GAUSS_W = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]
+_GAUSS_X, _GAUSS_W = gauss_rule(16)
 _ROUND = 64 * np.finfo(float).eps
 
 

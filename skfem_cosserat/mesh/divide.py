@@ -12,17 +12,14 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import MeshError
-from ..types import Floats, IndexArray
-from .topology import element_count
+from ..types import TOLERANCE, Floats, IndexArray
+from .topology import POSITION_TOLERANCE, element_count
 
 if TYPE_CHECKING:
     from .mesh import MeshCurve
 
 
 # -- the same lines divided into other numbers of elements, fewer ones included --------------------
-
-#: Sine of the angle, and part of a length, up to which chords are one line and spans follow.
-STRAIGHT = 1e-9
 
 
 @checked
@@ -143,17 +140,12 @@ def _runs(mesh: MeshCurve) -> list[IndexArray]:
     bend = np.linalg.norm(along[:, 1:] - along[:, :-1], axis=0)
     gap = abs(mesh.spans[1, :-1] - mesh.spans[0, 1:])
     same_way = (np.diff(mesh.spans, axis=0)[0, :-1] > 0) == (np.diff(mesh.spans, axis=0)[0, 1:] > 0)
-    follows = (gap <= STRAIGHT * mesh.lengths[first]) & same_way
-    joined &= np.where(chord, bend <= STRAIGHT, follows)
+    follows = (gap <= TOLERANCE * mesh.lengths[first]) & same_way
+    joined &= np.where(chord, bend <= TOLERANCE, follows)
     return np.split(np.arange(ne), np.flatnonzero(~joined) + 1)
 
 
 # -- where the nodes of one mesh lie in the elements of another one of the same lines --------------
-
-#: Largest distance between a place in one mesh and in the other, as a part of the mesh size.
-APART = 1e-8
-#: Distance (of an element's length) at which a place counts as being at a node.
-MEETS = 1e-9
 
 
 def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray, Floats]:
@@ -189,7 +181,10 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     ([[0, 0], [1, 1], [1, 1]], [[0.0, 1.0], [0.0, 0.5], [0.5, 1.0]])
     """
     ends, starts = (np.append(0.0, np.cumsum(m.lengths)) for m in (mesh, other))
-    total, same = ends[-1], abs(ends[-1] - starts[-1]) <= APART * max(ends[-1], starts[-1])
+    total, same = (
+        ends[-1],
+        abs(ends[-1] - starts[-1]) <= POSITION_TOLERANCE * max(ends[-1], starts[-1]),
+    )
     if not same:
         raise MeshError(
             "mesh", f"its lines are {starts[-1]:.9g} m long, of the mesh before {total:.9g} m"
@@ -200,12 +195,12 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     e = np.clip(np.searchsorted(ends, inside, side="right") - 1, 0, mesh.nelements - 1)
     x = (s - ends[e]) / mesh.lengths[e]
     for end in (0.0, 1.0):
-        x = np.where(abs(x - end) <= MEETS, end, x)
+        x = np.where(abs(x - end) <= TOLERANCE, end, x)
     x = np.clip(x, 0.0, 1.0)
     here = mesh.mapping().F(x.reshape(1, -1, 1), e.ravel())[:, :, 0]
     there = np.asarray(other.mapping().F(xi[None])).reshape(3, -1)
     gaps = np.linalg.norm(here - there, axis=0)
-    if gaps.max() > APART * mesh.size:
+    if gaps.max() > POSITION_TOLERANCE * mesh.size:
         k = int(gaps.argmax()) // len(xi)
         raise MeshError(
             f"element {k}",

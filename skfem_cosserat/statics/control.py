@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..frames import Place, vector
 from ..frozen import Attached
 from ..model import System
-from ..types import MOST, Floats, VectorLike, numbers, positive
+from ..types import MOST, SAME, Floats, VectorLike, numbers, positive
 from ..types import shown as cut
 from .schedule import Functional, Point, finite, weights
 
@@ -21,8 +21,6 @@ from .schedule import Functional, Point, finite, weights
 WANTED = 6
 #: motion in a step (see :func:`weights`) below which nothing moves
 STILL = 1e-9
-#: rate of a place with a unit rate of any unknown, below which joints hold it
-HELD = 1e-12
 
 
 # -- arguments of controls: checked, and shown -----------------------------------------------------
@@ -363,7 +361,7 @@ class DisplacementControl(_Steered):
     def check(self, system: System, point: Point) -> None:
         """Raise InputError if joints, drives and ground, all at rest, hold the displacement."""
         free = null_space_matrix(system, point.y).T @ self._gradient(system).ravel()
-        if abs(free).max(initial=0.0) <= HELD:
+        if abs(free).max(initial=0.0) <= SAME:  # joints hold it
             raise InputError(
                 type(self).__name__,
                 f"joints hold {self.place.label} along {self.direction.tolist()}",

@@ -142,7 +142,7 @@ def test_blocks_of_masses_cannot_be_written_to():
 def test_what_is_kept_is_bounded():
     rows = np.arange(100)
     size = pattern._memory(FrozenPattern(rows, rows, (100, 100)))
-    some = Shared(3 * size + 100, 2 * size)
+    some = Shared(3 * size + 100)
     first = some(FrozenPattern, rows, rows, (100, 100))
     for k in (101, 102):
         some(FrozenPattern, rows, rows, (100, k))
@@ -159,7 +159,7 @@ def test_what_is_kept_is_bounded():
 
 
 def test_only_integers_tell_structures_apart():
-    make = Shared(10**6, 10**6)
+    make = Shared(10**6)
     with pytest.raises(TypeError, match="float is no integer"):
         make(tuple, 1.0)
 
