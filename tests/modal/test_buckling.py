@@ -218,6 +218,7 @@ def test_bad_input():
     bad(lambda: sc.buckling(system, 10**4), "count", "10000")
     bad(lambda: sc.buckling(system, sign="up"), "sign", "'up'")
     bad(lambda: sc.buckling(system, t=np.inf), "argument t", "inf")
+    bad(lambda: sc.buckling(straight(2, 2, "CF", SQUARE), 1), "the loads do nothing")
     bad(lambda: sc.buckling(hung((1.0, 1.0, 0.1)), 1), "bar 0", "without any stiffness")
     bad(lambda: sc.buckling(bent_arc(), 1), "bob", "without any stiffness")
     pulled = column(2, 2, "clamped-free")
