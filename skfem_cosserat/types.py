@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray  # noqa: F401, others take it from here
@@ -114,10 +114,14 @@ def positive(item: str, name: str, value: Any, unit: str = "") -> float:
     return out
 
 
+def is_whole(value: object) -> TypeGuard[int]:
+    """Whether a value is an integer; truth values are none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
 def whole(item: str, value: Any, least: int | None, name: str = "") -> int:
     """An integer, from `least` on if there is one, or an error naming item and argument."""
-    integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not integer or (least is not None and value < least):
+    if not is_whole(value) or (least is not None and value < least):
         given = f"{name} = {shown(value)}" if name else shown(value)
         expected = "an integer" if least is None else f"an integer from {least} on"
         raise InputError(item, f"{given}, expected {expected}")

@@ -19,7 +19,7 @@ from ..errors import IncompleteWarning, InputError, writing
 from ..history import History
 from ..history.file import write_at
 from ..model.quadratic import TOGETHER
-from ..types import Array, ArrayLike, Floats, IndexArray, switch
+from ..types import Array, ArrayLike, Floats, IndexArray, switch, whole
 from ..warn import logger, warn
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
@@ -727,8 +727,7 @@ def _names(meta: Mapping[str, Any], layers: list[Layer]) -> dict[str, Any]:
 
 def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
     """Numbers of the states to be written."""
-    if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
-        raise InputError("argument every", f"got {every!r}, expected an integer of at least 1")
+    whole("argument every", every, 1)
     if fps is None:
         return list(range(0, len(times), every))
     if every != 1:

@@ -21,7 +21,7 @@ from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError
 from ..frames import is_beam
 from ..model import Model, System, system_of
 from ..model.force_elements import CoupledForce
-from ..types import Floats, IndexArray, switch
+from ..types import Floats, IndexArray, switch, whole
 from ..warn import logger, warn
 from .base import Integrator, March, Marched
 from .explicit_limit import LimitWatch, StepLimit, check_lumped
@@ -446,10 +446,8 @@ class Explicit(Integrator):
     conserves = "symplectic form, momentum maps; energy oscillates within a bound"
 
     def __init__(self, rounds: int = 1, checked: bool = True) -> None:
-        whole = isinstance(rounds, int | np.integer) and not isinstance(rounds, bool)
-        if not whole or rounds < 1:
-            raise InputError("argument rounds", f"{rounds!r}, expected a positive integer")
-        self.rounds, self.checked = int(rounds), switch("argument checked", checked)
+        self.rounds = whole("argument rounds", rounds, 1)
+        self.checked = switch("argument checked", checked)
 
     def __repr__(self) -> str:
         return f"Explicit(rounds={self.rounds}{'' if self.checked else ', checked=False'})"

@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..frames import Place, vector
 from ..frozen import Attached
 from ..model import System
-from ..types import MOST, SAME, Floats, VectorLike, numbers, positive
+from ..types import MOST, SAME, Floats, VectorLike, numbers, positive, whole
 from ..types import shown as cut
 from .schedule import Functional, Point, finite, weights
 
@@ -70,9 +70,7 @@ def _shown(item: object, **values: object) -> str:
 
 def _whole(item: str, name: str, value: int) -> None:
     """Check a positive integer."""
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value <= 0:
-        raise InputError(item, f"{name} = {cut(value)}, expected a positive integer")
-    if value > MOST:
+    if whole(item, value, 1, name) > MOST:
         raise InputError(item, f"{name} = {cut(value)}, expected at most {MOST:.0e}")
 
 
