@@ -105,13 +105,24 @@ def file_path(item: str, value: Any) -> Path:
     return Path(os.fsdecode(value))
 
 
-def positive(item: str, name: str, value: Any, unit: str = "") -> float:
-    """A positive finite number, or an error naming item and argument."""
-    expected = f"a positive finite number{unit}"
+def finite(
+    item: str, name: str, value: Any, expected: str = "a finite number", least: float = -np.inf
+) -> float:
+    """A finite number, from `least` on, or an error naming item and argument."""
     out = real(item, name, value, expected)
-    if not (np.isfinite(out) and out > 0):
+    if not (np.isfinite(out) and out >= least):
         raise InputError(item, f"{name} = {shown(value)}, expected {expected}")
     return out
+
+
+def not_negative(item: str, name: str, value: Any) -> float:
+    """A finite number from zero on, or an error naming item and argument."""
+    return finite(item, name, value, "a finite number that is not negative", 0.0)
+
+
+def positive(item: str, name: str, value: Any, unit: str = "") -> float:
+    """A positive finite number, or an error naming item and argument."""
+    return finite(item, name, value, f"a positive finite number{unit}", np.nextafter(0.0, 1.0))
 
 
 def is_whole(value: object) -> TypeGuard[int]:

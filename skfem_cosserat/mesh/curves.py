@@ -10,7 +10,7 @@ import numpy as np
 from ..element import gauss_rule
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
-from ..types import ArrayLike, Floats, VectorLike, numbers, real, shown, switch
+from ..types import ArrayLike, Floats, VectorLike, finite, numbers, shown, switch
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -84,12 +84,9 @@ def _positive(value: float, item: str) -> float:
 def _number(value: float, item: str, expected: str) -> float:
     """A finite number; text and truth values are none."""
     try:
-        number = real(item, "value", value, expected)
+        return finite(item, "value", value, expected)
     except InputError as error:
         raise MeshError(item, f"got {shown(value)}, expected {expected}") from error
-    if not np.isfinite(number):
-        raise MeshError(item, f"got {value!r}, expected {expected}")
-    return number
 
 
 def _outer(vector: Floats, scalar: Floats) -> Floats:

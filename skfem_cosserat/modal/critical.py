@@ -20,10 +20,10 @@ from ..law import STEP
 from ..linear import EIGENVALUES
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
-from ..types import SAME, Floats
+from ..types import SAME, Floats, finite
 from ..warn import Notices, counted
 from .eigen import SPARE, TOLERANCE, Factorised, Pencil, lowest, make_pencil
-from .state import Equilibrium, as_system, finite, resting
+from .state import Equilibrium, as_system, resting
 from .vibration import animation, checked_count, checked_index
 
 Sign = Literal["positive", "negative", "both"]
@@ -151,7 +151,7 @@ def buckling(
     count = checked_count(count, system.unknowns)
     if sign not in _WHICH:
         raise InputError("argument sign", f"{sign!r}, expected one of {list(_WHICH)}")
-    loads = amplitudes_at(system, finite("argument t", t))
+    loads = amplitudes_at(system, finite("argument t", "t", t))
     with Notices(system.warnings) as notices:
         at = resting(system, None, None, None, tolerance)
         pencil = make_pencil(at)

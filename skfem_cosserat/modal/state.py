@@ -21,7 +21,7 @@ from ..model.limits import broken_constraint, overstretched_beam
 from ..model.loops import names_of, tree_values
 from ..run.describe import other_model
 from ..statics.schedule import Schedule, recorded_amplitudes
-from ..types import Array, ArrayLike, Floats, IndexArray, numbers, whole
+from ..types import Array, ArrayLike, Floats, IndexArray, finite, whole
 from ..warn import warn
 
 #: what may be given as a state
@@ -125,26 +125,12 @@ def resting(
     return Equilibrium(system, y, time, amplitudes, tangent, error)
 
 
-def finite(item: str, value: float) -> float:
-    """A finite number.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    array = numbers(item, "value", value)
-    if array.shape != () or not np.isfinite(array):
-        raise InputError(item, f"{value!r}, expected a finite number")
-    return float(array)
-
-
 def _read(
     system: System, state: StateLike | None, t: float | None
 ) -> tuple[Floats, IndexArray | None, float, Amplitudes]:
     """Configuration, full turns of angles, time, loads."""
     if t is not None:
-        t = finite("argument t", t)
+        t = finite("argument t", "t", t)
     if state is None:
         if t is not None:
             return system.q0, None, t, amplitudes_at(system, t)

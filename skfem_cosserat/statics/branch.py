@@ -18,10 +18,10 @@ from ..model.balance import Amplitudes, Balance, Spin, amplitudes_at, balance
 from ..model.limits import broken_constraint
 from ..run.describe import other_model
 from ..time_function import Amplitude
-from ..types import Floats, is_whole, numbers
+from ..types import Floats, finite, is_whole
 from .control import ArcLength, Control, DisplacementControl, Stage
 from .critical_points import inspect
-from .schedule import CODES, Point, Schedule, finite, recorded_amplitudes
+from .schedule import CODES, Point, Schedule, recorded_amplitudes
 
 #: relative difference below which loads and supports are where a path left them
 SAME = 1e-6
@@ -110,8 +110,7 @@ def branch(
     rows = np.flatnonzero(history["critical"] != CODES["regular"])
     if not is_whole(which) or not -len(rows) <= which < len(rows):
         raise InputError("argument which", f"{which!r}: the path has {len(rows)} critical point(s)")
-    number = numbers("argument sign", "sign", sign)
-    if number.shape != () or not np.isfinite(number) or number == 0:
+    if finite("argument sign", "sign", sign, "1 or -1") == 0:
         raise InputError("argument sign", f"{sign!r}, expected 1 or -1")
     if not is_whole(mode) or mode < 0:
         raise InputError("argument mode", f"{mode!r}, expected a number from 0 on")
@@ -123,7 +122,7 @@ def branch(
         raise InputError("argument mode", f"{mode!r}: the scene has {len(values)} motion(s)")
     direction = stability.tangent.P @ modes[:, mode]
     largest = direction[int(abs(direction).argmax())]  # so that the sign is no accident
-    along = np.sign(number) * np.sign(largest) * direction.reshape(-1, 3)
+    along = np.sign(sign) * np.sign(largest) * direction.reshape(-1, 3)
     return Branch(point, along, time)
 
 

@@ -13,9 +13,9 @@ from ..errors import InputError
 from ..frames import Place, vector
 from ..frozen import Attached
 from ..model import System
-from ..types import MOST, SAME, Floats, VectorLike, numbers, positive, whole
+from ..types import MOST, SAME, Floats, VectorLike, finite, numbers, positive, whole
 from ..types import shown as cut
-from .schedule import Functional, Point, finite, weights
+from .schedule import Functional, Point, weights
 
 #: iterations at which the step is kept; it grows below and shrinks above
 WANTED = 6
