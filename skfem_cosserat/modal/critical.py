@@ -23,7 +23,7 @@ from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..types import SAME, Floats, finite
 from ..warn import Notices, counted
 from .eigen import SPARE, TOLERANCE, Factorised, Pencil, lowest, make_pencil
-from .state import Equilibrium, as_system, resting
+from .state import Equilibrium, as_system, check_amplitudes, resting
 from .vibration import animation, checked_count, checked_index
 
 Sign = Literal["positive", "negative", "both"]
@@ -95,6 +95,7 @@ def buckling(
     *,
     sign: Sign = "positive",
     t: float = 0.0,
+    amplitudes: Amplitudes | None = None,
     tolerance: float = 1e-6,
 ) -> Buckling:
     """Linear buckling about the unloaded reference: ``(K_0 + factor K_1) phi = 0``.
@@ -109,6 +110,8 @@ def buckling(
         Which ones: of loads as given, of loads turned round, or both by modulus.
     t : float
         Time (s) at which loads and actuators are taken.
+    amplitudes : Amplitudes, optional
+        Factors of all loads and actuators instead.
     tolerance : float
         As for :func:`modes`: the reference must be in equilibrium without loads.
 
@@ -151,9 +154,9 @@ def buckling(
     count = checked_count(count, system.unknowns)
     if sign not in _WHICH:
         raise InputError("argument sign", f"{sign!r}, expected one of {list(_WHICH)}")
-    loads = amplitudes_at(system, finite("argument t", "t", t))
+    loads = _loads(system, finite("argument t", "t", t), amplitudes)
     with Notices(system.warnings) as notices:
-        at = resting(system, None, None, None, tolerance)
+        at = resting(system, None, None, None, None, tolerance)
         pencil = make_pencil(at)
         tangent = at.tangent
         still = lowest(pencil.K, tangent.metric, 1, pencil.energies)
@@ -197,6 +200,15 @@ def _shapes(
         found.append(energies_of_motion(at.system, at.y, *state, scaled, dq, 0 * dq))
     energy = np.diagonal(pencil.energies(X)[0])
     return checks.Shapes(at.system, "critical factor", 1, np.array(found), energy)
+
+
+def _loads(system: System, t: float, amplitudes: Amplitudes | None) -> Amplitudes:
+    if amplitudes is None:
+        return amplitudes_at(system, t)
+    check_amplitudes(system, amplitudes)
+    if amplitudes.spin is not None:
+        raise InputError("argument amplitudes", "has a spin, expected loads that can be scaled")
+    return amplitudes
 
 
 def _loose(at: Equilibrium, x: Floats, free: bool) -> InputError:

@@ -80,6 +80,7 @@ def resting(
     system: System,
     state: StateLike | None,
     t: float | None,
+    amplitudes: Amplitudes | None,
     spin: Spin | None,
     tolerance: float,
 ) -> Equilibrium:
@@ -92,7 +93,10 @@ def resting(
     IncompatibleError
         For a spin with drag against space.
     """
-    q, turns, time, amplitudes = _read(system, state, t)
+    q, turns, time, found = _read(system, state, t)
+    if amplitudes is None:
+        amplitudes = found
+    check_amplitudes(system, amplitudes)
     if spin is not None:
         if not isinstance(spin, Spin):
             raise InputError("argument spin", f"{type(spin).__name__}, expected a Spin")
@@ -132,10 +136,8 @@ def _read(
     if t is not None:
         t = finite("argument t", "t", t)
     if state is None:
-        if t is not None:
-            return system.q0, None, t, amplitudes_at(system, t)
-        loads, actuators = len(system.loading.times), len(system.couplings.times) + 1
-        return system.q0, None, 0.0, Amplitudes(np.zeros(loads), np.zeros(actuators))
+        loads = _unloaded(system) if t is None else amplitudes_at(system, t)
+        return system.q0, None, 0.0 if t is None else t, loads
     if isinstance(state, History):
         state = (state, -1)
     if isinstance(state, tuple) and len(state) == 2 and isinstance(state[0], History):
@@ -180,6 +182,32 @@ def _from_history(
         return row["q"], turns, time, at
     time = float(row["t"]) if t is None else t
     return row["q"], turns, time, amplitudes_at(system, time)
+
+
+def _unloaded(system: System) -> Amplitudes:
+    return Amplitudes(
+        np.zeros(len(system.loading.times)), np.zeros(len(system.couplings.times) + 1)
+    )
+
+
+def check_amplitudes(system: System, amplitudes: Amplitudes) -> None:
+    """Amplitudes fit the system and are finite.
+
+    Raises
+    ------
+    InputError
+        If not.
+    """
+    if not isinstance(amplitudes, Amplitudes):
+        kind = type(amplitudes).__name__
+        raise InputError("argument amplitudes", f"{kind}, expected Amplitudes of all loads")
+    wanted = _unloaded(system)
+    for name in ("loads", "actuators"):
+        shape, own = np.shape(getattr(amplitudes, name)), getattr(wanted, name).shape
+        if shape != own:
+            raise InputError("argument amplitudes", f"{name} have shape {shape}, expected {own}")
+        if not np.isfinite(getattr(amplitudes, name)).all():
+            raise InputError("argument amplitudes", f"{name} are not finite numbers")
 
 
 def _at_rest(

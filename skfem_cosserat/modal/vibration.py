@@ -13,7 +13,7 @@ from ..diagnostics.coarseness import energies_of_motion
 from ..errors import InputError
 from ..history import History
 from ..model import System, takes_scene
-from ..model.balance import Spin
+from ..model.balance import Amplitudes, Spin
 from ..model.limits import overstretched_beam
 from ..model.loops import closed, tree_values
 from ..model.reparametrisation import Reparametrisation
@@ -251,6 +251,7 @@ def modes(
     count: int = 6,
     *,
     t: float | None = None,
+    amplitudes: Amplitudes | None = None,
     spin: Spin | None = None,
     tolerance: float = 1e-6,
 ) -> Modes:
@@ -268,9 +269,12 @@ def modes(
     t : float, optional
         Time (s) of loads and prescribed motion; default: that of the state, 0 for an array. Given
         with no state, the reference is taken with its loads. Prescribed motion stands still.
+    amplitudes : Amplitudes, optional
+        Factors of all loads and actuators instead. A path of :func:`static` knows its own, and
+        its spin.
     spin : Spin, optional
         The state rests in a frame that turns steadily, the ground with it: with centrifugal and
-        gyroscopic forces, frequencies as seen from there. A path of :func:`static` knows its own.
+        gyroscopic forces, frequencies as seen from there.
     tolerance : float
         Largest residual of the balance, relative to its terms.
 
@@ -313,7 +317,7 @@ def modes(
     count = checked_count(count, system.unknowns)
     limit = positive("argument tolerance", "tolerance", tolerance)
     with Notices(system.warnings) as notices:
-        at = resting(system, state, t, spin, limit)
+        at = resting(system, state, t, amplitudes, spin, limit)
         pencil = make_pencil(at)
         s, X, rigid, factorisations = _solve(pencil, count)
         drawn = overstretched_beam(system, at.y, at.tangent.multipliers)  # told of already

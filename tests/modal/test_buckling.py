@@ -10,6 +10,7 @@ import pytest
 from test_modes import bad, bent_arc, hung, straight
 
 import skfem_cosserat as sc
+from skfem_cosserat import Spin
 from skfem_cosserat.diagnostics import reduced_tangent
 from skfem_cosserat.model.balance import Amplitudes, amplitudes_at
 
@@ -219,6 +220,9 @@ def test_bad_input():
     bad(lambda: sc.buckling(system, sign="up"), "sign", "'up'")
     bad(lambda: sc.buckling(system, t=np.inf), "argument t", "inf")
     bad(lambda: sc.buckling(straight(2, 2, "CF", SQUARE), 1), "the loads do nothing")
+    bad(lambda: sc.buckling(system, amplitudes=Amplitudes(np.zeros(1), np.zeros(1))), "nothing")
+    turning = Amplitudes(np.ones(1), np.zeros(1), Spin((1.0, 0, 0)))
+    bad(lambda: sc.buckling(system, amplitudes=turning), "spin")
     bad(lambda: sc.buckling(hung((1.0, 1.0, 0.1)), 1), "bar 0", "without any stiffness")
     bad(lambda: sc.buckling(bent_arc(), 1), "bob", "without any stiffness")
     pulled = column(2, 2, "clamped-free")

@@ -687,7 +687,7 @@ def test_large_scenes_by_few_factorisations():
 def test_sparse_and_dense_agree():
     """Many double frequencies, six of them zero: Lanczos' method misses none."""
     system = ring(24, 3)
-    pencil = make_pencil(resting(system, None, None, None, 1e-6))
+    pencil = make_pencil(resting(system, None, None, None, None, 1e-6))
     dense, sparse = (
         lowest(pencil.K, pencil.M, 40, pencil.energies, dense=limit) for limit in (10**4, 10)
     )
@@ -697,7 +697,7 @@ def test_sparse_and_dense_agree():
     damped = straight(
         12, 2, "CF", square(0.05), extra=[("d", sc.RayleighDamping(mass=2.0, stiffness=1e-5))]
     )
-    pencil = make_pencil(resting(damped, None, None, None, 1e-6))
+    pencil = make_pencil(resting(damped, None, None, None, None, 1e-6))
     dense, sparse = (spectrum(pencil, 8, dense=limit).values for limit in (10**4, 10))
     assert abs(sparse - dense).max() < 1e-8 * abs(dense).max()
 
@@ -713,7 +713,10 @@ def test_ways_to_give_a_state():
     for given in (state, history, (history, 0), system.q0.tolist()):
         assert sc.modes(system, given, 1).omega == pytest.approx(wanted, rel=1e-10)
     assert sc.modes(system, count=1, t=0.0).omega == wanted
-    assert sc.modes(system, count=1, t=0.0).rigid == 0
+    double = replace(amplitudes_at(system, 0.0), loads=np.array([2.0]))
+    found = sc.modes(system, count=1, amplitudes=double)
+    assert found.omega == pytest.approx(np.sqrt(2) * wanted, rel=1e-14)
+    assert found.rigid == 0
 
 
 def test_shapes_are_orthonormal_and_keep_the_constraints():
@@ -821,6 +824,10 @@ def test_bad_states():
     bad(lambda: sc.modes(system, history, 1), "another model", "mass")
     bad(lambda: sc.modes(other, (history, 5), 1), "5", "2 states")
     bad(lambda: sc.modes(other, (history, 0.5), 1), "0.5", "integer")
+    wrong = replace(amplitudes_at(system, 0.0), loads=np.zeros(3))
+    bad(lambda: sc.modes(system, count=1, amplitudes=wrong), "loads", "(3,)", "(1,)")
+    none = replace(amplitudes_at(system, 0.0), loads=np.array([np.nan]))
+    bad(lambda: sc.modes(system, count=1, amplitudes=none), "loads", "finite")
 
 
 def test_no_equilibrium_is_refused_by_name():
