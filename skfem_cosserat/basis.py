@@ -229,21 +229,30 @@ class DirectorBasis(CellBasis):
         return [self.scalar(quadrature=self.quadrature)] * 12
 
     # ------------------------------------------------------------------ integrals
-    def elemental_mass(self, elements: IndexArray | slice = slice(None)) -> Floats:
+    def elemental_mass(
+        self,
+        coefficient: float | Floats | Callable[[Floats], Floats] | None = None,
+        elements: IndexArray | slice = slice(None),
+    ) -> Floats:
         """Integrals of products of shape functions over each element.
 
         Parameters
         ----------
+        coefficient : float, (ne,) or callable, optional
+            Factor under the integral: one, one an element, or a function of positions
+            (3, ne, nq) that returns (ne, nq).
         elements : int array, optional
             Those that are asked for; all by default.
 
         Returns
         -------
         (ne, p + 1, p + 1)
-            ``int N_a N_b ds`` (m), nodes in the order of ``connectivity``.
+            ``int c N_a N_b ds`` (m), nodes in the order of ``connectivity``; exact where the
+            coefficient is constant in an element.
         """
         N = self.interpolation.full.values
-        out = (N[:, None, None] * N[None, :, None] * self._measure(elements)).sum(-1)
+        weight = 1.0 if coefficient is None else self._coefficient(coefficient)[elements]
+        out = (weight * N[:, None, None] * N[None, :, None] * self._measure(elements)).sum(-1)
         return out.transpose(2, 0, 1).copy()
 
     def elemental_load(self, elements: IndexArray | slice = slice(None)) -> Floats:
@@ -257,6 +266,22 @@ class DirectorBasis(CellBasis):
     def _measure(self, elements: IndexArray | slice) -> Floats:
         """Weights (ne, nq) of full integration, in m."""
         return self.lengths[elements, None] * self.interpolation.full.weights
+
+    def _coefficient(self, coefficient: Any) -> Floats:
+        """Coefficient (ne, nq) at the points of full integration."""
+        points = self.interpolation.full.points
+        shape = len(self.lengths), len(points)
+        value = coefficient
+        if callable(coefficient):
+            value = coefficient(self.mesh.mapping().F(points[None]))
+        array = np.asarray(value, dtype=float)
+        if array.shape == shape[:1] and not callable(coefficient):
+            array = array[:, None]
+        if array.shape not in {(), (shape[0], 1), shape}:
+            raise InputError(
+                "argument coefficient", f"has shape {array.shape}, expected () or ({shape[0]},)"
+            )
+        return np.array(np.broadcast_to(array, shape))
 
     def evaluate(self, field: ArrayLike, elements: ArrayLike, xi: ArrayLike) -> Array:
         """Values of a nodal field inside elements.
@@ -513,6 +538,8 @@ def error_norms(
     field: ArrayLike,
     exact: Callable[[Any], ArrayLike],
     derivative: Callable[[Any], ArrayLike] | None = None,
+    by: str = "position",
+    intorder: int | None = None,
 ) -> tuple[float, float | None]:
     """L2 norm and H1 seminorm of the error of a nodal field.
 
@@ -523,9 +550,13 @@ def error_norms(
     field : (N, k), (N,) or (12*N,)
         Nodal values.
     exact : callable
-        Exact values (k, ...) as a function of positions (3, ...).
+        Exact values (k, ...) as a function of positions (3, ...) or arc lengths (...).
     derivative : callable, optional
         Exact derivatives with respect to arc length, of the same form.
+    by : {"position", "arc"}
+        What the functions depend on; arc length runs from the start of the beam (m).
+    intorder : int, optional
+        Degree of exact integration; by default 2 p + 6.
 
     Returns
     -------
@@ -542,14 +573,18 @@ def error_norms(
     >>> l2 < 1e-15, h1
     (True, None)
     """
+    if by not in {"position", "arc"}:
+        raise InputError("argument by", f"got {by!r}, expected 'position' or 'arc'")
     values = np.asarray(field, dtype=float)
     if values.shape == (basis.N,):
         values = values.reshape(-1, 12)
     values = values.reshape(len(values), -1)
     if len(values) != basis.n_nodes:
         raise InputError("argument field", f"{len(values)} rows for {basis.n_nodes} nodes")
-    scalar = basis.scalar(intorder=2 * basis.order + 6)
+    scalar = basis.scalar(intorder=2 * basis.order + 6 if intorder is None else intorder)
     where = np.asarray(scalar.global_coordinates())
+    if by == "arc":
+        where = basis.mesh.arc_starts[:, None] + basis.lengths[:, None] * scalar.X[0]
     local = values[basis.connectivity]
     found = np.einsum("aq,eak->keq", basis.shape(scalar.X[0]), local)
     l2 = _norm(scalar, found, exact(where))

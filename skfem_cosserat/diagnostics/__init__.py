@@ -31,7 +31,7 @@ from .forces import (
     reactions,
 )
 from .inputs import unseen
-from .joint_motion import coupling_energy
+from .joint_motion import coupling_energy, coupling_forces, joint_coordinates
 from .momenta import (
     Projection,
     angular_momentum,
@@ -63,6 +63,7 @@ __all__ = [
     "constraint_points",
     "constraint_violation",
     "coupling_energy",
+    "coupling_forces",
     "doubtful_steps",
     "evaluate",
     "external_energy",
@@ -70,6 +71,7 @@ __all__ = [
     "ground_part",
     "hidden_violation",
     "highest_frequency",
+    "joint_coordinates",
     "kinetic_energy",
     "kinetic_energy_of_velocity",
     "legendre_transforms",

@@ -10,6 +10,68 @@ from ..model.force_elements import Invariants, kind_of
 from ..types import ArrayLike, Floats, IndexArray
 from .stacked import all_rows, as_stack, as_times
 
+Pairs = dict[str, tuple[Floats, Floats]]
+
+
+@takes_scene
+def joint_coordinates(
+    system: System,
+    joint: Joint,
+    q: ArrayLike,
+    v: ArrayLike,
+    t: ArrayLike = 0.0,
+    turns: ArrayLike | None = None,
+) -> Pairs:
+    """Relative coordinates of a joint and their rates.
+
+    ``simulate`` adds them to its history as ``joint/NAME/COORDINATE`` and
+    ``joint/NAME/COORDINATE_rate``.
+
+    Parameters
+    ----------
+    joint : Joint
+        Of this system.
+    q, v : (n,) or (N, n) array
+        Configurations and velocities (m/s, 1/s).
+    t : float or (N,) array
+        Their times (s), for prescribed motion.
+    turns : (angles,) or (N, angles) array, optional
+        ``history["turns"]`` of angles with a force element. Driven angles are those prescribed;
+        all others start from their principal value and are followed from state to state by the
+        mean of their rates, which must be right to half a turn.
+
+    Returns
+    -------
+    dict of str to (values, rates)
+        By the names of the coordinates: numbers or (N,), of a rotation vector (3,) or (N, 3) (m,
+        rad; m/s, rad/s).
+
+    Raises
+    ------
+    InputError
+        If the shape of `q` or `v` does not fit the system.
+
+    Examples
+    --------
+    A wheel that turns with 2 rad/s:
+
+    >>> from skfem_cosserat import JointRevolute, Model, RigidBody, ground
+    >>> model = Model()
+    >>> wheel = model.add("wheel", RigidBody.sphere(1.0, 1.0, angular_velocity=(0, 0, 2.0)))
+    >>> axle = JointRevolute(ground((0, 0, 0)), wheel.at((0, 0, 0)), axis=(0, 0, 1))
+    >>> axle = model.add("axle", axle)
+    >>> system = model.freeze()
+    >>> angle, rate = joint_coordinates(system, axle, system.q0, system.v0)["angle"]
+    >>> float(angle), float(rate)
+    (0.0, 2.0)
+    """
+    Q, single = as_stack(system, "q", q)
+    V, _ = as_stack(system, "v", v, Q)
+    times = as_times(t, len(Q))
+    y, ydot = all_rows(system, Q, times), rates(system, V, times)
+    found = _coordinates(system, joint, y, ydot, times, turns)
+    return {name: (a[0], b[0]) for name, (a, b) in found.items()} if single else found
+
 
 def rates(system: System, v: Floats, t: Floats) -> Floats:
     """Rates of all rows of y (N, total, 3) for velocities v (N, n)."""
@@ -28,13 +90,7 @@ def _coordinates(
     ydot: Floats,
     times: Floats,
     turns: ArrayLike | None,
-) -> dict[str, tuple[Floats, Floats]]:
-    """Relative coordinates of a joint and their rates, (N,) or (N, 3), by name.
-
-    Driven angles are those prescribed, and those with a force element have its full turns; all
-    others start from their principal value and are followed from state to state by the mean of
-    their rates, which must be right to half a turn.
-    """
+) -> Pairs:
     out = {}
     for coordinate in joint.coordinates():
         kind, invariants = kind_of((coordinate,)), Invariants([coordinate.forms], system.row_of)
@@ -125,6 +181,64 @@ def coupling_energy(
     return out[0] if single else out
 
 
+@takes_scene
+def coupling_forces(
+    system: System,
+    q: ArrayLike,
+    v: ArrayLike,
+    t: ArrayLike = 0.0,
+    turns: ArrayLike | None = None,
+) -> Pairs:
+    """Coordinates and forces of springs, dampers, cables and bushings.
+
+    ``simulate`` adds them to its history as ``coupling/NAME/coordinate`` and
+    ``coupling/NAME/force``.
+
+    Parameters
+    ----------
+    q, v, t, turns
+        As for :func:`joint_coordinates`; angles count from their principal value without `turns`.
+
+    Returns
+    -------
+    dict of str to (coordinate, force)
+        By the names of the elements: the length of a spring or cable (m), the coordinate of a
+        joint (m, rad), ``(u, psi)`` of a bushing, and the generalised force of spring and damper
+        against it (N, N m): tension is positive. Numbers or (N,); with m components (m,) or (N, m).
+
+    Raises
+    ------
+    InputError
+        If the shape of an array does not fit the system.
+
+    Examples
+    --------
+    A spring with a damper, 1 m longer than at rest and growing by 0.5 m/s:
+
+    >>> from skfem_cosserat import MassPoint, Model, SpringDamper, ground
+    >>> model = Model()
+    >>> bob = model.add("bob", MassPoint(1.0, position=(0, 0, -2)))
+    >>> item = SpringDamper(ground((0, 0, 0)), bob.place(), stiffness=50.0, damping=2.0)
+    >>> item = model.add("spring", item)
+    >>> length, force = coupling_forces(model.freeze(), [0, 0, -3.0], [0, 0, -0.5])["spring"]
+    >>> float(length), float(force)
+    (3.0, 51.0)
+    """
+    Q, single = as_stack(system, "q", q)
+    V, _ = as_stack(system, "v", v, Q)
+    times = as_times(t, len(Q))
+    found = _forces(system, all_rows(system, Q, times), rates(system, V, times), turns)
+    return {name: (a[0], b[0]) for name, (a, b) in found.items()} if single else found
+
+
+def _forces(system: System, y: Floats, ydot: Floats, turns: ArrayLike | None) -> Pairs:
+    number = None if turns is None else np.asarray(turns, dtype=np.int64)
+    return {
+        item.name or "": (xi[:, 0], force[:, 0]) if item.size == 1 else (xi, force)
+        for item, xi, force in system.couplings.forces(y, ydot, number)
+    }
+
+
 def relative_names(system: System) -> list[str]:
     """Names of :func:`relative_series`, in their order."""
     out = []
@@ -147,8 +261,7 @@ def relative_series(
         for name, (value, rate) in _coordinates(system, joint, y, ydot, t, turns).items():
             out[f"joint/{joint.name}/{name}"] = value
             out[f"joint/{joint.name}/{name}_rate"] = rate
-    number = None if turns is None else np.asarray(turns, dtype=np.int64)
-    for item, xi, force in system.couplings.forces(y, ydot, number):
-        for what, values in (("coordinate", xi), ("force", force)):
-            out[f"coupling/{item.name}/{what}"] = values[:, 0] if item.size == 1 else values
+    for name, (xi, force) in _forces(system, y, ydot, turns).items():
+        out[f"coupling/{name}/coordinate"] = xi
+        out[f"coupling/{name}/force"] = force
     return out

@@ -210,7 +210,8 @@ def test_wrong_shapes_are_named():
 
 # ----------------------------------------------------------------------- error norms
 @pytest.mark.parametrize("p", [1, 2, 3, 4])
-def test_error_norms_converge_at_the_order_of_interpolation(p):
+@pytest.mark.parametrize("by", ["position", "arc"])
+def test_error_norms_converge_at_the_order_of_interpolation(p, by):
     errors = []
     for ne in (4, 8):
         mesh = MeshCurve.init_arc((2, 0, 0), (0, 1, 0), (-1, 0, 0), 2.0, 2.0, ne)
@@ -218,15 +219,16 @@ def test_error_norms_converge_at_the_order_of_interpolation(p):
         angle = np.arctan2(basis.nodes[:, 1], basis.nodes[:, 0])
         field = np.stack([np.sin(3 * angle), np.cos(angle)], axis=1)
 
-        def exact(x):
-            phi = np.arctan2(x[1], x[0])
-            return np.stack([np.sin(3 * phi), np.cos(phi)])
+        def phi(x):
+            return np.arctan2(x[1], x[0]) if by == "position" else x / 2
 
-        def slope(x):
-            phi = np.arctan2(x[1], x[0])
-            return np.stack([1.5 * np.cos(3 * phi), -0.5 * np.sin(phi)])
+        def exact(x, phi=phi):
+            return np.stack([np.sin(3 * phi(x)), np.cos(phi(x))])
 
-        errors.append(norms(basis, field, exact, slope))
+        def slope(x, phi=phi):
+            return np.stack([1.5 * np.cos(3 * phi(x)), -0.5 * np.sin(phi(x))])
+
+        errors.append(norms(basis, field, exact, slope, by=by))
     l2, h1 = (math.log2(a / b) for a, b in zip(*errors, strict=True))
     assert abs(l2 - (p + 1)) < 0.15
     assert abs(h1 - p) < 0.15
@@ -241,18 +243,22 @@ def test_error_norm_of_a_constant_offset():
     assert norms(basis, q, lambda x: np.ones((12, *x.shape[1:])))[0] == pytest.approx(
         math.sqrt(72), rel=1e-14
     )
+    assert norms(basis, np.zeros(basis.n_nodes), lambda s: s, by="arc")[0] == pytest.approx(
+        math.sqrt((1 + 8 + 27) / 3), rel=1e-14
+    )
 
 
 @pytest.mark.parametrize(
-    ("field", "exact", "words"),
+    ("field", "exact", "by", "words"),
     [
-        (np.zeros(5), lambda x: x, ["field", "5 rows"]),
-        (None, lambda x: x[:2], ["exact", "(2, 7, 6)"]),
+        (np.zeros(5), lambda x: x, "position", ["field", "5 rows"]),
+        (None, lambda x: x[:2], "position", ["exact", "(2, 7, 6)"]),
+        (None, lambda x: x, "time", ["'time'", "'position' or 'arc'"]),
     ],
 )
-def test_error_norm_errors(field, exact, words):
+def test_error_norm_errors(field, exact, by, words):
     basis = DirectorBasis(network(), 2)
     with pytest.raises(InputError) as caught:
-        norms(basis, basis.nodes if field is None else field, exact)
+        norms(basis, basis.nodes if field is None else field, exact, by=by)
     for word in words:
         assert word in str(caught.value)

@@ -128,6 +128,19 @@ def test_mass_and_load_are_exact(p):
     assert np.allclose(mass.sum(axis=2), load, rtol=1e-13)
 
 
+def test_mass_with_coefficients():
+    basis = DirectorBasis(network(), 2)
+    plain = basis.elemental_mass()
+    factors = np.arange(1.0, 8.0)
+    assert np.allclose(basis.elemental_mass(3.0), 3 * plain)
+    assert np.allclose(basis.elemental_mass(factors), factors[:, None, None] * plain)
+    by_place = basis.elemental_mass(lambda x: 1 + x[2])
+    assert by_place.sum() == pytest.approx(1 + 2 + 3 + 4.5, rel=1e-14)
+    for bad in (np.ones(3), np.ones((2, 2))):
+        with pytest.raises(InputError, match="argument coefficient"):
+            basis.elemental_mass(bad)
+
+
 def test_scalar_basis_shares_the_nodes():
     basis = DirectorBasis(helix(), 3)
     scalar = basis.scalar()
