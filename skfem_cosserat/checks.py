@@ -231,8 +231,6 @@ def inside_out(result: Recorded) -> Iterator[Doubt]:
 
 #: energy that elements lack, against all there is, above which a result is doubtful
 LACKING = 0.1
-#: recorded states, evenly spread, whose bending is looked at
-BENT = 5
 #: strain that is nothing but rounding
 ROUNDING = 1e-10
 
@@ -245,7 +243,7 @@ def coarse_history(result: Recorded) -> Iterator[Doubt]:
     system, history, beams = result.system, result.history, beams_of(result.system)
     path = result if isinstance(result, Path) else None
     seen = np.array([path is not None or beam.basis.order == 1 for beam in beams])
-    rows = spread(len(history), BENT)
+    rows = spread(len(history), 5)
     states = all_rows(system, history["q"][rows], history.instants[rows])
     if not seen.any() or not np.isfinite(states).all():
         return

@@ -9,7 +9,7 @@ import numpy as np
 
 from .errors import InputError
 from .frames import Item, StructuralItem, is_beam
-from .types import ArrayLike, numbers
+from .types import ArrayLike, not_negative, numbers
 
 if TYPE_CHECKING:
     pass
@@ -132,12 +132,7 @@ class RayleighDamping(Item):
         return () if self.items is None else self.items
 
     def _factor(self, name: str, value: Any) -> float:
-        number = numbers(self.label, name, value)
-        if number.shape != () or not (np.isfinite(number) and number >= 0):
-            raise InputError(
-                self.label, f"{name} = {value!r}, expected a finite number that is not negative"
-            )
-        return float(number)
+        return not_negative(self.label, name, value)
 
     def _checked(self, items: Item | Iterable[Item]) -> tuple[Item, ...]:
         out = [items] if isinstance(items, Item) else items

@@ -12,7 +12,7 @@ from skfem.refdom import RefLine
 
 from .errors import InputError
 from .frozen import Frozen, lock_arrays
-from .types import Array, ArrayLike, Floats
+from .types import Array, ArrayLike, Floats, is_whole
 
 _NODES = {
     1: (0.0, 1.0),
@@ -45,7 +45,7 @@ def lobatto_nodes(order: int) -> Floats:
     >>> lobatto_nodes(2).tolist()
     [0.0, 0.5, 1.0]
     """
-    if isinstance(order, bool) or not isinstance(order, int | np.integer) or order not in _NODES:
+    if not is_whole(order) or order not in _NODES:
         raise InputError("argument order", f"got {order!r}, expected 1, 2, 3 or 4")
     return np.array(_NODES[order])
 
@@ -124,8 +124,7 @@ class Interpolation(Frozen):
     def __post_init__(self) -> None:
         lobatto_nodes(self.order)
         points = self.points or self.order
-        whole = isinstance(points, int | np.integer) and not isinstance(points, bool)
-        if not whole or points < self.order:
+        if not is_whole(points) or points < self.order:
             raise InputError(
                 "argument points",
                 f"{self.points!r} Gauss points at order {self.order}, expected {self.order} or"

@@ -12,7 +12,7 @@ from .arguments import checked
 from .errors import InputError, failed
 from .frozen import Attached, Frozen, Replacements
 from .kernels import cross, exp_quaternion, rotation_matrix
-from .types import ArrayLike, Floats, numbers, switch
+from .types import TOLERANCE, ArrayLike, Floats, finite, numbers, switch
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 #: what to do instead of changing a beam or body
 REPLACED = "make another one: model.with_items({name: ...}) is the model with it"
-TOLERANCE = 1e-9  # of lengths and cosines in the reference configuration
 
 
 def vector(item: str, name: str, value: ArrayLike) -> Floats:
@@ -470,13 +469,9 @@ class MotionTurn(Motion):
 
     def frame(self, place: Place, t: float) -> Floats:
         """See the base class."""
-        value = numbers(f"turning motion of the {place.label}", f"angle({t!r})", self.angle(t))
-        if value.shape != () or not np.isfinite(value):
-            raise InputError(
-                f"turning motion of the {place.label}",
-                f"angle is {value!r} at t = {t!r}, expected a finite number",
-            )
-        R = rotation_matrix(exp_quaternion(float(value) * self.axis))
+        item, expected = f"turning motion of the {place.label}", f"a finite number at t = {t!r}"
+        value = finite(item, "angle", self.angle(t), expected)
+        R = rotation_matrix(exp_quaternion(value * self.axis))
         out = np.empty((4, 3))
         out[0] = self.centre + R @ (place.position - self.centre)
         out[1:] = R.T

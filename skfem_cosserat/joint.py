@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError
-from .frames import TOLERANCE, Item, Motion, Place, StructuralItem, is_beam, no_place, unit_vector
+from .frames import Item, Motion, Place, StructuralItem, is_beam, no_place, unit_vector
 from .frozen import Frozen
 from .relative import (
     ORIGIN,
@@ -29,7 +29,7 @@ from .relative import (
     rotation,
 )
 from .time_function import FunctionOfTime
-from .types import ArrayLike, Floats, positive
+from .types import TOLERANCE, ArrayLike, Floats, positive
 
 # -- what a joint is: constraint rows, the motion it leaves free, its relative coordinates ---------
 #

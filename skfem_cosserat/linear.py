@@ -456,10 +456,8 @@ class _Ordered(Factors):
 # pypardiso finds the library; its own calls repeat the analysis with each matrix, so the library is
 # called here. Threads: as many as the environment (``MKL_NUM_THREADS``) lets it take.
 
-ANALYSE, FACTOR, SOLVE, RELEASE = 11, 22, 33, -1
-#: kinds of matrices: symmetric pattern, none
-SYMMETRIC_PATTERN, GENERAL = 1, 11
-ZERO_PIVOT, NO_MEMORY = -4, -2
+#: its numbers of what it can do
+ANALYSE, FACTOR, SOLVE = 11, 22, 33
 
 
 class SolverPardiso(Solver):
@@ -513,7 +511,7 @@ class _Handle:
 
     def release(self) -> None:
         """Give the memory back."""
-        self(RELEASE, [np.zeros(1)] * 5)
+        self(-1, [np.zeros(1)] * 5)
 
 
 class _Pardiso(Factors):
@@ -525,7 +523,7 @@ class _Pardiso(Factors):
         self._rows = pattern.indices.astype(np.int32)
         self._none = np.zeros(pattern.shape[0])
         self._symmetric = balanced(pattern)
-        kind = SYMMETRIC_PATTERN if self._symmetric else GENERAL
+        kind = 1 if self._symmetric else 11  # a symmetric pattern, or none
         self._handle = _Handle(library, pattern.shape[0], kind)
         settings = self._handle.settings
         settings[0] = 1  # no defaults
@@ -563,9 +561,9 @@ class _Pardiso(Factors):
     def _run(self, phase: int, b: Floats, x: Floats) -> None:
         count = 1 if b.ndim == 1 else b.shape[1]
         error = self._handle(phase, [self._data, self._starts, self._rows, b, x], count)
-        if error == ZERO_PIVOT:
+        if error == -4:  # zero pivot
             raise SingularMatrixError("the iteration matrix is singular")
-        if error == NO_MEMORY:
+        if error == -2:
             raise MemoryError("Pardiso has not enough memory")
         if error:
             raise CosseratError(f"Pardiso failed in phase {phase} with error {error}")

@@ -166,8 +166,6 @@ def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:
 # scenes that differ anywhere share nothing by mistake.
 
 MadeT = TypeVar("MadeT")
-#: most memory (bytes) of all that is kept for scenes to come, and of a single one of them
-KEPT, LARGEST = 64_000_000, 32_000_000
 
 
 class Shared:
@@ -175,12 +173,12 @@ class Shared:
 
     Parameters
     ----------
-    most, largest : int
-        Memory (bytes) of all together, and of one that is kept.
+    most : int
+        Memory (bytes) of all together; one alone may take half of it.
 
     Examples
     --------
-    >>> shared = Shared(10**6, 10**6)
+    >>> shared = Shared(10**6)
     >>> rows, cols = np.array([0, 1, 1]), np.array([0, 1, 1])
     >>> pattern = shared(FrozenPattern, rows, cols, (2, 2))
     >>> shared(FrozenPattern, rows.copy(), cols.copy(), (2, 2)) is pattern
@@ -189,8 +187,8 @@ class Shared:
     False
     """
 
-    def __init__(self, most: int, largest: int) -> None:
-        self._most, self._largest = most, largest
+    def __init__(self, most: int = 64_000_000) -> None:
+        self._most = most
         self._kept: dict[tuple[Any, bytes], tuple[Any, int]] = {}
         self._size = 0
         self._lock = threading.Lock()
@@ -209,7 +207,7 @@ class Shared:
         made = make(*integers)
         size = _memory(made)
         with self._lock:
-            if size <= self._largest and key not in self._kept:
+            if size <= self._most // 2 and key not in self._kept:
                 self._kept[key] = made, size
                 self._size += size
             while self._size > self._most:
@@ -224,7 +222,7 @@ class Shared:
 
 
 #: of this process
-shared = Shared(KEPT, LARGEST)
+shared = Shared()
 
 
 KeyT = TypeVar("KeyT")

@@ -40,7 +40,6 @@ _UNITS = {
 #: what is drawn unless names are given: of springs if there are some
 _USUAL = ("kinetic", "strain_energy", "coupling_energy", "energy", "energy_midpoint")
 _CAMERAS = ("xy", "xz", "yz", "iso")
-_STEEL, _BODY, _BALL = (0.27, 0.51, 0.71), (0.6, 0.66, 0.75), (0.7, 0.13, 0.13)
 
 
 @checked
@@ -356,11 +355,11 @@ def _faded(colors: ArrayLike, strength: float) -> Floats:
 def _look(surface: PolyData, strength: float, style: Mapping[str, Any]) -> dict[str, Any]:
     """Colours of a beam; the full ones come with a scale."""
     from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap
+    from matplotlib.colors import ListedColormap, to_rgb
 
     color = style["color"]
     if color not in surface.cell_data:
-        return {"color": _faded(_STEEL, strength)}
+        return {"color": _faded(to_rgb("steelblue"), strength)}
     colors = colormaps["viridis"](np.linspace(0.0, 1.0, 256))[:, :3]
     table = ListedColormap(_faded(colors, strength))
     unit = {"N": "N", "M": "N m"}[color]
@@ -397,6 +396,7 @@ def _draw(
 ) -> None:
     """Add one instant to a picture."""
     import pyvista
+    from matplotlib.colors import to_rgb
 
     row = history.row(i)
     size = style["size"]
@@ -408,12 +408,12 @@ def _draw(
         x = body.points(row["q"])
         if body.material is None:
             ball = pyvista.Sphere(radius=0.012 * size, center=x[0])
-            color = _faded(_BALL, strength)
+            color = _faded(to_rgb("firebrick"), strength)
             plotter.add_mesh(ball, color=color, smooth_shading=True, ambient=0.25)
         else:
             faces = np.insert(body.faces, 0, 3, axis=1).ravel()
             surface = pyvista.PolyData(x, faces)
-            plotter.add_mesh(surface, color=_faded(_BODY, strength), ambient=0.25)
+            plotter.add_mesh(surface, color=_faded(to_rgb("#99a8bf"), strength), ambient=0.25)
 
 
 @checked

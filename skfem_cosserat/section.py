@@ -16,7 +16,7 @@ import numpy as np
 from .errors import InputError, ModelWarning
 from .frozen import Frozen, loosened, seal
 from .law import Law, LawQuadratic
-from .types import ArrayLike, Floats, numbers, positive
+from .types import ArrayLike, Floats, not_negative, numbers, positive, real
 from .warn import warn
 
 #: relative error of constants that were typed in
@@ -53,8 +53,7 @@ class Material(Frozen):
 
     def __post_init__(self) -> None:
         _positive("material", E=self.E, rho=self.rho)
-        nu = numbers("material", "nu", self.nu)
-        if nu.shape != () or not -1 < nu <= 0.5:
+        if not -1 < real("material", "nu", self.nu, "-1 < nu <= 0.5") <= 0.5:
             raise InputError("material", f"nu = {self.nu!r}, expected -1 < nu <= 0.5")
 
     @property
@@ -305,12 +304,7 @@ class Section(Frozen):
                 item, f"time = {time!r}, viscosity = {viscosity!r}, expected one of them"
             )
         if viscosity is None:
-            tau = numbers(item, "time", time)
-            if tau.shape != () or not (np.isfinite(tau) and tau >= 0):
-                raise InputError(
-                    item, f"time = {time!r}, expected a finite number that is not negative"
-                )
-            viscosity = float(tau) * self.stiffness
+            viscosity = not_negative(item, "time", time) * self.stiffness
         out = loosened(copy(self))
         object.__setattr__(out, "viscosity", _viscosity(viscosity, self.stiffness))
         return seal(out)

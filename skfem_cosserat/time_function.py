@@ -17,7 +17,7 @@ import numpy as np
 from .errors import InputError, failed
 from .frames import Item, vector
 from .frozen import Frozen, brief
-from .types import ArrayLike, Floats, numbers
+from .types import ArrayLike, Floats, finite, numbers
 
 
 @runtime_checkable
@@ -58,9 +58,7 @@ _POINTS, _WEIGHTS = (each.tolist() for each in np.polynomial.legendre.leggauss(3
 
 def _finite(item: str, **values: float) -> None:
     for name, value in values.items():
-        number = numbers(item, name, value)
-        if number.shape != () or not np.isfinite(number):
-            raise InputError(item, f"{name} = {value!r}, expected a finite number")
+        finite(item, name, value)
 
 
 class _Ramp(Frozen):
@@ -373,12 +371,8 @@ class FunctionOfTime(Frozen):
             except Exception as error:
                 raise failed("function of time", "it", error, t) from error
             if not (isinstance(value, float) and math.isfinite(value)):
-                number = numbers("function of time", f"value at t = {t!r}", value)
-                if number.shape != () or not np.isfinite(number):
-                    wrong = f"value {value!r} at t = {t!r}, expected a number"
-                    raise InputError("function of time", wrong)
-                value = float(number)
-            out.append(float(value))
+                value = finite("function of time", "value", value, f"a number at t = {t!r}")
+            out.append(value)
         return out
 
     def average(self, t0: float, t1: float) -> float:
@@ -433,19 +427,14 @@ def time_function(item: str, value: Amplitude) -> TimeFunction:
     if value is None:
         return Constant(1.0)
     if isinstance(value, int | float | np.number):
-        if not np.isfinite(numbers(item, "amplitude", value)):
-            raise InputError(item, f"amplitude = {value!r} is not finite")
-        return Constant(value)
+        return Constant(finite(item, "amplitude", value))
     if isinstance(value, TimeFunction):
         return value
     if not callable(value):
         raise InputError(
             item, f"amplitude = {value!r}, expected a number, a Table or a function of time"
         )
-    first = value(0.0)
-    number = numbers(item, "amplitude at t = 0.0", first)
-    if number.shape != () or not np.isfinite(number):
-        raise InputError(item, f"amplitude is {first!r} at t = 0.0, expected a number")
+    finite(item, "amplitude", value(0.0), "a number at t = 0.0")
     return FunctionOfTime(value)
 
 

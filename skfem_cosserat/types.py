@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray  # noqa: F401, others take it from here
@@ -21,8 +21,11 @@ IndexArray: TypeAlias = NDArray[np.int64]
 #: Three numbers.
 VectorLike: TypeAlias = Sequence[float] | NDArray[np.float64]
 
-#: two triads closer than this are one and the same
+#: numbers closer than this, relative to what they are made of, are one and the same: what is left
+#: is rounding
 SAME = 1e-12
+#: of lengths, sines and cosines in the reference configuration, and of places in elements
+TOLERANCE = 1e-9
 #: how many steps may be asked for: at a million a second these take eleven days
 MOST = 10**12
 #: so many names a message lists, and so many that are like the one asked for
@@ -82,11 +85,7 @@ def switch(item: str, value: Any, name: str = "") -> bool:
     return bool(value)
 
 
-#: states of a history that are looked at
-LOOKS = 20
-
-
-def spread(count: int, most: int = LOOKS) -> IndexArray:
+def spread(count: int, most: int = 20) -> IndexArray:
     """So many numbers from 0 on, or `most` of them, evenly spread, with the first and the last.
 
     Examples
@@ -106,19 +105,34 @@ def file_path(item: str, value: Any) -> Path:
     return Path(os.fsdecode(value))
 
 
-def positive(item: str, name: str, value: Any, unit: str = "") -> float:
-    """A positive finite number, or an error naming item and argument."""
-    expected = f"a positive finite number{unit}"
+def finite(
+    item: str, name: str, value: Any, expected: str = "a finite number", least: float = -np.inf
+) -> float:
+    """A finite number, from `least` on, or an error naming item and argument."""
     out = real(item, name, value, expected)
-    if not (np.isfinite(out) and out > 0):
+    if not (np.isfinite(out) and out >= least):
         raise InputError(item, f"{name} = {shown(value)}, expected {expected}")
     return out
 
 
+def not_negative(item: str, name: str, value: Any) -> float:
+    """A finite number from zero on, or an error naming item and argument."""
+    return finite(item, name, value, "a finite number that is not negative", 0.0)
+
+
+def positive(item: str, name: str, value: Any, unit: str = "") -> float:
+    """A positive finite number, or an error naming item and argument."""
+    return finite(item, name, value, f"a positive finite number{unit}", np.nextafter(0.0, 1.0))
+
+
+def is_whole(value: object) -> TypeGuard[int]:
+    """Whether a value is an integer; truth values are none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
 def whole(item: str, value: Any, least: int | None, name: str = "") -> int:
     """An integer, from `least` on if there is one, or an error naming item and argument."""
-    integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not integer or (least is not None and value < least):
+    if not is_whole(value) or (least is not None and value < least):
         given = f"{name} = {shown(value)}" if name else shown(value)
         expected = "an integer" if least is None else f"an integer from {least} on"
         raise InputError(item, f"{given}, expected {expected}")

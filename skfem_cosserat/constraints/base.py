@@ -100,14 +100,8 @@ REGULAR = 1e-3
 #: up before rows are chosen again: they are products of two things that turn, so change by twice as
 #: much at most, and are more than half as far from singular then
 CLEAR = 0.2
-#: share of it that may be left before others may do better
-HALF = 0.5
-#: share of what motions may use up below which it is measured anew at a look
-NEARLY = 0.5
-#: rotation in a step (rad) that counts as half a turn
-HALF_TURN = 3.12
-#: trace of that rotation
-SMALLEST = 1 + 2 * cos(HALF_TURN)
+#: trace of a rotation of 3.12 rad in a step, which counts as half a turn
+SMALLEST = 1 + 2 * cos(3.12)
 #: some component of a director changes by more in it: squares of all nine add up to 8 sin(a/2)^2
 NEAR = 0.9
 _ONES = np.ones(9)
@@ -317,12 +311,12 @@ class BoundTreatment(ABC):
         """
         system, closure = self.system, self.system.closure
         left = CLEAR * self._pivots - closure.motion(self._seen, y)
-        near = np.flatnonzero(left < np.maximum(step, NEARLY * CLEAR * self._pivots))
+        near = np.flatnonzero(left < np.maximum(step, CLEAR / 2 * self._pivots))
         if len(near):
             if system.moving:  # the ground has moved for all of them
                 near = np.arange(len(left))
             pivots = closure.independence(self._taken, y, tree_values(system, y), near)
-            if not (pivots > HALF * self._least[near]).all():
+            if not (pivots > self._least[near] / 2).all():  # others may do better
                 return False
             rows = slice(None) if len(near) == len(left) else closure.rows_of(near)
             self._seen[rows], self._pivots[near], left[near] = y[rows], pivots, CLEAR * pivots

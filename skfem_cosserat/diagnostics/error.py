@@ -14,7 +14,7 @@ from ..kernels import beam_stress
 from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Spin
 from ..strain import strain_measures
-from ..types import SAME, ArrayLike, Floats, IndexArray, check_kind, numbers, switch
+from ..types import SAME, TOLERANCE, ArrayLike, Floats, IndexArray, check_kind, numbers, switch
 from .energy import group_of, held_forces, section_strains
 from .forces import accelerations, element_balances, part_resultants
 from .stacked import as_stack, of_states
@@ -207,9 +207,7 @@ def _met(beam: Beam, e: np.ndarray, x: Floats) -> tuple[np.ndarray, np.ndarray]:
     gaps = abs(x[..., None] - beam.basis.interpolation.nodes)
     nearest = gaps.argmin(axis=-1)
     node = np.take_along_axis(beam.basis.connectivity[e], nearest[..., None], axis=-1)[..., 0]
-    from ..mesh.divide import MEETS
-
-    return gaps.min(axis=-1) <= MEETS, node
+    return gaps.min(axis=-1) <= TOLERANCE, node
 
 
 # -- beams at any point inside their elements: place, triad, strains and resultants ----------------

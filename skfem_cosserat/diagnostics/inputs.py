@@ -22,8 +22,8 @@ from ..time_function import Constant
 from ..types import ArrayLike, Floats, spread
 from .resolution import ENOUGH
 
-#: pieces of a step, and steps that are looked at most
-PIECES, LOOKS = 16, 1000
+#: pieces of a step that are looked at, and steps at most
+INSIDE, LOOKS = 16, 1000
 #: part of what a function does that steps may miss, and the part of its size that is rounding
 MISSED, ROUNDING = 0.1, 1e-9
 #: how a function of time acts: by its means over steps or at their ends, or it moves what is held
@@ -115,7 +115,7 @@ def _missed(
     if acts == "moves":  # a short one may be in a step between those
         bends = np.linalg.norm(np.diff(values(ends), 2, axis=0), axis=1)
         steps = np.union1d(steps, bends.argsort()[-ENOUGH:])
-    knots = ends[steps, None] + np.diff(ends)[steps, None] * np.linspace(0, 1, PIECES + 1)
+    knots = ends[steps, None] + np.diff(ends)[steps, None] * np.linspace(0, 1, INSIDE + 1)
     grid = np.union1d(knots, inside)
     width, t = np.diff(grid), (grid[1:] + grid[:-1]) / 2
     own = np.searchsorted(ends, t) - 1

@@ -16,8 +16,8 @@ from ..types import Floats
 LOOKS, MANY = 400, 20
 #: part of a function's range, and of its size, that is no jump
 SMALL, NOISE = 1e-2, 1e-5
-#: of the size of what moves, in differences of it; and of what is zero
-ROUNDING, NOTHING = 1e-14, 1e-200
+#: of the size of what moves, in differences of it
+ROUNDING = 1e-14
 #: steps that differences of first and of second order in time take
 SHORT = 1e-3, 2e-2
 
@@ -107,7 +107,7 @@ def _found(
     times: Floats,
     width: float,
     kinks: Sequence[float] = (),
-    rounding: float = NOTHING,
+    rounding: float = 1e-200,
 ) -> list[float]:
     """Times, to a width (s), at which a component of a function (k,) jumps."""
     values = np.array([function(t) for t in times.tolist()])

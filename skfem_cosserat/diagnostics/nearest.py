@@ -8,11 +8,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from ..constraints.base import RowSpace
+from ..constraints.null_space import CLOSING
 from ..kernels import cross, exp_quaternion, rotation_matrix
 from ..linear import SingularMatrixError
 from ..model import System
 from ..model.balance import Amplitudes
-from ..model.limits import over_rotated
+from ..model.limits import FAR_TURN, over_rotated
 from ..types import Floats, IndexArray
 from .stacked import ReducedTangent, material_stiffness, null_space_matrix, reduced_tangent
 
@@ -159,12 +160,8 @@ def _missing(tangent: ReducedTangent, inertia: Floats | None) -> Floats:
 
 # -- the configuration on the constraints that is nearest to a given one ---------------------------
 
-#: Newton iterations, at most
-ITERATIONS = 30
 #: violation, relative to the size of coordinates in the rows, that counts as none
 HELD = 1e-14
-#: rotation in an iteration (rad), at most
-TURN = 0.5
 #: elastic energy against kinetic energy in the distance, in units of the scene's lowest motions
 STIFF = 1e3
 
@@ -200,7 +197,7 @@ def nearest_configuration(system: System, y: Floats) -> Floats | None:
     [0.6, 0.0, -0.8]
     """
     constraints, best, start = system.constraints, np.inf, y
-    for _ in range(ITERATIONS):
+    for _ in range(CLOSING):
         g = constraints.values(y)
         # where terms cancel or vanish, coordinates are still known to rounding only
         size = constraints.magnitudes(y, np.full_like(y, abs(y).max(initial=0.0)))
@@ -259,7 +256,7 @@ def _moved(system: System, y: Floats, change: Floats) -> Floats:
     rates[: system.rows] = change
     directors = kin.directors(y)
     spin = 0.5 * np.cross(directors, kin.directors(rates)).sum(axis=1)
-    share = min(1.0, TURN / max(float(abs(spin).max(initial=0.0)), 1e-300))
+    share = min(1.0, FAR_TURN / max(float(abs(spin).max(initial=0.0)), 1e-300))
     out = y + share * rates
     # rows are directors, which inverse rotations turn from the right
     out[kin.director_rows] = directors @ rotation_matrix(exp_quaternion(-share * spin))

@@ -22,7 +22,7 @@ from ..model.limits import fastest_turn, owner
 from ..model.parts import connected_parts
 from ..model.quadratic import TOGETHER
 from ..pattern import once_for_each
-from ..types import Floats, IndexArray, spread
+from ..types import SAME, Floats, IndexArray, spread
 from .momenta import Projection
 from .stacked import driven_alternation
 
@@ -36,8 +36,8 @@ WINDOWS, APART, STATES = 10, 100, 12
 #: states that tell of an error (those of fifth differences), and the part of a scene that is no
 #: motion
 ENOUGH, NOISE = 6, 1e-7
-#: difference of two steps, and of neighbouring states, relative, that is none
-SAME, ROUNDING = 1e-6, 1e-12
+#: difference of two steps, relative, that is none
+EVEN = 1e-6
 #: Newton iterations of a step that is looked at for other solutions (most take two to five, some
 #: with kept factors up to eight), those that each other part of a composed step takes, and how far
 #: off (rad, or relative to the range of its motion) is what neighbouring steps lead to
@@ -153,7 +153,7 @@ def _by_velocities(system: System, history: History) -> Resolution:
     ways = np.nan_to_num(np.linalg.norm(later - places, axis=-1) / SMALL / size)
     angles = np.sqrt(2 * (ways**2).mean(0))  # a vibration's, and less of what moves once
     vertex = int(angles.argmax())
-    angle = max(float(angles[vertex]), ROUNDING)
+    angle = max(float(angles[vertex]), SAME)
     item = owner(system, int(system.origin_rows[vertex])).label
     off = min(min(STEPS, count) * float(_lost(history, np.array(angle))) / 2, 1.0)
     time = float(t[ways[:, vertex].argmax()])
@@ -315,7 +315,7 @@ def _vibrations(places: Floats) -> tuple[Floats, Floats]:
     """
     differences = np.diff(places, 3, axis=1)
     third, fifth = _largest(differences), _largest(np.diff(differences, 2, axis=1))
-    some = third > ROUNDING * abs(places).max(initial=0.0)
+    some = third > SAME * abs(places).max(initial=0.0)
     with np.errstate(all="ignore"):
         chord = np.where(some, np.minimum(np.sqrt(fifth / third), 2.0), 0.0)
         return np.where(chord > 0, third / chord**3, 0.0), 2 * np.arcsin(chord / 2)
@@ -352,8 +352,8 @@ def _largest(differences: Floats) -> Floats:
 def _neighbours(history: History) -> NDArray[np.bool_]:
     """Whether a state is one whole step behind the one before it: those to events are shorter."""
     ways, next_to = np.diff(history.times), np.diff(history["step"]) == 1
-    if next_to.any() and not np.ptp(ways) < SAME * ways.min():  # most runs have equal steps
-        next_to &= abs(ways - np.median(ways[next_to])) < SAME * abs(ways)
+    if next_to.any() and not np.ptp(ways) < EVEN * ways.min():  # most runs have equal steps
+        next_to &= abs(ways - np.median(ways[next_to])) < EVEN * abs(ways)
     return np.asarray(next_to)
 
 

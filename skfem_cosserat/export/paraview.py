@@ -18,7 +18,8 @@ from ..arguments import checked
 from ..errors import IncompleteWarning, InputError, writing
 from ..history import History
 from ..history.file import write_at
-from ..types import Array, ArrayLike, Floats, IndexArray, switch
+from ..model.quadratic import TOGETHER
+from ..types import Array, ArrayLike, Floats, IndexArray, switch, whole
 from ..warn import logger, warn
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
@@ -465,8 +466,6 @@ class _Files:
 
 # -- paraView series: an index (``.pvd``) for each layer and one file (``.vtu``) for each frame ----
 
-#: coordinates of the states that are written at once
-_NUMBERS = 100_000
 _HEAD = b'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
 _TAIL = b"  </Collection>\n</VTKFile>\n"
 
@@ -658,7 +657,7 @@ class ParaViewWriter:
         names = [name for name in self._names if name in history]
         history.derive(names)  # what cannot be had is told, and left out
         series = {name: history[name] for name in names if name in history.recorded}
-        size = max(1, _NUMBERS // max(1, series["q"].shape[1]))  # states that are written at once
+        size = max(1, TOGETHER // max(1, series["q"].shape[1]))  # states that are written at once
         for start in range(0, len(chosen), size):
             part = np.array(chosen[start : start + size])
             states = {name: values[part] for name, values in series.items()}
@@ -728,8 +727,7 @@ def _names(meta: Mapping[str, Any], layers: list[Layer]) -> dict[str, Any]:
 
 def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
     """Numbers of the states to be written."""
-    if isinstance(every, bool) or not isinstance(every, int | np.integer) or every < 1:
-        raise InputError("argument every", f"got {every!r}, expected an integer of at least 1")
+    whole("argument every", every, 1)
     if fps is None:
         return list(range(0, len(times), every))
     if every != 1:

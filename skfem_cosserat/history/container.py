@@ -12,8 +12,8 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import CosseratError, HistoryError, IncompleteWarning, InputError, StorageError
-from ..frames import TOLERANCE, Place, is_beam
-from ..types import Array, ArrayLike, Floats, IndexArray, names_known, numbers, whole
+from ..frames import Place, is_beam
+from ..types import TOLERANCE, Array, ArrayLike, Floats, IndexArray, names_known, numbers, whole
 from ..warn import Notices, counted, listed, warn
 from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, series_numbers
 

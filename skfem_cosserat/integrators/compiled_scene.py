@@ -17,6 +17,7 @@ from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
 from ..model.parts import separate_parts
+from ..model.quadratic import TOGETHER
 from ..newton import NewtonSettings
 from ..pattern import FrozenPattern, shared
 from ..types import Floats, IndexArray
@@ -395,10 +396,6 @@ class Motion(NamedTuple):
     stored: Floats | None
 
 
-#: numbers of states that are looked at together: more are asked for where they are few each
-ROOM = 2**16
-
-
 class CompiledMotion(NearestVelocity):
     """Velocities of states, as of the base class, and their energies.
 
@@ -414,7 +411,7 @@ class CompiledMotion(NearestVelocity):
         super().__init__(system, settings, source)
         states = np.zeros((0, self.system.rows, 3))
         self._looked = dict.fromkeys(("q", "p", "v"), states) | {"energies": np.zeros((0, 2))}
-        self._make_room(1 + ROOM // self.system.n)
+        self._make_room(1 + TOGETHER // self.system.n)
 
     def _make_room(self, count: int) -> None:
         """For as many states that are looked at together."""

@@ -253,9 +253,8 @@ class Viscous:
 
 
 #: most steps in one go, and most unknowns moved in all of them together: for less than a second,
-#: as Ctrl-C waits for them; the same where every state is kept
+#: as Ctrl-C waits for them; fewer where every state is kept
 STRIDE, MOVED = 256, 10**6
-STRIDE_KEPT, MOVED_KEPT = 128, 10**5
 #: states of a block that are kept at least, beside one that may be taken back: starts and ends of
 #: three steps, from which the last constraint force follows where no step comes after it
 LAST = 4
@@ -394,7 +393,7 @@ class CompiledStep(CompiledScene):
         self._moves = bool(scheme.moved) and self.system.m > 0
         counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
         n = max(1, self.system.n)
-        self._kept = max(LAST + 1, min(STRIDE, STRIDE_KEPT, MOVED_KEPT // n))
+        self._kept = max(LAST + 1, min(STRIDE // 2, MOVED // (10 * n)))
         self._most = max(LAST + 1, min(STRIDE, MOVED // n))
         nearest = None if self._nearest is None else self._nearest.bound
         own = counts, nearest, self._normal, (self._kept, self._most), self._evaluated

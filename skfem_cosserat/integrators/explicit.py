@@ -19,19 +19,9 @@ import numpy as np
 from ..constraints import Multipliers, Treatment
 from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError
 from ..frames import is_beam
-from ..kernels import (
-    beam_dissipation,
-    beam_force,
-    beam_strain,
-    beam_strain_rate,
-    beam_stress,
-    beam_viscous_stress,
-    director_force,
-)
 from ..model import Model, System, system_of
 from ..model.force_elements import CoupledForce
-from ..model.groups import BeamGroup
-from ..types import Floats, IndexArray, switch
+from ..types import Floats, IndexArray, switch, whole
 from ..warn import logger, warn
 from .base import Integrator, March, Marched
 from .explicit_limit import LimitWatch, StepLimit, check_lumped
@@ -81,38 +71,6 @@ def check_scene(name: str, system: System, treatment: Treatment) -> None:
 
 
 # -- kicks -----------------------------------------------------------------------------------------
-
-
-class Kick:
-    """The elements of a group, which kick their nodes.
-
-    Attributes
-    ----------
-    elements : BeamElements
-    rows : (ne, 4 nn) int array
-        Of y.
-    v, parts : (k,), (k, 4) int arrays
-        Their nodes, and rows of these.
-    where : (12 ne nn,) int array
-        Where forces on the nodes of elements are added up, (k, 4, 3).
-    """
-
-    def __init__(self, group: BeamGroup, nodes: Nodes) -> None:
-        self.elements, self.rows = group.elements, group.rows
-        self.v, local = np.unique(group.vertices, return_inverse=True)
-        self.parts = nodes.rows[self.v]
-        self.where = (12 * local.reshape(-1, 1) + np.arange(12)).ravel()
-
-    def local(self, y: Floats) -> Floats:
-        """Rows of y, or of velocities, of each element (ne, 12 nn)."""
-        return y.take(self.rows, axis=0).reshape(len(self.rows), -1)
-
-    def add(self, out: Floats, y: Floats, B: Floats, stress: Floats, h: float) -> None:
-        """Add the impulses of stresses during half of a round to momenta."""
-        f = beam_force(self.elements, B, 0.5 * h * stress)
-        own = np.bincount(self.where, f.ravel(), 12 * len(self.v)).reshape(-1, 4, 3)
-        own[:, 1] = director_force(y[self.parts[:, 1:]], own[:, 1:])
-        out[self.v] -= own[:, :2]
 
 
 class Outer:
@@ -226,7 +184,6 @@ class Marching(March):
         self._viscous = viscous or any(g.viscous for g in system.beam_groups)
         self._loaded = bool(system.loading.times or couplings.count) or (system.drag is not None)
         self._last: tuple[State, Half] | None = None
-        self._kicks = [Kick(g, self.nodes) for g in system.beam_groups if len(g.rows)]
         self._free = self.nodes.bodies.taken(np.flatnonzero(self.nodes.cluster_of < 0))
         self.rounds = 0
         self._divide()
@@ -349,24 +306,29 @@ class Marching(March):
         self, y: Floats, m: Floats, h: float, outer: Outer | None
     ) -> Callable[[Floats], Half]:
         """Half of the kicks by the momenta that give the velocity."""
-        elastic, strained = np.zeros_like(m), []
-        for kick in self._kicks:
-            eps, B = beam_strain(kick.elements, kick.local(y))
-            kick.add(elastic, y, B, beam_stress(kick.elements, eps), h)
-            if kick.elements.viscosity is not None:
-                strained.append((kick, B))
+        system = self.system
+        strains = [(group, *group.strain(y)) for group in system.beam_groups]
+        Bs = [B for *_, B in strains]
 
+        def kick(stresses: list[Floats]) -> Floats:
+            """Impulses of stresses during half of a round."""
+            force = system.internal_force(Bs, [0.5 * h * stress for stress in stresses])
+            return self.nodes.momenta(y, force)
+
+        elastic = -kick([group.stress(eps) for group, eps, _ in strains])
         velocities = self._velocities(y)
 
         def half(at: Floats) -> Half:
             impulse, lost, ends = elastic, 0.0, None
             rates = velocities(at)
-            for kick, B in strained:
-                rate = beam_strain_rate(B, kick.local(rates))
-                impulse = impulse.copy()
-                kick.add(impulse, y, B, beam_viscous_stress(kick.elements, rate), h)
-                power = beam_dissipation(kick.elements, rate)
-                lost += 0.5 * h * float(power.sum())
+            slowed = [np.zeros_like(eps) for _, eps, _ in strains]
+            for k, (group, _, B) in enumerate(strains):
+                if group.viscous:
+                    rate = group.strain_rate(B, rates)
+                    slowed[k] = group.viscous_stress(rate)
+                    lost += 0.5 * h * group.dissipation(rate)
+            if any(group.viscous for group, *_ in strains):
+                impulse = elastic - kick(slowed)
             whole = impulse
             if outer is not None:
                 ends = outer.at(y, rates)
@@ -407,7 +369,7 @@ class Marching(March):
     def _drift(self, y: Floats, m: Floats, h: float) -> int:
         """Bring all nodes to the end of a round; gives iterations."""
         found = [cluster.drift(y, m, h) for cluster in self.nodes.clusters]
-        self._free.drift(y, m, np.full(len(self._free.number), h))
+        self._free.drift(y, m, h)
         return max(found, default=0)
 
 
@@ -484,10 +446,8 @@ class Explicit(Integrator):
     conserves = "symplectic form, momentum maps; energy oscillates within a bound"
 
     def __init__(self, rounds: int = 1, checked: bool = True) -> None:
-        whole = isinstance(rounds, int | np.integer) and not isinstance(rounds, bool)
-        if not whole or rounds < 1:
-            raise InputError("argument rounds", f"{rounds!r}, expected a positive integer")
-        self.rounds, self.checked = int(rounds), switch("argument checked", checked)
+        self.rounds = whole("argument rounds", rounds, 1)
+        self.checked = switch("argument checked", checked)
 
     def __repr__(self) -> str:
         return f"Explicit(rounds={self.rounds}{'' if self.checked else ', checked=False'})"

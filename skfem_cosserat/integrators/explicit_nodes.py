@@ -68,8 +68,8 @@ class Bodies:
     def _offsets(self, D: Array) -> Array:
         return (self.centre[:, None] @ D)[:, 0]
 
-    def drift(self, y: Floats, m: Floats, dt: Floats) -> None:
-        """Move them as free rigid bodies for times dt (k,), in place.
+    def drift(self, y: Floats, m: Floats, dt: float) -> None:
+        """Move them as free rigid bodies for a time dt, in place.
 
         Exact where two principal moments are equal; else the turn about one axis that this leaves
         out is put half before and half after (of second order, symplectic and symmetric). L about
@@ -162,13 +162,13 @@ class Cluster:
         """
         rows, v = self.bodies.rows, self.bodies.number
         G, twists = self.gradients(y)
-        S, times = G @ twists.T, np.full(len(v), dt)
+        S = G @ twists.T
         places, begin, last = y[rows], m[v], np.inf
         impulse = np.zeros(len(G))
         for k in range(1, ITERATIONS + 1):
             y[rows] = places
             m[v] = begin + (impulse @ G).reshape(begin.shape)
-            self.bodies.drift(y, m, times)
+            self.bodies.drift(y, m, dt)
             gaps = self.joints.values(y)
             gap = float(abs(gaps / self.size).max())
             if gap <= CLOSED or (gap < 1e-12 and gap > 0.5 * last):

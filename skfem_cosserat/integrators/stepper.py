@@ -112,9 +112,6 @@ class StepProblem:
 #: scaled residual above which a converged step is looked at again, and the increment it may ask for
 #: then: more than that is no rounding, but a balance with jumps
 SOLVED, FURTHER = 1e-5, 1e-6
-#: what rows that depend on others gape by, against their terms, above which prescribed motions are
-#: looked at: far below :data:`BROKEN`, which is by the size of the joints
-LOOK = 1e-4 * BROKEN
 #: steps in a row that compiled kernels leave to plain numpy, after which that is said
 LEFT = 20
 #: attempts at a step: (extrapolate the last increment, damped)
@@ -539,7 +536,8 @@ class Stepper:
             if self.bound.regular and not state.plain:
                 solved = fast.solve(state, time)
                 if solved is not None:
-                    missed = self.system.moving and fast.missed > LOOK
+                    # by their terms: far below what is broken by the size of the joints
+                    missed = self.system.moving and fast.missed > 1e-4 * BROKEN
                     if missed and (wrong := self._contradiction(state, h, fast.y1, solved[1])):
                         return wrong
                     return self._accept_compiled(of, fast, state, time, origin, *solved)

@@ -14,9 +14,6 @@ from ..warn import warn
 if TYPE_CHECKING:  # pragma: no cover - for annotations only
     from .mesh import MeshCurve
 
-#: Neighbouring nodes of an element whose triads differ by this angle are refused: of a linear
-#: element nothing is left of its stiffness there.
-LARGEST = np.pi / 2
 _NAMES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic"}
 
 
@@ -84,7 +81,8 @@ def check_bends(
     triads that flip about the tangent at a corner, are reported by a warning.
     """
     angle = turns(triads[:, :-1], triads[:, 1:]).round(9)  # of equal ones the first is named
-    if angle.max() >= round(LARGEST, 9):
+    # at a quarter turn nothing is left of the stiffness of a linear element
+    if angle.max() >= round(np.pi / 2, 9):
         e, a = (int(i) for i in np.unravel_index(int(angle.argmax()), angle.shape))
         twist = abs(float(_twists(triads[e, a], triads[e, a + 1])))
         where = f"between the nodes {nodes[e, a]} and {nodes[e, a + 1]} of element {e}"
@@ -142,7 +140,7 @@ def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str)
     order = mesh.chain_order
     e, f = order.before, order.after
     twist = abs(_twists(triads[e, -1], triads[f, 0]))
-    flips = twist > LARGEST + 1e-9
+    flips = twist > np.pi / 2 + 1e-9
     if not flips.any():
         return
     number = np.empty(mesh.nelements, dtype=np.int64)  # of the chain

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..element import gauss_rule
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
-from ..types import ArrayLike, Floats, VectorLike, numbers, real, shown, switch
+from ..types import ArrayLike, Floats, VectorLike, finite, numbers, shown, switch
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 #: Gauss rule used to measure splines, on [0, 1].
-_LEGENDRE = np.polynomial.legendre.leggauss(16)
-_GAUSS_X, _GAUSS_W = 0.5 * (_LEGENDRE[0] + 1.0), 0.5 * _LEGENDRE[1]
+_GAUSS_X, _GAUSS_W = gauss_rule(16)
 _ROUND = 64 * np.finfo(float).eps
 
 
@@ -84,12 +84,9 @@ def _positive(value: float, item: str) -> float:
 def _number(value: float, item: str, expected: str) -> float:
     """A finite number; text and truth values are none."""
     try:
-        number = real(item, "value", value, expected)
+        return finite(item, "value", value, expected)
     except InputError as error:
         raise MeshError(item, f"got {shown(value)}, expected {expected}") from error
-    if not np.isfinite(number):
-        raise MeshError(item, f"got {value!r}, expected {expected}")
-    return number
 
 
 def _outer(vector: Floats, scalar: Floats) -> Floats:

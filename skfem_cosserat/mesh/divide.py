@@ -6,14 +6,14 @@ import heapq
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..arguments import checked
 from ..errors import MeshError
-from ..types import Floats, IndexArray
-from .topology import element_count
+from ..types import TOLERANCE, Floats, IndexArray
+from .topology import POSITION_TOLERANCE, element_count
 
 if TYPE_CHECKING:
     from .mesh import MeshCurve
@@ -21,14 +21,9 @@ if TYPE_CHECKING:
 
 # -- the same lines divided into other numbers of elements, fewer ones included --------------------
 
-#: Sine of the angle, and part of a length, up to which chords are one line and spans follow.
-STRAIGHT = 1e-9
-
 
 @checked
-def divided(
-    mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = (), beam: str | None = None
-) -> MeshCurve:
+def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = ()) -> MeshCurve:
     """Copy of a mesh with another number of elements, finer or coarser than it is.
 
     Where lines meet, end, have a corner or a named node, or change their name there is a vertex
@@ -42,8 +37,6 @@ def divided(
         As many as there are lines of that kind at least.
     keep : sequence of (int, float), optional
         Elements and reference coordinates in [0, 1] of further places that get a vertex.
-    beam : str, optional
-        Divide only the elements of this beam of the mesh, by its own length.
 
     Returns
     -------
@@ -53,7 +46,7 @@ def divided(
     Raises
     ------
     MeshError
-        For a number below one or an unknown beam.
+        For a number below one.
 
     Examples
     --------
@@ -65,36 +58,54 @@ def divided(
     [0.25, 0.25, 0.25, 0.25]
     """
     count = element_count(elements, "mesh")
-    chosen = np.ones(mesh.nelements, dtype=bool)
-    if beam is not None:
-        chosen[:] = False
-        chosen[mesh.elements_of(beam)] = True
     lines: list[tuple[IndexArray, Floats]] = []
-    for run in _runs(mesh, chosen):
+    for run in _runs(mesh):
         ends = np.append(0.0, np.cumsum(mesh.lengths[run]))
         inside = [ends[e - run[0]] + xi * mesh.lengths[e] for e, xi in keep if e in run]
         stops = np.unique(np.round(np.array([0.0, *inside, ends[-1]]) / ends[-1], 12)) * ends[-1]
-        lines.append((run, stops if chosen[run[0]] else ends))
-    counts = _counts(mesh, lines, chosen, count)
-    build = _Builder(mesh)
+        lines.append((run, stops))
+    counts = _counts(mesh, lines, count)
+    points, chains, spans = [mesh.p], [], []
     for run, stops in lines:
-        if not chosen[run[0]]:
-            build.element(int(run[0]))
-            continue
         parts = [np.linspace(a, b, counts.pop(0) + 1)[1:] for a, b in pairwise(stops)]
-        build.run(run, np.concatenate([np.zeros(1), *parts]))
-    return build.mesh()
+        along, inner = _along(mesh, run, np.concatenate([[0.0], *parts]))
+        fresh = sum(each.shape[1] for each in points) + np.arange(inner.shape[1])
+        points.append(inner)
+        chains.append(np.concatenate([mesh.t[:1, run[0]], fresh, mesh.t[1:, run[-1]]]))
+        spans.append(np.stack([along[:-1], along[1:]]))
+    # vertices are numbered along the lines
+    used, first = np.unique(np.concatenate(chains), return_index=True)
+    used = used[np.argsort(first)]
+    every = np.concatenate(points, axis=1)
+    number = np.empty(every.shape[1], dtype=np.int64)
+    number[used] = np.arange(len(used))
+    parent = np.repeat([run[0] for run, _ in lines], [len(chain) - 1 for chain in chains])
+    return replace(
+        mesh,
+        doflocs=every[:, used],
+        t=np.concatenate([number[np.stack([chain[:-1], chain[1:]])] for chain in chains], axis=1),
+        spans=np.concatenate(spans, axis=1),
+        curve_ids=mesh.curve_ids[parent],
+        _subdomains={k: np.flatnonzero(np.isin(parent, v)) for k, v in mesh.beams.items()},
+        _boundaries={k: number[v] for k, v in mesh.nodes.items()},
+    )
 
 
-def _counts(
-    mesh: MeshCurve, lines: Sequence[tuple[IndexArray, Floats]], chosen: Any, total: int
-) -> list[int]:
+def _along(mesh: MeshCurve, run: IndexArray, places: Floats) -> tuple[Floats, Floats]:
+    """Spans (n,) of arc lengths from the start of a run, and points (3, n - 2) between its ends."""
+    w, curve = places / places[-1], int(mesh.curve_ids[run[0]])
+    if curve < 0:
+        a, b = mesh.p[:, mesh.t[0, run[0]]], mesh.p[:, mesh.t[1, run[-1]]]
+        return places, (np.outer(a, 1 - w) + np.outer(b, w))[:, 1:-1]
+    spans = mesh.spans[0, run[0]] * (1 - w) + mesh.spans[1, run[-1]] * w
+    return spans, np.asarray(mesh.curves[curve].point(spans))[:, 1:-1]
+
+
+def _counts(mesh: MeshCurve, lines: Sequence[tuple[IndexArray, Floats]], total: int) -> list[int]:
     """Elements of each line between stops: the next one goes where they are longest."""
     lengths: list[float] = []
     counts: list[int] = []
     for run, stops in lines:
-        if not chosen[run[0]]:
-            continue
         closed = mesh.t[0, run[0]] == mesh.t[1, run[-1]]
         lengths += np.diff(stops).tolist()
         counts += [3 if closed and len(stops) == 2 else 1] * (len(stops) - 1)
@@ -107,7 +118,7 @@ def _counts(
     return counts
 
 
-def _runs(mesh: MeshCurve, chosen: Any) -> list[IndexArray]:
+def _runs(mesh: MeshCurve) -> list[IndexArray]:
     """Elements that follow each other on one line without anything between them."""
     ne, t = mesh.nelements, mesh.t
     first, second = np.arange(ne - 1), np.arange(1, ne)
@@ -122,100 +133,19 @@ def _runs(mesh: MeshCurve, chosen: Any) -> list[IndexArray]:
         inside = np.zeros(ne, dtype=bool)
         inside[part] = True
         joined &= inside[first] == inside[second]
-    joined &= (mesh.curve_ids[first] == mesh.curve_ids[second]) & chosen[first] & chosen[second]
+    joined &= mesh.curve_ids[first] == mesh.curve_ids[second]
     chord = mesh.curve_ids[first] < 0
     along = mesh.p[:, t[1]] - mesh.p[:, t[0]]
     along = along / np.linalg.norm(along, axis=0)
     bend = np.linalg.norm(along[:, 1:] - along[:, :-1], axis=0)
     gap = abs(mesh.spans[1, :-1] - mesh.spans[0, 1:])
     same_way = (np.diff(mesh.spans, axis=0)[0, :-1] > 0) == (np.diff(mesh.spans, axis=0)[0, 1:] > 0)
-    follows = (gap <= STRAIGHT * mesh.lengths[first]) & same_way
-    joined &= np.where(chord, bend <= STRAIGHT, follows)
+    follows = (gap <= TOLERANCE * mesh.lengths[first]) & same_way
+    joined &= np.where(chord, bend <= TOLERANCE, follows)
     return np.split(np.arange(ne), np.flatnonzero(~joined) + 1)
 
 
-class _Builder:
-    """Collects elements; vertices of the mesh before that are still used keep their place."""
-
-    def __init__(self, mesh: MeshCurve) -> None:
-        self.old = mesh
-        self.points: list[Floats] = []
-        self.number: dict[int, int] = {}
-        self.t: list[tuple[int, int]] = []
-        self.spans: list[tuple[float, float]] = []
-        self.curve_ids: list[int] = []
-        self.parent: list[int] = []
-
-    def _vertex(self, old: int) -> int:
-        if old not in self.number:
-            self.number[old] = len(self.points)
-            self.points.append(self.old.p[:, old])
-        return self.number[old]
-
-    def element(self, e: int) -> None:
-        """An element as it was."""
-        a, b = (int(v) for v in self.old.t[:, e])
-        self._add(self._vertex(a), self._vertex(b), e, *self.old.spans[:, e])
-
-    def _add(self, a: int, b: int, e: int, start: float, end: float) -> None:
-        self.t.append((a, b))
-        self.spans.append((float(start), float(end)))
-        self.curve_ids.append(int(self.old.curve_ids[e]))
-        self.parent.append(e)
-
-    def run(self, run: IndexArray, places: Floats) -> None:
-        """A run of elements, with vertices at arc lengths from its start."""
-        mesh, first, last = self.old, int(run[0]), int(run[-1])
-        curve = int(mesh.curve_ids[first])
-        a, b = int(mesh.t[0, first]), int(mesh.t[1, last])
-        vertices = [self._vertex(a)]
-        w = places / places[-1]
-        if curve < 0:
-            spans = places
-            inner = np.outer(mesh.p[:, a], 1 - w) + np.outer(mesh.p[:, b], w)
-        else:
-            spans = mesh.spans[0, first] * (1 - w) + mesh.spans[1, last] * w
-            inner = np.asarray(mesh.curves[curve].point(spans))
-        for k in range(1, len(places) - 1):
-            vertices.append(len(self.points))
-            self.points.append(inner[:, k])
-        vertices.append(self._vertex(b))
-        for k in range(len(places) - 1):
-            self._add(vertices[k], vertices[k + 1], first, spans[k], spans[k + 1])
-
-    def mesh(self) -> Any:
-        """The new mesh."""
-        old, parent = self.old, np.array(self.parent)
-        beams = None
-        if old._subdomains is not None:
-            beams = {k: np.flatnonzero(np.isin(parent, v)) for k, v in old.beams.items()}
-        nodes = None
-        if old._boundaries is not None:
-            nodes = {
-                k: np.array([self._known(int(v), k) for v in vs]) for k, vs in old.nodes.items()
-            }
-        return replace(
-            old,
-            doflocs=np.array(self.points).T,
-            t=np.array(self.t).T,
-            spans=np.array(self.spans).T,
-            curve_ids=np.array(self.curve_ids),
-            _subdomains=beams,
-            _boundaries=nodes,
-        )
-
-    def _known(self, vertex: int, name: str) -> int:
-        if vertex not in self.number:
-            raise MeshError(f"node '{name}'", f"vertex {vertex} belongs to no element")
-        return self.number[vertex]
-
-
 # -- where the nodes of one mesh lie in the elements of another one of the same lines --------------
-
-#: Largest distance between a place in one mesh and in the other, as a part of the mesh size.
-APART = 1e-8
-#: Distance (of an element's length) at which a place counts as being at a node.
-MEETS = 1e-9
 
 
 def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray, Floats]:
@@ -251,7 +181,10 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     ([[0, 0], [1, 1], [1, 1]], [[0.0, 1.0], [0.0, 0.5], [0.5, 1.0]])
     """
     ends, starts = (np.append(0.0, np.cumsum(m.lengths)) for m in (mesh, other))
-    total, same = ends[-1], abs(ends[-1] - starts[-1]) <= APART * max(ends[-1], starts[-1])
+    total, same = (
+        ends[-1],
+        abs(ends[-1] - starts[-1]) <= POSITION_TOLERANCE * max(ends[-1], starts[-1]),
+    )
     if not same:
         raise MeshError(
             "mesh", f"its lines are {starts[-1]:.9g} m long, of the mesh before {total:.9g} m"
@@ -262,12 +195,12 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     e = np.clip(np.searchsorted(ends, inside, side="right") - 1, 0, mesh.nelements - 1)
     x = (s - ends[e]) / mesh.lengths[e]
     for end in (0.0, 1.0):
-        x = np.where(abs(x - end) <= MEETS, end, x)
+        x = np.where(abs(x - end) <= TOLERANCE, end, x)
     x = np.clip(x, 0.0, 1.0)
     here = mesh.mapping().F(x.reshape(1, -1, 1), e.ravel())[:, :, 0]
     there = np.asarray(other.mapping().F(xi[None])).reshape(3, -1)
     gaps = np.linalg.norm(here - there, axis=0)
-    if gaps.max() > APART * mesh.size:
+    if gaps.max() > POSITION_TOLERANCE * mesh.size:
         k = int(gaps.argmax()) // len(xi)
         raise MeshError(
             f"element {k}",

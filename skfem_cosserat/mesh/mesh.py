@@ -16,7 +16,7 @@ from skfem.mapping import Mapping as SkfemMapping
 from ..arguments import checked
 from ..errors import MeshError, writing
 from ..frozen import Frozen
-from ..types import Array, ArrayLike, Floats, IndexArray, VectorLike, check_kind, switch
+from ..types import Array, ArrayLike, Floats, IndexArray, VectorLike, check_kind, is_whole, switch
 from . import topology
 from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
 from .topology import (
@@ -751,7 +751,7 @@ class MeshCurve(Frozen, MeshLine1):
             Number of uniform refinements, or the elements to halve: numbers, a mask (ne,) or
             the name of a beam.
         """
-        if isinstance(times_or_ix, (int, np.integer)) and not isinstance(times_or_ix, bool):
+        if is_whole(times_or_ix):
             mesh = self
             for _ in range(topology.number_of_times(times_or_ix, self.nelements)):
                 mesh = mesh._adaptive(np.arange(mesh.nelements))

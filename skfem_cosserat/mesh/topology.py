@@ -17,6 +17,7 @@ from ..types import (
     Floats,
     IndexArray,
     VectorLike,
+    is_whole,
     names_known,
     numbers,
     real,
@@ -410,7 +411,7 @@ class CurveChain:
 
 def element_count(value: int, item: str) -> int:
     """A number of elements, at least one."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+    if not is_whole(value) or value < 1:
         given = f"number of elements is {shown(value)}"
         raise MeshError(item, f"{given}, expected an integer of 1 or more")
     if value > MOST_ELEMENTS:
@@ -520,7 +521,7 @@ def find_node(mesh: MeshCurve, points: Floats, which: str | int | VectorLike) ->
                 f"node '{which}'", f"names {len(names[which])} nodes, expected exactly one"
             )
         return int(names[which][0])
-    if isinstance(which, (int, np.integer)) and not isinstance(which, bool):
+    if is_whole(which):
         if not 0 <= which < len(points):
             raise MeshError(f"node {which}", f"the mesh has nodes 0 .. {len(points) - 1}")
         return int(which)

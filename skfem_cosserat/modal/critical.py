@@ -20,10 +20,10 @@ from ..law import STEP
 from ..linear import EIGENVALUES
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
-from ..types import Floats
+from ..types import SAME, Floats, finite
 from ..warn import Notices, counted
-from .eigen import SPARE, SYMMETRIC, TOLERANCE, Factorised, Pencil, lowest, make_pencil
-from .state import Equilibrium, as_system, check_amplitudes, finite, resting
+from .eigen import SPARE, TOLERANCE, Factorised, Pencil, lowest, make_pencil
+from .state import Equilibrium, as_system, check_amplitudes, resting
 from .vibration import animation, checked_count, checked_index
 
 Sign = Literal["positive", "negative", "both"]
@@ -31,8 +31,6 @@ Sign = Literal["positive", "negative", "both"]
 _WHICH = {"positive": "LA", "negative": "SA", "both": "LM"}
 #: critical factors beyond this multiple of the smallest one found are rounding of infinite ones
 INFINITE = 1e10
-#: of solutions with K_0
-REFINEMENTS = 2
 #: relative imaginary part above which a factor is no buckling load
 REAL = 1e-6
 
@@ -156,7 +154,7 @@ def buckling(
     count = checked_count(count, system.unknowns)
     if sign not in _WHICH:
         raise InputError("argument sign", f"{sign!r}, expected one of {list(_WHICH)}")
-    loads = _loads(system, finite("argument t", t), amplitudes)
+    loads = _loads(system, finite("argument t", "t", t), amplitudes)
     with Notices(system.warnings) as notices:
         at = resting(system, None, None, None, None, tolerance)
         pencil = make_pencil(at)
@@ -263,7 +261,7 @@ def _critical(
 ) -> tuple[Floats, Floats]:
     """Factors (count,) and vectors (unknowns, count): ``-K_1 x = (1/factor) K_0 x``."""
     size = float(abs(K1).max()) if K1.nnz else 0.0
-    symmetric = not size or bool(abs(K1 - K1.T).max() <= SYMMETRIC * size)
+    symmetric = not size or bool(abs(K1 - K1.T).max() <= SAME * size)
     n = K1.shape[0]
     many = min(n, count + SPARE)
     if symmetric:
@@ -293,7 +291,7 @@ def _critical(
 def _solve(pencil: Pencil, factors: Factorised, force: Floats) -> Floats:
     """``K_0^-1 force``, refined: rounding of K_0 is more than its softest parts may be."""
     x = factors.solve(force)
-    for _ in range(REFINEMENTS):
+    for _ in range(2):
         x = x + factors.solve(force - pencil.force(x))
     return x
 

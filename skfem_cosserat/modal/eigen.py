@@ -25,7 +25,7 @@ from ..kernels import skew
 from ..linear import EIGENVALUES
 from ..model import System
 from ..model.balance import balance_tangent
-from ..types import Array, Floats
+from ..types import SAME, Array, Floats
 from ..warn import warn
 from .state import Equilibrium
 
@@ -35,8 +35,6 @@ from .state import Equilibrium
 FIRST = 1e-9
 #: of Lanczos vectors: their squares are what counts, after a Rayleigh-Ritz step
 TOLERANCE = 1e-10
-#: values against the distance of the shift that are nothing but rounding
-NO_DISTANCE = 1e-12
 #: vectors beyond those asked for: they keep rigid motions and close pairs apart
 SPARE = 6
 
@@ -234,7 +232,7 @@ def ritz(X: Floats, M: csr_matrix, energies: Energies, shift: float) -> Lowest:
         X /= np.sqrt(np.einsum("ik,ik->k", X, M @ X))
         energy, noise = energies(X)
         values = np.diagonal(energy).copy()
-        zero = abs(values) <= noise + NO_DISTANCE * abs(shift)
+        zero = abs(values) <= noise + SAME * abs(shift)
         elastic = values[~zero & (values > 0)]
         if not len(elastic) or elastic.min() < -10 * shift:
             break
@@ -247,8 +245,6 @@ def ritz(X: Floats, M: csr_matrix, energies: Energies, shift: float) -> Lowest:
 # -- mass, damping and stiffness of small vibrations about a state of rest -------------------------
 
 EPS = float(np.finfo(float).eps)
-#: relative difference between a matrix and its transpose that is more than rounding
-SYMMETRIC = 1e-12
 #: what counts as rounding, in units of it
 NOISE = 100.0
 #: the same for energies of beams: what the rounding of K leaves after a Rayleigh-Ritz step
@@ -362,7 +358,7 @@ def make_pencil(at: Equilibrium) -> Pencil:
     rest = congruent(P, rest)
     K = tangent.K
     size = float(abs(rest).max()) if rest.nnz else 0.0
-    conservative = bool(abs(rest - rest.T).max() <= SYMMETRIC * size) if size else True
+    conservative = bool(abs(rest - rest.T).max() <= SAME * size) if size else True
     if conservative:
         K, rest = (0.5 * (A + A.T) for A in (K, rest))
     mass = kron(system.mass, identity(3))

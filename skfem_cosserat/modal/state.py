@@ -21,7 +21,7 @@ from ..model.limits import broken_constraint, overstretched_beam
 from ..model.loops import names_of, tree_values
 from ..run.describe import other_model
 from ..statics.schedule import Schedule, recorded_amplitudes
-from ..types import Array, ArrayLike, Floats, IndexArray, numbers
+from ..types import Array, ArrayLike, Floats, IndexArray, finite, whole
 from ..warn import warn
 
 #: what may be given as a state
@@ -129,26 +129,12 @@ def resting(
     return Equilibrium(system, y, time, amplitudes, tangent, error)
 
 
-def finite(item: str, value: float) -> float:
-    """A finite number.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    array = numbers(item, "value", value)
-    if array.shape != () or not np.isfinite(array):
-        raise InputError(item, f"{value!r}, expected a finite number")
-    return float(array)
-
-
 def _read(
     system: System, state: StateLike | None, t: float | None
 ) -> tuple[Floats, IndexArray | None, float, Amplitudes]:
     """Configuration, full turns of angles, time, loads."""
     if t is not None:
-        t = finite("argument t", t)
+        t = finite("argument t", "t", t)
     if state is None:
         loads = _unloaded(system) if t is None else amplitudes_at(system, t)
         return system.q0, None, 0.0 if t is None else t, loads
@@ -183,17 +169,16 @@ def _from_history(
     difference = other_model(system, history.meta.get("fingerprint", {}))
     if difference is not None:
         raise InputError("argument state", f"the history is of another model: {difference}")
-    if not isinstance(index, int | np.integer) or isinstance(index, bool):
-        raise InputError("argument state", f"index {index!r} of the history, expected an integer")
-    row = history.row(int(index))
+    index = whole("argument state", index, None, "index of the history")
+    row = history.row(index)
     turns = None
     if system.couplings.angles and "turns" in row:
         known = dict(zip(history.meta.get("turns", []), row["turns"], strict=True))
         names = system.couplings.turning
         turns = np.array([known.get(name, 0) for name in names], dtype=np.int64)
     if "load_factor" in row:  # a static path
-        time = float(history.instants[int(index)]) if t is None else t
-        at = recorded_amplitudes(history, int(index)) if t is None else Schedule(system).at(time)
+        time = float(history.instants[index]) if t is None else t
+        at = recorded_amplitudes(history, index) if t is None else Schedule(system).at(time)
         return row["q"], turns, time, at
     time = float(row["t"]) if t is None else t
     return row["q"], turns, time, amplitudes_at(system, time)

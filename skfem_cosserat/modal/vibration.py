@@ -18,7 +18,7 @@ from ..model.limits import overstretched_beam
 from ..model.loops import closed, tree_values
 from ..model.reparametrisation import Reparametrisation
 from ..run.describe import SystemSeries, configuration_formulas, describe
-from ..types import Array, Floats, positive
+from ..types import Array, Floats, is_whole, positive, whole
 from ..warn import Notices, counted
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
@@ -31,10 +31,8 @@ def animation(
 ) -> History:
     """See :meth:`Modes.animation`; x (unknowns,) is the shape, s its eigenvalue."""
     size = positive("argument amplitude", "amplitude", amplitude)
-    for name, value in (("frames", frames), ("periods", periods)):
-        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-        if not whole or value < 1:
-            raise InputError(f"argument {name}", f"{value!r}, expected a positive integer")
+    whole("argument frames", frames, 1)
+    whole("argument periods", periods, 1)
     system, P = at.system, at.tangent.P
     x = size / _extent(system, at.y, P @ x) * x
     omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
@@ -74,8 +72,7 @@ def checked_index(index: int, count: int) -> int:
     InputError
         If there is no such mode.
     """
-    whole = isinstance(index, int | np.integer) and not isinstance(index, bool)
-    if not whole or not -count <= index < count:
+    if not is_whole(index) or not -count <= index < count:
         raise InputError(
             "argument index", f"{index!r}, expected an integer: there are {count} modes"
         )
@@ -373,7 +370,6 @@ def checked_count(count: int, most: int) -> int:
     InputError
         If it is no integer from 1 to `most`.
     """
-    whole = isinstance(count, int | np.integer) and not isinstance(count, bool)
-    if not whole or not 1 <= count <= most:
+    if not is_whole(count) or not 1 <= count <= most:
         raise InputError("argument count", f"{count!r}, expected 1 to {most} (the unknowns)")
     return int(count)

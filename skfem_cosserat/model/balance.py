@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..frames import vector
 from ..frozen import Frozen
 from ..kernels import cross, skew
-from ..types import Array, Floats, IndexArray, VectorLike, numbers
+from ..types import Array, Floats, IndexArray, VectorLike
 from .force_elements import CoupledForce
 from .system import System
 
@@ -47,10 +47,7 @@ class Spin(Frozen):
 
     def __init__(self, velocity: VectorLike, point: VectorLike = (0.0, 0.0, 0.0)) -> None:
         for name, value in (("velocity", velocity), ("point", point)):
-            array = numbers("spin", name, value)
-            if array.shape != (3,) or not np.isfinite(array).all():
-                raise InputError("spin", f"{name} = {value!r}, expected three finite numbers")
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, vector("spin", name, value))
 
     @property
     def square(self) -> Floats:

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..frames import Place, StructuralItem
 from ..joint import Joint, JointDrive
 from ..kernels import null_space_blocks
-from ..types import Floats, IndexArray
+from ..types import SAME, Floats, IndexArray
 from .closure import Closure
 from .ground import Placed
 from .groups import Group, mass_blocks
@@ -23,8 +23,8 @@ from .quadratic import QuadraticConstraints
 from .theories import TheoryRows
 from .tree import Spot, Tree
 
-#: share of an inertia that is as good as nothing; what joints beyond may leave without any doubt
-NOTHING, CLEARLY = 1e-12, 1e-9
+#: share of an inertia that joints beyond may leave without any doubt
+CLEARLY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +182,7 @@ def _each_inert(system: Scene, inertia: Floats) -> bool:
     share = np.linalg.eigvalsh(own * scale[:, :, None] * scale[:, None, :]).min(initial=1.0)
     most = masses.sum() * system.length**2 + 3 * turned.sum()
     least = min(masses.min() / masses.sum(), turned.min(initial=most) / most)
-    return bool(share * least > 10 * NOTHING)
+    return bool(share * least > 10 * SAME)
 
 
 def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -> bool:
@@ -236,7 +236,7 @@ def _weakest(blocks: Floats, closure: Floats | None = None) -> tuple[int, int]:
         free = null_space(closure * scale)
         values, vectors = np.linalg.eigh(free.T @ scaled @ free)
         vectors = free @ vectors
-    bad = np.flatnonzero((values <= NOTHING).any(1))
+    bad = np.flatnonzero((values <= SAME).any(1))
     if not len(bad):
         return -1, -1
     e = int(bad[0])

@@ -16,7 +16,7 @@ from ..theory import TheoryInextensible, TheoryRigid
 from ..types import Floats, IndexArray
 from ..warn import warn
 from .checks import JointRows, Scene
-from .closure import SINGULAR, Closure, Selected, continued, directed
+from .closure import RANK_TOLERANCE, SINGULAR, Closure, Selected, continued, directed
 from .reparametrisation import Reparametrisation
 from .theories import rows_beside_tree
 from .tree import ConstrainedElement
@@ -33,12 +33,6 @@ CLOSED = 1e-13
 DOUBTFUL = 1e-5
 #: move (rad, relative to the extent) from the reference to the positions where the rank is decided
 BESIDE = 0.03
-#: violation there of rows that are redundant in the reference only; of the order of BESIDE^2
-STILL_REDUNDANT = 1e-9
-
-#: freedoms of a loop's joints, and joints that have some, up to which links that are rigid cannot
-#: move: a triangle, and one link
-TRIANGLE, LINK = 3, 2
 
 
 def joint_of(jr: JointRows) -> Joint:
@@ -352,7 +346,8 @@ def _beams_alone_move(around: Sequence[Item]) -> bool:
     if not any(is_beam(item) and not isinstance(item.theory, TheoryRigid) for item in around):
         return False
     free = [_freedoms(joint) for joint in around if isinstance(joint, Joint)]
-    return sum(free) <= TRIANGLE or sum(map(bool, free)) <= LINK
+    # a triangle, or one link
+    return sum(free) <= 3 or sum(map(bool, free)) <= 2
 
 
 def _freedoms(joint: Joint) -> int:
@@ -390,7 +385,7 @@ def _regular_place(
     y, _ = closed(system, nodal, chosen)
     if y is not None:
         g = abs(system.constraints.values(y)[closure.rows]) / closure.magnitude
-        if g.max() < STILL_REDUNDANT:
+        if g.max() < RANK_TOLERANCE:
             return None
     nodal.restore(saved)
     for _ in range(4):  # halves the distance from the singular position, if nothing is free there

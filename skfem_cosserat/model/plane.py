@@ -19,7 +19,7 @@ import numpy as np
 from ..body import MassPoint, RigidBody
 from ..coupling import Coupling, JointActuator, JointSpringDamper
 from ..errors import InputError
-from ..frames import TOLERANCE, Place, is_beam, unit_vector
+from ..frames import Place, is_beam, unit_vector
 from ..frozen import Frozen
 from ..joint import Joint
 from ..kernels import cross, exp_quaternion, rotation_matrix
@@ -27,7 +27,7 @@ from ..law import Law
 from ..load import Term
 from ..relative import normals
 from ..time_function import Constant
-from ..types import ArrayLike, Floats, IndexArray
+from ..types import SAME, TOLERANCE, ArrayLike, Floats, IndexArray
 from .force_elements import Couplings
 from .groups import lumped
 from .loading import Loading
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from ..beam import Beam
     from .system import System
 
-#: components of a normal that count as zero
-SNAP = 1e-12
 #: of states against the plane, relative: they come from runs
 OFF_PLANE = 1e-8
 
@@ -109,7 +107,7 @@ class Plane:
     length: float = 1.0
 
     def __post_init__(self) -> None:
-        n = np.where(abs(self.normal) < SNAP, 0.0, self.normal) / np.linalg.norm(self.normal)
+        n = np.where(abs(self.normal) < SAME, 0.0, self.normal) / np.linalg.norm(self.normal)
         n = n * np.sign(n[np.argmax(abs(n))])
         object.__setattr__(self, "normal", n + 0.0)
 

@@ -9,10 +9,9 @@ from scipy.linalg import qr
 from scipy.sparse import coo_matrix, csr_matrix
 
 from ..errors import InputError
-from ..frames import TOLERANCE
 from ..joint import JointDrive
 from ..kernels import cross
-from ..types import Floats, IndexArray
+from ..types import TOLERANCE, Floats, IndexArray
 from .closure import RANK_TOLERANCE
 
 if TYPE_CHECKING:

@@ -134,10 +134,6 @@ def triangulate(
 
 # -- profiles bounded by polygons, with holes and of several materials (needs shapely) -------------
 
-#: Longest edge of the first mesh in mean thicknesses of the wall, which are twice the area by the
-#: length of all boundaries.
-EDGE = 2.0
-
 
 @dataclass(frozen=True, eq=False)
 class Region(Frozen):
@@ -252,7 +248,7 @@ def _triangulated(shapes: list[Any]) -> MeshTri1:
         extent = np.ptp(np.reshape(shapely.total_bounds(boundaries), (2, 2)), axis=0).max()
         lines = shapely.unary_union(boundaries, grid_size=1e-10 * extent)
     wall = 2 * sum(shape.area for shape in shapes) / lines.length  # its thickness, if it is thin
-    pieces = shapely.get_parts(shapely.segmentize(lines, EDGE * wall))
+    pieces = shapely.get_parts(shapely.segmentize(lines, 2 * wall))
     ends = np.concatenate(
         [np.stack([x[:-1], x[1:]], axis=1) for x in map(shapely.get_coordinates, pieces)]
     )

@@ -18,10 +18,10 @@ from ..model.balance import Amplitudes, Balance, Spin, amplitudes_at, balance
 from ..model.limits import broken_constraint
 from ..run.describe import other_model
 from ..time_function import Amplitude
-from ..types import Floats, numbers
+from ..types import Floats, finite, is_whole
 from .control import ArcLength, Control, DisplacementControl, Stage
 from .critical_points import inspect
-from .schedule import CODES, Point, Schedule, finite, recorded_amplitudes
+from .schedule import CODES, Point, Schedule, recorded_amplitudes
 
 #: relative difference below which loads and supports are where a path left them
 SAME = 1e-6
@@ -108,12 +108,11 @@ def branch(
     system = system_of(model, "argument model")
     _check_path(system, history)
     rows = np.flatnonzero(history["critical"] != CODES["regular"])
-    if not _is_whole(which) or not -len(rows) <= which < len(rows):
+    if not is_whole(which) or not -len(rows) <= which < len(rows):
         raise InputError("argument which", f"{which!r}: the path has {len(rows)} critical point(s)")
-    number = numbers("argument sign", "sign", sign)
-    if number.shape != () or not np.isfinite(number) or number == 0:
+    if finite("argument sign", "sign", sign, "1 or -1") == 0:
         raise InputError("argument sign", f"{sign!r}, expected 1 or -1")
-    if not _is_whole(mode) or mode < 0:
+    if not is_whole(mode) or mode < 0:
         raise InputError("argument mode", f"{mode!r}, expected a number from 0 on")
     point = _point(system, history, int(rows[which]))
     time = history.meta.get("time")
@@ -123,7 +122,7 @@ def branch(
         raise InputError("argument mode", f"{mode!r}: the scene has {len(values)} motion(s)")
     direction = stability.tangent.P @ modes[:, mode]
     largest = direction[int(abs(direction).argmax())]  # so that the sign is no accident
-    along = np.sign(number) * np.sign(largest) * direction.reshape(-1, 3)
+    along = np.sign(sign) * np.sign(largest) * direction.reshape(-1, 3)
     return Branch(point, along, time)
 
 
@@ -183,7 +182,7 @@ def equilibrium(
     """
     system = system_of(model, "argument model")
     _check_path(system, history)
-    if not _is_whole(index) or not -len(history) <= index < len(history):
+    if not is_whole(index) or not -len(history) <= index < len(history):
         raise InputError("argument index", f"{index!r}: the path has {len(history)} points")
     time, point = finite("argument time", "time", time), _point(system, history, index)
     _check_instant(system, history, index, point, time)
@@ -262,10 +261,6 @@ def _alone(amplitudes: Amplitudes, kind: str, channels: list[int]) -> Amplitudes
     out = {"loads": loads, "actuators": actuators}
     out[kind][channels] = getattr(amplitudes, kind)[channels]
     return Amplitudes(loads, actuators, time=amplitudes.time)
-
-
-def _is_whole(value: object) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 def _check_path(system: System, history: History) -> None:

@@ -13,16 +13,14 @@ from ..errors import InputError
 from ..frames import Place, vector
 from ..frozen import Attached
 from ..model import System
-from ..types import MOST, Floats, VectorLike, numbers, positive
+from ..types import MOST, SAME, Floats, VectorLike, finite, numbers, positive, whole
 from ..types import shown as cut
-from .schedule import Functional, Point, finite, weights
+from .schedule import Functional, Point, weights
 
 #: iterations at which the step is kept; it grows below and shrinks above
 WANTED = 6
 #: motion in a step (see :func:`weights`) below which nothing moves
 STILL = 1e-9
-#: rate of a place with a unit rate of any unknown, below which joints hold it
-HELD = 1e-12
 
 
 # -- arguments of controls: checked, and shown -----------------------------------------------------
@@ -72,9 +70,7 @@ def _shown(item: object, **values: object) -> str:
 
 def _whole(item: str, name: str, value: int) -> None:
     """Check a positive integer."""
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value <= 0:
-        raise InputError(item, f"{name} = {cut(value)}, expected a positive integer")
-    if value > MOST:
+    if whole(item, value, 1, name) > MOST:
         raise InputError(item, f"{name} = {cut(value)}, expected at most {MOST:.0e}")
 
 
@@ -351,7 +347,7 @@ class DisplacementControl(_Steered):
     def check(self, system: System, point: Point) -> None:
         """Raise InputError if joints, drives and ground, all at rest, hold the displacement."""
         free = null_space_matrix(system, point.y).T @ self._gradient(system).ravel()
-        if abs(free).max(initial=0.0) <= HELD:
+        if abs(free).max(initial=0.0) <= SAME:  # joints hold it
             raise InputError(
                 type(self).__name__,
                 f"joints hold {self.place.label} along {self.direction.tolist()}",

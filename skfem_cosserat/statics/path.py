@@ -30,7 +30,7 @@ from ..time_function import Amplitude
 from ..types import Floats
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import Branch, branch_stage
-from .control import ArcLength, Control, DisplacementControl, LoadControl, Stage
+from .control import STILL, ArcLength, Control, DisplacementControl, LoadControl, Stage
 from .critical_points import AROUND, Critical, Stability, inspect, interpolated, locate_all
 from .problem import UNMOVED
 from .schedule import (
@@ -71,9 +71,8 @@ SHORT = 0.1
 BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
 #: what is raised where nothing can be found out about a path that has ended
 UNKNOWN = CosseratError, ArithmeticError, ValueError, RuntimeError
-#: points sought by arc length before that is advised; how many first steps they have to lead on;
-#: change of the load factor in the last, relative to it: what moves without any is held by nothing
-TRIED, ONWARD, CHANGED = 20, 3.0, 1e-9
+#: points sought by arc length before that is advised, and how many first steps they have to lead on
+TRIED, ONWARD = 20, 3.0
 #: how often a step is halved to locate the critical points in it
 LOSSES = 6
 
@@ -579,7 +578,8 @@ class Continuation:
                 stage.adapt(report.iterations, length)
                 before, point = point.t, solution.point
                 if stage.parameter >= enough:
-                    return abs(point.t - before) > CHANGED * max(abs(point.t), abs(before))
+                    # what moves without any change of the load factor is held by nothing
+                    return abs(point.t - before) > STILL * max(abs(point.t), abs(before))
         except UNKNOWN:  # as where a function of the user's has no value at another load factor
             pass
         return False

@@ -24,7 +24,7 @@ from ..time_function import (
     TimeFunction,
     time_function,
 )
-from ..types import Array, Floats, IndexArray, names_known, real
+from ..types import Array, Floats, IndexArray, finite, names_known
 from ..warn import Notices
 
 # -- points of a path, what fixes them, and what comes with them -----------------------------------
@@ -136,14 +136,6 @@ class Solution:
 # -- which share of each load acts where on a path -------------------------------------------------
 
 _Channel = tuple[TimeFunction, TimeFunction | None, str]
-
-
-def finite(item: str, name: str, value: object, what: str = "a finite number") -> float:
-    """A finite number; `what` says which is expected."""
-    number = real(item, name, value, what)
-    if not np.isfinite(number):
-        raise InputError(item, f"{name} = {value!r}, expected {what}")
-    return number
 
 
 def _value(function: TimeFunction, t: float, owner: str) -> float:

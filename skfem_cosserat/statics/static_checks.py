@@ -11,6 +11,7 @@ from scipy.sparse import bmat, csr_matrix, diags, vstack
 from scipy.sparse.linalg import lsqr, splu
 
 from ..constraints import Treatment
+from ..diagnostics.inputs import INSIDE
 from ..diagnostics.nearest import PIECES, motions_out_of_plane, rigid_motions, rigid_pieces
 from ..diagnostics.stacked import blocks_matrix, curvature_matrix, reduced_tangent
 from ..errors import InputError
@@ -24,26 +25,19 @@ from ..model.loops import closed, tree_values
 from ..model.reparametrisation import Reparametrisation
 from ..newton import NewtonSettings
 from ..run.start import checked_start
-from ..types import Floats, IndexArray, switch
+from ..types import SAME, Floats, IndexArray, switch
 from .branch import Branch
-from .control import ArcLength, Control, DisplacementControl, LoadControl
+from .control import STILL, ArcLength, Control, DisplacementControl, LoadControl
 from .critical_points import LOOSE, MOST_NEUTRAL, FirmStability, Stability, inspect
 from .schedule import Point, Schedule, load_force, weights
+from .solver import BALANCED
 
-#: stiffness, relative to the largest, below which a motion counts as free
-UNHELD = 1e-12
 #: iterations to an equilibrium without free motions
 LOADED = 30
-#: motion, relative to the scene, below which they end when it does not become smaller
-SETTLED = 1e-9
-#: force on free motions, relative to the largest, above which loads do work on them
-WORKS = 1e-9
 #: first motion along free ones, relative to the scene
 NUDGE = 1e-6
 #: what is left of a motion without those of rigid pieces, relative to it, up to which it is rigid
 RIGID = 1e-6
-#: instants at which prescribed rotation is looked at within a step
-SAMPLES = 16
 
 
 def check_run(
@@ -166,7 +160,7 @@ def prescribed_turn(system: System, t0: float, t1: float) -> float:
     ]
     total = np.zeros(count)
     before = system.ground(t0).reshape(count, 4, 3)
-    for t in np.linspace(t0, t1, SAMPLES + 1)[1:]:
+    for t in np.linspace(t0, t1, INSIDE + 1)[1:]:
         now = system.ground(float(t)).reshape(count, 4, 3)
         trace = (before[:, 1:] * now[:, 1:]).sum((1, 2))
         total += np.arccos(np.clip((trace - 1) / 2, -1, 1))
@@ -227,7 +221,7 @@ def check_many(system: System, schedule: Schedule, point: Point, stability: Stab
         return
     K, P = stability.tangent.K, stability.tangent.P
     values, modes = stability.nearest(min(MOST_NEUTRAL, K.shape[0]))
-    soft = modes.T[abs(values) <= UNHELD * float(abs(K.data).max(initial=0.0))]
+    soft = modes.T[abs(values) <= SAME * float(abs(K.data).max(initial=0.0))]
     E, centres = rigid_motions(system, point.y, label, len(names))
     found = [_rigid(system, E, [(P @ mode).reshape(-1, 3)]) for mode in soft]
     rigid = [motion for motion in found if motion is not None]
@@ -300,7 +294,7 @@ def _loaded(system: System, schedule: Schedule, point: Point) -> tuple[Point | N
             u, along = np.split(increment, [K.shape[0]])
             force = float(abs(B @ along).max(initial=0.0))
             first = first if k else float(abs(tangent.residual).max())
-            if k == 0 and not force <= WORKS * first:
+            if k == 0 and not force <= BALANCED * first:
                 # cables that just fit take the load as soon as something moves
                 u = splu(tangent.metric.tocsc()).solve(P.T @ (metric * (rates @ along)))
                 u *= NUDGE / np.sqrt(metric @ np.square(P @ u))
@@ -312,10 +306,10 @@ def _loaded(system: System, schedule: Schedule, point: Point) -> tuple[Point | N
         if moved is None or not size < 1:
             return None, None
         y = moved
-        if size <= SETTLED and (size > 0.3 * last or size == 0):
+        if size <= STILL and (size > 0.3 * last or size == 0):
             if not held:
                 there = Point(y, point.t, point.turns)
-                return (there, free) if force <= WORKS * first else (None, None)
+                return (there, free) if force <= BALANCED * first else (None, None)
             held, size = False, np.inf
         last = size
     return None, None
@@ -339,7 +333,7 @@ def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | N
     largest = float(abs(A.data).max(initial=0.0))
     scale = max(largest * float(np.square(E @ N).max()), float(abs(stiffness).max()))
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    free = abs(values) <= UNHELD * max(scale, 1e-300)
+    free = abs(values) <= SAME * max(scale, 1e-300)
     return _Free(_echelon(N @ vectors[:, free]), E, centres, names) if free.any() else None
 
 

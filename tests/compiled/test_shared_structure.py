@@ -132,7 +132,7 @@ def test_a_frozen_scene_takes_what_follows_from_its_integers_alone():
 def test_what_is_kept_is_bounded():
     rows = np.arange(100)
     size = pattern._memory(FrozenPattern(rows, rows, (100, 100)))
-    some = Shared(3 * size + 100, 2 * size)
+    some = Shared(3 * size + 100)
     first = some(FrozenPattern, rows, rows, (100, 100))
     for k in (101, 102):
         some(FrozenPattern, rows, rows, (100, k))
@@ -149,7 +149,7 @@ def test_what_is_kept_is_bounded():
 
 
 def test_only_integers_tell_structures_apart():
-    make = Shared(10**6, 10**6)
+    make = Shared(10**6)
     with pytest.raises(TypeError, match="float is no integer"):
         make(tuple, 1.0)
 

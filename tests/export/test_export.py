@@ -327,7 +327,7 @@ def test_what_does_not_change_is_encoded_once(make_scene, tmp_path, monkeypatch)
 def test_many_states_at_once_are_those_one_by_one(make_scene, tmp_path, monkeypatch):
     scene = make_scene(3)
     history = scene.history(7)
-    monkeypatch.setattr(paraview, "_NUMBERS", 3 * history["q"].shape[1])  # blocks of three
+    monkeypatch.setattr(paraview, "TOGETHER", 3 * history["q"].shape[1])  # blocks of three
     write_paraview(history, tmp_path / "all", surfaces=True)
     reference = history["q"][0]
     writer = ParaViewWriter(

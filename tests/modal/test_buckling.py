@@ -219,6 +219,7 @@ def test_bad_input():
     bad(lambda: sc.buckling(system, 10**4), "count", "10000")
     bad(lambda: sc.buckling(system, sign="up"), "sign", "'up'")
     bad(lambda: sc.buckling(system, t=np.inf), "argument t", "inf")
+    bad(lambda: sc.buckling(straight(2, 2, "CF", SQUARE), 1), "the loads do nothing")
     bad(lambda: sc.buckling(system, amplitudes=Amplitudes(np.zeros(1), np.zeros(1))), "nothing")
     turning = Amplitudes(np.ones(1), np.zeros(1), Spin((1.0, 0, 0)))
     bad(lambda: sc.buckling(system, amplitudes=turning), "spin")

@@ -147,11 +147,6 @@ def test_division_keeps_corners_names_and_places():
     ring = MeshCurve.init_arc((1, 0, 0), (0, 1, 0), (-1, 0, 0), 1.0, 2 * np.pi, 24, "ring")
     assert divided(ring, 1).nelements == 3
     assert divided(ring, 48).lengths == pytest.approx(2 * np.pi / 48, rel=1e-12)
-    both = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, "a").joined(
-        MeshCurve.init_line((1, 0, 0), (1, 1, 0), 4, "b")
-    )
-    one = divided(both, 2, beam="b")
-    assert (len(one.elements_of("a")), len(one.elements_of("b"))) == (4, 2)
 
 
 def test_bad_replacements_are_named():
@@ -168,5 +163,3 @@ def test_bad_replacements_are_named():
         model.with_items({"rod": rod.on_mesh(divided(rod.mesh, 3))})
     with pytest.raises(MeshError, match="number of elements is 0"):
         divided(rod.mesh, 0)
-    with pytest.raises(MeshError, match="unknown"):
-        divided(rod.mesh, 2, beam="bar")
