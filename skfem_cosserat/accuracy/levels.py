@@ -11,7 +11,7 @@ import numpy as np
 import skfem
 
 from ..errors import InputError
-from ..types import Floats, switch
+from ..types import Floats, check_kind, positive, switch, whole
 
 
 def case_name(arguments: Mapping[str, Any]) -> str:
@@ -41,40 +41,47 @@ def _longest(mesh: skfem.Mesh) -> float:
 
 
 class _Varied(NamedTuple):
-    """An argument: values that it may have, their sizes, which fall, and how it is refined once."""
+    """An argument: its check, how it falls or grows, sizes, and how it is refined once more."""
 
-    fits: Callable[[Any], bool]
-    expected: str
+    fits: Callable[[str, Any], Any]
     way: str
     size: Callable[[Any], float]
     axis: str
-    finer: Callable[[Any], Any] | None = None
-    words: str = ""
+    finer: Callable[[Any], Any]
+    words: str
 
 
-def _count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value > 0
+def _mesh(item: str, value: Any) -> Any:
+    check_kind(item, value, skfem.Mesh)
+    return value
 
 
-def _number(value: Any) -> bool:
-    return _count(value) or (isinstance(value, float) and 0 < value < np.inf)
-
-
-_COUNTS = _count, "positive integers", "growing numbers", lambda count: 1.0 / count
+_COUNTS = _Varied(
+    lambda item, value: whole(item, value, 1),
+    "growing numbers",
+    lambda count: 1.0 / count,
+    "1/elements",
+    lambda count: 2 * count,
+    "twice as many",
+)
 ARGUMENTS = {
-    "elements": _Varied(*_COUNTS, "1/elements", lambda count: 2 * count, "twice as many"),
+    "elements": _COUNTS,
     "mesh": _Varied(
-        lambda value: isinstance(value, skfem.Mesh),
-        "meshes",
+        _mesh,
         "finer and finer meshes",
         _longest,
         "longest element",
         lambda mesh: mesh.refined(),
         "a finer one",
     ),
-    "order": _Varied(*_COUNTS, ""),
+    "order": _COUNTS,
     "step": _Varied(
-        _number, "positive numbers", "falling numbers", float, "step", lambda h: h / 2, "half of it"
+        lambda item, value: positive(item, "value", value),
+        "falling numbers",
+        float,
+        "step",
+        lambda step: step / 2,
+        "half of it",
     ),
 }
 
@@ -129,8 +136,7 @@ class Series(NamedTuple):
     def probe(self, name: str) -> StudyLevel:
         """The finest level, with what is held once more refined: half the step, or elements."""
         arguments, size = self.levels[-1]
-        finer = ARGUMENTS[name].finer
-        return StudyLevel({**arguments, name: finer(arguments[name]) if finer else None}, size)
+        return StudyLevel(arguments | {name: ARGUMENTS[name].finer(arguments[name])}, size)
 
 
 def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -> list[Series]:
@@ -156,33 +162,33 @@ def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -
     if elements is not None and mesh is not None:
         raise InputError("arguments elements, mesh", "got both, expected one of them")
     space, given = ("elements", elements) if mesh is None else ("mesh", mesh)
-    if isinstance(given, Mapping) and order is not None:
+    by_order = isinstance(given, Mapping)
+    if by_order and order is not None:
         raise InputError("argument order", f"{order!r}, but {space} says the orders already")
-    orders = _values("order", tuple(given) if isinstance(given, Mapping) else order)
-    by_order = given if isinstance(given, Mapping) else dict.fromkeys(orders or [None], given)
+    orders = _values("order", tuple(given) if by_order else order)
     steps, switched = _values("step", step), switch("argument together", together)
     found = []
-    for p, sequence in by_order.items():
-        values = {space: _values(space, sequence), "order": orders and [p], "step": steps}
-        values = {name: each for name, each in values.items() if each}
+    for p in orders or [None]:
+        counted = _values(space, given[p] if by_order else given)
+        values = {space: counted, "order": orders and [p], "step": steps}
         varied = [name for name, each in values.items() if len(each) > 1]
-        counts = [len(values[name]) for name in varied]
         if not varied:
             raise InputError(
                 "arguments elements, mesh, step",
                 "got no sequence, expected at least two levels of one of them, such as"
                 " elements=(4, 8, 16, 32)",
             )
-        if switched and len(set(counts)) > 1:
-            raise InputError(
-                f"arguments {space}, step",
-                f"got {counts[0]} and {counts[1]} levels, expected equally many (or"
-                " together=False)",
-            )
         for names in [varied] if switched else [[name] for name in varied]:
+            counts = [len(values[name]) for name in names]
+            if len(set(counts)) > 1:
+                raise InputError(
+                    f"arguments {space}, step",
+                    f"got {counts[0]} and {counts[1]} levels, expected equally many (or"
+                    " together=False)",
+                )
             levels = []
             for k, value in enumerate(values[names[0]]):
-                case = {name: each[k if name in names else -1] for name, each in values.items()}
+                case = {n: v[k if n in names else -1] for n, v in values.items() if v}
                 levels.append(StudyLevel(case, ARGUMENTS[names[0]].size(value)))
             parts = [f"order = {p}"] * (len(orders) > 1)
             parts += [f"{names[0]} varied"] * (len(varied) > len(names))
@@ -196,11 +202,7 @@ def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
         return []
     kind, label = ARGUMENTS[name], f"argument {name}"
     single = np.isscalar(given) or isinstance(given, skfem.Mesh)
-    values = [given] if single else list(given)
-    values = [each.item() if isinstance(each, np.generic) else each for each in values]
-    for each in values:
-        if not kind.fits(each):
-            raise InputError(label, f"holds {each!r}, expected {kind.expected}")
+    values = [kind.fits(label, each) for each in ([given] if single else given)]
     if not single and len(values) < 2 and name != "order":
         raise InputError(label, f"{given!r} has fewer than two levels")
     if any(a <= b for a, b in pairwise(map(kind.size, values))):

@@ -666,7 +666,8 @@ class _PrecisionStudy:
 
         size = self.wanted.norm(instants)
         shape = next(iter(values.values())).shape
-        exact, own = self.truth.of(name, shape, instants, values, size)
+        runs = [values[run] for run in self.truth.runs]
+        exact, own = self.truth.of(name, shape, instants, runs, size)
         for label, value in values.items():
             if label in errors:
                 errors[label][name] = size(value - exact)
@@ -683,7 +684,7 @@ class _PrecisionStudy:
                     aligned(name, pair, self.wanted.over)
                 elif self.wanted.over is None:
                     value = sample[name].values if name in sample else np.empty(0)
-                    self.truth.of(name, value.shape, None, {}, euclidean)
+                    self.truth.of(name, value.shape, None, [], euclidean)
             if comparing.error is not None:
                 self.failed[label] = "error", in_words(comparing.error)
                 del self.samples[label]

@@ -285,7 +285,8 @@ class Quantities:
             )
         found = {}
         for name, what in given.items():
-            values = _array(name, _entry(what, result, times is not None), level)
+            entry = _entry(what, result, times is not None)
+            values = numeric(f"quantity {name!r}", entry, f"numbers at {level}")
             if times is not None and values.shape[:1] != times.shape:
                 raise InputError(
                     f"quantity {name!r}",
@@ -326,15 +327,14 @@ def _entry(what: Any, result: Any, over_time: bool) -> Any:
     return result[what]
 
 
-def _array(name: str, value: Any, level: str) -> Array:
+def numeric(item: str, value: Any, expected: str) -> Array:
+    """An array of numbers, or an error saying what is expected."""
     try:
         array = np.asarray(value)
-    except ValueError as error:  # rows of different lengths
-        raise InputError(f"quantity {name!r}", f"no array at {level}: {error}") from error
+    except ValueError:  # rows of different lengths
+        array = np.empty(0)
     if array.dtype.kind not in "biufc" or not array.size:
-        raise InputError(
-            f"quantity {name!r}", f"{value!r} at {level}, expected a number or an array of numbers"
-        )
+        raise InputError(item, f"{value!r}, expected {expected}")
     return array if array.dtype.kind == "c" else array.astype(float)
 
 
