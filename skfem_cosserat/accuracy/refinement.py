@@ -18,7 +18,7 @@ from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
 from .levels import ARGUMENTS, Series, case_name, check_call, series_of, text
 from .orders import ROUNDING, Convergence, convergence, left
-from .reading import OverTime, Quantities, Reading, aligned
+from .reading import OverTime, Quantities, Samples, aligned
 from .reference import Reference, ReferenceFinest, ReferenceKnown, reference_of
 from .run import Executor, Job, OnOutcome, Outcome, in_words, run_all
 from .table import Report, ResultTable, provenance
@@ -168,10 +168,9 @@ class Refinement(Report):
         for name in self.quantities:
             found = self.orders[series.key(name)]
             row |= _columns(name, self.values[series.key(name)].get(level.name))
-            row[f"error_{name}"] = float(found.errors[k])
-            row[f"uncertainty_{name}"] = float(found.uncertainties[k])
-            row[f"difference_{name}"] = float(found.differences[k])
-            row[f"order_{name}"] = float(found.observed[k])
+            numbers = {"error": found.errors, "uncertainty": found.uncertainties}
+            numbers |= {"difference": found.differences, "order": found.observed}
+            row |= {f"{what}_{name}": float(each[k]) for what, each in numbers.items()}
         return row
 
     @property
@@ -212,50 +211,52 @@ class Refinement(Report):
         if not self.orders:
             name, why = next(iter(self.failed.items()))
             raise InputError(self.title, f"no level was solved; {name}: {why}")
-        panels: dict[str, list[Line]] = {}
-        for series in self.series:
-            solved = [level.name not in self.failed for level in series.levels]
-            for name in self.quantities:
-                found = self.orders[series.key(name)]
-                line = Line(series.label, series.kind, found, np.array(solved))
-                panels.setdefault(name, []).append(line)
+        solved = [
+            np.array([n.name not in self.failed for n in each.levels]) for each in self.series
+        ]
+        panels = {
+            name: [
+                Line(each.label, each.kind, self.orders[each.key(name)], good)
+                for each, good in zip(self.series, solved, strict=True)
+            ]
+            for name in self.quantities
+        }
         return convergence_chart(panels, self.title if title is None else title, path, units)
 
     def __str__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
         lines = [f"refinement of {self.title}: {len(self.outcomes)} levels{failed}"]
-        width = max(map(len, self.outcomes))
         for series in self.series:
             for key in map(series.key, self.quantities):
-                found = self.orders[key]
+                found, limit = self.orders[key], self.orders[key].extrapolated
                 lines.append(f"{key}: {found.verdict}")
-                if found.extrapolated is not None and found.extrapolated.size <= WIDE:
-                    numbers = ", ".join(f"{each:.9g}" for each in found.extrapolated.ravel())
-                    band = f"{numbers}{_band(found.uncertainty)}"
-                    lines.append(f"  extrapolated in {' and '.join(series.varied)}: {band}")
-                words = self._words(series, found) | self.failed
-                lines += [f"  {n.name:{width}s}  {words[n.name]}" for n in series.levels]
+                if limit is not None and limit.size <= WIDE:
+                    numbers = ", ".join(f"{each:.9g}" for each in limit.ravel())
+                    numbers += _band(found.uncertainty)
+                    lines.append(f"  extrapolated in {' and '.join(series.varied)}: {numbers}")
+                lines += self._lines(series, found)
                 lines += [f"  {each.words}" for each in self.held[key]]
         if not self.orders:  # no level came to its quantities
             lines += [f"  {name}: {why}" for name, why in self.failed.items()]
         lines += [f"warned: {name}: {told(each)}" for name, each in self.warnings.items()]
         return "\n".join(lines)
 
-    def _words(self, series: Series, found: Convergence) -> dict[str, str]:
-        """Numbers of solved levels: errors, or what each changes, and the orders that follow."""
-        names = [level.name for level in series.levels]
-        good = [k for k, name in enumerate(names) if name not in self.failed]
-        words = {}
-        for before, k in zip([None, *good], good, strict=False):
-            text = f"error {found.errors[k]:.3e}{_band(found.uncertainties[k])}"
-            if np.isnan(found.errors[good[-1]]):  # nothing to be compared with
-                text = (
-                    f"change {found.differences[before]:.3e}" if before is not None else "change -"
-                )
+    def _lines(self, series: Series, found: Convergence) -> list[str]:
+        """A line a level: its error, or what it changes, and its order; or why there is none."""
+        lines, change, width = [], "-", max(map(len, self.outcomes))
+        solved = [k for k, level in enumerate(series.levels) if level.name not in self.failed]
+        for k, level in enumerate(series.levels):
+            words = f"error {found.errors[k]:.3e}{_band(found.uncertainties[k])}"
+            if np.isnan(found.errors[solved[-1:]]).any():  # nothing to be compared with
+                words = f"change {change}"
             if np.isfinite(found.observed[k]):
-                text += f"  order {found.observed[k]:.2f}"
-            words[names[k]] = text
-        return words
+                words += f"  order {found.observed[k]:.2f}"
+            if level.name in self.failed:
+                words = self.failed[level.name]
+            else:
+                change = f"{found.differences[k]:.3e}"
+            lines.append(f"  {level.name:{width}s}  {words}")
+        return lines
 
     def __repr__(self) -> str:
         verdicts = "; ".join(f"{name}: {verdict}" for name, verdict in self.verdicts.items())
@@ -456,15 +457,19 @@ class _Plan:
         probe: bool,
     ) -> None:
         self.series, self.wanted, self.rounding = series, wanted, rounding
+        self.reference, given = reference, reference.runs.values()
         levels = [level for each in series for level in each.levels]
         self.levels = {level.name: level.arguments for level in levels}
-        self.reference, given = reference, reference.runs.values()
         runs = [levels[-1].arguments | arguments for arguments in given]
         self.runs = {case_name(arguments): arguments for arguments in runs}
-        true = isinstance(reference, ReferenceKnown)
-        self.held = [(each, name) for each in series for name in each.held if not true]
+        self.true = isinstance(reference, ReferenceKnown)
         varied = {name for each in series for name in each.varied}
-        probes = [each.probe(name) for each, name in self.held if probe and name not in varied]
+        probes = [
+            each.probe(name)
+            for each in series
+            for name in each.held
+            if probe and not self.true and name not in varied
+        ]
         self.calls = self.levels | self.runs | {each.name: each.arguments for each in probes}
         self.quantities: list[str] = []
         if wanted.names:
@@ -484,40 +489,25 @@ class _Plan:
                 samples[name] = self.wanted.sample(outcome.value, name)
                 bad = [quantity for quantity, each in samples[name].items() if not each.finite]
                 if bad:
-                    error = ArithmeticError(f"quantity {bad[0]!r} is not finite")
-                    outcomes[name] = replace(outcome, error=error)
+                    lost = ArithmeticError(f"quantity {bad[0]!r} is not finite")
+                    outcomes[name] = replace(outcome, error=lost)
         for run in self.runs:
             if not outcomes[run].ok:
                 raise InputError("argument reference", f"its run failed: {outcomes[run].error}")
-        compared = {name: samples[name] for name in self.levels | self.runs if name in samples}
-        study = Refinement(
-            title,
-            self.series,
-            self.quantities if compared else [],
-            {name: outcomes[name] for name in self.levels},
-            orders={},
-            values={},
-            held={},
-            notes={"reference": self.reference.about},
-        )
-        for name in study.quantities:
-            self._judge(name, compared, study)
-        for name in study.quantities:
-            for series, argument in self.held:
-                found = self._held(name, series, argument, samples, outcomes, study.orders)
-                study.held[series.key(name)].append(found)
-        for key, held in study.held.items():
-            judged, error = study.orders[key], sum(each.error for each in held)
-            bands = judged.uncertainties + error
-            band = judged.uncertainty + error
-            study.orders[key] = replace(judged, uncertainties=bands, uncertainty=band)
+        quantities = self.quantities if self.levels.keys() & samples else []
+        levels = {name: outcomes[name] for name in self.levels}
+        notes = {"reference": self.reference.about}
+        study = Refinement(title, self.series, quantities, levels, {}, {}, {}, notes)
+        for name in quantities:
+            self._judge(name, samples, outcomes, study)
         return study
 
     def _judge(
-        self, name: str, samples: Mapping[str, Mapping[str, Reading]], study: Refinement
+        self, name: str, samples: Samples, outcomes: Mapping[str, Outcome], study: Refinement
     ) -> None:
-        """Orders and values of a quantity, into the study."""
-        shared, instants = aligned(name, samples, self.wanted.over)
+        """Values and orders of a quantity, and what is held, into the study."""
+        compared = {each: samples[each] for each in self.levels | self.runs if each in samples}
+        shared, instants = aligned(name, compared, self.wanted.over)
         norm, noise = self.wanted.norm(instants), self.rounding
         shape = next(iter(shared.values())).shape
         runs = [shared[run] for run in self.runs]
@@ -526,34 +516,48 @@ class _Plan:
         if off > 0 and size > 0:  # differences below the reference's own error tell no order
             noise = max(off / size, noise)
         finest = isinstance(self.reference, ReferenceFinest)
+        judged = {}
         for series in self.series:
             key, names = series.key(name), [level.name for level in series.levels]
             study.values[key] = {each: shared[each] for each in names if each in shared}
             values = [*map(shared.get, names)]
-            found = convergence(series.sizes, values, norm, known, noise, finest)
-            if len(series.varied) > 1 and found.verdict.startswith("not in the asymptotic range"):
-                advice = "mesh and step, refined at once, may have orders of their own"
-                verdict = f"{found.verdict}; {advice}: see together=False"
-                found = replace(found, verdict=verdict)
-            study.orders[key], study.held[key] = found, []
+            judged[key] = convergence(series.sizes, values, norm, known, noise, finest)
+        for series in self.series:
+            key = series.key(name)
+            found, verdict = judged[key], judged[key].verdict
+            if len(series.varied) > 1 and verdict.startswith("not in the asymptotic range"):
+                verdict += "; mesh and step, refined at once, may have orders of their own: see"
+                verdict += " together=False"
+            arguments = [] if self.true else series.held
+            held = [self._held(name, series, each, samples, outcomes, judged) for each in arguments]
+            error = sum(each.error for each in held)
+            study.held[key], study.orders[key] = (
+                held,
+                replace(
+                    found,
+                    verdict=verdict,
+                    uncertainties=found.uncertainties + error,
+                    uncertainty=found.uncertainty + error,
+                ),
+            )
 
     def _held(
         self,
         name: str,
         series: Series,
         argument: str,
-        samples: Mapping[str, Mapping[str, Reading]],
+        samples: Samples,
         outcomes: Mapping[str, Outcome],
-        orders: Mapping[str, Convergence],
+        judged: Mapping[str, Convergence],
     ) -> Held:
         """What an argument that a series holds does to a quantity at its finest level."""
         finest, probe = series.levels[-1], series.probe(argument)
         error, words = np.nan, "it was not probed"
-        other = next((each for each in self.series if argument in each.varied), None)
-        if other is not None:  # held at the finest level of a series of its own
-            found = orders[other.key(name)]
+        other = [each for each in self.series if argument in each.varied]
+        if other:  # held at the finest level of a series of its own
+            found = judged[other[0].key(name)]
             error = float(found.errors[-1] + found.uncertainties[-1])
-            words = f"see the series {other.label!r}"
+            words = f"see the series {other[0].label!r}"
         elif probe.name in samples:
             pair = {each.name: samples.get(each.name, {}) for each in (finest, probe)}
             try:

@@ -698,7 +698,7 @@ FOUR = (4, 8, 16, 32)
         (
             problems.fourth,
             {"step": (0.1, 0.05), "norm": AtInstants([0.05])},
-            "AtInstants: times holds 0.05, which not all levels have recorded",
+            r"AtInstants: times = \[0.05\], not all of which all levels have recorded",
         ),
         (problems.swing_up, {"elements": 2, "step": (0.1, 0.05)}, "gives a History: say what"),
         (
