@@ -9,7 +9,7 @@ from ..export import write_rows
 from .asked import Component, Maximum
 from .orders import Convergence, convergence
 from .precision import Front, Level, PrecisionTable, Standing, work_precision
-from .reading import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
+from .reading import MaximumOverTime
 from .reference import (
     ReferenceFinest,
     ReferenceKnown,
@@ -27,7 +27,6 @@ from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 __all__ = [
     "FULL_PROTOCOL",
     "Answer",
-    "AtInstants",
     "Band",
     "Component",
     "Convergence",
@@ -40,7 +39,6 @@ __all__ = [
     "Maximum",
     "MaximumOverTime",
     "Outcome",
-    "OverTime",
     "PrecisionTable",
     "Processes",
     "ReferenceFinest",
@@ -49,7 +47,6 @@ __all__ = [
     "ReferenceRun",
     "Refinement",
     "ResultTable",
-    "RootMeanSquare",
     "Setup",
     "Standing",
     "TimeLimit",
