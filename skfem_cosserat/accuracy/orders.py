@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -39,8 +38,7 @@ LOWEST, HIGHEST = -6.0, 30.0
 Norm = Callable[[Array], float]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Convergence:
+class Convergence(NamedTuple):
     """How a quantity converges over the levels of a series; failed levels have NaN.
 
     Attributes
@@ -152,7 +150,7 @@ def convergence(
         truth, doubt = chosen[-1], np.nan if limit is None else norm(limit - chosen[-1])
     trend = trend or among
     verdict = trend.verdict
-    if trend.reason and limit is not None:
+    if np.isnan(trend.order) and limit is not None:
         verdict += f"; the levels converge (order {among.order:.2f}) to a value"
         verdict += f" {norm(limit - truth):.2g} from the reference"
     if truth is None or np.isnan(doubt):  # hints
@@ -210,7 +208,7 @@ def _extrapolated(
     h: Floats, values: list[Array], trend: _Trend, norm: Norm
 ) -> tuple[Array | None, float]:
     """Value for size zero with its uncertainty, if the differences between levels bear one."""
-    if trend.reason or trend.cosine < ALIGNED:
+    if np.isnan(trend.order) or trend.cosine < ALIGNED:
         return None, np.nan
 
     def at_zero(n: int, p: float) -> Array:
@@ -254,36 +252,32 @@ class _Trend:
         stalled = (e[1:] > STALLED * e[:-1]) & (e[1:] < STALLED_SIZE * scale)
         self.floor = float(max(floor, e[1:][stalled].max(initial=0.0)))
         above = e > ABOVE * self.floor
-        self.used = len(e) if above.all() else int(np.argmin(above))
-        self.again = bool(above[self.used :].any())
+        self.used = int(np.argmin([*above, False]))
         pairs = (slice(k, k + 2) for k in range(self.used - 1))
         self.pairs = np.array([_order(e[two], h[two], g[two]) for two in pairs])
+        what = "differences between levels" if self.between else "errors"
+        self.counted = f"{self.used} of {len(e)} {what} above 100 x rounding"
         last = self.vectors[max(self.used - LEVELS, 0) : self.used]
         self.cosine = float(np.min([_cosine(a, b) for a, b in pairwise(last)], initial=np.inf))
         self.order = self.spread = np.nan
-        self.reason = self._judged()
-        self.verdict = self.reason or f"order {self.order:.2f} +- {max(self.spread, 0.005):.2f}"
-        if not self.reason:
-            levels = len(e) + self.between
-            some = "" if self.used == len(e) else f", {self.counted}"
-            self.verdict += f" (three finest of {COUNTS.get(levels, levels)} levels{some})"
+        self.verdict = self._judged(len(e) + self.between, above.sum() > self.used)
 
-    def _judged(self) -> str:
-        """Why there is no order (empty: there is one, which is set with its spread)."""
-        pairs, levels = self.pairs, len(self.sizes) + self.between
+    def _judged(self, levels: int, again: bool) -> str:
+        """The order, which is set with its spread, or why there is none, in words."""
+        pairs = self.pairs
         if self.between and levels > 1 and not self.sizes.any():
             return "no order: all levels are identical, nothing depends on their size"
         shown = ", ".join(f"{p:.2g}" if abs(p) < 1 else f"{p:.3g}" for p in pairs[-4:])
         seen = f": pairwise order{'s' * (len(pairs) > 1)} {shown}" if len(pairs) else ""
         if levels < LEVELS:
             return "fewer than four levels" + seen
-        if self.used + self.between < LEVELS and not self.again:
+        if self.used + self.between < LEVELS and not again:
             return f"at rounding: no order ({self.counted})"
         wandering = f"not in the asymptotic range{seen}"
         part = self.sizes[self.used - 1] / self.scale if self.used else 1.0
         if part <= STALLED_SIZE:
             wandering += f" (down to {part:.1e} of the value: if that is rounding, declare it)"
-        if self.again:
+        if again:
             return f"{wandering}; below rounding and above it again"
         if not np.isfinite(pairs).all() or pairs[-1] <= 0:
             return wandering
@@ -301,13 +295,11 @@ class _Trend:
             return f"{wandering}; {turning}, which takes five levels"
         noise = self.floor / self.sizes[self.used - 1] / np.log(self.h[-2] / self.h[-1])
         self.order, self.spread = float(order), float(DOUBT * changes[-1] + noise)
-        return ""
-
-    @property
-    def counted(self) -> str:
-        """How many errors count, in words."""
-        what = "differences between levels" if self.between else "errors"
-        return f"{self.used} of {len(self.sizes)} {what} above 100 x rounding"
+        some = "" if self.used == len(self.sizes) else f", {self.counted}"
+        return (
+            f"order {order:.2f} +- {max(self.spread, 0.005):.2f}"
+            f" (three finest of {COUNTS.get(levels, levels)} levels{some})"
+        )
 
 
 def _order(e: Floats, h: Floats, g: Floats) -> float:

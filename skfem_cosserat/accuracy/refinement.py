@@ -177,8 +177,11 @@ class Refinement(Report):
     def table(self) -> ResultTable:
         """The rows, with verdicts, versions, machine and commit."""
         notes: dict[str, Any] = {"refinement": self.title, **self.notes, "verdicts": self.verdicts}
-        limits = {name: each for name, each in self.extrapolated.items() if each is not None}
-        notes["extrapolated"] = {n: v.tolist() for n, v in limits.items() if not np.iscomplexobj(v)}
+        notes["extrapolated"] = {
+            name: value.tolist()
+            for name, value in self.extrapolated.items()
+            if value is not None and np.isrealobj(value)
+        }
         notes["held"] = {n: [each.words for each in held] for n, held in self.held.items() if held}
         return ResultTable(self.rows, notes | provenance())
 
@@ -527,16 +530,14 @@ class _Plan:
                 verdict += "; mesh and step, refined at once, may have orders of their own: see"
                 verdict += " together=False"
             arguments = [] if self.true else series.held
-            held = [self._held(name, series, each, samples, outcomes, judged) for each in arguments]
+            study.held[key] = held = [
+                self._held(name, series, each, samples, outcomes, judged) for each in arguments
+            ]
             error = sum(each.error for each in held)
-            study.held[key], study.orders[key] = (
-                held,
-                replace(
-                    found,
-                    verdict=verdict,
-                    uncertainties=found.uncertainties + error,
-                    uncertainty=found.uncertainty + error,
-                ),
+            study.orders[key] = found._replace(
+                verdict=verdict,
+                uncertainties=found.uncertainties + error,
+                uncertainty=found.uncertainty + error,
             )
 
     def _held(
