@@ -86,18 +86,6 @@ ARGUMENTS = {
 }
 
 
-class StudyLevel(NamedTuple):
-    """A call of the problem: its arguments, and the size that they stand for."""
-
-    arguments: dict[str, Any]
-    size: float
-
-    @property
-    def name(self) -> str:
-        """In words."""
-        return case_name(self.arguments)
-
-
 class Series(NamedTuple):
     """Levels that belong together, coarsest first: those of one order.
 
@@ -107,12 +95,13 @@ class Series(NamedTuple):
         What tells it from others, empty if there are no others.
     varied : list of str
         Names of the arguments that differ from level to level.
-    levels : list of StudyLevel
+    levels : dict
+        Arguments of the problem by the name of the level.
     """
 
     label: str
     varied: list[str]
-    levels: list[StudyLevel]
+    levels: dict[str, dict[str, Any]]
 
     @property
     def kind(self) -> str:
@@ -122,21 +111,27 @@ class Series(NamedTuple):
     @property
     def sizes(self) -> Floats:
         """Size of each level."""
-        return np.array([level.size for level in self.levels])
+        first = self.varied[0]
+        return np.array([ARGUMENTS[first].size(each[first]) for each in self.levels.values()])
+
+    @property
+    def finest(self) -> str:
+        """Name of the finest level."""
+        return [*self.levels][-1]
 
     @property
     def held(self) -> list[str]:
         """Names of arguments that stand for a mesh or a step and are not varied."""
-        return [name for name in self.levels[-1].arguments if name not in (*self.varied, "order")]
+        return [name for name in self.levels[self.finest] if name not in (*self.varied, "order")]
 
     def key(self, quantity: str) -> str:
         """Name of a quantity in this series."""
         return f"{quantity}, {self.label}" if self.label else quantity
 
-    def probe(self, name: str) -> StudyLevel:
+    def probe(self, name: str) -> dict[str, Any]:
         """The finest level, with what is held once more refined: half the step, or elements."""
-        arguments, size = self.levels[-1]
-        return StudyLevel(arguments | {name: ARGUMENTS[name].finer(arguments[name])}, size)
+        arguments = self.levels[self.finest]
+        return arguments | {name: ARGUMENTS[name].finer(arguments[name])}
 
 
 def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -> list[Series]:
@@ -180,19 +175,20 @@ def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -
             )
         for names in [varied] if switched else [[name] for name in varied]:
             counts = [len(values[name]) for name in names]
-            if len(set(counts)) > 1:
+            if counts[0] != counts[-1]:
                 raise InputError(
                     f"arguments {space}, step",
                     f"got {counts[0]} and {counts[1]} levels, expected equally many (or"
                     " together=False)",
                 )
-            levels = []
-            for k, value in enumerate(values[names[0]]):
-                case = {n: v[k if n in names else -1] for n, v in values.items() if v}
-                levels.append(StudyLevel(case, ARGUMENTS[names[0]].size(value)))
+            levels = [
+                {n: each[k if n in names else -1] for n, each in values.items() if each}
+                for k in range(counts[0])
+            ]
             parts = [f"order = {p}"] * (len(orders) > 1)
             parts += [f"{names[0]} varied"] * (len(varied) > len(names))
-            found.append(Series(", ".join(parts), names, levels))
+            named = {case_name(level): level for level in levels}
+            found.append(Series(", ".join(parts), names, named))
     return found
 
 
@@ -216,14 +212,12 @@ def check_call(problem: Any, arguments: Mapping[str, Any], item: str = "argument
     if not callable(problem):
         raise InputError(item, f"{problem!r} cannot be called")
     try:
-        expected = signature(problem)
-    except (TypeError, ValueError):
+        signature(problem).bind(**arguments)
+    except ValueError:
         return  # a builtin that does not tell
-    try:
-        expected.bind(**arguments)
     except TypeError as error:
         raise InputError(
             item,
-            f"takes {expected}, but the study calls it with {', '.join(arguments)} as keywords:"
-            f" {error}",
+            f"takes {signature(problem)}, but the study calls it with {', '.join(arguments)} as"
+            f" keywords: {error}",
         ) from error

@@ -198,7 +198,7 @@ def left(change: Any, order: float, ratio: float = 2.0) -> Any:
 
     Examples
     --------
-    >>> round(left(0.3, order=2.0), 12)  # 1.4 at size 2, 1.1 at size 1: 1 at size zero
+    >>> print(round(left(0.3, order=2.0), 12))  # 1.4 at size 2, 1.1 at size 1: 1 at size zero
     0.1
     """
     return change / np.expm1(order * np.log(ratio))

@@ -236,14 +236,11 @@ def _entry(what: Any, result: Any, over_time: bool) -> Any:
         return what(result)
     if isinstance(result, History):
         return result[what] if over_time else result[what][-1]
-    if not isinstance(result, Mapping):
-        raise InputError(
-            f"quantity {what!r}",
-            f"is a name, but the problem gave a {type(result).__name__}, which has none:"
-            " expected a mapping or a History",
-        )
-    if what not in result:
-        raise InputError(f"quantity {what!r}", f"unknown; {names_known(what, result)}")
+    known = result if isinstance(result, Mapping) else ()
+    if what not in known:
+        kind = type(result).__name__
+        text = f"unknown; {names_known(what, known)} (the problem gave a {kind})"
+        raise InputError(f"quantity {what!r}", text)
     return result[what]
 
 

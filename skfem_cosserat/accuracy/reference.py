@@ -114,20 +114,19 @@ class Reference:
                 value = value + off
             return value, norm(off)
         value = self.known.get(name, self.known.get(None))
-        error = float(self.errors.get(name, self.errors.get(None, np.nan)))
         if callable(value):
             value = _finite(value() if instants is None else value(instants), name)
-        if value is None or value.shape == shape:
-            return value, error
-        if value.size != 1 or int(np.prod(shape)) != 1:
-            text = f"shape {value.shape}, expected that of the values, {shape}"
-            raise InputError(f"reference of quantity {name!r}", text)
-        return value.reshape(shape), error
+        if value is not None and value.shape != shape:
+            if {value.size, int(np.prod(shape))} != {1}:
+                text = f"shape {value.shape}, expected that of the values, {shape}"
+                raise InputError(f"reference of quantity {name!r}", text)
+            value = value.reshape(shape)
+        return value, float(self.errors.get(name, self.errors.get(None, np.nan)))
 
 
 @checked
 class ReferenceFinest(Reference):
-    """The finest level of each series stands for the truth; orders allow for its own error.
+    """The finest level of each series stands for the truth; orders are of what levels change.
 
     Examples
     --------
@@ -136,7 +135,7 @@ class ReferenceFinest(Reference):
     ...     return 1 + 0.2 / elements**2
     >>> found = refine(area, elements=(2, 4, 8, 16, 32), reference=ReferenceFinest())
     >>> print(found.verdicts["value"])
-    order 2.00 +- 0.01 (three finest of four levels)
+    order 2.00 +- 0.01 (three finest of five levels)
     """
 
     def __init__(self) -> None:

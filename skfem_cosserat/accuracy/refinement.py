@@ -57,7 +57,7 @@ class Refinement(Report):
     title : str
         Name of the problem.
     series : list of Series
-        Levels of each series: ``arguments``, ``size`` and ``name``, coarsest first.
+        Levels of each series: arguments by name, coarsest first.
     quantities : list of str
         Names of the quantities.
     outcomes : dict
@@ -65,7 +65,7 @@ class Refinement(Report):
     orders : dict of Convergence
         Errors, observed orders and verdict of each quantity.
     values : dict of dict
-        Values of each quantity by the name of the level, as they were compared.
+        By quantity: values by the name of the level, as they were compared.
     held : dict of list of Held
         By quantity, as `orders`: errors by what was not varied. Uncertainties include them; where
         one is not known there are none.
@@ -155,19 +155,22 @@ class Refinement(Report):
         quantity its numbers (if they are few), ``error_``, ``uncertainty_``, ``difference_`` and
         ``order_`` with its name.
         """
-        return [self._row(series, k) for series in self.series for k in range(len(series.levels))]
+        return [self._row(s, *each) for s in self.series for each in enumerate(s.levels)]
 
-    def _row(self, series: Series, k: int) -> dict[str, Any]:
-        level = series.levels[k]
-        outcome = self.outcomes[level.name]
+    def _row(self, series: Series, k: int, level: str) -> dict[str, Any]:
+        outcome = self.outcomes[level]
         row: dict[str, Any] = {"series": series.label} if len(self.series) > 1 else {}
-        for name, value in level.arguments.items():
+        for name, value in series.levels[level].items():
             row[name] = value if isinstance(value, int | float) else text(value)
-        row |= {"size": level.size, "status": outcome.status, "reason": _reason(outcome)}
+        row |= {
+            "size": float(series.sizes[k]),
+            "status": outcome.status,
+            "reason": _reason(outcome),
+        }
         row |= {"seconds": outcome.seconds, "warnings": told(outcome.warnings)}
         for name in self.quantities:
             found = self.orders[series.key(name)]
-            row |= _columns(name, self.values[series.key(name)].get(level.name))
+            row |= _columns(name, self.values[name].get(level))
             numbers = {"error": found.errors, "uncertainty": found.uncertainties}
             numbers |= {"difference": found.differences, "order": found.observed}
             row |= {f"{what}_{name}": float(each[k]) for what, each in numbers.items()}
@@ -214,9 +217,7 @@ class Refinement(Report):
         if not self.orders:
             name, why = next(iter(self.failed.items()))
             raise InputError(self.title, f"no level was solved; {name}: {why}")
-        solved = [
-            np.array([n.name not in self.failed for n in each.levels]) for each in self.series
-        ]
+        solved = [np.array([n not in self.failed for n in each.levels]) for each in self.series]
         panels = {
             name: [
                 Line(each.label, each.kind, self.orders[each.key(name)], good)
@@ -247,18 +248,18 @@ class Refinement(Report):
     def _lines(self, series: Series, found: Convergence) -> list[str]:
         """A line a level: its error, or what it changes, and its order; or why there is none."""
         lines, change, width = [], "-", max(map(len, self.outcomes))
-        solved = [k for k, level in enumerate(series.levels) if level.name not in self.failed]
+        solved = [k for k, level in enumerate(series.levels) if level not in self.failed]
         for k, level in enumerate(series.levels):
             words = f"error {found.errors[k]:.3e}{_band(found.uncertainties[k])}"
             if np.isnan(found.errors[solved[-1:]]).any():  # nothing to be compared with
                 words = f"change {change}"
             if np.isfinite(found.observed[k]):
                 words += f"  order {found.observed[k]:.2f}"
-            if level.name in self.failed:
-                words = self.failed[level.name]
+            if level in self.failed:
+                words = self.failed[level]
             else:
                 change = f"{found.differences[k]:.3e}"
-            lines.append(f"  {level.name:{width}s}  {words}")
+            lines.append(f"  {level:{width}s}  {words}")
         return lines
 
     def __repr__(self) -> str:
@@ -459,9 +460,9 @@ class _Plan:
     ) -> None:
         self.series, self.wanted, self.rounding = series, wanted, rounding
         self.reference, given = reference, reference.runs.values()
-        levels = [level for each in series for level in each.levels]
-        self.levels = {level.name: level.arguments for level in levels}
-        runs = [levels[-1].arguments | arguments for arguments in given]
+        self.levels = {name: each.levels[name] for each in series for name in each.levels}
+        finest = series[-1].levels[series[-1].finest]
+        runs = [finest | arguments for arguments in given]
         self.runs = {case_name(arguments): arguments for arguments in runs}
         self.true = isinstance(reference, ReferenceKnown)
         varied = {name for each in series for name in each.varied}
@@ -471,7 +472,7 @@ class _Plan:
             for name in each.held
             if probe and not self.true and name not in varied
         ]
-        self.calls = self.levels | self.runs | {each.name: each.arguments for each in probes}
+        self.calls = self.levels | self.runs | {case_name(each): each for each in probes}
         self.quantities: list[str] = []
         if wanted.names:
             reference.check(wanted.names, every=False)
@@ -517,12 +518,11 @@ class _Plan:
         if off > 0 and size > 0:  # differences below the reference's own error tell no order
             noise = max(off / size, noise)
         finest = isinstance(self.reference, ReferenceFinest)
-        judged = {}
+        study.values[name], judged = shared, {}
         for series in self.series:
-            key, names = series.key(name), [level.name for level in series.levels]
-            study.values[key] = {each: shared[each] for each in names if each in shared}
-            values = [*map(shared.get, names)]
-            judged[key] = convergence(series.sizes, values, norm, known, noise, finest)
+            values = [*map(shared.get, series.levels)]
+            found = convergence(series.sizes, values, norm, known, noise, finest)
+            judged[series.key(name)] = found
         for series in self.series:
             key = series.key(name)
             found, verdict = judged[key], judged[key].verdict
@@ -550,26 +550,26 @@ class _Plan:
         judged: Mapping[str, Convergence],
     ) -> Held:
         """What an argument that a series holds does to a quantity at its finest level."""
-        finest, probe = series.levels[-1], series.probe(argument)
+        finest, probe = series.finest, case_name(series.probe(argument))
         error, words = np.nan, "it was not probed"
         other = [each for each in self.series if argument in each.varied]
         if other:  # held at the finest level of a series of its own
             found = judged[other[0].key(name)]
             error = float(found.errors[-1] + found.uncertainties[-1])
             words = f"see the series {other[0].label!r}"
-        elif probe.name in samples:
-            pair = {each.name: samples.get(each.name, {}) for each in (finest, probe)}
+        elif probe in samples:
+            pair = {each: samples.get(each, {}) for each in (finest, probe)}
             try:
                 shared, instants = aligned(name, pair, self.wanted.over)
             except InputError as wrong:  # values at points of the mesh, or no instants in common
                 words = str(wrong)
             else:
-                change = self.wanted.norm(instants)(shared[probe.name] - shared[finest.name])
+                change = self.wanted.norm(instants)(shared[probe] - shared[finest])
                 error = float(change + left(change, order=1.0))  # the lowest that methods have
                 words = f"{ARGUMENTS[argument].words} changes the finest level by {change:.1e}"
-        elif probe.name in outcomes:
-            words = f"{probe.name} failed: {outcomes[probe.name].error}"
-        what = f"{argument} = {text(finest.arguments[argument])}"
+        elif probe in outcomes:
+            words = f"{probe} failed: {outcomes[probe].error}"
+        what = f"{argument} = {text(series.levels[finest][argument])}"
         if np.isfinite(error):
             return Held(error, f"{error:.1e} of each band by {what}, held: {words}")
         return Held(error, f"{what} was held, its error is not known: {words}")

@@ -177,7 +177,7 @@ def test_bands_have_the_error_of_what_is_held(held, varied):
     assert abs(found.extrapolated - 1) > 100 * (found.uncertainty - known.error)
     assert abs(found.extrapolated - 1) < found.uncertainty < 2 * abs(found.extrapolated - 1)
     error, band = study.estimate["value"]
-    truth = abs(study.values["value"][study.series[0].levels[-1].name] - 1)
+    truth = abs(study.values["value"][study.series[0].finest] - 1)
     assert abs(truth - error) < band
     assert f"by {held} = {fixed}, held" in str(study)
     assert study.table.notes["held"] == {"value": [known.words]}
@@ -684,7 +684,11 @@ FOUR = (4, 8, 16, 32)
         ),
         (problems.trapezoid, {"elements": FOUR, "reference": PAIR}, "expected finite numbers"),
         (problems.trapezoid, {"elements": FOUR, "rounding": -1.0}, "argument rounding: value"),
-        (problems.trapezoid, {"elements": FOUR, "quantities": ["x"]}, "is a name, but the problem"),
+        (
+            problems.trapezoid,
+            {"elements": FOUR, "quantities": ["x"]},
+            "known: none .the problem gave a float",
+        ),
         (problems.trapezoid, {"elements": FOUR, "quantities": 3}, "quantities: 3, expected names"),
         (problems.trapezoid, {"elements": FOUR, "norm": "max"}, "argument norm: 'max', expected"),
         (problems.trapezoid, {"elements": FOUR, "norm": MaximumOverTime()}, "without times at"),
