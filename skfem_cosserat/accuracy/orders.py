@@ -38,6 +38,11 @@ LOWEST, HIGHEST = -6.0, 30.0
 Norm = Callable[[Array], float]
 
 
+def euclidean(difference: Array) -> float:
+    """Euclidean norm of all entries."""
+    return float(np.linalg.norm(difference))
+
+
 class Convergence(NamedTuple):
     """How a quantity converges over the levels of a series; failed levels have NaN.
 
@@ -105,9 +110,9 @@ class Convergence(NamedTuple):
 def convergence(
     sizes: Sequence[float] | Floats,
     values: Sequence[Array | None],
-    norm: Norm | None = None,
+    norm: Norm = euclidean,
     reference: Array | None = None,
-    rounding: float | None = None,
+    rounding: float = ROUNDING,
     finest: bool = False,
 ) -> Convergence:
     """Judge the values of a quantity on a sequence of levels.
@@ -132,14 +137,12 @@ def convergence(
     -------
     Convergence
     """
-    norm = euclidean if norm is None else norm
-    relative = ROUNDING if rounding is None else rounding
     good = [k for k, each in enumerate(values) if each is not None and np.isfinite(each).all()]
     chosen = [np.asarray(values[k]) for k in good]
     every = np.asarray(sizes, dtype=float)
     exact = None if finest else reference
     scale = max([norm(each) for each in (*chosen, exact) if each is not None], default=0.0)
-    rest, floor = (every[good], chosen, norm, scale), relative * scale
+    rest, floor = (every[good], chosen, norm, scale), rounding * scale
     trend = None if exact is None else _Trend(exact, floor, *rest)
     among = _Trend(None, trend.floor if trend else floor, *rest)
     limit, uncertainty = _extrapolated(every[good], chosen, among, norm)
@@ -177,11 +180,6 @@ def convergence(
         uncertainty=uncertainty,
         rounding=trend.floor,
     )
-
-
-def euclidean(difference: Array) -> float:
-    """Euclidean norm of all entries."""
-    return float(np.linalg.norm(difference))
 
 
 def left(change: Any, order: float, ratio: float = 2.0) -> Any:

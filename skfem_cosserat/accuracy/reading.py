@@ -134,7 +134,7 @@ class Reading(NamedTuple):
         times, first = np.unique(self.times, return_index=True)
         values = np.asarray(self.values)[first]
         nearest = rows_at(times, t)
-        if abs(times[nearest] - t).max(initial=0.0) <= SAME * max(abs(times[-1]), times[1]):
+        if abs(times[nearest] - t).max(initial=0.0) <= SAME * abs(times).max():
             return np.asarray(values[nearest])
         return np.asarray(CubicSpline(times, values)(t))
 
@@ -269,14 +269,14 @@ def aligned(
     for level, sample in samples.items():
         if name not in sample:
             raise InputError(item, f"missing at {level}")
-    values = {level: sample[name].values for level, sample in samples.items()}
+    readings = {level: sample[name] for level, sample in samples.items()}
+    values = {level: each.values for level, each in readings.items()}
     if over is not None:
-        times = {level: np.asarray(sample[name].times) for level, sample in samples.items()}
-        instants = common_instants([*times.values()])
+        instants = common_instants([np.asarray(each.times) for each in readings.values()])
         if not len(instants):
             text = "no instant that all levels have recorded: choose steps that divide each other"
             raise InputError(item, text)
-        values = {level: each[rows_at(times[level], instants)] for level, each in values.items()}
+        values = {level: each.at(instants) for level, each in readings.items()}
     shapes = {each.shape: f"{each.shape} at {level}" for level, each in values.items()}
     if len(shapes) > 1:
         raise InputError(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from ..arguments import checked
 from ..errors import InputError
 from ..export.table import WIDE, column_names
-from ..types import Array, Floats, positive, switch
+from ..types import Array, positive, switch
 from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
 from .levels import Series, case_name, check_call, series_of
@@ -26,7 +25,7 @@ from .table import Report, ResultTable, provenance
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# -- what came of a refinement study: tables, verdicts, charts, files for ParaView -----------------
+# -- what came of a refinement study: tables, verdicts, charts -------------------------------------
 
 
 class Held(NamedTuple):
@@ -78,10 +77,10 @@ class Refinement(Report):
     >>> def area(elements):  # of a polygon in a circle
     ...     return elements / 2 * np.sin(2 * np.pi / elements)
     >>> study = refine(area, elements=(8, 16, 32, 64))
-    >>> study.asymptotic, round(study.orders["value"].order, 2)
-    (True, 1.99)
+    >>> round(study.orders["value"].order, 2)
+    1.99
     >>> error, uncertainty = study.estimate["value"]
-    >>> abs(study.errors["value"][-1] - (np.pi - area(64))) < uncertainty < 0.2 * error
+    >>> abs(study.orders["value"].errors[-1] - (np.pi - area(64))) < uncertainty < 0.2 * error
     True
     >>> study.rows[1]["elements"], study.rows[1]["status"]
     (16, 'ok')
@@ -102,19 +101,9 @@ class Refinement(Report):
         return {name: each.verdict for name, each in self.orders.items()}
 
     @property
-    def asymptotic(self) -> bool:
-        """Whether the errors of all quantities fall as a power of the size."""
-        return bool(self.orders) and all(each.asymptotic for each in self.orders.values())
-
-    @property
     def extrapolated(self) -> dict[str, Array | None]:
         """Richardson's values; None where the levels do not bear one."""
         return {name: each.extrapolated for name, each in self.orders.items()}
-
-    @property
-    def errors(self) -> dict[str, Floats]:
-        """Error of each level; see :class:`Convergence` for what they are against."""
-        return {name: each.errors for name, each in self.orders.items()}
 
     @property
     def estimate(self) -> dict[str, tuple[float, float]]:
@@ -216,11 +205,15 @@ class Refinement(Report):
         if not self.orders:
             name, why = next(iter(self.failed.items()))
             raise InputError(self.title, f"no level was solved; {name}: {why}")
-        solved = [np.array([n not in self.failed for n in each.levels]) for each in self.series]
         panels = {
             name: [
-                Line(each.label, each.kind, self.orders[each.key(name)], good)
-                for each, good in zip(self.series, solved, strict=True)
+                Line(
+                    each.label,
+                    each.kind,
+                    self.orders[each.key(name)],
+                    np.array([level not in self.failed for level in each.levels]),
+                )
+                for each in self.series
             ]
             for name in self.quantities
         }
@@ -296,7 +289,7 @@ def refine(
     quantities: Mapping[str, Any] | Sequence[str] | None = None,
     norm: MaximumOverTime | None = None,
     reference: Any = None,
-    rounding: float | None = None,
+    rounding: float = ROUNDING,
     together: bool = True,
     probe: bool = True,
     executor: Executor | None = None,
@@ -344,8 +337,9 @@ def refine(
         times the machine precision; what stops falling below 1e-8 is taken for rounding in any
         case.
     together : bool
-        Elements and step, if both are sequences: refined at once, level by level (the order is that in
-        the size of the elements), or each for itself with the finest of the other, as two series.
+        Elements and step, if both are sequences: refined at once, level by level (the order is
+        that in the size of the elements), or each for itself with the finest of the other, as two
+        series.
     probe : bool
         Solve the finest level once more, with half of a step that is held, or twice the elements,
         so that uncertainties have its error in them, too. False, and where it fails: what is held
@@ -413,7 +407,7 @@ def refine(
     """
     series = series_of(elements, order, step, together)
     wanted = Quantities(quantities, norm)
-    noise = ROUNDING if rounding is None else positive("argument rounding", "value", rounding)
+    noise = positive("argument rounding", "value", rounding)
     plan = _Plan(
         series, wanted, reference_of(reference, levels=True), noise, switch("argument probe", probe)
     )
@@ -437,9 +431,9 @@ def refine(
 
 def title_of(problem: Any) -> str:
     """Name of the problem, with what is bound to it as far as it is short."""
-    function = problem.func if isinstance(problem, partial) else problem
-    bound = problem.keywords if isinstance(problem, partial) else {}
+    function = getattr(problem, "func", problem)
     name = str(getattr(function, "__name__", type(function).__name__))
+    bound = getattr(problem, "keywords", {})
     short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
     return f"{name} ({case_name(short)})" if short else name
 
