@@ -251,16 +251,17 @@ class _Trend:
         self.floor = float(max(floor, e[1:][stalled].max(initial=0.0)))
         above = e > ABOVE * self.floor
         self.used = int(np.argmin([*above, False]))
+        self.again = above.sum() > self.used
         pairs = (slice(k, k + 2) for k in range(self.used - 1))
         self.pairs = np.array([_order(e[two], h[two], g[two]) for two in pairs])
         what = "differences between levels" if self.between else "errors"
-        self.counted = f"{self.used} of {len(e)} {what} above 100 x rounding"
+        self.counted = f"{above.sum()} of {len(e)} {what} above 100 x rounding"
         last = self.vectors[max(self.used - LEVELS, 0) : self.used]
         self.cosine = float(np.min([_cosine(a, b) for a, b in pairwise(last)], initial=np.inf))
         self.order = self.spread = np.nan
-        self.verdict = self._judged(len(e) + self.between, above.sum() > self.used)
+        self.verdict = self._judged(len(e) + self.between)
 
-    def _judged(self, levels: int, again: bool) -> str:
+    def _judged(self, levels: int) -> str:
         """The order, which is set with its spread, or why there is none, in words."""
         pairs = self.pairs
         if self.between and levels > 1 and not self.sizes.any():
@@ -269,15 +270,13 @@ class _Trend:
         seen = f": pairwise order{'s' * (len(pairs) > 1)} {shown}" if len(pairs) else ""
         if levels < LEVELS:
             return "fewer than four levels" + seen
-        if self.used + self.between < LEVELS and not again:
+        if self.used + self.between < LEVELS and not self.again:
             return f"at rounding: no order ({self.counted})"
         wandering = f"not in the asymptotic range{seen}"
         part = self.sizes[self.used - 1] / self.scale if self.used else 1.0
         if part <= STALLED_SIZE:
             wandering += f" (down to {part:.1e} of the value: if that is rounding, declare it)"
-        if again:
-            return f"{wandering}; below rounding and above it again"
-        if not np.isfinite(pairs).all() or pairs[-1] <= 0:
+        if self.again or not np.isfinite(pairs).all() or pairs[-1] <= 0:
             return wandering
         logs = np.log2(self.h[: self.used])
         halvings = (logs[:-2] - logs[2:]) / 2

@@ -496,7 +496,7 @@ def work_precision(
         of the instants too if compared over time; their own error is then not known.
         :class:`~skfem_cosserat.accuracy.ReferenceKnown`: with errors.
         :class:`~skfem_cosserat.accuracy.ReferencePair`: two runs, of which the second one tells how
-        good the first is. A function of the problem, or a setup: one run; a History: what it gave.
+        good the first is. A function of the problem: one run; a History: what it gave.
     quantities : mapping or sequence of str
         As in :func:`~skfem_cosserat.refine`: functions of a result by name, called in this process.
     repeats : int

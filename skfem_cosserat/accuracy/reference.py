@@ -275,9 +275,6 @@ def reference_of(given: Any, levels: bool) -> Reference:
         return given
     if levels:
         return Reference() if given is None else ReferenceKnown(given, {})
-    pair = isinstance(given, tuple | list) and len(given) > 1
-    if pair and isinstance(given[0], str) and callable(given[1]):  # a setup
-        given = given[1]
     if isinstance(given, History):
         given = partial(_given, given)
     if callable(given):

@@ -240,18 +240,16 @@ class Refinement(Report):
     def _lines(self, series: Series, found: Convergence) -> list[str]:
         """A line a level: its error, or what it changes, and its order; or why there is none."""
         lines, change, width = [], "-", max(map(len, self.outcomes))
-        solved = [k for k, level in enumerate(series.levels) if level not in self.failed]
+        hints = (np.isnan(found.errors) == np.isnan(found.differences)).all()
         for k, level in enumerate(series.levels):
             words = f"error {found.errors[k]:.3e}{_band(found.uncertainties[k])}"
-            if np.isnan(found.errors[solved[-1:]]).any():  # nothing to be compared with
+            if hints:  # nothing to be compared with
                 words = f"change {change}"
             if np.isfinite(found.observed[k]):
                 words += f"  order {found.observed[k]:.2f}"
-            if level in self.failed:
-                words = self.failed[level]
-            else:
+            if level not in self.failed:
                 change = f"{found.differences[k]:.3e}"
-            lines.append(f"  {level:{width}s}  {words}")
+            lines.append(f"  {level:{width}s}  {self.failed.get(level, words)}")
         return lines
 
     def __repr__(self) -> str:
@@ -405,11 +403,12 @@ def refine(
       ...
       elements = 64, order = 1  error 1.675e-04 +- 4.2e-05  order 2.02
     """
-    series = series_of(elements, order, step, together)
-    wanted = Quantities(quantities, norm)
-    noise = positive("argument rounding", "value", rounding)
     plan = _Plan(
-        series, wanted, reference_of(reference, levels=True), noise, switch("argument probe", probe)
+        series_of(elements, order, step, together),
+        Quantities(quantities, norm),
+        reference_of(reference, levels=True),
+        positive("argument rounding", "value", rounding),
+        switch("argument probe", probe),
     )
     for arguments in plan.calls.values():
         check_call(problem, arguments)
@@ -449,12 +448,11 @@ class _Plan:
         rounding: float,
         probe: bool,
     ) -> None:
-        self.series, self.wanted, self.rounding = series, wanted, rounding
-        self.reference, given = reference, reference.runs.values()
+        self.series, self.wanted, self.reference = series, wanted, reference
+        self.rounding = rounding
         self.levels = {name: each.levels[name] for each in series for name in each.levels}
-        finest = series[-1].levels[series[-1].finest]
-        runs = [finest | arguments for arguments in given]
-        self.runs = {case_name(arguments): arguments for arguments in runs}
+        finest = [*self.levels.values()][-1]
+        self.runs = {case_name(finest | each): finest | each for each in reference.runs.values()}
         self.true = isinstance(reference, ReferenceKnown)
         varied = {name for each in series for name in each.varied}
         probes = [
@@ -509,14 +507,15 @@ class _Plan:
         if off > 0 and size > 0:  # differences below the reference's own error tell no order
             noise = max(off / size, noise)
         finest = isinstance(self.reference, ReferenceFinest)
-        study.values[name], judged = shared, {}
-        for series in self.series:
-            values = [*map(shared.get, series.levels)]
-            found = convergence(series.sizes, values, norm, known, noise, finest)
-            judged[series.key(name)] = found
-        for series in self.series:
-            key = series.key(name)
-            found, verdict = judged[key], judged[key].verdict
+        study.values[name] = shared
+        judged = {
+            each.key(name): convergence(
+                each.sizes, [*map(shared.get, each.levels)], norm, known, noise, finest
+            )
+            for each in self.series
+        }
+        for series, (key, found) in zip(self.series, judged.items(), strict=True):
+            verdict = found.verdict
             if len(series.varied) > 1 and verdict.startswith("not in the asymptotic range"):
                 verdict += "; mesh and step, refined at once, may have orders of their own: see"
                 verdict += " together=False"
