@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+import skfem
 
 from ..errors import InputError
-from ..types import Floats, positive, switch, whole
+from ..types import Floats, check_kind, positive, switch, whole
 
 
 def case_name(arguments: Mapping[str, Any]) -> str:
@@ -21,15 +22,68 @@ def case_name(arguments: Mapping[str, Any]) -> str:
     >>> case_name({"elements": 8, "step": 1e-3})
     'elements = 8, step = 0.001'
     """
-    return ", ".join(f"{name} = {value!r}" for name, value in arguments.items())
+    return ", ".join(f"{name} = {text(value)}" for name, value in arguments.items())
+
+
+def text(value: Any) -> str:
+    """A number or a mesh in a few characters."""
+    if isinstance(value, skfem.Mesh):
+        return f"{value.nelements} elements up to {_longest(value):.9g}"
+    return repr(value)
+
+
+def _longest(mesh: skfem.Mesh) -> float:
+    ends = mesh.p[:, mesh.t]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, -1], axis=0).max())
 
 
 # -- what a study varies, and the series of levels that this makes ---------------------------------
 
 
-def _size(name: str, value: float) -> float:
-    """Size that a step, or a number of elements, stands for."""
-    return value if name == "step" else 1 / value
+class _Varied(NamedTuple):
+    """An argument: its check, how it falls or grows, sizes, and how it is refined once more."""
+
+    fits: Callable[[str, Any], Any]
+    way: str
+    size: Callable[[Any], float]
+    axis: str
+    finer: Callable[[Any], Any]
+    words: str
+
+
+def _mesh(item: str, value: Any) -> Any:
+    check_kind(item, value, skfem.Mesh)
+    return value
+
+
+_COUNTS = _Varied(
+    lambda item, value: whole(item, value, 1),
+    "growing numbers",
+    lambda count: 1.0 / count,
+    "1/elements",
+    lambda count: 2 * count,
+    "twice as many",
+)
+ARGUMENTS = {
+    "elements": _COUNTS,
+    "mesh": _Varied(
+        _mesh,
+        "finer and finer meshes",
+        _longest,
+        "longest element",
+        lambda mesh: mesh.refined(),
+        "a finer one",
+    ),
+    "order": _COUNTS,
+    "step": _Varied(
+        lambda item, value: positive(item, "value", value),
+        "falling numbers",
+        float,
+        "step",
+        lambda step: step / 2,
+        "half of it",
+    ),
+}
 
 
 class Series(NamedTuple):
@@ -52,14 +106,13 @@ class Series(NamedTuple):
     @property
     def kind(self) -> str:
         """What sizes are, for the axis of a chart."""
-        name = "step" if self.varied == ["step"] else "1/elements"
-        return name + " (with the step)" * (len(self.varied) > 1)
+        return ARGUMENTS[self.varied[0]].axis + " (with the step)" * (len(self.varied) > 1)
 
     @property
     def sizes(self) -> Floats:
         """Size of each level."""
         first = self.varied[0]
-        return np.array([_size(first, each[first]) for each in self.levels.values()])
+        return np.array([ARGUMENTS[first].size(each[first]) for each in self.levels.values()])
 
     @property
     def finest(self) -> str:
@@ -68,7 +121,7 @@ class Series(NamedTuple):
 
     @property
     def held(self) -> list[str]:
-        """Elements or the step, if they are not varied."""
+        """Names of arguments that stand for a mesh or a step and are not varied."""
         return [name for name in self.levels[self.finest] if name not in (*self.varied, "order")]
 
     def key(self, quantity: str) -> str:
@@ -78,19 +131,18 @@ class Series(NamedTuple):
     def probe(self, name: str) -> dict[str, Any]:
         """The finest level, with what is held once more refined: half the step, or elements."""
         arguments = self.levels[self.finest]
-        value = arguments[name]
-        return arguments | {name: value / 2 if name == "step" else 2 * value}
+        return arguments | {name: ARGUMENTS[name].finer(arguments[name])}
 
 
-def series_of(elements: Any, order: Any, step: Any, together: bool) -> list[Series]:
+def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -> list[Series]:
     """Series of the levels that are asked for.
 
     Parameters
     ----------
-    elements, order, step : value, sequence or None
+    elements, mesh, order, step : value, sequence or None
         See :func:`refine`.
     together : bool
-        Whether elements and step are refined together, or one after the other at the finest other.
+        Whether mesh and step are refined together, or one after the other at the finest other.
 
     Raises
     ------
@@ -99,36 +151,39 @@ def series_of(elements: Any, order: Any, step: Any, together: bool) -> list[Seri
 
     Examples
     --------
-    >>> [series.label for series in series_of((2, 4), (1, 2), 0.1, together=True)]
+    >>> [series.label for series in series_of((2, 4), None, (1, 2), 0.1, together=True)]
     ['order = 1', 'order = 2']
     """
-    by_order = isinstance(elements, Mapping)
+    if elements is not None and mesh is not None:
+        raise InputError("arguments elements, mesh", "got both, expected one of them")
+    space, given = ("elements", elements) if mesh is None else ("mesh", mesh)
+    by_order = isinstance(given, Mapping)
     if by_order and order is not None:
-        raise InputError("argument order", f"{order!r}, but elements says the orders already")
-    orders = _values("order", tuple(elements) if by_order else order)
+        raise InputError("argument order", f"{order!r}, but {space} says the orders already")
+    orders = _values("order", tuple(given) if by_order else order)
     steps, switched = _values("step", step), switch("argument together", together)
     found = []
     for p in orders or [None]:
-        counts = _values("elements", elements[p] if by_order else elements)
-        values = {"elements": counts, "order": orders and [p], "step": steps}
+        counted = _values(space, given[p] if by_order else given)
+        values = {space: counted, "order": orders and [p], "step": steps}
         varied = [name for name, each in values.items() if len(each) > 1]
         if not varied:
             raise InputError(
-                "arguments elements, step",
+                "arguments elements, mesh, step",
                 "got no sequence, expected at least two levels of one of them, such as"
                 " elements=(4, 8, 16, 32)",
             )
         for names in [varied] if switched else [[name] for name in varied]:
-            many = [len(values[name]) for name in names]
-            if many[0] != many[-1]:
+            counts = [len(values[name]) for name in names]
+            if counts[0] != counts[-1]:
                 raise InputError(
-                    "arguments elements, step",
-                    f"got {many[0]} and {many[1]} levels, expected equally many (or"
+                    f"arguments {space}, step",
+                    f"got {counts[0]} and {counts[1]} levels, expected equally many (or"
                     " together=False)",
                 )
             levels = [
                 {n: each[k if n in names else -1] for n, each in values.items() if each}
-                for k in range(many[0])
+                for k in range(counts[0])
             ]
             parts = [f"order = {p}"] * (len(orders) > 1)
             parts += [f"{names[0]} varied"] * (len(varied) > len(names))
@@ -141,15 +196,14 @@ def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
     """Checked values of a sequence or a single value; empty if there is none."""
     if given is None:
         return []
-    label = f"argument {name}"
-    values: list[Any] = [given] if np.isscalar(given) else list(given)
-    for k, each in enumerate(values):
-        values[k] = positive(label, "value", each) if name == "step" else whole(label, each, 1)
-    if not np.isscalar(given) and len(values) < 2 and name != "order":
+    kind, label = ARGUMENTS[name], f"argument {name}"
+    single = np.isscalar(given) or isinstance(given, skfem.Mesh)
+    values = [kind.fits(label, each) for each in ([given] if single else given)]
+    if not single and len(values) < 2 and name != "order":
         raise InputError(label, f"{given!r} has fewer than two levels")
-    if any(_size(name, a) <= _size(name, b) for a, b in pairwise(values)):
-        way = "falling" if name == "step" else "growing"
-        raise InputError(label, f"{given!r}, expected {way} numbers, coarsest level first")
+    if any(a <= b for a, b in pairwise(map(kind.size, values))):
+        shown = ", ".join(map(text, values))
+        raise InputError(label, f"({shown}), expected {kind.way}, coarsest level first")
     return values
 
 

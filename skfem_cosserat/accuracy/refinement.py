@@ -15,7 +15,7 @@ from ..export.table import WIDE, column_names
 from ..types import Array, positive, switch
 from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
-from .levels import Series, case_name, check_call, series_of
+from .levels import ARGUMENTS, Series, case_name, check_call, series_of, text
 from .orders import ROUNDING, Convergence, convergence, left
 from .reading import MaximumOverTime, Quantities, Samples, aligned
 from .reference import Reference, ReferenceFinest, ReferenceKnown, reference_of
@@ -149,13 +149,14 @@ class Refinement(Report):
     def _row(self, series: Series, k: int, level: str) -> dict[str, Any]:
         outcome = self.outcomes[level]
         row: dict[str, Any] = {"series": series.label} if len(self.series) > 1 else {}
-        row |= series.levels[level] | {
+        for name, value in series.levels[level].items():
+            row[name] = value if isinstance(value, int | float) else text(value)
+        row |= {
             "size": float(series.sizes[k]),
             "status": outcome.status,
             "reason": _reason(outcome),
-            "seconds": outcome.seconds,
-            "warnings": told(outcome.warnings),
         }
+        row |= {"seconds": outcome.seconds, "warnings": told(outcome.warnings)}
         for name in self.quantities:
             found = self.orders[series.key(name)]
             row |= _columns(name, self.values[name].get(level))
@@ -282,6 +283,7 @@ def refine(
     problem: Callable[..., Any],
     *,
     elements: int | Sequence[int] | Mapping[int, Sequence[int]] | None = None,
+    mesh: Any = None,
     order: int | Sequence[int] | None = None,
     step: float | Sequence[float] | None = None,
     quantities: Mapping[str, Any] | Sequence[str] | None = None,
@@ -305,9 +307,10 @@ def refine(
         of named numbers and arrays, or a History. What it raises makes that level a failed one.
     elements : int, sequence of int, or mapping
         A sequence is varied, a single value is held; so for the others. Number of elements, as the
-        problem understands it (of meshes of your own: ``meshes[elements]``); growing. The size is
-        its inverse. A mapping has a sequence for each order: high orders are at rounding where low
-        ones begin.
+        problem understands it; growing. The size is its inverse. A mapping has a sequence for each
+        order: high orders are at rounding where low ones begin.
+    mesh : mesh, sequence of meshes, or mapping
+        Instead: meshes, finer and finer. The size is the longest element.
     order : int or sequence of int
         Of the elements; several make several series, one an order.
     step : float or sequence of float
@@ -335,7 +338,7 @@ def refine(
         times the machine precision; what stops falling below 1e-8 is taken for rounding in any
         case.
     together : bool
-        Elements and step, if both are sequences: refined at once, level by level (the order is
+        Mesh and step, if both are sequences: refined at once, level by level (the order is
         that in the size of the elements), or each for itself with the finest of the other, as two
         series.
     probe : bool
@@ -404,7 +407,7 @@ def refine(
       elements = 64, order = 1  error 1.675e-04 +- 4.2e-05  order 2.02
     """
     plan = _Plan(
-        series_of(elements, order, step, together),
+        series_of(elements, mesh, order, step, together),
         Quantities(quantities, norm),
         reference_of(reference, levels=True),
         positive("argument rounding", "value", rounding),
@@ -540,8 +543,7 @@ class _Plan:
         judged: Mapping[str, Convergence],
     ) -> Held:
         """What an argument that a series holds does to a quantity at its finest level."""
-        finest, finer = series.finest, series.probe(argument)
-        probe = case_name(finer)
+        finest, probe = series.finest, case_name(series.probe(argument))
         error, words = np.nan, "it was not probed"
         other = [each for each in self.series if argument in each.varied]
         if other:  # held at the finest level of a series of its own
@@ -557,10 +559,10 @@ class _Plan:
             else:
                 change = self.wanted.norm(instants)(shared[probe] - shared[finest])
                 error = float(change + left(change, order=1.0))  # the lowest that methods have
-                words = f"with {finer[argument]} the finest level changes by {change:.1e}"
+                words = f"{ARGUMENTS[argument].words} changes the finest level by {change:.1e}"
         elif probe in outcomes:
             words = f"{probe} failed: {outcomes[probe].error}"
-        what = f"{argument} = {series.levels[finest][argument]}"
+        what = f"{argument} = {text(series.levels[finest][argument])}"
         if np.isfinite(error):
             return Held(error, f"{error:.1e} of each band by {what}, held: {words}")
         return Held(error, f"{what} was held, its error is not known: {words}")

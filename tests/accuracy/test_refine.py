@@ -593,10 +593,18 @@ def test_an_executor_refuses_what_cannot_travel():
         refine(lambda elements: 1.0, elements=(4, 8), executor=executor)
 
 
-def test_progress():
+def test_meshes_and_progress():
     seen = []
-    refine(problems.trapezoid, elements=FOUR, progress=lambda *what: seen.append(what[:2]))
+    meshes = [sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), n, name="rod") for n in (2, 4, 8, 16)]
+
+    def problem(mesh):
+        return problems.trapezoid(mesh.nelements)
+
+    study = refine(problem, mesh=meshes, progress=lambda *what: seen.append(what[:2]))
     assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert [row["size"] for row in study.rows] == pytest.approx([1, 0.5, 0.25, 0.125])
+    assert study.rows[0]["mesh"] == "2 elements up to 1"
+    assert abs(study.orders["value"].order - 2) < 0.02
 
 
 # -- charts and files ------------------------------------------------------------------------------
@@ -656,6 +664,8 @@ FOUR = (4, 8, 16, 32)
             "argument step: value = nan, expected a positive",
         ),
         (problems.bend, {"elements": FOUR, "order": (2, 1)}, "argument order: .*growing"),
+        (problems.trapezoid, {"mesh": (4, 8)}, "argument mesh: 4, expected an object of type Mesh"),
+        (problems.trapezoid, {"mesh": 4, "elements": 4}, "got both, expected one"),
         (problems.swing_up, {"elements": FOUR, "step": (0.1, 0.05)}, "got 4 and 2 levels"),
         (problems.trapezoid, {"step": (0.1, 0.05)}, r"takes \(elements\), but .* with step"),
         (problems.bend, {"elements": {1: FOUR}, "order": 1}, "elements says the orders already"),
