@@ -9,7 +9,7 @@ from ..export import write_rows
 from .asked import Component, Maximum
 from .orders import Convergence, convergence
 from .precision import Front, Level, PrecisionTable, Standing, work_precision
-from .reading import MaximumOverTime
+from .reading import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
 from .reference import (
     ReferenceFinest,
     ReferenceKnown,
@@ -27,6 +27,7 @@ from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 __all__ = [
     "FULL_PROTOCOL",
     "Answer",
+    "AtInstants",
     "Band",
     "Component",
     "Convergence",
@@ -39,6 +40,7 @@ __all__ = [
     "Maximum",
     "MaximumOverTime",
     "Outcome",
+    "OverTime",
     "PrecisionTable",
     "Processes",
     "ReferenceFinest",
@@ -47,6 +49,7 @@ __all__ = [
     "ReferenceRun",
     "Refinement",
     "ResultTable",
+    "RootMeanSquare",
     "Setup",
     "Standing",
     "TimeLimit",

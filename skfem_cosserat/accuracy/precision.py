@@ -18,7 +18,7 @@ from ..types import names_known, positive, switch
 from ..warn import sum_up, told
 from .chart import COSTS, Lines, Row, precision_chart
 from .orders import euclidean
-from .reading import MaximumOverTime, Quantities, Reading, aligned
+from .reading import OverTime, Quantities, Reading, aligned
 from .reference import Reference, reference_of
 from .run import Caught, Executor, Job, OnOutcome, Outcome, in_words, run_all
 from .setups import (
@@ -471,7 +471,7 @@ def work_precision(
     repeats: int = 3,
     executor: Executor | None = None,
     *,
-    norm: MaximumOverTime | None = None,
+    norm: OverTime | None = None,
     folder: str | os.PathLike[str] | None = None,
     timeout_s: float | None = None,
     clock: Callable[[], float] = time.perf_counter,
@@ -504,7 +504,7 @@ def work_precision(
     executor : executor, optional
         See :func:`~skfem_cosserat.run_all`. Setups that run side by side disturb each other's
         clock, so do it with fewer workers than processors.
-    norm : MaximumOverTime, optional
+    norm : OverTime, optional
         Compare over time, at the instants that all runs have recorded.
     folder : path-like, optional
         Keep each setup here as soon as it is done, to go on after an interruption.

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 
 from ..arguments import checked
 from ..errors import InputError
 from ..history import History
-from ..types import Array, Floats, check_kind, names_known
+from ..types import Array, Floats, check_kind, names_known, numbers
 from .orders import ROUNDING, Norm, euclidean
 
 # -- how a quantity that depends on time is compared: at instants that all levels have recorded ----
@@ -21,26 +23,98 @@ from .orders import ROUNDING, Norm, euclidean
 SAME = 1e-9
 
 
-@checked
-class MaximumOverTime:
-    """Largest Euclidean norm at any of the instants that all levels have in common.
-
-    Derive from it for a norm of your own, in the unit of the quantity.
+class OverTime(ABC):
+    """A norm of differences over time; derive from it for one of your own.
 
     Examples
     --------
-    >>> MaximumOverTime().size(np.array([0.0, 1.0]), np.array([[3.0, 4.0], [1.0, 0.0]]))
-    5.0
-    >>> class MeanOverTime(MaximumOverTime):
+    >>> class MeanOverTime(OverTime):
     ...     def size(self, instants, difference):
     ...         return float(abs(difference).mean())
     >>> MeanOverTime().size(np.array([0.0, 1.0]), np.array([1.0, -3.0]))
     2.0
     """
 
+    def select(self, instants: Floats) -> Floats:
+        """Those of the common instants ``(k,)`` that count: all of them."""
+        return instants
+
+    @abstractmethod
     def size(self, instants: Floats, difference: Array) -> float:
         """Norm of a difference ``(k, ...)`` at these instants ``(k,)``."""
+
+
+@checked
+class MaximumOverTime(OverTime):
+    """Largest Euclidean norm at any of the instants that all levels have in common.
+
+    Examples
+    --------
+    >>> MaximumOverTime().size(np.array([0.0, 1.0]), np.array([[3.0, 4.0], [1.0, 0.0]]))
+    5.0
+    """
+
+    def size(self, instants: Floats, difference: Array) -> float:
+        """Largest norm of a row."""
         return float(_rows(difference).max())
+
+
+@checked
+class RootMeanSquare(OverTime):
+    """L2 norm over time, divided by the root of the duration: in the unit of the quantity.
+
+    Examples
+    --------
+    >>> t = np.linspace(0, 1, 1001)
+    >>> round(RootMeanSquare().size(t, np.sin(2 * np.pi * t)), 6)
+    0.707107
+    """
+
+    def size(self, instants: Floats, difference: Array) -> float:
+        """Root of the mean of the squares, by the trapezoidal rule."""
+        squares = _rows(difference) ** 2
+        if len(instants) < 2:
+            return float(np.sqrt(squares.mean()))
+        return float(np.sqrt(trapezoid(squares, instants) / np.ptp(instants)))
+
+
+@checked
+class AtInstants(MaximumOverTime):
+    """Largest Euclidean norm at these instants, which all levels must have recorded.
+
+    Parameters
+    ----------
+    times : sequence of float
+        In s.
+
+    Raises
+    ------
+    InputError
+        If they are no increasing finite numbers, or (in a study) were not recorded.
+
+    Examples
+    --------
+    >>> AtInstants([0.5]).select(np.array([0.0, 0.25, 0.5])).tolist()
+    [0.5]
+    """
+
+    def __init__(self, times: Sequence[float]) -> None:
+        self.times = np.atleast_1d(numbers("AtInstants", "times", times))
+        steps = np.diff(self.times, prepend=-np.inf, append=np.inf)  # NaN beside infinite times
+        if not self.times.size or not (steps > 0).all():
+            text = f"times = {times!r}, expected finite numbers, each larger than the one before"
+            raise InputError("AtInstants", text)
+
+    def select(self, instants: Floats) -> Floats:
+        """The instants nearest to the times."""
+        found = common_instants([instants, self.times])
+        if len(found) < len(self.times):
+            raise InputError(
+                "AtInstants",
+                f"times = {self.times.tolist()}, not all of which all levels have recorded:"
+                " choose steps that divide them",
+            )
+        return found
 
 
 def common_instants(times: Sequence[Floats]) -> Floats:
@@ -150,7 +224,7 @@ class Quantities:
     ----------
     given : mapping, sequence of str, or None
         See :func:`refine`.
-    over : MaximumOverTime, optional
+    over : OverTime, optional
         How they are compared over time.
 
     Examples
@@ -160,9 +234,9 @@ class Quantities:
     8.0
     """
 
-    def __init__(self, given: Any, over: MaximumOverTime | None = None) -> None:
+    def __init__(self, given: Any, over: OverTime | None = None) -> None:
         if over is not None:
-            check_kind("argument norm", over, MaximumOverTime, ", such as MaximumOverTime()")
+            check_kind("argument norm", over, OverTime, ", such as MaximumOverTime()")
         self.over = over
         self.given: dict[str, Any] = {}
         if given is None:
@@ -256,7 +330,7 @@ def numeric(item: str, value: Any, expected: str) -> Array:
 
 
 def aligned(
-    name: str, samples: Samples, over: MaximumOverTime | None
+    name: str, samples: Samples, over: OverTime | None
 ) -> tuple[dict[str, Array], Floats | None]:
     """Values of a quantity by level, at the instants that all levels share.
 
@@ -276,6 +350,7 @@ def aligned(
         if not len(instants):
             text = "no instant that all levels have recorded: choose steps that divide each other"
             raise InputError(item, text)
+        instants = over.select(instants)
         values = {level: each.at(instants) for level, each in readings.items()}
     shapes = {each.shape: f"{each.shape} at {level}" for level, each in values.items()}
     if len(shapes) > 1:

@@ -17,7 +17,7 @@ from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
 from .levels import ARGUMENTS, Series, case_name, check_call, series_of, text
 from .orders import ROUNDING, Convergence, convergence, left
-from .reading import MaximumOverTime, Quantities, Samples, aligned
+from .reading import OverTime, Quantities, Samples, aligned
 from .reference import Reference, ReferenceFinest, ReferenceKnown, reference_of
 from .run import Executor, Job, OnOutcome, Outcome, in_words, run_all
 from .table import Report, ResultTable, provenance
@@ -287,7 +287,7 @@ def refine(
     order: int | Sequence[int] | None = None,
     step: float | Sequence[float] | None = None,
     quantities: Mapping[str, Any] | Sequence[str] | None = None,
-    norm: MaximumOverTime | None = None,
+    norm: OverTime | None = None,
     reference: Any = None,
     rounding: float = ROUNDING,
     together: bool = True,
@@ -320,8 +320,10 @@ def refine(
         process. Names instead of functions: entries of a mapping, series of a History (without
         `norm` their last state). Default: all entries of a mapping (but ``"t"``), or the number or
         array itself under the name ``"value"``.
-    norm : MaximumOverTime, optional
-        :class:`~skfem_cosserat.accuracy.MaximumOverTime`, or a norm that is derived from it.
+    norm : OverTime, optional
+        :class:`~skfem_cosserat.accuracy.MaximumOverTime`,
+        :class:`~skfem_cosserat.accuracy.RootMeanSquare` or
+        :class:`~skfem_cosserat.accuracy.AtInstants`.
         Compare over time, at instants that all levels have recorded: quantities must then have one
         entry for each state of the History (or entry of ``"t"`` of a mapping). Default: values are
         compared as they are, by the Euclidean norm.

@@ -19,12 +19,14 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat import InputError, refine
 from skfem_cosserat.accuracy import (
+    AtInstants,
     MaximumOverTime,
     ReferenceFinest,
     ReferenceKnown,
     ReferencePair,
     ReferenceRun,
     ResultTable,
+    RootMeanSquare,
     convergence,
 )
 
@@ -64,12 +66,7 @@ def test_closed_forms(problem, levels, order, exact):
     assert abs(error - errors[-1]) < doubt < 0.05 * error
 
 
-class RootMeanSquare(MaximumOverTime):
-    def size(self, instants, difference):
-        return np.sqrt((difference**2).sum(axis=1).mean())
-
-
-@pytest.mark.parametrize("norm", [MaximumOverTime(), RootMeanSquare()])
+@pytest.mark.parametrize("norm", [MaximumOverTime(), RootMeanSquare(), AtInstants([0.4, 2.0])])
 @pytest.mark.parametrize("reference", [None, oscillation, {"x": oscillation}])
 def test_fourth_order_over_time(norm, reference):
     steps = (0.2, 0.1, 0.05, 0.025)
@@ -79,8 +76,12 @@ def test_fourth_order_over_time(norm, reference):
     shared = runs[0.2]["t"]
     errors = [runs[h]["x"][:: round(0.2 / h)] - oscillation(shared) for h in steps]
     lengths = np.linalg.norm(errors, axis=2)
-    if isinstance(norm, RootMeanSquare):
-        expected = np.sqrt((lengths**2).mean(axis=1))
+    if isinstance(norm, AtInstants):
+        expected = lengths[:, [2, 10]].max(axis=1)
+    elif isinstance(norm, RootMeanSquare):
+        weights = np.full(11, 0.1)
+        weights[[0, -1]] /= 2
+        expected = np.sqrt(lengths**2 @ weights)
     else:
         expected = lengths.max(axis=1)
     if reference is None:
@@ -695,6 +696,11 @@ FOUR = (4, 8, 16, 32)
             "quantity 'y': unknown; ",
         ),
         (problems.fourth, {"step": (0.1, 0.05)}, r"quantity 'x': shape \(21, 2\) at step = 0.1, "),
+        (
+            problems.fourth,
+            {"step": (0.1, 0.05), "norm": AtInstants([0.05])},
+            r"AtInstants: times = \[0.05\], not all of which all levels have recorded",
+        ),
         (problems.swing_up, {"elements": 2, "step": (0.1, 0.05)}, "gives a History: say what"),
         (
             problems.swing_up,
@@ -731,6 +737,12 @@ def test_unknown_quantities_end_the_study_at_once():
     with pytest.raises(InputError, match="reference of 'b': unknown; known: 'a'"):
         refine(problem, elements=FOUR, quantities=["a"], reference={"b": 1.0})
     assert seen == [4]
+
+
+@pytest.mark.parametrize("times", [[], [0.2, 0.1], [np.nan], "x"])
+def test_bad_instants(times):
+    with pytest.raises(InputError, match="AtInstants"):
+        AtInstants(times)
 
 
 def test_pairs_shown_are_those_of_the_errors():

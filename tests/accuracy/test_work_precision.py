@@ -16,6 +16,7 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat import InputError, work_precision
 from skfem_cosserat.accuracy import (
+    AtInstants,
     MaximumOverTime,
     ReferenceFinest,
     ReferenceKnown,
@@ -206,7 +207,10 @@ def test_over_time():
     norm = MaximumOverTime()
     found = work_precision(None, setups, {"x": lambda t: np.exp(-t)}, ["x"], norm=norm)
     assert [row["error_x"] for row in found.rows] == pytest.approx([0.1, 0.05], rel=1e-12)
+    at = AtInstants([0.5])
     run = partial(path, step=0.025)
+    found = work_precision(None, setups, run, ["x"], norm=at)
+    assert [r["error_x"] for r in found.rows] == pytest.approx([0.0375, 0.0125], rel=1e-12)
     odd = [*setups, ("no times", lambda problem: {"x": 1.0})]
     found = work_precision(None, odd, run, ["x"], norm=norm)
     assert [row["status"] for row in found.rows] == ["ok", "ok", "error"]
