@@ -12,7 +12,7 @@ import numpy as np
 from ..arguments import checked
 from ..errors import InputError
 from ..export.table import WIDE, column_names
-from ..types import Array, positive, switch
+from ..types import Array, Floats, positive, switch
 from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
 from .levels import ARGUMENTS, Series, case_name, check_call, series_of, text
@@ -77,10 +77,10 @@ class Refinement(Report):
     >>> def area(elements):  # of a polygon in a circle
     ...     return elements / 2 * np.sin(2 * np.pi / elements)
     >>> study = refine(area, elements=(8, 16, 32, 64))
-    >>> round(study.orders["value"].order, 2)
-    1.99
+    >>> study.asymptotic, round(study.orders["value"].order, 2)
+    (True, 1.99)
     >>> error, uncertainty = study.estimate["value"]
-    >>> abs(study.orders["value"].errors[-1] - (np.pi - area(64))) < uncertainty < 0.2 * error
+    >>> abs(study.errors["value"][-1] - (np.pi - area(64))) < uncertainty < 0.2 * error
     True
     >>> study.rows[1]["elements"], study.rows[1]["status"]
     (16, 'ok')
@@ -99,6 +99,16 @@ class Refinement(Report):
     def verdicts(self) -> dict[str, str]:
         """What is known of the order, in words."""
         return {name: each.verdict for name, each in self.orders.items()}
+
+    @property
+    def asymptotic(self) -> bool:
+        """Whether the errors of all quantities fall as a power of the size."""
+        return bool(self.orders) and all(each.asymptotic for each in self.orders.values())
+
+    @property
+    def errors(self) -> dict[str, Floats]:
+        """Error of each level; see :class:`Convergence` for what they are against."""
+        return {name: each.errors for name, each in self.orders.items()}
 
     @property
     def extrapolated(self) -> dict[str, Array | None]:

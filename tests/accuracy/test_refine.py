@@ -750,3 +750,20 @@ def test_pairs_shown_are_those_of_the_errors():
     errors = study.orders["value"].errors
     expected = [np.log2(a / b) for a, b in pairwise(errors)]
     assert [row["order_value"] for row in study.rows[1:]] == pytest.approx(expected)
+
+
+def test_histories_become_paraview_series(tmp_path):
+    levels = {"elements": (2, 4), "step": (0.05, 0.025)}
+    quantities = {"tip": problems.last_tip}
+    study = refine(problems.swing_up, **levels, quantities=quantities, folder=tmp_path / "kept")
+    written = study.paraview(tmp_path / "series")
+    assert list(written) == ["elements = 2, step = 0.05", "elements = 4, step = 0.025"]
+    folders = [tmp_path / "series" / f"elements_{n}_step_{h}" for n, h in ((2, 0.05), (4, 0.025))]
+    for folder, paths in zip(folders, written.values(), strict=True):
+        assert folder / "beams.pvd" in paths
+        assert (folder / "beams.pvd").read_text().count("<DataSet") == 7
+    last = study.values["tip"]["elements = 4, step = 0.025"]
+    again = refine(problems.swing_up, **levels, quantities=quantities, folder=tmp_path / "kept")
+    np.testing.assert_array_equal(again.values["tip"]["elements = 4, step = 0.025"], last)
+    with pytest.raises(InputError, match=r"its result is a float, ParaView series need a History"):
+        refine(problems.trapezoid, elements=(2, 4)).paraview(tmp_path)
