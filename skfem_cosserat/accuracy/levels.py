@@ -142,11 +142,10 @@ def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
     if given is None:
         return []
     label = f"argument {name}"
-    values: list[Any] = [given] if np.isscalar(given) else list(given)
-    for k, each in enumerate(values):
-        values[k] = positive(label, "value", each) if name == "step" else whole(label, each, 1)
-    if not np.isscalar(given) and len(values) < 2 and name != "order":
-        raise InputError(label, f"{given!r} has fewer than two levels")
+    values = [
+        positive(label, "value", each) if name == "step" else whole(label, each, 1)
+        for each in np.array(given, dtype=object).ravel()
+    ]
     if any(_size(name, a) <= _size(name, b) for a, b in pairwise(values)):
         way = "falling" if name == "step" else "growing"
         raise InputError(label, f"{given!r}, expected {way} numbers, coarsest level first")
