@@ -199,8 +199,6 @@ def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
     kind, label = ARGUMENTS[name], f"argument {name}"
     single = np.isscalar(given) or isinstance(given, skfem.Mesh)
     values = [kind.fits(label, each) for each in ([given] if single else given)]
-    if not single and len(values) < 2 and name != "order":
-        raise InputError(label, f"{given!r} has fewer than two levels")
     if any(a <= b for a, b in pairwise(map(kind.size, values))):
         shown = ", ".join(map(text, values))
         raise InputError(label, f"({shown}), expected {kind.way}, coarsest level first")

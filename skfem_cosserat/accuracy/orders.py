@@ -52,7 +52,7 @@ class Convergence(NamedTuple):
         Of the elements or steps, coarsest first.
     errors : (n,)
         Of each level: against the reference; without one against the extrapolated value; where
-        there is none, the difference from the next finer level, which is no more than a hint. The
+        there is none, the largest difference from a finer level, which is no more than a hint. The
         finest level has none then: NaN.
     uncertainties : (n,)
         Of `errors`: that of the extrapolated value, or the rounding; NaN where `errors` are hints.
@@ -157,7 +157,8 @@ def convergence(
         verdict += f"; the levels converge (order {among.order:.2f}) to a value"
         verdict += f" {norm(limit - truth):.2g} from the reference"
     if truth is None or np.isnan(doubt):  # hints
-        errors = [*among.sizes, *[np.nan] * bool(chosen)]
+        finer = [[norm(a - b) for b in chosen[k:]] for k, a in enumerate(chosen, 1)]
+        errors = [max(each, default=np.nan) for each in finer]
     else:
         errors = [norm(each - truth) for each in chosen]
 

@@ -25,29 +25,24 @@ class Reference:
 
     Parameters
     ----------
-    about : str
-        What it is, in words.
     runs : mapping, optional
         What must be run for it, by name: functions of the problem, or arguments for it. The first
         run is the truth, a second one tells how good it is.
-    known : mapping, optional
-        True values by quantity; None stands for the only one.
     """
 
+    #: what it is, in words
+    about = "none: levels are compared with each other"
     #: of errors, if the second run has steps (or elements) twice as long
     order: float | None = None
 
-    def __init__(
-        self,
-        about: str = "none: levels are compared with each other",
-        runs: Mapping[str, Any] | None = None,
-        known: Mapping[str | None, Any] | None = None,
-    ) -> None:
-        self.about, self.runs, self.known = about, runs or {}, known or {}
+    def __init__(self, runs: Mapping[str, Any] | None = None) -> None:
+        self.runs = runs or {}
+        #: true values and their errors by quantity; None stands for the only one
+        self.known: dict[str | None, Any] = {}
         self.errors: dict[str | None, float] = {}
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {self.about}>"
+        return f"{type(self).__name__}(...)"
 
     def check(self, names: list[str], every: bool = True) -> None:
         """Refuse values that do not fit the quantities.
@@ -105,14 +100,14 @@ class Reference:
             If a known value is not finite, or has another shape than the quantity.
         """
         if runs:
-            value, *coarse = runs
+            fine, *coarse = runs
             if not coarse:
-                return value, np.nan
-            off = value - coarse[0]
-            if self.order is not None:
-                off = left(off, self.order)
-                value = value + off
-            return value, norm(off)
+                return fine, np.nan
+            off = fine - coarse[0]
+            if self.order is None:
+                return fine, norm(off)
+            off = left(off, self.order)
+            return fine + off, norm(off)
         value = self.known.get(name, self.known.get(None))
         if callable(value):
             value = _finite(value() if instants is None else value(instants), name)
@@ -138,8 +133,7 @@ class ReferenceFinest(Reference):
     order 2.00 +- 0.01 (three finest of five levels)
     """
 
-    def __init__(self) -> None:
-        super().__init__("the finest level")
+    about = "the finest level"
 
 
 @checked
@@ -165,7 +159,8 @@ class ReferenceRun(Reference):
     def __init__(self, **arguments: Any) -> None:
         if not arguments:
             raise InputError("ReferenceRun", "got no arguments, expected some: elements=1000")
-        super().__init__(f"a run with {case_name(arguments)}", {FINE: arguments})
+        super().__init__({FINE: arguments})
+        self.about = f"a run with {case_name(arguments)}"
 
 
 @checked
@@ -203,7 +198,7 @@ class ReferencePair(Reference):
         for name, run in (("fine", fine), ("coarse", coarse)):
             if not callable(run):
                 raise InputError("ReferencePair", f"{name} = {run!r}, expected a function")
-        super().__init__("two runs", {FINE: fine, COARSE: coarse})
+        super().__init__({FINE: fine, COARSE: coarse})
         self.order = None if order is None else positive("ReferencePair", "order", order)
 
 
@@ -229,11 +224,13 @@ class ReferenceKnown(Reference):
     {None: 3e-06}
     """
 
+    about = "given"
+
     def __init__(self, values: Any, errors: float | Mapping[str, float]) -> None:
+        super().__init__()
         given = values if isinstance(values, Mapping) else {None: values}
-        known = {k: v if callable(v) else _finite(v, k) for k, v in given.items()}
-        super().__init__("given", known=known)
-        named: Mapping[Any, float] = errors if isinstance(errors, Mapping) else {None: errors}
+        self.known = {k: v if callable(v) else _finite(v, k) for k, v in given.items()}
+        named = errors if isinstance(errors, Mapping) else {None: errors}
         self.errors = {k: positive("ReferenceKnown", "errors", each) for k, each in named.items()}
 
 
@@ -278,7 +275,7 @@ def reference_of(given: Any, levels: bool) -> Reference:
     if isinstance(given, History):
         given = partial(_given, given)
     if callable(given):
-        return Reference("a run", {FINE: given})
+        return Reference({FINE: given})
     if given is None or isinstance(given, str | Reference):
         raise InputError(
             "argument reference",

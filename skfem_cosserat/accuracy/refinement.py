@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..arguments import checked
 from ..errors import InputError
+from ..export import write_paraview
 from ..export.table import WIDE, column_names
+from ..history import History
 from ..types import Array, Floats, positive, switch
 from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
@@ -229,6 +233,41 @@ class Refinement(Report):
             for name in self.quantities
         }
         return convergence_chart(panels, self.title if title is None else title, path, units)
+
+    def paraview(
+        self, folder: str | os.PathLike[str], every: int = 1, fps: float | None = None
+    ) -> dict[str, list[Path]]:
+        """Write the history of each level as a series of its own: ``folder/elements_8/beams.pvd``.
+
+        Parameters
+        ----------
+        folder : path-like
+            Made if needed.
+        every, fps
+            See :func:`write_paraview`.
+
+        Returns
+        -------
+        dict
+            The files to open, by level; levels that failed are written as far as they came.
+
+        Raises
+        ------
+        InputError
+            If the problem gave no histories.
+        """
+        written = {}
+        for name, outcome in self.outcomes.items():
+            history = outcome.value if outcome.ok else getattr(outcome.error, "history", None)
+            if outcome.ok and not isinstance(history, History):
+                raise InputError(
+                    f"level {name!r}",
+                    f"its result is a {type(history).__name__}, ParaView series need a History",
+                )
+            if isinstance(history, History):
+                part = re.sub(r"[^\w.+-]+", "_", name)
+                written[name] = write_paraview(history, Path(folder) / part, every, fps)
+        return written
 
     def __str__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""

@@ -648,7 +648,7 @@ FOUR = (4, 8, 16, 32)
     [
         (problems.trapezoid, {}, "got no sequence, expected at least two levels"),
         (problems.trapezoid, {"elements": 4}, "got no sequence, expected at least two levels"),
-        (problems.trapezoid, {"elements": (4,)}, r"argument elements: \(4,\) has fewer than two"),
+        (problems.trapezoid, {"elements": (4,)}, "at least two levels"),
         (problems.trapezoid, {"elements": (4, 8, 8)}, r"\(4, 8, 8\), expected growing numbers"),
         (problems.trapezoid, {"elements": (8, 4)}, "expected growing numbers, coarsest"),
         (problems.trapezoid, {"elements": (-4, 8)}, "elements: -4, expected an integer from 1"),
