@@ -11,7 +11,7 @@ import numpy as np
 import skfem
 
 from ..errors import InputError
-from ..types import Floats, switch
+from ..types import Floats, check_kind, positive, switch, whole
 
 
 def case_name(arguments: Mapping[str, Any]) -> str:
@@ -41,54 +41,49 @@ def _longest(mesh: skfem.Mesh) -> float:
 
 
 class _Varied(NamedTuple):
-    """An argument: values that it may have, their sizes, which fall, and how it is refined once."""
+    """An argument: its check, how it falls or grows, sizes, and how it is refined once more."""
 
-    fits: Callable[[Any], bool]
-    expected: str
+    fits: Callable[[str, Any], Any]
     way: str
     size: Callable[[Any], float]
     axis: str
-    finer: Callable[[Any], Any] | None = None
-    words: str = ""
+    finer: Callable[[Any], Any]
+    words: str
 
 
-def _count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value > 0
+def _mesh(item: str, value: Any) -> Any:
+    check_kind(item, value, skfem.Mesh)
+    return value
 
 
-def _number(value: Any) -> bool:
-    return _count(value) or (isinstance(value, float) and 0 < value < np.inf)
-
-
-_COUNTS = _count, "positive integers", "growing numbers", lambda count: 1.0 / count
+_COUNTS = _Varied(
+    lambda item, value: whole(item, value, 1),
+    "growing numbers",
+    lambda count: 1.0 / count,
+    "1/elements",
+    lambda count: 2 * count,
+    "twice as many",
+)
 ARGUMENTS = {
-    "elements": _Varied(*_COUNTS, "1/elements", lambda count: 2 * count, "twice as many"),
+    "elements": _COUNTS,
     "mesh": _Varied(
-        lambda value: isinstance(value, skfem.Mesh),
-        "meshes",
+        _mesh,
         "finer and finer meshes",
         _longest,
         "longest element",
         lambda mesh: mesh.refined(),
         "a finer one",
     ),
-    "order": _Varied(*_COUNTS, ""),
+    "order": _COUNTS,
     "step": _Varied(
-        _number, "positive numbers", "falling numbers", float, "step", lambda h: h / 2, "half of it"
+        lambda item, value: positive(item, "value", value),
+        "falling numbers",
+        float,
+        "step",
+        lambda step: step / 2,
+        "half of it",
     ),
 }
-
-
-class StudyLevel(NamedTuple):
-    """A call of the problem: its arguments, and the size that they stand for."""
-
-    arguments: dict[str, Any]
-    size: float
-
-    @property
-    def name(self) -> str:
-        """In words."""
-        return case_name(self.arguments)
 
 
 class Series(NamedTuple):
@@ -100,12 +95,13 @@ class Series(NamedTuple):
         What tells it from others, empty if there are no others.
     varied : list of str
         Names of the arguments that differ from level to level.
-    levels : list of StudyLevel
+    levels : dict
+        Arguments of the problem by the name of the level.
     """
 
     label: str
     varied: list[str]
-    levels: list[StudyLevel]
+    levels: dict[str, dict[str, Any]]
 
     @property
     def kind(self) -> str:
@@ -115,22 +111,27 @@ class Series(NamedTuple):
     @property
     def sizes(self) -> Floats:
         """Size of each level."""
-        return np.array([level.size for level in self.levels])
+        first = self.varied[0]
+        return np.array([ARGUMENTS[first].size(each[first]) for each in self.levels.values()])
+
+    @property
+    def finest(self) -> str:
+        """Name of the finest level."""
+        return [*self.levels][-1]
 
     @property
     def held(self) -> list[str]:
         """Names of arguments that stand for a mesh or a step and are not varied."""
-        return [name for name in self.levels[-1].arguments if name not in (*self.varied, "order")]
+        return [name for name in self.levels[self.finest] if name not in (*self.varied, "order")]
 
     def key(self, quantity: str) -> str:
         """Name of a quantity in this series."""
         return f"{quantity}, {self.label}" if self.label else quantity
 
-    def probe(self, name: str) -> StudyLevel:
+    def probe(self, name: str) -> dict[str, Any]:
         """The finest level, with what is held once more refined: half the step, or elements."""
-        arguments, size = self.levels[-1]
-        finer = ARGUMENTS[name].finer
-        return StudyLevel({**arguments, name: finer(arguments[name]) if finer else None}, size)
+        arguments = self.levels[self.finest]
+        return arguments | {name: ARGUMENTS[name].finer(arguments[name])}
 
 
 def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -> list[Series]:
@@ -156,37 +157,38 @@ def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -
     if elements is not None and mesh is not None:
         raise InputError("arguments elements, mesh", "got both, expected one of them")
     space, given = ("elements", elements) if mesh is None else ("mesh", mesh)
-    if isinstance(given, Mapping) and order is not None:
+    by_order = isinstance(given, Mapping)
+    if by_order and order is not None:
         raise InputError("argument order", f"{order!r}, but {space} says the orders already")
-    orders = _values("order", tuple(given) if isinstance(given, Mapping) else order)
-    by_order = given if isinstance(given, Mapping) else dict.fromkeys(orders or [None], given)
+    orders = _values("order", tuple(given) if by_order else order)
     steps, switched = _values("step", step), switch("argument together", together)
     found = []
-    for p, sequence in by_order.items():
-        values = {space: _values(space, sequence), "order": orders and [p], "step": steps}
-        values = {name: each for name, each in values.items() if each}
+    for p in orders or [None]:
+        counted = _values(space, given[p] if by_order else given)
+        values = {space: counted, "order": orders and [p], "step": steps}
         varied = [name for name, each in values.items() if len(each) > 1]
-        counts = [len(values[name]) for name in varied]
         if not varied:
             raise InputError(
                 "arguments elements, mesh, step",
                 "got no sequence, expected at least two levels of one of them, such as"
                 " elements=(4, 8, 16, 32)",
             )
-        if switched and len(set(counts)) > 1:
-            raise InputError(
-                f"arguments {space}, step",
-                f"got {counts[0]} and {counts[1]} levels, expected equally many (or"
-                " together=False)",
-            )
         for names in [varied] if switched else [[name] for name in varied]:
-            levels = []
-            for k, value in enumerate(values[names[0]]):
-                case = {name: each[k if name in names else -1] for name, each in values.items()}
-                levels.append(StudyLevel(case, ARGUMENTS[names[0]].size(value)))
+            counts = [len(values[name]) for name in names]
+            if counts[0] != counts[-1]:
+                raise InputError(
+                    f"arguments {space}, step",
+                    f"got {counts[0]} and {counts[1]} levels, expected equally many (or"
+                    " together=False)",
+                )
+            levels = [
+                {n: each[k if n in names else -1] for n, each in values.items() if each}
+                for k in range(counts[0])
+            ]
             parts = [f"order = {p}"] * (len(orders) > 1)
             parts += [f"{names[0]} varied"] * (len(varied) > len(names))
-            found.append(Series(", ".join(parts), names, levels))
+            named = {case_name(level): level for level in levels}
+            found.append(Series(", ".join(parts), names, named))
     return found
 
 
@@ -196,13 +198,7 @@ def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
         return []
     kind, label = ARGUMENTS[name], f"argument {name}"
     single = np.isscalar(given) or isinstance(given, skfem.Mesh)
-    values = [given] if single else list(given)
-    values = [each.item() if isinstance(each, np.generic) else each for each in values]
-    for each in values:
-        if not kind.fits(each):
-            raise InputError(label, f"holds {each!r}, expected {kind.expected}")
-    if not single and len(values) < 2 and name != "order":
-        raise InputError(label, f"{given!r} has fewer than two levels")
+    values = [kind.fits(label, each) for each in ([given] if single else given)]
     if any(a <= b for a, b in pairwise(map(kind.size, values))):
         shown = ", ".join(map(text, values))
         raise InputError(label, f"({shown}), expected {kind.way}, coarsest level first")
@@ -214,14 +210,12 @@ def check_call(problem: Any, arguments: Mapping[str, Any], item: str = "argument
     if not callable(problem):
         raise InputError(item, f"{problem!r} cannot be called")
     try:
-        expected = signature(problem)
-    except (TypeError, ValueError):
+        signature(problem).bind(**arguments)
+    except ValueError:
         return  # a builtin that does not tell
-    try:
-        expected.bind(**arguments)
     except TypeError as error:
         raise InputError(
             item,
-            f"takes {expected}, but the study calls it with {', '.join(arguments)} as keywords:"
-            f" {error}",
+            f"takes {signature(problem)}, but the study calls it with {', '.join(arguments)} as"
+            f" keywords: {error}",
         ) from error

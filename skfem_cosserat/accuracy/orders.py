@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -38,8 +38,12 @@ LOWEST, HIGHEST = -6.0, 30.0
 Norm = Callable[[Array], float]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Convergence:
+def euclidean(difference: Array) -> float:
+    """Euclidean norm of all entries."""
+    return float(np.linalg.norm(difference))
+
+
+class Convergence(NamedTuple):
     """How a quantity converges over the levels of a series; failed levels have NaN.
 
     Attributes
@@ -61,10 +65,8 @@ class Convergence:
     order, spread : float
         Order of the last pair above rounding, and how far to trust it: twice the change of the
         order from the pair before, and what rounding may do to it. NaN if not asymptotic.
-    asymptotic : bool
-        Whether errors fall as a power of the size, as far as the levels tell.
     verdict : str
-        The same in words, with the reason.
+        The order in words, or why there is none.
     extrapolated : array or None
         Richardson's value for size zero; None where the levels do not bear it.
     uncertainty : float
@@ -90,11 +92,15 @@ class Convergence:
     observed: Floats
     order: float
     spread: float
-    asymptotic: bool
     verdict: str
     extrapolated: Array | None
     uncertainty: float
     rounding: float
+
+    @property
+    def asymptotic(self) -> bool:
+        """Whether errors fall as a power of the size, as far as the levels tell."""
+        return bool(np.isfinite(self.order))
 
     def __repr__(self) -> str:
         return f"<Convergence: {self.verdict}>"
@@ -104,9 +110,9 @@ class Convergence:
 def convergence(
     sizes: Sequence[float] | Floats,
     values: Sequence[Array | None],
-    norm: Norm | None = None,
+    norm: Norm = euclidean,
     reference: Array | None = None,
-    rounding: float | None = None,
+    rounding: float = ROUNDING,
     finest: bool = False,
 ) -> Convergence:
     """Judge the values of a quantity on a sequence of levels.
@@ -125,51 +131,42 @@ def convergence(
         Relative to the largest value. Default: 64 times the machine precision; and whatever stops
         falling below 1e-8 is taken for rounding in any case.
     finest : bool
-        Take the last level that there is for the reference instead. Orders allow for its own error.
+        Take the last level that there is for the reference. Orders are of the differences then.
 
     Returns
     -------
     Convergence
     """
-    norm = euclidean if norm is None else norm
-    relative = ROUNDING if rounding is None else rounding
-    good = np.array([k for k, value in enumerate(values) if value is not None], dtype=int)
+    good = [k for k, each in enumerate(values) if each is not None and np.isfinite(each).all()]
     chosen = [np.asarray(values[k]) for k in good]
     every = np.asarray(sizes, dtype=float)
-    h, scale = every[good], max(map(norm, chosen), default=0.0)
-    finest = finest and len(good) > 1
-    exact, floor = chosen[-1] if finest else reference, relative * scale
-    trend = None
-    if exact is not None:
-        size = max(scale, norm(exact))
-        off = [value - exact for value in chosen][: len(h) - finest]
-        g = np.full(len(off), h[-1] if finest else 0.0)
-        trend = _Trend(h[: len(off)], g, off, norm, relative * size, size)
-        floor = trend.floor
-    among = _Trend(h[:-1], h[1:], [b - a for a, b in pairwise(chosen)], norm, floor, scale, True)
+    exact = None if finest else reference
+    scale = max([norm(each) for each in (*chosen, exact) if each is not None], default=0.0)
+    rest, floor = (every[good], chosen, norm, scale), rounding * scale
+    trend = None if exact is None else _Trend(exact, floor, *rest)
+    among = _Trend(None, trend.floor if trend else floor, *rest)
+    limit, uncertainty = _extrapolated(every[good], chosen, among, norm)
+    truth, doubt = limit, uncertainty
+    if trend is not None:
+        truth, doubt = exact, trend.floor
+    elif finest and chosen:
+        truth, doubt = chosen[-1], np.nan if limit is None else norm(limit - chosen[-1])
     trend = trend or among
-    limit, uncertainty = _extrapolated(h, chosen, among, norm)
+    verdict = trend.verdict
+    if np.isnan(trend.order) and limit is not None:
+        verdict += f"; the levels converge (order {among.order:.2f}) to a value"
+        verdict += f" {norm(limit - truth):.2g} from the reference"
+    if truth is None or np.isnan(doubt):  # hints
+        finer = [[norm(a - b) for b in chosen[k:]] for k, a in enumerate(chosen, 1)]
+        errors = [max(each, default=np.nan) for each in finer]
+    else:
+        errors = [norm(each - truth) for each in chosen]
 
-    def by_level(numbers: object, levels: Array) -> Floats:
+    def by_level(numbers: object, levels: list[int]) -> Floats:
         found = np.full(len(every), np.nan)
         found[levels] = numbers
         return found
 
-    if exact is not None:
-        errors = [norm(each - exact) for each in chosen]
-        own = np.nan if limit is None else norm(limit - exact)
-        doubt = own if finest else trend.floor
-    elif limit is not None:
-        errors, doubt = [norm(each - limit) for each in chosen], uncertainty
-    else:  # hints: the finest level has none
-        finer = [[norm(a - b) for b in chosen[k:]] for k, a in enumerate(chosen, 1)]
-        errors, doubt = [max(each, default=np.nan) for each in finer], np.nan
-    verdict = f"order {trend.order:.2f} +- {max(trend.spread, 0.005):.2f} ({trend.finest})"
-    if trend.reason:
-        verdict = trend.reason
-        if exact is not None and limit is not None:
-            verdict += f"; the levels converge (order {among.order:.2f}) to a value {own:.2g} from"
-            verdict += " the reference"
     first = 1 + trend.between
     return Convergence(
         sizes=every,
@@ -179,7 +176,6 @@ def convergence(
         observed=by_level(trend.pairs, good[first : first + len(trend.pairs)]),
         order=trend.order,
         spread=trend.spread,
-        asymptotic=not trend.reason,
         verdict=verdict,
         extrapolated=limit,
         uncertainty=uncertainty,
@@ -187,76 +183,89 @@ def convergence(
     )
 
 
-def euclidean(difference: Array) -> float:
-    """Euclidean norm of all entries."""
-    return float(np.linalg.norm(difference))
+def left(change: Any, order: float, ratio: float = 2.0) -> Any:
+    """Change that is left from the finer of two sizes to size zero (Richardson).
+
+    Parameters
+    ----------
+    change : float or array
+        Of the value, or of its norm, from the coarser size to the finer one.
+    order : float
+        Of the errors.
+    ratio : float
+        Of the coarser size to the finer one.
+
+    Examples
+    --------
+    >>> print(round(left(0.3, order=2.0), 12))  # 1.4 at size 2, 1.1 at size 1: 1 at size zero
+    0.1
+    """
+    return change / np.expm1(order * np.log(ratio))
 
 
 def _extrapolated(
     h: Floats, values: list[Array], trend: _Trend, norm: Norm
 ) -> tuple[Array | None, float]:
     """Value for size zero with its uncertainty, if the differences between levels bear one."""
-    if trend.reason or trend.cosine < ALIGNED:
+    if np.isnan(trend.order) or trend.cosine < ALIGNED:
         return None, np.nan
 
     def at_zero(n: int, p: float) -> Array:
         """Richardson's value from levels n - 1 and n with order p."""
-        factor = 1 / np.expm1(p * np.log(h[n - 1] / h[n]))
-        return values[n] + factor * (values[n] - values[n - 1])
+        return values[n] + left(values[n] - values[n - 1], p, h[n - 1] / h[n])
 
     n, (before, p) = trend.used, trend.pairs[-2:]
     value = at_zero(n, p)
     # orders of methods are whole numbers: two pairs that agree on another one do so by chance
     doubt = max(trend.spread, abs(p - round(p)))
     others = [at_zero(n - 1, before), at_zero(n, max(p - doubt, p / 2))]
-    uncertainty = max(norm(value - each) for each in others)
     if n < len(values) - 1:  # finer levels differ by rounding only
-        value = values[-1]
-        uncertainty = max(norm(value - each) for each in values[n:])
-    return value, max(uncertainty, trend.floor)
+        value, others = values[-1], values[n:]
+    return value, max(trend.floor, *(norm(value - each) for each in others))
 
 
 # -- a sequence of errors or differences ----------------------------------------------------------
 
 
 class _Trend:
-    """Errors whose k-th is C (h_k^p - g_k^p), with the order p that is looked for.
+    """Errors whose k-th is C h_k^p, or differences between levels, with the order p of both.
 
-    Against a reference g is zero, against a finest level its size, between neighbours that of the
-    finer one (`between`).
+    Without a true value each level is compared with the next finer one.
     """
 
     def __init__(
         self,
-        h: Floats,
-        g: Floats,
-        vectors: list[Array],
-        norm: Norm,
+        exact: Array | None,
         floor: float,
+        h: Floats,
+        values: list[Array],
+        norm: Norm,
         scale: float,
-        between: bool = False,
     ) -> None:
-        self.h, self.vectors, self.scale, self.between = h, vectors, scale, between
-        self.sizes = e = np.array([norm(vector) for vector in vectors])
+        self.between, self.h, self.scale, g = exact is None, h, scale, np.zeros(len(h))
+        if exact is None:
+            self.vectors, self.h, g = [b - a for a, b in pairwise(values)], h[:-1], h[1:]
+        else:
+            self.vectors = [value - exact for value in values]
+        self.sizes = e = np.array([*map(norm, self.vectors)])
         stalled = (e[1:] > STALLED * e[:-1]) & (e[1:] < STALLED_SIZE * scale)
         self.floor = float(max(floor, e[1:][stalled].max(initial=0.0)))
         above = e > ABOVE * self.floor
-        self.used = len(e) if above.all() else int(np.argmin(above))
-        self.again = bool(above[self.used :].any())
-        self.relative = bool(g.any())
+        self.used = int(np.argmin([*above, False]))
+        self.again = above.sum() > self.used
         pairs = (slice(k, k + 2) for k in range(self.used - 1))
         self.pairs = np.array([_order(e[two], h[two], g[two]) for two in pairs])
-        cosines = [
-            _cosine(a, b) for a, b in pairwise(vectors[max(self.used - LEVELS, 0) : self.used])
-        ]
-        self.cosine = float(np.min(cosines, initial=np.inf))
+        what = "differences between levels" if self.between else "errors"
+        self.counted = f"{above.sum()} of {len(e)} {what} above 100 x rounding"
+        last = self.vectors[max(self.used - LEVELS, 0) : self.used]
+        self.cosine = float(np.min([_cosine(a, b) for a, b in pairwise(last)], initial=np.inf))
         self.order = self.spread = np.nan
-        self.reason = self._judged()
+        self.verdict = self._judged(len(e) + self.between)
 
-    def _judged(self) -> str:
-        """Why there is no order (empty: there is one, which is set with its spread)."""
-        pairs, levels = self.pairs, len(self.sizes) + self.between
-        if self.relative and levels > 1 and not self.sizes.any():
+    def _judged(self, levels: int) -> str:
+        """The order, which is set with its spread, or why there is none, in words."""
+        pairs = self.pairs
+        if self.between and levels > 1 and not self.sizes.any():
             return "no order: all levels are identical, nothing depends on their size"
         shown = ", ".join(f"{p:.2g}" if abs(p) < 1 else f"{p:.3g}" for p in pairs[-4:])
         seen = f": pairwise order{'s' * (len(pairs) > 1)} {shown}" if len(pairs) else ""
@@ -264,10 +273,11 @@ class _Trend:
             return "fewer than four levels" + seen
         if self.used + self.between < LEVELS and not self.again:
             return f"at rounding: no order ({self.counted})"
-        wandering = f"not in the asymptotic range{seen}{self._hint()}"
-        if self.again:
-            return f"{wandering}; below rounding and above it again"
-        if not np.isfinite(pairs).all() or pairs[-1] <= 0:
+        wandering = f"not in the asymptotic range{seen}"
+        part = self.sizes[self.used - 1] / self.scale if self.used else 1.0
+        if part <= STALLED_SIZE:
+            wandering += f" (down to {part:.1e} of the value: if that is rounding, declare it)"
+        if self.again or not np.isfinite(pairs).all() or pairs[-1] <= 0:
             return wandering
         logs = np.log2(self.h[: self.used])
         halvings = (logs[:-2] - logs[2:]) / 2
@@ -283,31 +293,15 @@ class _Trend:
             return f"{wandering}; {turning}, which takes five levels"
         noise = self.floor / self.sizes[self.used - 1] / np.log(self.h[-2] / self.h[-1])
         self.order, self.spread = float(order), float(DOUBT * changes[-1] + noise)
-        return ""
-
-    def _hint(self) -> str:
-        """In words, where what wanders may be rounding above what it was taken for."""
-        relative = self.sizes[self.used - 1] / self.scale if self.used else 1.0
-        if relative > STALLED_SIZE:
-            return ""
-        return f" (down to {relative:.1e} of the value: if that is rounding, declare it)"
-
-    @property
-    def counted(self) -> str:
-        """How many errors count, in words."""
-        what = "differences between levels" if self.between else "errors"
-        return f"{self.used} of {len(self.sizes)} {what} above 100 x rounding"
-
-    @property
-    def finest(self) -> str:
-        """Levels that the order rests on, in words."""
-        levels = len(self.sizes) + self.between
         some = "" if self.used == len(self.sizes) else f", {self.counted}"
-        return f"three finest of {COUNTS.get(levels, levels)} levels{some}"
+        return (
+            f"order {order:.2f} +- {max(self.spread, 0.005):.2f}"
+            f" (three finest of {COUNTS.get(levels, levels)} levels{some})"
+        )
 
 
 def _order(e: Floats, h: Floats, g: Floats) -> float:
-    """Order p of two errors that are as h^p - g^p."""
+    """Order p of two differences that are as h^p - g^p, or of two errors (g is zero)."""
     ratio = np.log(e[0] / e[1])
     if not g.any():
         return float(ratio / np.log(h[0] / h[1]))
@@ -323,5 +317,4 @@ def _order(e: Floats, h: Floats, g: Floats) -> float:
 
 
 def _cosine(a: Array, b: Array) -> float:
-    product = np.linalg.norm(a) * np.linalg.norm(b)
-    return float(np.real(np.vdot(a, b)) / product) if product else np.nan
+    return float(np.real(np.vdot(a, b)) / (np.linalg.norm(a) * np.linalg.norm(b)))

@@ -434,7 +434,7 @@ def work_precision(
         of the instants too if compared over time; their own error is then not known.
         :class:`~skfem_cosserat.accuracy.ReferenceKnown`: with errors.
         :class:`~skfem_cosserat.accuracy.ReferencePair`: two runs, of which the second one tells how
-        good the first is. A function of the problem, or a setup: one run; a History: what it gave.
+        good the first is. A function of the problem: one run; a History: what it gave.
     quantities : mapping or sequence of str
         As in :func:`~skfem_cosserat.refine`: functions of a result by name, called in this process.
     repeats : int
@@ -595,7 +595,8 @@ class _PrecisionStudy:
 
         size = self.wanted.norm(instants)
         shape = next(iter(values.values())).shape
-        exact, own = self.truth.of(name, shape, instants, values, size)
+        runs = [values[run] for run in self.truth.runs]
+        exact, own = self.truth.of(name, shape, instants, runs, size)
         for label, value in values.items():
             if label in errors:
                 errors[label][name] = size(value - exact)
@@ -612,7 +613,7 @@ class _PrecisionStudy:
                     aligned(name, pair, self.wanted.over)
                 elif self.wanted.over is None:
                     value = sample[name].values if name in sample else np.empty(0)
-                    self.truth.of(name, value.shape, None, {}, euclidean)
+                    self.truth.of(name, value.shape, None, [], euclidean)
             if comparing.error is not None:
                 self.failed[label] = "error", in_words(comparing.error)
                 del self.samples[label]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from ..arguments import checked
 from ..errors import InputError
 from ..history import History
-from ..types import Array, Floats, names_known, numbers
+from ..types import Array, Floats, check_kind, names_known, numbers
 from .orders import ROUNDING, Norm, euclidean
 
 # -- how a quantity that depends on time is compared: at instants that all levels have recorded ----
@@ -99,20 +100,19 @@ class AtInstants(MaximumOverTime):
 
     def __init__(self, times: Sequence[float]) -> None:
         self.times = np.atleast_1d(numbers("AtInstants", "times", times))
-        steps = np.diff(self.times, prepend=-np.inf)
-        if not self.times.size or not np.isfinite(self.times).all() or not (steps > 0).all():
+        steps = np.diff(self.times, prepend=-np.inf, append=np.inf)  # NaN beside infinite times
+        if not self.times.size or not (steps > 0).all():
             text = f"times = {times!r}, expected finite numbers, each larger than the one before"
             raise InputError("AtInstants", text)
 
     def select(self, instants: Floats) -> Floats:
         """The instants nearest to the times."""
-        found = instants[rows_at(instants, self.times)]
-        missed = abs(found - self.times) > SAME * max(np.ptp(instants), abs(self.times).max())
-        if missed.any():
+        found = common_instants([instants, self.times])
+        if len(found) < len(self.times):
             raise InputError(
                 "AtInstants",
-                f"times holds {self.times[missed][0]:g}, which not all levels have recorded:"
-                " choose steps that divide it",
+                f"times = {self.times.tolist()}, not all of which all levels have recorded:"
+                " choose steps that divide them",
             )
         return found
 
@@ -187,19 +187,20 @@ class Reading(NamedTuple):
         """
         a, b = self, other
         if a.times is None or b.times is None:
-            if a.values.shape != b.values.shape:
-                return np.zeros(1), np.full(1, np.inf)
-            same = np.isnan(a.values) & np.isnan(b.values)  # an event that comes in neither run
-            gap = np.linalg.norm(np.where(same, 0.0, a.values - b.values))
-            least = ROUNDING * np.nan_to_num(np.abs(a.values)).max(initial=0.0)
-            return np.zeros(1), np.array([np.inf if np.isnan(gap) else max(gap, least)])
-        t = a.times
-        counts = (t >= b.times[0]) & (t <= b.times[-1] * (1 + 1e-12))
-        for first, last in apart_from:
-            counts &= (t < first) | (t > last)
-        gap = np.asarray(a.values)[counts] - b.at(t[counts])
-        least = ROUNDING * np.abs(a.values).max(initial=0.0)
-        return t[counts], np.maximum(_rows(gap), least)
+            t, mine, others = np.zeros(1), a.values[None], b.values[None]
+            if mine.shape != others.shape:
+                return t, np.full(1, np.inf)
+        else:
+            t = a.times
+            counts = (t >= b.times[0]) & (t <= b.times[-1] * (1 + 1e-12))
+            for first, last in apart_from:
+                counts &= (t < first) | (t > last)
+            t, mine = t[counts], a.values[counts]
+            others = b.at(t)
+        least = ROUNDING * np.nan_to_num(abs(a.values)).max(initial=0.0)
+        same = np.isnan(mine) & np.isnan(others)  # as of an event that comes in neither run
+        gap = _rows(np.where(same, 0.0, mine - others))
+        return t, np.where(np.isnan(gap), np.inf, np.maximum(gap, least))
 
     def at(self, t: Floats) -> Array:
         """Values at instants (k,): its own, or between them by cubic splines."""
@@ -207,9 +208,13 @@ class Reading(NamedTuple):
         times, first = np.unique(self.times, return_index=True)
         values = np.asarray(self.values)[first]
         nearest = rows_at(times, t)
-        if abs(times[nearest] - t).max(initial=0.0) <= SAME * max(abs(times[-1]), times[1]):
+        if abs(times[nearest] - t).max(initial=0.0) <= SAME * abs(times).max():
             return np.asarray(values[nearest])
         return np.asarray(CubicSpline(times, values)(t))
+
+
+#: readings of runs by the names of runs and quantities
+Samples = Mapping[str, Mapping[str, Reading]]
 
 
 class Quantities:
@@ -230,20 +235,17 @@ class Quantities:
     """
 
     def __init__(self, given: Any, over: OverTime | None = None) -> None:
-        if over is not None and not isinstance(over, OverTime):
-            raise InputError(
-                "argument norm",
-                f"{over!r}, expected MaximumOverTime(), RootMeanSquare() or AtInstants(times)",
-            )
+        if over is not None:
+            check_kind("argument norm", over, OverTime, ", such as MaximumOverTime()")
         self.over = over
-        self.given: dict[str, Any] | None = None
+        self.given: dict[str, Any] = {}
         if given is None:
             return
         if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:
             raise InputError(
                 "argument quantities", f"{given!r}, expected names, or functions by name"
             )
-        self.given = dict(given) if isinstance(given, Mapping) else {name: name for name in given}
+        self.given = dict(given if isinstance(given, Mapping) else zip(given, given, strict=True))
         for name, what in self.given.items():
             if not isinstance(name, str) or not (isinstance(what, str) or callable(what)):
                 raise InputError(
@@ -254,14 +256,14 @@ class Quantities:
     @property
     def names(self) -> list[str]:
         """Names, as far as known without a result."""
-        return list(self.given or ())
+        return list(self.given)
 
     def norm(self, instants: Floats | None) -> Norm:
         """Size of differences at these instants (None: not compared over time)."""
         over = self.over
         if over is None or instants is None:
             return euclidean
-        return lambda difference: over.size(instants, difference)
+        return partial(over.size, instants)
 
     def sample(self, result: Any, level: str) -> dict[str, Reading]:
         """The quantities of a result.
@@ -271,21 +273,27 @@ class Quantities:
         InputError
             If one of them is not in the result, or is no number or array.
         """
-        times, given = self._times(result, level), self.given
-        if given is None:
-            if isinstance(result, History):
+        times = None
+        if self.over is not None:
+            if not isinstance(result, Mapping | History) or TIMES not in result:
                 raise InputError(
-                    "argument quantities",
-                    "None, but the problem gives a History: say what is looked at, such as"
-                    ' quantities={"tip": lambda history: history["q"][-1, -12:-9]}',
+                    "argument norm",
+                    f"is one over time, but the problem gave a {type(result).__name__} without"
+                    f" times at {level}: expected a History or a mapping with {TIMES!r}",
                 )
-            named = isinstance(result, Mapping)
-            given = (
-                {str(k): k for k in result if k != TIMES} if named else {ONLY: lambda all_: all_}
+            times = np.asarray(result[TIMES], dtype=float)
+        if not self.given and isinstance(result, History):
+            raise InputError(
+                "argument quantities",
+                "None, but the problem gives a History: say what is looked at, such as"
+                ' quantities={"tip": lambda history: history["q"][-1, -12:-9]}',
             )
+        if not self.given and not isinstance(result, Mapping):
+            result = {ONLY: result}
         found = {}
-        for name, what in given.items():
-            values = _array(name, _entry(what, result, times is not None), level)
+        for name, what in (self.given or {str(k): k for k in result if k != TIMES}).items():
+            entry = _entry(what, result, times is not None)
+            values = numeric(f"quantity {name!r}", entry, f"numbers at {level}")
             if times is not None and values.shape[:1] != times.shape:
                 raise InputError(
                     f"quantity {name!r}",
@@ -295,19 +303,6 @@ class Quantities:
             found[name] = Reading(values, times)
         return found
 
-    def _times(self, result: Any, level: str) -> Floats | None:
-        if self.over is None:
-            return None
-        if isinstance(result, History):
-            return result.times
-        if isinstance(result, Mapping) and TIMES in result:
-            return np.asarray(result[TIMES], dtype=float)
-        raise InputError(
-            "argument norm",
-            f"is one over time, but the problem gave a {type(result).__name__} without times at"
-            f" {level}: expected a History or a mapping with {TIMES!r}",
-        )
-
 
 def _entry(what: Any, result: Any, over_time: bool) -> Any:
     """A function of the result, or what it has under a name: over time, or at its end."""
@@ -315,31 +310,27 @@ def _entry(what: Any, result: Any, over_time: bool) -> Any:
         return what(result)
     if isinstance(result, History):
         return result[what] if over_time else result[what][-1]
-    if not isinstance(result, Mapping):
-        raise InputError(
-            f"quantity {what!r}",
-            f"is a name, but the problem gave a {type(result).__name__}, which has none:"
-            " expected a mapping or a History",
-        )
-    if what not in result:
-        raise InputError(f"quantity {what!r}", f"unknown; {names_known(what, result)}")
+    known = result if isinstance(result, Mapping) else ()
+    if what not in known:
+        kind = type(result).__name__
+        text = f"unknown; {names_known(what, known)} (the problem gave a {kind})"
+        raise InputError(f"quantity {what!r}", text)
     return result[what]
 
 
-def _array(name: str, value: Any, level: str) -> Array:
+def numeric(item: str, value: Any, expected: str) -> Array:
+    """An array of numbers, or an error saying what is expected."""
     try:
         array = np.asarray(value)
-    except ValueError as error:  # rows of different lengths
-        raise InputError(f"quantity {name!r}", f"no array at {level}: {error}") from error
+    except ValueError:  # rows of different lengths
+        array = np.empty(0)
     if array.dtype.kind not in "biufc" or not array.size:
-        raise InputError(
-            f"quantity {name!r}", f"{value!r} at {level}, expected a number or an array of numbers"
-        )
+        raise InputError(item, f"{value!r}, expected {expected}")
     return array if array.dtype.kind == "c" else array.astype(float)
 
 
 def aligned(
-    name: str, samples: Mapping[str, Mapping[str, Reading]], over: OverTime | None
+    name: str, samples: Samples, over: OverTime | None
 ) -> tuple[dict[str, Array], Floats | None]:
     """Values of a quantity by level, at the instants that all levels share.
 
@@ -348,27 +339,24 @@ def aligned(
     InputError
         If shapes differ from level to level, or there are no common instants.
     """
-    lacking = [level for level, sample in samples.items() if name not in sample]
-    if lacking:
-        raise InputError(f"quantity {name!r}", f"missing at {lacking[0]}")
-    values = {level: sample[name].values for level, sample in samples.items()}
-    instants = None
+    item, instants = f"quantity {name!r}", None
+    for level, sample in samples.items():
+        if name not in sample:
+            raise InputError(item, f"missing at {level}")
+    readings = {level: sample[name] for level, sample in samples.items()}
+    values = {level: each.values for level, each in readings.items()}
     if over is not None:
-        times = {level: np.asarray(sample[name].times) for level, sample in samples.items()}
-        shared = common_instants(list(times.values()))
-        if not len(shared):
-            raise InputError(
-                f"quantity {name!r}",
-                "no instant that all levels have recorded: choose steps that divide each other",
-            )
-        instants = over.select(shared)
-        values = {level: each[rows_at(times[level], instants)] for level, each in values.items()}
-    first = next(iter(values), "")
-    for level, each in values.items():
-        if each.shape != values[first].shape:
-            raise InputError(
-                f"quantity {name!r}",
-                f"shape {values[first].shape} at {first}, {each.shape} at {level}: expected the"
-                " same on all levels, such as values at some points",
-            )
+        instants = common_instants([np.asarray(each.times) for each in readings.values()])
+        if not len(instants):
+            text = "no instant that all levels have recorded: choose steps that divide each other"
+            raise InputError(item, text)
+        instants = over.select(instants)
+        values = {level: each.at(instants) for level, each in readings.items()}
+    shapes = {each.shape: f"{each.shape} at {level}" for level, each in values.items()}
+    if len(shapes) > 1:
+        raise InputError(
+            item,
+            f"shape {', '.join(shapes.values())}: expected the same on all levels, such as values"
+            " at some points",
+        )
     return values, instants

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,6 +13,8 @@ from ..errors import InputError
 from ..history import History
 from ..types import Array, Floats, names_known, positive
 from .levels import case_name
+from .orders import left
+from .reading import numeric
 
 #: names of the runs of a reference
 FINE, COARSE = "reference", "reference, second run"
@@ -26,26 +28,21 @@ class Reference:
     runs : mapping, optional
         What must be run for it, by name: functions of the problem, or arguments for it. The first
         run is the truth, a second one tells how good it is.
-    about : str
-        What it is, in words.
     """
 
+    #: what it is, in words
+    about = "none: levels are compared with each other"
     #: of errors, if the second run has steps (or elements) twice as long
     order: float | None = None
 
-    def __init__(
-        self,
-        runs: Mapping[str, Any] | None = None,
-        about: str = "none: levels are compared with each other",
-    ) -> None:
-        self.runs, self.about = dict(runs or {}), about
+    def __init__(self, runs: Mapping[str, Any] | None = None) -> None:
+        self.runs = runs or {}
+        #: true values and their errors by quantity; None stands for the only one
+        self.known: dict[str | None, Any] = {}
+        self.errors: dict[str | None, float] = {}
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}(...)"
-
-    def beside(self, finest: Mapping[str, Any]) -> Reference:
-        """The reference of levels of which the finest has these arguments."""
-        return self
 
     def check(self, names: list[str], every: bool = True) -> None:
         """Refuse values that do not fit the quantities.
@@ -55,20 +52,34 @@ class Reference:
         names : list of str
             Of the quantities.
         every : bool
-            Whether each must have one.
+            Whether each must have one, if they do not come from runs.
 
         Raises
         ------
         InputError
             If one has another name, or one is missing.
         """
+        if None in self.known:
+            if len(names) > 1:
+                raise InputError(
+                    "argument reference",
+                    f"one value for {len(names)} quantities, expected a mapping with"
+                    f" {', '.join(names)}",
+                )
+            every = False
+        for name in (*self.known, *self.errors):
+            if name not in (None, *names):
+                raise InputError(f"reference of {name!r}", f"unknown; {names_known(name, names)}")
+        missing = [name for name in names if name not in self.known]
+        if every and missing and not self.runs:
+            raise InputError("argument reference", f"has no value of {missing[0]!r}")
 
     def of(
         self,
         name: str,
         shape: tuple[int, ...],
         instants: Floats | None,
-        values: Mapping[str, Array],
+        runs: Sequence[Array],
         norm: Callable[[Array], float],
     ) -> tuple[Any, float]:
         """Value of a quantity to compare with (None: none), and its error (NaN: not known).
@@ -79,32 +90,38 @@ class Reference:
         shape : tuple of int
             Of the quantity.
         instants : array or None
-        values : mapping
-            Of the reference's own runs, at these instants.
+        runs : sequence of arrays
+            Its values in the reference's own runs, at these instants.
         norm : callable
 
         Raises
         ------
         InputError
-            If the value is not finite, or has another shape than the quantity.
+            If a known value is not finite, or has another shape than the quantity.
         """
-        if not self.runs:
-            return None, np.nan
-        fine, *coarse = (values[run] for run in self.runs)
-        if not np.isfinite(fine).all():
-            raise InputError("argument reference", f"its run gave {name!r} not finite")
-        if not coarse:
-            return fine, np.nan
-        change = fine - coarse[0]
-        if self.order is None:
-            return fine, norm(change)
-        change = change / (2**self.order - 1)
-        return fine + change, norm(change)
+        if runs:
+            fine, *coarse = runs
+            if not coarse:
+                return fine, np.nan
+            off = fine - coarse[0]
+            if self.order is None:
+                return fine, norm(off)
+            off = left(off, self.order)
+            return fine + off, norm(off)
+        value = self.known.get(name, self.known.get(None))
+        if callable(value):
+            value = _finite(value() if instants is None else value(instants), name)
+        if value is not None and value.shape != shape:
+            if {value.size, int(np.prod(shape))} != {1}:
+                text = f"shape {value.shape}, expected that of the values, {shape}"
+                raise InputError(f"reference of quantity {name!r}", text)
+            value = value.reshape(shape)
+        return value, float(self.errors.get(name, self.errors.get(None, np.nan)))
 
 
 @checked
 class ReferenceFinest(Reference):
-    """The finest level of each series stands for the truth; orders allow for its own error.
+    """The finest level of each series stands for the truth; orders are of what levels change.
 
     Examples
     --------
@@ -113,11 +130,10 @@ class ReferenceFinest(Reference):
     ...     return 1 + 0.2 / elements**2
     >>> found = refine(area, elements=(2, 4, 8, 16, 32), reference=ReferenceFinest())
     >>> print(found.verdicts["value"])
-    order 2.00 +- 0.01 (three finest of four levels)
+    order 2.00 +- 0.01 (three finest of five levels)
     """
 
-    def __init__(self) -> None:
-        super().__init__(about="the finest level")
+    about = "the finest level"
 
 
 @checked
@@ -143,16 +159,8 @@ class ReferenceRun(Reference):
     def __init__(self, **arguments: Any) -> None:
         if not arguments:
             raise InputError("ReferenceRun", "got no arguments, expected some: elements=1000")
-        super().__init__(about=f"<ReferenceRun: {case_name(arguments)}>")
-        self.arguments = arguments
-
-    def beside(self, finest: Mapping[str, Any]) -> Reference:
-        """The run with these arguments, as far as it has none of its own."""
-        arguments = {**finest, **self.arguments}
-        return Reference({case_name(arguments): arguments}, self.about)
-
-    def __repr__(self) -> str:
-        return self.about
+        super().__init__({FINE: arguments})
+        self.about = f"a run with {case_name(arguments)}"
 
 
 @checked
@@ -216,57 +224,21 @@ class ReferenceKnown(Reference):
     {None: 3e-06}
     """
 
+    about = "given"
+
     def __init__(self, values: Any, errors: float | Mapping[str, float]) -> None:
-        super().__init__(about="given")
+        super().__init__()
         given = values if isinstance(values, Mapping) else {None: values}
         self.known = {k: v if callable(v) else _finite(v, k) for k, v in given.items()}
-        named: Mapping[Any, float] = errors if isinstance(errors, Mapping) else {None: errors}
+        named = errors if isinstance(errors, Mapping) else {None: errors}
         self.errors = {k: positive("ReferenceKnown", "errors", each) for k, each in named.items()}
-
-    def check(self, names: list[str], every: bool = True) -> None:
-        """Refuse values that do not fit the quantities, as :meth:`Reference.check`."""
-        if None in self.known and len(names) > 1:
-            raise InputError(
-                "argument reference",
-                f"one value for {len(names)} quantities, expected a mapping with"
-                f" {', '.join(names)}",
-            )
-        for name in (*self.known, *self.errors):
-            if name not in (None, *names):
-                raise InputError(f"reference of {name!r}", f"unknown; {names_known(name, names)}")
-        missing = [name for name in names if name not in self.known and None not in self.known]
-        if every and missing:
-            raise InputError("argument reference", f"has no value of {missing[0]!r}")
-
-    def of(
-        self,
-        name: str,
-        shape: tuple[int, ...],
-        instants: Floats | None,
-        values: Mapping[str, Array],
-        norm: Callable[[Array], float],
-    ) -> tuple[Any, float]:
-        """The value that was given, as :meth:`Reference.of`."""
-        value = self.known.get(name, self.known.get(None))
-        error = float(self.errors.get(name, self.errors.get(None, np.nan)))
-        if callable(value):
-            value = _finite(value() if instants is None else value(instants), name)
-        if value is None or value.shape == shape:
-            return value, error
-        if value.size != 1 or int(np.prod(shape)) != 1:
-            text = f"shape {value.shape}, expected that of the values, {shape}"
-            raise InputError(f"reference of quantity {name!r}", text)
-        return value.reshape(shape), error
 
 
 def _finite(value: Any, name: str | None) -> Array:
     """An array of finite numbers, or an error."""
     label = "argument reference" if name is None else f"reference of quantity {name!r}"
-    try:
-        array = np.asarray(value)
-    except ValueError as error:
-        raise InputError(label, f"{value!r}, expected numbers") from error
-    if array.dtype.kind not in "biufc" or not np.isfinite(array).all():
+    array = numeric(label, value, "finite numbers")
+    if not np.isfinite(array).all():
         raise InputError(label, f"{value!r}, expected finite numbers")
     return array
 
@@ -292,23 +264,18 @@ def reference_of(given: Any, levels: bool) -> Reference:
 
     Examples
     --------
-    >>> reference_of({"x": 1.0}, levels=True).of("x", (), None, {}, abs)
+    >>> reference_of({"x": 1.0}, levels=True).of("x", (), None, [], abs)
     (array(1.), nan)
     """
-    if levels:
-        if given is None:
-            return Reference()
-        kinds: tuple[type[Reference], ...] = ReferenceKnown, ReferenceRun, ReferenceFinest
-        return given if isinstance(given, kinds) else ReferenceKnown(given, {})
-    if isinstance(given, ReferenceKnown | ReferencePair):
+    others = ReferenceRun | ReferenceFinest if levels else ReferencePair
+    if isinstance(given, ReferenceKnown | others):
         return given
-    pair = isinstance(given, tuple | list) and len(given) > 1
-    if pair and isinstance(given[0], str) and callable(given[1]):  # a setup
-        given = given[1]
+    if levels:
+        return Reference() if given is None else ReferenceKnown(given, {})
     if isinstance(given, History):
         given = partial(_given, given)
     if callable(given):
-        return Reference({FINE: given}, "a run")
+        return Reference({FINE: given})
     if given is None or isinstance(given, str | Reference):
         raise InputError(
             "argument reference",

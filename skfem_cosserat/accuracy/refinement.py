@@ -1,4 +1,4 @@
-"""Refinement studies in one call, with their tables, verdicts, charts and files."""
+"""Refinement studies in one call, with their tables, verdicts and charts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,23 +16,20 @@ from ..errors import InputError
 from ..export import write_paraview
 from ..export.table import WIDE, column_names
 from ..history import History
-from ..types import Array, Floats, names_known, positive, switch
+from ..types import Array, Floats, positive, switch
 from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
-from .levels import ARGUMENTS, Series, StudyLevel, case_name, check_call, series_of, text
-from .orders import ROUNDING, Convergence, convergence
-from .reading import OverTime, Quantities, Reading, aligned
-from .reference import ReferenceFinest, ReferenceKnown, reference_of
-from .run import Executor, Job, OnOutcome, Outcome, run_all
+from .levels import ARGUMENTS, Series, case_name, check_call, series_of, text
+from .orders import ROUNDING, Convergence, convergence, left
+from .reading import OverTime, Quantities, Samples, aligned
+from .reference import Reference, ReferenceFinest, ReferenceKnown, reference_of
+from .run import Executor, Job, OnOutcome, Outcome, in_words, run_all
 from .table import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# -- what came of a refinement study: tables, verdicts, charts, files for ParaView -----------------
-
-#: error of what is held in units of the change by half of it, for a method of order 1 or higher
-HELD = 2.0
+# -- what came of a refinement study: tables, verdicts, charts -------------------------------------
 
 
 class Held(NamedTuple):
@@ -50,9 +46,6 @@ class Held(NamedTuple):
     error: float
     words: str
 
-    def __str__(self) -> str:
-        return self.words
-
 
 @checked
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +60,7 @@ class Refinement(Report):
     title : str
         Name of the problem.
     series : list of Series
-        Levels of each series: ``arguments``, ``size`` and ``name``, coarsest first.
+        Levels of each series: arguments by name, coarsest first.
     quantities : list of str
         Names of the quantities.
     outcomes : dict
@@ -75,7 +68,7 @@ class Refinement(Report):
     orders : dict of Convergence
         Errors, observed orders and verdict of each quantity.
     values : dict of dict
-        Values of each quantity by the name of the level, as they were compared.
+        By quantity: values by the name of the level, as they were compared.
     held : dict of list of Held
         By quantity, as `orders`: errors by what was not varied. Uncertainties include them; where
         one is not known there are none.
@@ -117,14 +110,14 @@ class Refinement(Report):
         return bool(self.orders) and all(each.asymptotic for each in self.orders.values())
 
     @property
-    def extrapolated(self) -> dict[str, Array | None]:
-        """Richardson's values; None where the levels do not bear one."""
-        return {name: each.extrapolated for name, each in self.orders.items()}
-
-    @property
     def errors(self) -> dict[str, Floats]:
         """Error of each level; see :class:`Convergence` for what they are against."""
         return {name: each.errors for name, each in self.orders.items()}
+
+    @property
+    def extrapolated(self) -> dict[str, Array | None]:
+        """Richardson's values; None where the levels do not bear one."""
+        return {name: each.extrapolated for name, each in self.orders.items()}
 
     @property
     def estimate(self) -> dict[str, tuple[float, float]]:
@@ -137,20 +130,18 @@ class Refinement(Report):
         """
         found = {}
         for name, each in self.orders.items():
-            sure = np.isfinite(each.uncertainties)
-            if each.extrapolated is not None:
-                sure |= np.isfinite(each.errors)
-            errors = each.errors if sure.any() else each.differences
-            last = max(np.flatnonzero(np.isfinite(errors)), default=-1)
-            found[name] = float(errors[last]), float(each.uncertainties[last])
+            last = max(np.flatnonzero(np.isfinite(each.errors)), default=-1)
+            found[name] = float(each.errors[last]), float(each.uncertainties[last])
         return found
 
     @property
     def failed(self) -> dict[str, str]:
         """Levels without a result, and why."""
-        levels = [level for series in self.series for level in series.levels]
-        reasons = {level.name: self._state(level) for level in levels}
-        return {name: ": ".join(state) for name, state in reasons.items() if state[0] != "ok"}
+        return {
+            name: f"{each.status}: {_reason(each)}".rstrip(": ")
+            for name, each in self.outcomes.items()
+            if each.status != "ok"
+        }
 
     @property
     def warnings(self) -> dict[str, Sequence[dict[str, Any]]]:
@@ -162,48 +153,42 @@ class Refinement(Report):
         """One row a level, also of those that failed.
 
         With ``series``, the arguments, ``size``, ``status`` (``ok``, ``diverged``, ``error``,
-        ``not finite``, ``interrupted``, ``not run``), ``reason``, ``seconds``, ``warnings`` (in
+        ``interrupted``, ``not run``), ``reason``, ``seconds``, ``warnings`` (in
         words, empty without any), and for each
         quantity its numbers (if they are few), ``error_``, ``uncertainty_``, ``difference_`` and
         ``order_`` with its name.
         """
-        return [self._row(series, k) for series in self.series for k in range(len(series.levels))]
+        return [self._row(s, *each) for s in self.series for each in enumerate(s.levels)]
 
-    def _state(self, level: StudyLevel) -> tuple[str, str]:
-        """Status and reason."""
-        outcome = self.outcomes[level.name]
-        if outcome.status != "ok":
-            error = outcome.error
-            return outcome.status, f"{type(error).__name__}: {error}" if error else ""
-        for key, values in self.values.items():
-            if not np.isfinite(values.get(level.name, 0.0)).all():
-                return "not finite", f"quantity {key!r}"
-        return "ok", ""
-
-    def _row(self, series: Series, k: int) -> dict[str, Any]:
-        level = series.levels[k]
-        outcome, (state, reason) = self.outcomes[level.name], self._state(level)
+    def _row(self, series: Series, k: int, level: str) -> dict[str, Any]:
+        outcome = self.outcomes[level]
         row: dict[str, Any] = {"series": series.label} if len(self.series) > 1 else {}
-        for name, value in level.arguments.items():
+        for name, value in series.levels[level].items():
             row[name] = value if isinstance(value, int | float) else text(value)
-        row |= {"size": level.size, "status": state, "reason": reason, "seconds": outcome.seconds}
-        row["warnings"] = told(outcome.warnings)
+        row |= {
+            "size": float(series.sizes[k]),
+            "status": outcome.status,
+            "reason": _reason(outcome),
+        }
+        row |= {"seconds": outcome.seconds, "warnings": told(outcome.warnings)}
         for name in self.quantities:
             found = self.orders[series.key(name)]
-            row |= _columns(name, self.values[series.key(name)].get(level.name))
-            row[f"error_{name}"] = float(found.errors[k])
-            row[f"uncertainty_{name}"] = float(found.uncertainties[k])
-            row[f"difference_{name}"] = float(found.differences[k])
-            row[f"order_{name}"] = float(found.observed[k])
+            row |= _columns(name, self.values[name].get(level))
+            numbers = {"error": found.errors, "uncertainty": found.uncertainties}
+            numbers |= {"difference": found.differences, "order": found.observed}
+            row |= {f"{what}_{name}": float(each[k]) for what, each in numbers.items()}
         return row
 
     @property
     def table(self) -> ResultTable:
         """The rows, with verdicts, versions, machine and commit."""
         notes: dict[str, Any] = {"refinement": self.title, **self.notes, "verdicts": self.verdicts}
-        limits = {name: each for name, each in self.extrapolated.items() if each is not None}
-        notes["extrapolated"] = {n: v.tolist() for n, v in limits.items() if not np.iscomplexobj(v)}
-        notes["held"] = {name: list(map(str, each)) for name, each in self.held.items() if each}
+        notes["extrapolated"] = {
+            name: value.tolist()
+            for name, value in self.extrapolated.items()
+            if value is not None and np.isrealobj(value)
+        }
+        notes["held"] = {n: [each.words for each in held] for n, held in self.held.items() if held}
         return ResultTable(self.rows, notes | provenance())
 
     def chart(
@@ -235,13 +220,18 @@ class Refinement(Report):
         if not self.orders:
             name, why = next(iter(self.failed.items()))
             raise InputError(self.title, f"no level was solved; {name}: {why}")
-        panels: dict[str, list[Line]] = {}
-        for series in self.series:
-            solved = [self._state(level)[0] == "ok" for level in series.levels]
-            for name in self.quantities:
-                found = self.orders[series.key(name)]
-                line = Line(series.label, series.kind, found, np.array(solved))
-                panels.setdefault(name, []).append(line)
+        panels = {
+            name: [
+                Line(
+                    each.label,
+                    each.kind,
+                    self.orders[each.key(name)],
+                    np.array([level not in self.failed for level in each.levels]),
+                )
+                for each in self.series
+            ]
+            for name in self.quantities
+        }
         return convergence_chart(panels, self.title if title is None else title, path, units)
 
     def paraview(
@@ -282,25 +272,35 @@ class Refinement(Report):
     def __str__(self) -> str:
         failed = f", {len(self.failed)} failed" if self.failed else ""
         lines = [f"refinement of {self.title}: {len(self.outcomes)} levels{failed}"]
-        width = max(map(len, self.outcomes))
         for series in self.series:
-            states = [self._state(level) for level in series.levels]
             for key in map(series.key, self.quantities):
-                found = self.orders[key]
+                found, limit = self.orders[key], self.orders[key].extrapolated
                 lines.append(f"{key}: {found.verdict}")
-                if found.extrapolated is not None and found.extrapolated.size <= WIDE:
-                    numbers = ", ".join(f"{each:.9g}" for each in found.extrapolated.ravel())
-                    band = f"{numbers}{_band(found.uncertainty)}"
-                    lines.append(f"  extrapolated in {' and '.join(series.varied)}: {band}")
-                shown = _shown(found, [k for k, state in enumerate(states) if state[0] == "ok"])
-                for k, (level, state) in enumerate(zip(series.levels, states, strict=True)):
-                    words = shown.get(k, ": ".join(state).rstrip(": "))
-                    lines.append(f"  {level.name:{width}s}  {words}")
-                lines += [f"  {each}" for each in self.held[key]]
+                if limit is not None and limit.size <= WIDE:
+                    numbers = ", ".join(f"{each:.9g}" for each in limit.ravel())
+                    numbers += _band(found.uncertainty)
+                    lines.append(f"  extrapolated in {' and '.join(series.varied)}: {numbers}")
+                lines += self._lines(series, found)
+                lines += [f"  {each.words}" for each in self.held[key]]
         if not self.orders:  # no level came to its quantities
             lines += [f"  {name}: {why}" for name, why in self.failed.items()]
         lines += [f"warned: {name}: {told(each)}" for name, each in self.warnings.items()]
         return "\n".join(lines)
+
+    def _lines(self, series: Series, found: Convergence) -> list[str]:
+        """A line a level: its error, or what it changes, and its order; or why there is none."""
+        lines, change, width = [], "-", max(map(len, self.outcomes))
+        hints = (np.isnan(found.errors) == np.isnan(found.differences)).all()
+        for k, level in enumerate(series.levels):
+            words = f"error {found.errors[k]:.3e}{_band(found.uncertainties[k])}"
+            if hints:  # nothing to be compared with
+                words = f"change {change}"
+            if np.isfinite(found.observed[k]):
+                words += f"  order {found.observed[k]:.2f}"
+            if level not in self.failed:
+                change = f"{found.differences[k]:.3e}"
+            lines.append(f"  {level:{width}s}  {self.failed.get(level, words)}")
+        return lines
 
     def __repr__(self) -> str:
         verdicts = "; ".join(f"{name}: {verdict}" for name, verdict in self.verdicts.items())
@@ -320,22 +320,8 @@ def _band(uncertainty: float) -> str:
     return f" +- {uncertainty:.1e}" if np.isfinite(uncertainty) else ""
 
 
-def _shown(found: Convergence, good: list[int]) -> dict[int, str]:
-    """Numbers of solved levels in words: errors, or hints, and the orders that follow from them."""
-    hints = found.extrapolated is None and not np.isfinite(found.uncertainties).any()
-    texts = {}
-    for before, k in zip([None, *good], good, strict=False):
-        error = found.errors[k]
-        if not hints:
-            texts[k] = f"error {error:.3e}{_band(found.uncertainties[k])}"
-        elif np.isnan(found.errors[good[-1]]):  # no reference either
-            change = "-" if before is None else f"{found.differences[before]:.3e}"
-            texts[k] = f"change {change}"
-        else:
-            texts[k] = "the reference" if k == good[-1] else f"differs by {error:.3e}"
-        if np.isfinite(found.observed[k]):
-            texts[k] += f"  order {found.observed[k]:.2f}"
-    return texts
+def _reason(outcome: Outcome) -> str:
+    return in_words(outcome.error) if outcome.error else ""
 
 
 # -- refinement studies in one call ----------------------------------------------------------------
@@ -352,7 +338,7 @@ def refine(
     quantities: Mapping[str, Any] | Sequence[str] | None = None,
     norm: OverTime | None = None,
     reference: Any = None,
-    rounding: float | Mapping[str, float] | None = None,
+    rounding: float = ROUNDING,
     together: bool = True,
     probe: bool = True,
     executor: Executor | None = None,
@@ -397,13 +383,15 @@ def refine(
         :class:`ReferenceFinest`. None: levels
         are compared with each other, and errors are against the value that Richardson
         extrapolation gives.
-    rounding : float or mapping, optional
-        Error of each quantity by rounding and unfinished iterations, relative to its largest value.
-        Levels whose error is not 100 times that do not count for the order. Default: 64 times the
-        machine precision; what stops falling below 1e-8 is taken for rounding in any case.
+    rounding : float, optional
+        Error of the quantities by rounding and unfinished iterations, relative to their largest
+        values. Levels whose error is not 100 times that do not count for the order. Default: 64
+        times the machine precision; what stops falling below 1e-8 is taken for rounding in any
+        case.
     together : bool
-        Mesh and step, if both are sequences: refined at once, level by level (the order is that in
-        the size of the elements), or each for itself with the finest of the other, as two series.
+        Mesh and step, if both are sequences: refined at once, level by level (the order is
+        that in the size of the elements), or each for itself with the finest of the other, as two
+        series.
     probe : bool
         Solve the finest level once more, with half of a step that is held, or twice the elements,
         so that uncertainties have its error in them, too. False, and where it fails: what is held
@@ -469,12 +457,13 @@ def refine(
       ...
       elements = 64, order = 1  error 1.675e-04 +- 4.2e-05  order 2.02
     """
-    series = series_of(elements, mesh, order, step, together)
-    wanted = Quantities(quantities, norm)
-    given = rounding if isinstance(rounding, Mapping) else {"value": rounding}
-    for name, each in given.items() if rounding is not None else ():
-        positive("argument rounding", name, each)
-    plan = _Plan(series, wanted, reference, rounding, switch("argument probe", probe))
+    plan = _Plan(
+        series_of(elements, mesh, order, step, together),
+        Quantities(quantities, norm),
+        reference_of(reference, levels=True),
+        positive("argument rounding", "value", rounding),
+        switch("argument probe", probe),
+    )
     for arguments in plan.calls.values():
         check_call(problem, arguments)
     jobs = [Job(name, problem, **arguments) for name, arguments in plan.calls.items()]
@@ -495,9 +484,9 @@ def refine(
 
 def title_of(problem: Any) -> str:
     """Name of the problem, with what is bound to it as far as it is short."""
-    function = problem.func if isinstance(problem, partial) else problem
-    bound = problem.keywords if isinstance(problem, partial) else {}
+    function = getattr(problem, "func", problem)
     name = str(getattr(function, "__name__", type(function).__name__))
+    bound = getattr(problem, "keywords", {})
     short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
     return f"{name} ({case_name(short)})" if short else name
 
@@ -509,121 +498,122 @@ class _Plan:
         self,
         series: list[Series],
         wanted: Quantities,
-        reference: Any,
-        rounding: float | Mapping[str, float] | None,
+        reference: Reference,
+        rounding: float,
         probe: bool,
     ) -> None:
-        self.series, self.wanted, self.rounding = series, wanted, rounding
-        levels = [level for each in series for level in each.levels]
-        self.reference = reference_of(reference, levels=True).beside(levels[-1].arguments)
-        self.levels = {level.name: level.arguments for level in levels}
-        true = isinstance(self.reference, ReferenceKnown)
-        self.held = [(each, name) for each in series for name in each.held if not true]
+        self.series, self.wanted, self.reference = series, wanted, reference
+        self.rounding = rounding
+        self.levels = {name: each.levels[name] for each in series for name in each.levels}
+        finest = [*self.levels.values()][-1]
+        self.runs = {case_name(finest | each): finest | each for each in reference.runs.values()}
+        self.true = isinstance(reference, ReferenceKnown)
         varied = {name for each in series for name in each.varied}
-        probes = [each.probe(name) for each, name in self.held if probe and name not in varied]
-        self.calls = self.levels | self.reference.runs
-        self.calls |= {each.name: each.arguments for each in probes}
+        probes = [
+            each.probe(name)
+            for each in series
+            for name in each.held
+            if probe and not self.true and name not in varied
+        ]
+        self.calls = self.levels | self.runs | {case_name(each): each for each in probes}
         self.quantities: list[str] = []
         if wanted.names:
-            self.reference.check(wanted.names, every=False)
+            reference.check(wanted.names, every=False)
 
     def check(self, outcome: Outcome) -> None:
         """Look at the first result: what is wrong with the quantities ends the study early."""
         if outcome.status == "ok" and not self.quantities:
             self.quantities = list(self.wanted.sample(outcome.value, outcome.name))
-            for name in self.rounding if isinstance(self.rounding, Mapping) else ():
-                if name not in self.quantities:
-                    known = names_known(name, self.quantities)
-                    raise InputError(f"quantity {name!r}", f"unknown; {known}")
             self.reference.check(self.quantities, every=False)
 
     def result(self, title: str, outcomes: dict[str, Outcome]) -> Refinement:
         """Judge each quantity in each series."""
-        solved = {name: each.value for name, each in outcomes.items() if each.status == "ok"}
-        samples = {name: self.wanted.sample(value, name) for name, value in solved.items()}
-        for run in self.reference.runs:
-            if run not in samples:
+        samples = {}
+        for name, outcome in outcomes.items():
+            if outcome.status == "ok":
+                samples[name] = self.wanted.sample(outcome.value, name)
+                bad = [quantity for quantity, each in samples[name].items() if not each.finite]
+                if bad:
+                    lost = ArithmeticError(f"quantity {bad[0]!r} is not finite")
+                    outcomes[name] = replace(outcome, error=lost)
+        for run in self.runs:
+            if not outcomes[run].ok:
                 raise InputError("argument reference", f"its run failed: {outcomes[run].error}")
-        compared = {
-            name: samples[name] for name in (*self.levels, *self.reference.runs) if name in samples
-        }
-        study = Refinement(
-            title,
-            self.series,
-            self.quantities if compared else [],
-            {name: each for name, each in outcomes.items() if name in self.levels},
-            orders={},
-            values={},
-            held={},
-            notes={"reference": self.reference.about},
-        )
-        for name in study.quantities:
-            self._judge(name, compared, study)
-        for name in study.quantities:
-            for series, argument in self.held:
-                found = self._held(name, series, argument, samples, outcomes, study.orders)
-                study.held[series.key(name)].append(found)
-        for key, held in study.held.items():
-            judged, error = study.orders[key], sum(each.error for each in held)
-            bands = judged.uncertainties + error
-            band = judged.uncertainty + error
-            study.orders[key] = replace(judged, uncertainties=bands, uncertainty=band)
+        quantities = self.quantities if self.levels.keys() & samples else []
+        levels = {name: outcomes[name] for name in self.levels}
+        notes = {"reference": self.reference.about}
+        study = Refinement(title, self.series, quantities, levels, {}, {}, {}, notes)
+        for name in quantities:
+            self._judge(name, samples, outcomes, study)
         return study
 
     def _judge(
-        self, name: str, samples: Mapping[str, Mapping[str, Reading]], study: Refinement
+        self, name: str, samples: Samples, outcomes: Mapping[str, Outcome], study: Refinement
     ) -> None:
-        """Orders and values of a quantity, into the study."""
-        shared, instants = aligned(name, samples, self.wanted.over)
+        """Values and orders of a quantity, and what is held, into the study."""
+        compared = {each: samples[each] for each in self.levels | self.runs if each in samples}
+        shared, instants = aligned(name, compared, self.wanted.over)
         norm, noise = self.wanted.norm(instants), self.rounding
-        if isinstance(noise, Mapping):
-            noise = noise.get(name)
         shape = next(iter(shared.values())).shape
-        known, off = self.reference.of(name, shape, instants, shared, norm)
+        runs = [shared[run] for run in self.runs]
+        known, off = self.reference.of(name, shape, instants, runs, norm)
         size = max(map(norm, shared.values()))
         if off > 0 and size > 0:  # differences below the reference's own error tell no order
-            noise = max(off / size, ROUNDING if noise is None else noise)
-        for series in self.series:
-            key, names = series.key(name), [level.name for level in series.levels]
-            study.values[key] = {each: shared[each] for each in names if each in shared}
-            good = {k: value for k, value in study.values[key].items() if np.isfinite(value).all()}
-            finest = isinstance(self.reference, ReferenceFinest)
-            found = convergence(series.sizes, [*map(good.get, names)], norm, known, noise, finest)
-            if len(series.varied) > 1 and found.verdict.startswith("not in the asymptotic range"):
-                advice = "mesh and step, refined at once, may have orders of their own"
-                verdict = f"{found.verdict}; {advice}: see together=False"
-                found = replace(found, verdict=verdict)
-            study.orders[key], study.held[key] = found, []
+            noise = max(off / size, noise)
+        finest = isinstance(self.reference, ReferenceFinest)
+        study.values[name] = shared
+        judged = {
+            each.key(name): convergence(
+                each.sizes, [*map(shared.get, each.levels)], norm, known, noise, finest
+            )
+            for each in self.series
+        }
+        for series, (key, found) in zip(self.series, judged.items(), strict=True):
+            verdict = found.verdict
+            if len(series.varied) > 1 and verdict.startswith("not in the asymptotic range"):
+                verdict += "; mesh and step, refined at once, may have orders of their own: see"
+                verdict += " together=False"
+            arguments = [] if self.true else series.held
+            study.held[key] = held = [
+                self._held(name, series, each, samples, outcomes, judged) for each in arguments
+            ]
+            error = sum(each.error for each in held)
+            study.orders[key] = found._replace(
+                verdict=verdict,
+                uncertainties=found.uncertainties + error,
+                uncertainty=found.uncertainty + error,
+            )
 
     def _held(
         self,
         name: str,
         series: Series,
         argument: str,
-        samples: Mapping[str, Mapping[str, Reading]],
+        samples: Samples,
         outcomes: Mapping[str, Outcome],
-        orders: Mapping[str, Convergence],
+        judged: Mapping[str, Convergence],
     ) -> Held:
         """What an argument that a series holds does to a quantity at its finest level."""
-        finest, probe = series.levels[-1], series.probe(argument)
-        what = f"{argument} = {text(finest.arguments[argument])}"
-        other = next((each for each in self.series if argument in each.varied), None)
+        finest, probe = series.finest, case_name(series.probe(argument))
         error, words = np.nan, "it was not probed"
-        if other is not None:  # held at the finest level of a series of its own
-            found = orders[other.key(name)]
+        other = [each for each in self.series if argument in each.varied]
+        if other:  # held at the finest level of a series of its own
+            found = judged[other[0].key(name)]
             error = float(found.errors[-1] + found.uncertainties[-1])
-            words = f"see the series {other.label!r}"
-        elif probe.name in samples:
-            pair = {each.name: samples.get(each.name, {}) for each in (finest, probe)}
+            words = f"see the series {other[0].label!r}"
+        elif probe in samples:
+            pair = {each: samples.get(each, {}) for each in (finest, probe)}
             try:
                 shared, instants = aligned(name, pair, self.wanted.over)
-                change = self.wanted.norm(instants)(shared[probe.name] - shared[finest.name])
-                error = HELD * change
-                words = f"{ARGUMENTS[argument].words} changes the finest level by {change:.1e}"
             except InputError as wrong:  # values at points of the mesh, or no instants in common
                 words = str(wrong)
-        elif probe.name in outcomes:
-            words = f"{probe.name} failed: {outcomes[probe.name].error}"
+            else:
+                change = self.wanted.norm(instants)(shared[probe] - shared[finest])
+                error = float(change + left(change, order=1.0))  # the lowest that methods have
+                words = f"{ARGUMENTS[argument].words} changes the finest level by {change:.1e}"
+        elif probe in outcomes:
+            words = f"{probe} failed: {outcomes[probe].error}"
+        what = f"{argument} = {text(series.levels[finest][argument])}"
         if np.isfinite(error):
             return Held(error, f"{error:.1e} of each band by {what}, held: {words}")
         return Held(error, f"{what} was held, its error is not known: {words}")

@@ -22,6 +22,7 @@ from ..types import Array, Floats, positive
 from ..warn import Notices, counted, repeat
 from .asked import Asked, Run
 from .case import Case, Scene
+from .orders import left
 from .simplification import Simpler, simplified
 
 #: steps of the first run; its companions have half and twice as many
@@ -402,7 +403,7 @@ class _Search:
             elif first > 0 < last:
                 order = float(np.clip(np.log2(first / last), 0.5, highest))
             orders.append(order)
-            errors[name] = max(last, first / 2**order) / (2**order - 1)
+            errors[name] = left(max(last, first / 2**order), order)
         return errors, min(orders)
 
     def doubt(self, case: Case, coarse: Run, fine: Run, error: float) -> str:
