@@ -48,7 +48,7 @@ from measuring import EXPLICIT, INTEGRATORS, METHODS, family_of
 from skfem_cosserat import AccuracyWarning, CosseratError, IncompatibleError
 from skfem_cosserat.accuracy import PrecisionTable, TimeLimit
 from skfem_cosserat.accuracy.precision import pareto
-from skfem_cosserat.accuracy.setups import raised
+from skfem_cosserat.accuracy.setups import ended
 from skfem_cosserat.figures import write_figure
 
 OURS, OWN = "skfem-cosserat", "own"
@@ -276,7 +276,7 @@ def ask_own(scene: dict[str, Any], patience: float) -> dict[str, Any]:
     except IncompatibleError as error:
         return {"status": f"refused: {error}"}
     except (ArithmeticError, CosseratError, TimeoutError) as error:
-        status, reason = raised(error)
+        status, reason = ended(error)
         return {"status": f"{status} {' '.join(reason.split())[:160]}"}
     return best
 
