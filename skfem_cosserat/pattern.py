@@ -145,7 +145,7 @@ def order_by(*keys: IndexArray) -> IndexArray:
     if len(keys) == 2 and count > COUNTED and max(map(np.max, keys)) <= count:
         numbers = coo_matrix((np.arange(count), keys))
         numbers.has_canonical_format = True  # else entries of one place are summed
-        return np.asarray(numbers.tocsr().tocsc().data)
+        return numbers.tocsr().tocsc().data
     order: IndexArray | None = None
     for key in keys:
         for shift in range(0, max(int(key.max(initial=0)).bit_length(), 1), 16):

@@ -73,7 +73,7 @@ def jumps(system: System, history: History) -> Floats:
 
             def rate(s: float, order: int = order, d: float = short * h) -> Floats:
                 rows = [system.ground(s - k * d).ravel() for k in range(order + 1)]
-                return np.asarray(np.diff(rows[::-1], order, axis=0)[0] / d**order)
+                return np.diff(rows[::-1], order, axis=0)[0] / d**order
 
             rounding = ROUNDING * abs(system.ground(end)).max() / (short * h) ** order
             later = np.maximum(times, start + 3 * short * h)

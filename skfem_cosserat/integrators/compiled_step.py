@@ -235,7 +235,7 @@ class Viscous:
     @property
     def numbers(self) -> Floats:
         """Of all groups (k, numbers), in place."""
-        return np.asarray(self._bound[0]["all_numbers"])
+        return self._bound[0]["all_numbers"]
 
     def dissipated(self, h: float, late: bool) -> float:
         """Lost in the step evaluated last (J), of size h (s); `late`: by the forces at its ends."""

@@ -82,7 +82,7 @@ class StepProblem:
         moved = [treatment.displacement(x, y) for x in (*columns, direction)]
         products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
         factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
-        return np.asarray(direction - np.array(columns).T @ factors)
+        return direction - np.array(columns).T @ factors
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """Of an increment, see there."""

@@ -143,7 +143,7 @@ class SlackLaw(CouplingLaw):
 
     def acts(self, e: Array) -> Array:
         """See the base class."""
-        return np.asarray(e.real > 0)
+        return e.real > 0
 
     def discrete(
         self, e0: Array, e1: Array, h: float, decay: float = 0.0

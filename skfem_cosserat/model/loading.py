@@ -471,7 +471,7 @@ class FunctionLoad:
 
     def points(self, y: Array) -> Array:
         """The points (k, 3), or their rates, at all rows (total, 3)."""
-        return np.asarray(self.matrix @ y.take(self.rows, axis=0))
+        return self.matrix @ y.take(self.rows, axis=0)
 
     def push(
         self, y: Array, rates: Array, t: float, factor: Any, by_y: float, by_rate: float

@@ -124,7 +124,7 @@ class Plane:
 
     def height(self, x: Floats) -> Floats:
         """Distance (...) of points (..., 3) from the plane (m)."""
-        return np.asarray((x - self.point) @ self.normal)
+        return (x - self.point) @ self.normal
 
     def moving(self, y0: Floats, origins: IndexArray) -> IndexArray:
         """Numbers of the rows of y that change: not of directors along the normal.
@@ -143,7 +143,7 @@ class Plane:
     def mirror(self, triad: Floats) -> Floats:
         """``S`` (..., 3, 3) of frames with these rows d1, d2, d3 (..., 3, 3)."""
         nu = triad @ self.normal
-        return np.asarray(np.eye(3) - 2 * nu[..., :, None] * nu[..., None, :])
+        return np.eye(3) - 2 * nu[..., :, None] * nu[..., None, :]
 
     def off_plane(self, place: Place, t: float) -> float:
         """How far a ground place in prescribed motion has left the plane: by the extent, or rad."""

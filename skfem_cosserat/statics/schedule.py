@@ -37,7 +37,7 @@ def weights(system: System) -> Floats:
     """
     out = np.full((system.rows, 1), 0.5)
     out[system.origin_rows] = 1 / system.length**2
-    return np.asarray(out / len(system.origin_rows))
+    return out / len(system.origin_rows)
 
 
 @dataclass(eq=False, repr=False)

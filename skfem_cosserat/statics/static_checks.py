@@ -427,7 +427,7 @@ def _null_space(A: Floats) -> Floats:
     """Orthonormal columns that A maps to zero: a quarter of the time of singular values."""
     Q, R, _ = qr(A.T, pivoting=True)
     pivots = abs(np.diag(R))
-    return np.asarray(Q[:, int((pivots > RANK_TOLERANCE * pivots.max(initial=0.0)).sum()) :])
+    return Q[:, int((pivots > RANK_TOLERANCE * pivots.max(initial=0.0)).sum()) :]
 
 
 def _echelon(N: Floats) -> Floats:

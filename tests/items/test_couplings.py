@@ -1085,7 +1085,10 @@ SKEW = np.eye(6) + np.eye(6, k=1) / 9
         (lambda: sc.JointActuator(HINGE, None), ["joint actuator", "amplitude is None"]),
         (lambda: sc.JointActuator(HINGE, NAN), ["joint actuator", "amplitude = nan"]),
         (lambda: sc.JointActuator(HINGE, "full"), ["joint actuator", "amplitude = 'full'"]),
-        (lambda: sc.JointActuator(HINGE, lambda t: NAN), ["amplitude = nan, expected a number at t = 0.0"]),
+        (
+            lambda: sc.JointActuator(HINGE, lambda t: NAN),
+            ["amplitude = nan, expected a number at t = 0.0"],
+        ),
         (lambda: sc.JointActuator(BALL, 1.0), ["joint actuator", "amplitude", "(3,)"]),
         (lambda: sc.JointActuator(BALL, lambda t: t), ["joint actuator", "amplitude(0)"]),
         (lambda: sc.JointActuator(TUBE, 1.0), ["which of its coordinates"]),
