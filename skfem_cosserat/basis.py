@@ -432,7 +432,7 @@ class ElementForm(Form):
         self, basis: Any, *, idx: Any = None, **params: Any
     ) -> tuple[Array, Array, tuple[int, ...], tuple[int, ...]]:
         """Indices, data, shape and local shape for ``COOData``."""
-        form: Callable[..., Any] = self.form
+        form = self.form
         name = getattr(form, "__name__", "form")
         dofs = _local_dofs(basis)
         ne, k = dofs.shape

@@ -224,7 +224,7 @@ def legend(
     shown = {str(handle.get_label()): handle for handle in reversed(handles)}
     if not shown:
         return
-    style: dict[str, Any] = {"fontsize": "small", "title_fontsize": "small", "frameon": False}
+    style = {"fontsize": "small", "title_fontsize": "small", "frameon": False}
     if whole:
         style["loc"] = "outside lower center" if below else "outside right upper"
     elif below:

@@ -146,7 +146,7 @@ def order_by(*keys: IndexArray) -> IndexArray:
         numbers = coo_matrix((np.arange(count), keys))
         numbers.has_canonical_format = True  # else entries of one place are summed
         return numbers.tocsr().tocsc().data
-    order: IndexArray | None = None
+    order = None
     for key in keys:
         for shift in range(0, max(int(key.max(initial=0)).bit_length(), 1), 16):
             piece = (key >> shift).astype(np.uint16)

@@ -60,7 +60,7 @@ def jumps(system: System, history: History) -> Floats:
     h, start = _step(history), history.times[0]
     end = history.times[-1]
     times = np.linspace(start, end, min(LOOKS, 1 + max(1, int((end - start) / h))))
-    found: list[float] = []
+    found = []
     narrow = SHORT[0] * h
     for loads in (system.loading, system.couplings):
         if all(isinstance(time, Constant) for time in loads.times):

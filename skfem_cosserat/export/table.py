@@ -84,8 +84,8 @@ def write_csv(
     ['t,step,energy', '0.0,0,2.0', '0.1,1,2.5']
     """
     chosen = _default_names(history) if names is None else list(names)
-    header: list[str] = []
-    columns: list[list[float]] = []
+    header = []
+    columns = []
     for name in chosen:
         array = history[name]
         if array.ndim > 2:

@@ -138,7 +138,7 @@ class CalledLaws(Called):
     def __init__(
         self, elements: BeamElements, points: dict[str, Any], laws: Sequence[int], ends: bool
     ) -> None:
-        stages: dict[int, Callable[[], None]] = {
+        stages = {
             ENERGY_BY_LAW: self._energy,
             STRESSES_BY_LAW: self._stresses,
             MODULI_BY_LAW: self._moduli,
@@ -253,7 +253,7 @@ class CalledAtRest(Called):
     """
 
     def __init__(self, system: System, spin: bool, plan: Plan, arrays: SimpleNamespace) -> None:
-        stages: dict[int, Callable[[], None]] = {
+        stages = {
             AT_BEGIN: lambda: None,
             AT_FORCE: self._add_force,
             AT_PREDICTED: lambda: None,
@@ -320,7 +320,7 @@ class CalledBack:
         self.system, self.couplings, self._arrays = system, couplings, arrays
         self._scheme: Scheme | None = None
         self._blocks = RowBlocks(system, couplings.pairs, plan, arrays)
-        stages: dict[int, Callable[[], None]] = {
+        stages = {
             AT_BEGIN: self._begin,
             AT_FORCE: self._add_force,
             AT_PREDICTED: self._add_predicted,

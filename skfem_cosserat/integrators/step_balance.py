@@ -259,7 +259,7 @@ class StepBalance:
 
     def inertia(self, step: StepData, dq: Array) -> Array:
         """``mass M dq`` (rows, 3)."""
-        out: Array = self.system.inertia.dot(dq)
+        out = self.system.inertia.dot(dq)
         out *= self.scheme.mass
         return out
 
@@ -283,8 +283,8 @@ class StepBalance:
         self, Bs: list[Array], elastic: list[Array], velocity: Array
     ) -> tuple[list[Array], list[Array | None]]:
         """Stresses with their viscous part, and strain rates."""
-        stresses: list[Array] = []
-        rates: list[Array | None] = []
+        stresses = []
+        rates = []
         for g, B, S in zip(self.system.beam_groups, Bs, elastic, strict=True):
             rate = g.strain_rate(B, velocity) if g.viscous else None
             rates.append(rate)

@@ -112,7 +112,7 @@ def _entity_groups(rows: list[str], path: Path) -> dict[tuple[int, int], list[in
     if "$Entities" not in rows:
         return {}
     words = _section(rows, "Entities", path)
-    groups: dict[tuple[int, int], list[int]] = {}
+    groups = {}
     for dim, count in enumerate(_integers(words, 4)):
         for _ in range(count):
             (tag,) = _integers(words, 1)

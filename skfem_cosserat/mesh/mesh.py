@@ -226,8 +226,8 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
     limit = 1e-9 * float(np.linalg.norm(np.ptp(points, axis=1))) if tol is None else float(tol)
     if not (np.isfinite(limit) and limit >= 0.0):
         raise MeshError("argument tol", f"got {tol}, expected a distance in m")
-    kept: list[Floats] = []
-    numbers: list[IndexArray] = []
+    kept = []
+    numbers = []
     near = _near(points, limit) if weld else {}
     meeting = np.sort(np.array(list(near), dtype=np.int64))
     final = np.full(points.shape[1], -1)  # numbers of vertices that are kept
@@ -269,7 +269,7 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
 
 def _united(kind: str, parts: Sequence[dict[str, IndexArray]], renumber: Any) -> dict[str, Any]:
     """All names of all meshes; each may occur once."""
-    out: dict[str, Any] = {}
+    out = {}
     for k, names in enumerate(parts):
         for name, index in names.items():
             if name in out:

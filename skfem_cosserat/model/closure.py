@@ -298,7 +298,7 @@ class Closure:
 
     def matrices(self, y: Array, T: Array) -> list[Array]:
         """C (rows, columns) of each component at y, columns scaled; T are the tree's values."""
-        out: list[Array] = [y[:0]] * len(self.components)
+        out = [y[:0]] * len(self.components)
         weights = self._weights(y)
         for each in self._stacks:
             C = each.product(weights, T) / self.magnitude[each.rows][:, :, None]

@@ -676,7 +676,7 @@ class Couplings:
 
     def tangent(self, force: CoupledForce, factor: float) -> Array:
         """``factor`` times the derivative of the force on row a by row b of y_1, (k, 3, 3)."""
-        blocks: list[Array] = [np.zeros((0, 3, 3))]  # there may be none
+        blocks = [np.zeros((0, 3, 3))]  # there may be none
         blocks += [g.tangent(r) for g, r in zip(self._groups, force.responses, strict=True)]
         blocks += [-push.tangent() for push in force.pushes]
         return factor * np.concatenate(blocks)

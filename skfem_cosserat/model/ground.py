@@ -112,7 +112,7 @@ class Ground:
         if not self.moving:
             return np.zeros((self.rows, 3)), 0.0
         here, best, error = self.at(t), np.zeros((self.rows, 3)), np.inf
-        before: Floats | None = None
+        before = None
         width = 1e-2 if t <= 0 else -min(1e-2, t / 4)
         for _ in range(12):
             g = [self.at(t + k * width) - here for k in (1, 2, 3, 4)]

@@ -181,9 +181,9 @@ class ConstrainedElements:
     ) -> None:
         """Places of exits, blocks and stretches in the null space matrix."""
         # exits (element, node) are numbered group by group, blocks (element, exit, node) likewise
-        exit_of: dict[tuple[int, int], int] = {}
-        block_of: dict[tuple[int, int], int] = {}  # (exit, vertex)
-        shift_of: dict[int, list[tuple[int, int]]] = {}  # exit: (stretch's number, of its values)
+        exit_of = {}
+        block_of = {}  # (exit, vertex)
+        shift_of = {}  # exit: (stretch's number, of its values)
         exits = blocks = shifts = 0
         for g in self.groups:
             for element in g.elements:
@@ -203,10 +203,10 @@ class ConstrainedElements:
             for s in g.elements
             for b in s.vertices
         }
-        whole: list[tuple[int, int, int, int]] = []
-        turned: list[tuple[int, int, int, int, int]] = []
-        moved: list[tuple[int, int, int]] = []
-        below: list[tuple[int, int]] = []
+        whole = []
+        turned = []
+        moved = []
+        below = []
         for c, path in members.items():
             found: dict[int, list[int]] = {}
             for e in path:

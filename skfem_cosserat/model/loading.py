@@ -115,11 +115,11 @@ class Loading:
         self.owners: list[Load] = []
         self.terms: list[Term] = []
         self.functions: list[tuple[Load, TermFunction]] = []
-        dead: list[tuple[IndexArray, Floats]] = []
+        dead = []
         self._dead_times: list[int] = []
         #: (channel, group number or -1 for frames, element ids, (e, r, r) scalar blocks)
         self._followers: list[tuple[int, int, IndexArray, Floats]] = []
-        moments: list[tuple[int, int, bool, Floats]] = []
+        moments = []
         for load in loads:
             for term in load.made_of:
                 if isinstance(term, TermFunction):
@@ -246,8 +246,8 @@ class Loading:
     @property
     def followers(self) -> Followers:
         """Forces fixed in bodies and sections, frame by frame."""
-        vertices: list[IndexArray] = [np.zeros((0, 2), dtype=np.int64)]
-        channels: list[IndexArray] = [np.zeros(0, dtype=np.int64)]
+        vertices = [np.zeros((0, 2), dtype=np.int64)]
+        channels = [np.zeros(0, dtype=np.int64)]
         values = [np.zeros((0, 4, 4))]
         for channel, number, ids, block in self._followers:
             own = self._group(number).vertices[ids]

@@ -279,7 +279,7 @@ def places(system: System) -> Iterator[tuple[str, Place]]:
 
 def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
     """What leaves a plane: labels of items, and how they do it."""
-    seen: set[str] = set()
+    seen = set()
     for label, place in places(system):
         off = float(plane.height(place.position))
         if abs(off) > TOLERANCE * system.length and label not in seen:
@@ -650,7 +650,7 @@ class Planarity:
 def inspect(system: System, normal: Floats | None = None) -> Planarity:
     """Look for the plane of a scene, or at that with a given normal; see :func:`planarity`."""
     normals = _candidates(system) if normal is None else [normal]
-    best: Planarity | None = None
+    best = None
     for n in normals:
         plane = Plane(n, system.q0.reshape(-1, 3)[system.origin_rows].mean(axis=0), system.length)
         found = Planarity(

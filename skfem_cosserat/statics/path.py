@@ -193,7 +193,7 @@ class Continuation:
         limit = self.control.turn
         residuals = []
         losses = 0
-        beyond: Solution | None = None
+        beyond = None
         while True:
             length = self._prescribed(point, stage.trial())
             functional = stage.functional(point, length)
@@ -252,7 +252,7 @@ class Continuation:
         target, *later = stage.stops
         width = min(abs(t - target) for t in (point.t, *later))
         ends = target + np.sign(length) * width * np.array([-k for k in AROUND[::-1]] + [*AROUND])
-        samples: list[Solution] = []
+        samples = []
         for t in ends.tolist():
             found, _ = self._solve(point, Functional(value=t - point.t))
             if found is None or self._jumps(point, found):

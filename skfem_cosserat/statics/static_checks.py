@@ -276,7 +276,7 @@ def _loaded(system: System, schedule: Schedule, point: Point) -> tuple[Point | N
     chosen = system.closure.select(y, tree_values(system, y))
     metric = weights(system).repeat(3)
     held, last, first = True, np.inf, 0.0
-    free: _Free | None = None
+    free = None
     for k in range(LOADED):
         at = balance(system, y, amplitudes, turns=point.turns)
         if held:
