@@ -187,7 +187,7 @@ class StackedSolver:
             if a != b:
                 below[b].add(a)
         #: of each column the rows below its diagonal, and where they are kept
-        self._below: list[IndexArray] = []
+        self._below = []
         for own in below:
             under = sorted(own)
             self._below.append(np.array(under, dtype=np.int64))

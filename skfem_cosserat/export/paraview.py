@@ -59,7 +59,7 @@ class Cells:
         widths = [np.full(len(block), block.shape[1]) for _, block in blocks]
         kinds = [np.full(len(block), kind) for kind, block in blocks]
         self.count = sum(map(len, widths))
-        self.topology: Fields = {
+        self.topology = {
             "connectivity": np.concatenate([block.ravel() for _, block in blocks]),
             "offsets": np.cumsum(np.concatenate(widths)),
             "types": np.concatenate(kinds),

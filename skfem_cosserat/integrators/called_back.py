@@ -226,7 +226,7 @@ class RowBlocks:
         local = np.minimum(local, 1)
         i = 3 * local[a][:, None, None] + np.arange(3)[:, None]
         j = 3 * local[b][:, None, None] + np.arange(3)
-        self._entries: IndexArray = (6 * (6 * slots[:, None, None] + i) + j).ravel()
+        self._entries = (6 * (6 * slots[:, None, None] + i) + j).ravel()
 
     def add(self, blocks: Floats, left: Floats) -> None:
         """Add derivatives (k, 3, 3) of the forces on rows a by rows b of y_1.

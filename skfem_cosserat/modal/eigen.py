@@ -13,7 +13,6 @@ from scipy.sparse.linalg import (
     ArpackError,
     ArpackNoConvergence,
     LinearOperator,
-    SuperLU,
     eigs,
     eigsh,
     splu,
@@ -53,7 +52,7 @@ class Factorised:
 
     def __init__(self, A: csr_matrix) -> None:
         options = {"SymmetricMode": True}
-        self.lu: SuperLU = splu(
+        self.lu = splu(
             A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
         )
         straight = bool((self.lu.perm_r == self.lu.perm_c).all())

@@ -195,7 +195,7 @@ class Closure:
             scale[kinematics.numbers[kind]] = length
         self.components: list[CoupledLoops] = []
         self._stacks: list[_Stack] = []
-        self.magnitude: Floats = np.ones(len(rows))
+        self.magnitude = np.ones(len(rows))
         self._length = length
         if len(rows):
             row = np.concatenate([row[self._plain], np.repeat(row[self._turning], 3)])

@@ -36,12 +36,12 @@ class Ground:
 
     def __init__(self, places: Sequence[Place]) -> None:
         moving = {id(place): place for place in places if place.motion is not None}
-        self.moving: list[Place] = list(moving.values())
+        self.moving = list(moving.values())
         self._number = {place: k for k, place in enumerate(self.moving, 1)}
         self.rows = 4 * (1 + len(self.moving))
         self._rates: dict[float, tuple[Floats, float]] = {}
         #: the last instant, with its rows: a step begins where the one before ended
-        self._last: tuple[float, Floats] = np.nan, _REST
+        self._last = np.nan, _REST
         self._plane: Plane | None = None
         self._watched: list[Place] = []
 

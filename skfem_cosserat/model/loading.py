@@ -112,11 +112,11 @@ class Loading:
         self._first, self._mass, self._origins = first, mass, origins
         self._beam_groups, self._frame_group = beam_groups, frame_group
         self.times: list[TimeFunction] = []
-        self.owners: list[Load] = []
-        self.terms: list[Term] = []
-        self.functions: list[tuple[Load, TermFunction]] = []
+        self.owners = []
+        self.terms = []
+        self.functions = []
         dead = []
-        self._dead_times: list[int] = []
+        self._dead_times = []
         #: (channel, group number or -1 for frames, element ids, (e, r, r) scalar blocks)
         self._followers: list[tuple[int, int, IndexArray, Floats]] = []
         moments = []
@@ -460,7 +460,7 @@ class FunctionLoad:
             for place, i, factor in expression.terms:
                 at = k, row_of(place) + i
                 cells[at] = cells.get(at, 0.0) + factor
-        self.rows: IndexArray = np.unique([row for _, row in cells])
+        self.rows = np.unique([row for _, row in cells])
         self.matrix = np.zeros((len(term.expressions), len(self.rows)))
         for (k, row), factor in cells.items():
             self.matrix[k, np.searchsorted(self.rows, row)] = factor
