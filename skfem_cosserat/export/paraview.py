@@ -19,7 +19,7 @@ from ..errors import IncompleteWarning, InputError, writing
 from ..history import History
 from ..history.file import write_at
 from ..model.quadratic import TOGETHER
-from ..types import Array, ArrayLike, Floats, IndexArray, switch, whole
+from ..types import Array, ArrayLike, FilePath, Floats, IndexArray, switch, whole
 from ..warn import logger, warn
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
@@ -577,7 +577,7 @@ class ParaViewWriter:
 
     def __init__(
         self,
-        folder: str | os.PathLike[str],
+        folder: FilePath,
         meta: Mapping[str, Any],
         static: Mapping[str, Array],
         *,
@@ -748,7 +748,7 @@ def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
 @checked
 def write_paraview(
     history: History,
-    folder: str | os.PathLike[str],
+    folder: FilePath,
     every: int = 1,
     fps: float | None = None,
     surfaces: bool = False,

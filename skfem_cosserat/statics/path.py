@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -27,7 +26,7 @@ from ..newton import NewtonReport, NewtonSettings
 from ..run.describe import checked_asked, finish, path_formulas
 from ..run.progress import Interrupt, Progress
 from ..time_function import Amplitude
-from ..types import Floats
+from ..types import FilePath, Floats
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import Branch, branch_stage
 from .control import STILL, ArcLength, Control, DisplacementControl, LoadControl, Stage
@@ -654,7 +653,7 @@ def static(
     watch: bool = True,
     callbacks: Sequence[Callback] = (),
     progress: bool | Callable[[float, float], object] = False,
-    path: str | os.PathLike[str] | None = None,
+    path: FilePath | None = None,
     derive: bool | Sequence[str] | None = None,
     solver: Solver | None = None,
 ) -> History:

@@ -24,7 +24,7 @@ from ..time_function import (
     TimeFunction,
     time_function,
 )
-from ..types import Array, Floats, IndexArray, finite, names_known
+from ..types import Array, FilePath, Floats, IndexArray, finite, names_known
 from ..warn import Notices
 
 # -- points of a path, what fixes them, and what comes with them -----------------------------------
@@ -300,7 +300,7 @@ class PathRecorder:
         system: System,
         schedule: Schedule,
         meta: dict[str, Any],
-        path: str | os.PathLike[str] | None,
+        path: FilePath | None,
         notices: Notices,
     ) -> None:
         if path is not None and not isinstance(path, str | os.PathLike):
