@@ -77,9 +77,9 @@ class FrozenPattern:
         self.shape, self.nnz = (rows, len(indptr) - 1), len(indices)
         small = max(self.nnz, *self.shape) < np.iinfo(np.int32).max
         kind = np.int32 if small else np.int64
-        self.slot: IndexArray = slot
-        self.indices: Array = indices.astype(kind, copy=False)
-        self.indptr: Array = indptr.astype(kind)
+        self.slot = slot
+        self.indices = indices.astype(kind, copy=False)
+        self.indptr = indptr.astype(kind)
         for array in (self.slot, self.indices, self.indptr):
             array.setflags(write=False)
 
@@ -145,8 +145,8 @@ def order_by(*keys: IndexArray) -> IndexArray:
     if len(keys) == 2 and count > COUNTED and max(map(np.max, keys)) <= count:
         numbers = coo_matrix((np.arange(count), keys))
         numbers.has_canonical_format = True  # else entries of one place are summed
-        return np.asarray(numbers.tocsr().tocsc().data)
-    order: IndexArray | None = None
+        return numbers.tocsr().tocsc().data
+    order = None
     for key in keys:
         for shift in range(0, max(int(key.max(initial=0)).bit_length(), 1), 16):
             piece = (key >> shift).astype(np.uint16)

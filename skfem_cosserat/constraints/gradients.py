@@ -17,7 +17,7 @@ from ..compiled.plan import plan_of
 from ..model import System
 from ..model.loops import null_space_matrix
 from ..pattern import once_for_each
-from ..types import Floats, IndexArray
+from ..types import Floats
 from .base import RowSpace
 
 #: vertices left by elimination along chains and trees above which these velocities are taken
@@ -49,7 +49,7 @@ def _masses(system: System) -> tuple[csr_matrix, csr_matrix]:
     joints = [(e.child, e.parent) for e in system.tied.tree.edges if e.parent < count]
     i, j = np.array(joints, dtype=np.int64).reshape(-1, 2).T
     graph = coo_matrix((np.ones(len(i)), (i, j)), shape=(count, count))
-    part: IndexArray = connected_components(graph, directed=False)[1]
+    part = connected_components(graph, directed=False)[1]
     size = np.diff(system.origin_rows, append=system.rows)
     part, mass = np.repeat(part, size), system.mass.tocoo()
     own = part[mass.row] == part[mass.col]

@@ -111,7 +111,7 @@ class Entries:
         for factors in self.powers.T[1:]:
             some = int((factors != self.one).sum())
             out[:some] *= variables[factors[:some]]
-        return np.asarray(self.sums @ out)
+        return self.sums @ out
 
 
 class _Kernels:
@@ -187,7 +187,7 @@ class StackedSolver:
             if a != b:
                 below[b].add(a)
         #: of each column the rows below its diagonal, and where they are kept
-        self._below: list[IndexArray] = []
+        self._below = []
         for own in below:
             under = sorted(own)
             self._below.append(np.array(under, dtype=np.int64))
@@ -203,7 +203,7 @@ class StackedSolver:
         sort = np.argsort(keys)
 
         def slot(a: IndexArray, b: IndexArray) -> IndexArray:
-            return np.asarray(sort[np.searchsorted(keys, a * size + b, sorter=sort)])
+            return sort[np.searchsorted(keys, a * size + b, sorter=sort)]
 
         self._slot = slot(i, j)
         self._i, self._j = i, j
@@ -360,7 +360,7 @@ class Stacked:
         ones = np.ones(len(self.entries.rows))
         places, size = (self.entries.rows, self.entries.columns), self.solver.size
         graph = coo_matrix((ones, places), shape=(size, size))
-        return np.asarray(connected_components(graph, directed=False)[1])
+        return connected_components(graph, directed=False)[1]
 
     def solve(self, y: Floats, rhs: Floats, consistent: bool) -> Iterator[tuple[Any, ...]]:
         """Solutions for states y (N, total, 3) and right-hand sides (size, N), part by part.
