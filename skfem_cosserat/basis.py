@@ -14,7 +14,6 @@ from .element import (
     ElementDirector,
     ElementLineLobatto,
     Interpolation,
-    Tabulated,
     gauss_rule,
     interpolation,
     shape_derivatives,
@@ -105,17 +104,15 @@ class DirectorBasis(CellBasis):
         self.interpolation = kind = interpolation(order)
         self.order = p = kind.order
         #: shape functions at the points of the quadrature rule
-        self.tabulated: Tabulated = (
-            kind.tabulated(*_checked_rule(quadrature)) if quadrature else kind.reduced
-        )
+        self.tabulated = kind.tabulated(*_checked_rule(quadrature)) if quadrature else kind.reduced
         self.points, self.weights = self.tabulated.points, self.tabulated.weights
         ne, nv = mesh.t.shape[1], mesh.p.shape[1]
         self.n_nodes = nv + ne * (p - 1)
-        self.connectivity: IndexArray = np.empty((ne, p + 1), dtype=np.int64)
+        self.connectivity = np.empty((ne, p + 1), dtype=np.int64)
         self.connectivity[:, 0], self.connectivity[:, -1] = mesh.t
         self.connectivity[:, 1:-1] = np.arange(nv, self.n_nodes).reshape(ne, p - 1)
-        self.lengths: Floats = mesh.lengths
-        self.nodes: Floats = np.empty((self.n_nodes, 3))
+        self.lengths = mesh.lengths
+        self.nodes = np.empty((self.n_nodes, 3))
         if p > 1:
             places = mesh.mapping().F(kind.nodes[None])
             self.nodes[self.connectivity] = np.moveaxis(places, 0, -1)
@@ -457,7 +454,7 @@ class ElementForm(Form):
         self, basis: Any, *, idx: Any = None, **params: Any
     ) -> tuple[Array, Array, tuple[int, ...], tuple[int, ...]]:
         """Indices, data, shape and local shape for ``COOData``."""
-        form: Callable[..., Any] = self.form
+        form = self.form
         name = getattr(form, "__name__", "form")
         dofs = _local_dofs(basis)
         ne, k = dofs.shape

@@ -124,13 +124,13 @@ class Beam(LineItem):
             self._check_thickness()
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
         self.warnings = tuple(notices.found)
-        self.triads: Floats = self.basis.nodal_triads(triads)
-        self.rotations: Floats = self.basis.relative_rotations(triads)
+        self.triads = self.basis.nodal_triads(triads)
+        self.rotations = self.basis.relative_rotations(triads)
         self.velocity = self._field("velocity", velocity)
         self.angular_velocity = self._field("angular_velocity", angular_velocity)
-        self.reference: Floats = np.concatenate(
-            [self.basis.nodes[:, None], self.triads], axis=1
-        ).reshape(-1)
+        self.reference = np.concatenate([self.basis.nodes[:, None], self.triads], axis=1).reshape(
+            -1
+        )
         self.elements = self._elements()
         self._lock()
 

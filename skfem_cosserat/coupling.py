@@ -105,7 +105,7 @@ class Coupling(Item):
                 raise InputError(
                     self.label, f"{name} = {float(array)!r}, expected a number that is not negative"
                 )
-            return np.asarray(float(array) * np.eye(m))
+            return float(array) * np.eye(m)
         return semidefinite(self.label, name, array)
 
 
@@ -123,7 +123,7 @@ def semidefinite(item: str, name: str, array: Floats) -> Floats:
             item,
             f"{name} is not positive semidefinite (eigenvalue {lowest:.6g}): {array.tolist()}",
         )
-    return np.asarray(0.5 * (array + array.T))
+    return 0.5 * (array + array.T)
 
 
 class _OnJoint(Coupling):

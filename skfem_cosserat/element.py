@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from skfem.element import ElementH1, ElementVector
@@ -355,5 +354,5 @@ class ElementDirector(ElementVector):
 
     def __init__(self, order: int | Interpolation = 1) -> None:
         super().__init__(ElementLineLobatto(order), 12)
-        names: list[Any] = [f"{v}_{i}" for v in ("phi", "d1", "d2", "d3") for i in (1, 2, 3)]
+        names = [f"{v}_{i}" for v in ("phi", "d1", "d2", "d3") for i in (1, 2, 3)]
         self.dofnames = names * self.elem.order

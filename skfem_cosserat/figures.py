@@ -16,6 +16,7 @@ import numpy as np
 
 from .arguments import checked
 from .errors import InputError, writing
+from .types import FilePath
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -224,7 +225,7 @@ def legend(
     shown = {str(handle.get_label()): handle for handle in reversed(handles)}
     if not shown:
         return
-    style: dict[str, Any] = {"fontsize": "small", "title_fontsize": "small", "frameon": False}
+    style = {"fontsize": "small", "title_fontsize": "small", "frameon": False}
     if whole:
         style["loc"] = "outside lower center" if below else "outside right upper"
     elif below:
@@ -240,7 +241,7 @@ def legend(
 
 
 @checked
-def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
+def write_figure(figure: Figure, path: FilePath | None) -> Figure:
     """Write the figure here, if anywhere; give it back.
 
     Parameters
@@ -280,7 +281,7 @@ def write_figure(figure: Figure, path: str | os.PathLike[str] | None) -> Figure:
 
 
 @checked
-def check_folder(path: str | os.PathLike[str]) -> None:
+def check_folder(path: FilePath) -> None:
     """Refuse a file whose folder does not exist or cannot be written."""
     folder = Path(path).parent
     if not folder.is_dir() or not os.access(folder, os.W_OK):

@@ -177,7 +177,7 @@ def _finite(name: str, function: StrainFunction, eps: Floats) -> Floats:
             f"{name} is not finite at strains {_text(bad)}; give `strains` within the range"
             " where it is defined",
         )
-    return np.asarray(out)
+    return out
 
 
 def _text(strains: Floats) -> str:

@@ -751,7 +751,7 @@ class JointDrive(Item):
         if not callable(motion):
             raise InputError(self.label, f"motion = {motion!r}, expected a function of time, f(t)")
         self.joint = joint
-        self.coordinate: RelativeCoordinate = joint.coordinate(coordinate)
+        self.coordinate = joint.coordinate(coordinate)
         if self.coordinate.kind not in ("angle", "displacement"):
             raise InputError(
                 self.label,
@@ -760,7 +760,7 @@ class JointDrive(Item):
             )
         if not isinstance(motion, FunctionOfTime):
             motion = FunctionOfTime(motion)
-        self._number: FunctionOfTime = motion
+        self._number = motion
         #: the ground frame that carries the number
         self.place = Place(
             None, -1, np.zeros(3), np.zeros(3), np.eye(3), _Prescribed(number=self.value)

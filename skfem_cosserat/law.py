@@ -53,7 +53,7 @@ class Law(Frozen):
     def __init__(self, stiffness: Floats) -> None:
         self.stiffness = stiffness
         #: strains (6,) that have the energy of an axial strain of one: what steps are relative to
-        self.scale: Floats = np.sqrt(stiffness[2, 2] / np.diag(stiffness))
+        self.scale = np.sqrt(stiffness[2, 2] / np.diag(stiffness))
 
     @abstractmethod
     def energy(self, eps: Array) -> Array:

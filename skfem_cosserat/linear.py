@@ -659,7 +659,7 @@ class LinearSolver:
         band = Band(pattern)
         if band.lower + band.upper <= BAND:
             return SolverBanded().bind(pattern, band)
-        others: list[tuple[str, Solver]] = [
+        others = [
             ("pypardiso", SolverPardiso()),
             ("pymetis", SolverMetis()),
         ]

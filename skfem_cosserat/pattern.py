@@ -75,9 +75,9 @@ class FrozenPattern:
         self.shape, self.nnz = (rows, len(indptr) - 1), len(indices)
         small = max(self.nnz, *self.shape) < np.iinfo(np.int32).max
         kind = np.int32 if small else np.int64
-        self.slot: IndexArray = slot
-        self.indices: Array = indices.astype(kind, copy=False)
-        self.indptr: Array = indptr.astype(kind)
+        self.slot = slot
+        self.indices = indices.astype(kind, copy=False)
+        self.indptr = indptr.astype(kind)
         for array in (self.slot, self.indices, self.indptr):
             array.setflags(write=False)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +13,7 @@ from .errors import InputError
 from .export.geometry import BeamShape, beam_shapes, body_shapes
 from .figures import MISSING, PALETTE, check_folder, legend, panels, write_figure
 from .history import History
-from .types import Array, ArrayLike, Floats, names_known
+from .types import Array, ArrayLike, FilePath, Floats, names_known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,7 +44,7 @@ _CAMERAS = ("xy", "xz", "yz", "iso")
 @checked
 def plot_energy(
     history: History,
-    path: str | os.PathLike[str] | None = None,
+    path: FilePath | None = None,
     names: Sequence[str] | None = None,
     since: float = 0.0,
 ) -> Figure:
@@ -130,9 +129,7 @@ def plot_energy(
 
 
 @checked
-def plot_series(
-    history: History, names: Sequence[str], path: str | os.PathLike[str] | None = None
-) -> Figure:
+def plot_series(history: History, names: Sequence[str], path: FilePath | None = None) -> Figure:
     """Chart of scalar or vector series over time, one panel for each.
 
     Parameters
@@ -216,7 +213,7 @@ def _path_of(history: History, what: str) -> Floats:
 def plot_orbit(
     history: History,
     what: str | Sequence[str],
-    path: str | os.PathLike[str] | None = None,
+    path: FilePath | None = None,
     axes: str = "xy",
 ) -> Figure:
     """Chart of the way of one or several points, seen along a coordinate axis.
@@ -419,7 +416,7 @@ def _draw(
 @checked
 def render(
     history: History,
-    path: str | os.PathLike[str],
+    path: FilePath,
     frames: int | Sequence[int] = 5,
     camera: str | Sequence[Sequence[float]] = "iso",
     color: str = "M",

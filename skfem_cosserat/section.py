@@ -77,7 +77,7 @@ def _matrix(item: str, name: str, value: ArrayLike) -> Floats:
 def _symmetric(item: str, name: str, value: Floats) -> Floats:
     if not np.allclose(value, value.T, rtol=1e-12, atol=0):
         raise InputError(item, f"{name} is not symmetric by {abs(value - value.T).max():.3g}")
-    return np.asarray((value + value.T) / 2)
+    return (value + value.T) / 2
 
 
 def check_stiffness(item: str, value: ArrayLike) -> Floats:

@@ -270,7 +270,7 @@ class Table(Frozen):
         if (np.diff(self.times) <= 0).any():
             raise InputError("table of time", f"times do not increase: {self.times.tolist()}")
         # plain numbers: most steps ask for two values between two kinks
-        self._kinks: list[float] = self.times.tolist()
+        self._kinks = self.times.tolist()
         self._ends = float(self.values[0]), float(self.values[-1])
         self.constant_after = float(self.times[-1])
         slopes = np.diff(self.values) / np.diff(self.times)
@@ -351,7 +351,7 @@ class FunctionOfTime(Frozen):
         self.kinks = np.sort(numbers("function of time", "kinks", kinks))
         if self.kinks.ndim != 1 or not np.isfinite(self.kinks).all():
             raise InputError("function of time", f"kinks = {kinks!r}, expected finite times")
-        self._listed: list[float] = self.kinks.tolist()
+        self._listed = self.kinks.tolist()
 
     def _brief(self) -> str:
         return brief(self.function)

@@ -94,7 +94,7 @@ class Notices:
         quiet: bool = False,
         alone: bool = False,
     ) -> None:
-        self.found: list[Notice] = [dict(notice) for notice in known]
+        self.found = [dict(notice) for notice in known]
         self.clock, self.quiet, self.alone = clock, quiet, alone
         self._failing = False
         self._keys = {_key(notice) for notice in self.found}

@@ -83,7 +83,7 @@ class RowSpace:
 
     def least_norm(self, rhs: Floats) -> Floats:
         """Vector (n,) of least norm with ``G v = rhs``; redundant rows must agree with the rest."""
-        return np.asarray(self._G.T @ self._gram.solve(rhs[self._kept]))
+        return self._G.T @ self._gram.solve(rhs[self._kept])
 
 
 # -- what a treatment of the constraints is to an integrator ---------------------------------------

@@ -87,20 +87,20 @@ class Restriction:
 
     def data(self, full: Floats) -> Floats:
         """Entries in :attr:`pattern` from those of the full matrix."""
-        return np.asarray(self._data @ full)
+        return self._data @ full
 
     def restrict(self, residual: Array) -> Array:
         """``E^T r`` of (n + m,) or (n,) numbers."""
         back = self._to_plane if len(residual) == self.system.n else self._back
-        return np.asarray(back @ residual)
+        return back @ residual
 
     def expand(self, unknowns: Array) -> Array:
         """``E u`` (n + m,)."""
-        return np.asarray(self._all @ unknowns)
+        return self._all @ unknowns
 
     def within(self, force: Array) -> Array:
         """Part in the plane of a force (n,)."""
-        return np.asarray(self.along @ (self._to_plane @ force))
+        return self.along @ (self._to_plane @ force)
 
 
 def _matrix(number: IndexArray, weight: Floats, columns: int) -> csr_matrix:

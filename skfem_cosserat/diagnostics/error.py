@@ -170,13 +170,13 @@ def _inside(beam: Beam, e: np.ndarray, x: Floats, nodal: Floats) -> Floats:
     local = nodal[:, beam.basis.connectivity[e]]
     local = local.copy()
     local[..., 1:, :] = beam.rotations[e] @ local[..., 1:, :]
-    return np.asarray(np.einsum("aef,kefaic->kefic", beam.basis.shape(x), local))
+    return np.einsum("aef,kefaic->kefic", beam.basis.shape(x), local)
 
 
 def _turn(d: Floats, start: Floats) -> Floats:
     """Rotations (..., 3, 3) nearest to ``sum d_i D_i^T``."""
     u, _, vt = np.linalg.svd(np.swapaxes(d, -1, -2) @ start)
-    return np.asarray(u @ vt)
+    return u @ vt
 
 
 def spins(now: Floats, rate: Floats) -> Floats:
@@ -185,7 +185,7 @@ def spins(now: Floats, rate: Floats) -> Floats:
     squares = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3)
     inertia = squares - np.swapaxes(d, -1, -2) @ d
     momentum = np.cross(d, ddot).sum(axis=-2)
-    return np.asarray(np.linalg.solve(inertia, momentum[..., None])[..., 0])
+    return np.linalg.solve(inertia, momentum[..., None])[..., 0]
 
 
 def _moved(

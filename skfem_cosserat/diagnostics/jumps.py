@@ -60,7 +60,7 @@ def jumps(system: System, history: History) -> Floats:
     h, start = _step(history), history.times[0]
     end = history.times[-1]
     times = np.linspace(start, end, min(LOOKS, 1 + max(1, int((end - start) / h))))
-    found: list[float] = []
+    found = []
     narrow = SHORT[0] * h
     for loads in (system.loading, system.couplings):
         if all(isinstance(time, Constant) for time in loads.times):
@@ -73,7 +73,7 @@ def jumps(system: System, history: History) -> Floats:
 
             def rate(s: float, order: int = order, d: float = short * h) -> Floats:
                 rows = [system.ground(s - k * d).ravel() for k in range(order + 1)]
-                return np.asarray(np.diff(rows[::-1], order, axis=0)[0] / d**order)
+                return np.diff(rows[::-1], order, axis=0)[0] / d**order
 
             rounding = ROUNDING * abs(system.ground(end)).max() / (short * h) ** order
             later = np.maximum(times, start + 3 * short * h)

@@ -155,7 +155,7 @@ def _missing(tangent: ReducedTangent, inertia: Floats | None) -> Floats:
     """Residual along the constraints."""
     if inertia is None:
         return tangent.residual
-    return np.asarray(tangent.residual + tangent.P.T @ inertia)
+    return tangent.residual + tangent.P.T @ inertia
 
 
 # -- the configuration on the constraints that is nearest to a given one ---------------------------

@@ -133,7 +133,7 @@ def resolution(system: System, history: History) -> Resolution | None:
 def _lost(history: History, angle: Floats) -> Floats:
     """Angle that a step of a run lacks of the one that a vibration ought to advance by."""
     parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
-    return np.asarray(abs(angle - 2 * np.arctan(parts / 2).sum(axis=0)))
+    return abs(angle - 2 * np.arctan(parts / 2).sum(axis=0))
 
 
 def _by_velocities(system: System, history: History) -> Resolution:
@@ -295,7 +295,7 @@ def _free(system: System) -> NDArray[np.bool_]:
     out = np.linalg.norm(v.reshape(-1, 3), axis=1) > NOISE
     axes = _frames(system)[:, None] + np.arange(1, 4)
     out[axes] = out[axes].any(1, keepdims=True)
-    return np.asarray(out)
+    return out
 
 
 def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
@@ -346,7 +346,7 @@ def _beside(system: System, y: Floats, times: Floats) -> Floats:
 def _largest(differences: Floats) -> Floats:
     """The longest of a window, of each vertex."""
     squares = np.einsum("...c,...c->...", differences, differences)
-    return np.asarray(np.sqrt(squares.max(1, initial=0.0)))
+    return np.sqrt(squares.max(1, initial=0.0))
 
 
 def _neighbours(history: History) -> NDArray[np.bool_]:
@@ -354,7 +354,7 @@ def _neighbours(history: History) -> NDArray[np.bool_]:
     ways, next_to = np.diff(history.times), np.diff(history["step"]) == 1
     if next_to.any() and not np.ptp(ways) < EVEN * ways.min():  # most runs have equal steps
         next_to &= abs(ways - np.median(ways[next_to])) < EVEN * abs(ways)
-    return np.asarray(next_to)
+    return next_to
 
 
 def _windows(history: History) -> IndexArray:
@@ -366,7 +366,7 @@ def _windows(history: History) -> IndexArray:
     passed = np.concatenate([[0], np.cumsum(next_to)])
     starts = np.flatnonzero(passed[width - 1 :] - passed[: len(passed) - width + 1] == width - 1)
     chosen = starts[spread(len(starts), min(WINDOWS, 2 + len(starts) // APART))]
-    return np.asarray(chosen[:, None] + np.arange(width))
+    return chosen[:, None] + np.arange(width)
 
 
 def _frames(system: System) -> IndexArray:
@@ -381,4 +381,4 @@ def _turns(system: System, y: Floats) -> Floats:
         y = y.take(frames[:, None] + np.arange(4), axis=2)
     triads = y.reshape(*y.shape[:2], len(frames), 4, 3)[..., 1:, :]
     traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
-    return np.asarray(np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1))
+    return np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1)

@@ -123,19 +123,19 @@ class BeamShape:
     def __init__(self, name: str, static: Mapping[str, Array]) -> None:
         self.name = name
         self._static = static
-        self.offsets: IndexArray = self._get("offsets").astype(np.int64)
-        self.connectivity: IndexArray = self._get("connectivity").astype(np.int64)
-        self.rotations: Floats = self._get("rotations")
-        self.gauss: Floats = np.atleast_1d(self._get("gauss"))
-        self.part: IndexArray = self._get("part").astype(np.int64)
-        self.section: IndexArray = self._get("section").astype(np.int64)
+        self.offsets = self._get("offsets").astype(np.int64)
+        self.connectivity = self._get("connectivity").astype(np.int64)
+        self.rotations = self._get("rotations")
+        self.gauss = np.atleast_1d(self._get("gauss"))
+        self.part = self._get("part").astype(np.int64)
+        self.section = self._get("section").astype(np.int64)
         self.order = self.connectivity.shape[1] - 1
         self.pieces = self.order
         self._node_rotation = self._common_rotations()
         stations = np.arange(self.order + 1) / self.order
         nodes = static.get(f"beam/{name}/nodes", lobatto_nodes(self.order))
-        self._stations: Floats = lagrange(nodes, stations).T
-        self._at_gauss: Floats = lagrange(nodes, self.gauss).T
+        self._stations = lagrange(nodes, stations).T
+        self._at_gauss = lagrange(nodes, self.gauss).T
         self._weights = {n: piece_weights(self.gauss, n) for n in (1, self.order)}
         self._number_points()
 
@@ -159,8 +159,8 @@ class BeamShape:
         conn, ne = self.connectivity, len(self.connectivity)
         self._inner: IndexArray | None = None
         if self.order <= 2:
-            self.node_id: IndexArray = np.arange(len(self.offsets))
-            self.cells: IndexArray = conn if self.order == 1 else conn[:, [0, 2, 1]]
+            self.node_id = np.arange(len(self.offsets))
+            self.cells = conn if self.order == 1 else conn[:, [0, 2, 1]]
             self.cell_pieces = 1
         else:
             corners, ends = np.unique(conn[:, [0, -1]], return_inverse=True)
@@ -171,7 +171,7 @@ class BeamShape:
             self.node_id = np.concatenate([corners, np.full(inner.size, -1)])
             self._inner = inner
             self.cell_pieces = self.order
-        self.cell_element: IndexArray = np.repeat(np.arange(ne), self.cell_pieces)
+        self.cell_element = np.repeat(np.arange(ne), self.cell_pieces)
 
     def _evaluate(self, nodal: Floats, local: Floats) -> Floats:
         """Values at the points: ``nodal (..., Nb, c)`` at nodes, ``local (..., ne, p+1, c)``."""
@@ -287,10 +287,10 @@ class Surface:
             caps += [ring[::-1] for ring in grid[uses[conn[:, 0]] == 1, 0]]
             caps += list(grid[uses[conn[:, -1]] == 1, -1])
             self.size += grid.size
-        self.quads: IndexArray = np.concatenate(quads)
-        self.element: IndexArray = np.concatenate(owner)
-        self.piece: IndexArray = np.concatenate(piece)
-        self.caps: list[IndexArray] = caps
+        self.quads = np.concatenate(quads)
+        self.element = np.concatenate(owner)
+        self.piece = np.concatenate(piece)
+        self.caps = caps
 
     def points(self, q: ArrayLike) -> Floats:
         """Corners in space ``(..., size, 3)``."""

@@ -19,7 +19,7 @@ from ..errors import IncompleteWarning, InputError, writing
 from ..history import History
 from ..history.file import write_at
 from ..model.quadratic import TOGETHER
-from ..types import Array, ArrayLike, Floats, IndexArray, switch, whole
+from ..types import Array, ArrayLike, FilePath, Floats, IndexArray, switch, whole
 from ..warn import logger, warn
 from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
@@ -59,7 +59,7 @@ class Cells:
         widths = [np.full(len(block), block.shape[1]) for _, block in blocks]
         kinds = [np.full(len(block), kind) for kind, block in blocks]
         self.count = sum(map(len, widths))
-        self.topology: Fields = {
+        self.topology = {
             "connectivity": np.concatenate([block.ravel() for _, block in blocks]),
             "offsets": np.cumsum(np.concatenate(widths)),
             "types": np.concatenate(kinds),
@@ -212,7 +212,7 @@ class BeamLayer(Layer):
     @staticmethod
     def _point_fields(shape: BeamShape, states: States, reference: Floats) -> Fields:
         x, d = shape.points(states["q"]), shape.directors(states["q"])
-        fields: Fields = {"x": x, "u": x - shape.points(reference)}
+        fields = {"x": x, "u": x - shape.points(reference)}
         if "v" in states:
             fields["v"] = shape.points(states["v"])
         for i in range(3):
@@ -276,7 +276,7 @@ class BodyLayer(Layer):
     def grid(self, states: States, reference: Floats) -> Grid:
         """Grid of some states, see `Layer.grid`."""
         x = self._points(states["q"])
-        fields: Fields = {"u": x - self._points(reference)}
+        fields = {"u": x - self._points(reference)}
         if "v" in states:
             fields["v"] = self._points(states["v"])
         turned = quaternions(np.stack([s.directors(states["q"]) for s in self._shapes], axis=1))
@@ -347,7 +347,7 @@ class JointLayer(_KnownLayer):
         x = _several(states, self._keys("position"), (3,))
         if cells is None or x is None:
             return None
-        fields: Fields = {}
+        fields = {}
         shapes = {"force": (3,), "moment": (3,), **dict.fromkeys(_COORDINATES, ())}
         for field, shape in shapes.items():
             values = _several(states, self._keys(field), shape)
@@ -377,7 +377,7 @@ class CouplingLayer(_KnownLayer):
             return None
         scalars = {name: values for name, values in states.items() if np.ndim(values) == 1}
         nothing = np.full(ends.shape[:2], np.nan)
-        data: Fields = {}
+        data = {}
         for field in ("coordinate", "force"):
             values = _several({**scalars, "q": states["q"]}, self._keys(field), ())
             data[field] = nothing if values is None else values
@@ -425,7 +425,7 @@ class _Files:
         middle = self._at_points + b"</PointData>\n<CellData>\n"
         tail = self._at_cells + b"</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
         count = len(grid.points)
-        parts: list[list[bytes]] = [[head] * count]
+        parts = [[head] * count]
         parts += self._changing({"Points": grid.points})
         parts.append([self._constant] * count)
         parts += self._changing(grid.at_points)
@@ -577,7 +577,7 @@ class ParaViewWriter:
 
     def __init__(
         self,
-        folder: str | os.PathLike[str],
+        folder: FilePath,
         meta: Mapping[str, Any],
         static: Mapping[str, Array],
         *,
@@ -748,7 +748,7 @@ def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
 @checked
 def write_paraview(
     history: History,
-    folder: str | os.PathLike[str],
+    folder: FilePath,
     every: int = 1,
     fps: float | None = None,
     surfaces: bool = False,

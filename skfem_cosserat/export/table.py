@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from ..arguments import checked
 from ..errors import InputError, writing
 from ..history import History
 from ..history.file import plain
+from ..types import FilePath
 
 #: numbers per state above which a quantity is not in a table unless named
 WIDE = 6
@@ -44,9 +44,7 @@ def column_names(name: str, array: np.ndarray) -> list[str]:
 
 
 @checked
-def write_csv(
-    history: History, path: str | os.PathLike[str], names: Sequence[str] | None = None
-) -> Path:
+def write_csv(history: History, path: FilePath, names: Sequence[str] | None = None) -> Path:
     """Write scalar and vector series, one line a state, all digits kept.
 
     Lines in front of the table start with ``#`` and say which versions and methods made the
@@ -84,8 +82,8 @@ def write_csv(
     ['t,step,energy', '0.0,0,2.0', '0.1,1,2.5']
     """
     chosen = _default_names(history) if names is None else list(names)
-    header: list[str] = []
-    columns: list[list[float]] = []
+    header = []
+    columns = []
     for name in chosen:
         array = history[name]
         if array.ndim > 2:
@@ -100,7 +98,7 @@ def write_csv(
 
 @checked
 def write_rows(
-    path: str | os.PathLike[str],
+    path: FilePath,
     notes: Mapping[str, Any],
     header: Sequence[str],
     rows: Iterable[Sequence[Any]],

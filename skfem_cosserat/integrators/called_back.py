@@ -138,7 +138,7 @@ class CalledLaws(Called):
     def __init__(
         self, elements: BeamElements, points: dict[str, Any], laws: Sequence[int], ends: bool
     ) -> None:
-        stages: dict[int, Callable[[], None]] = {
+        stages = {
             ENERGY_BY_LAW: self._energy,
             STRESSES_BY_LAW: self._stresses,
             MODULI_BY_LAW: self._moduli,
@@ -226,7 +226,7 @@ class RowBlocks:
         local = np.minimum(local, 1)
         i = 3 * local[a][:, None, None] + np.arange(3)[:, None]
         j = 3 * local[b][:, None, None] + np.arange(3)
-        self._entries: IndexArray = (6 * (6 * slots[:, None, None] + i) + j).ravel()
+        self._entries = (6 * (6 * slots[:, None, None] + i) + j).ravel()
 
     def add(self, blocks: Floats, left: Floats) -> None:
         """Add derivatives (k, 3, 3) of the forces on rows a by rows b of y_1.
@@ -253,7 +253,7 @@ class CalledAtRest(Called):
     """
 
     def __init__(self, system: System, spin: bool, plan: Plan, arrays: SimpleNamespace) -> None:
-        stages: dict[int, Callable[[], None]] = {
+        stages = {
             AT_BEGIN: lambda: None,
             AT_FORCE: self._add_force,
             AT_PREDICTED: lambda: None,
@@ -320,7 +320,7 @@ class CalledBack:
         self.system, self.couplings, self._arrays = system, couplings, arrays
         self._scheme: Scheme | None = None
         self._blocks = RowBlocks(system, couplings.pairs, plan, arrays)
-        stages: dict[int, Callable[[], None]] = {
+        stages = {
             AT_BEGIN: self._begin,
             AT_FORCE: self._add_force,
             AT_PREDICTED: self._add_predicted,

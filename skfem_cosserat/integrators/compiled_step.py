@@ -235,7 +235,7 @@ class Viscous:
     @property
     def numbers(self) -> Floats:
         """Of all groups (k, numbers), in place."""
-        return np.asarray(self._bound[0]["all_numbers"])
+        return self._bound[0]["all_numbers"]
 
     def dissipated(self, h: float, late: bool) -> float:
         """Lost in the step evaluated last (J), of size h (s); `late`: by the forces at its ends."""
@@ -559,7 +559,7 @@ class CompiledStep(CompiledScene):
         o, begun, loading, moving = self._o, monotonic(), self.system.loading, self.system.moving
         factors: Any = None if moving else loading.ahead(times[:-1], self.h)
         forces: Any = self._coupled.ahead(times[:-1])
-        ground: list[Any] = []
+        ground = []
         if factors is None or forces is None:
             factors, forces = [], []
             for time, end in pairwise(times):
@@ -667,7 +667,7 @@ class CompiledStep(CompiledScene):
     @cached_property
     def _lasting(self) -> list[Floats]:
         """Arrays in which steps leave something to the next ones, and others; no tables."""
-        found: dict[int, Floats] = {}
+        found = {}
         tables = [self._arrays, self._tree, *self._beams, vars(self._o)]
         for fields in tables:
             for name, array in fields.items():

@@ -150,7 +150,7 @@ class Flow:
         out = self._rotated(self.chi * v0 + self.dq / self.h)
         rest = self._drift - (self.A @ self._mean[:, :, None])[:, :, 0]
         rest = rest / self._total[:, None]
-        return np.asarray(out + parts.ones[:, None] * rest[parts.part])
+        return out + parts.ones[:, None] * rest[parts.part]
 
     def update(self) -> tuple[Array, Array]:
         """``d(2 M v_m)/d(dq)`` less ``(2/h) M A``: by common motion and by the turn, U and V."""

@@ -211,7 +211,7 @@ def _turns(group: BeamGroup, y: Array) -> Floats:
     """Largest rotation (ne,) between neighbouring nodes of each element (rad)."""
     D = y[group.rows].reshape(*group.vertices.shape, 4, 3)[:, :, 1:]
     square = ((D[:, 1:] - D[:, :-1]) ** 2).sum((2, 3)).max(1)  # 8 sin^2 of half the angle
-    return np.asarray(2 * np.arcsin(np.sqrt(np.minimum(square / 8, 1.0))))
+    return 2 * np.arcsin(np.sqrt(np.minimum(square / 8, 1.0)))
 
 
 def _by_twist(

@@ -105,7 +105,7 @@ class Bodies:
         angles = 0.5 * np.array([middle, first + last, first - last])
         (c, cs, cd), (s, ss, sd) = np.cos(angles), np.sin(angles)
         quaternion = np.array([c * cs, -s * sd, -c * ss, -s * cd]).T
-        return np.asarray(rotation_matrix(quaternion))
+        return rotation_matrix(quaternion)
 
     def mobility(self, D: Array) -> Callable[[Array], Array]:
         """What gives velocities and angular velocities (..., k, 2, 3) of momenta alike."""
@@ -144,7 +144,7 @@ class Cluster:
 
     def gaps(self, y: Floats) -> Floats:
         """Gaps (r,), by the size of their terms."""
-        return np.asarray(self.joints.values(y) / self.size)
+        return self.joints.values(y) / self.size
 
     def gradients(self, y: Floats) -> tuple[Floats, Floats]:
         """Of the rows by shifts and turns of the nodes, and twists by such impulses (r, 6 k)."""

@@ -174,7 +174,7 @@ class StepReport:
         out = weight * y1
         out[: system.rows] += (1 - weight) * state.q.reshape(-1, 3)
         out[system.rows :] += (1 - weight) * system.ground(state.time)
-        return np.asarray(out)
+        return out
 
 
 @dataclass(eq=False, repr=False)
@@ -330,7 +330,7 @@ def force_by_motion(system: System, state: State) -> Floats:
     y = system.extend(state.q, state.time)
     v = nearest_velocity(system, y, state.p, state.time)
     lam = accelerations(system, state.q, v, state.time, state.turns)[1]
-    return np.asarray(system.constraints.jacobian(y).T @ lam)
+    return system.constraints.jacobian(y).T @ lam
 
 
 def force_point(
@@ -386,7 +386,7 @@ def one_sided(time: float, points: Sequence[ForcePoint]) -> Floats | None:
 
 def _on_line(time: float, a: ForcePoint, b: ForcePoint) -> Floats:
     share = (time - a[0]) / (b[0] - a[0])
-    return np.asarray((1 - share) * a[1] + share * b[1])
+    return (1 - share) * a[1] + share * b[1]
 
 
 def force_of_state(
@@ -506,7 +506,7 @@ def forces_of_states(integrator: Integrator, h: float, before: Floats, after: Fl
 def _off(system: System, state: State) -> Floats:
     """What a state's momentum is off the hidden constraints by (n,)."""
     v = nearest_velocity(system, system.extend(state.q, state.time), state.p, state.time)
-    return np.asarray(state.p - (system.mass @ v.reshape(-1, 3)).reshape(-1))
+    return state.p - (system.mass @ v.reshape(-1, 3)).reshape(-1)
 
 
 class Solved(NamedTuple):

@@ -241,7 +241,7 @@ class Scheme:
         change, own = self._table
         out = own @ before.reshape(len(own), -1)
         out += change * dq.reshape(-1)
-        return np.asarray(out.reshape(before.shape))
+        return out.reshape(before.shape)
 
     @cached_property
     def _table(self) -> tuple[Floats, Floats]:

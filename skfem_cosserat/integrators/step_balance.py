@@ -259,7 +259,7 @@ class StepBalance:
 
     def inertia(self, step: StepData, dq: Array) -> Array:
         """``mass M dq`` (rows, 3)."""
-        out: Array = self.system.inertia.dot(dq)
+        out = self.system.inertia.dot(dq)
         out *= self.scheme.mass
         return out
 
@@ -283,8 +283,8 @@ class StepBalance:
         self, Bs: list[Array], elastic: list[Array], velocity: Array
     ) -> tuple[list[Array], list[Array | None]]:
         """Stresses with their viscous part, and strain rates."""
-        stresses: list[Array] = []
-        rates: list[Array | None] = []
+        stresses = []
+        rates = []
         for g, B, S in zip(self.system.beam_groups, Bs, elastic, strict=True):
             rate = g.strain_rate(B, velocity) if g.viscous else None
             rates.append(rate)
@@ -348,7 +348,7 @@ class StepBalance:
         """Derivative of the strain rates ``B(y) v`` of beam group k: B is linear in y."""
         s, g = self.scheme, self.system.beam_groups[k]
         assert e.velocity is not None
-        return np.asarray(s.rate * e.Bs[k] + s.at * g.strain(e.velocity)[1])
+        return s.rate * e.Bs[k] + s.at * g.strain(e.velocity)[1]
 
     def border(self, step: StepData, evaluation: Evaluation) -> tuple[Array, Array] | None:
         """What :meth:`tangent` leaves out, ``sum_k U_k (V_k . dq_1)``: U, V (k, rows, 3)."""
@@ -527,7 +527,7 @@ class StepBalance:
 
 def decay_stress(group: BeamGroup, chi: float, change: Array) -> Array:
     """What a scheme that is meant to lose energy adds to stresses, by the strains' change."""
-    return np.asarray((0.5 * chi) * (change @ group.elements.stiffness))
+    return (0.5 * chi) * (change @ group.elements.stiffness)
 
 
 def decay_work(

@@ -82,7 +82,7 @@ class StepProblem:
         moved = [treatment.displacement(x, y) for x in (*columns, direction)]
         products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
         factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
-        return np.asarray(direction - np.array(columns).T @ factors)
+        return direction - np.array(columns).T @ factors
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """Of an increment, see there."""
@@ -546,7 +546,7 @@ class Stepper:
         step = self._begin(state, of, time) if step is None else step
         self._recall(of)
         total = 0
-        best: NewtonReport | None = None
+        best = None
         residuals = []
         for attempt, (extrapolate, damped) in enumerate(ATTEMPTS, 1):
             self.bound.guess(extrapolate)
@@ -587,7 +587,7 @@ class Stepper:
         self, state: State, time: float, h: float, origin: StepOrigin
     ) -> StepReport | Failure:
         """One step after the other, and what they give together."""
-        reports: list[StepReport] = []
+        reports = []
         now, done, shares = state, 0.0, self.integrator.shares
         for k, share in enumerate(shares, 1):
             done += share
@@ -721,7 +721,7 @@ class Stepper:
         if of.fast is not None:
             of.fast.resume(self.bound.moved)
             self._count_left(state)
-        impulse: Array = self.bound.impulse(evaluation.R)
+        impulse = self.bound.impulse(evaluation.R)
         if finished.impulse is not None:
             impulse = impulse + finished.impulse
         rates = finished.rates

@@ -83,4 +83,4 @@ class Variational(Integrator):
         if not self.stabilized:
             return None
         moved = np.zeros(system.n) if state.rates is None else state.rates
-        return np.asarray(moved.reshape(1, -1, 3))
+        return moved.reshape(1, -1, 3)

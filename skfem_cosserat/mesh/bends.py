@@ -23,13 +23,13 @@ def turns(before: Floats, after: Floats) -> Floats:
     Exact also at small angles: ``|A - B|^2 = 8 sin^2(t/2)``.
     """
     chord = np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8)
-    return np.asarray(2 * np.arcsin(np.clip(chord, 0, 1)))
+    return 2 * np.arcsin(np.clip(chord, 0, 1))
 
 
 def _twists(before: Floats, after: Floats) -> Floats:
     """Angles (...) of their part about d3, on top of the smallest rotation between the two d3."""
     R = after @ np.swapaxes(before, -1, -2)
-    return np.asarray(np.arctan2(R[..., 1, 0] - R[..., 0, 1], R[..., 0, 0] + R[..., 1, 1]))
+    return np.arctan2(R[..., 1, 0] - R[..., 0, 1], R[..., 0, 0] + R[..., 1, 1])
 
 
 def gives_way(kind: Interpolation, angle: Floats) -> str:

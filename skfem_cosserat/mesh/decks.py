@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -182,7 +182,7 @@ def _read_keyword(deck: Deck, name: str, options: dict[str, str], rows: list[lis
     """Take nodes, elements, or members of a set: numbers, ranges, or other sets."""
     nodes = name in ("NODE", "NSET")
     sets = deck.node_sets if nodes else deck.line_sets
-    known: Iterable[int] = deck.nodes if nodes else deck.lines
+    known = deck.nodes if nodes else deck.lines
     members = _members(sets, options.get("NSET" if nodes else "ELSET", ""))
     kind = options.get("TYPE", "").upper()
     if _LINES_OF_THREE.fullmatch(kind):

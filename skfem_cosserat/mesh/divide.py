@@ -58,7 +58,7 @@ def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = 
     [0.25, 0.25, 0.25, 0.25]
     """
     count = element_count(elements, "mesh")
-    lines: list[tuple[IndexArray, Floats]] = []
+    lines = []
     for run in _runs(mesh):
         ends = np.append(0.0, np.cumsum(mesh.lengths[run]))
         inside = [ends[e - run[0]] + xi * mesh.lengths[e] for e, xi in keep if e in run]
@@ -103,8 +103,8 @@ def _along(mesh: MeshCurve, run: IndexArray, places: Floats) -> tuple[Floats, Fl
 
 def _counts(mesh: MeshCurve, lines: Sequence[tuple[IndexArray, Floats]], total: int) -> list[int]:
     """Elements of each line between stops: the next one goes where they are longest."""
-    lengths: list[float] = []
-    counts: list[int] = []
+    lengths = []
+    counts = []
     for run, stops in lines:
         closed = mesh.t[0, run[0]] == mesh.t[1, run[-1]]
         lengths += np.diff(stops).tolist()

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..errors import InputError, MeshError, ModelWarning
 from ..pattern import shared
-from ..types import Array, Floats, IndexArray, file_path
+from ..types import Array, FilePath, Floats, IndexArray, file_path
 from ..warn import logger, warn
 from .decks import DECKS, Deck
 
@@ -112,7 +112,7 @@ def _entity_groups(rows: list[str], path: Path) -> dict[tuple[int, int], list[in
     if "$Entities" not in rows:
         return {}
     words = _section(rows, "Entities", path)
-    groups: dict[tuple[int, int], list[int]] = {}
+    groups = {}
     for dim, count in enumerate(_integers(words, 4)):
         for _ in range(count):
             (tag,) = _integers(words, 1)
@@ -340,7 +340,7 @@ class LineData:
 
 
 @contextlib.contextmanager
-def read_errors(path: str | os.PathLike[str]) -> Iterator[None]:
+def read_errors(path: FilePath) -> Iterator[None]:
     """Whatever goes wrong with what a file says is one error that names the file."""
     item = f"file '{file_path('argument path', path)}'"
     try:
@@ -353,7 +353,7 @@ def read_errors(path: str | os.PathLike[str]) -> Iterator[None]:
         raise MeshError(item, f"cannot be read: {reason(error)}") from error
 
 
-def read_lines(path: str | os.PathLike[str]) -> LineData:
+def read_lines(path: FilePath) -> LineData:
     """Lines of a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
     file = file_path("argument path", path)
     if not file.is_file():
@@ -594,7 +594,7 @@ def _cleaned(
 
 
 def write_lines(
-    path: str | os.PathLike[str],
+    path: FilePath,
     lines: LineData,
     point_data: dict[str, Any] | None = None,
     cell_data: dict[str, Any] | None = None,

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from os import PathLike
 from typing import Any, Self
 
 import numpy as np
@@ -16,7 +15,17 @@ from skfem.mapping import Mapping as SkfemMapping
 from ..arguments import checked
 from ..errors import MeshError, writing
 from ..frozen import Frozen
-from ..types import Array, ArrayLike, Floats, IndexArray, VectorLike, check_kind, is_whole, switch
+from ..types import (
+    Array,
+    ArrayLike,
+    FilePath,
+    Floats,
+    IndexArray,
+    VectorLike,
+    check_kind,
+    is_whole,
+    switch,
+)
 from . import topology
 from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
 from .topology import (
@@ -226,8 +235,8 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
     limit = 1e-9 * float(np.linalg.norm(np.ptp(points, axis=1))) if tol is None else float(tol)
     if not (np.isfinite(limit) and limit >= 0.0):
         raise MeshError("argument tol", f"got {tol}, expected a distance in m")
-    kept: list[Floats] = []
-    numbers: list[IndexArray] = []
+    kept = []
+    numbers = []
     near = _near(points, limit) if weld else {}
     meeting = np.sort(np.array(list(near), dtype=np.int64))
     final = np.full(points.shape[1], -1)  # numbers of vertices that are kept
@@ -269,7 +278,7 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
 
 def _united(kind: str, parts: Sequence[dict[str, IndexArray]], renumber: Any) -> dict[str, Any]:
     """All names of all meshes; each may occur once."""
-    out: dict[str, Any] = {}
+    out = {}
     for k, names in enumerate(parts):
         for name, index in names.items():
             if name in out:
@@ -552,7 +561,7 @@ class MeshCurve(Frozen, MeshLine1):
         return cls._from_chain(chain, [curve], name, nodes, closed)
 
     @classmethod
-    def load(cls, filename: str | PathLike[str], out: Any = None, **kwargs: Any) -> Self:
+    def load(cls, filename: FilePath, out: Any = None, **kwargs: Any) -> Self:
         """Mesh from a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
         from . import files  # few scenes need it
 
@@ -569,7 +578,7 @@ class MeshCurve(Frozen, MeshLine1):
 
     def save(
         self,
-        filename: str | PathLike[str],
+        filename: FilePath,
         point_data: Any = None,
         cell_data: Any = None,
         **kwargs: Any,
@@ -829,7 +838,7 @@ def locked(sets: Any) -> Any:
 
 
 @checked
-def read_mesh(path: str | PathLike[str]) -> MeshCurve:
+def read_mesh(path: FilePath) -> MeshCurve:
     """Mesh from the straight lines of a file.
 
     Elements are chords; where those of one beam meet at a small angle they share a mean tangent
@@ -868,7 +877,7 @@ def read_mesh(path: str | PathLike[str]) -> MeshCurve:
 
 
 @checked
-def write_mesh(path: str | PathLike[str], mesh: MeshCurve, file_format: str | None = None) -> None:
+def write_mesh(path: FilePath, mesh: MeshCurve, file_format: str | None = None) -> None:
     """Write vertices, elements and names without loss.
 
     Curves are not written: a file knows straight lines only. Coordinates keep all their digits.

@@ -153,7 +153,7 @@ def _chained(t: Array, owner: IndexArray) -> ChainOrder | tuple[int, int, int]:
     leading[successor[successor >= 0]] = False
     following, used = successor.tolist(), [False] * ne
     elements: list[int] = []
-    begun: list[tuple[int, bool, int]] = []  # first element, closed, where it is in `elements`
+    begun = []  # first element, closed, where it is in `elements`
     # open chains from their first elements, then the closed ones
     for closed, firsts in ((False, np.flatnonzero(leading).tolist()), (True, range(ne))):
         for e in firsts if len(elements) < ne else ():

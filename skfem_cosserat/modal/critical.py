@@ -307,7 +307,7 @@ def _lanczos(K1: csr_matrix, pencil: Pencil, factors: Factorised, k: int, sign: 
         found = eigsh(-K1, k, M=stiffness, Minv=inverse, which=_WHICH[sign], **options)[1]
     except ArpackError as error:
         raise CosseratError(f"the Lanczos iteration for {k} factors did not converge") from error
-    return np.asarray(found)
+    return found
 
 
 def _without_potential(

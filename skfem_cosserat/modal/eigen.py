@@ -13,7 +13,6 @@ from scipy.sparse.linalg import (
     ArpackError,
     ArpackNoConvergence,
     LinearOperator,
-    SuperLU,
     eigs,
     eigsh,
     splu,
@@ -53,7 +52,7 @@ class Factorised:
 
     def __init__(self, A: csr_matrix) -> None:
         options = {"SymmetricMode": True}
-        self.lu: SuperLU = splu(
+        self.lu = splu(
             A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
         )
         straight = bool((self.lu.perm_r == self.lu.perm_c).all())
@@ -163,7 +162,7 @@ def _dense(K: csr_matrix, M: csr_matrix, shift: float, k: int) -> Floats:
     scale = 1 / np.sqrt(np.diagonal(A))
     A, B = (scale[:, None] * S * scale for S in (A, M.toarray()))
     vectors = eigh(B, A, subset_by_index=(n - k, n - 1))[1]
-    return np.asarray(scale[:, None] * vectors[:, ::-1])
+    return scale[:, None] * vectors[:, ::-1]
 
 
 def _below(K: csr_matrix, M: csr_matrix) -> tuple[float, Factorised, int]:
@@ -198,7 +197,7 @@ def _lanczos(
         vectors = eigsh(inverse, k, M=M, sigma=shift, OPinv=inverse, **options)[1]
     except ArpackError:
         return None
-    return np.asarray(vectors)
+    return vectors
 
 
 def _missing(K: csr_matrix, M: csr_matrix, found: Lowest, count: int) -> int:
@@ -312,7 +311,7 @@ class Pencil:
             strain = (B @ dq[group.dofs][:, :, None]).reshape(len(B), -1, 6)
             local = group.force(B, group.linear_stress(D, strain))
             np.add.at(nodal, group.dofs, local)
-        return np.asarray(tangent.P.T @ nodal + self.rest @ x)
+        return tangent.P.T @ nodal + self.rest @ x
 
     def energies(self, X: Array) -> tuple[Array, Floats]:
         """``X^H K X`` (k, k), and what rounding can make of its diagonal (k,).

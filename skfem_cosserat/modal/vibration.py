@@ -20,7 +20,7 @@ from ..model.reparametrisation import Reparametrisation
 from ..run.describe import SystemSeries, configuration_formulas, describe
 from ..types import Array, Floats, is_whole, positive, whole
 from ..warn import Notices, counted
-from .eigen import Pencil, lowest, make_pencil, spectrum
+from .eigen import Eigenvalues, Lowest, Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
 # -- A mode as a history: finite motions along its shape -------------------------------------------
@@ -331,19 +331,17 @@ def modes(
 def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     """Eigenvalues, vectors, motions without stiffness, factorisations."""
     if pencil.simple:
-        found = lowest(pencil.K, pencil.M, count, pencil.energies)
+        found: Lowest | Eigenvalues = lowest(pencil.K, pencil.M, count, pencil.energies)
         s = np.sqrt(-found.values.astype(complex))
         s = np.where(found.values > 0, 1j * abs(s), abs(s))
-        order = np.concatenate([np.flatnonzero(found.zero), np.flatnonzero(~found.zero)])
-        X = found.vectors[:, order]
-        largest = np.argmax(abs(X) * np.sqrt(pencil.M.diagonal())[:, None], axis=0)
-        X = X * np.sign(X[largest, np.arange(len(s))])
-        return s[order], X, int(found.zero.sum()), found.factorisations
-    both = spectrum(pencil, count)
-    X = both.vectors
+        order = np.argsort(~found.zero, kind="stable")
+        s, X = s[order], found.vectors[:, order]
+    else:
+        found = spectrum(pencil, count)
+        s, X = found.values, found.vectors
     largest = np.argmax(abs(X) * np.sqrt(pencil.M.diagonal())[:, None], axis=0)
-    lead = X[largest, np.arange(X.shape[1])]
-    return both.values, X * (abs(lead) / lead), int(both.zero.sum()), both.factorisations
+    lead = X[largest, np.arange(len(s))]
+    return s, X * (abs(lead) / lead), int(found.zero.sum()), found.factorisations
 
 
 def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:

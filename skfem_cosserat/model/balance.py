@@ -53,7 +53,7 @@ class Spin(Frozen):
     def square(self) -> Floats:
         """``Omega^ Omega^`` (3, 3), symmetric."""
         S = skew(self.velocity)
-        return np.asarray(S @ S)
+        return S @ S
 
     def rates(self, system: System, y: Array) -> Array:
         """Velocities (rows, 3) against space of what rests in the frame at configuration y."""

@@ -11,7 +11,7 @@ from scipy.linalg import null_space
 from scipy.sparse import csr_matrix
 
 from ..errors import InputError
-from ..frames import Place, StructuralItem
+from ..frames import Place
 from ..joint import Joint, JointDrive
 from ..kernels import null_space_blocks
 from ..types import SAME, Floats, IndexArray
@@ -258,8 +258,8 @@ def _trees(system: Scene, closure: Floats) -> list[tuple[list[int], list[int]]]:
     members: dict[int, list[int]] = {}
     for v in sorted(root):
         members.setdefault(root[v], []).append(v)
-    looped: list[int] = []
-    apart: list[list[int]] = []
+    looped = []
+    apart = []
     for vs in members.values():
         if closure[:, [k for v in vs for k in tree.own[v]]].any():
             looped += vs
@@ -290,7 +290,7 @@ def _vertex_inertia(system: Scene, y: Floats) -> Floats:
 
 def _report(system: Scene, number: int, y: Floats, fixed: Floats) -> None:
     coordinate = system.tree.coordinate(number)
-    item: StructuralItem = system.owner[coordinate.vertex]
+    item = system.owner[coordinate.vertex]
     axis = np.round(system.kinematics.axes(y, fixed)[number], 6).tolist()
     what = "translation along" if coordinate.kind == "translation" else "rotation about"
     x = np.round(y[system.vertex_rows[coordinate.vertex]], 9).tolist()

@@ -97,7 +97,7 @@ class _Stack:
         """Of the rows of ``G_loop P_int`` (count, rows), translations relative to the scene."""
         left = self.by_twists(weights)
         if not issparse(left):
-            return np.asarray(np.linalg.norm(left * self.twist_scale[:, None], axis=2))
+            return np.linalg.norm(left * self.twist_scale[:, None], axis=2)
         square = csr_matrix(left).power(2) @ np.square(self.twist_scale).ravel()
         return np.sqrt(square).reshape(self.rows.shape)
 
@@ -120,7 +120,7 @@ class Selected:
     def pivots(self) -> Floats:
         """Sizes of the diagonal of R against the largest."""
         d = abs(np.diagonal(self.R))
-        return np.asarray(d / d.max(initial=1e-300))
+        return d / d.max(initial=1e-300)
 
     @property
     def null(self) -> Floats:
@@ -137,7 +137,7 @@ class Selected:
             step = self.Q1 @ solve_triangular(self.R, violation, trans="T")
         else:
             step = np.linalg.lstsq((self.Q1 @ self.R).T, violation, rcond=SINGULAR)[0]
-        return np.asarray(-self.component.scale * step)
+        return -self.component.scale * step
 
     def multipliers(self, force: Floats) -> Floats:
         """Mu (rank,) with ``C^T mu`` nearest to a force on the columns."""
@@ -145,7 +145,7 @@ class Selected:
             scaled = self.component.scale * force
             nearest = np.linalg.lstsq(self.Q1 @ self.R, scaled, rcond=SINGULAR)[0]
             return np.asarray(nearest, dtype=float)
-        return np.asarray(solve_triangular(self.R, self.Q1.T @ (self.component.scale * force)))
+        return solve_triangular(self.R, self.Q1.T @ (self.component.scale * force))
 
 
 class Closure:
@@ -195,7 +195,7 @@ class Closure:
             scale[kinematics.numbers[kind]] = length
         self.components: list[CoupledLoops] = []
         self._stacks: list[_Stack] = []
-        self.magnitude: Floats = np.ones(len(rows))
+        self.magnitude = np.ones(len(rows))
         self._length = length
         if len(rows):
             row = np.concatenate([row[self._plain], np.repeat(row[self._turning], 3)])
@@ -298,7 +298,7 @@ class Closure:
 
     def matrices(self, y: Array, T: Array) -> list[Array]:
         """C (rows, columns) of each component at y, columns scaled; T are the tree's values."""
-        out: list[Array] = [y[:0]] * len(self.components)
+        out = [y[:0]] * len(self.components)
         weights = self._weights(y)
         for each in self._stacks:
             C = each.product(weights, T) / self.magnitude[each.rows][:, :, None]
@@ -398,7 +398,7 @@ class Closure:
 
     def violation(self, s: Selected, g: Floats) -> Floats:
         """G of the selected rows in the scaling of the factorisation."""
-        return np.asarray(g[s.rows] / self.magnitude[s.component.rows[s.local]])
+        return g[s.rows] / self.magnitude[s.component.rows[s.local]]
 
     def multipliers(self, s: Selected, force: Floats) -> tuple[IndexArray, Floats]:
         """Constraint rows and multipliers that balance a force (K,) of the tree best."""
@@ -434,7 +434,7 @@ def _pivots(C: Floats) -> Floats:
     the largest: 1e-7 for a hundred.
     """
     if len(C) <= FULL_ROWS:
-        return np.asarray(abs(_pivoted(C.T)[1]))
+        return abs(_pivoted(C.T)[1])
     rows = csr_matrix(C)
     factored, _, rank, _ = dpstrf((rows @ rows.T).toarray(), overwrite_a=True)
     pivots = np.diagonal(factored).copy()

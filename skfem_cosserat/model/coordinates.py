@@ -285,7 +285,7 @@ def _atan2(y: Array, x: Array) -> Array:
     if np.iscomplexobj(y) or np.iscomplexobj(x):
         slope = (x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2)
         return out + 1j * slope
-    return np.asarray(out)
+    return out
 
 
 # -- x / sin x -------------------------------------------------------------------------------------

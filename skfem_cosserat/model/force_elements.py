@@ -143,7 +143,7 @@ class SlackLaw(CouplingLaw):
 
     def acts(self, e: Array) -> Array:
         """See the base class."""
-        return np.asarray(e.real > 0)
+        return e.real > 0
 
     def discrete(
         self, e0: Array, e1: Array, h: float, decay: float = 0.0
@@ -328,7 +328,7 @@ class _Group:
         self.invariants = Invariants(
             [tuple(f for c in m.coordinates for f in c.forms) for m in members], row_of
         )
-        self.law: CouplingLaw = SlackLaw(members) if members[0].slack else LinearLaw(members)
+        self.law = SlackLaw(members) if members[0].slack else LinearLaw(members)
         self.neutral = np.array([m.neutral for m in members])
         kinds = np.array([c.kind for c in members[0].coordinates for _ in range(c.size)])
         #: components that are angles, whose full turns count, and those of rotation vectors
@@ -570,7 +570,7 @@ class Couplings:
         self.times: list[TimeFunction] = []
         #: whose times they are
         self.owners: list[Coupling | Load] = []
-        self._groups: list[_Group] = []
+        self._groups = []
         for members in families.values():
             self._groups.append(_Group(members, row_of, reference, free, len(self.times)))
             for member in members:
@@ -584,7 +584,7 @@ class Couplings:
         self._amplitudes: Floats | None = None
         none = np.zeros((0, 2), dtype=np.int64)
         pairs = [*(g.pairs for g in self._groups), *(f.pairs for f in self.functions)]
-        self.pairs: IndexArray = np.concatenate([none, *pairs])
+        self.pairs = np.concatenate([none, *pairs])
         self.angles = [m for g in self._groups for m in g.members for _ in g.angles]
         self.turning = [name for item in dict.fromkeys(self.angles) for name in angle_names(item)]
         self._total = len(reference)
@@ -676,7 +676,7 @@ class Couplings:
 
     def tangent(self, force: CoupledForce, factor: float) -> Array:
         """``factor`` times the derivative of the force on row a by row b of y_1, (k, 3, 3)."""
-        blocks: list[Array] = [np.zeros((0, 3, 3))]  # there may be none
+        blocks = [np.zeros((0, 3, 3))]  # there may be none
         blocks += [g.tangent(r) for g, r in zip(self._groups, force.responses, strict=True)]
         blocks += [-push.tangent() for push in force.pushes]
         return factor * np.concatenate(blocks)

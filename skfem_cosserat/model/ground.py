@@ -36,12 +36,12 @@ class Ground:
 
     def __init__(self, places: Sequence[Place]) -> None:
         moving = {id(place): place for place in places if place.motion is not None}
-        self.moving: list[Place] = list(moving.values())
+        self.moving = list(moving.values())
         self._number = {place: k for k, place in enumerate(self.moving, 1)}
         self.rows = 4 * (1 + len(self.moving))
         self._rates: dict[float, tuple[Floats, float]] = {}
         #: the last instant, with its rows: a step begins where the one before ended
-        self._last: tuple[float, Floats] = np.nan, _REST
+        self._last = np.nan, _REST
         self._plane: Plane | None = None
         self._watched: list[Place] = []
 
@@ -112,7 +112,7 @@ class Ground:
         if not self.moving:
             return np.zeros((self.rows, 3)), 0.0
         here, best, error = self.at(t), np.zeros((self.rows, 3)), np.inf
-        before: Floats | None = None
+        before = None
         width = 1e-2 if t <= 0 else -min(1e-2, t / 4)
         for _ in range(12):
             g = [self.at(t + k * width) - here for k in (1, 2, 3, 4)]

@@ -72,7 +72,7 @@ def assemble_mass(
         j.append(np.broadcast_to(rows[:, None, :], (ne, r, r)).ravel())
         c.append(blocks.ravel())
 
-    nodal_masses: list[NodalMass] = []
+    nodal_masses = []
     for item in structures:
         if id(item) not in masses:
             continue

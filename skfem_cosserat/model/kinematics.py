@@ -166,10 +166,10 @@ class ConstrainedElements:
         for element, entry in (pair for pair in tree.elements if not pair[0].rigid):
             kinds.setdefault(element.item.basis.interpolation, []).append((element, entry))
         self.groups = [_elements(chosen, row, tree) for chosen in kinds.values()]
-        self.numbers: IndexArray = np.concatenate(
+        self.numbers = np.concatenate(
             [np.zeros(0, dtype=np.int64), *(g.numbers for g in self.groups)]
         )
-        self._starts: list[int] = np.cumsum([0, *(len(g.numbers) for g in self.groups)]).tolist()
+        self._starts = np.cumsum([0, *(len(g.numbers) for g in self.groups)]).tolist()
         self._number(tree, row, twist_of, turning)
 
     def _number(
@@ -181,9 +181,9 @@ class ConstrainedElements:
     ) -> None:
         """Places of exits, blocks and stretches in the null space matrix."""
         # exits (element, node) are numbered group by group, blocks (element, exit, node) likewise
-        exit_of: dict[tuple[int, int], int] = {}
-        block_of: dict[tuple[int, int], int] = {}  # (exit, vertex)
-        shift_of: dict[int, list[tuple[int, int]]] = {}  # exit: (stretch's number, of its values)
+        exit_of = {}
+        block_of = {}  # (exit, vertex)
+        shift_of = {}  # exit: (stretch's number, of its values)
         exits = blocks = shifts = 0
         for g in self.groups:
             for element in g.elements:
@@ -203,10 +203,10 @@ class ConstrainedElements:
             for s in g.elements
             for b in s.vertices
         }
-        whole: list[tuple[int, int, int, int]] = []
-        turned: list[tuple[int, int, int, int, int]] = []
-        moved: list[tuple[int, int, int]] = []
-        below: list[tuple[int, int]] = []
+        whole = []
+        turned = []
+        moved = []
+        below = []
         for c, path in members.items():
             found: dict[int, list[int]] = {}
             for e in path:
@@ -246,8 +246,8 @@ class ConstrainedElements:
         cols = [np.broadcast_to(w[:, 1, None, None] + np.arange(count), shape).ravel()]
         rows += [(each[:, 0, None] + xyz).ravel() for each in (t, m)]
         cols += [np.repeat(each[:, 1], 3) for each in (t, m)]
-        self.T_rows: IndexArray = np.concatenate(rows)
-        self.T_cols: IndexArray = np.concatenate(cols)
+        self.T_rows = np.concatenate(rows)
+        self.T_cols = np.concatenate(cols)
         self._whole, self._turned, self._moved = w[:, 2:], t[:, 2:], m[:, 2]
 
     # -- velocities --------------------------------------------------------------------------------
@@ -709,7 +709,7 @@ class TwistMap:
             self.cols = np.concatenate([self.cols, self.elements.T_cols])
         self.n_fixed = len(self._constant)
         #: entries that are 1 at any configuration
-        self.ones: IndexArray = np.flatnonzero(self._constant == 1)
+        self.ones = np.flatnonzero(self._constant == 1)
 
     @cached_property
     def _structure(self) -> tuple[IndexArray, Array, Array]:

@@ -132,7 +132,7 @@ def jump(system: System, t0: float, t1: float) -> str | None:
     ground, (a, b) = cache(system.ground), sorted((t0, t1))
 
     def bend(a: float, b: float) -> Floats:
-        return np.asarray(weights * abs(ground(a) - 2 * ground((a + b) / 2) + ground(b)))
+        return weights * abs(ground(a) - 2 * ground((a + b) / 2) + ground(b))
 
     now, shortest = bend(a, b), STEEPEST * max(abs(a), abs(b))
     while now.max() > JUMP and b - a > shortest:
@@ -275,7 +275,7 @@ def _rotated(beam: Beam, nodal: Floats) -> Floats:
 
     inner = beam.basis.connectivity
     now, then = _steps(nodal[..., inner, :, :]), _steps(beam.triads[inner])
-    return np.asarray(turns(then, now).sum(axis=-1).round(9))
+    return turns(then, now).sum(axis=-1).round(9)
 
 
 def limp(beam: Beam) -> str:
@@ -295,7 +295,7 @@ def limp(beam: Beam) -> str:
 
 def _steps(triads: Floats) -> Floats:
     """Rotations from node to node (..., p, 3, 3) in the nodes' own frames: (..., p + 1, 3, 3)."""
-    return np.asarray(triads[..., 1:, :, :] @ np.swapaxes(triads[..., :-1, :, :], -1, -2))
+    return triads[..., 1:, :, :] @ np.swapaxes(triads[..., :-1, :, :], -1, -2)
 
 
 # -- elements drawn so much that node rotations their Gauss points do not see grow -----------------

@@ -112,14 +112,14 @@ class Loading:
         self._first, self._mass, self._origins = first, mass, origins
         self._beam_groups, self._frame_group = beam_groups, frame_group
         self.times: list[TimeFunction] = []
-        self.owners: list[Load] = []
-        self.terms: list[Term] = []
-        self.functions: list[tuple[Load, TermFunction]] = []
-        dead: list[tuple[IndexArray, Floats]] = []
-        self._dead_times: list[int] = []
+        self.owners = []
+        self.terms = []
+        self.functions = []
+        dead = []
+        self._dead_times = []
         #: (channel, group number or -1 for frames, element ids, (e, r, r) scalar blocks)
         self._followers: list[tuple[int, int, IndexArray, Floats]] = []
-        moments: list[tuple[int, int, bool, Floats]] = []
+        moments = []
         for load in loads:
             for term in load.made_of:
                 if isinstance(term, TermFunction):
@@ -246,8 +246,8 @@ class Loading:
     @property
     def followers(self) -> Followers:
         """Forces fixed in bodies and sections, frame by frame."""
-        vertices: list[IndexArray] = [np.zeros((0, 2), dtype=np.int64)]
-        channels: list[IndexArray] = [np.zeros(0, dtype=np.int64)]
+        vertices = [np.zeros((0, 2), dtype=np.int64)]
+        channels = [np.zeros(0, dtype=np.int64)]
         values = [np.zeros((0, 4, 4))]
         for channel, number, ids, block in self._followers:
             own = self._group(number).vertices[ids]
@@ -460,7 +460,7 @@ class FunctionLoad:
             for place, i, factor in expression.terms:
                 at = k, row_of(place) + i
                 cells[at] = cells.get(at, 0.0) + factor
-        self.rows: IndexArray = np.unique([row for _, row in cells])
+        self.rows = np.unique([row for _, row in cells])
         self.matrix = np.zeros((len(term.expressions), len(self.rows)))
         for (k, row), factor in cells.items():
             self.matrix[k, np.searchsorted(self.rows, row)] = factor
@@ -471,7 +471,7 @@ class FunctionLoad:
 
     def points(self, y: Array) -> Array:
         """The points (k, 3), or their rates, at all rows (total, 3)."""
-        return np.asarray(self.matrix @ y.take(self.rows, axis=0))
+        return self.matrix @ y.take(self.rows, axis=0)
 
     def push(
         self, y: Array, rates: Array, t: float, factor: Any, by_y: float, by_rate: float

@@ -132,7 +132,7 @@ def closure_rows(system: Scene) -> Floats:
 
 def redundancies(system: Scene) -> dict[str, list[int]]:
     """Numbers of the redundant rows within each joint or drive that has some."""
-    out: dict[str, list[int]] = {}
+    out = {}
     for jr in system.joint_rows:
         inside = system.redundant[
             (system.redundant >= jr.rows.start) & (system.redundant < jr.rows.stop)
@@ -150,14 +150,14 @@ def loop_joints(system: Scene, rows: IndexArray) -> list[Item]:
     above = {e.child: e for e in system.tree.edges}
 
     def path(vertex: int) -> set[Joint | ConstrainedElement]:
-        out: set[Joint | ConstrainedElement] = set()
+        out = set()
         while vertex in above:
             out.add(above[vertex].joint)
             vertex = above[vertex].parent
         return out
 
-    around: set[Joint | ConstrainedElement] = set()
-    beams: set[int] = set()
+    around = set()
+    beams = set()
     for jr in system.joint_rows:
         if ((rows >= jr.rows.start) & (rows < jr.rows.stop)).any():
             around |= (path(jr.a.vertex) ^ path(jr.b.vertex)) | {joint_of(jr)}
@@ -168,7 +168,7 @@ def loop_joints(system: Scene, rows: IndexArray) -> list[Item]:
             around |= path(int(nodes[0])) ^ path(int(nodes[-1]))
             beams.add(id(each.beam))
     beams |= {id(each.item) for each in around if isinstance(each, ConstrainedElement)}
-    joints: list[Item] = [jr.joint for jr in system.joint_rows if jr.joint in around]
+    joints = [jr.joint for jr in system.joint_rows if jr.joint in around]
     return joints + [each.beam for each in system.theory_rows if id(each.beam) in beams]
 
 

@@ -124,7 +124,7 @@ class Plane:
 
     def height(self, x: Floats) -> Floats:
         """Distance (...) of points (..., 3) from the plane (m)."""
-        return np.asarray((x - self.point) @ self.normal)
+        return (x - self.point) @ self.normal
 
     def moving(self, y0: Floats, origins: IndexArray) -> IndexArray:
         """Numbers of the rows of y that change: not of directors along the normal.
@@ -143,7 +143,7 @@ class Plane:
     def mirror(self, triad: Floats) -> Floats:
         """``S`` (..., 3, 3) of frames with these rows d1, d2, d3 (..., 3, 3)."""
         nu = triad @ self.normal
-        return np.asarray(np.eye(3) - 2 * nu[..., :, None] * nu[..., None, :])
+        return np.eye(3) - 2 * nu[..., :, None] * nu[..., None, :]
 
     def off_plane(self, place: Place, t: float) -> float:
         """How far a ground place in prescribed motion has left the plane: by the extent, or rad."""
@@ -279,7 +279,7 @@ def places(system: System) -> Iterator[tuple[str, Place]]:
 
 def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
     """What leaves a plane: labels of items, and how they do it."""
-    seen: set[str] = set()
+    seen = set()
     for label, place in places(system):
         off = float(plane.height(place.position))
         if abs(off) > TOLERANCE * system.length and label not in seen:
@@ -650,7 +650,7 @@ class Planarity:
 def inspect(system: System, normal: Floats | None = None) -> Planarity:
     """Look for the plane of a scene, or at that with a given normal; see :func:`planarity`."""
     normals = _candidates(system) if normal is None else [normal]
-    best: Planarity | None = None
+    best = None
     for n in normals:
         plane = Plane(n, system.q0.reshape(-1, 3)[system.origin_rows].mean(axis=0), system.length)
         found = Planarity(

@@ -310,7 +310,7 @@ class QuadraticConstraints:
             out -= self._constant[:, None]
         if len(self._lk):
             out += self._sums[1] @ (self._lc[:, :, None] * v[self._la]).reshape(-1, len(y))
-        return np.asarray(out)
+        return out
 
     @cached_property
     def _sums(self) -> list[csr_matrix]:

@@ -284,13 +284,13 @@ class Reparametrisation:
 
     def reset(self) -> None:
         """Back to the start of the step: zero increments, driven ones at its end."""
-        self._shift: Array = self._still_shift
+        self._shift = self._still_shift
         # those of free rotations, of arms on spheres, of hinges
-        self._turns: Array = self._still_turns
+        self._turns = self._still_turns
         self._drive_hinges()
-        self._track: Array = np.zeros(len(self._track_axis))
+        self._track = np.zeros(len(self._track_axis))
         self._track[self._tracks.where] = self._driven_track
-        self._stretches: Array = self._stretches0
+        self._stretches = self._stretches0
 
     def move_ground(self, ground1: Array) -> None:
         """Change the ground's rows at the end of the step; free increments stay as they are."""

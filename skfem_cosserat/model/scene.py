@@ -553,7 +553,7 @@ def _check_kind(name: str, item: Item) -> None:
 
 def _couplings(items: Sequence[Item]) -> list[Coupling]:
     """Force elements, those of foundations included."""
-    out: list[Coupling] = []
+    out = []
     for item in items:
         if isinstance(item, Coupling):
             out.append(item)

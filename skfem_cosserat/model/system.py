@@ -227,9 +227,9 @@ class System:
 
     def _number(self) -> None:
         self.first: dict[int, tuple[int, int]] = {}
-        framed: list[Any] = []
-        y: list[Floats] = []
-        rates: list[Floats] = []
+        framed = []
+        y = []
+        rates = []
         self.owner: list[Structure] = []
         row = 0
         for item in self.structures:

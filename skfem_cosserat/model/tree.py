@@ -247,7 +247,7 @@ class Tree:
     def pairs(self) -> Pairs:
         """Of vertices with a parent, by all coordinates above: the square of a chain's length."""
         children = {edge.parent for edge in self.edges}
-        moving: dict[int, Pairs] = {}
+        moving = {}
         for v in self.free:
             if v in children:
                 centres = [(k, self.coordinate(k).centre) for k in self.own[v]]
@@ -357,9 +357,9 @@ def _connect(
             around.setdefault(min(spot.vertex, nv), []).append(j)
     linked = around.keys() | open_elements.of.keys()
     tree.depth = dict.fromkeys(roots, 0)
-    seen: set[int] = set()
-    used: set[int] = set()
-    edges: list[Edge] = []
+    seen = set()
+    used = set()
+    edges = []
     for root in [nv, *(v for v in roots if v in linked)]:
         if root in seen:
             continue
@@ -398,7 +398,7 @@ class _OpenElements:
 
     def children(self, v: int, seen: set[int], tree: Tree, edges: list[Edge]) -> list[int]:
         """Vertices that are new from v on; an element with others that are not closes a loop."""
-        out: list[int] = []
+        out = []
         for element in self.of.get(v, []):
             others = [c for c in element.vertices if c != v]
             if id(element) not in self._done and not seen.intersection(others):

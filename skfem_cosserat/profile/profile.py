@@ -328,12 +328,12 @@ class Profile(Frozen):
 def _sizes(mesh: Mesh) -> Floats:
     """About the area of each element: that between its corners."""
     x, y = mesh.p[:, mesh.t] - mesh.p[:, :1, None]
-    return np.asarray(abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0)))
+    return abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0))
 
 
 def _centroid(mesh: Mesh) -> Floats:
     weight = _sizes(mesh)
-    return np.asarray(mesh.p[:, mesh.t].mean(axis=1) @ weight / weight.sum())
+    return mesh.p[:, mesh.t].mean(axis=1) @ weight / weight.sum()
 
 
 def _marked(coarse: Warping, fine: Warping) -> IndexArray:

@@ -38,7 +38,7 @@ def _checked(item: str, value: ArrayLike) -> Floats:
         raise InputError(
             item, f"elasticity is not positive definite: its lowest eigenvalue is {lowest:.3g}"
         )
-    return np.asarray((C + C.T) / 2)
+    return (C + C.T) / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -479,7 +479,7 @@ class ProfileConstants(Frozen):
     @property
     def GA(self) -> Floats:
         """Shear stiffness (2,): a force along d1 or d2 through the shear centre (N)."""
-        return np.asarray(1 / self.moved(self.shear_centre).compliance.diagonal()[:2])
+        return 1 / self.moved(self.shear_centre).compliance.diagonal()[:2]
 
     @property
     def torsion_constant(self) -> float:
@@ -489,7 +489,7 @@ class ProfileConstants(Frozen):
     @property
     def shear_factors(self) -> Floats:
         """(2,): ``GA`` divided by the shear stiffness of the material alone."""
-        return np.asarray(self.GA / self.shear_moduli.diagonal())
+        return self.GA / self.shear_moduli.diagonal()
 
     @property
     def principal_EI(self) -> tuple[Floats, float]:
@@ -542,7 +542,7 @@ class ProfileConstants(Frozen):
         def about(moments: Floats, weight: float, centre: Floats) -> Floats:
             mixed = weight * np.outer(o, centre)
             out = R @ (moments - mixed - mixed.T + weight * np.outer(o, o)) @ R.T
-            return np.asarray((out + out.T) / 2)
+            return (out + out.T) / 2
 
         c, s = np.cos(self.angle), np.sin(self.angle)
         return replace(

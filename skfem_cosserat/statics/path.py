@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -27,7 +26,7 @@ from ..newton import NewtonReport, NewtonSettings
 from ..run.describe import checked_asked, finish, path_formulas
 from ..run.progress import Interrupt, Progress
 from ..time_function import Amplitude
-from ..types import Floats
+from ..types import FilePath, Floats
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import Branch, branch_stage
 from .control import STILL, ArcLength, Control, DisplacementControl, LoadControl, Stage
@@ -193,7 +192,7 @@ class Continuation:
         limit = self.control.turn
         residuals = []
         losses = 0
-        beyond: Solution | None = None
+        beyond = None
         while True:
             length = self._prescribed(point, stage.trial())
             functional = stage.functional(point, length)
@@ -252,7 +251,7 @@ class Continuation:
         target, *later = stage.stops
         width = min(abs(t - target) for t in (point.t, *later))
         ends = target + np.sign(length) * width * np.array([-k for k in AROUND[::-1]] + [*AROUND])
-        samples: list[Solution] = []
+        samples = []
         for t in ends.tolist():
             found, _ = self._solve(point, Functional(value=t - point.t))
             if found is None or self._jumps(point, found):
@@ -654,7 +653,7 @@ def static(
     watch: bool = True,
     callbacks: Sequence[Callback] = (),
     progress: bool | Callable[[float, float], object] = False,
-    path: str | os.PathLike[str] | None = None,
+    path: FilePath | None = None,
     derive: bool | Sequence[str] | None = None,
     solver: Solver | None = None,
 ) -> History:

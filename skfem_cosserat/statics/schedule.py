@@ -24,7 +24,7 @@ from ..time_function import (
     TimeFunction,
     time_function,
 )
-from ..types import Array, Floats, IndexArray, finite, names_known
+from ..types import Array, FilePath, Floats, IndexArray, finite, names_known
 from ..warn import Notices
 
 # -- points of a path, what fixes them, and what comes with them -----------------------------------
@@ -37,7 +37,7 @@ def weights(system: System) -> Floats:
     """
     out = np.full((system.rows, 1), 0.5)
     out[system.origin_rows] = 1 / system.length**2
-    return np.asarray(out / len(system.origin_rows))
+    return out / len(system.origin_rows)
 
 
 @dataclass(eq=False, repr=False)
@@ -193,7 +193,7 @@ class Schedule:
         self.moving = bool(system.moving) and time is None
         given = dict(factors or {})
         loading, couplings = system.loading, system.couplings
-        owners: list[Coupling | Load] = [*loading.owners, *couplings.owners]
+        owners = [*loading.owners, *couplings.owners]
         known = {str(owner.name) for owner in owners} | ({"spin"} if spin is not None else set())
         for name, factor in given.items():
             if name not in known:
@@ -213,7 +213,7 @@ class Schedule:
         self, owners: Sequence[Coupling | Load], times: Sequence[TimeFunction]
     ) -> list[_Channel]:
         """(own time, factor, name) of each channel; None: the load factor itself."""
-        out: list[_Channel] = []
+        out = []
         for owner, time in zip(owners, times, strict=True):
             default = None if isinstance(time, Constant) else Constant(1.0)
             out.append((time, self._given.get(str(owner.name), default), owner.label))
@@ -300,7 +300,7 @@ class PathRecorder:
         system: System,
         schedule: Schedule,
         meta: dict[str, Any],
-        path: str | os.PathLike[str] | None,
+        path: FilePath | None,
         notices: Notices,
     ) -> None:
         if path is not None and not isinstance(path, str | os.PathLike):
@@ -354,7 +354,7 @@ class PathRecorder:
         q = point.y[: system.rows].reshape(-1)
         self._add_work(point, q)
         zero = np.zeros(system.n)
-        row: dict[str, Any] = {
+        row = {
             "t": float(parameter),
             "step": self.count,
             "q": q,

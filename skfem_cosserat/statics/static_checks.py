@@ -276,7 +276,7 @@ def _loaded(system: System, schedule: Schedule, point: Point) -> tuple[Point | N
     chosen = system.closure.select(y, tree_values(system, y))
     metric = weights(system).repeat(3)
     held, last, first = True, np.inf, 0.0
-    free: _Free | None = None
+    free = None
     for k in range(LOADED):
         at = balance(system, y, amplitudes, turns=point.turns)
         if held:
@@ -427,7 +427,7 @@ def _null_space(A: Floats) -> Floats:
     """Orthonormal columns that A maps to zero: a quarter of the time of singular values."""
     Q, R, _ = qr(A.T, pivoting=True)
     pivots = abs(np.diag(R))
-    return np.asarray(Q[:, int((pivots > RANK_TOLERANCE * pivots.max(initial=0.0)).sum()) :])
+    return Q[:, int((pivots > RANK_TOLERANCE * pivots.max(initial=0.0)).sum()) :]
 
 
 def _echelon(N: Floats) -> Floats:
