@@ -154,8 +154,7 @@ def _at_ends(F: Floats, nodal: Floats, beam: Beam) -> Floats:
     out = np.empty((*F.shape[:2], 2, 6))
     for end in (0, -1):
         triad = beam.rotations[:, end] @ nodal[:, :, end, 1:]
-        spatial = np.stack(_passed_on(F, nodal, end), axis=-2)
-        out[:, :, end] = (spatial @ np.swapaxes(triad, -1, -2)).reshape(*F.shape[:2], 6)
+        out[:, :, end] = components(triad, *_passed_on(F, nodal, end))
     return out
 
 

@@ -16,6 +16,7 @@ from scipy.sparse.linalg import eigsh
 from ..constraints.base import RowSpace
 from ..errors import IncompatibleError, InputError
 from ..history import History
+from ..kernels import cross
 from ..linear import EIGENVALUES, SingularMatrixError
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Balance, balance, balance_tangent
@@ -407,23 +408,14 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     d, f = q.reshape(-1, 3)[rows], -constraint_force.reshape(-1, 3)[rows]
     A = np.einsum("nia,nib->nab", f, d)
     blocks = (A + A.transpose(0, 2, 1)) / 2 - np.trace(A, 0, 1, 2)[:, None, None] * np.eye(3)
-    # (omega x d).(eta x e) = (omega.eta)(d.e) - (omega.e)(eta.d)
-    count, place = len(rows), np.full(len(q) // 3, -1)
-    place[rows.ravel()] = np.arange(rows.size)
-    mass = system.mass.tocoo()
-    k, j = place[mass.row], place[mass.col]
-    both = (k >= 0) & (j >= 0)
-    k, j, m = k[both], j[both], mass.data[both, None, None]
-    left, right = d.reshape(-1, 3)[k], d.reshape(-1, 3)[j]
-    entries = m * (left * right).sum(1)[:, None, None] * np.eye(3)
-    entries -= m * right[:, :, None] * left[:, None, :]
-    at = np.broadcast_arrays(
-        3 * (k // 3)[:, None, None] + np.arange(3)[:, None],
-        3 * (j // 3)[:, None, None] + np.arange(3),
-    )
-    shape_of = (3 * count, 3 * count)
-    M = coo_matrix((entries.ravel(), [each.ravel() for each in at]), shape_of).tocsc()
-    K = bsr_matrix((blocks, np.arange(count), np.arange(count + 1)), shape_of).tocsc()
+    # rates of directors for unit rotations of their frames
+    turned = cross(np.eye(3), d[:, :, None])
+    to = 3 * rows[..., None, None] + np.arange(3)
+    of = np.arange(3 * len(rows)).reshape(-1, 1, 3, 1)
+    where = [each.ravel() for each in np.broadcast_arrays(to, of)]
+    T = csr_matrix((turned.ravel(), where), (len(q), 3 * len(rows)))
+    K = bsr_matrix((blocks, np.arange(len(rows)), np.arange(len(rows) + 1)), 2 * T.shape[1:])
+    M = congruent(T, kron(system.mass, identity(3)))
     value, shape = _largest(K, M)
     most = int(np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax())
     return float(np.sqrt(max(value, 0.0))), int(rows[most, 0]) - 1

@@ -238,22 +238,17 @@ def checked_point(where: Place | Beam, s: Any, part: str | None) -> None:
         raise InputError("argument s", f"is missing: the arc length (m) on the {where.label}")
 
 
-def ground_rows(place: Place, times: Floats) -> Floats:
-    """Rows (N, 4, 3) of the point and directors of a place of the ground."""
-    if place.motion is not None:
-        frames = [place.motion.frame(place, float(t)) for t in times]
-        return np.array(frames).reshape(-1, 4, 3)
-    return np.tile(np.vstack([place.position, np.eye(3)]), (len(times), 1, 1))
-
-
-def ground_rates(place: Place, times: Floats) -> Floats:
-    """Their time derivatives."""
-    from ..model.ground import Ground  # for the differences alone
+def ground_rows(place: Place, times: Floats, rates: bool) -> Floats:
+    """Frames (N, 4, 3) of a place on the ground, or their rates."""
+    from ..model.ground import Ground  # imports much that histories do without
 
     own = Ground([place])
+    if rates:
+        return np.array([own.rate_and_error(t)[0][-4:] for t in times.tolist()]).reshape(-1, 4, 3)
+    out = np.array([own.at(t)[-4:] for t in times.tolist()]).reshape(-1, 4, 3)
     if place.motion is None:
-        return np.zeros((len(times), 4, 3))
-    return np.array([own.rate_and_error(float(t))[0][4:] for t in times]).reshape(-1, 4, 3)
+        out[:, 0] = place.position
+    return out
 
 
 def _along(static: Mapping[str, Array], x: Array, beam: Beam, s: Any, part: str | None) -> Floats:
@@ -731,21 +726,20 @@ class History:
         InputError
             As :meth:`position`, and if the run was asked for no derived series.
         """
-        checked_point(place, s, part)
         if "load_factor" in self or "instant" in self.meta:
-            return np.zeros_like(self._rows(place, s, part)[..., 0, :])
-        if isinstance(place, Place) and place.item is None:
-            return ground_rates(place, self.times)[:, 0]
-        if "v" not in self:
-            raise InputError("series 'v'", f"not recorded, as with derive=False; {ADVICE}")
-        return rows_at(self.static, self["v"], place, s, part)[..., 0, :]
+            return np.zeros_like(self.position(place, s, part))
+        return self._rows(place, s, part, rates=True)[..., 0, :]
 
-    def _rows(self, place: Place | Beam, s: ArrayLike | None, part: str | None) -> Floats:
-        """Rows of a point and its directors in all states."""
+    def _rows(
+        self, place: Place | Beam, s: ArrayLike | None, part: str | None, rates: bool = False
+    ) -> Floats:
+        """Rows of a point and its directors in all states, or their rates."""
         checked_point(place, s, part)
         if isinstance(place, Place) and place.item is None:
-            return ground_rows(place, self.instants)
-        return rows_at(self.static, self._series["q"], place, s, part)
+            return ground_rows(place, self.instants, rates)
+        if rates and "v" not in self:
+            raise InputError("series 'v'", f"not recorded, as with derive=False; {ADVICE}")
+        return rows_at(self.static, self["v" if rates else "q"], place, s, part)
 
     def add_series(self, name: str, array: Any) -> None:
         """Add a derived series, or replace one that was added before.

@@ -464,17 +464,12 @@ def path_formulas(system: System) -> Formulas:
 
 def configuration_formulas(system: System) -> Formulas:
     """What follows from configurations, constraint forces and the velocities "v"."""
-    relative = tuple(relative_names(system))
     items = [jr.joint for jr in system.joint_rows]
     couplings = system.couplings.items
 
     def coordinates(h: History) -> list[Floats]:
-        found = relative_series(system, h["q"], h["v"], h.instants, h.series.get("turns"))
-        return [found[name] for name in relative]
-
-    def lam(h: History) -> list[Floats]:
-        y = constraint_points(system, h)
-        return [multipliers(system, y, h["constraint_force"])]
+        given = h["q"], h["v"], h.instants, h.series.get("turns")
+        return list(relative_series(system, *given).values())
 
     def wrenches(h: History) -> list[Floats]:
         found = reactions(system, constraint_points(system, h), h["multipliers"])
@@ -482,16 +477,15 @@ def configuration_formulas(system: System) -> Formulas:
 
     def places(h: History) -> list[Floats]:
         position = Window(system, h.instants, h["q"], h["p"]).position
-        ends = [[position(item.a), position(item.b)] for item in couplings]
-        return [
-            *(position(item.a) for item in items),
-            *(np.stack(each, axis=1) for each in ends),
-        ]
+        ends = [np.stack([position(item.a), position(item.b)], axis=1) for item in couplings]
+        return [*(position(item.a) for item in items), *ends]
 
     formulas: Formulas = {
         ("constraint_violation",): lambda h: [constraint_violation(system, h["q"], h.instants)],
-        relative: coordinates,
-        ("multipliers",): lam,
+        tuple(relative_names(system)): coordinates,
+        ("multipliers",): lambda h: [
+            multipliers(system, constraint_points(system, h), h["constraint_force"])
+        ],
     }
     for beam in (s for s in system.structures if is_beam(s)):
         formulas |= _beam_formulas(system, beam)

@@ -626,7 +626,7 @@ class StepNumbers:
             return ""
         try:
             found = alternation(self.system, history, self.longest * self.h)
-        except ArpackError:  # not found: nothing is claimed
+        except (ArpackError, np.linalg.LinAlgError):  # not found: nothing is claimed
             return ""
         if found is None:
             return ""

@@ -306,7 +306,8 @@ class Works:
         works = self.loads, self.actuators, drives, lost
         scale = max(abs(start), abs(end), self._largest)
         held = 0.0 if force is None else float(np.nansum(abs(force * state.q)))
-        if scale <= NOISE * held:
+        duration = state.time - self._start[-1].time
+        if scale <= max(NOISE * held, _of_rest(self._now[0], duration)):
             scale = 0.0
         off = start + self.loads + self.actuators + drives - lost - end
         return EnergyBalance(float(start), float(end), *works, float(off), float(scale))
@@ -315,6 +316,12 @@ class Works:
     def known_drives(self) -> float:
         """Work of drives (J); NaN while a part of it is unknown."""
         return self.drives if self._waiting is None else np.nan
+
+
+def _of_rest(system: System, duration: float) -> float:
+    """Energy (J) of a scene that moves so little in a time (s) that it is at rest."""
+    mass = float(system.mass.diagonal()[system.origin_rows].sum())
+    return mass * (REST * system.length / duration) ** 2 if duration > 0 else np.inf
 
 
 def _along(force: Floats, change: Floats) -> float:
@@ -725,9 +732,7 @@ class Recorder:
             works = sum(history[name][rows] for name in WORKS)
             left = history["dissipated"][rows] - np.array(self._taken)[rows]
             lost = found[0] + works - left - found
-        system, duration = self.system, float(history.times[-1] - history.times[0])
-        mass = float(system.mass.diagonal()[system.origin_rows].sum())
-        rest = mass * (REST * system.length / duration) ** 2 if duration > 0 else np.inf
+        rest = _of_rest(self.system, float(history.times[-1] - history.times[0]))
         sound = np.isfinite(lost)
         lost = np.where(abs(lost) > rest, lost, 0.0)
         largest = float(abs(found[sound]).max(initial=0.0))

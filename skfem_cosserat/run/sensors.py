@@ -153,7 +153,10 @@ class Window:
         stored = None if self._motions is None else self._motion.stored
         if stored is None:
             stored = diagnostics.strain_energy(self.system, self.q)
-        return stored + diagnostics.coupling_energy(self.system, self.q, self.t, self.turns)
+        if self.system.couplings.count:
+            given = self.system, self.q, self.t, self.turns
+            stored = stored + diagnostics.coupling_energy(*given)
+        return stored
 
     def energy(self) -> Floats:
         """Kinetic energy, and that stored in beams and force elements (k,) in J."""
