@@ -14,7 +14,7 @@ import numpy as np
 from ..arguments import checked
 from ..diagnostics import forces_along
 from ..diagnostics.jumps import jumps
-from ..errors import CosseratError, InputError, failed
+from ..errors import CosseratError, InputError
 from ..frames import Place
 from ..frozen import Attached, Replacements
 from ..history import History
@@ -23,6 +23,11 @@ from ..run import Condition, Event, Sensor, SensorForce, SensorReaction
 from ..run.sensors import Window, seen
 from ..types import Floats, names_known, numbers
 from .reading import Reading
+
+
+class NotHere(InputError):
+    """A function of the user's fails in a run: on a finer mesh it may not."""
+
 
 # -- what is asked ---------------------------------------------------------------------------------
 
@@ -190,8 +195,10 @@ class _Function(Quantity):
             except CosseratError:  # such as of modes that a poor mesh does not have
                 raise
             except Exception as error:
-                raise failed(item, "it", error) from error
+                raise NotHere(item, f"it failed: {type(error).__name__}: {error}") from error
         values = numbers(item, "value", found)
+        if not values.size or np.isinf(values).any():
+            raise NotHere(item, f"{found!r}, expected finite numbers")
         over_time = values.ndim > 0 and len(values) == len(history)
         if not run.in_time:
             return Reading(values[-1] if over_time and isinstance(self.function, str) else values)
@@ -276,6 +283,11 @@ class Run:
         around = np.concatenate([self.jumps, other.jumps])
         h = 0.0 if self.at_rest else float(self.history.meta["step"]) * (1 + 1e-9)
         spans = np.stack([around - h, around + h], axis=1)
+        for name, own in self.values.items():
+            a, b = own.shape, other.values[name].shape
+            if a != b:
+                text = f"has shape {a} on one mesh and {b} on another, expected the same on all"
+                raise InputError(f"quantity {name!r}", text)
         return {name: own.distances(other.values[name], spans) for name, own in self.values.items()}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,17 +11,19 @@ import numpy as np
 from ..beam import Beam
 from ..constraints import Multipliers, NullSpace
 from ..diagnostics import momentum
-from ..errors import InputError
+from ..diagnostics.inputs import steps_that_see
+from ..errors import CosseratError, InputError, failed
 from ..frames import Place
 from ..frozen import Replacements
 from ..integrators import EnergyMomentum, Integrator, State
 from ..mesh import divided
 from ..model import Model, Planar, System
 from ..run import carry_state, initial_state, simulate
+from ..run.events import checked_events
 from ..run.sensors import checked_sensors
 from ..statics import Control, static
 from ..theory import Theory
-from ..types import check_kind
+from ..types import check_kind, real
 from .asked import Asked, Run, attached
 
 #: highest order of elements
@@ -45,6 +47,11 @@ class Case(NamedTuple):
     parts: int
     order: int
     steps: int
+
+    @property
+    def work(self) -> int:
+        """Steps times nodes, to compare it with that of others."""
+        return max(self.steps, 1) * self.parts * self.order
 
     @property
     def shorter(self) -> Case:
@@ -115,17 +122,27 @@ class Scene:
         marches = type(self.integrator).march is not Integrator.march  # its joints need multipliers
         self.treatment = Multipliers() if marches else NullSpace()
         self.control = integrator if isinstance(integrator, Control) else None
-        first = self.begin(self.system)
+        try:
+            first = self.begin(self.system)
+        except Exception as error:
+            if callable(start) and not isinstance(error, CosseratError):
+                raise failed("argument start", "it", error) from error
+            raise
+        events = asked.events(None)
         try:
             checked_sensors(asked.sensors(), self.system, first)
+            checked_events(events, self.integrator, self.system)
         except InputError as error:
             raise InputError("argument quantities", str(error)) from error
+        if events and not self.moves:
+            raise InputError("argument quantities", f"{events[0].label} needs a motion: until=")
         self.begun, self.span = first.time, 0.0
         if until is not None:
-            if not until > first.time or not np.isfinite(until):
+            end = real("argument until", "until", until, "a time (s)")
+            if not first.time < end < np.inf:
                 text = f"{until!r}, expected a time after the start at {first.time:.9g} s"
                 raise InputError("argument until", text)
-            self.span = until - first.time
+            self.span = end - first.time
         self.beams = {name: each for name in model if isinstance(each := model[name], Beam)}
         places = attached([*(model[name] for name in model), *asked.wanted.values()])
         self.keep = {name: _kept(beam, places) for name, beam in self.beams.items()}
@@ -134,6 +151,12 @@ class Scene:
             for name, beam in self.beams.items()
         }
         self._built: dict[tuple[int, int], tuple[Model, System, Replacements | None]] = {}
+
+    def steps_that_see(self, counts: Sequence[int]) -> tuple[int, str]:
+        """The first number of steps that see loads and motions; "" or the item that none sees."""
+        scheme = self.integrator.single.scheme(1.0)
+        at_ends = scheme is not None and scheme.at_end
+        return steps_that_see(self.system, self.begun, self.begun + self.span, at_ends, counts)
 
     @property
     def order(self) -> int:

@@ -175,6 +175,11 @@ class Reading(NamedTuple):
         """Whether all of it is numbers."""
         return bool(np.isfinite(self.values).all())
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the value at an instant, or of the only one."""
+        return np.shape(self.values)[self.times is not None :]
+
     def distances(self, other: Reading, apart_from: Floats) -> tuple[Floats, Floats]:
         """Distances (k,) from another run at the instants (k,) of this one.
 
@@ -188,8 +193,6 @@ class Reading(NamedTuple):
         a, b = self, other
         if a.times is None or b.times is None:
             t, mine, others = np.zeros(1), a.values[None], b.values[None]
-            if mine.shape != others.shape:
-                return t, np.full(1, np.inf)
         else:
             t = a.times
             counts = (t >= b.times[0]) & (t <= b.times[-1] * (1 + 1e-12))

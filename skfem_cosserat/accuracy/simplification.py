@@ -246,6 +246,8 @@ def _tried(scene: Scene, run: Run, trial: _Trial) -> tuple[dict[str, Any], Run |
             if not trial.statics:
                 make = partial(scene.run, trial.case, built=built)
             found = make()
+            if found.history.status == "interrupted":
+                raise KeyboardInterrupt
             if found.cost_s > run.cost_s:
                 found = min(found, make(), key=lambda each: each.cost_s)
             apart = found.distances(run)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..beam import Beam
-from ..errors import CosseratError, Diverged, InputError, MeshError
+from ..errors import CosseratError, Diverged, InputError, MeshError, ModelWarning
 from ..history import History
 from ..integrators import Integrator, State
 from ..model import Model, System, model_of
@@ -20,7 +21,7 @@ from ..run.progress import Interrupt, Progress
 from ..statics import Control
 from ..types import Array, Floats, positive
 from ..warn import Notices, counted, repeat
-from .asked import Asked, Run
+from .asked import Asked, NotHere, Run
 from .case import Case, Scene
 from .orders import left
 from .simplification import Simpler, simplified
@@ -109,6 +110,8 @@ class Answer:
         """
         if self._of is None or self.history is None or not self._of[0].moves:
             raise InputError("answer", "has no motion that could be had more simply")
+        if not self.reached:
+            raise InputError("answer", "is not within its tolerance: nothing of it may be left out")
         return simplified(*self._of, self.band)
 
     def __repr__(self) -> str:
@@ -261,9 +264,9 @@ class _Search:
         #: processor time (s) of each, also of those that failed
         self.costs: dict[Case, float] = {}
         self.count, self.spent = 0, 0.0
-        #: what made the last run fail, and the case in which such a text came first
+        #: what made the last run fail, and the cases in which such a text came
         self.error: Exception | None = None
-        self.failed: dict[str, Case] = {}
+        self.failed: dict[str, list[Case]] = {}
         #: the run that is handed back, its errors and its case
         self.best: tuple[Run, dict[str, Band], Case] | None = None
         #: errors by the step, in tolerances, by the number of steps
@@ -273,7 +276,7 @@ class _Search:
         """The run of a case, made once; None if it fails."""
         if case not in self.runs:
             before, cost = next(reversed(self.costs.items()), (case, 0.0))
-            expected = cost * max(case.steps, 1) / max(before.steps, 1)
+            expected = cost * case.work / before.work
             if self.spent + expected > self.budget:
                 raise _Ended(
                     f"{self.spent:.2g} s are spent, and the next run may take {expected:.2g} s,"
@@ -293,12 +296,18 @@ class _Search:
             with Notices(quiet=True, alone=True):
                 run = self.scene.run(case, nudge)
         except (CosseratError, ArithmeticError) as error:
-            if isinstance(error, InputError) and error.item.startswith("quantity "):
+            hopeless = isinstance(error, InputError) and error.item.startswith("quantity ")
+            if hopeless and not isinstance(error, NotHere):
                 raise
             self.error = error
-            first = self.failed.setdefault(str(error), case)
-            moved = first.steps != case.steps or not self.scene.moves
-            if moved and first.parts != case.parts:  # neither mesh nor step changes it
+            cases = self.failed.setdefault(re.sub(r"\d[\d.e+-]*", "", str(error)), [])
+            cases.append(case)
+            meshes, steps = ({c[k] for c in cases} for k in (0, 2))
+            if len(meshes) > (2 if hopeless else 1) and (
+                hopeless or len(steps) > 1 or not self.scene.moves
+            ):  # neither mesh nor step changes it
+                if hopeless and self.best is None:
+                    raise
                 raise _Ended(self.stuck(case)) from error
         self.spent += time.process_time() - begun
         self.count += 1
@@ -342,13 +351,15 @@ class _Search:
 
     def motion(self) -> str:
         """Motions: a shorter step or a richer mesh, or both where both matter."""
-        case, failures = Case(1, 2, FIRST), 0
+        counts = [FIRST * 2**k for k in range(int(np.log2(MOST_STEPS // FIRST)))]
+        count, unseen = self.scene.steps_that_see(counts)
+        case, failures = Case(1, 2, count), 0
         while case.steps <= MOST_STEPS and case.parts <= MOST_PARTS:
             coarse = self.tried(case)
             fine = None if coarse is None else self.tried(case.shorter)
             if coarse is None or fine is None:
                 failures += 1
-                coarse_mesh = isinstance(self.error, MeshError)
+                coarse_mesh = isinstance(self.error, MeshError | NotHere)
                 bent = isinstance(self.error, Diverged) and self.scene.beams and failures % 2
                 case = case.finer if coarse_mesh or bent else case._replace(steps=4 * case.steps)
                 continue
@@ -367,7 +378,7 @@ class _Search:
             self.best, size = (fine, band, case.shorter), self.size(step, mesh)
             self.show(self.count, size)
             if 2 * size <= 1:
-                return ""
+                return f"steps of a reasonable size do not see what {unseen} does" if unseen else ""
             by_step, by_mesh = self.size(step), self.size(mesh)
             if by_step > 0.25:
                 if reason := self.doubt(case, coarse, fine, by_step):
@@ -471,7 +482,7 @@ class _Search:
             runs=self.count,
             cost_s=self.spent,
             cost_of_run_s=np.nan if run is None else run.cost_s,
-            warnings=[] if history is None else list(history.meta.get("warnings", [])),
+            warnings=[] if history is None else _told(history),
             tolerance=self.tolerance,
             _of=None if run is None or case is None else (self.scene, run, case),
         )
@@ -480,3 +491,14 @@ class _Search:
 def _largest(distances: Mapping[str, tuple[Floats, Floats]]) -> dict[str, float]:
     """The largest distance of each quantity."""
     return {name: float(gap.max(initial=0.0)) for name, (_, gap) in distances.items()}
+
+
+def _told(history: History) -> list[dict[str, Any]]:
+    """Warnings of a run; and of an equilibrium that motions lead away from."""
+    found = list(history.meta.get("warnings", []))
+    if "unstable" in history and history["unstable"][-1] > 0:
+        text = "it is unstable: smallest motions lead away from it (see path.meta['critical'])"
+        found.append(
+            {"category": ModelWarning.__name__, "item": "equilibrium", "text": text, "when": ""}
+        )
+    return found

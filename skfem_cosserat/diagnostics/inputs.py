@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import pairwise
 from typing import Literal, cast
 
 import numpy as np
@@ -18,12 +19,14 @@ from ..frames import Motion
 from ..history import History
 from ..joint import JointDrive
 from ..model import System
-from ..time_function import Constant
+from ..time_function import Constant, FunctionOfTime
 from ..types import ArrayLike, Floats, spread
 from .resolution import ENOUGH
 
 #: pieces of a step that are looked at, and steps at most
 INSIDE, LOOKS = 16, 1000
+#: instants of a whole motion at which functions of users are looked at before it
+WHOLE = 4096
 #: part of what a function does that steps may miss, and the part of its size that is rounding
 MISSED, ROUNDING = 0.1, 1e-9
 #: how a function of time acts: by its means over steps or at their ends, or it moves what is held
@@ -60,19 +63,80 @@ def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] |
     if len(ends) <= ENOUGH:
         return None
     try:
-        found = [(_missed(*each[1:], ends), each) for each in _entering(system, at_ends)]
+        found = _most_missed(system, ends, at_ends)
     except InputError:  # a function of the user's that is not known at all times
         return None
-    if not found:
+    if found is None:
         return None
-    share, (item, *_, acts) = max(found, key=lambda each: each[0])
-    if share <= MISSED:
-        return None
+    share, item, acts = found
     what = "cancels in their means" if acts == "means" else "is between their ends"
     return item, (
         f"steps of {np.diff(ends).max():.3g} s do not see what it does:"
         f" {100 * min(share, 1.0):.0f} % of it {what}, which act; take smaller steps, and compare"
     )
+
+
+def steps_that_see(
+    system: System, begun: float, end: float, at_ends: bool, counts: Sequence[int]
+) -> tuple[int, str]:
+    """The first of some numbers of equal steps that see what enters a motion; "" or what none sees.
+
+    Parameters
+    ----------
+    system : System
+    begun, end : float
+        Of the motion (s).
+    at_ends : bool
+        As for :func:`unseen`.
+    counts : sequence of int
+        Growing.
+
+    Examples
+    --------
+    >>> import skfem_cosserat as sc
+    >>> model = sc.Model()
+    >>> ball = model.add("ball", sc.MassPoint(1.0))
+    >>> hum = sc.LoadForce(ball.place(), (1.0, 0, 0), sc.Harmonic(1.0, frequency=64.0))
+    >>> hum = model.add("hum", hum)
+    >>> steps_that_see(model.freeze(), 0.0, 1.0, False, (64, 128, 256, 512, 1024))
+    (128, '')
+    """
+    item = ""
+    for count in counts:
+        found = _most_missed(system, np.linspace(begun, end, count + 1), at_ends, WHOLE // count)
+        if found is None:
+            return count, ""
+        item = found[1]
+    return counts[-1], item
+
+
+def _most_missed(
+    system: System, ends: Floats, at_ends: bool, pieces: int = 0
+) -> tuple[float, str, _Acts] | None:
+    """Part that is missed of what steps miss most, its item, and how it acts; None: all see enough.
+
+    With a number of pieces means of functions of users, which ask for few values in each step, are
+    compared with as many.
+    """
+    worst: tuple[float, str, _Acts] = MISSED, "", "means"
+    for item, function, kinks, acts in _entering(system, at_ends):
+        time, inside = getattr(function, "__self__", None), INSIDE
+        if isinstance(time, FunctionOfTime):
+            inside = max(inside, pieces)
+        share = _missed(function, kinks, acts, ends, inside)
+        if acts == "means" and pieces and isinstance(time, FunctionOfTime):
+            share = max(share, _overlooked(time, ends, inside))
+        worst = max(worst, (share, item, acts), key=lambda each: each[0])
+    return worst if worst[1] else None
+
+
+def _overlooked(time: FunctionOfTime, ends: Floats, pieces: int) -> float:
+    """Part of a function that its averages over steps do not have."""
+    inside = ends[:-1, None] + np.diff(ends)[:, None] * (np.arange(pieces) + 0.5) / pieces
+    f = np.array([time.value(t) for t in inside.ravel().tolist()]).reshape(inside.shape)
+    means = [time.average(a, b) for a, b in pairwise(ends.tolist())]
+    whole = abs(f).mean()
+    return float(abs(f.mean(axis=1) - means).mean() / whole) if whole else 0.0
 
 
 #: item, function of time, its declared kinks, and how it acts
@@ -102,21 +166,22 @@ def _missed(
     kinks: Sequence[float],
     acts: _Acts,
     ends: Floats,
+    inside: int,
 ) -> float:
-    """Part of a function that steps between these instants miss."""
+    """Part of a function that steps between these instants miss, looked at so often in a step."""
 
     def values(times: Floats) -> Floats:
         return np.array([np.ravel(function(t)) for t in times.tolist()])
 
-    inside = [kink for kink in kinks if ends[0] < kink < ends[-1]]
+    within = [kink for kink in kinks if ends[0] < kink < ends[-1]]
     steps = np.union1d(
-        spread(len(ends) - 1, LOOKS), np.searchsorted(ends, inside, side="right") - 1
+        spread(len(ends) - 1, LOOKS), np.searchsorted(ends, within, side="right") - 1
     )
     if acts == "moves":  # a short one may be in a step between those
         bends = np.linalg.norm(np.diff(values(ends), 2, axis=0), axis=1)
         steps = np.union1d(steps, bends.argsort()[-ENOUGH:])
-    knots = ends[steps, None] + np.diff(ends)[steps, None] * np.linspace(0, 1, INSIDE + 1)
-    grid = np.union1d(knots, inside)
+    knots = ends[steps, None] + np.diff(ends)[steps, None] * np.linspace(0, 1, inside + 1)
+    grid = np.union1d(knots, within)
     width, t = np.diff(grid), (grid[1:] + grid[:-1]) / 2
     own = np.searchsorted(ends, t) - 1
     looked = np.isin(own, steps)
