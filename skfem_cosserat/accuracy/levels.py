@@ -1,4 +1,4 @@
-"""Levels of meshes, orders and steps."""
+"""Levels of elements, orders and steps."""
 
 from __future__ import annotations
 
