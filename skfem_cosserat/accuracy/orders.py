@@ -267,7 +267,7 @@ class _Trend:
         pairs = self.pairs
         if self.between and levels > 1 and not self.sizes.any():
             return "no order: all levels are identical, nothing depends on their size"
-        shown = ", ".join(f"{p:.2g}" if abs(p) < 1 else f"{p:.3g}" for p in pairs[-4:])
+        shown = ", ".join(f"{p:.2f}" for p in pairs[-4:])
         seen = f": pairwise order{'s' * (len(pairs) > 1)} {shown}" if len(pairs) else ""
         if levels < LEVELS:
             return "fewer than four levels" + seen
