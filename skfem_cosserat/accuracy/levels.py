@@ -109,7 +109,7 @@ def series_of(elements: Any, order: Any, step: Any, together: bool) -> list[Seri
     steps, switched = _values("step", step), switch("argument together", together)
     found = []
     for p in orders or [None]:
-        counts = _values("elements", elements[p] if by_order else elements)
+        counts = _values("elements", elements[p] if by_order and orders else elements)
         values = {"elements": counts, "order": orders and [p], "step": steps}
         varied = [name for name, each in values.items() if len(each) > 1]
         if not varied:

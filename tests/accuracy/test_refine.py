@@ -660,6 +660,7 @@ FOUR = (4, 8, 16, 32)
         (problems.trapezoid, {"step": (0.1, 0.05)}, r"takes \(elements\), but .* with step"),
         (problems.bend, {"elements": {1: FOUR}, "order": 1}, "elements says the orders already"),
         (problems.bend, {"elements": {2: FOUR, 1: FOUR}}, "argument order: .*growing"),
+        (problems.bend, {"elements": {}}, "argument elements: {}, expected an integer"),
         (3, {"elements": FOUR}, "argument problem: 3 cannot be called"),
         (problems.trapezoid, {"elements": FOUR, "reference": np.nan}, "reference: nan, expected"),
         (problems.trapezoid, {"elements": FOUR, "reference": "x"}, "reference: 'x', expected"),
