@@ -1,4 +1,4 @@
-"""Levels of meshes, orders and steps."""
+"""Levels of elements, orders and steps."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -
     steps, switched = _values("step", step), switch("argument together", together)
     found = []
     for p in orders or [None]:
-        counted = _values(space, given[p] if by_order else given)
+        counted = _values(space, given[p] if by_order and orders else given)
         values = {space: counted, "order": orders and [p], "step": steps}
         varied = [name for name, each in values.items() if len(each) > 1]
         if not varied:

@@ -267,7 +267,7 @@ class _Trend:
         pairs = self.pairs
         if self.between and levels > 1 and not self.sizes.any():
             return "no order: all levels are identical, nothing depends on their size"
-        shown = ", ".join(f"{p:.2g}" if abs(p) < 1 else f"{p:.3g}" for p in pairs[-4:])
+        shown = ", ".join(f"{p:.2f}" for p in pairs[-4:])
         seen = f": pairwise order{'s' * (len(pairs) > 1)} {shown}" if len(pairs) else ""
         if levels < LEVELS:
             return "fewer than four levels" + seen
@@ -304,16 +304,16 @@ def _order(e: Floats, h: Floats, g: Floats) -> float:
     """Order p of two differences that are as h^p - g^p, or of two errors (g is zero)."""
     ratio = np.log(e[0] / e[1])
     if not g.any():
-        return float(ratio / np.log(h[0] / h[1]))
+        return ratio / np.log(h[0] / h[1])
     logs = np.log(h / g)
 
     def excess(p: float) -> float:
         powers = p * np.log(g) + np.log(logs * exprel(p * logs))  # log((h^p - g^p)/p)
-        return float(powers[0] - powers[1] - ratio)
+        return powers[0] - powers[1] - ratio
 
     if excess(LOWEST) * excess(HIGHEST) > 0:
-        return float(np.copysign(np.inf, -excess(LOWEST)))
-    return float(brentq(excess, LOWEST, HIGHEST, xtol=1e-12))
+        return np.copysign(np.inf, -excess(LOWEST))
+    return brentq(excess, LOWEST, HIGHEST, xtol=1e-12)
 
 
 def _cosine(a: Array, b: Array) -> float:

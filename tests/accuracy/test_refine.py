@@ -346,8 +346,8 @@ def test_orders_with_terms_of_higher_order():
     [
         ([1e-2, 1e-8, 1e-16, 1e-16], "at rounding: no order (2 of 4 errors above 100 x rounding)"),
         ([0, 0, 0, 0], "at rounding: no order (0 of 4 errors"),
-        ([1e-2, 2.5e-3, 6.25e-4], "fewer than four levels: pairwise orders 2, 2"),
-        ([1e-2, 1e-2, 1e-2, 1e-2], "not in the asymptotic range: pairwise orders 0, 0, 0"),
+        ([1e-2, 2.5e-3, 6.25e-4], "fewer than four levels: pairwise orders 2.00, 2.00"),
+        ([1e-2, 1e-2, 1e-2, 1e-2], "not in the asymptotic range: pairwise orders 0.00, 0.00, 0.00"),
         ([1e-2, 1.2e-2, 8e-3, 9e-3], "not in the asymptotic range: pairwise orders -0.26, 0.58"),
         ([1e-2, -2.5e-3, 6.25e-4, -1.6e-4], "the sign of the error changes"),
         ([1e-2, 1e-15, 1e-3, 1e-4], "not in the asymptotic range"),
@@ -671,6 +671,7 @@ FOUR = (4, 8, 16, 32)
         (problems.trapezoid, {"step": (0.1, 0.05)}, r"takes \(elements\), but .* with step"),
         (problems.bend, {"elements": {1: FOUR}, "order": 1}, "elements says the orders already"),
         (problems.bend, {"elements": {2: FOUR, 1: FOUR}}, "argument order: .*growing"),
+        (problems.bend, {"elements": {}}, "argument elements: {}, expected an integer"),
         (3, {"elements": FOUR}, "argument problem: 3 cannot be called"),
         (problems.trapezoid, {"elements": FOUR, "reference": np.nan}, "reference: nan, expected"),
         (problems.trapezoid, {"elements": FOUR, "reference": "x"}, "reference: 'x', expected"),
