@@ -92,7 +92,6 @@ class SectionHyperelastic(Section):
     """
 
     quadratic: ClassVar[bool] = False
-    _law: Law
 
     def __init__(
         self,
@@ -109,7 +108,7 @@ class SectionHyperelastic(Section):
     ) -> None:
         law = stored_law(energy, gradient, hessian, strains)
         super().__init__(law.stiffness, mass, inertia, outline, viscosity, centre)
-        object.__setattr__(self, "_law", law)
+        self._law = law
 
     @property
     def law(self) -> Law:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -140,7 +140,6 @@ def _inertia(item: str, value: ArrayLike, mass: float, centre: Floats) -> Floats
     return out
 
 
-@dataclass(frozen=True, eq=False)
 class Section(Frozen):
     """Section given by its constants, up to a full 6x6 stiffness.
 
@@ -189,13 +188,6 @@ class Section(Frozen):
     [[2.0, 0.0, 0.2], [0.0, 0.01, 0.0], [0.2, 0.0, 0.03]]
     """
 
-    stiffness: Floats
-    mass: float
-    inertia: Floats
-    outline: Floats | None = field(default=None, repr=False)
-    viscosity: Floats = field(default_factory=lambda: np.zeros((6, 6)), repr=False)
-    centre: Floats = field(default_factory=lambda: np.zeros(2), repr=False)
-
     def __init__(
         self,
         stiffness: ArrayLike,
@@ -217,15 +209,9 @@ class Section(Frozen):
             raise InputError(item, f"outline has shape {shape.shape}, expected (k, 2)")
         if shape is not None and not np.isfinite(shape).all():
             raise InputError(item, f"outline is not finite: {shape.tolist()}")
-        for name, value in (
-            ("stiffness", D),
-            ("mass", float(mass)),
-            ("inertia", moments),
-            ("outline", shape),
-            ("viscosity", np.zeros((6, 6)) if viscosity is None else _viscosity(viscosity, D)),
-            ("centre", offset),
-        ):
-            object.__setattr__(self, name, value)
+        self.stiffness, self.mass, self.inertia = D, float(mass), moments
+        self.outline, self.centre = shape, offset
+        self.viscosity = np.zeros((6, 6)) if viscosity is None else _viscosity(viscosity, D)
         self._warn_of_exchange()
 
     def _warn_of_exchange(self) -> None:
@@ -306,7 +292,7 @@ class Section(Frozen):
         if viscosity is None:
             viscosity = not_negative(item, "time", time) * self.stiffness
         out = loosened(copy(self))
-        object.__setattr__(out, "viscosity", _viscosity(viscosity, self.stiffness))
+        out.viscosity = _viscosity(viscosity, self.stiffness)
         return seal(out)
 
     @classmethod

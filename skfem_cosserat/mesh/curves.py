@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -13,7 +13,7 @@ from ..frozen import Frozen
 from ..types import ArrayLike, Floats, VectorLike, finite, numbers, shown, switch
 
 if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+    pass
 
 #: Gauss rule used to measure splines, on [0, 1].
 _GAUSS_X, _GAUSS_W = gauss_rule(16)
@@ -45,7 +45,6 @@ def _vector(value: VectorLike, item: str) -> Floats:
         raise MeshError(item, f"got {value!r}, expected three numbers")
     if not np.isfinite(vector).all():
         raise MeshError(item, f"got {vector.tolist()}, expected finite numbers")
-    vector.setflags(write=False)
     return vector
 
 
@@ -55,9 +54,7 @@ def _unit(value: VectorLike, item: str) -> Floats:
     size = float(np.linalg.norm(vector))
     if size == 0.0:
         raise MeshError(item, "got the zero vector, expected a direction")
-    unit = vector / size
-    unit.setflags(write=False)
-    return unit
+    return vector / size
 
 
 def _normal_to(value: VectorLike, unit: Floats, item: str) -> Floats:
@@ -69,7 +66,6 @@ def _normal_to(value: VectorLike, unit: Floats, item: str) -> Floats:
         if size < 1e-8:
             raise MeshError(item, f"{value} is parallel to {unit.tolist()}, give another direction")
         vector = part / size
-    vector.setflags(write=False)
     return vector
 
 
@@ -94,7 +90,6 @@ def _outer(vector: Floats, scalar: Floats) -> Floats:
     return np.multiply.outer(vector, scalar)
 
 
-@dataclass(frozen=True, eq=False)
 class CurveLine(Frozen):
     """Straight line.
 
@@ -115,32 +110,22 @@ class CurveLine(Frozen):
     (2.0, [0.0, 0.5, 0.0])
     """
 
-    start: VectorLike
-    end: VectorLike
-    length: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        start = _vector(self.start, "line start")
-        end = _vector(self.end, "line end")
-        length = float(np.linalg.norm(end - start))
-        if length == 0.0:
-            raise MeshError("line", f"start and end are the same point {start.tolist()}")
-        object.__setattr__(self, "start", start)
-        object.__setattr__(self, "end", end)
-        object.__setattr__(self, "length", length)
+    def __init__(self, start: VectorLike, end: VectorLike) -> None:
+        self.start, self.end = _vector(start, "line start"), _vector(end, "line end")
+        self.length = float(np.linalg.norm(self.end - self.start))
+        if self.length == 0.0:
+            raise MeshError("line", f"start and end are the same point {self.start.tolist()}")
 
     def point(self, s: ArrayLike) -> Floats:
         """Points (3, ...) at arc lengths s (...), in m."""
         w = np.asarray(s, dtype=float) / self.length
-        return _outer(np.asarray(self.start), 1.0 - w) + _outer(np.asarray(self.end), w)
+        return _outer(self.start, 1.0 - w) + _outer(self.end, w)
 
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (3, ...) at arc lengths s (...)."""
-        direction = (np.asarray(self.end) - np.asarray(self.start)) / self.length
-        return _outer(direction, np.ones(np.shape(s)))
+        return _outer((self.end - self.start) / self.length, np.ones(np.shape(s)))
 
 
-@dataclass(frozen=True, eq=False, init=False)
 class CurveArc(Frozen):
     """Circular arc that leaves a point in a given direction.
 
@@ -170,13 +155,6 @@ class CurveArc(Frozen):
     (True, [2.0, 2.0, 0.0])
     """
 
-    start: VectorLike
-    direction: VectorLike
-    normal: VectorLike
-    radius: float
-    angle: float
-    length: float
-
     def __init__(
         self,
         start: VectorLike,
@@ -185,42 +163,33 @@ class CurveArc(Frozen):
         radius: float,
         angle: float,
     ) -> None:
-        direction = _unit(tangent, "arc tangent")
-        values = {
-            "start": _vector(start, "arc start"),
-            "direction": direction,
-            "normal": _normal_to(normal, direction, "arc normal"),
-            "radius": _positive(radius, "arc radius"),
-            "angle": _positive(angle, "arc angle"),
-            "length": float(radius * angle),
-        }
+        self.direction = _unit(tangent, "arc tangent")
+        self.start = _vector(start, "arc start")
+        self.normal = _normal_to(normal, self.direction, "arc normal")
+        self.radius = _positive(radius, "arc radius")
+        self.angle = _positive(angle, "arc angle")
+        self.length = float(radius * angle)
         if angle > 2 * np.pi * (1 + _ROUND):
             raise MeshError("arc angle", f"got {angle} rad, expected at most 2 pi")
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
 
     @property
     def centre(self) -> Floats:
         """Centre of the circle (3,), in m."""
-        return np.asarray(self.start) + self.radius * np.asarray(self.normal)
+        return self.start + self.radius * self.normal
 
     def point(self, s: ArrayLike) -> Floats:
         """Points (3, ...) at arc lengths s (...), in m."""
         turn = np.asarray(s, dtype=float) / self.radius
-        along = _outer(np.asarray(self.direction), self.radius * np.sin(turn))
-        inward = _outer(np.asarray(self.normal), 2.0 * self.radius * np.sin(0.5 * turn) ** 2)
-        start = np.asarray(self.start).reshape((3,) + (1,) * turn.ndim)
-        return start + along + inward
+        along = _outer(self.direction, self.radius * np.sin(turn))
+        inward = _outer(self.normal, 2.0 * self.radius * np.sin(0.5 * turn) ** 2)
+        return self.start.reshape((3,) + (1,) * turn.ndim) + along + inward
 
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (3, ...) at arc lengths s (...)."""
         turn = np.asarray(s, dtype=float) / self.radius
-        return _outer(np.asarray(self.direction), np.cos(turn)) + _outer(
-            np.asarray(self.normal), np.sin(turn)
-        )
+        return _outer(self.direction, np.cos(turn)) + _outer(self.normal, np.sin(turn))
 
 
-@dataclass(frozen=True, eq=False)
 class CurveHelix(Frozen):
     """Helix around an axis.
 
@@ -249,47 +218,39 @@ class CurveHelix(Frozen):
     True
     """
 
-    start: VectorLike
-    centre: VectorLike
-    axis: VectorLike
-    pitch: float
-    turns: float
-    length: float = field(init=False)
-    _frame: tuple[Floats, Floats, Floats] = field(init=False, repr=False)
-    _radius: float = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        start = _vector(self.start, "helix start")
-        axis = _unit(self.axis, "helix axis")
-        centre = _vector(self.centre, "helix centre")
-        arm = start - centre
-        arm = arm - (arm @ axis) * axis
-        radius = float(np.linalg.norm(arm))
-        if radius == 0.0:
-            raise MeshError("helix start", f"{start.tolist()} lies on the axis")
-        pitch = _number(self.pitch, "helix pitch", "a finite number")
-        turn = 2 * np.pi * _positive(self.turns, "helix turns")
-        radial = arm / radius
+    def __init__(
+        self,
+        start: VectorLike,
+        centre: VectorLike,
+        axis: VectorLike,
+        pitch: float,
+        turns: float,
+    ) -> None:
+        self.start = _vector(start, "helix start")
+        self.axis = _unit(axis, "helix axis")
+        self.centre = _vector(centre, "helix centre")
+        self.pitch, self.turns = pitch, turns
+        arm = self.start - self.centre
+        arm = arm - (arm @ self.axis) * self.axis
+        self._radius = float(np.linalg.norm(arm))
+        if self._radius == 0.0:
+            raise MeshError("helix start", f"{self.start.tolist()} lies on the axis")
+        rise = abs(_number(pitch, "helix pitch", "a finite number")) / (2 * np.pi)
+        turn = 2 * np.pi * _positive(turns, "helix turns")
+        radial = arm / self._radius
         hand = -1.0 if pitch < 0 else 1.0  # a left-handed helix still climbs its axis
-        rise = abs(pitch) / (2 * np.pi)
-        for name, value in (("start", start), ("centre", centre), ("axis", axis)):
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "_radius", radius)
-        object.__setattr__(self, "_frame", (radial, hand * np.cross(axis, radial), axis))
-        object.__setattr__(self, "length", float(turn * np.hypot(radius, rise)))
-
-    def _rates(self) -> tuple[float, float]:
-        """Angle and rise for one metre of arc."""
-        rise = abs(self.pitch) / (2 * np.pi)
-        rate = 1.0 / np.hypot(self._radius, rise)
-        return float(rate), float(rise * rate)
+        self._frame = radial, hand * np.cross(self.axis, radial), self.axis
+        reach = np.hypot(self._radius, rise)
+        self.length = float(turn * reach)
+        #: angle and rise for one metre of arc
+        self._rates = float(1.0 / reach), float(rise * (1.0 / reach))
 
     def point(self, s: ArrayLike) -> Floats:
         """Points (3, ...) at arc lengths s (...), in m."""
         s = np.asarray(s, dtype=float)
-        rate, rise = self._rates()
+        rate, rise = self._rates
         radial, around, axis = self._frame
-        start = np.asarray(self.start).reshape((3,) + (1,) * s.ndim)
+        start = self.start.reshape((3,) + (1,) * s.ndim)
         turned = _outer(radial, -2.0 * self._radius * np.sin(0.5 * rate * s) ** 2)
         return (
             start
@@ -301,7 +262,7 @@ class CurveHelix(Frozen):
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (3, ...) at arc lengths s (...)."""
         s = np.asarray(s, dtype=float)
-        rate, rise = self._rates()
+        rate, rise = self._rates
         radial, around, axis = self._frame
         speed = self._radius * rate
         return (
@@ -350,7 +311,6 @@ class CurveMoved(Frozen):
         return np.tensordot(self.rotation, self.curve.tangent(s), 1)
 
 
-@dataclass(frozen=True, eq=False)
 class CurveSpline(Frozen):
     """Smooth curve through points: a cubic spline measured by its own arc length.
 
@@ -384,38 +344,26 @@ class CurveSpline(Frozen):
     (3.0, [2.0, 0.0, 0.0])
     """
 
-    points: Any
-    closed: bool = False
-    length: float = field(init=False)
-    knots: Floats = field(init=False, repr=False)
-    _spline: CubicSpline = field(init=False, repr=False)
-    _rate: CubicSpline = field(init=False, repr=False)
-    _table: tuple[Floats, Floats] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
+    def __init__(self, points: Any, closed: bool = False) -> None:
         from scipy.interpolate import CubicSpline  # slow to import, seldom needed
 
-        switch("spline", self.closed, "closed")
-        points = numbers("spline", "points", self.points)
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + self.closed:
+        self.closed = switch("spline", closed, "closed")
+        self.points = points = numbers("spline", "points", points)
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + closed:
             raise MeshError(
-                "spline points",
-                f"got shape {points.shape}, expected ({2 + self.closed} or more, 3)",
+                "spline points", f"got shape {points.shape}, expected ({2 + closed} or more, 3)"
             )
         if not np.isfinite(points).all():
             row = int(np.argmin(np.isfinite(points).all(axis=1)))
             raise MeshError("spline points", f"point {row} is {points[row].tolist()}: not finite")
-        path = np.vstack([points, points[:1]]) if self.closed else points
+        path = np.vstack([points, points[:1]]) if closed else points
         chords = np.linalg.norm(np.diff(path, axis=0), axis=1)
         if (chords == 0).any():
             row = int(np.argmax(chords == 0))
             raise MeshError("spline points", f"points {row} and {row + 1} are the same")
         u = np.concatenate([[0.0], np.cumsum(chords)])
-        spline = CubicSpline(u, path, bc_type="periodic" if self.closed else "not-a-knot")
-        points.setflags(write=False)
-        object.__setattr__(self, "points", points)
-        object.__setattr__(self, "_spline", spline)
-        object.__setattr__(self, "_rate", spline.derivative())
+        self._spline = CubicSpline(u, path, bc_type="periodic" if closed else "not-a-knot")
+        self._rate = self._spline.derivative()
         self._measure(u)
 
     def _measure(self, u: Floats) -> None:
@@ -432,9 +380,9 @@ class CurveSpline(Frozen):
             if change <= 1e-15 * halves.sum():
                 break
         s = np.concatenate([[0.0], np.cumsum(arcs)])
-        object.__setattr__(self, "_table", (grid, s))
-        object.__setattr__(self, "knots", s[::pieces].copy())
-        object.__setattr__(self, "length", float(s[-1]))
+        self._table = grid, s
+        self.knots = s[::pieces].copy()
+        self.length = float(s[-1])
 
     def _arc(self, a: Floats, b: Floats) -> Floats:
         """Arc lengths (...) between parameters a and b (...)."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -135,7 +134,6 @@ def triangulate(
 # -- profiles bounded by polygons, with holes and of several materials (needs shapely) -------------
 
 
-@dataclass(frozen=True, eq=False)
 class Region(Frozen):
     """Part of a section of one material.
 
@@ -154,20 +152,11 @@ class Region(Frozen):
     (3, 2)
     """
 
-    outline: Floats
-    material: AnyMaterial
-    holes: tuple[Floats, ...] = field(default=())
-
     def __init__(
         self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()
     ) -> None:
-        object.__setattr__(self, "outline", _corners("outline", outline))
-        object.__setattr__(self, "material", material)
-        object.__setattr__(
-            self,
-            "holes",
-            tuple(_corners(f"hole {k}", hole) for k, hole in enumerate(holes)),
-        )
+        self.outline, self.material = _corners("outline", outline), material
+        self.holes = tuple(_corners(f"hole {k}", hole) for k, hole in enumerate(holes))
 
 
 def _corners(name: str, value: ArrayLike) -> Floats:

@@ -41,7 +41,6 @@ def _checked(item: str, value: ArrayLike) -> Floats:
     return (C + C.T) / 2
 
 
-@dataclass(frozen=True, eq=False)
 class MaterialAnisotropic(Frozen):
     """Linear elastic material without any symmetry.
 
@@ -64,12 +63,9 @@ class MaterialAnisotropic(Frozen):
     (6, 6)
     """
 
-    elasticity: Floats = field(repr=False)
-    rho: float
-
     def __init__(self, elasticity: ArrayLike, rho: float) -> None:
-        object.__setattr__(self, "elasticity", _checked("material", elasticity))
-        object.__setattr__(self, "rho", positive("material", "rho", rho))
+        self.elasticity = _checked("material", elasticity)
+        self.rho = positive("material", "rho", rho)
 
     @classmethod
     def orthotropic(
