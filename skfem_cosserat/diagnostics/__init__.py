@@ -31,7 +31,7 @@ from .forces import (
     reactions,
 )
 from .inputs import unseen
-from .joint_motion import coupling_energy, joint_coordinates
+from .joint_motion import coupling_energy
 from .momenta import (
     Projection,
     angular_momentum,
@@ -70,7 +70,6 @@ __all__ = [
     "ground_part",
     "hidden_violation",
     "highest_frequency",
-    "joint_coordinates",
     "kinetic_energy",
     "kinetic_energy_of_velocity",
     "legendre_transforms",

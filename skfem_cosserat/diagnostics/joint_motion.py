@@ -12,65 +12,6 @@ from ..model.force_elements import Invariants, kind_of
 from ..types import ArrayLike, Floats, IndexArray
 from .stacked import all_rows, of_states
 
-Pairs = dict[str, tuple[Floats, Floats]]
-
-
-@takes_scene
-@of_states
-def joint_coordinates(
-    system: System,
-    joint: Joint,
-    q: ArrayLike,
-    v: ArrayLike,
-    t: ArrayLike = 0.0,
-    turns: ArrayLike | None = None,
-) -> Pairs:
-    """Relative coordinates of a joint and their rates.
-
-    ``simulate`` adds them to its history as ``joint/NAME/COORDINATE`` and
-    ``joint/NAME/COORDINATE_rate``.
-
-    Parameters
-    ----------
-    joint : Joint
-        Of this system.
-    q, v : (n,) or (N, n) array
-        Configurations and velocities (m/s, 1/s).
-    t : float or (N,) array
-        Their times (s), for prescribed motion.
-    turns : (angles,) or (N, angles) array, optional
-        ``history["turns"]`` of angles with a force element. Driven angles are those prescribed;
-        all others start from their principal value and are followed from state to state by the
-        mean of their rates, which must be right to half a turn.
-
-    Returns
-    -------
-    dict of str to (values, rates)
-        By the names of the coordinates: numbers or (N,), of a rotation vector (3,) or (N, 3) (m,
-        rad; m/s, rad/s).
-
-    Raises
-    ------
-    InputError
-        If the shape of `q` or `v` does not fit the system.
-
-    Examples
-    --------
-    A wheel that turns with 2 rad/s:
-
-    >>> from skfem_cosserat import JointRevolute, Model, RigidBody, ground
-    >>> model = Model()
-    >>> wheel = model.add("wheel", RigidBody.sphere(1.0, 1.0, angular_velocity=(0, 0, 2.0)))
-    >>> axle = JointRevolute(ground((0, 0, 0)), wheel.at((0, 0, 0)), axis=(0, 0, 1))
-    >>> axle = model.add("axle", axle)
-    >>> system = model.freeze()
-    >>> angle, rate = joint_coordinates(system, axle, system.q0, system.v0)["angle"]
-    >>> float(angle), float(rate)
-    (0.0, 2.0)
-    """
-    times = np.asarray(t)
-    return _coordinates(system, joint, all_rows(system, q, t), rates(system, v, t), times, turns)
-
 
 def rates(system: System, v: ArrayLike, t: ArrayLike) -> Floats:
     """Rates of all rows of y (N, total, 3) for velocities v (N, n) at times t (N,)."""
@@ -123,7 +64,13 @@ def _coordinates(
     ydot: Floats,
     times: Floats,
     turns: ArrayLike | None,
-) -> Pairs:
+) -> dict[str, tuple[Floats, Floats]]:
+    """Relative coordinates of a joint and their rates, (N,) or (N, 3), by name.
+
+    Driven angles are those prescribed, and those with a force element have its full turns; all
+    others start from their principal value and are followed from state to state by the mean of
+    their rates, which must be right to half a turn.
+    """
     out = {}
     for coordinate in joint.coordinates():
         reading = reading_of(system, joint, coordinate.name)

@@ -342,20 +342,21 @@ def highest_frequency(system: System, q: ArrayLike | None = None) -> float:
     P = null_space_matrix(system, y)
     K = congruent(P, material_stiffness(system, y))
     M = congruent(P, kron(system.mass, identity(3)))
-    try:
-        return float(np.sqrt(max(_largest(K, M)[0], 0.0)))
-    except (RuntimeError, LinAlgError) as error:  # M cannot be factorised
-        raise SingularMatrixError("P^T M P is singular: a motion has no inertia") from error
+    return float(np.sqrt(max(_largest(K, M)[0], 0.0)))
 
 
 def _largest(K: csr_matrix, M: csr_matrix) -> tuple[float, Floats]:
     """The largest eigenvalue of K against M, and its vector."""
     size = K.shape[0]
-    if size <= EIGENVALUES:
-        value, shape = eigh(K.toarray(), M.toarray(), subset_by_index=[size - 1, size - 1])
-    else:
-        start = np.random.default_rng(0).normal(size=size)
-        value, shape = eigsh(K, 1, M.tocsc(), which="LA", tol=1e-6, v0=start)
+    try:
+        if size <= EIGENVALUES:
+            value, shape = eigh(K.toarray(), M.toarray(), subset_by_index=[size - 1, size - 1])
+        else:
+            start = np.random.default_rng(0).normal(size=size)
+            value, shape = eigsh(K, 1, M.tocsc(), which="LA", tol=1e-6, v0=start)
+    except (RuntimeError, LinAlgError) as error:
+        text = f"no highest frequency is found, as where a motion has no inertia: {error}"
+        raise SingularMatrixError(text) from error
     return value[0], shape
 
 
@@ -381,6 +382,13 @@ def constraint_frequency(system: System, q: Floats, constraint_force: Floats) ->
     -------
     float
         Zero where nothing drives them.
+
+    Raises
+    ------
+    InputError
+        If the shape of an array does not fit the system, or the force is not finite.
+    SingularMatrixError
+        If a rotation has no inertia.
 
     Examples
     --------

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse.linalg import ArpackError
 
 from .. import checks
 from ..constraints import Treatment
@@ -24,7 +23,7 @@ from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Integrator, State, Stepper, StepReport
 from ..integrators.report import BlockReport
-from ..linear import Solver
+from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
 from ..model.limits import (
     FAR_TURN,
@@ -626,7 +625,7 @@ class StepNumbers:
             return ""
         try:
             found = alternation(self.system, history, self.longest * self.h)
-        except (ArpackError, np.linalg.LinAlgError):  # not found: nothing is claimed
+        except SingularMatrixError:  # not found: nothing is claimed
             return ""
         if found is None:
             return ""

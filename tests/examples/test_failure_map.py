@@ -110,6 +110,17 @@ def test_frequency_without_beams_and_bad_arguments():
         highest_frequency(bar(2), np.zeros(3))
 
 
+def test_no_frequency_of_a_motion_without_inertia():
+    """A body whose mass lies on its axis d3 turns about that for nothing, where no joint does."""
+    model = sc.Model()
+    thin = model.add("thin", sc.RigidBody(1.0, euler=(0.0, 0.0, 0.1)))
+    axis = sc.ground((0, 0, 0)), thin.at((0, 0, 0))
+    model.add("hinge", sc.JointRevolute(*axis, axis=(1, 0, 0)))
+    system = model.freeze()
+    with pytest.raises(sc.linear.SingularMatrixError, match="a motion has no inertia"):
+        diagnostics.constraint_frequency(system, system.q0, np.ones(system.n))
+
+
 # -- the mechanism is told -------------------------------------------------------------------------
 
 TOLD = "compression drives node rotations of beam 'beam' that alternate from step to step"

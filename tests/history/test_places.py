@@ -362,7 +362,6 @@ NAN = float("nan")
         (lambda: diagnostics.external_energy(HINGED, RUN["q"], [0.0, 1.0]), "argument t"),
         (lambda: diagnostics.strain_energy(HINGED, "x"), "expected real numbers"),
         (lambda: diagnostics.strain_energy(HINGED, 10**400), "too large for a number"),
-        (lambda: diagnostics.joint_coordinates(HINGED, "pin", Q0, Q0), "expected Joint"),
         (lambda: diagnostics.constraint_frequency(HINGED, Q0, Q0 * NAN), "is not finite"),
     ],
 )
