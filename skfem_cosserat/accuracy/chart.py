@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
@@ -12,7 +11,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..figures import DASHES, PAGE, Style, legend, panels, styles, write_figure
-from ..types import Array, Floats, names_known
+from ..types import Array, FilePath, Floats, names_known
 from .orders import Convergence
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ class Line:
 def convergence_chart(
     quantities: Mapping[str, Sequence[Line]],
     title: str,
-    path: str | os.PathLike[str] | None = None,
+    path: FilePath | None = None,
     units: str | Mapping[str, str] | None = None,
 ) -> Figure:
     """One panel a quantity, one line a series; crosses at the foot are levels that failed.
@@ -212,7 +211,7 @@ def pareto(points: Iterable[Row], quantity: str, column: str = "cost_s") -> list
 
 def precision_chart(
     drawn: Drawn,
-    path: str | os.PathLike[str] | None = None,
+    path: FilePath | None = None,
     cost: str = "seconds",
     units: str | Mapping[str, str] | None = None,
     most: int = 8,
@@ -340,7 +339,7 @@ def stability_chart(
     axes: Mapping[str, Sequence[Any]],
     status: Array,
     lines: Mapping[str, Floats],
-    path: str | os.PathLike[str] | None = None,
+    path: FilePath | None = None,
     labels: Mapping[str, str] | None = None,
 ) -> Figure:
     """Cells of a map over its last axis (to the right) and the last but one.

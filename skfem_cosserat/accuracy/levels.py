@@ -197,7 +197,7 @@ def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
     if given is None:
         return []
     kind, label = ARGUMENTS[name], f"argument {name}"
-    single = np.isscalar(given) or isinstance(given, skfem.Mesh)
+    single = np.isscalar(given) or isinstance(given, skfem.Mesh | Mapping)
     values = [kind.fits(label, each) for each in ([given] if single else given)]
     if any(a <= b for a, b in pairwise(map(kind.size, values))):
         shown = ", ".join(map(text, values))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import InputError
-from ..types import names_known, positive
+from ..types import FilePath, names_known, positive
 from ..warn import told
 from .chart import Drawn, Row, pareto, precision_chart
 from .orders import euclidean
@@ -71,7 +70,7 @@ class PrecisionTable(Report):
     notes: dict[str, Any]
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> PrecisionTable:
+    def read(cls, path: FilePath) -> PrecisionTable:
         """A table that :meth:`csv` has written, for another chart.
 
         Raises
@@ -193,7 +192,7 @@ class PrecisionTable(Report):
 
     def chart(
         self,
-        path: str | os.PathLike[str] | None = None,
+        path: FilePath | None = None,
         quantities: Iterable[str] | None = None,
         kind: Callable[[Row], str] | None = None,
         family: Callable[[Row], str] | None = None,
@@ -410,7 +409,7 @@ def work_precision(
     executor: Executor | None = None,
     *,
     norm: OverTime | None = None,
-    folder: str | os.PathLike[str] | None = None,
+    folder: FilePath | None = None,
     timeout_s: float | None = None,
     clock: Callable[[], float] = time.perf_counter,
     retry: bool = False,

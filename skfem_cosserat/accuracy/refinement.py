@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +15,7 @@ from ..errors import InputError
 from ..export import write_paraview
 from ..export.table import WIDE, column_names
 from ..history import History
-from ..types import Array, Floats, positive, switch
+from ..types import Array, FilePath, Floats, positive, switch
 from ..warn import counted, sum_up, told
 from .chart import Line, convergence_chart
 from .levels import ARGUMENTS, Series, case_name, check_call, series_of, text
@@ -193,7 +192,7 @@ class Refinement(Report):
 
     def chart(
         self,
-        path: str | os.PathLike[str] | None = None,
+        path: FilePath | None = None,
         units: str | Mapping[str, str] | None = None,
         title: str | None = None,
     ) -> Figure:
@@ -235,7 +234,7 @@ class Refinement(Report):
         return convergence_chart(panels, self.title if title is None else title, path, units)
 
     def paraview(
-        self, folder: str | os.PathLike[str], every: int = 1, fps: float | None = None
+        self, folder: FilePath, every: int = 1, fps: float | None = None
     ) -> dict[str, list[Path]]:
         """Write the history of each level as a series of its own: ``folder/elements_8/beams.pvd``.
 
@@ -342,7 +341,7 @@ def refine(
     together: bool = True,
     probe: bool = True,
     executor: Executor | None = None,
-    folder: str | os.PathLike[str] | None = None,
+    folder: FilePath | None = None,
     retry: bool = False,
     progress: bool | OnOutcome = False,
 ) -> Refinement:

@@ -33,7 +33,7 @@ from ..export import prepare_folder
 from ..frames import Item
 from ..history import History
 from ..run.progress import Interrupt, Progress
-from ..types import positive, switch, whole
+from ..types import FilePath, positive, switch, whole
 from ..version import VERSION
 from ..warn import Notices, counted, logger, repeat, sum_up, warn
 
@@ -559,7 +559,7 @@ def run_all(
     jobs: Iterable[Job],
     executor: Executor | None = None,
     *,
-    folder: str | os.PathLike[str] | None = None,
+    folder: FilePath | None = None,
     retry: bool = False,
     progress: bool | OnOutcome = False,
     check: Callable[[Outcome], object] | None = None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -15,7 +14,7 @@ import numpy as np
 from ..arguments import checked
 from ..errors import InputError, JobError
 from ..history import History
-from ..types import Array, Floats
+from ..types import Array, FilePath, Floats
 from ..warn import told
 from .chart import stability_chart
 from .levels import case_name, check_call
@@ -143,7 +142,7 @@ class Map(Report):
 
     def chart(
         self,
-        path: str | os.PathLike[str] | None = None,
+        path: FilePath | None = None,
         lines: Mapping[str, Any | Callable[..., float]] | None = None,
         x: str | None = None,
         y: str | None = None,
@@ -243,7 +242,7 @@ def stability_map(
     axes: Mapping[str, Iterable[Any]],
     outcome: Judge | None = None,
     executor: Executor | None = None,
-    resume: str | os.PathLike[str] | None = None,
+    resume: FilePath | None = None,
     *,
     timeout_s: float | None = None,
     retry: bool = False,

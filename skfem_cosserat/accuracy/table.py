@@ -24,6 +24,7 @@ import skfem
 from ..arguments import checked
 from ..errors import InputError
 from ..export import write_rows
+from ..types import FilePath
 from ..version import VERSION
 
 # -- where numbers come from: versions, machine, commit, threads of the linear algebra -------------
@@ -32,7 +33,7 @@ COMMIT = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--ab
 
 
 @checked
-def provenance(folder: str | os.PathLike[str] | None = None) -> dict[str, Any]:
+def provenance(folder: FilePath | None = None) -> dict[str, Any]:
     """Versions, machine, commit and threads, now.
 
     Parameters
@@ -118,7 +119,7 @@ class ResultTable:
     notes: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, path: str | os.PathLike[str]) -> ResultTable:
+    def read(cls, path: FilePath) -> ResultTable:
         """A table that :meth:`to_csv` has written: numbers are numbers again, empty cells None.
 
         Raises
@@ -161,7 +162,7 @@ class ResultTable:
         columns = self.columns
         return [[row.get(name) for name in columns] for row in self.rows]
 
-    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+    def to_csv(self, path: FilePath) -> Path:
         """Write rows with all digits, the notes in front of them; an older file is replaced.
 
         Raises
@@ -225,7 +226,7 @@ class Report(ABC):
     def table(self) -> ResultTable:
         """Its rows, with where they come from."""
 
-    def csv(self, path: str | os.PathLike[str]) -> Path:
+    def csv(self, path: FilePath) -> Path:
         """Write the :attr:`table`.
 
         Raises

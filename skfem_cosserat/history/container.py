@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +12,17 @@ import numpy as np
 from ..arguments import checked
 from ..errors import CosseratError, HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import Place, is_beam
-from ..types import TOLERANCE, Array, ArrayLike, Floats, IndexArray, names_known, numbers, whole
+from ..types import (
+    TOLERANCE,
+    Array,
+    ArrayLike,
+    FilePath,
+    Floats,
+    IndexArray,
+    names_known,
+    numbers,
+    whole,
+)
 from ..warn import Notices, counted, listed, warn
 from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, series_numbers
 
@@ -811,7 +820,7 @@ class History:
         }
         return History(self.meta, self.static, cut, seen, self._derivation)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: FilePath) -> None:
         """Write it to one file; an older file is replaced only when the new is complete.
 
         Of series that follow from the states the file has those that were asked for so far, and
@@ -840,7 +849,7 @@ class History:
             raise
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], recover: bool = False) -> History:
+    def load(cls, path: FilePath, recover: bool = False) -> History:
         """Read a history, also one whose writer was killed (status ``"killed"``).
 
         Parameters

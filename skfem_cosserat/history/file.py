@@ -19,7 +19,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
-from ..types import Array, file_path, switch
+from ..types import Array, FilePath, file_path, switch
 from ..warn import logger, warn
 
 # -- what a history keeps of an event --------------------------------------------------------------
@@ -336,7 +336,7 @@ class FileWriter:
         If the file cannot be opened for writing.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: FilePath) -> None:
         self.path = file_path("argument path", path)
         new = not self.path.exists()
         try:
@@ -681,7 +681,7 @@ def _tell(scan: Scan, series: Mapping[str, Array], meta: dict[str, Any]) -> None
 
 
 def load_file(
-    path: str | os.PathLike[str], recover: bool = False
+    path: FilePath, recover: bool = False
 ) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], dict[str, Array]]:
     """Read ``meta``, static arrays, series, and arrays of sensors of a file.
 
@@ -721,7 +721,7 @@ def load_file(
 
 
 @checked
-def read_meta(path: str | os.PathLike[str]) -> dict[str, Any]:
+def read_meta(path: FilePath) -> dict[str, Any]:
     """Meta data of a history file and the number of its ``states``, without reading the arrays.
 
     Parameters
@@ -760,7 +760,7 @@ def read_meta(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def save_file(
-    path: str | os.PathLike[str],
+    path: FilePath,
     meta: dict[str, Any],
     static: Mapping[str, Array],
     series: Mapping[str, Array],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
-from ..types import Array
+from ..types import Array, FilePath
 from ..warn import Notices, warn
 from .container import History
 from .file import SAVE_BYTES, FileWriter, check_basic, load_file, plain, series_numbers
@@ -67,7 +66,7 @@ class HistoryWriter:
         self,
         meta: Mapping[str, Any],
         static: Mapping[str, Any],
-        path: str | os.PathLike[str] | None = None,
+        path: FilePath | None = None,
         block: int = 50,
         expected: int | None = None,
     ) -> None:

@@ -43,7 +43,7 @@ from ..model.groups import lumped
 from ..model.plane import PROBE
 from ..model.theories import theory_of
 from ..time_function import of_the_user
-from ..types import Floats, IndexArray, names_known
+from ..types import FilePath, Floats, IndexArray, names_known
 from ..version import VERSION
 from ..warn import logger, warn
 from .sensors import Window
@@ -373,7 +373,7 @@ def finish(
     history: History,
     systems: Sequence[System],
     derive: Asked,
-    path: str | os.PathLike[str] | None,
+    path: FilePath | None,
 ) -> None:
     """Let a history derive its series, derive those asked for, and save it.
 

@@ -35,7 +35,7 @@ from ..model.limits import (
 )
 from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
-from ..types import MOST, real, spread, whole
+from ..types import MOST, FilePath, real, spread, whole
 from ..warn import Notices, logger, warn
 from .conditions import ActionOutcome
 from .describe import checked_asked, finish, run_formulas
@@ -270,7 +270,7 @@ def simulate(
     at: Sequence[float] | None = None,
     callbacks: Sequence[Callback] = (),
     progress: bool | Callable[[float, float], object] = False,
-    path: str | os.PathLike[str] | None = None,
+    path: FilePath | None = None,
     derive: bool | Sequence[str] | None = None,
     settings: NewtonSettings | None = None,
     kernels: str = "auto",
@@ -647,9 +647,7 @@ def _warn_of_functions(system: System, history: History) -> None:
         warn(label, text, AccuracyWarning, time)
 
 
-def _check_run(
-    callbacks: Sequence[Callback], path: str | os.PathLike[str] | None, state: State
-) -> None:
+def _check_run(callbacks: Sequence[Callback], path: FilePath | None, state: State) -> None:
     if not isinstance(callbacks, Sequence):
         raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
     for callback in callbacks:

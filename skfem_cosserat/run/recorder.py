@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -27,7 +26,7 @@ from ..integrators.report import (
     forces_of_states,
 )
 from ..model import System
-from ..types import Floats, IndexArray, numbers, spread
+from ..types import FilePath, Floats, IndexArray, numbers, spread
 from ..warn import Notices, logger, warn
 from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
 from .sensors import BLOCK, Sensor, SensorBank, Window, checked_sensors
@@ -379,7 +378,7 @@ class Recorder:
         stepper: Stepper,
         state: State,
         wanted: Wanted,
-        path: str | os.PathLike[str] | None,
+        path: FilePath | None,
         sensors: Mapping[str, Sensor] | None,
         varying: bool,
         notices: Notices,
