@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -35,6 +36,7 @@ def thrown():
 
 MODEL, BALL = thrown()
 PLACE = sc.SensorPosition(BALL.place())
+FOREIGN = sc.SensorPosition(sc.MassPoint(1.0).place())
 
 
 # -- closed forms ----------------------------------------------------------------------------------
@@ -106,6 +108,50 @@ def test_a_cantilever_at_rest(radius):
 
 
 # -- what it refines -------------------------------------------------------------------------------
+
+
+def pushed(force, integrator=None):
+    """Position of a free ball of 1 kg under a force along x (N), a function of time, up to 1 s."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0))
+    model.add("push", sc.LoadForce(ball.place(), (1.0, 0, 0), force))
+    place = Component(sc.SensorPosition(ball.place()), 0)
+    return sc.answer(model, {"x": place}, 1e-3, 1.0, integrator=integrator)
+
+
+@pytest.mark.parametrize(
+    "integrator", [None, pytest.param(sc.GeneralizedAlpha(0.8), marks=pytest.mark.slow)], ids=repr
+)
+def test_a_pulse_that_lies_between_what_steps_look_at(integrator):
+    """1 N s within 1/1000 of the run: from then on the ball goes at 1 m/s."""
+    middle, rate = 0.3071, 1e3
+    found = pushed(lambda t: rate * np.exp(-np.pi * (rate * (t - middle)) ** 2), integrator)
+    exact = np.maximum(found.times - middle, 0.0)
+    assert found.reached
+    assert abs(found.values["x"] - exact).max() < 1e-3
+
+
+@pytest.mark.slow
+def test_a_force_that_cancels_in_the_means_of_first_steps():
+    """An oscillator near its resonance, driven by one period a step: x'' + w0^2 x = f cos(w t)."""
+    model, w, f = sc.Model(), 2 * np.pi * 64, 1e3
+    ball = model.add("ball", sc.MassPoint(1.0))
+    model.add("push", sc.LoadForce(ball.place(), (f, 0, 0), lambda t: np.cos(w * t)))
+    spring = sc.SpringDamper(sc.ground((-1, 0, 0)), ball.place(), stiffness=1.05 * w**2)
+    model.add("spring", spring)
+    place = Component(sc.SensorPosition(ball.place()), 0)
+    found = sc.answer(model, {"x": place}, 2e-3, 1.0)
+    w0 = w * np.sqrt(1.05)
+    exact = f / (w0**2 - w**2) * (np.cos(w * found.times) - np.cos(w0 * found.times))
+    assert found.reached
+    assert abs(found.values["x"] - exact).max() < 2e-3 < abs(exact).max() / 50
+
+
+def test_what_no_step_sees_is_named():
+    """A million periods: no run of a reasonable number of steps follows them."""
+    with pytest.warns(sc.AccuracyWarning, match="do not see what it does"):
+        found = pushed(sc.Harmonic(1.0, frequency=1e6))
+    assert not found.reached and "do not see what load 'push' does" in found.reason
 
 
 def test_the_meshes_of_the_model_do_not_matter():
@@ -223,6 +269,45 @@ def test_components_that_there_are_not(component):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
+def column(load):
+    """A clamped column of aluminium of 1 m under a part of Euler's load, E I (pi/2)^2."""
+    model, radius = sc.Model(), 0.01
+    beam = rod(model, "rod", (0, 0, 0), (0, 0, 1), radius, ALUMINIUM)
+    clamp(model, beam.node("rod.start"))
+    euler = ALUMINIUM.E * np.pi * radius**4 / 4 * (np.pi / 2) ** 2
+    model.add("press", sc.LoadForce(beam.node("rod.end"), (0, 0, -load * euler)))
+    return model, sc.SensorPosition(beam.node("rod.end"))
+
+
+def test_a_function_that_fails_on_the_poorest_meshes():
+    """Finer ones are tried; what fails on all of them ends with its error."""
+    model, _ = column(0.5)
+
+    def fourth(model, path):
+        return 0.0 * model["rod"].mesh.lengths[3]
+
+    found = sc.answer(model, {"fourth": fourth}, 1e-3, None)
+    assert found.reached and found.model["rod"].mesh.nelements >= 4
+    with pytest.raises(sc.InputError, match="quantity 'never': it failed: IndexError"):
+        sc.answer(model, {"never": lambda path: path.times[10**6]}, 1e-3, None)
+
+
+@pytest.mark.parametrize("value", ["q", lambda path: path["q"][-1]], ids=["name", "last"])
+def test_values_whose_shape_hangs_on_the_mesh(value):
+    with pytest.raises(sc.InputError, match=r"'all': has shape \(.*\) on one mesh and .* another"):
+        sc.answer(column(0.5)[0], {"all": value}, 1e-3, None)
+
+
+@pytest.mark.parametrize("load", [0.5, 1.6])
+def test_an_unstable_equilibrium_is_said(load):
+    model, top = column(load)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sc.ModelWarning)
+        found = sc.answer(model, {"top": top}, 1e-4, None)
+    said = [each for each in found.warnings if "it is unstable" in each["text"]]
+    assert found.reached and len(said) == (load > 1)
+
+
 def test_ctrl_c_hands_back_the_best_so_far():
     scene = drawn("rope", 1)._replace(tolerance=1e-9)
 
@@ -257,8 +342,13 @@ def test_it_prints_in_eight_lines():
         (({"a": PLACE}, 1.0, -1.0), "argument until: -1.0, expected a time after the start at 0 s"),
         (({"a": "nonsense"}, 1.0, 1.0), "quantity 'a': series 'nonsense' is unknown"),
         (({"a": lambda history: 1 / 0}, 1.0, 1.0), "quantity 'a': .*ZeroDivisionError"),
+        (({"a": lambda history: []}, 1.0, 1.0), r"quantity 'a': \[\], expected finite numbers"),
+        (({"a": lambda history: np.inf}, 1.0, 1.0), "quantity 'a': inf, expected finite"),
+        (({"a": sc.ConditionSensor(FOREIGN, 0.0, component=0)}, 1.0, 1.0), "sensor is not here"),
+        (({"a": sc.ConditionSensor(PLACE, 0.0, component=0)}, 1.0, None), "'a' needs a motion"),
+        (({"a": PLACE}, 1.0, True), "argument until: until = True, expected a time"),
         (({"a": Component(PLACE, 7)}, 1.0, 1.0), "quantity 'a': component = 7, of a sensor that"),
-        (({"a": sc.SensorPosition(sc.MassPoint(1.0).place())}, 1.0, 1.0), "of 'a' is not in this"),
+        (({"a": FOREIGN}, 1.0, 1.0), "of 'a' is not in this"),
     ],
 )
 def test_bad_arguments(arguments, message):
@@ -272,6 +362,7 @@ def test_bad_arguments(arguments, message):
         ({"integrator": sc.LoadControl()}, "argument integrator: .*or until=None for equilibria"),
         ({"budget_s": 0.0}, "argument budget_s"),
         ({"start": lambda system: 5}, "argument start: what it gave"),
+        ({"start": lambda system: 1 / 0}, "argument start: it failed: ZeroDivisionError"),
         ({"progress": 3}, "argument progress: 3"),
     ],
 )
