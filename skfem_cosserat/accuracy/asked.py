@@ -28,6 +28,10 @@ from .reading import Reading
 class NotHere(InputError):
     """A function of the user's fails in a run: on a finer mesh it may not."""
 
+    def __init__(self, item: str, message: str) -> None:
+        super().__init__(item, message)
+        self.message = message
+
 
 # -- what is asked ---------------------------------------------------------------------------------
 

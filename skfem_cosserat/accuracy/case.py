@@ -152,11 +152,15 @@ class Scene:
         }
         self._built: dict[tuple[int, int], tuple[Model, System, Replacements | None]] = {}
 
-    def steps_that_see(self, counts: Sequence[int]) -> tuple[int, str]:
-        """The first number of steps that see loads and motions; "" or the item that none sees."""
+    def steps_that_see(self, counts: Sequence[int], end: float | None = None) -> tuple[int, str]:
+        """The first number of steps that see loads and motions; "" or the item that none sees.
+
+        Up to the end of the motion, or up to a time (s).
+        """
         scheme = self.integrator.single.scheme(1.0)
         at_ends = scheme is not None and scheme.at_end
-        return steps_that_see(self.system, self.begun, self.begun + self.span, at_ends, counts)
+        end = self.begun + self.span if end is None else end
+        return steps_that_see(self.system, self.begun, end, at_ends, counts)
 
     @property
     def order(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -483,9 +484,9 @@ def refine(
 
 def title_of(problem: Any) -> str:
     """Name of the problem, with what is bound to it as far as it is short."""
-    function = getattr(problem, "func", problem)
+    bound = problem.keywords if isinstance(problem, partial) else {}
+    function = problem.func if isinstance(problem, partial) else problem
     name = str(getattr(function, "__name__", type(function).__name__))
-    bound = getattr(problem, "keywords", {})
     short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
     return f"{name} ({case_name(short)})" if short else name
 
@@ -560,7 +561,9 @@ class _Plan:
         if off > 0 and size > 0:  # differences below the reference's own error tell no order
             noise = max(off / size, noise)
         finest = isinstance(self.reference, ReferenceFinest)
-        study.values[name] = shared
+        study.values[name] = {
+            level: shared[level] for each in self.series for level in each.levels if level in shared
+        }
         judged = {
             each.key(name): convergence(
                 each.sizes, [*map(shared.get, each.levels)], norm, known, noise, finest

@@ -81,7 +81,7 @@ class Answer:
     cost_s, cost_of_run_s : float
         Processor time (s) of all runs, and of that one.
     warnings : list of dict
-        As in ``history.meta["warnings"]``.
+        As in ``history.meta["warnings"]``; and that an equilibrium is unstable.
     tolerance : dict of str to float
     """
 
@@ -106,7 +106,7 @@ class Answer:
         Raises
         ------
         InputError
-            If there is no run, or the scene is at rest.
+            If there is no run, the tolerance is not reached, or the scene is at rest.
         """
         if self._of is None or self.history is None or not self._of[0].moves:
             raise InputError("answer", "has no motion that could be had more simply")
@@ -212,8 +212,9 @@ def answer(
     Notes
     -----
     Within a step of the instants where loads jump or events change the scene nothing is compared.
-    Functions of time are asked at 4096 instants before the first run, which takes steps that see
-    what they do: what is shorter needs its `kinks`, see :class:`~skfem_cosserat.FunctionOfTime`.
+    Functions of time are asked at 4096 instants or more before the first run, which takes steps
+    that see what they do: what is shorter needs its `kinks`, see
+    :class:`~skfem_cosserat.FunctionOfTime`.
 
     Examples
     --------
@@ -308,8 +309,8 @@ class _Search:
             if len(meshes) > (2 if hopeless else 1) and (
                 hopeless or len(steps) > 1 or not self.scene.moves
             ):  # neither mesh nor step changes it
-                if hopeless and self.best is None:
-                    raise
+                if isinstance(error, NotHere) and self.best is None:
+                    raise InputError(error.item, error.message) from error
                 raise _Ended(self.stuck(case)) from error
         self.spent += time.process_time() - begun
         self.count += 1
@@ -354,7 +355,9 @@ class _Search:
     def motion(self) -> str:
         """Motions: a shorter step or a richer mesh, or both where both matter."""
         counts = [FIRST * 2**k for k in range(9)]  # what needs more is hardly meant
+        begun = time.process_time()
         count, unseen = self.scene.steps_that_see(counts)
+        self.spent += time.process_time() - begun
         case, failures = Case(1, 2, FIRST if unseen else count), 0
         while case.steps <= MOST_STEPS and case.parts <= MOST_PARTS:
             coarse = self.tried(case)
@@ -379,10 +382,12 @@ class _Search:
             band = {name: Band(step[name], mesh[name]) for name in step}
             self.best, size = (fine, band, case.shorter), self.size(step, mesh)
             self.show(self.count, size)
-            if unseen:
-                return f"{count} steps do not see what {unseen} does between their ends"
+            if 2 * size <= 1 and unseen:  # an event may have ended the motion long before
+                steps, end = fine.history["step"][-1], fine.history.times[-1]
+                unseen = self.scene.steps_that_see([max(int(steps), 1)], end)[1]
             if 2 * size <= 1:
-                return ""
+                what = f"its steps do not see what {unseen} does between their ends"
+                return what if unseen else ""
             by_step, by_mesh = self.size(step), self.size(mesh)
             if by_step > 0.25:
                 if reason := self.doubt(case, coarse, fine, by_step):

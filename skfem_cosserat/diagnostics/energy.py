@@ -320,7 +320,8 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
     # a pulse that is over, most of the time
     times = np.minimum(t, max(loading.constant_after, 0.0)).tolist()
     each = {s: loading.values(s) for s in set(times)}
-    return potential(system, np.asarray(q), np.array([each[s] for s in times]))
+    amplitudes = np.array([each[s] for s in times]).reshape(len(times), len(loading.times))
+    return potential(system, np.asarray(q), amplitudes)
 
 
 def potential(system: System, q: Floats, amplitudes: Floats) -> Floats:

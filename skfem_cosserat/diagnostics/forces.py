@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..constraints import Treatment
-from ..constraints.base import RowSpace
 from ..constraints.saddle import accelerations as by_motion
-from ..constraints.saddle import saddle_point
+from ..constraints.saddle import balancing
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
@@ -459,14 +458,12 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     [[20.0]]
     """
     y, force = as_array("y", y, None, system.total, 3), as_array("force", force, None, system.n)
-    out, still = np.full((len(y), system.m), np.nan), np.zeros(system.m)
+    if len(y) != len(force):
+        raise InputError("argument force", f"is of {len(force)} states, y of {len(y)}")
+    out = np.full((len(y), system.m), np.nan)
     for k in np.flatnonzero(np.isfinite(force).all(axis=1)) if system.m else ():
         with suppress(SingularMatrixError):  # stays NaN
-            # of M a + G^T lambda = f, G a = 0
-            out[k] = saddle_point(system)(y[k], force[k], still)[1]
-            if len(system.closure.rows):  # rows that depend on others have had no share
-                given = system.constraints.jacobian(y[k]).T @ out[k]
-                out[k] = RowSpace(system, y[k]).multipliers(given)
+            out[k] = balancing(system, y[k], force[k])
     return out
 
 

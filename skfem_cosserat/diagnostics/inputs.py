@@ -102,7 +102,11 @@ def steps_that_see(
     """
     item = ""
     for count in counts:
-        found = _most_missed(system, np.linspace(begun, end, count + 1), at_ends, WHOLE // count)
+        ends = np.linspace(begun, end, count + 1)
+        try:
+            found = _most_missed(system, ends, at_ends, WHOLE // count)
+        except InputError:  # a function of the user's that is not known at all times
+            return counts[0], ""
         if found is None:
             return count, ""
         item = found[1]
@@ -119,10 +123,11 @@ def _most_missed(
     """
     worst: tuple[float, str, _Acts] = MISSED, "", "means"
     for item, function, kinks, acts in _entering(system, at_ends):
-        time, inside = getattr(function, "__self__", None), INSIDE
-        if isinstance(time, FunctionOfTime):
-            inside = max(inside, pieces)
-        share = _missed(function, kinks, acts, ends, inside)
+        time, inside = getattr(function, "__self__", None), max(INSIDE, pieces)
+        if acts == "ends" and isinstance(time, FunctionOfTime):
+            share = _missed(function, kinks, acts, ends, inside)
+        else:
+            share = _missed(function, kinks, acts, ends, INSIDE)
         if acts == "means" and pieces and isinstance(time, FunctionOfTime):
             share = max(share, _overlooked(time, ends, inside))
         worst = max(worst, (share, item, acts), key=lambda each: each[0])

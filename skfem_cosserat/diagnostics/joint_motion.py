@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from ..joint import Joint
@@ -51,10 +49,12 @@ class Reading:
         return np.asarray((slope @ self._invariants.rates(y, ydot)[..., None])[..., 0, :, 0])
 
 
-@lru_cache(maxsize=64)
 def reading_of(system: System, joint: Joint, name: str | None) -> Reading:
     """The reading of a coordinate; its name is needed where a joint has several."""
-    return Reading(system, joint, name)
+    key = id(joint), name  # the reading keeps the joint
+    if key not in system.readings:
+        system.readings[key] = Reading(system, joint, name)
+    return system.readings[key]
 
 
 def _coordinates(

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from ..arguments import checked
 from ..constraints.base import massless, rows_touching
-from ..constraints.saddle import SaddlePoint, hidden_rate, nearest_velocity, saddle_point
+from ..constraints.saddle import SaddlePoint, balancing, hidden_rate, nearest_velocity
 from ..errors import IncompatibleError, InputError
 from ..history import History
 from ..integrators import State, Variational
@@ -110,7 +110,7 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
         plus[n + 1] = balance.finish(step, evaluation).momentum.reshape(-1)
         if history["fresh"][n]:
             given = history["p"][n] - minus[n]
-            lam = saddle_point(system)(step.y0, given, np.zeros(system.m))[1]
+            lam = balancing(system, step.y0, given)
             half[n] = system.constraints.jacobian(step.y0).T @ lam
     return minus + half, plus - half
 

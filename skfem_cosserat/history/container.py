@@ -178,7 +178,8 @@ class SensorRecord:
             at = np.arange(len(t), dtype=float)  # differences of equal steps have no rounding
         else:
             at, unit = t, 1.0
-        out = np.gradient(x, at, axis=0, edge_order=2)
+        with np.errstate(divide="ignore", invalid="ignore"):  # two instants of one time: NaN
+            out = np.gradient(x, at, axis=0, edge_order=2)
         if order == 2:
             steps = np.diff(at).reshape(-1, *[1] * (x.ndim - 1))
             change = np.diff(np.diff(x, axis=0) / steps, axis=0)

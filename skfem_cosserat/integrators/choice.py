@@ -14,6 +14,7 @@ from ..compiled.kept import NotKept, Source, compile_errors, promising
 from ..compiled.plan import Plan, plan_of
 from ..compiled.tables.couplings import MOST_XI
 from ..constraints import Multipliers, NullSpace, Treatment
+from ..constraints.saddle import is_lattice
 from ..errors import InputError, PerformanceWarning
 from ..linear import Solver
 from ..model import System
@@ -75,8 +76,6 @@ LONG_RUN = 10_000
 FACTOR = 15
 #: oldest version of numba that compiles the kernels
 NUMBA = (0, 63)
-#: vertices left by elimination along chains and trees above which it is a large lattice
-LATTICE = 100
 SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
 #: why a run takes what it takes; what an error says
 ASKED = "asked for"
@@ -166,7 +165,7 @@ def choose(
             raise ImportError(f"{NEEDED} ({hindrance})")
         return Choice("numba", ASKED, plan_of(system, solver is not None), long=long)
     if not (refused or long or promising()):
-        return Choice("numpy", NOT_ON_DISK)
+        return Choice("numpy", NOT_ON_DISK if installed() else "numba is not installed")
     if hindrance := refused or _hindrance():
         if long:
             remedy = "" if refused else " (pip install 'skfem-cosserat[fast]')"
@@ -214,7 +213,7 @@ def motion_by_kernels(system: System, source: Source) -> CompiledMotion | None:
     vertex by vertex is filled in.
     """
     own = system.tied
-    if not CompiledMotion.serves(own) or len(plan_of(own).rest) > LATTICE:
+    if not CompiledMotion.serves(own) or is_lattice(system):
         return None
     try:
         return CompiledMotion(own, NewtonSettings(), source)
@@ -225,13 +224,21 @@ def motion_by_kernels(system: System, source: Source) -> CompiledMotion | None:
 
 
 @lru_cache(maxsize=4)
-def _motion(system: System, thread: int) -> CompiledMotion | None:
-    return motion_by_kernels(system, Source.DISK)
+def _motion(system: System, thread: int) -> CompiledMotion:
+    made = motion_by_kernels(system, Source.DISK)
+    if made is None:  # not remembered: they may be there later
+        raise NotKept
+    return made
 
 
 def kept_motion(system: System) -> CompiledMotion | None:
     """Velocities by kernels that are on disk; each thread has its own."""
-    return _motion(system, get_ident()) if promising() else None
+    if not promising():
+        return None
+    try:
+        return _motion(system, get_ident())
+    except NotKept:
+        return None
 
 
 @cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -11,9 +11,6 @@ from ..element import gauss_rule
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
 from ..types import ArrayLike, Floats, VectorLike, finite, numbers, shown, switch
-
-if TYPE_CHECKING:
-    pass
 
 #: Gauss rule used to measure splines, on [0, 1].
 _GAUSS_X, _GAUSS_W = gauss_rule(16)

@@ -123,6 +123,8 @@ class System:
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
         self.warnings: list[dict[str, Any]] = []
         self.scene = scene
+        #: of joints' coordinates, made when they are asked for
+        self.readings: dict[tuple[int, str | None], Any] = {}
         #: finds what stands for places of the model that this scene was rebuilt from
         self.copies = copies
         self.placed, self.since = placed, 0.0 if placed is None else placed.t

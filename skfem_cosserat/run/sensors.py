@@ -75,7 +75,10 @@ class Window:
         motions: Motions | None = None,
         steps: _Forces = (),
     ) -> None:
-        self.system, self.t, self.q, self.p, self.turns = system, t, q, p, turns
+        self.system, self.t, self.turns = system, t, turns
+        self.q, self.p = q.view(), p.view()
+        for states in (self.q, self.p):  # an own sensor may try to write there
+            states.flags.writeable = False
         self._motions = motions
         self.step_t = np.array([t for t, _, _ in steps])
         self.points = np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3)
@@ -85,8 +88,7 @@ class Window:
     def at(cls, system: System, state: State, motions: Motions | None = None) -> Window:
         """A single state."""
         turns = None if state.turns is None else state.turns[None]
-        q = state.q[None].copy()  # an own sensor may write there
-        return cls(system, np.array([state.time]), q, state.p[None], turns, motions)
+        return cls(system, np.array([state.time]), state.q[None], state.p[None], turns, motions)
 
     @cached_property
     def y(self) -> Floats:
@@ -162,8 +164,11 @@ class Window:
         """Kinetic energy, and that stored in beams and force elements (k,) in J."""
         return self.kinetic_energy() + self.stored_energy()
 
-    def reaction(self, joint: Joint) -> tuple[Floats, Floats]:
-        """Force and moment (j, 3) of a joint on its side b, where forces are known (N, N m)."""
+    def reaction(self, joint: Joint | str) -> tuple[Floats, Floats]:
+        """Force and moment (j, 3) of a joint on its side b, at the instants `step_t` (N, N m)."""
+        joint = joint if isinstance(joint, Joint) else joint_of(self.system, joint)
+        if not len(self.step_t):
+            raise InputError(joint.label, "its force is known to sensors with forces = True alone")
         return reactions(self.system, self.points, self._multipliers)[joint.name or ""]
 
     @cached_property
@@ -180,8 +185,13 @@ class Window:
         s = np.divide(1e-5 * self.system.length, speed, out=np.full(len(t), 1e-5), where=speed > 0)
         ends = np.concatenate([t + np.where(t > s, -s, 0.0), t + np.where(t > s, s, 2 * s)])
         moved = np.tile(q, (2, 1)) + (ends - np.tile(t, 2))[:, None] * np.tile(v, (2, 1))
-        both = Window(self.system, ends, moved, 0 * moved)
-        before, after = np.split(sensor.values(self.system, both), 2)
+        turns = None if self.turns is None else np.tile(self.turns, (2, 1))
+        both = Window(self.system, ends, moved, np.full_like(moved, np.nan), turns)
+        values = np.asarray(sensor.values(self.system, both))
+        if np.isnan(values).any():
+            text = "is differentiated beside a state, where positions and rotations are known alone"
+            raise InputError(type(sensor).__name__, text)
+        before, after = np.split(values, 2)
         over = ends[len(t) :] - ends[: len(t)]
         return np.asarray((after - before) / over.reshape(-1, *[1] * (after.ndim - 1)))
 

@@ -147,6 +147,30 @@ def test_a_force_that_cancels_in_the_means_of_first_steps():
     assert abs(found.values["x"] - exact).max() < 2e-3 < abs(exact).max() / 50
 
 
+def falls_with(force):
+    """A ball that is pushed from rest until it has gone 1 cm, and the time of that."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0))
+    model.add("push", sc.LoadForce(ball.place(), (1.0, 0, 0), force))
+    gone = sc.ConditionSensor(sc.SensorPosition(ball.place()), 0.01, component=0)
+    return sc.answer(model, {"gone": sc.Event(gone, sc.ActionStop(), name="gone")}, 1e-4, 5000.0)
+
+
+def test_what_comes_after_the_end_of_a_motion_is_not_asked_for():
+    """An event ends it after 0.14 s, far before `until`: x = t^2/2 of a force of 1 N."""
+    end = np.sqrt(0.02)
+    found = falls_with(lambda t: 1.0 if t < 1.0 else np.sin(1e9 * t))
+    assert found.reached and abs(found.values["gone"] - end) < 1e-4
+
+    def until_a_second(t):
+        if t > 1.0:
+            raise ValueError("nobody knows")
+        return 1.0
+
+    found = falls_with(until_a_second)
+    assert found.reached and abs(found.values["gone"] - end) < 1e-4
+
+
 def test_what_no_step_sees_is_named():
     """A million periods: no run of a reasonable number of steps follows them."""
     with pytest.warns(sc.AccuracyWarning, match="do not see what it does"):

@@ -61,6 +61,8 @@ def test_velocities_leave_no_momentum_along_the_constraints(kind):
     rate = hidden_rate(system, y, 0.1)
     assert rate.any() == (kind == "moved")
     found = saddle.nearest_velocity(system, y, p, 0.1)
+    expected = saddle.saddle_point(system)(y, p, rate)[0]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * abs(expected).max())
     P = null_space_matrix(system, y)
     rest = P.T @ (p - (system.mass @ found.reshape(-1, 3)).ravel())
     assert abs(rest).max() < 1e-11 * abs(P.T @ p).max()

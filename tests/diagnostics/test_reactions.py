@@ -326,3 +326,13 @@ def test_what_a_weld_to_a_light_body_carries(scheme, mass, links):
     assert abs(run["joint/weld/force"] - force).max() < 2e-3 * abs(force).max()
     allowed = 1e-4 + 1e-9 / mass  # rounding of what the hinge carries counts the more, the lighter
     assert abs(run["joint/weld/moment"][:, 2] - moment).max() < allowed * abs(moment).max()
+
+
+def test_forces_of_other_states_than_configurations():
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(2.0, position=(0, 0, -1)))
+    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    system = model.freeze()
+    y = np.array([system.extend(system.q0, 0.0)] * 3)
+    with pytest.raises(sc.InputError, match="argument force: is of 2 states, y of 3"):
+        sc.diagnostics.multipliers(system, y, np.zeros((2, system.n)))

@@ -198,3 +198,42 @@ def test_bad_sensors():
     ):
         with pytest.raises(sc.InputError, match=message):
             sc.simulate(system, *run, sensors=sensors)
+
+
+class Writes(sc.Sensor):
+    """A sensor that spoils the state it sees."""
+
+    def items(self):
+        return []
+
+    def values(self, system, window):
+        window.q[:] = 7.0
+        return window.q[:, 0]
+
+
+class Speed(sc.Sensor):
+    """A sensor to be differentiated, of what is not known beside a state."""
+
+    derivative = 1
+
+    def __init__(self, place):
+        self.place = place
+
+    def items(self):
+        return [self.place.item]
+
+    def values(self, system, window):
+        return window.velocity(self.place)[:, 0]
+
+
+def test_own_sensors_neither_spoil_states_nor_guess_beside_them():
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, velocity=(3.0, 0, 0)))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    system = model.freeze()
+    view = sc.View(system, sc.initial_state(system))
+    with pytest.raises(ValueError, match="read-only"):
+        view.sensor(Writes())
+    with pytest.raises(sc.InputError, match="Speed: is differentiated beside a state"):
+        view.sensor(Speed(ball.place()))
+    assert view.position(ball.place()).tolist() == [0.0, 0.0, 0.0]

@@ -1,6 +1,8 @@
 """Series of a history that follow from its states are derived when they are first asked for."""
 
+import gc
 import pickle
+import weakref
 from importlib import import_module
 
 import numpy as np
@@ -216,3 +218,16 @@ def test_multipliers_of_redundant_rows_have_least_norm():
         G = system.constraints.jacobian(y[k]).toarray()
         least = np.linalg.lstsq(G.T, G.T @ lam[k], rcond=1e-9)[0]
         np.testing.assert_allclose(lam[k], least, rtol=0, atol=1e-8 * abs(least).max())
+
+
+def test_scenes_whose_joints_were_read_do_not_stay():
+    """But for the last few, whose factors are kept for what is asked next."""
+    known = []
+    for _ in range(10):
+        system = pendulum().freeze()
+        history = run(system)
+        assert len(history["joint/pin/angle"]) == len(history)
+        known.append(weakref.ref(system))
+    del system, history
+    gc.collect()
+    assert [each() is None for each in known[:5]] == [True] * 5
