@@ -372,7 +372,7 @@ class FunctionOfTime(Frozen):
                 raise failed("function of time", "it", error, t) from error
             if not (isinstance(value, float) and math.isfinite(value)):
                 value = finite("function of time", "value", value, f"a number at t = {t!r}")
-            out.append(value)
+            out.append(float(value))
         return out
 
     def average(self, t0: float, t1: float) -> float:

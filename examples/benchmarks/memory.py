@@ -97,7 +97,7 @@ def alone(*arguments: Any) -> Any:
 
 def kernels_for(steps: int) -> str:
     """Compiled ones where plain ones would take an hour."""
-    return "numba" if steps >= MANY and find_spec("numba") else "auto"
+    return "numba" if steps >= MANY and find_spec("numba") else "numpy"
 
 
 def instants(steps: int) -> list[int]:
