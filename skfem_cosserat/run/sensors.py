@@ -629,7 +629,8 @@ class SensorQuantity(Sensor):
 
     def values(self, system: System, window: Window) -> Floats:
         """See the base class."""
-        out = numbers("sensor", "values", self.function(system, window.q, window.t))
+        own = window.q.copy(), window.t.copy()  # it may write there
+        out = numbers("sensor", "values", self.function(system, *own))
         if out.shape[:1] != window.t.shape or not np.isfinite(out).all():
             raise InputError(
                 "sensor",
