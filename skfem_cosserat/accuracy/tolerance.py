@@ -299,15 +299,15 @@ class _Search:
             with Notices(quiet=True, alone=True):
                 run = self.scene.run(case, nudge)
         except (CosseratError, ArithmeticError) as error:
-            hopeless = isinstance(error, InputError) and error.item.startswith("quantity ")
-            if hopeless and not isinstance(error, NotHere):
+            of_quantity = isinstance(error, InputError) and error.item.startswith("quantity ")
+            if of_quantity and not isinstance(error, NotHere):
                 raise
             self.error = error
             cases = self.failed.setdefault(re.sub(r"\d[\d.e+-]*", "", str(error)), [])
             cases.append(case)
             meshes, steps = ({c[k] for c in cases} for k in (0, 2))
-            if len(meshes) > (2 if hopeless else 1) and (
-                hopeless or len(steps) > 1 or not self.scene.moves
+            if len(meshes) > (2 if of_quantity else 1) and (
+                of_quantity or len(steps) > 1 or not self.scene.moves
             ):  # neither mesh nor step changes it
                 if isinstance(error, NotHere) and self.best is None:
                     raise InputError(error.item, error.message) from error

@@ -161,6 +161,8 @@ def _velocity_of_lattice(system: System, y: Floats, p: Floats, rate: Floats) -> 
     mass = kron(system.mass, identity(3))
     A = (P.T @ mass @ P).tocsr()
     v = RowSpace(system, y).least_norm(rate) if rate.any() else np.zeros(system.n)
+    if not (A.diagonal() > 0).all():  # a motion has no inertia
+        return None
     scale = diags(1 / np.sqrt(A.diagonal()))  # moments of thin sections are small beside forces
     first = scale @ (P.T @ (p - mass @ v))
     nu, left = cg(scale @ A @ scale, first, rtol=CONVERGED, atol=0.0, maxiter=ITERATIONS)
