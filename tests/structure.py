@@ -5,8 +5,11 @@
 The size is the number of nodes of the syntax tree without docstrings, so neither layout nor names
 nor comments change it. Constants are the numbers, and tuples of numbers, that modules and classes
 give an upper-case name. ``budget.txt`` has the largest size that each folder may have; the program
-ends with 1 if one is larger. ``--simulate`` also counts in how many modules a call of ``simulate``
-and a step in numpy run code.
+ends with 1 if one is larger. Also read from the syntax trees: classes and functions that project
+velocities, and places that copy a system of a scene.
+
+``--simulate`` counts in how many modules a call of ``simulate`` and a step in numpy run code, and
+how often the step switches between modules.
 """
 
 from __future__ import annotations
@@ -16,11 +19,15 @@ import ast
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
+#: what solves linear equations, and arguments that are projected
+SOLVERS = {"LinearSolver", "solve", "splu", "cg", "lstsq"}
+VELOCITIES = {"p", "pi", "nu", "v", "reduced"}
 #: folders by their names in budget.txt
 FOLDERS = {"package": "skfem_cosserat", "tests": "tests", "examples": "examples"}
 _DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
@@ -97,6 +104,40 @@ def measured(folder: Path) -> tuple[Counter[str], Counter[str]]:
     return total, parts
 
 
+def name_of(node: ast.AST) -> str:
+    """Name of a variable or attribute, else nothing."""
+    return getattr(node, "attr", getattr(node, "id", ""))
+
+
+def projects_velocities(definition: ast.ClassDef | ast.FunctionDef) -> bool:
+    """Tell whether a class or function solves for a velocity: at a state, of what was one.
+
+    A kernel has all it takes in structures, and sweeps in place of that.
+    """
+    nodes = [*ast.walk(definition)]
+    names = {*map(name_of, nodes)}
+    if definition.name == "velocity" and "SWEEP" in names:
+        return True
+    given = [{each.arg for each in node.args} for node in nodes if isinstance(node, ast.arguments)]
+    return not SOLVERS.isdisjoint(names) and any(
+        each & {"q", "y"} and each & VELOCITIES for each in given
+    )
+
+
+def formulations(package: Path) -> dict[str, list[str]]:
+    """Places that project velocities, and that copy a system of a scene past its constructor."""
+    found: dict[str, list[str]] = {"projections of velocities": [], "copies of a system": []}
+    projections, copies = found.values()
+    for path in sorted(package.rglob("*.py")):
+        module = ".".join(path.relative_to(package).with_suffix("").parts)
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef | ast.FunctionDef):
+                name = [f"{module}.{node.name}"]
+                projections += name * projects_velocities(node)
+                copies += name * ast.unparse(node).count("object.__new__(System)")
+    return found
+
+
 def budget() -> dict[str, int]:
     """Largest size of each folder, from budget.txt."""
     lines = (ROOT / "tests" / "budget.txt").read_text(encoding="utf-8").splitlines()
@@ -104,39 +145,48 @@ def budget() -> dict[str, int]:
     return {name: int(number) for name, number in rows}
 
 
-def modules_of(action: Callable[[], object]) -> int:
-    """Modules of the package in which a call runs code."""
-    seen = set()
+def modules_entered(action: Callable[[], object]) -> list[str]:
+    """Modules of the package whose functions a call enters, in their order."""
+    entered: list[str] = []
 
     def note(frame: FrameType, event: str, argument: object) -> None:
-        seen.add(frame.f_code.co_filename)
+        file = frame.f_code.co_filename
+        if event == "call" and file.startswith(str(ROOT / FOLDERS["package"])):
+            entered.append(file)
 
     sys.setprofile(note)
     try:
         action()
     finally:
         sys.setprofile(None)
-    return sum(name.startswith(str(ROOT / FOLDERS["package"])) for name in seen)
+    return entered
 
 
-def modules_of_runs() -> dict[str, int]:
-    """Modules of a call of simulate with compiled kernels, and of a step in numpy, after others."""
+def of_runs() -> dict[str, int]:
+    """Modules of a call of simulate with kernels, and of the second step in numpy; switches there.
+
+    The scene is the README's. A switch is a function that is called after one of another module.
+    """
     import skfem_cosserat as sc
 
     model = sc.Model()
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 5, name="rod")
-    section = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.3, inertia=(2e-3, 3e-3))
-    beam: Any = model.add("rod", sc.Beam(mesh, section, director=(0, 0, 1)))
-    model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0)), beam.node("rod.start")))
-    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 16, name="rod")
+    rubber = sc.SectionCircle(radius=1e-2, material=sc.Material(E=5e6, nu=0.5, rho=1100))
+    rod: Any = model.add("rod", sc.Beam(mesh, rubber, director=(0, 1, 0)))
+    start, end = rod.node("rod.start"), rod.node("rod.end")
+    model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), start, axis=(0, 0, 1)))
+    model.add("ball", sc.RigidBody.sphere(0.05, radius=0.02, on=end))
+    model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
     system = model.freeze()
-    run = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 5e-3
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 1e-2
     sc.simulate(*run)
     stepper = sc.Stepper(*run[:4], kernels="numpy")
     state = stepper.advance(sc.initial_state(system)).state
+    step = modules_entered(lambda: stepper.advance(state))
     return {
-        "modules of a call of simulate": modules_of(lambda: sc.simulate(*run)),
-        "modules of a step in numpy": modules_of(lambda: stepper.advance(state)),
+        "modules of a call of simulate": len({*modules_entered(lambda: sc.simulate(*run))}),
+        "modules of a step in numpy": len({*step}),
+        "switches between them": sum(one != other for one, other in pairwise(step)),
     }
 
 
@@ -155,8 +205,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.write(f"{name}: size {total['size']}, {verdict} {most}; {numbers}\n")
         for part, number in sorted(parts.items()):
             sys.stdout.write(f"{number:9d}  {part}\n")
+    for name, places in formulations(ROOT / FOLDERS["package"]).items():
+        sys.stdout.write(f"{len(places):9d}  {name}: {', '.join(places)}\n")
     if options.simulate:
-        for name, count in modules_of_runs().items():
+        for name, count in of_runs().items():
             sys.stdout.write(f"{count:9d}  {name}\n")
     return too_large
 

@@ -500,6 +500,7 @@ def test_order_and_number_of_angles_change_nothing():
     assert twice.meta["turns"] == ["spring/turn", "spring/same"]
 
 
+@pytest.mark.plain
 @pytest.mark.parametrize(
     "system",
     [

@@ -5,18 +5,12 @@ import pytest
 import skfem
 from scipy.sparse import csc_matrix
 from skfem.assembly.form.coo_data import COOData
+from test_basis import network
 
 from skfem_cosserat import DirectorBasis, InputError, MeshCurve
 from skfem_cosserat.basis import ElementForm, ElementLoad, ElementMatrix
 from skfem_cosserat.basis import error_norms as norms
 from skfem_cosserat.pattern import FrozenPattern
-
-
-def network():
-    a = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "a")
-    b = MeshCurve.init_line((1, 0, 0), (1, 2, 0), 2, "b")
-    c = MeshCurve.init_line((1, 0, 0), (1, 0, 3), 3, "c")
-    return a.joined(b, c)
 
 
 def random_triplets(count, shape, rng):

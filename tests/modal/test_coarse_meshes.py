@@ -1,9 +1,8 @@
 """Modes and critical loads that are numbers of the mesh: told; those of fine meshes are not."""
 
-import warnings
-
 import numpy as np
 import pytest
+from test_coarse_members import told
 
 import skfem_cosserat as sc
 
@@ -22,14 +21,6 @@ def cantilever(elements, order=1, theory=None, load=None, lumped=False):
     if load is not None:
         model.add("load", sc.LoadForce(rod.node("rod.end"), (load, 0, 0)))
     return model
-
-
-def told(function, *args, **kwargs):
-    """What is returned, and the texts about coarse elements."""
-    with warnings.catch_warnings(record=True) as given:
-        warnings.simplefilter("always")
-        found = function(*args, **kwargs)
-    return found, [str(each.message) for each in given if "too coarse" in str(each.message)]
 
 
 @pytest.mark.parametrize("theory", [None, sc.TheoryKirchhoff(), sc.TheoryInextensible()])

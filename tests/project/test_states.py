@@ -66,3 +66,21 @@ def test_a_changed_bit_is_noticed(tmp_path: Path, capsys: pytest.CaptureFixture[
     capsys.readouterr()
     assert states.main(["compare", file, *words]) == 1
     assert name in capsys.readouterr().out
+
+
+SETUP = states.MOMENTUM, states.NULL
+
+
+def test_rounding_is_told_from_changes() -> None:
+    run = dict(
+        states.numbers(states.simulated(states.PARTS["on a hinge"], *SETUP, kernels="numpy"))
+    )
+
+    def apart(series: str, factor: float) -> float:
+        ((_, found),) = states.compared({"": run}, {"": run | {series: factor * run[series]}})
+        return found
+
+    for rounding in ("residual", "hidden_violation", "constraint_violation"):
+        assert apart(rounding, 3.0) < states.LIMIT
+    for series in ("q", "v", "p", "energy", "joint/joint/angle", "joint/joint/force", "sensor e"):
+        assert apart(series, 1 + 1e-8) > states.LIMIT
