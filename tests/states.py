@@ -537,7 +537,8 @@ def floors(run: Mapping[str, np.ndarray]) -> dict[str, float]:
     share = left / (size["momentum"] or 1.0)
     unknown = {kind: share * size[kind] for kind in ("momentum", "velocity")}
     if left:
-        unknown["force"] = left / np.diff(run["t"]).min()
+        h = np.diff(run["t"])
+        unknown["force"] = left / h[h > 0].min()  # an event repeats its instant
     steps = max((len(values) for values in run.values() if values.ndim), default=0)
     found = {
         kind: (ROOM * steps * EPS * size[kind] + unknown.get(kind, 0.0)) / LIMIT for kind in KINDS
