@@ -252,7 +252,7 @@ class Copy:
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             return "no end"
-        failed = re.findall(r"^(?:FAILED|ERROR) (?:.*/)?(\S+)", run.stdout, re.MULTILINE)
+        failed = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - |$)", run.stdout, re.MULTILINE)
         return " ".join(failed) or f"status {run.returncode}" * bool(run.returncode)
 
     def failure_with(self, kind: str, fault: Fault, most: float) -> str:
