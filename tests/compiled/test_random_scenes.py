@@ -61,3 +61,11 @@ def test_what_is_printed_of_random_scenes(capsys: pytest.CaptureFixture[str]):
     assert first.startswith("3: ") and str(random_scene(3)) in first
     assert any("differ by more than they may: []" in line for line in table)
     assert table[-1] == "0 scenes that plain numpy does not solve"
+
+
+@pytest.mark.slow
+def test_what_is_printed_of_steps(capsys: pytest.CaptureFixture[str]):
+    assert main(["--seeds", "1", "--first", "2", "--steps", "--verbose"]) == 0
+    first, head, *table = capsys.readouterr().out.splitlines()
+    assert first.startswith("2: 1 x: ") and "warned of steps or energy" in head
+    assert len(table) == 9 and table[0].split()[:3] == ["1", "right", "1"]
