@@ -17,6 +17,7 @@ _GONE = {
     "Adapted": f"{_ANSWER}, which finds the mesh, too",
     "Advice": f"{_ANSWER} and its simpler()",
     "StepAdvice": f"{_ANSWER}, which finds the step, too",
+    "SolverMetis": "SolverSuperLU(), or SolverPardiso() for large lattices",
     "adapt": f"{_ANSWER}, which finds the mesh, too",
     "advise": f"{_ANSWER} and its simpler()",
     "advise_step": f"{_ANSWER}, which finds the step, too",

@@ -117,7 +117,6 @@ from .linear import (
     Solver as Solver,
     SolverBanded as SolverBanded,
     SolverDense as SolverDense,
-    SolverMetis as SolverMetis,
     SolverPardiso as SolverPardiso,
     SolverSuperLU as SolverSuperLU,
 )

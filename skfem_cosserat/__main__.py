@@ -36,7 +36,7 @@ def _warm(arguments: argparse.Namespace) -> str:
                 for scheme in (EnergyMomentum(), GeneralizedAlpha(0.8), EnergyDecaying(0.1)):
                     Stepper(model, scheme, treatment, 1e-3, kernels="numba")
                 static(model, treatment, kernels="numba", derive=False)
-            system = model.freeze().tied
+            system = model.freeze()
             if CompiledMotion.serves(system):
                 CompiledMotion(system, NewtonSettings())
     return "kernels are compiled\n"

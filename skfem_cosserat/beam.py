@@ -325,11 +325,11 @@ class Beam(LineItem):
         )
         e, xi = places_in(self.mesh, mesh, beam.basis.interpolation.nodes)
         shape, nodes = self.basis.shape(xi), self.basis.connectivity[e]
-        for new, old in (
-            (beam.velocity, self.velocity),
-            (beam.angular_velocity, self.angular_velocity),
-        ):
-            new[beam.basis.connectivity] = np.einsum("aef,efai->efi", shape, old[nodes])
+        for name in ("velocity", "angular_velocity"):
+            rates = np.zeros_like(beam.basis.nodes)
+            old = getattr(self, name)[nodes]
+            rates[beam.basis.connectivity] = np.einsum("aef,efai->efi", shape, old)
+            vars(beam)[name] = rates
         return seal(beam)
 
     def rigid_body(self) -> RigidBody:

@@ -263,7 +263,8 @@ class RigidBody(_Lump):
         >>> RigidBody.box(12.0, (1, 2, 3)).euler.diagonal().tolist()
         [1.0, 4.0, 9.0]
         """
-        a = _lengths("box", edges=edges)
+        a = vector("rigid body (box)", "edges", edges)
+        _lengths("box", **{f"edges[{k}]": length for k, length in enumerate(a.tolist())})
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * a / 2
         return cls(mass, euler=mass * a**2 / 12, surface=(corners, _BOX), **options)
 
@@ -456,19 +457,8 @@ class RigidBody(_Lump):
         return out
 
 
-def _lengths(shape: str, **values: ArrayLike) -> Floats:
-    given = next(iter(values.values())) if len(values) == 1 else list(values.values())
-    array = np.atleast_1d(numbers(f"rigid body ({shape})", ", ".join(values), given))
-    if array.ndim > 1:
-        raise InputError(f"rigid body ({shape})", f"{values}, expected single numbers")
-    if shape == "box" and array.shape != (3,):
-        raise InputError("rigid body (box)", f"edges has shape {array.shape}, expected (3,)")
-    names = [f"edges[{k}]" for k in range(3)] if shape == "box" else list(values)
-    if len(array) != len(names):
-        raise InputError(f"rigid body ({shape})", f"{values}, expected single numbers")
-    for name, value in zip(names, array.tolist(), strict=True):
-        positive(f"rigid body ({shape})", name, value)
-    return array
+def _lengths(shape: str, **values: float) -> list[float]:
+    return [positive(f"rigid body ({shape})", name, value) for name, value in values.items()]
 
 
 _BOX = np.array(

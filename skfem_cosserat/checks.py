@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .diagnostics.coarseness import beams_of, energies, held_stresses
+from .diagnostics.coarseness import energies, held_stresses
 from .diagnostics.energy import group_stretches, kinetic_energy
 from .diagnostics.forces import multipliers
 from .diagnostics.inputs import unseen
@@ -153,7 +153,7 @@ def apply(result: object) -> None:
 
 def _owner(system: System, group: BeamGroup, element: int) -> tuple[Beam, int]:
     """The beam that an element of a group belongs to, and its number there."""
-    own = [(beam, group.slices[id(beam)]) for beam in beams_of(system) if id(beam) in group.slices]
+    own = [(beam, group.slices[id(beam)]) for beam in system.beams if id(beam) in group.slices]
     return next((beam, element - e.start) for beam, e in own if e.start <= element < e.stop)
 
 
@@ -240,7 +240,7 @@ def coarse_history(result: Recorded) -> Iterator[Doubt]:
 
     In motion only linear ones are looked at: their forces follow from their ends, without inertia.
     """
-    system, history, beams = result.system, result.history, beams_of(result.system)
+    system, history, beams = result.system, result.history, result.system.beams
     path = result if isinstance(result, Path) else None
     seen = np.array([path is not None or beam.basis.order == 1 for beam in beams])
     rows = spread(len(history), 5)
@@ -285,7 +285,7 @@ def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
     if not len(found):
         return
     worst = int(share.argmax())
-    beam = beams_of(result.system)[int(abs(result.energies[worst, :, 0]).argmax())]
+    beam = result.system.beams[int(abs(result.energies[worst, :, 0]).argmax())]
     off = (1 + share[worst]) ** (1 / result.power) - 1
     yield Doubt(
         beam.label,

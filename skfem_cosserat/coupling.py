@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from .errors import InputError
-from .frames import Item, Place, ground, is_beam, no_place, vector
+from .frames import Item, Place, check_sides, ground, is_beam, vector
 from .frozen import Replacements, loosened
 from .joint import Joint
 from .relative import RelativeCoordinate, displacement, distance, rotation
@@ -248,22 +248,16 @@ class JointActuator(_OnJoint):
 
 
 class _BetweenPlaces(Coupling):
+    framed_sides = ""
+
     def __init__(self, a: Place, b: Place) -> None:
-        for side, place in (("a", a), ("b", b)):
-            if not isinstance(place, Place):
-                raise InputError(self.label, f"side {side} is {no_place(place)}")
-        if a.item is None and b.item is None:
-            raise InputError(self.label, "both sides are ground")
-        if a.item is b.item and a.vertex == b.vertex:
-            raise InputError(self.label, f"both sides are on {a.label}")
+        check_sides(self.label, a, b, self.framed_sides, "SpringDamper")
         self.a, self.b = a, b
 
     def _along_line(self, length: float | None) -> Floats:
         """Acts on the distance; gives the unstressed one."""
         self.coordinates = (distance("distance", self.a, self.b),)
-        ends = [
-            p.position if p.motion is None else p.motion.frame(p, 0.0)[0] for p in (self.a, self.b)
-        ]
+        ends = self.a.at(0.0), self.b.at(0.0)
         span = float(np.linalg.norm(ends[1] - ends[0]))
         if span == 0:
             raise InputError(
@@ -392,6 +386,7 @@ class Bushing(_BetweenPlaces):
     """
 
     kind = "bushing"
+    framed_sides = "ab"
 
     def __init__(
         self,
@@ -401,12 +396,6 @@ class Bushing(_BetweenPlaces):
         damping: float | ArrayLike | None = None,
     ) -> None:
         super().__init__(a, b)
-        for side, place in (("a", a), ("b", b)):
-            if place.triad is None:
-                raise InputError(
-                    self.label,
-                    f"side {side} is {place.label}: a mass point does not rotate, use SpringDamper",
-                )
         shifts = [displacement(f"u_{k + 1}", a, b, e) for k, e in enumerate(np.eye(3))]
         self.coordinates = (*shifts, rotation("psi", a, b))
         self._set_law(stiffness, 0.0 if damping is None else damping, 0.0)

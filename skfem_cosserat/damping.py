@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .errors import InputError
 from .frames import Item, StructuralItem, is_beam
 from .types import ArrayLike, not_negative, numbers
-
-if TYPE_CHECKING:
-    pass
 
 
 class RayleighDamping(Item):
@@ -67,8 +63,8 @@ class RayleighDamping(Item):
         stiffness: float = 0.0,
         items: Item | Iterable[Item] | None = None,
     ) -> None:
-        self.mass = self._factor("mass", mass)
-        self.stiffness = self._factor("stiffness", stiffness)
+        self.mass = not_negative(self.label, "mass", mass)
+        self.stiffness = not_negative(self.label, "stiffness", stiffness)
         if self.mass == self.stiffness == 0:
             raise InputError(self.label, "mass and stiffness are both zero: it does nothing")
         self.items = None if items is None else self._checked(items)
@@ -130,9 +126,6 @@ class RayleighDamping(Item):
     def references(self) -> Sequence[Item]:
         """The items it is restricted to."""
         return () if self.items is None else self.items
-
-    def _factor(self, name: str, value: Any) -> float:
-        return not_negative(self.label, name, value)
 
     def _checked(self, items: Item | Iterable[Item]) -> tuple[Item, ...]:
         out = [items] if isinstance(items, Item) else items

@@ -96,7 +96,7 @@ class Tabulated:
 _TURN_LIMITS = {1: 45.0, 2: 87.4669, 3: 103.9892, 4: 141.1347}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Interpolation(Frozen):
     """Where the nodes of a beam element are and how many Gauss points it has.
 
@@ -131,6 +131,7 @@ class Interpolation(Frozen):
             )
         object.__setattr__(self, "order", int(self.order))
         object.__setattr__(self, "points", int(points))
+        super().__post_init__()
 
     @property
     def nodes(self) -> Floats:

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import FrozenInstanceError
 from typing import Any
 
 
@@ -185,7 +186,7 @@ class IncompatibleError(InputError):
     """
 
 
-class FrozenError(InputError, AttributeError):
+class FrozenError(InputError, FrozenInstanceError):
     """An attribute of something built was to be set; the text says what to do instead.
 
     Examples

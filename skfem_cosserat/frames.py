@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self, TypeGuard
 
@@ -101,7 +101,7 @@ def check_triad(item: str, value: ArrayLike) -> Floats:
     return array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Motion(Frozen):
     """Prescribed motion of a ground place in time.
 
@@ -134,6 +134,7 @@ class Motion(Frozen):
                 raise InputError(
                     "prescribed motion", f"{name} = {value!r}, expected a function of time"
                 )
+        super().__post_init__()
 
     def frame(self, place: Place, t: float) -> Floats:
         """Rows ``(x, d1, d2, d3)`` (4, 3) of a ground place at time ``t``."""
@@ -244,7 +245,7 @@ class LineItem(StructuralItem):
     where = "beam.node('tip')"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Place(Attached):
     """A material point of an item, or a point of the ground.
 
@@ -291,6 +292,10 @@ class Place(Attached):
     def with_replacements(self, replacements: Replacements) -> Place:
         """See the base class; places of the ground have no other."""
         return self if self.item is None else replacements.of(self.item).counterpart(self)
+
+    def at(self, t: float) -> Floats:
+        """Position (3,) at time `t` (s) with everything but prescribed motion at rest."""
+        return self.position if self.motion is None else self.motion.frame(self, t)[0]
 
     @property
     def origin(self) -> Floats:
@@ -363,6 +368,28 @@ def no_place(value: object) -> str:
         f"{value!r}, expected a place such as beam.node('tip'), body.at(x), point.place() or"
         " ground(x)"
     )
+
+
+def check_sides(
+    item: str, a: Place, b: Place, framed: Collection[str] = (), instead: str = ""
+) -> None:
+    """Raise InputError unless an item can connect two places.
+
+    Those of the sides `framed` need a triad; `instead` says what to take for mass points.
+    """
+    for side, place in (("a", a), ("b", b)):
+        if not isinstance(place, Place):
+            raise InputError(item, f"side {side} is {no_place(place)}")
+        if side in framed and place.triad is None:
+            text = f"side {side} is {place.label}: a mass point has no directions, use {instead}"
+            raise InputError(item, text)
+    if a.item is None and b.item is None:
+        raise InputError(item, "both sides are ground")
+    if a.item is b.item and a.vertex == b.vertex:
+        text = f"both sides are {a.label}"
+        if is_beam(a.item):
+            text += ": it needs two nodes there, as from mesh.joined(other, weld=False)"
+        raise InputError(item, text)
 
 
 def with_frame(place: Place) -> Place:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from abc import ABCMeta
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import copy
-from functools import partial
+from functools import partial, wraps
 from types import FunctionType, MethodType
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -17,47 +16,29 @@ from .errors import FrozenError
 
 T = TypeVar("T")
 
-#: what a dataclass would write for its classes, without remedies and over many lines
-_GENERATED = ("__setattr__", "__delattr__", "__repr__")
 #: arrays of more numbers are shown by their shape, sequences of more entries by their length
 _SHOWN = 9
 
 
-class Freezing(ABCMeta):
-    """Seals what its classes make, when the constructor of the last subclass is through."""
+def _sealing(make: Callable[..., None]) -> Callable[..., None]:
+    """A constructor that seals what it has made, unless that of a subclass goes on."""
 
-    def __call__(cls, *args: Any, **kwargs: Any) -> Any:
-        """Make an instance, and seal it."""
-        return seal(super().__call__(*args, **kwargs))
+    @wraps(make)
+    def making(self: Any, *args: Any, **kwargs: Any) -> None:
+        make(self, *args, **kwargs)
+        if type(self).__init__ is making:
+            seal(self)
 
-    def __init__(cls, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        checked(cls)
-
-    #: that of any class: nothing is registered as one of these, and asking costs more than all else
-    __instancecheck__ = type.__instancecheck__
-
-    def __setattr__(cls, name: str, value: Any) -> None:
-        if not (name in _GENERATED and "__dataclass_params__" in vars(cls)):
-            super().__setattr__(name, checked(value) if name == "__init__" else value)
-
-    @property
-    def __signature__(cls) -> inspect.Signature:
-        """That of the constructor, as of any other class."""
-        make = vars(cls).get("__init__", cls.__init__)  # type: ignore[misc]
-        if make is object.__init__:
-            return inspect.Signature()
-        signature = inspect.signature(make)
-        own = list(signature.parameters.values())[1:]
-        return signature.replace(parameters=own, return_annotation=inspect.Signature.empty)
+    return making
 
 
-class Frozen(metaclass=Freezing):
+class Frozen:
     """Base of what does not change once it is built.
 
     A constructor sets attributes as it likes, before and after that of its base class. Then no
     attribute can be set, and arrays are copies that cannot be written to. Names that begin with an
-    underscore are notes of the class itself, such as what it has computed once, and stay free.
+    underscore are notes of the class itself, such as what it has computed once, and stay free. A
+    subclass may be a dataclass; one with a ``__post_init__`` of its own calls that of its base.
 
     Examples
     --------
@@ -76,6 +57,21 @@ class Frozen(metaclass=Freezing):
 
     #: what to do instead of setting an attribute
     _remedy: ClassVar[str] = "make a new one"
+
+    @_sealing
+    def __init__(self) -> None:
+        """Nothing to set."""
+
+    def __post_init__(self) -> None:
+        """Seal a dataclass, whose constructor is made after the class."""
+        if not hasattr(type(self).__init__, "__wrapped__"):
+            seal(self)
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        checked(cls)
+        if "__init__" in vars(cls):
+            cls.__init__ = _sealing(cls.__init__)  # type: ignore[method-assign]
 
     @property
     def _called(self) -> str:
@@ -163,13 +159,9 @@ def _list(values: Iterable[Any]) -> str:
 
 def _read_only(value: Any) -> Any:
     """Arrays, also in tuples, as copies that cannot be written to: the user keeps the original."""
-    if type(value) is tuple:
-        for each in value:  # most hold numbers or places alone
-            if isinstance(each, _HELD):
-                fixed = tuple(map(_read_only, value))
-                changed = any(new is not old for new, old in zip(fixed, value, strict=True))
-                return fixed if changed else value
-    elif isinstance(value, np.ndarray) and value.flags.writeable:
+    if type(value) is tuple and any(isinstance(each, _HELD) for each in value):
+        return tuple(map(_read_only, value))
+    if isinstance(value, np.ndarray) and value.flags.writeable:
         value = value.copy(order="K")
         value.flags.writeable = False
     return value

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError
-from .frames import Item, Motion, Place, StructuralItem, is_beam, no_place, unit_vector
+from .frames import Item, Motion, Place, StructuralItem, check_sides, unit_vector
 from .frozen import Frozen
 from .relative import (
     ORIGIN,
@@ -38,7 +38,7 @@ from .types import TOLERANCE, ArrayLike, Floats, positive
 # the midpoint Jacobian is their exact discrete derivative.
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Turn(Frozen):
     """Rotation about an axis fixed in one side ("a" or "b"), given in space in the reference."""
 
@@ -47,7 +47,7 @@ class Turn(Frozen):
     side: str = "a"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Slide(Frozen):
     """Translation along ``left x right``, both fixed in side a, given in space in the reference.
 
@@ -59,7 +59,7 @@ class Slide(Frozen):
     right: Floats
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Freedom(Frozen):
     """What a joint leaves free between its sides, for the null space.
 
@@ -115,22 +115,8 @@ class Joint(Item):
     framed_sides: tuple[str, ...] = ("a", "b")
 
     def __init__(self, a: Place, b: Place) -> None:
-        for side, place in (("a", a), ("b", b)):
-            if not isinstance(place, Place):
-                raise InputError(self.label, f"side {side} is {no_place(place)}")
-            if side in self.framed_sides and place.triad is None:
-                raise InputError(
-                    self.label,
-                    f"side {side} is {place.label}: a mass point has no directions,"
-                    " use a spherical or a distance joint",
-                )
-        if a.item is None and b.item is None:
-            raise InputError(self.label, "both sides are ground")
-        if a.item is b.item and a.vertex == b.vertex:
-            text = f"both sides are {a.label}"
-            if is_beam(a.item):
-                text += ": a joint needs two nodes there, as from mesh.joined(other, weld=False)"
-            raise InputError(self.label, text)
+        instead = "a spherical or a distance joint"
+        check_sides(self.label, a, b, self.framed_sides, instead)
         self.a = a
         self.b = b
 
@@ -153,10 +139,7 @@ class Joint(Item):
 
         `length` (m) is the extent of the scene, against which a gap is measured.
         """
-        frames = [None if p.motion is None else p.motion.frame(p, t) for p in (self.a, self.b)]
-        x_a, x_b = (
-            p.position if f is None else f[0] for p, f in zip((self.a, self.b), frames, strict=True)
-        )
+        x_a, x_b = self.a.at(t), self.b.at(t)
         rest = self.gap(x_b - x_a)
         gap = float(np.linalg.norm(rest))
         # coordinates far from the origin are known to their own rounding only
@@ -168,9 +151,9 @@ class Joint(Item):
                 f" {self.b.label} are {gap:.6g} m apart, x_b - x_a = {rest.tolist()}"
                 + ("" if rest is None or np.allclose(rest, x_b - x_a) else " where it is held"),
             )
-        for side, frame in zip(("a", "b"), frames, strict=True):
-            if side in self.framed_sides and frame is not None:
-                turn = float(abs(frame[1:] - np.eye(3)).max())
+        for side, place in (("a", self.a), ("b", self.b)):
+            if side in self.framed_sides and place.motion is not None:
+                turn = float(abs(place.motion.frame(place, t)[1:] - np.eye(3)).max())
                 if turn > TOLERANCE:
                     raise InputError(
                         self.label,
@@ -489,10 +472,7 @@ class JointDistance(Joint):
     def check(self, t: float, length: float) -> None:
         """See the base class."""
         super().check(t, length)
-        x_a, x_b = (
-            p.position if p.motion is None else p.motion.frame(p, t)[0] for p in (self.a, self.b)
-        )
-        distance = float(np.linalg.norm(x_b - x_a))
+        distance = float(np.linalg.norm(self.b.at(t) - self.a.at(t)))
         if abs(distance - self.length) > TOLERANCE * self.length:
             raise InputError(
                 self.label,

@@ -8,9 +8,9 @@ two plain matrices the product is ``a.dot(b)``: for a few elements its call cost
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
-from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -69,7 +69,7 @@ class BeamElements:
     weighted_viscosity: Floats | None = field(init=False, repr=False, default=None)
     viscosity_root: Floats | None = field(init=False, repr=False, default=None)
     #: elements of each of the laws
-    stored: list[tuple[IndexArray | slice, Law]] = field(init=False, repr=False)
+    stored: list[tuple[IndexArray, Law]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         ng, _, k, _ = self.table.shape
@@ -82,20 +82,12 @@ class BeamElements:
         self.measure = (self.weights * self.lengths[:, None])[:, :, None]
         self.weighted_stiffness = self.measure[..., None] * self.stiffness[:, None]
         self.inverse_length = (1 / self.lengths)[:, None]
-        self.stored = (
-            []
-            if self.law_of is None
-            else [(_where(self.law_of, k), law) for k, law in enumerate(self.laws)]
-        )
+        self.stored = [(np.flatnonzero(self.law_of == k), law) for k, law in enumerate(self.laws)]
         if self.viscosity is not None:
             self.weighted_viscosity = self.measure[..., None] * self.viscosity[:, None]
             # eta = root root^T: what is dissipated is a sum of squares
             values, vectors = np.linalg.eigh(self.viscosity)
             self.viscosity_root = vectors * np.sqrt(values.clip(0))[:, None, :]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # without what __post_init__ computes
-        return BeamElements, tuple(getattr(self, f.name) for f in fields(self) if f.init)
 
     def repeated(self, count: int) -> BeamElements:
         """The same elements `count` times, to evaluate many states at once."""
@@ -144,12 +136,6 @@ def _table(tabulated: Tabulated) -> Floats:
     table = strain_table(tabulated.values, tabulated.slopes)
     table.setflags(write=False)
     return table
-
-
-def _where(law_of: IndexArray, number: int) -> IndexArray | slice:
-    """Elements of a law; all of them without an array of their numbers, which takes time."""
-    own = law_of == number
-    return slice(None) if own.all() else np.flatnonzero(own)
 
 
 def beam_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
@@ -292,10 +278,7 @@ def add_scalar(blocks: Array, scalar: Array) -> Array:
 def bilinear(weighted: Floats, B_left: Array, B_right: Array) -> Array:
     """``sum_g B_left^T D_g B_right`` (ne, k, l) for weighted D (ne, ng, 6, 6)."""
     ne, rows, k = B_right.shape
-    if rows == 6:  # without an axis of length one it is faster
-        DB = weighted[:, 0] @ B_right
-    else:
-        DB = (weighted @ B_right.reshape(ne, rows // 6, 6, k)).reshape(ne, rows, k)
+    DB = (weighted @ B_right.reshape(ne, rows // 6, 6, k)).reshape(ne, rows, k)
     return B_left.transpose(0, 2, 1) @ DB
 
 
@@ -354,29 +337,20 @@ def cross(a: Array, b: Array) -> Array:
 _YZX = np.array([1, 2, 0])
 
 
-def skew(v: Array) -> Array:
-    """Matrices ``v^`` (..., 3, 3) with ``v^ w = v x w``."""
-    out = np.zeros((*v.shape, 3), dtype=v.dtype)
-    out[..., 2, 1] = v[..., 0]
-    out[..., 0, 2] = v[..., 1]
-    out[..., 1, 0] = v[..., 2]
-    out[..., 1, 2] = -v[..., 0]
-    out[..., 2, 0] = -v[..., 1]
-    out[..., 0, 1] = -v[..., 2]
-    return out
-
-
-# e_ijk, as matrices by which flat outer products are multiplied: one product of matrices takes the
-# place of many small operations, which is what scenes of a few elements cost
+#: e_ijk
 _LEVI = np.zeros((3, 3, 3))
 _LEVI[(0, 1, 2), (1, 2, 0), (2, 0, 1)] = 1
 _LEVI[(1, 2, 0), (0, 1, 2), (2, 0, 1)] = -1
-_AXIAL = _LEVI.reshape(9, 3)
+
+
+def skew(v: Array) -> Array:
+    """Matrices ``v^`` (..., 3, 3) with ``v^ w = v x w``."""
+    return -(v @ _LEVI.reshape(3, 9)).reshape(*v.shape, 3)
 
 
 def director_force(directors: Array, force: Array) -> Array:
     """Moment ``sum_i d_i x f_i`` (N, 3): the omega rows of ``P_int^T f`` (69)."""
-    return (directors.transpose(0, 2, 1) @ force).reshape(-1, 9).dot(_AXIAL)
+    return (directors.transpose(0, 2, 1) @ force).reshape(-1, 9) @ _LEVI.reshape(9, 3)
 
 
 def spin_gradient(directors: Array, force: Array) -> Array:
@@ -398,28 +372,12 @@ def null_space_blocks(directors: Array) -> Array:
     rows ``[[I, 0], [0, -d1^], [0, -d2^], [0, -d3^]]`` of each node.
     """
     nn = 1 if directors.ndim == 3 else directors.shape[1]
-    ones, where, part, sign = null_space_entries(nn)
-    out = np.zeros((len(directors), 72 * nn * nn), dtype=directors.dtype)
-    out[:, ones] = 1
-    out[:, where] = directors.reshape(-1, 9 * nn).take(part, axis=1) * sign
+    each = directors.reshape(-1, nn, 3, 3)
+    out = np.zeros((len(each), nn, 4, 3, nn, 2, 3), dtype=directors.dtype)
+    for a in range(nn):
+        out[:, a, 0, :, a, 0] = np.eye(3)
+        out[:, a, 1:, :, a, 1] = -skew(each[:, a])
     return out.reshape(-1, 12 * nn, 6 * nn)
-
-
-@cache
-def null_space_entries(nn: int) -> tuple[IndexArray, IndexArray, IndexArray, Floats]:
-    """Places of ones and of ``-d^`` in P_int, flat; which number of d1, d2, d3 there, its sign."""
-    off = np.array([(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)])
-    node = np.arange(nn)[:, None]
-    row = (3 * np.arange(1, 4)[:, None] + off[:, 0]).ravel()
-    col = np.tile(3 + off[:, 1], 3)
-    part = (3 * np.arange(3)[:, None] + 3 - off.sum(1)).ravel()
-    ones = np.arange(3)
-
-    def flat(rows: IndexArray, cols: IndexArray) -> IndexArray:
-        return ((12 * node + rows) * 6 * nn + 6 * node + cols).ravel()
-
-    sign = np.tile([1.0, -1.0, -1.0, 1.0, 1.0, -1.0], 3 * nn)
-    return flat(ones, ones), flat(row, col), (9 * node + part).ravel(), sign
 
 
 # half of a vanishing angle: the sine of it over itself is one, also for complex steps
@@ -482,3 +440,9 @@ def rotation_matrix(quaternion: Array) -> Array:
     out = _outer(quaternion, quaternion).dot(_ROTATION)
     out += _UNIT
     return out.reshape(*quaternion.shape[:-1], 3, 3)
+
+
+def nearest_rotations(triads: Array) -> Floats:
+    """Rotations (..., 3, 3) nearest to matrices: their polar decomposition."""
+    u, _, vt = np.linalg.svd(triads)
+    return np.asarray(u @ vt)

@@ -6,7 +6,7 @@ complex step has them, are taken to first order in their imaginary part.
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
@@ -36,7 +36,7 @@ _PLACES = np.array([0.0, -GAUSS[0], GAUSS[0]])
 SMALL = 1e-7
 
 
-class Law(Frozen):
+class Law(Frozen, ABC):
     """Stored energy per length W of strains.
 
     Parameters

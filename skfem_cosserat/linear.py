@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
@@ -13,12 +11,12 @@ import numpy as np
 from scipy.linalg import get_lapack_funcs
 from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import reverse_cuthill_mckee
-from scipy.sparse.linalg import spilu, splu
+from scipy.sparse.linalg import splu
 
 from .errors import CosseratError, InputError, PerformanceWarning
 from .frozen import Frozen
 from .pattern import FrozenPattern
-from .types import Array, Floats, IndexArray, switch
+from .types import SAME, Array, Floats, IndexArray, switch
 from .warn import logger, warn
 
 # -- what a back end is: a choice (:class:`Solver`), and its factors of one pattern ----------------
@@ -28,7 +26,7 @@ class SingularMatrixError(CosseratError):
     """The iteration matrix is singular to working precision."""
 
 
-class Solver(Frozen):
+class Solver(Frozen, ABC):
     """A choice; :meth:`bind` does what depends on the pattern alone.
 
     Attributes
@@ -86,131 +84,16 @@ class Factors(ABC):
         """Solution, fresh, of the shape of `rhs` (n,) or (n, k)."""
 
 
-# -- orderings that fill in little, found once for a pattern on a graph of few vertices ------------
-#
-# Unknowns whose columns have the same entries (the six of a node) are one vertex of the graph: the
-# ordering costs a fortieth, and the unknowns of a node stay together in the factors.
-
-#: pivots on the diagonal are taken down to this part of the largest entry of their column
-THRESHOLD = 0.01
-
-
-def mirrored(pattern: FrozenPattern) -> tuple[csc_matrix, Array]:
-    """Pattern with all entries mirrored at the diagonal, and a mark (n,) of what each column has.
-
-    The mark is a sum of random numbers of the rows: two different sets agree once in 2^64.
-    """
-    marks = np.random.default_rng(0).integers(0, 2**63, pattern.shape[0], dtype=np.uint64)
-    both = pattern.assembled(np.ones(pattern.nnz, dtype=np.uint64))
-    columns = both.T @ marks
-    if (both @ marks != columns).any():
-        both = csc_matrix(both + both.T)
-        both.data[:] = 1
-        columns = both.T @ marks
-    return both, columns
+def mirrored(pattern: FrozenPattern) -> csc_matrix:
+    """The pattern with all entries mirrored at the diagonal; numbers in it are positive."""
+    entries = pattern.assembled(np.ones(pattern.nnz))
+    return csc_matrix(entries + entries.T)
 
 
 def balanced(pattern: FrozenPattern) -> bool:
-    """Whether the pattern is its own transpose with all of the diagonal in it."""
-    both, _ = mirrored(pattern)
+    """True if the pattern is its own transpose with all of the diagonal in it."""
+    both = mirrored(pattern)
     return both.nnz == pattern.nnz and bool(both.diagonal().all())
-
-
-def merged(pattern: FrozenPattern) -> tuple[IndexArray, csc_matrix]:
-    """Groups of unknowns with the same neighbours, and the graph of the groups.
-
-    Returns
-    -------
-    group : (n,) int array
-        Group of each unknown, numbered by their first ones.
-    graph : sparse matrix
-        Symmetric pattern of the groups.
-    """
-    both, columns = mirrored(pattern)
-    _, first, group = np.unique(columns, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    graph = both[:, first[order]][first[order]].astype(float)
-    graph.data[:] = -1.0
-    return rank[group.reshape(-1)], graph
-
-
-def minimum_degree(graph: csc_matrix) -> IndexArray:
-    """Groups in the order of SuperLU's multiple minimum degree.
-
-    It goes with a factorisation only: the incomplete one that drops all it can costs the least.
-    """
-    values = graph.copy()
-    values.setdiag(1.0 + np.diff(graph.indptr))  # no pivot is exchanged
-    lu = spilu(
-        csc_matrix(values),
-        drop_tol=1.0,
-        fill_factor=1.0,
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    return np.argsort(lu.perm_c)
-
-
-def nested_dissection(graph: csc_matrix) -> IndexArray:
-    """Groups in the order of METIS.
-
-    Raises
-    ------
-    ImportError
-        If pymetis is not installed.
-    """
-    try:
-        import pymetis
-    except ImportError as error:
-        raise ImportError(
-            "SolverMetis() needs pymetis: pip install 'skfem-cosserat[solvers]'"
-        ) from error
-    links = graph.copy()
-    links.setdiag(0)
-    links.eliminate_zeros()
-    if links.nnz == 0:
-        return np.arange(graph.shape[0])
-    neighbours = np.split(links.indices, links.indptr[1:-1])
-    order, _ = pymetis.nested_dissection(adjacency=[near.tolist() for near in neighbours])
-    return np.array(order, dtype=np.int64)
-
-
-def unknowns_in_order(
-    pattern: FrozenPattern, rule: Callable[[csc_matrix], IndexArray]
-) -> IndexArray:
-    """Unknowns (n,), group by group in the order that a rule gives the groups."""
-    group, graph = merged(pattern)
-    position = np.empty(graph.shape[0], dtype=np.int64)
-    position[rule(graph)] = np.arange(graph.shape[0])
-    return np.argsort(position[group], kind="stable")
-
-
-class Permuted:
-    """A pattern whose rows and columns are brought into another order, once.
-
-    Attributes
-    ----------
-    order : (n,) int array
-        Unknowns in the new order.
-    """
-
-    def __init__(self, pattern: FrozenPattern, order: IndexArray) -> None:
-        position = np.empty(len(order), dtype=pattern.indices.dtype)
-        position[order] = np.arange(len(order))
-        entries = np.arange(pattern.nnz), position[pattern.indices], pattern.indptr
-        self.order = order
-        self._entries = csc_matrix(entries, shape=pattern.shape)[:, order]
-        self._entries.sort_indices()
-
-    def matrix(self, data: Floats) -> csc_matrix:
-        """The matrix of these entries (nnz,) of the pattern, in the new order."""
-        new = self._entries
-        out = csc_matrix((data[new.data], new.indices, new.indptr), shape=new.shape)
-        out.has_canonical_format = True
-        return out
 
 
 # -- LAPACK: small systems as full matrices, narrow ones as bands ----------------------------------
@@ -273,7 +156,7 @@ class Band:
 
     def __init__(self, pattern: FrozenPattern) -> None:
         n = pattern.shape[0]
-        self.order: IndexArray = reverse_cuthill_mckee(mirrored(pattern)[0], symmetric_mode=True)
+        self.order: IndexArray = reverse_cuthill_mckee(mirrored(pattern), symmetric_mode=True)
         self.position: IndexArray = np.empty(n, dtype=np.int64)
         self.position[self.order] = np.arange(n)
         i, j = self.ends(pattern)
@@ -351,7 +234,7 @@ class _Banded(Factors):
         self._scale = scale[self._band.order]
 
 
-# -- superLU of scipy, in three settings -----------------------------------------------------------
+# -- sparse ones: SuperLU of scipy, Pardiso of the Intel MKL ---------------------------------------
 
 
 class SolverSuperLU(Solver):
@@ -360,10 +243,10 @@ class SolverSuperLU(Solver):
     Parameters
     ----------
     symmetric : bool, optional
-        True: pivots stay on the diagonal where they are not small, in a minimum degree ordering of
-        the vertices: several times faster for lattices. False: partial pivoting, columns ordered
-        by COLAMD. By default the first where the pattern is symmetric and has a full diagonal.
-        (Matrices with multipliers have none: there the first fills in, up to ninety times slower.)
+        True: pivots stay on the diagonal where they are not small, in a minimum degree ordering:
+        several times faster for lattices. False: partial pivoting, columns ordered by COLAMD. By
+        default the first where the pattern is symmetric and has a full diagonal. (Matrices with
+        multipliers have none: there the first fills in, up to ninety times slower.)
 
     Examples
     --------
@@ -382,86 +265,32 @@ class SolverSuperLU(Solver):
 
     def bind(self, pattern: FrozenPattern) -> Factors:
         """See the base class."""
-        if balanced(pattern) if self.symmetric is None else self.symmetric:
-            return _Ordered("superlu-symmetric", pattern, minimum_degree)
-        return _Pivoting(pattern)
+        return _SuperLU(pattern, balanced(pattern) if self.symmetric is None else self.symmetric)
 
 
-class SolverMetis(Solver):
-    """SuperLU in the order of METIS (nested dissection), pivots on the diagonal where not small.
-
-    Needs pymetis (extra ``solvers``). For patterns that are symmetric with a full diagonal, such as
-    the null space method's.
-
-    Examples
-    --------
-    >>> SolverMetis()
-    SolverMetis()
-    """
-
-    name = "superlu-metis"
-
-    def bind(self, pattern: FrozenPattern) -> Factors:
-        """See the base class."""
-        return _Ordered(self.name, pattern, nested_dissection)
-
-
-def _factorised(matrix: csc_matrix, **options: Any) -> Any:
-    try:
-        return splu(matrix, **options)
-    except RuntimeError as error:  # SuperLU: exactly singular
-        raise SingularMatrixError("the iteration matrix is singular") from error
-
-
-class _Pivoting(Factors):
-    name = "superlu"
-
-    def __init__(self, pattern: FrozenPattern) -> None:
-        self._pattern = pattern
+class _SuperLU(Factors):
+    def __init__(self, pattern: FrozenPattern, symmetric: bool) -> None:
+        self._pattern, self.pivoting = pattern, not symmetric
+        self.name = "superlu-symmetric" if symmetric else "superlu"
+        self._options: dict[str, Any] = {}
+        if symmetric:  # pivots on the diagonal down to a hundredth of their column's largest entry
+            self._options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01}
+            self._options["options"] = {"SymmetricMode": True}
 
     def factor(self, data: Floats) -> None:
-        self._lu = _factorised(self._pattern.assembled(data))
+        try:
+            self._lu = splu(self._pattern.assembled(data), **self._options)
+        except RuntimeError as error:  # SuperLU: exactly singular
+            raise SingularMatrixError("the iteration matrix is singular") from error
 
     def solve(self, rhs: Floats) -> Floats:
         return self._lu.solve(rhs)
 
 
-class _Ordered(Factors):
-    """Symmetric mode in an order found once."""
-
-    pivoting = False
-
-    def __init__(
-        self, name: str, pattern: FrozenPattern, rule: Callable[[csc_matrix], IndexArray]
-    ) -> None:
-        self.name = name
-        self._permuted = Permuted(pattern, unknowns_in_order(pattern, rule))
-
-    def factor(self, data: Floats) -> None:
-        self._lu = _factorised(
-            self._permuted.matrix(data),
-            permc_spec="NATURAL",
-            diag_pivot_thresh=THRESHOLD,
-            options={"SymmetricMode": True},
-        )
-
-    def solve(self, rhs: Floats) -> Floats:
-        out = np.empty_like(rhs)
-        out[self._permuted.order] = self._lu.solve(rhs[self._permuted.order])
-        return out
-
-
-# -- pardiso of the Intel MKL: the analysis once for a pattern, numbers as often as they change ----
-#
-# pypardiso finds the library; its own calls repeat the analysis with each matrix, so the library is
-# called here. Threads: as many as the environment (``MKL_NUM_THREADS``) lets it take.
-
-#: its numbers of what it can do
-ANALYSE, FACTOR, SOLVE = 11, 22, 33
-
-
 class SolverPardiso(Solver):
     """Pardiso of the Intel MKL; needs pypardiso (extra ``solvers``).
+
+    It takes as many threads as the environment (``MKL_NUM_THREADS``) lets it take.
 
     Examples
     --------
@@ -476,7 +305,8 @@ class SolverPardiso(Solver):
         try:
             from pypardiso import PyPardisoSolver
 
-            library = PyPardisoSolver().libmkl
+            # a matrix with a symmetric pattern, or any
+            library = PyPardisoSolver(mtype=1 if balanced(pattern) else 11)
         except (ImportError, OSError) as error:
             raise ImportError(
                 "SolverPardiso() needs pypardiso: pip install 'skfem-cosserat[solvers]'"
@@ -484,101 +314,37 @@ class SolverPardiso(Solver):
         return _Pardiso(pattern, library)
 
 
-class _Handle:
-    """Memory of the library, which has to be given back."""
-
-    def __init__(self, library: Any, n: int, kind: int) -> None:
-        self._call = library["pardiso"]  # a function object of our own
-        self._call.argtypes = [ctypes.c_void_p] * 16
-        self._call.restype = None
-        self.n, self.kind = n, kind
-        self.memory = np.zeros(64, dtype=np.int64)
-        self.settings = np.zeros(64, dtype=np.int32)
-
-    def __call__(self, phase: int, arrays: list[Array], count: int = 1) -> int:
-        """Run a phase for entries, first entries, rows, right-hand sides, solutions."""
-
-        def number(value: int) -> Any:
-            return ctypes.byref(ctypes.c_int32(value))
-
-        a, ia, ja, b, x = [array.ctypes.data for array in arrays]
-        error = ctypes.c_int32(0)
-        settings, memory = self.settings.ctypes.data, self.memory.ctypes.data
-        head = [memory, number(1), number(1), number(self.kind), number(phase), number(self.n)]
-        tail = [number(count), settings, number(0), b, x, ctypes.byref(error)]
-        self._call(*head, a, ia, ja, None, *tail)
-        return error.value
-
-    def release(self) -> None:
-        """Give the memory back."""
-        self(-1, [np.zeros(1)] * 5)
-
-
 class _Pardiso(Factors):
     name = SolverPardiso.name
     pivoting = False
 
     def __init__(self, pattern: FrozenPattern, library: Any) -> None:
-        self._starts = pattern.indptr.astype(np.int32)
-        self._rows = pattern.indices.astype(np.int32)
-        self._none = np.zeros(pattern.shape[0])
-        self._symmetric = balanced(pattern)
-        kind = 1 if self._symmetric else 11  # a symmetric pattern, or none
-        self._handle = _Handle(library, pattern.shape[0], kind)
-        settings = self._handle.settings
-        settings[0] = 1  # no defaults
-        settings[1] = 2  # nested dissection
-        settings[9] = 13  # pivots below 1e-13 of the matrix are moved there
-        if not self._symmetric:  # large entries onto the diagonal: multipliers have none
-            settings[10] = settings[12] = 1
-        settings[11] = 2  # columns are given where it expects rows
-        settings[34] = 1  # indices from 0
-        self._analysed = False
-        weakref.finalize(self, self._handle.release).atexit = False
+        self._pattern, self._library = pattern, library
+        weakref.finalize(self, library.free_memory, everything=True).atexit = False
 
     def factor(self, data: Floats) -> None:
-        self._data = np.ascontiguousarray(data, dtype=float)
-        matched = self._symmetric or not self._analysed
-        if self._moved():
-            self._analysed = self._symmetric
-            if matched or self._moved():  # else rows were matched to the entries of another matrix
-                raise SingularMatrixError("the iteration matrix is singular")
+        from pypardiso.pardiso_wrapper import PyPardisoError
 
-    def _moved(self) -> int:
-        """Number of pivots so small that they were moved."""
-        if not self._analysed:
-            self._run(ANALYSE, self._none, self._none)
-            self._analysed = True
-        self._run(FACTOR, self._none, self._none)
-        return int(self._handle.settings[13])
+        self._matrix = self._pattern.assembled(data)
+        try:
+            self._library.factorize(self._matrix)
+        except PyPardisoError as error:
+            if error.value == -2:
+                raise MemoryError("Pardiso has not enough memory") from error
+            raise SingularMatrixError(f"the iteration matrix is singular ({error})") from error
+        if self._library.get_iparm(14):  # so many pivots were so small that they were moved
+            raise SingularMatrixError("the iteration matrix is singular")
 
     def solve(self, rhs: Floats) -> Floats:
-        b = np.array(rhs, dtype=float, order="F")
-        x = np.zeros_like(b)
-        self._run(SOLVE, b, x)
-        return x
-
-    def _run(self, phase: int, b: Floats, x: Floats) -> None:
-        count = 1 if b.ndim == 1 else b.shape[1]
-        error = self._handle(phase, [self._data, self._starts, self._rows, b, x], count)
-        if error == -4:  # zero pivot
-            raise SingularMatrixError("the iteration matrix is singular")
-        if error == -2:
-            raise MemoryError("Pardiso has not enough memory")
-        if error:
-            raise CosseratError(f"Pardiso failed in phase {phase} with error {error}")
+        return self._library.solve(self._matrix, rhs)
 
 
 # -- the one place where a linear solver is chosen, checked and replaced where it fails ------------
 
 EIGENVALUES = 300  # unknowns up to which eigenvalues are computed dense
-DENSE = 40  # unknowns below which a dense factorisation is fastest
-FULL = 0.3  # share of entries from which it always is, up to this number of unknowns
-MOST = 3000
+FULL = 0.3  # share of entries from which a dense factorisation is fastest
 BAND = 110  # lower plus upper bandwidth up to which a banded one is faster than a sparse one
-OPTIONAL = 2000  # unknowns from which solvers of other packages pay
-#: backward error of a solution above which it is corrected once, and above which it is refused
-GOOD, ENOUGH = 1e-13, 1e-12
+OPTIONAL = 2000  # unknowns from which the solver of another package pays
 
 
 def checked_solver(solver: object) -> Solver | None:
@@ -654,22 +420,16 @@ class LinearSolver:
 
     def _chosen(self) -> Factors:
         pattern, n = self.pattern, self.pattern.shape[0]
-        if n <= DENSE or (n <= MOST and pattern.nnz > FULL * n**2):
+        if pattern.nnz >= FULL * n**2:
             return SolverDense().bind(pattern)
         band = Band(pattern)
         if band.lower + band.upper <= BAND:
             return SolverBanded().bind(pattern, band)
-        others = [
-            ("pypardiso", SolverPardiso()),
-            ("pymetis", SolverMetis()),
-        ]
-        for package, solver in others if n >= OPTIONAL else []:
-            if find_spec(package) is None or (package == "pymetis" and not balanced(pattern)):
-                continue
+        if n >= OPTIONAL and find_spec("pypardiso") is not None:
             try:
-                return solver.bind(pattern)
+                return SolverPardiso().bind(pattern)
             except ImportError as error:  # its libraries are missing
-                text = f"{solver!r} is not used: {error}"
+                text = f"SolverPardiso() is not used: {error}"
                 warn("linear solver", text, PerformanceWarning)
         return SolverSuperLU().bind(pattern)
 
@@ -759,7 +519,7 @@ class LinearSolver:
 
         with np.errstate(all="ignore"):
             r = rhs - matrix @ x
-            if error(x, r) <= GOOD:
+            if error(x, r) <= SAME:
                 return x
             x = x + factors.solve(r)
-            return x if error(x, rhs - matrix @ x) <= ENOUGH else None
+            return x if error(x, rhs - matrix @ x) <= SAME else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, overload
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class DampedProblem(NewtonProblem, Protocol):
         """Back to a saved configuration."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class NewtonSettings(Frozen):
     """When Newton's method stops.
 
@@ -102,6 +102,7 @@ class NewtonSettings(Frozen):
                 whole("Newton settings", value, 0 if name == "reuse" else 1, name)
             elif name not in ("mixed", "largest") or not np.array_equal(value, np.inf):
                 positive("Newton settings", name, value)
+        super().__post_init__()
 
 
 @dataclass
@@ -387,21 +388,14 @@ class _Stages:
 _plain = newton_loop(_Stages.evaluate, _Stages.factorise, _Stages.direct, _Stages.advance)
 
 
-@overload
-def newton(problem: NewtonProblem, settings: NewtonSettings) -> NewtonReport: ...
-
-
-@overload
-def newton(problem: DampedProblem, settings: NewtonSettings, damped: bool) -> NewtonReport: ...
-
-
-def newton(problem: Any, settings: NewtonSettings, damped: bool = False) -> NewtonReport:
+def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = False) -> NewtonReport:
     """Solve; never raises for a failing iteration, the report says why it stopped.
 
     Parameters
     ----------
     damped : bool
-        With a backtracking line search on the residual and more iterations.
+        With a backtracking line search on the residual and more iterations, of a
+        :class:`DampedProblem`.
     """
     stages, record = _Stages(problem, settings.rotation, damped), np.zeros(len(RECORD))
     own = {name: getattr(settings, name) for name in Limits._fields[:-2]}

@@ -1,13 +1,8 @@
-"""Sparse patterns that are built once, and what scenes of one structure share, or one has."""
+"""Sparse patterns that are built once."""
 
 from __future__ import annotations
 
-import hashlib
-import threading
-from collections.abc import Callable
-from functools import wraps
-from typing import Any, TypeVar
-from weakref import WeakKeyDictionary
+from copy import copy
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
@@ -80,6 +75,10 @@ class FrozenPattern:
         self.indptr = indptr.astype(kind)
         for array in (self.slot, self.indices, self.indptr):
             array.setflags(write=False)
+        entries = np.zeros(self.nnz), self.indices, self.indptr
+        #: zeros: a copy with other entries costs far less than a new matrix
+        self._matrix = csc_matrix(entries, shape=self.shape, copy=False)
+        self._matrix.has_canonical_format = True  # then they are sorted, too
 
     def expanded(self, size: IndexArray) -> FrozenPattern:
         """The pattern with ``size`` (n,) rows and columns for each of n, and full blocks.
@@ -126,9 +125,8 @@ class FrozenPattern:
         """Matrix of stored entries (nnz,), e.g. sums of several :meth:`data`."""
         if np.shape(data) != (self.nnz,):
             raise InputError("argument data", f"shape {np.shape(data)}, expected ({self.nnz},)")
-        out = csc_matrix((data, self.indices, self.indptr), shape=self.shape, copy=False)
-        out.has_sorted_indices = True
-        out.has_canonical_format = True
+        out = copy(self._matrix)
+        out.data = data
         return out
 
 
@@ -156,141 +154,3 @@ def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:
         bad = array.min() if array.min() < 0 else array.max()
         raise InputError(f"argument {name}", f"index {bad} is not in 0 .. {limit - 1}")
     return array.astype(np.int64)
-
-
-# -- what follows from the structure of a scene alone, made once for all scenes that have it ------
-#
-# Which vertices, rows and unknowns are coupled is said by integers. What is made of nothing else,
-# such as patterns and orders of elimination, is the same for every scene with the same integers,
-# whatever its lengths, stiffnesses and positions are. A digest of all of these integers is the key:
-# scenes that differ anywhere share nothing by mistake.
-
-MadeT = TypeVar("MadeT")
-
-
-class Shared:
-    """Results of functions of integers, or of bytes; those that were used last are kept.
-
-    Parameters
-    ----------
-    most : int
-        Memory (bytes) of all together; one alone may take half of it.
-
-    Examples
-    --------
-    >>> shared = Shared(10**6)
-    >>> rows, cols = np.array([0, 1, 1]), np.array([0, 1, 1])
-    >>> pattern = shared(FrozenPattern, rows, cols, (2, 2))
-    >>> shared(FrozenPattern, rows.copy(), cols.copy(), (2, 2)) is pattern
-    True
-    >>> shared(FrozenPattern, rows, cols, (2, 3)) is pattern
-    False
-    """
-
-    def __init__(self, most: int = 64_000_000) -> None:
-        self._most = most
-        self._kept: dict[tuple[Any, bytes], tuple[Any, int]] = {}
-        self._size = 0
-        self._lock = threading.Lock()
-
-    def __call__(self, make: Callable[..., MadeT], *integers: Any) -> MadeT:
-        """What `make` makes of these numbers, bytes and arrays of integers, in tuples or not.
-
-        It is not to be changed, as others have it, too.
-        """
-        key = make, _digest(integers)
-        with self._lock:
-            found = self._kept.pop(key, None)
-            if found is not None:
-                self._kept[key] = found  # the last one now
-                return found[0]
-        made = make(*integers)
-        size = _memory(made)
-        with self._lock:
-            if size <= self._most // 2 and key not in self._kept:
-                self._kept[key] = made, size
-                self._size += size
-            while self._size > self._most:
-                self._size -= self._kept.pop(next(iter(self._kept)))[1]
-        return made
-
-    def clear(self) -> None:
-        """Keep nothing of what there is."""
-        with self._lock:
-            self._kept.clear()
-            self._size = 0
-
-
-#: of this process
-shared = Shared()
-
-
-KeyT = TypeVar("KeyT")
-ValueT = TypeVar("ValueT")
-
-
-def once_for_each(function: Callable[[KeyT], ValueT]) -> Callable[[KeyT], ValueT]:
-    """Keep what a function of one object finds for each that somebody still has.
-
-    Nothing that it finds may refer to that object.
-
-    Examples
-    --------
-    >>> class Scene:
-    ...     calls = 0
-    >>> @once_for_each
-    ... def called(scene: Scene) -> int:
-    ...     scene.calls += 1
-    ...     return scene.calls
-    >>> scene = Scene()
-    >>> called(scene), called(scene), called(Scene())
-    (1, 1, 1)
-    """
-    known: WeakKeyDictionary[KeyT, ValueT] = WeakKeyDictionary()
-
-    @wraps(function)
-    def found(key: KeyT) -> ValueT:
-        if key not in known:
-            known[key] = function(key)
-        return known[key]
-
-    return found
-
-
-def _digest(values: Any) -> bytes:
-    """Of integers, alone, in arrays, bytes or tuples; their types and shapes included."""
-    digest = hashlib.blake2b(digest_size=32)
-
-    def take(value: Any) -> None:
-        if isinstance(value, np.ndarray) and value.dtype.kind in "iub":
-            digest.update(f"{value.dtype.str}{value.shape}".encode())
-            digest.update(np.ascontiguousarray(value).data)
-        elif isinstance(value, bytes):
-            digest.update(f"bytes{len(value)}".encode())
-            digest.update(value)
-        elif isinstance(value, tuple) and not all(map(_is_whole, value)):
-            digest.update(f"({len(value)}".encode())
-            for each in value:
-                take(each)
-        elif isinstance(value, tuple) or _is_whole(value):
-            digest.update(f"{value!r},".encode())
-        else:
-            raise TypeError(f"{type(value).__name__} is no integer, nor made of integers")
-
-    take(values)
-    return digest.digest()
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int)
-
-
-def _memory(value: Any) -> int:
-    """What an object takes, roughly (bytes): its arrays, and what lists have by their length."""
-    if isinstance(value, np.ndarray):
-        return value.nbytes
-    if isinstance(value, dict):
-        return 200 * len(value) + sum(map(_memory, value.values()))
-    if isinstance(value, list | tuple):
-        return 64 + sum(map(_memory, value))
-    return 64 + (sum(map(_memory, vars(value).values())) if hasattr(value, "__dict__") else 0)

@@ -22,7 +22,7 @@ from .types import Floats
 ORIGIN = ground((0.0, 0.0, 0.0))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Expression(Attached):
     """Linear combination of coordinate vectors: terms ``(place, row, factor)``.
 
@@ -118,7 +118,7 @@ def normals(axis: Floats) -> Floats:
     return np.array([first, cross(axis, first)])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Amplitude(Attached):
     """A number that is prescribed in time: a component of a ground place's position."""
 
@@ -126,7 +126,7 @@ class Amplitude(Attached):
     component: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Zero(Attached):
     """Three rows: ``expression = 0``."""
 
@@ -134,7 +134,7 @@ class Zero(Attached):
     size = 3
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Product(Attached):
     """``factor * amplitude * (left . right)``; `amplitude` is 1 unless prescribed in time."""
 
@@ -149,7 +149,7 @@ class Product(Attached):
 Form = tuple[Product, ...]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RelativeCoordinate(Attached):
     """A relative coordinate of two places as a function of quadratic invariants.
 

@@ -28,7 +28,7 @@ def _positive(item: str, **values: float) -> None:
         positive(item, name, value)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Material(Frozen):
     """Isotropic linear elastic material.
 
@@ -55,6 +55,7 @@ class Material(Frozen):
         _positive("material", E=self.E, rho=self.rho)
         if not -1 < real("material", "nu", self.nu, "-1 < nu <= 0.5") <= 0.5:
             raise InputError("material", f"nu = {self.nu!r}, expected -1 < nu <= 0.5")
+        super().__post_init__()
 
     @property
     def G(self) -> float:

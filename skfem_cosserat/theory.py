@@ -9,12 +9,9 @@ as many as the nodes can follow. With one point more elements lock, with one few
 that strain nothing. What holds them are constraint forces: their multipliers are the stress
 resultants.
 
-Each takes both treatments. The null space method eliminates the lines of beams whose elements form
-trees: positions follow from rotations (and stretches), which leaves half of the unknowns or fewer
-but fills their matrix; with plain kernels it is for tens of elements in a row. Compiled kernels
-take linear elements one after the other like the joints of a tree, at a cost linear in their
-number. With multipliers there are more unknowns than for the full beam, in a narrow band: for long
-beams of higher order.
+Each takes both treatments. With the null space method, too, what is held has multipliers, at a cost
+linear in the number of elements; rigid elements move like bodies. On closed loops held strains are
+eliminated, which fills the matrix: with plain kernels it is for tens of elements there.
 """
 
 from __future__ import annotations

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from abc import abstractmethod
-from bisect import bisect_left, bisect_right
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -61,7 +60,7 @@ def _finite(item: str, **values: float) -> None:
         finite(item, name, value)
 
 
-class _Ramp(Frozen):
+class _Ramp(Frozen, ABC):
     """From one value to another, constant before and after."""
 
     def __init__(
@@ -269,12 +268,7 @@ class Table(Frozen):
             raise InputError("table of time", f"not finite: {self.times}, {self.values}")
         if (np.diff(self.times) <= 0).any():
             raise InputError("table of time", f"times do not increase: {self.times.tolist()}")
-        # plain numbers: most steps ask for two values between two kinks
-        self._kinks = self.times.tolist()
-        self._ends = float(self.values[0]), float(self.values[-1])
         self.constant_after = float(self.times[-1])
-        slopes = np.diff(self.values) / np.diff(self.times)
-        self._lines = list(zip(self.values[:-1].tolist(), slopes.tolist(), strict=True))
 
     def value(self, t: float) -> float:
         """Linear interpolation."""
@@ -285,19 +279,10 @@ class Table(Frozen):
     def average(self, t0: float, t1: float) -> float:
         """Exact mean: the trapezoidal rule between all kinks."""
         t0, t1 = min(t0, t1), max(t0, t1)
-        first, last = bisect_right(self._kinks, t0), bisect_left(self._kinks, t1)
-        if first == last:  # no kink inside, as in most steps
-            return 0.5 * (self._between(first, t0) + self._between(first, t1))
-        t = np.concatenate([[t0], self.times[first:last], [t1]])
+        inside = self.times[(t0 < self.times) & (self.times < t1)]
+        t = np.concatenate([[t0], inside, [t1]])
         f = np.interp(t, self.times, self.values)
         return float(((f[1:] + f[:-1]) / 2 * np.diff(t)).sum() / (t1 - t0))
-
-    def _between(self, k: int, t: float) -> float:
-        """Value between the kinks number k - 1 and k, or beyond the table."""
-        if k in (0, len(self._kinks)):
-            return self._ends[k > 0]
-        value, slope = self._lines[k - 1]
-        return value + slope * (t - self._kinks[k - 1])
 
 
 def _clenshaw_curtis(n: int) -> tuple[Floats, Floats, Floats]:
@@ -438,20 +423,7 @@ def time_function(item: str, value: Amplitude) -> TimeFunction:
     return FunctionOfTime(value)
 
 
-def averages_ahead(
-    times: Sequence[TimeFunction], starts: Sequence[float], h: float
-) -> Floats | None:
-    """Means (k, functions) over steps of size h (s) from these times (s) on.
-
-    None: there are functions of users, which may be slow, or raise: they are asked step by step.
-    """
-    if any(map(of_the_user, times)):
-        return None
-    out = [[time.average(t, t + h) for time in times] for t in starts]
-    return np.array(out).reshape(len(starts), len(times))
-
-
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Component(Frozen):
     """One component of a function of time that gives three; errors name item and argument."""
 

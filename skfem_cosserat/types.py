@@ -195,3 +195,9 @@ def names_known(name: object, known: Iterable[object], what: str = "known", ask:
         return f"{question} {listed}".strip()
     first = ", ".join(map(repr, names[:LISTED]))
     return f"{question}{every}" if near else f"{what}: {first}, ...{every}"
+
+
+def largest(*terms: Array) -> float:
+    """Largest magnitude in any of the arrays; zero if they are empty."""
+    every = terms[0] if len(terms) == 1 else np.concatenate(terms)
+    return float(np.maximum.reduce(abs(every), axis=None)) if every.size else 0.0

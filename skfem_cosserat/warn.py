@@ -96,7 +96,8 @@ class Notices:
     ) -> None:
         self.found = [dict(notice) for notice in known]
         self.clock, self.quiet, self.alone = clock, quiet, alone
-        self._failing = False
+        #: whether what is to come is an error, whose text says what was found
+        self.failing = False
         self._keys = {_key(notice) for notice in self.found}
         self._tokens: list[Token[tuple[Notices, ...]]] = []
 
@@ -116,11 +117,6 @@ class Notices:
         self.found.append(notice)
         return True
 
-    @property
-    def failing(self) -> bool:
-        """Whether a failure is on its way."""
-        return self._failing
-
     def kept(self) -> list[Notice]:
         """A copy of what was found, for the meta data of a result."""
         return [dict(notice) for notice in self.found]
@@ -130,7 +126,7 @@ class Notices:
 
         Warnings that the user made errors do not take its place from here on.
         """
-        self._failing = True
+        self.failing = True
         error.warnings = self.kept()
         error.warned = told(self.found)
 

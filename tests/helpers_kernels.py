@@ -14,6 +14,7 @@ from rounding import limits, nudged
 
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper
+from skfem_cosserat.model.system import Coordinates
 
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
@@ -116,7 +117,7 @@ def both(
     Without kept factors, so with the same iterates.
     """
     pytest.importorskip("numba")
-    from skfem_cosserat.integrators.compiled_step import stepped
+    from skfem_cosserat.integrators.compiled_step import kernel_coordinates
 
     start = moving(system) if start is None else start
     how = TREATMENTS[treatment] if isinstance(treatment, str) else treatment
@@ -129,7 +130,9 @@ def both(
         for begin, kernels in ((start, "numpy"), (start, "numba"), (nudged(start), "numba"))
     )
     compiled.meta["limits"] = limits(compiled, beside, SERIES)
-    compiled.meta["other unknowns"] = stepped(system, how) is not system
+    along_joints = kernel_coordinates(system, how) is system.joint_coordinates
+    others = not along_joints or system.plane is not None or holds_strains(system)
+    compiled.meta["other unknowns"] = others
     return plain, compiled
 
 
@@ -199,6 +202,11 @@ def balance_of(fast: Any) -> Any:
     return fast._a.R - closing if len(closing) else fast._a.R
 
 
+def holds_strains(system: sc.System) -> bool:
+    """Whether beams hold strains by rows, which the tree of joints leaves."""
+    return any(np.isin(each.numbers, system.left_rows).any() for each in system.theory_rows)
+
+
 def assert_same_iteration(
     system: sc.System, integrator: str, treatment: str, seed: int, start: sc.State | None = None
 ) -> None:
@@ -210,9 +218,9 @@ def assert_same_iteration(
     pytest.importorskip("numba")
     start = moving(system) if start is None else start
     if treatment == "multipliers":
-        _same_with_rows(system.untied, integrator, seed, start)
-    elif system.jointed is not system:
-        _same_with_rows(system.jointed, integrator, seed, start)
+        _same_with_rows(system.vertex_coordinates, integrator, seed, start)
+    elif holds_strains(system):
+        _same_with_rows(system.joint_coordinates, integrator, seed, start)
     else:
         _same_in_null_space(system, integrator, seed, start)
 
@@ -225,7 +233,7 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
     h = 0.02
     method = INTEGRATORS[integrator]
     stepper = Stepper(system, method, sc.NullSpace(), h, kernels="numpy")
-    fast: Any = CompiledStep(system, method, h, sc.NewtonSettings())
+    fast: Any = CompiledStep(system.joint_coordinates, method, h, sc.NewtonSettings())
     begin, evaluate, matrix, increment = map(
         called, (step.start, step.evaluate, step.matrix, step.increment)
     )
@@ -245,16 +253,16 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
         plain = problem.direction()
         assert bound.solver.solve is not None
         fast._begin(state, fast.h)
-        begin(*fast._all, 1)
-        size = evaluate(*fast._all, 1)
+        begin(fast._all, 1)
+        size = evaluate(fast._all, True)
         assert fast._a.y1 == pytest.approx(problem.y1, abs=1e-13)
         assert balance_of(fast) == pytest.approx(
             problem.evaluation.R, abs=1e-12 * abs(problem.evaluation.R).max()
         )
         relative = bound.relative(problem._r, problem.evaluation.size)
         assert size == pytest.approx(relative, rel=1e-9)
-        assert matrix(*fast._all, 0)
-        increment(*whole, 0)
+        assert matrix(fast._all, 0)
+        increment(whole, False)
         found = fast._a.x.ravel()[fast._numbering]
         assert found == pytest.approx(plain, abs=1e-10 * abs(plain).max())
         if mixed:  # the next one with predicted stresses
@@ -263,30 +271,33 @@ def _same_in_null_space(system: sc.System, integrator: str, seed: int, state: sc
             assert problem._stresses is not None
             plain = problem.direction()
             assert fast._a.found[1] == 1
-            evaluate(*fast._all, 1)
-            assert matrix(*fast._all, 1)
-            increment(*whole, 0)
+            evaluate(fast._all, True)
+            assert matrix(fast._all, 1)
+            increment(whole, False)
             found = fast._a.x.ravel()[fast._numbering]
             # an increment that leads anywhere came before: what it amplified, two ways of rounding
             assert found == pytest.approx(plain, abs=1e-8 * abs(plain).max())
 
 
-def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State) -> None:
+def _same_with_rows(free: Coordinates, integrator: str, seed: int, state: sc.State) -> None:
     """Against ``[[A, P^T G^T], [G P, 0]]`` of dense matrices, G the rows that its tree leaves."""
     from skfem_cosserat.compiled import step
     from skfem_cosserat.compiled.numbers import GUESS, KNOWN, MASS, ROTATION
     from skfem_cosserat.constraints.null_space import BoundNullSpace
     from skfem_cosserat.integrators.compiled_step import CompiledStep
 
-    h, system, g = 0.02, free.tied, free.constraints
+    h, system, g = 0.02, free.system, free.system.constraints
     method: Any = INTEGRATORS[integrator]
     fast: Any = CompiledStep(free, method, h, sc.NewtonSettings())
     begin, evaluate, matrix, increment = map(
         called, (step.start, step.evaluate, step.matrix, step.increment)
     )
     rng, unknowns, a = np.random.default_rng(seed), free.kinematics.unknowns, fast._a
-    balance = method.balance(free, h)
-    bound: Any = BoundNullSpace(free, method.scheme(h).weight)
+    balance = method.balance(system, h)
+    bare = object.__new__(sc.System)  # all rows that are left are put in below
+    none = {"held_rows": system.held_rows[:0], "left_rows": system.held_rows[:0]}
+    vars(bare).update(vars(system), tree=free.tree, kinematics=free.kinematics, **none)
+    bound: Any = BoundNullSpace(bare, method.scheme(h).weight)
     size = abs(method.scheme(h).mass * system.mass).max() * 0.1
     numbers = fast._tree["row_numbers"]
     rows, where = numbers[numbers >= 0], (*np.nonzero(numbers >= 0),)
@@ -300,8 +311,8 @@ def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State
     a.last.ravel()[fast._numbering] = guess
     bound.guess(True)
     fast._begin(state, fast.h)
-    begin(*fast._all, 1)
-    residual = evaluate(*fast._all, 1)
+    begin(fast._all, 1)
+    residual = evaluate(fast._all, True)
     y1 = bound.configure()
     data = balance.begin(state)
     found = balance.evaluate(data, y1)
@@ -321,16 +332,16 @@ def _same_with_rows(free: sc.System, integrator: str, seed: int, state: sc.State
     P1 = np.array([bound.displacement(e, y1).ravel() for e in np.eye(unknowns)]).T
     P = np.array([bound.pull(e.reshape(-1, 3)) for e in np.eye(system.n)])
     blocks = balance.tangent(data, found)
-    A = bound.solver.pattern.assembled(bound.matrix(blocks, R, y1)).toarray()
+    A = bound.solver.full(bound.matrix(blocks, R, y1))
     H = np.zeros((system.n, system.n))
     np.add.at(H, (g.curvature_rows, g.curvature_cols), g.curvature_values(mu, yc))
     A += bound.weight * P.T @ H @ P1 + P.T @ G.T @ (weights[:, None] * (G1 @ P1))
     none = np.zeros((len(rows), len(rows)))
     expected = -np.linalg.solve(np.block([[A, P.T @ G.T], [G1 @ P1, none]]), r)
-    assert matrix(*fast._all, 0)
+    assert matrix(fast._all, 0)
     whole = *fast._all[:-1], fast._all[-1].copy()
     whole[-1][ROTATION] = np.inf  # as found: not scaled down for its rotations
-    increment(*whole, 0)
+    increment(whole, False)
     assert_near = a.x.ravel()[fast._numbering], a.x[where]
     for part, own in zip((expected[:unknowns], expected[unknowns:]), assert_near, strict=True):
         assert own == pytest.approx(part, abs=1e-9 * abs(part).max(initial=0))

@@ -409,7 +409,7 @@ def random_state(
 def null_space(system: System, y: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     """Dense ``P(y)`` (n, unknowns) with the axes `fixed` of a reparametrisation."""
     kin = system.kinematics
-    T = kin.T.matrix(kin.T.values(kin.T.locate(y, fixed))).toarray()
+    T = kin.T.matrix(kin.values_at(y, fixed)).toarray()
     P = np.zeros((system.n, kin.unknowns))
     blocks = null_space_blocks(kin.directors(y))
     for k, row in enumerate(kin.frame_rows):

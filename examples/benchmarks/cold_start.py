@@ -38,7 +38,7 @@ from skfem_cosserat.integrators.choice import refusal
 HERE = Path(__file__).resolve().parent
 #: at most (s)
 LIMITS = {"import": 1.0, "cold": 12.0, "warm": 0.5, "other mesh": 0.5}
-OPTIONAL = ("numba", "matplotlib", "pyvista", "vtk", "exudyn", "pypardiso", "pymetis", "dask")
+OPTIONAL = ("numba", "matplotlib", "pyvista", "vtk", "exudyn", "pypardiso", "dask")
 ELEMENTS, OTHER = 6, 9
 COLUMNS = (
     *("measure", "integrator", "treatment", "order", "seconds", "cpu_s", "limit", "compiled"),

@@ -2,10 +2,9 @@
 
 A cube of n x n x n joints, one rubber rod between neighbours, rigidly connected, clamped at one
 face, bends by its weight: energy-momentum, null space, h = 1e-3 s. First the package's own choice,
-then each sparse solver that is installed, forced: SuperLU of scipy alone, in the order of METIS
-(pymetis), and Pardiso (pypardiso). Rounds go through all of them, so that ratios come from the same
-minute; medians of CPU times. One thread. Writes ``lattice.csv`` with versions and machine, and the
-speed of a matrix product.
+then each sparse solver that is installed, forced: SuperLU of scipy, and Pardiso (pypardiso). Rounds
+go through all of them, so that ratios come from the same minute; medians of CPU times. One thread.
+Writes ``lattice.csv`` with versions and machine, and the speed of a matrix product.
 
 *ms_per_iteration* is a whole step by its Newton iterations, each with a matrix of its own.
 *ms_factorisation* is the numeric factorisation of the matrix that elimination in blocks leaves, by
@@ -42,11 +41,10 @@ STEP = 1e-3
 SOLVERS: dict[str, tuple[Solver | None, str]] = {
     "own choice": (None, "scipy"),
     "superlu": (sc.SolverSuperLU(), "scipy"),
-    "superlu-metis": (sc.SolverMetis(), "pymetis"),
     "pardiso": (sc.SolverPardiso(), "pypardiso"),
 }
 #: whose versions go with the numbers
-PACKAGES = ("numba", "pypardiso", "pymetis")
+PACKAGES = ("numba", "pypardiso")
 #: joints a side and elements a strut
 QUICK, FULL = ((6, 1), (5, 4)), ((16, 1), (10, 10))
 #: largest ratio of an iteration, by the package's own choice: for struts with one element to the

@@ -70,10 +70,9 @@ def cantilever(elements: int, order: int, load: str) -> sc.System:
 
 def points(system: sc.System, kernels: str) -> tuple[float, int, PathSolver]:
     """Time and iterations to solve the points of a path, nothing else."""
-    choice = choose(kernels, system, None, 0.0)
+    choice = choose(kernels, system.joint_coordinates, None, 0.0)
     solver = PathSolver(system, sc.NullSpace(), Schedule(system), STATIC, choice)
     point = Point(system.extend(system.q0, 0.0), 0.0)
-    solver.begin(point)
     begun = time.process_time()
     for _ in range(STEPS):
         solution, report = solver.solve(point, Functional(None, 1.0, 1.0 / STEPS))

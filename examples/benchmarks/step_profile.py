@@ -101,7 +101,7 @@ def profile(elements: int, integrator: str) -> list[dict[str, Any]]:
 
     fast = stepper._fast  # the parts are no interface of the package
     assert fast is not None
-    fast.solve(run.state, run.state.time + STEP)
+    fast.advance(run.state, np.array([run.state.time + STEP]))
     places, s, m, w, g, numbers = fast._all
     tree, beam, factor = caller(beam=False), caller(beam=True), factors()
     for name in ("clear", "beam_tangent", "nodal_mass_matrix", "node_matrix"):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,30 +14,31 @@ from ..model import System
 from ..model.force_elements import Invariants
 from ..model.groups import BeamGroup, Group
 from ..model.parts import SeparateParts
+from ..model.system import Coordinates
 from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..strain_function import CompiledFunction
 from ..theory import LawHeld
 from ..types import Floats, IndexArray
 from . import structures
-from .bind_rows import bound_held, bound_rows, first_held
+from .bind_rows import bound_rows
 from .kept import VECTOR, Source, address, cold
 from .numbers import (
     BEAM_PARTS,
     COMPLEX_ENERGY,
     COMPLEX_GRADIENT,
     COUPLED,
-    DRIVEN,
     ENERGY,
     GRADIENT,
     HESSIAN,
     LOGGED,
+    NEXT_LOADS,
     NUMBERS,
     TREE_PARTS,
     WIDTH,
 )
-from .plan import Plan, following
-from .structures import Groups, flags, integers, room
+from .plan import Plan, following, places_of
+from .structures import Groups, flags, integers
 from .tables.couplings import (
     ANGLE,
     DAMPING,
@@ -62,21 +62,6 @@ from .tables.flow import BORDER, SHIFTS, SUMS, TURNED
 from .tables.tree import AXIS, SLIDE, SPHERE
 from .tables.tree import ROTATION as TURN
 from .warm import helped
-
-__all__ = [
-    "addresses",
-    "bound_beams",
-    "bound_carried",
-    "bound_couplings",
-    "bound_groups",
-    "bound_nodal_masses",
-    "bound_plan",
-    "bound_tree",
-    "bound_work",
-    "compiling",
-    "parts_of",
-]
-
 
 # -- from force elements to the arrays of the compiled kernels -------------------------------------
 
@@ -120,30 +105,22 @@ def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
     }
 
 
-def _vertices(system: System, rows: IndexArray) -> IndexArray:
-    """Vertex of each row of y, those of the ground included."""
-    first = np.asarray(system.vertex_rows)
-    order = np.argsort(first, kind="stable")
-    return np.asarray(order[np.searchsorted(first[order], rows, side="right") - 1])
-
-
 def _place(system: System, plan: Plan, rows: IndexArray, out: IndexArray) -> list[int]:
     """Slots and rows of the one or two vertices, which it gives."""
-    vertices = np.unique(_vertices(system, rows)).tolist()
+    vertices = np.unique(places_of(system)[0][rows]).tolist()
     known = np.array([v if v < len(system.origin_rows) else -1 for v in [*vertices, -1][:2]])
     out[SLOT:ROW], out[ROW:] = plan.slots(known[:, None], known).ravel(), rows[0]
     for one, v in enumerate(vertices):
-        own = rows[_vertices(system, rows) == v]
-        out[ROW + SIDE * one + own - system.vertex_rows[v]] = own
+        first, k = system.vertex_rows[v], np.arange(SIDE)
+        out[ROW + SIDE * one + k] = np.minimum(first + k, system.total - 1)
     return vertices
 
 
 def _forms(system: System, invariants: Invariants, vertices: list[int]) -> Floats:
     """Matrices (k, 8, 8) of the invariants by the rows of both sides."""
     rows = invariants.rows[0][invariants.real[0]]
-    owner = _vertices(system, rows)
-    side = np.array([vertices.index(v) for v in owner])
-    local = SIDE * side + rows - np.asarray(system.vertex_rows)[owner]
+    owner, place = (each[rows] for each in places_of(system))
+    local = SIDE * np.array([vertices.index(v) for v in owner]) + place
     out = np.zeros((invariants.A.shape[1], ROWS, ROWS))
     out[:, local[:, None], local] = invariants.A[0][:, : len(rows), : len(rows)]
     return out
@@ -166,7 +143,11 @@ KINDS = {"rotation": TURN, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
 
 
 def parts_of(
-    system: System, weight: float, ends: bool, static: bool = False, relative: bool = False
+    coordinates: Coordinates,
+    weight: float,
+    ends: bool,
+    static: bool = False,
+    relative: bool = False,
 ) -> list[str]:
     """Names of all parts that a step takes.
 
@@ -179,16 +160,15 @@ def parts_of(
     relative : bool
         Relative velocities are damped.
     """
+    system = coordinates.system
     unused = {"hold", "beam_energy"}
     if not relative:
         unused |= {name for name in TREE_PARTS if name.startswith("flow")}
-    if not system.tree.edges:
+    if not coordinates.tree.edges:
         unused |= {name for name in TREE_PARTS if name.startswith("joint")}
-    if not len(system.left_rows):
+    if not len(coordinates.left_rows):
         unused |= {name for name in TREE_PARTS if name.startswith("row")}
-    if not (system.left_rows >= first_held(system)).any():
-        unused |= {"beam_hold", "beam_hold_matrix"}
-    if system.tree is system.spanning:
+    if coordinates.tree.edges is coordinates.joint_edges:
         unused.add("row_branch")
     if not weight:
         unused |= {"joint_curvature", "node_matrix"}
@@ -237,34 +217,31 @@ def addresses(
     for name in names:
         if name in BEAM_PARTS:
             own = [
-                address(
-                    "by law" if g.kind.family == "beams_by_law" else "tree",
-                    name,
-                    (g.kind, kinds[2], VECTOR, int),
-                    source,
-                )
+                address("tree", name, (g.kind, kinds[2], VECTOR, int), source)
                 for g in beams.members
             ]
             found[name] = beams.place(name, own)
         else:
             found[name] = address("tree", name, (*kinds, VECTOR, int), source)
-    # the last one is that of Python code, if some is called back
-    return np.array([*(found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)), 0])
+    # the last ones are those of Python code, if some is called back
+    each = [found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)]
+    return np.array([*each, *[0] * (1 + NEXT_LOADS - len(each))])
 
 
-def _parents(system: System) -> tuple[list[int], list[int]]:
+def _parents(coordinates: Coordinates) -> tuple[list[int], list[int]]:
     """Edge and parent of each vertex, -1 for none or the ground."""
+    system = coordinates.system
     count = len(system.origin_rows)
     edge, parent = [-1] * count, [-1] * count
-    for k, e in enumerate(system.tree.edges):
+    for k, e in enumerate(coordinates.tree.edges):
         edge[e.child] = k
         parent[e.child] = e.parent if e.parent < count else -1
     return edge, parent
 
 
-def _of_edges(system: System) -> list[list[Coordinate]]:
+def _of_edges(coordinates: Coordinates) -> list[list[Coordinate]]:
     """Coordinates of each edge, driven ones included; hinges from the parent outwards."""
-    tree = system.tree
+    tree = coordinates.tree
     each = {e.child: [tree.coordinate(k) for k in tree.own[e.child]] for e in tree.edges}
     for c in tree.driven:
         each[c.vertex].append(c)
@@ -278,19 +255,15 @@ def bound_beams(
     system: System,
     group: BeamGroup,
     plan: Plan,
-    rows: dict[str, Any] | None = None,
     stiffness: Floats | None = None,
 ) -> tuple[Any, dict[str, Any]]:
     """One group of elements; the structure, and its arrays by name.
 
     Parameters
     ----------
-    rows : dict, optional
-        Arrays of :func:`bound_tree`; default: strains that are held are left out.
     stiffness : (ne, 6, 6) array, optional
         Another one than that of the sections.
     """
-    hold = bound_held(system, group, plan, rows)
     elements = group.elements
     ne, nn = group.vertices.shape
     ng = len(elements.points)
@@ -307,10 +280,12 @@ def bound_beams(
     each = elements.stiffness if stiffness is None else stiffness
     stiffness, section = _kinds(each)
     S = np.zeros((ne, ng, 6))
+    # numbers of tuples are known when kernels are compiled
     fields = {
         "N": _nested(N),
         "dN": _nested(dN),
         "weights": tuple(map(float, elements.weights)),
+        # first rows of y of the nodes, and slots of the blocks
         "base": np.ascontiguousarray(system.origin_rows[group.vertices]),
         "slot": plan.slots(group.vertices[:, :, None], group.vertices[:, None]),
         "lengths": np.ascontiguousarray(elements.lengths),
@@ -324,8 +299,6 @@ def bound_beams(
         "S0": S,
         "S": S.copy(),
         "predicted": S.copy(),
-        "held_stress": S[: len(hold["held"])].copy(),
-        **hold,
     }
     return structures.structure("beams", fields), fields
 
@@ -335,8 +308,6 @@ def _kinds(each: Floats) -> tuple[Floats, IndexArray]:
 
     Those of one section share what hangs on it.
     """
-    if len(each) and (each == each[:1]).all():
-        return each[:1].copy(), np.zeros(len(each), dtype=np.int64)
     kinds, number = np.unique(each, axis=0, return_inverse=True)
     return kinds, number.reshape(len(each))
 
@@ -344,22 +315,19 @@ def _kinds(each: Floats) -> tuple[Floats, IndexArray]:
 def bound_groups(
     system: System,
     plan: Plan,
-    rows: dict[str, Any],
     viscous: bool = False,
     source: Source = Source.COMPILER,
 ) -> tuple[Any, list[dict[str, Any]]]:
     """All groups of elements; the structure, and arrays by name of each.
-
-    `rows` are arrays of :func:`bound_tree`.
 
     With `viscous`, which says that there are some, elements of viscous sections follow behind all
     others, with numbers of their own; their stiffness is the viscosity.
     """
     groups = system.beam_groups
     bound = [
-        bound_by_law(system, group, plan, rows, source)
+        bound_by_law(system, group, plan, source)
         if group.elements.stored
-        else bound_beams(system, group, plan, rows)
+        else bound_beams(system, group, plan)
         for group in groups
     ]
     numbers: list[Any] = [None] * len(bound)
@@ -377,19 +345,18 @@ def bound_by_law(
     system: System,
     group: BeamGroup,
     plan: Plan,
-    rows: dict[str, Any],
     source: Source = Source.COMPILER,
 ) -> tuple[Any, dict[str, Any]]:
     """One group of elements of which some have a stored energy; as :func:`bound_beams`."""
-    _, fields = bound_beams(system, group, plan, rows)
+    _, fields = bound_beams(system, group, plan)
     ne, ng, _ = fields["S"].shape
     moduli = np.repeat(group.elements.stiffness[:, None], ng, axis=1)
     fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
-    fields["law_points"] = own = _law_points(group, fields)
+    own = _law_points(group, fields)
     fields["points"] = structures.structure("law_points", own)
     kinds = fields["points"].kind, VECTOR, int
     fields["law"] = integers([address("laws", "law_points", kinds, source)])
-    return structures.structure("beams_by_law", fields), fields
+    return structures.structure("beams_by_law", fields), fields | {"law_points": own}
 
 
 def _functions(law: Law) -> list[int]:
@@ -422,14 +389,17 @@ def _law_points(group: BeamGroup, fields: dict[str, Any]) -> dict[str, Any]:
     stiffness = np.repeat(group.elements.stiffness, ng, axis=0)
     scales = [law.law.scale if isinstance(law, LawHeld) else law.scale for law in each]
     return {
+        # number of its law (-1: quadratic)
         "law": np.repeat(group.elements.law_of, ng).astype(np.int64),
         "start": fields["S0"].reshape(count, 6),
         "strains": fields["strains"].reshape(count, 6),
         "stresses": fields["S"].reshape(count, 6),
         "moduli": fields["stiffness"].reshape(count, 36),
         "stiffness": stiffness,
+        # energies at both ends, derivatives along increments; stresses in their middle, at the end
         **{name: np.zeros(count) for name in ("before", "after", "along")},
         **{name: np.zeros((count, 6)) for name in ("middle", "last")},
+        # whether the moduli are those of these strains; what is called back
         **{name: np.zeros(1, dtype=np.int64) for name in ("known", "called")},
         "functions": np.array([_functions(law) for law in each], dtype=np.int64),
         "free": np.array([~np.isin(np.arange(6), law.held) for law in each], dtype=float),
@@ -444,27 +414,28 @@ def _nested(table: Floats) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(map(float, row)) for row in table)
 
 
-def bound_plan(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
+def bound_plan(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any]]:
     """The elimination with the tree of joints; the structure, and its arrays by name."""
-    edge, parent = _parents(system)
-    count, own = len(edge), system.tree.own
-    above = integers([e.parent if e.parent < count else -1 for e in system.tree.edges])
+    edge, parent = _parents(coordinates)
+    count, own = len(edge), coordinates.tree.own
+    above = integers([e.parent if e.parent < count else -1 for e in coordinates.tree.edges])
     fields: dict[str, Any] = {
         **{name: getattr(plan, name) for name in _PLANNED},
         "edge": integers([*edge, *([-1] * len(plan.rows))]),
         "parent": integers([*parent, *([-1] * len(plan.rows))]),
         "size": integers([*(len(own[v]) for v in range(count)), *(len(b.rows) for b in plan.rows)]),
-        "to_parent": plan.slots(above, integers([e.child for e in system.tree.edges])),
+        "to_parent": plan.slots(above, integers([e.child for e in coordinates.tree.edges])),
+        # how many are eliminated in blocks, and what solves for the rest (0: none)
         "rest": integers([plan.blocks, 0]),
     }
     return structures.structure("plan", fields), fields
 
 
-def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
+def bound_tree(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any]]:
     """Vertices, edges and coordinates; the structure, and its arrays by name."""
-    kin, tree = system.kinematics, system.tree
+    system = coordinates.system
+    kin, tree = coordinates.kinematics, coordinates.tree
     count = len(system.origin_rows)
-    mass = system.mass.tocsr()
     fields: dict[str, Any] = {
         "row": np.ascontiguousarray(kin.row[:count]),
         "framed": np.array(system.is_frame, dtype=bool),
@@ -473,12 +444,10 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
         "R": np.zeros((len(kin.row), 3, 3)),
         "triads": integers(np.flatnonzero(system.is_frame)),
         "turn": np.zeros((count, 4)),
-        "mass_data": mass.data,
-        "mass_indices": mass.indices.astype(np.int64),
-        "mass_indptr": mass.indptr.astype(np.int64),
-        **_edges(system),
-        **_coordinates(system),
-        **bound_rows(system, plan),
+        **_mass(system),
+        **_edges(coordinates),
+        **_coordinates(coordinates),
+        **bound_rows(coordinates, plan),
         **bound_nodal_masses(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
@@ -487,8 +456,18 @@ def bound_tree(system: System, plan: Plan) -> tuple[Any, dict[str, Any]]:
     return structures.structure("tree", fields), fields
 
 
-def _edges(system: System) -> dict[str, Any]:
-    row, tree = system.kinematics.row, system.tree
+def _mass(system: System) -> dict[str, Any]:
+    """The mass matrix by rows of y."""
+    mass = system.mass.tocsr()
+    return {
+        "mass_data": mass.data,
+        "mass_indices": mass.indices.astype(np.int64),
+        "mass_indptr": mass.indptr.astype(np.int64),
+    }
+
+
+def _edges(coordinates: Coordinates) -> dict[str, Any]:
+    system, row, tree = coordinates.system, coordinates.kinematics.row, coordinates.tree
     edges, count = tree.edges, len(system.origin_rows)
     relative = [e.freedom.turns is not None and bool(system.is_frame[e.child]) for e in edges]
     fulcrums = [_fulcrum(e, r) for e, r in zip(edges, relative, strict=True)]
@@ -522,9 +501,10 @@ def _fulcrum(edge: Edge, relative: bool) -> Spot:
     return edge.end.b if edge.freedom.slides else edge.parent_spot
 
 
-def _coordinates(system: System) -> dict[str, Any]:
-    row, tree, count = system.kinematics.row, system.tree, len(system.origin_rows)
-    each = _of_edges(system)
+def _coordinates(coordinates: Coordinates) -> dict[str, Any]:
+    system, row, tree = coordinates.system, coordinates.kinematics.row, coordinates.tree
+    count = len(system.origin_rows)
+    each = _of_edges(coordinates)
     own = [c for cs in each for c in cs]
     edges = [e for e, cs in zip(tree.edges, each, strict=True) for _ in cs]
     targets = [
@@ -540,9 +520,9 @@ def _coordinates(system: System) -> dict[str, Any]:
             turning[c.vertex, k] = c.kind != "slide"
     return {
         "value": np.zeros(len(own)),
-        "drives": _drives(system, own),
+        "drives": _drives(coordinates, own),
         "turning": turning,
-        "triple": _triples(system, each),
+        "triple": _triples(coordinates, each),
         "first": np.concatenate([[0], np.cumsum([len(cs) for cs in each])]).astype(np.int64),
         "kind": integers([KINDS[c.kind] for c in own]),
         "own": integers(numbers),
@@ -560,26 +540,28 @@ def _coordinates(system: System) -> dict[str, Any]:
     }
 
 
-def _drives(system: System, coordinates: Sequence[Coordinate]) -> IndexArray:
+def _drives(coordinates: Coordinates, own: Sequence[Coordinate]) -> IndexArray:
     """Driven ones among all coordinates of edges, see :func:`.tree.prescribe`."""
+    system = coordinates.system
     found = []
-    for k, c in enumerate(coordinates):
+    for k, c in enumerate(own):
         if c.drive is not None:
-            row = int(system.kinematics.row[c.drive])
+            row = int(coordinates.kinematics.row[c.drive])
             found.append((k, c.kind == "slide", row, row - system.rows))
     return np.array(found, dtype=np.int64).reshape(-1, 4)
 
 
-def _triples(system: System, each: list[list[Coordinate]]) -> IndexArray:
+def _triples(coordinates: Coordinates, each: list[list[Coordinate]]) -> IndexArray:
     """Where the three components of a rotation are among a vertex's own coordinates; -1: not."""
+    system = coordinates.system
     triple = np.full(len(system.origin_rows), -1)
-    for v in system.tree.free:
+    for v in coordinates.tree.free:
         if system.is_frame[v]:
             triple[v] = 3
-    for e, own in zip(system.tree.edges, each, strict=True):
+    for e, own in zip(coordinates.tree.edges, each, strict=True):
         places = [k for k, c in enumerate(own) if c.kind == "rotation"]
         if len(places) == 3:
-            triple[e.child] = system.tree.own[e.child].index(own[places[0]].number)
+            triple[e.child] = coordinates.tree.own[e.child].index(own[places[0]].number)
     return triple
 
 
@@ -606,21 +588,19 @@ def bound_following(system: System, plan: Plan) -> dict[str, Any]:
 
 
 def bound_work(
-    system: System,
+    coordinates: Coordinates,
     plan: Plan,
     late: bool = False,
     separate: SeparateParts | None = None,
 ) -> tuple[Any, dict[str, Any]]:
     """What changes during a step; the structure, and its arrays by name.
 
-    Parameters
-    ----------
-    late : bool
-        Dampers act by the velocity at the end of a step.
-    separate : SeparateParts, optional
-        Relative velocities of these are damped, see :func:`bound_flow`.
+    Dampers act by the way from `earlier` to `later`, whose middle is `mid`: from y0 to y1, or, if
+    `late`, as far before and behind the end of a step as the velocity there goes; `drift` is what
+    of that is known. Relative velocities of `separate` parts are damped.
     """
-    total, rows, edges = system.total, system.rows, len(system.tree.edges)
+    system = coordinates.system
+    total, rows, edges = system.total, system.rows, len(coordinates.tree.edges)
     count, each = len(system.origin_rows), len(plan.diag)
     shapes: dict[str, tuple[int, ...]] = {
         **dict.fromkeys(("y0", "y1", "mid"), (total, 3)),
@@ -644,22 +624,16 @@ def bound_work(
         "followers": (len(following(system).vertices), 4, 4),
         "coupled": (system.couplings.count, COUPLED),
     }
-    of_dampers = ("earlier", "later", "rate0", "drift")
-    shapes |= dict.fromkeys(of_dampers, shapes["y0"] if late else (0, 3))
-    flow, own = _no_flow() if separate is None else bound_flow(plan, separate)
-    arrays: dict[str, Any] = {
-        name: flow if name == "flow" else room(shapes[name]) for name in structures.WORK
-    }
+    shapes |= dict.fromkeys(("earlier", "later", "drift"), shapes["y0"] if late else (0, 3))
+    arrays: dict[str, Any] = {name: np.zeros(shape) for name, shape in shapes.items()}
     if not late:
         arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]
-    work = structures.structure("work", arrays)
-    arrays["flow"] = SimpleNamespace(structure=flow, **own)
-    return work, arrays
+    flow, own = bound_flow(plan, separate)
+    work = structures.structure("work", arrays | {"flow": flow})
+    return work, arrays | {"flow": SimpleNamespace(structure=flow, **own)}
 
 
-def bound_flow(
-    plan: Plan | None = None, separate: SeparateParts | None = None
-) -> tuple[Any, dict[str, Any]]:
+def bound_flow(plan: Plan, separate: SeparateParts | None) -> tuple[Any, dict[str, Any]]:
     """Velocities with a damped relative part; the structure, and its arrays by name.
 
     None: there are no such velocities.
@@ -667,13 +641,12 @@ def bound_flow(
     none, each, count = np.zeros(0), 0, 0
     owner = holder = local = slot = integers([])
     free = total = lift = mu = ones = none
-    if plan is not None and separate is not None:
+    if separate is not None:
         system, owner, free = separate.system, separate.part, separate.free
         total, lift, mu, ones = separate.total, separate.lift, separate.mu, separate.ones
         mass, first = system.mass.tocsr(), np.asarray(system.origin_rows)
         each, count = len(plan.diag), len(first)
-        vertex = _vertices(system, np.arange(len(owner)))
-        local = np.arange(len(owner)) - np.asarray(system.vertex_rows)[vertex]
+        vertex, local = (each[: len(owner)] for each in places_of(system))
         of_row = vertex[np.repeat(np.arange(len(owner)), np.diff(mass.indptr))]
         slot = plan.slots(of_row, vertex[mass.indices])
         holder = np.full(each, -1)
@@ -683,8 +656,8 @@ def bound_flow(
     rows, parts = len(owner), len(free)
     shapes: dict[str, tuple[int, ...]] = {
         "scheme": (2,),
-        "sums": (parts, SUMS),
-        "turn": (parts, TURNED),
+        "sums": (parts * SUMS, 3),
+        "turn": (parts * TURNED, 3),
         **dict.fromkeys(("rest", "mdq", "column"), (rows, 3)),
         "kept": (each, 6),
         "forms": (BORDER, count, 6),
@@ -709,20 +682,13 @@ def bound_flow(
     return structures.structure("flow", fields), fields
 
 
-@cache
-def _no_flow() -> tuple[Any, dict[str, Any]]:
-    """Where there are no such velocities: nothing is written there."""
-    return bound_flow()
-
-
 def bound_carried(
-    system: System,
+    coordinates: Coordinates,
     arrays: dict[str, Any],
     rates: tuple[int, int, int] = (0, 0, 0),
     nearest: Sequence[Any] | None = None,
     normal: Floats | None = None,
     most: tuple[int, int] = (3, 1),
-    evaluated: bool = False,
     viscous: Floats | None = None,
 ) -> tuple[Any, dict[str, Any]]:
     """What steps carry on; the structure, and its arrays by name.
@@ -740,22 +706,19 @@ def bound_carried(
         Of the plane in which all stays.
     most : (int, int)
         Steps whose states are kept, and most steps in one go.
-    evaluated : bool
-        Whether loads are evaluated in each iteration.
     viscous : (k, numbers) array, optional
         Numbers of groups of viscous elements.
     """
-    rows, mass = system.rows, system.mass.tocsr()
+    system = coordinates.system
+    rows = system.rows
     count, before, moved = rates
     none = np.zeros((0, 3))
     function, structure, *near = (0, 0, none, none, none) if nearest is None else nearest
     fields = {
-        **{name: arrays[name] for name in ("y0", "y1", "p0", "carried", "ground1")},
-        **{name: arrays.get(name, none) for name in ("rate0", "drift")},
+        **{name: arrays[name] for name in ("y0", "y1", "p0", "carried")},
+        "drift": arrays["drift"],
         "of_drift": np.zeros(count),
-        "mass_data": mass.data,
-        "mass_indices": mass.indices.astype(np.int64),
-        "mass_indptr": mass.indptr.astype(np.int64),
+        **_mass(system),
         "rates": np.zeros((count * rows, 3)),
         "after": np.zeros((count * rows, 3)),
         "table": np.zeros((count, 1 + count)),
@@ -768,9 +731,10 @@ def bound_carried(
         "flow": arrays["flow"].structure,
         "normal": np.zeros(0) if normal is None else np.array(normal),
         "limit": np.zeros(1),
+        "size": np.zeros(1),  # of the step (s)
         "R": arrays["R"],
         # where the iteration has impulses of constraint rows in R
-        "closing": arrays["closing"] if len(system.left_rows) else none,
+        "closing": arrays["closing"] if len(coordinates.left_rows) else none,
         "moved_force": np.zeros(1),
         # each step begins at a whole vector
         **{
@@ -781,18 +745,7 @@ def bound_carried(
         "log_turns": np.empty((most[0], len(arrays["coupled"]))),
         "log_numbers": np.empty((most[1], len(LOGGED))),
         "viscous": np.zeros((0, len(NUMBERS))) if viscous is None else viscous,
-        # dead loads get into the balance by those that are evaluated, if there are any
-        "dead": arrays["dead"] if evaluated else arrays["external"],
-        **{name: arrays[name] for name in ("moments", "followers")},
     }
-    same = system.loading.constant and system.couplings.constant and not system.moving
-    several = 0 if same else most[0]
-    # at both ends of each step
-    ground = several if system.moving else 0, 2, *fields["ground1"].shape
-    fields["all_ground"] = np.zeros(ground)
-    fields["all_driven"] = np.zeros((several, len(arrays["coupled"]), DRIVEN))
-    for name in ("dead", "moments", "followers"):
-        fields[f"all_{name}"] = np.empty((several, *fields[name].shape))
     return structures.structure("carried", fields), fields
 
 

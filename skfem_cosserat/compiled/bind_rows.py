@@ -8,26 +8,22 @@ from typing import Any
 import numpy as np
 
 from ..model import System
-from ..model.groups import BeamGroup
+from ..model.system import Coordinates
 from ..types import Floats, IndexArray
-from .plan import Plan, RowBlock
-from .structures import integers, roomy
+from .plan import Plan, RowBlock, places_of
+from .structures import integers
 from .tables import rows
 
-__all__ = ["bound_held", "bound_rows", "choose_rows", "first_held"]
 
-
-def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
+def bound_rows(coordinates: Coordinates, plan: Plan) -> dict[str, Any]:
     """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
+    system = coordinates.system
     count = len(system.origin_rows)
-    size = np.where(system.is_frame, 4, 1)
-    every = np.repeat(system.origin_rows - np.cumsum(size) + size, size) + np.arange(size.sum())
-    vertex, component = np.full(system.total, -1), np.zeros(system.total, dtype=np.int64)
-    vertex[every] = np.repeat(np.arange(count), size)
-    component[every] = every - np.repeat(system.origin_rows, size)
+    vertex, component = places_of(system)
+    vertex = np.where(vertex < count, vertex, -1)
     numbers, block, place = _numbered(system, plan.rows)
     terms, cosines = system.constraints.terms(), system.branch_cosines.terms()
-    own = np.flatnonzero((block[terms.row] >= 0) & (terms.row < first_held(system)))
+    own = np.flatnonzero(block[terms.row] >= 0)
     k, a, b = terms.row[own], terms.left[own], terms.right[own]
     e, u, v = block[k], vertex[a], vertex[b]
     products = [e, place[k], a, b, u, component[a], v, component[b]]
@@ -57,61 +53,12 @@ def bound_rows(system: System, plan: Plan) -> dict[str, Any]:
         "row_factors": terms.factor[own],
         "row_linear": np.stack(vectors, axis=-1),
         "row_linear_factors": np.repeat(terms.linear_factor, 3)[of_vectors],
-        **_of_blocks(system, plan, numbers, terms.constant),
+        **_of_blocks(coordinates, plan, numbers, terms.constant),
         "row_pairs": pairs,
         "cosines": turned,
         "cosine_factors": np.array(cosines.factor, dtype=float),
         "cosine_constant": np.array(cosines.constant, dtype=float),
         "cosine": np.zeros(len(cosines.constant)),
-    }
-
-
-def first_held(system: System) -> int:
-    """The first constraint row that is a strain: these come last, and beams evaluate them."""
-    return min((each.rows.start for each in system.theory_rows), default=system.m)
-
-
-def bound_held(
-    system: System, group: BeamGroup, plan: Plan, rows: dict[str, Any] | None = None
-) -> dict[str, Any]:
-    """Strains that elements of a group hold by rows with multipliers, see :mod:`.held`.
-
-    `rows`: arrays of the rows, of :func:`bound_rows`; None: it holds none.
-    """
-    own = [] if rows is None else system.theory_rows
-    theories = [each for each in own if id(each.beam) in group.slices]
-    none = np.zeros((0, 6))
-    blocks, count = plan.rows, len(system.origin_rows)
-    if rows is not None:
-        _, block, place = _numbered(system, blocks)
-        theories = [each for each in theories if (block[each.numbers] >= 0).any()]
-    shape = (0, 1, 0)
-    holds = sorted({i for each in theories for i in each.held})
-    if theories:
-        shape = *group.elements.reference.shape[:2], len(holds)
-    nodes = group.vertices.shape[1]
-    # the stride of b and of a row of a block in A; the one behind each array is for what is not
-    held, on = np.full(shape, 6 * len(plan.diag)), np.full(shape, 6 * len(blocks))
-    last = 36 * len(plan.ends)
-    down, up = np.full((*shape, nodes), last), np.full((*shape, nodes), last)
-    for each in theories:
-        e, p, strain = np.nonzero(block[each.numbers] >= 0)
-        number = each.numbers[e, p, strain]
-        k, c = block[number], place[number]
-        e = e + group.slices[id(each.beam)].start
-        to = e, p, np.array([holds.index(i) for i in each.held])[strain]
-        held[to], on[to] = 6 * k + c, 6 * (k - count) + c
-        ends, k, c = group.vertices[e], k[:, None], c[:, None]
-        down[to] = 6 * (6 * plan.slots(k, ends) + c)
-        up[to] = 36 * plan.slots(ends, k) + c
-    return {
-        "holds": integers(holds),
-        "held": held,
-        "held_on": on,
-        "held_down": down,
-        "held_up": up,
-        "row_on": none if rows is None else rows["row_on"],
-        "row_weight": none if rows is None else rows["row_weight"],
     }
 
 
@@ -131,8 +78,11 @@ def _numbered(
     return numbers, block, place
 
 
-def _of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats) -> dict[str, Any]:
+def _of_blocks(
+    coordinates: Coordinates, plan: Plan, numbers: IndexArray, constant: Floats
+) -> dict[str, Any]:
     """What each row is to be, and the size of its terms; whose frame a block turns with."""
+    system = coordinates.system
     magnitude = system.constraints.magnitudes(system.extend(system.q0, system.since))
     none, size = numbers < 0, np.where(magnitude > 0, magnitude, 1.0)
     first = [[v for v in (*b.waits, *b.vertices) if v in b.vertices] for b in plan.rows]
@@ -147,9 +97,8 @@ def _of_blocks(system: System, plan: Plan, numbers: IndexArray, constant: Floats
     return {
         "row_constant": np.where(none, 0.0, constant[numbers]) if numbers.size else 0.0 * numbers,
         "row_size": np.where(none, 1.0, size[numbers]) if numbers.size else 0.0 * numbers,
-        "row_on": roomy((~none & ~np.isin(numbers, system.closure.rows)).astype(float)),
-        "row_weight": roomy(weight),
-        "row_kept": roomy(numbers >= first_held(system)),
+        "row_on": (~none & ~np.isin(numbers, coordinates.closure.rows)).astype(float),
+        "row_weight": weight,
         "row_weighted": np.stack(slots, axis=-1),
         "row_triple": np.full(len(plan.rows), -1),
         "row_owner": integers([own[0] if own else -1 for own in framed]),
@@ -190,15 +139,16 @@ def _of_vectors(system: System) -> set[int]:
     return {int(k) + i for k in system.constraints.terms().linear_row for i in range(3)}
 
 
-def choose_rows(system: System, fields: dict[str, Any], chosen: IndexArray) -> None:
+def choose_rows(coordinates: Coordinates, fields: dict[str, Any], chosen: IndexArray) -> None:
     """Take these rows (r,) of closed loops, and none of the others.
 
     Those that are a vector in space turn with the frame of a vertex while factors are kept: then
     all of them have to be there.
     """
+    system = coordinates.system
     numbers, on = fields["row_numbers"], fields["row_on"]
     there = np.ones(system.m + 1, dtype=bool)
-    there[system.closure.rows] = there[-1] = False
+    there[coordinates.closure.rows] = there[-1] = False
     there[chosen] = True
     on[:] = there[numbers]
     vectors = _of_vectors(system)

@@ -13,9 +13,6 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-__all__ = ["GROWTH", "ROW", "SIDE", "add_block", "add_crossed", "add_times", "entry", "put_crossed"]
-__all__ += ["put_entry", "put_times", "put_turned", "subtract_crossed", "transpose", "triangles"]
-
 #: how much entries of the diagonal may grow while a block is factorised without exchanging rows.
 #: Those of positive definite ones do not grow; rows and columns may have any units
 GROWTH = 10.0
@@ -26,14 +23,19 @@ _INDEX, _LANE = ir.IntType(64), ir.IntType(32)
 _FUSED = ("contract",)
 
 
-def _places(builder: Any, context: Any, kind: Any, array: Any, number: Any) -> Any:
-    """Address of the first entry of a block."""
+def pointer(context: Any, builder: Any, kind: Any, array: Any, place: Any, size: int = 1) -> Any:
+    """Address of the entry at a flat place of an array, counted in so many entries."""
     assert kind.layout == "C", kind
     data = context.make_array(kind)(context, builder, array).data
-    return builder.gep(data, [builder.mul(number, ir.Constant(_INDEX, SIDE * SIDE))])
+    return builder.gep(data, [builder.mul(place, ir.Constant(_INDEX, size))])
 
 
-def _row(builder: Any, block: Any, r: int) -> Any:
+def _places(builder: Any, context: Any, kind: Any, array: Any, number: Any) -> Any:
+    """Address of the first entry of a block."""
+    return pointer(context, builder, kind, array, number, SIDE * SIDE)
+
+
+def row_of(builder: Any, block: Any, r: int) -> Any:
     """Address of a row."""
     place = builder.gep(block, [ir.Constant(_INDEX, SIDE * r)])
     return builder.bitcast(place, ROW.as_pointer())
@@ -41,19 +43,19 @@ def _row(builder: Any, block: Any, r: int) -> Any:
 
 def _load(builder: Any, block: Any) -> list[Any]:
     """All rows."""
-    return [builder.load(_row(builder, block, r), align=8) for r in range(SIDE)]
+    return [builder.load(row_of(builder, block, r), align=8) for r in range(SIDE)]
 
 
 def _store(builder: Any, rows: list[Any], block: Any) -> None:
     for r, row in enumerate(rows):
-        builder.store(row, _row(builder, block, r), align=8)
+        builder.store(row, row_of(builder, block, r), align=8)
 
 
 def _mixed(builder: Any, a: Any, b: Any, which: list[int]) -> Any:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_LANE, len(which)), which))
 
 
-def _spread(builder: Any, number: Any) -> Any:
+def spread(builder: Any, number: Any) -> Any:
     """The same number in a whole row."""
     undefined = ir.Constant(ROW, ir.Undefined)
     one = builder.insert_element(undefined, number, ir.Constant(_LANE, 0))
@@ -91,7 +93,7 @@ def _multiply(sign: int, crossed: bool, turned: bool = False) -> Any:
             for r in range(SIDE):
                 for t, row in enumerate(rows):
                     place = ir.Constant(_INDEX, SIDE * t + r if crossed else SIDE * r + t)
-                    factor = _spread(builder, builder.load(builder.gep(left, [place])))
+                    factor = spread(builder, builder.load(builder.gep(left, [place])))
                     term = builder.fmul(factor, row, flags=_FUSED)
                     combine = builder.fsub if sign < 0 else builder.fadd
                     last = sums[r]
@@ -105,40 +107,18 @@ def _multiply(sign: int, crossed: bool, turned: bool = False) -> Any:
     return typed
 
 
-@intrinsic
-def put_times(typing: Any, A: Any, i: Any, B: Any, j: Any, out: Any, k: Any) -> Any:
-    """``out_k = A_i B_j``, which may be in the place of one of them, as below."""
-    return _multiply(0, False)(typing, A, i, B, j, out, k)
-
-
-@intrinsic
-def put_turned(typing: Any, A: Any, i: Any, B: Any, j: Any, out: Any, k: Any) -> Any:
-    """``out_k = A_i B_j^T``."""
-    return _multiply(0, False, True)(typing, A, i, B, j, out, k)
-
-
-@intrinsic
-def put_crossed(typing: Any, A: Any, i: Any, B: Any, j: Any, out: Any, k: Any) -> Any:
-    """``out_k = A_i^T B_j``."""
-    return _multiply(0, True)(typing, A, i, B, j, out, k)
-
-
-@intrinsic
-def add_times(typing: Any, A: Any, i: Any, B: Any, j: Any, out: Any, k: Any) -> Any:
-    """``out_k += A_i B_j``."""
-    return _multiply(1, False)(typing, A, i, B, j, out, k)
-
-
-@intrinsic
-def add_crossed(typing: Any, A: Any, i: Any, B: Any, j: Any, out: Any, k: Any) -> Any:
-    """``out_k += A_i^T B_j``."""
-    return _multiply(1, True)(typing, A, i, B, j, out, k)
-
-
-@intrinsic
-def subtract_crossed(typing: Any, A: Any, i: Any, B: Any, j: Any, out: Any, k: Any) -> Any:
-    """``out_k -= A_i^T B_j``."""
-    return _multiply(-1, True)(typing, A, i, B, j, out, k)
+#: ``out_k = A_i B_j``, which may be in the place of one of them, as below.
+put_times = intrinsic(_multiply(0, False))
+#: ``out_k = A_i B_j^T``.
+put_turned = intrinsic(_multiply(0, False, True))
+#: ``out_k = A_i^T B_j``.
+put_crossed = intrinsic(_multiply(0, True))
+#: ``out_k += A_i B_j``.
+add_times = intrinsic(_multiply(1, False))
+#: ``out_k += A_i^T B_j``.
+add_crossed = intrinsic(_multiply(1, True))
+#: ``out_k -= A_i^T B_j``.
+subtract_crossed = intrinsic(_multiply(-1, True))
 
 
 def _clear(builder: Any, rows: list[Any], n: int, own: Any, others: range) -> None:
@@ -155,7 +135,7 @@ def _eliminate(builder: Any, rows: list[Any], n: int) -> Any:
     """A step of Gauss in place, without exchange of rows; gives the pivot."""
     one, lane = ir.Constant(ir.DoubleType(), 1.0), ir.Constant(_LANE, n)
     pivot = builder.extract_element(rows[n], lane)
-    inverse = _spread(builder, builder.fdiv(one, pivot))
+    inverse = spread(builder, builder.fdiv(one, pivot))
     rows[n] = builder.fmul(builder.insert_element(rows[n], one, lane), inverse)
     _clear(builder, rows, n, rows[n], range(n + 1, SIDE))
     return pivot

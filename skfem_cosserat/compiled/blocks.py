@@ -32,10 +32,8 @@ from .block_algebra import (
     triangles,
 )
 from .jit import call_back, inlined, part
-from .simd import WIDTH, add_product, load, put_product, put_rows, rows, store
+from .simd import WIDTH, add_product, copy, put_product, put_rows, rows
 from .small import Rotation, block, chosen, combine, directors, frames, times, turned
-
-__all__ = ["factor", "solve_blocks", "sweep"]
 
 
 @inlined
@@ -127,14 +125,10 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Factorise: 0 if a pivot vanishes, else 1. Blocks of the diagonal stay as they are then."""
     A, edge, diag, ptr = w.A, m.edge, m.diag, m.ptr
     order, right, down, start, update = m.order, m.right, m.down, m.update_ptr, m.update
-    S, X, y1, frames, lower, upper = w.S_left, w.X_left, w.y1, w.frames, w.lower, w.upper
-    for r in range(frames.shape[0]):
-        for c in range(frames.shape[1]):
-            frames[r, c] = y1[r, c]
-    S_kept, X_kept = w.S_kept, w.X_kept
-    for k in range(S.size // WIDTH):
-        store(S_kept, k, load(S, k))
-        store(X_kept, k, load(X, k))
+    lower, upper = w.lower, w.upper
+    copy(w.y1, w.frames)
+    copy(w.S_left, w.S_kept)
+    copy(w.X_left, w.X_kept)
     regular = 1.0
     blocks, solver = m.rest[0], m.rest[1]
     for t in range(len(order)):

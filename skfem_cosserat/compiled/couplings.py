@@ -18,14 +18,10 @@ from .elements import pace, scalar_block
 from .jit import inlined, part, shared
 from .numbers import (
     AMPLITUDE,
-    AMPLITUDE0,
-    DAMPED,
-    DAMPED0,
     END,
     ENDS,
     FORCE,
     GROUND,
-    GROUND0,
     LOST,
     NUMERICAL,
     PI0,
@@ -36,12 +32,11 @@ from .numbers import (
     TRAVEL,
     TURNED,
     TURNS,
-    WEIGHT,
     XI0,
     S,
 )
-from .simd import local
-from .small import cross, dot, increase, minus, row
+from .simd import clear, local
+from .small import cross, dot, increase, minus, pulled, row
 from .tables.couplings import (
     ANGLE,
     DAMPING,
@@ -61,9 +56,6 @@ from .tables.couplings import (
     SLOT,
     STIFFNESS,
 )
-
-__all__ = ["couple", "couple_force", "derivatives"]
-
 
 # -- coordinates xi of invariants pi ---------------------------------------------------------------
 
@@ -191,10 +183,7 @@ def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
 @shared
 def curvature(kind: int, d: int, pi: Floats, p: int, X: Floats) -> None:
     """``X = d^2 xi/dpi^2`` of the last coordinate at ``pi_p``."""
-    for i in range(3):
-        for n in range(4):
-            for o in range(4):
-                X[i, n, o] = 0.0
+    clear(X)
     a = pi[p, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.25 / (a * np.sqrt(a))
@@ -231,10 +220,7 @@ def discrete(kind: int, d: int, P: Floats, xi0: float, xi1: float, J: Floats) ->
 @shared
 def discrete_slope(kind: int, d: int, P: Floats, xi0: float, xi1: float, X: Floats) -> None:
     """``X = dPsi/dpi_1`` of the last coordinate."""
-    for i in range(3):
-        for n in range(4):
-            for o in range(4):
-                X[i, n, o] = 0.0
+    clear(X)
     a = P[AT_END, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.5 / (xi1 * (xi0 + xi1) ** 2)
@@ -280,15 +266,14 @@ def slack_law(k: float, e: float, e0: float, e1: float, ends: bool) -> Three:
 
 
 @shared
-def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats, amplitude: int) -> Factors:
-    """Of a cable by the velocity at the end of a step: forces in V, and what is dissipated."""
+def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats) -> Factors:
+    """Forces of a cable by the velocity at the end of a step, in V."""
     K, C, h = laws[c, STIFFNESS, 0, 0], laws[c, DAMPING, 0, 0], state[c, STEP]
     e, change = V[XI, 0] - laws[c, NEUTRAL, 0, 0], V[CHANGE, 0]
     sigma, pulls = K * e + C * change / h, 1.0
     if not (e > 0.0 and sigma > 0.0):
         sigma, pulls = 0.0, 0.0
-    V[SIGMA, 0] = sigma - state[c, amplitude]
-    state[c, DAMPED] = sigma - K * max(e, 0.0)
+    V[SIGMA, 0] = sigma - state[c, AMPLITUDE]
     return pulls, pulls, 0.0, 0.0
 
 
@@ -314,7 +299,7 @@ def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: flo
 
 @shared
 def linear(
-    laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool, decay: float, amplitude: int
+    laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool, decay: float
 ) -> Factors:
     """Of springs and dampers: forces in V, and what is dissipated."""
     h = state[c, STEP]
@@ -329,8 +314,7 @@ def linear(
             more += 0.5 * decay * k * change
         lost += damping * V[CHANGE, i] / h
         numerical += more * V[CHANGE, i]
-        V[SIGMA, i] = force + damping / h + more - state[c, amplitude + i]
-        state[c, DAMPED + i] = damping / h
+        V[SIGMA, i] = force + damping / h + more - state[c, AMPLITUDE + i]
     if h > 0.0:  # a step back gives what was lost
         lost = max(lost, 0.0)
     state[c, LOST], state[c, NUMERICAL] = lost + numerical, numerical
@@ -341,9 +325,9 @@ def linear(
 
 @shared
 def respond(
-    s: Any, state: Floats, c: int, numbers: Floats, P: Floats, V: Floats, J: Floats, amplitude: int
+    s: Any, state: Floats, c: int, numbers: Floats, P: Floats, V: Floats, J: Floats
 ) -> Factors:
-    """Forces s and what they do, in ``state_c``; P: invariants. Amplitudes from a column on.
+    """Forces s and what they do, in ``state_c``; P: invariants.
 
     ``J_0`` is what makes s of sigma.
     """
@@ -371,9 +355,9 @@ def respond(
     found = (0.0, 0.0, 0.0, 0.0)
     late = numbers[REACH] != 0.0
     if places[c, SLACK] == 0:
-        found = linear(laws, state, c, m, V, ends, decay, amplitude)
+        found = linear(laws, state, c, m, V, ends, decay)
     elif late:
-        found = slack_at_end(laws, state, c, V, amplitude)
+        found = slack_at_end(laws, state, c, V)
     else:
         found = slack(laws, state, c, V, ends, decay)
     end, x = AT_END, XI1
@@ -384,7 +368,7 @@ def respond(
         for i in range(m):
             state[c, S + n] += J[0, i, n] * V[SIGMA, i]
     for i in range(m):
-        state[c, TRAVEL + i] = V[XI, i] - state[c, XI0 + i] if late else V[CHANGE, i]
+        state[c, TRAVEL + i] = V[CHANGE, i]
     state[c, TURNED] = 0.0
     if kind == ANGLE:
         whole = V[x, d] - np.arctan2(P[end, d + 1], P[end, d])
@@ -423,6 +407,7 @@ def slopes(
     else:
         curvature(kind, d, P, AT_MID, X)
     slope(kind, d, P, AT_END, J, 1)
+    clear(H)
     # J_2: derivatives of the force by invariants at the midpoint, then at the end
     for where in range(2):
         for i in range(m):
@@ -448,7 +433,6 @@ def slopes(
                         J[2, i, n] += by_end * J[1, o, n] + by_mid * J[0, o, n]
         for a in range(k):
             for n in range(k):
-                H[where, a, n] = 0.0
                 for i in range(m):
                     H[where, a, n] += J[0, i, a] * J[2, i, n]
         if where == at:
@@ -493,11 +477,9 @@ def force_on(state: Floats, c: int, count: int, G: Floats, a: int) -> Three:
     return f
 
 
-@shared
-def couple_start(
-    s: Any, w: Any, numbers: Floats, flag: int, G: Floats, P: Floats, V: Floats, J: Floats
-) -> None:
-    """Invariants and coordinates at the start of the step; flag 4: what forces do there."""
+@inlined
+def couple_start(s: Any, w: Any, numbers: Floats, G: Floats, P: Floats, V: Floats) -> None:
+    """Invariants and coordinates at the start of the step."""
     places, state = s.coupling, w.coupled
     for c in range(len(places)):
         kind, d = places[c, KIND], places[c, LEADING]
@@ -511,20 +493,6 @@ def couple_start(
             gradients(s, c, w.earlier, G, 0, P, BEGIN)
         for n in range(d + k):
             state[c, PI0 + n] = P[BEGIN, n]
-        if flag != 4:
-            continue
-        gradients(s, c, w.later, G, 0, P, AT_END)
-        gradients(s, c, w.mid, G, 0, P, AT_MID)
-        respond(s, state, c, numbers, P, V, J, AMPLITUDE0)
-        state[c, GROUND0] = 0.0
-        for i in range(d + m):
-            state[c, DAMPED0 + i] = state[c, DAMPED + i]
-        behind = w.internal.shape[0]
-        for a in range(ROWS):
-            r = places[c, ROW + a]
-            if r >= behind:
-                way = minus(row(w.ground1, r - behind), row(w.y0, r))
-                state[c, GROUND0] += dot(force_on(state, c, d + k, G, a), way)
 
 
 @shared
@@ -533,10 +501,10 @@ def couple_force(
 ) -> None:
     """Flag 0: evaluate, and add to the internal force; 2: add to that of predicted stresses.
 
-    3, 4: at the start of the step. G (7, 8, 3), P (3, 7), V (4, 6) and J (1, 6, 7) are scratch.
+    3: at the start of the step. G (7, 8, 3), P (3, 7), V (4, 6) and J (1, 6, 7) are scratch.
     """
-    if flag >= 3:
-        couple_start(s, w, numbers, flag, G, P, V, J)
+    if flag == 3:
+        couple_start(s, w, numbers, G, P, V)
         return
     y0, y1, places, state = w.y0, w.y1, s.coupling, w.coupled
     out = w.internal
@@ -548,7 +516,7 @@ def couple_force(
             gradients(s, c, w.later, G, 0, P, AT_END)
         gradients(s, c, w.mid, G, 0, P, AT_MID)
         if flag == 0:
-            respond(s, state, c, numbers, P, V, J, AMPLITUDE)
+            respond(s, state, c, numbers, P, V, J)
             state[c, GROUND] = 0.0
         count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
         for a in range(ROWS):
@@ -576,19 +544,20 @@ def derivatives(
 ) -> int:
     """For the tangent: gradients G at the midpoint, behind the first 7 those at the end, and H.
 
-    H is by the midpoint, times the share of y_1 in it, and by the end. C (8, 8): ``sum s_k A_k``.
-    It gives the number of invariants; P (3, 7), V (4, 6), J (3, 6, 7) and X (3, 4, 4) are scratch.
+    H is by the midpoint, times the share of y_1 in it, and by the end. C (4, 4, 4): ``sum s_k A_k``
+    by pairs of sides. It gives the number of invariants; P (3, 7), V (4, 6), J (3, 6, 7) and
+    X (3, 4, 4) are scratch.
     """
     places, entries, factors, state = s.coupling, s.coupling_entry, s.coupling_factor, w.coupled
     gradients(s, c, w.mid, G, 0, P, AT_MID)
     gradients(s, c, w.later, G, MOST_PI, P, AT_END)
-    found = respond(s, state, c, numbers, P, V, J, AMPLITUDE)
+    found = respond(s, state, c, numbers, P, V, J)
     slopes(s, state, c, found, numbers[ENDS] != 0.0, P, V, J, X, H)
-    for a in range(ROWS):
-        for b in range(ROWS):
-            C[a, b] = 0.0
+    clear(C)
     for e in range(places[c, FIRST], places[c, LAST]):
-        C[entries[e, 1], entries[e, 2]] += state[c, S + entries[e, 0]] * factors[e]
+        a, b = entries[e, 1], entries[e, 2]
+        k = 2 * (a // SIDE) + b // SIDE
+        C[k, a % SIDE, b % SIDE] += state[c, S + entries[e, 0]] * factors[e]
     count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
     for k in range(count):
         for n in range(count):
@@ -611,31 +580,24 @@ def put_twist(places: IndexArray, c: int, y: Floats, G: Floats, k: int, F: Float
             F[j, 6 * side + 3 + i] = torque[i]
 
 
-@inlined
-def put_node(y: Floats, r: int, X: Floats, i: int) -> None:
-    """``X_0i = y_r``."""
-    for c in range(3):
-        X[0, i, c] = y[r, c]
-
-
 @part
 def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Force elements: 0, 2, 3, 4 see :func:`couple_force`; 1: ``force P(y_L)^T df/dy_1 P(y_1)``."""
+    """Force elements: 0, 2, 3 see :func:`couple_force`; 1: ``force P(y_L)^T df/dy_1 P(y_1)``."""
     G, J = local((2 * MOST_PI, ROWS, 3)), local((3, MOST_XI, MOST_PI))
     P, V = local((3, MOST_PI)), local((4, MOST_XI))
     if flag != 1:
         couple_force(s, w, numbers, flag, G, P, V, J)
         return 0.0
     A, places = w.A, s.coupling
-    force, geometric, yL = numbers[FORCE], numbers[FORCE] * numbers[SHARE], w.y0
-    if numbers[WEIGHT] != 0.0:
-        yL = w.mid
-    X, H, S8 = local((3, 4, 4)), local((2, MOST_PI, MOST_PI)), local((ROWS, ROWS))
+    force, geometric, yL = (
+        numbers[FORCE],
+        numbers[FORCE] * numbers[SHARE],
+        pulled(w.y0, w.mid, numbers),
+    )
+    X, H, by_sides = local((3, 4, 4)), local((2, MOST_PI, MOST_PI)), local((4, SIDE, SIDE))
     left, right, turned = local((MOST_PI, 12)), local((2 * MOST_PI, 12)), local(12)
-    C, U = local((1, 1, 4, 4)), local((3, 3))
-    L, R = local((1, 4, 3)), local((1, 4, 3))
     for c in range(len(places)):
-        count = derivatives(s, w, c, numbers, G, P, V, J, X, H, S8)
+        count = derivatives(s, w, c, numbers, G, P, V, J, X, H, by_sides)
         for k in range(count):
             put_twist(places, c, yL, G, k, left, k)
             put_twist(places, c, w.y1, G, k, right, k)
@@ -661,10 +623,6 @@ def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                 slot = places[c, SLOT + 2 * one + two]
                 if slot < 0:
                     continue
-                for i in range(SIDE):
-                    put_node(yL, places[c, ROW + SIDE * one + i], L, i)
-                    put_node(w.y1, places[c, ROW + SIDE * two + i], R, i)
-                    for j in range(SIDE):
-                        C[0, 0, i, j] = geometric * S8[SIDE * one + i, SIDE * two + j]
-                scalar_block(C, 0, 0, L, R, A, slot, U)
+                a, b = places[c, ROW + SIDE * one], places[c, ROW + SIDE * two]
+                scalar_block(by_sides, 2 * one + two, geometric, yL, a, w.y1, b, A, slot)
     return 0.0

@@ -17,14 +17,15 @@ from .jit import call, inlined, part
 from .numbers import (
     END,
     ENDS,
+    ENERGY_BY_LAW,
     FORCE,
     MASS,
     MODULI_BY_LAW,
     REACH,
     SHARE,
     START,
-    VISCOUS_END,
-    VISCOUS_START,
+    STRESSES_BY_LAW,
+    VISCOUS_WORK,
     WEIGHT,
 )
 from .simd import WIDTH, add_rows, gather, load, local, pack, rows, scatter, store
@@ -32,6 +33,7 @@ from .small import (
     Places,
     Rotation,
     Vector,
+    add_skew,
     block,
     chosen,
     combine,
@@ -40,33 +42,9 @@ from .small import (
     dot,
     minus,
     plus,
-    put,
+    row,
     times,
 )
-
-__all__ = [
-    "Point",
-    "ask_for_moduli",
-    "ask_law",
-    "at_point",
-    "beam_energy",
-    "beam_force",
-    "beam_predicted",
-    "beam_start",
-    "beam_tangent",
-    "give",
-    "keep",
-    "line_force",
-    "point_force",
-    "scalar_block",
-    "strain_changes",
-    "strained",
-    "take_elements",
-    "three",
-    "triple",
-    "turned_line",
-    "turned_strain",
-]
 
 #: slope of the centre line, directors and their slopes
 Point = tuple[Vector, Rotation, Rotation]
@@ -74,12 +52,15 @@ ZERO = (0.0, 0.0, 0.0)
 
 
 @inlined
+def three(a: Floats, k: int) -> Vector:
+    """Vectors k and the two behind them."""
+    return load(a, k), load(a, k + 1), load(a, k + 2)
+
+
+@inlined
 def node(X: Floats, a: int, i: int) -> Vector:
-    """``X_ai``; of flat X those of :data:`WIDTH` elements."""
-    if X.ndim == 1:
-        k = 12 * a + 3 * i
-        return load(X, k), load(X, k + 1), load(X, k + 2)
-    return X[a, i, 0], X[a, i, 1], X[a, i, 2]
+    """``X_ai`` of :data:`WIDTH` elements."""
+    return three(X, 12 * a + 3 * i)
 
 
 @inlined
@@ -106,43 +87,34 @@ def at_point(N: Any, dN: Any, inverse: float, X: Floats) -> Point:
 
 
 @inlined
-def scalar_block(
-    C: Floats, a: int, b: int, L: Floats, R: Floats, A: Floats, k: int, V: Floats
-) -> None:
-    """``A_k += P_L^T (C_ab (x) I_3) P_R`` for nodes with scalar coefficients C_ab (4, 4).
+def triad_at(y: Floats, r: int) -> Rotation:
+    """Directors of the frame whose origin is row r; of a point any rows."""
+    last = y.shape[0] - 1
+    return row(y, min(r + 1, last)), row(y, min(r + 2, last)), row(y, min(r + 3, last))
 
-    L_a, R_b (4, 3): where the null space matrices are taken; V (3, 3) is scratch.
-    """
-    c = C[a, b, 0, 0]
-    s, t = ZERO, ZERO
-    for i in range(3):
-        s = plus(s, times(C[a, b, 0, 1 + i], node(R, b, 1 + i)))
-        t = plus(t, times(C[a, b, 1 + i, 0], node(L, a, 1 + i)))
-        A[k, i, i] += c
-    A[k, 0, 4] += s[2]
-    A[k, 0, 5] -= s[1]
-    A[k, 1, 3] -= s[2]
-    A[k, 1, 5] += s[0]
-    A[k, 2, 3] += s[1]
-    A[k, 2, 4] -= s[0]
-    A[k, 3, 1] -= t[2]
-    A[k, 3, 2] += t[1]
-    A[k, 4, 0] += t[2]
-    A[k, 4, 2] -= t[0]
-    A[k, 5, 0] -= t[1]
-    A[k, 5, 1] += t[0]
+
+@inlined
+def scalar_block(
+    C: Floats, n: int, factor: float, yL: Floats, a: int, yR: Floats, b: int, A: Floats, k: int
+) -> None:
+    """``A_k += factor P_L^T (C_n (x) I_3) P_R``, P of the vertices whose first rows are a and b."""
+    E, F = triad_at(yL, a), triad_at(yR, b)
+    c = factor * C[n, 0, 0]
+    s = times(factor, combine((C[n, 0, 1], C[n, 0, 2], C[n, 0, 3]), F))
+    t = times(factor, combine((C[n, 1, 0], C[n, 2, 0], C[n, 3, 0]), E))
+    x = times(factor, combine((C[n, 1, 1], C[n, 1, 2], C[n, 1, 3]), F))
+    y = times(factor, combine((C[n, 2, 1], C[n, 2, 2], C[n, 2, 3]), F))
+    z = times(factor, combine((C[n, 3, 1], C[n, 3, 2], C[n, 3, 3]), F))
     # sum C_ij ((E_i . F_j) I - F_j E_i^T): (omega x E_i) . (theta x F_j)
-    trace = 0.0
-    for i in range(3):
-        u = C[a, b, 1 + i, 1], C[a, b, 1 + i, 2], C[a, b, 1 + i, 3]
-        v = combine(u, (node(R, b, 1), node(R, b, 2), node(R, b, 3)))
-        put(V, i, v)
-        trace += dot(v, node(L, a, 1 + i))
+    trace = dot(x, E[0]) + dot(y, E[1]) + dot(z, E[2])
+    add_skew(A, k, 0, 3, times(-1.0, s))
+    add_skew(A, k, 3, 0, t)
     for r in range(3):
-        s = combine((V[0, r], V[1, r], V[2, r]), (node(L, a, 1), node(L, a, 2), node(L, a, 3)))
-        A[k, 3 + r, 3] -= s[0]
-        A[k, 3 + r, 4] -= s[1]
-        A[k, 3 + r, 5] -= s[2]
+        u = combine((x[r], y[r], z[r]), E)
+        A[k, r, r] += c
+        A[k, 3 + r, 3] -= u[0]
+        A[k, 3 + r, 4] -= u[1]
+        A[k, 3 + r, 5] -= u[2]
         A[k, 3 + r, 3 + r] += trace
 
 
@@ -264,6 +236,58 @@ def stress(D: Floats, section: Places, i: int, diagonal: bool, eps: tuple[Vector
 
 
 @inlined
+def stress_change(
+    D: Floats, es: Places, section: Places, p: int, i: int, diagonal: bool, eps: Any
+) -> float:
+    """``(D eps)_i`` for a change of the strains at Gauss point p."""
+    if D.ndim == 4:  # that of a law
+        size, k = 36 * D.shape[1], 36 * p + 6 * i
+        return dot(triple(D, es, size, k), eps[0]) + dot(triple(D, es, size, k + 3), eps[1])
+    return stress(D, section, i, diagonal, eps)
+
+
+@inlined
+def ask_law(D: Floats, g: Any, numbers: Floats, what: int) -> None:
+    """Have what laws give made of the strains evaluated last; nothing where there are none."""
+    if D.ndim == 4:
+        call(g.law[0], g.points, numbers, what)
+
+
+@inlined
+def measured(D: Floats, section: Places, i: int, diagonal: bool, eps: Any) -> float:
+    """Stress by the strains, or the strain itself for a law."""
+    if D.ndim == 4:
+        return eps[0][i] if i < 3 else eps[1][i - 3]
+    return stress(D, section, i, diagonal, eps)
+
+
+@inlined
+def measure(g: Any, y: Floats, out: Floats, X: Floats) -> None:
+    """Stresses at y, or strains for laws; X is for the nodes."""
+    lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
+    base, turned, rotations = g.base, g.turned, g.rotations
+    section, diagonal = g.section, g.diagonal
+    ne, ng = len(base), len(N)
+    for e in range(0, ne, WIDTH):
+        es = block(e, ne)
+        take_elements(base, turned, rotations, es, y, X)
+        inverse = 1.0 / gather(lengths, es, 1, 0)
+        own = chosen(section, es)
+        for p in range(ng):
+            G = at_point(N[p], dN[p], inverse, X)
+            eps = strained(reference, es, ng, p, G)
+            for i in range(6):
+                scatter(out, es, 6 * ng, 6 * p + i, measured(stiffness, own, i, diagonal, eps))
+
+
+@inlined
+def put_strains(D: Floats, g: Any, y: Floats, X: Floats) -> None:
+    """Strains at y for laws, which :func:`ask_law` takes; X is for the nodes."""
+    if D.ndim == 4:
+        measure(g, y, g.strains, X)
+
+
+@inlined
 def strained(reference: Floats, es: Places, ng: int, p: int, G: Point) -> tuple[Vector, Vector]:
     """Strains at G less those of the reference configuration."""
     Gamma, K = strains(G)
@@ -275,24 +299,10 @@ def strained(reference: Floats, es: Places, ng: int, p: int, G: Point) -> tuple[
 
 @part
 def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """S0: stresses at the start of the step."""
-    lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
-    y, S0 = w.earlier, g.S0
-    base, turned, rotations = g.base, g.turned, g.rotations
-    section, diagonal = g.section, g.diagonal
-    ne, nn = base.shape
-    ng = len(N)
-    X = local(12 * nn * WIDTH)
-    for e in range(0, ne, WIDTH):
-        es = block(e, ne)
-        take_elements(base, turned, rotations, es, y, X)
-        inverse = 1.0 / gather(lengths, es, 1, 0)
-        own = chosen(section, es)
-        for p in range(ng):
-            G = at_point(N[p], dN[p], inverse, X)
-            eps = strained(reference, es, ng, p, G)
-            for i in range(6):
-                scatter(S0, es, 6 * ng, 6 * p + i, stress(stiffness, own, i, diagonal, eps))
+    """S0: stresses at the start of the step; of laws strains, and energies."""
+    base = g.base
+    measure(g, w.earlier, g.S0, local(12 * base.shape[1] * WIDTH))
+    ask_law(g.stiffness, g, numbers, ENERGY_BY_LAW)
     return 0.0
 
 
@@ -321,29 +331,51 @@ def beam_energy(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     return 0.0
 
 
+@inlined
+def put_stresses(
+    D: Floats,
+    S: Floats,
+    S0: Floats,
+    es: Places,
+    own: Places,
+    k: int,
+    share: tuple[float, float],
+    diagonal: bool,
+    eps: Any,
+) -> None:
+    """S of a step, from column k on, by the strains at its end; laws have made theirs."""
+    if D.ndim == 4:
+        return
+    size = 6 * S.shape[1]
+    for i in range(6):
+        now = share[1] * stress(D, own, i, diagonal, eps)
+        if share[0] != 0.0:
+            now = now + share[0] * gather(S0, es, size, k + i)
+        scatter(S, es, size, k + i, now)
+
+
 @part
 def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """S at y1 and ``internal += int B(q_mid)^T S ds``; flag 1: with the predicted S instead.
 
-    Of beams that are all viscosity, what they take along the way; flag 2: S alone, 3: with the S
-    that is there.
+    Of beams that are all viscosity, what they take along the way.
     """
     lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
     weights = g.weights
-    y1, mid, f, S0 = w.later, w.mid, w.internal, g.S0
-    S = g.S
+    y1, mid, f, S, S0 = w.later, w.mid, w.internal, g.S, g.S0
     if flag == 1:
         S, f = g.predicted, w.R_mixed
     start, end, ends = numbers[START], numbers[END], numbers[ENDS] != 0.0
-    if flag >= 2 and not ends:
-        return 0.0
-    viscous, lost = flag % 3 == 0 and start + end == 0.0, pack((0.0, 0.0, 0.0, 0.0))
+    viscous, lost = flag == 0 and start + end == 0.0, pack((0.0, 0.0, 0.0, 0.0))
     base, turned, rotations = g.base, g.turned, g.rotations
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
     ng = len(N)
     size = 12 * nn * WIDTH
     X, Y, F = local(size), local(size), local(size)
+    if flag == 0:
+        put_strains(stiffness, g, y1 if ends else mid, X)
+        ask_law(stiffness, g, numbers, STRESSES_BY_LAW)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         own = chosen(section, es)
@@ -351,20 +383,16 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         inverse = 1.0 / length
         once = counted(e, ne)
         take_elements(base, turned, rotations, es, mid, X)
-        if flag != 1 and ends:
+        if flag == 0 and ends:
             take_elements(base, turned, rotations, es, y1, Y)
         for k in range(size):
             F[k] = 0.0
         for p in range(ng):
             G = at_point(N[p], dN[p], inverse, X)
-            if flag % 2 == 0:
+            if flag == 0:
                 H = at_point(N[p], dN[p], inverse, Y) if ends else G
                 eps = strained(reference, es, ng, p, H)
-                for i in range(6):
-                    now = end * stress(stiffness, own, i, diagonal, eps)
-                    if ends:
-                        now = now + start * gather(S0, es, 6 * ng, 6 * p + i)
-                    scatter(S, es, 6 * ng, 6 * p + i, now)
+                put_stresses(stiffness, S, S0, es, own, 6 * p, (start, end), diagonal, eps)
             weight = weights[p] * once * length
             n, m = triple(S, es, 6 * ng, 6 * p), triple(S, es, 6 * ng, 6 * p + 3)
             point_force(N[p], dN[p], inverse, G, times(weight, n), times(0.5 * weight, m), F)
@@ -374,24 +402,8 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         give(base, turned, rotations, es, F, f)
     if viscous:
         store(F, 0, 2.0 * lost)
-        numbers[VISCOUS_START] = numbers[VISCOUS_END]
-        numbers[VISCOUS_END] = F[0] + F[1] + F[2] + F[3]
+        numbers[VISCOUS_WORK] = F[0] + F[1] + F[2] + F[3]
     return 0.0
-
-
-@inlined
-def line_force(N: Any, dN: Any, inverse: float, G: Point, n: Vector, F: Floats) -> None:
-    """Forces on the nodes of n, times the weight, that acts at a Gauss point."""
-    phi, d, _ = G
-    on_slope = times(inverse, combine(n, d))
-    for a in range(len(N)):
-        for c in range(3):
-            k = 12 * a + c
-            store(F, k, load(F, k) + dN[a] * on_slope[c])
-        for i in range(3):
-            for c in range(3):
-                k = 12 * a + 3 + 3 * i + c
-                store(F, k, load(F, k) + (N[a] * n[i]) * phi[c])
 
 
 @inlined
@@ -433,6 +445,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
     ng = len(N)
+    ask_law(stiffness, g, numbers, MODULI_BY_LAW)
     X, V = local(12 * nn * WIDTH), local(12 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
@@ -445,7 +458,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             H = at_point(N[p], dN[p], inverse, V)
             eps = strain_changes(G, H)
             for i in range(6):
-                more = share * stress(stiffness, own, i, diagonal, eps)
+                more = share * stress_change(stiffness, es, own, p, i, diagonal, eps)
                 scatter(out, es, 6 * ng, 6 * p + i, gather(S, es, 6 * ng, 6 * p + i) + more)
     return 0.0
 
@@ -462,12 +475,6 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 #: stresses (6) of all points and what :func:`further` tells
 STIFFNESS, SLOPES, STRESSED, STRAINS, STRESSES = 36, 72, 90, 108, 126
 Further = tuple[int, int, int, int, int, int]
-
-
-@inlined
-def three(a: Floats, k: int) -> Vector:
-    """Vectors k and the two behind them."""
-    return load(a, k), load(a, k + 1), load(a, k + 2)
 
 
 @inlined
@@ -499,24 +506,17 @@ def triad(X: Floats, u: int) -> Rotation:
 
 
 @inlined
-def turned_line(N: float, X: Floats, u: int, phi: Vector, a: Floats, k: int) -> None:
-    """Gamma by the angular velocity of node u: (3, 3), from k on. X: where P_int is taken."""
-    x, y, z = triad(X, u)
-    slope = times(N, phi)
-    keep(a, k, cross(x, slope))
-    keep(a, k + 3, cross(y, slope))
-    keep(a, k + 6, cross(z, slope))
-
-
-@inlined
 def turned_strain(N: float, dN: float, X: Floats, u: int, G: Point, a: Floats, k: int) -> None:
     """All strains by it: (6, 3), from k on.
 
     By the node's velocity they are ``dN d_i`` for Gamma_i and zero for K.
     """
     phi, d, e = G
-    turned_line(N, X, u, phi, a, k)
     x, y, z = triad(X, u)
+    slope = times(N, phi)
+    keep(a, k, cross(x, slope))
+    keep(a, k + 3, cross(y, slope))
+    keep(a, k + 6, cross(z, slope))
     hN, hd = 0.5 * N, 0.5 * dN
     # what directors are crossed with
     f = minus(times(hd, d[0]), times(hN, e[0]))
@@ -543,19 +543,6 @@ def stiff_by_law(D: Floats, es: Places, points: int, p: int, factor: float, a: F
     if D.ndim == 4:
         for i in range(36):
             store(a, STIFFNESS + i, factor * gather(D, es, 36 * points, 36 * p + i))
-
-
-@inlined
-def ask_law(g: Any, numbers: Floats, what: int) -> None:
-    """Have stresses, or what else laws give, made of the strains evaluated last."""
-    call(g.law[0], g.points, numbers, what)
-
-
-@inlined
-def ask_for_moduli(D: Floats, g: Any, numbers: Floats) -> None:
-    """Have the stiffness of a law made for the strains evaluated last."""
-    if D.ndim == 4:
-        ask_law(g, numbers, MODULI_BY_LAW)
 
 
 @inlined
@@ -712,11 +699,10 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     lengths, shapes, slopes, weights = g.lengths, g.N, g.dN, g.weights
     masses, stiffness, slot, section = g.mass, g.stiffness, g.slot, g.section
     base, turned, rotations, diagonal = g.base, g.turned, g.rotations, g.diagonal
-    held = g.held_stress
     ne, nodes = base.shape
     points = len(shapes)
     if forces:  # for velocities masses are all
-        ask_for_moduli(stiffness, g, numbers)
+        ask_law(stiffness, g, numbers, MODULI_BY_LAW)
     table = local((2, points, nodes))
     tabulated(shapes, slopes, table)
     XB, XR = local(12 * nodes * WIDTH), local(12 * nodes * WIDTH)
@@ -745,9 +731,6 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             n, m = triple(S, es, 6 * points, 6 * p), triple(S, es, 6 * points, 6 * p + 3)
             f = half * weights[p] * once
             n, m = times(f, n), times(0.5 * f, m)
-            if len(held):
-                n = plus(n, times(once, triple(held, es, 6 * points, 6 * p)))
-                m = plus(m, times(0.5 * once, triple(held, es, 6 * points, 6 * p + 3)))
             keep(a, STRESSES + 6 * p, n)
             keep(a, STRESSES + 6 * p + 3, m)
             if forces:

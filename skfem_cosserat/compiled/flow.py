@@ -23,58 +23,48 @@ from .numbers import (
     FLOW_ITERATIONS,
     FLOW_NOISE,
     FLOW_REGULAR,
-    WEIGHT,
 )
-from .small import Rotation, Vector, combine, cross, dot, minus, plus, put, row, times, turned
+from .simd import clear, copy
+from .small import (
+    Rotation,
+    Vector,
+    column,
+    combine,
+    cross,
+    dot,
+    increase,
+    minus,
+    plus,
+    pulled,
+    put,
+    row,
+    times,
+    turned,
+    unit,
+)
 from .tables.flow import (
     BORDER,
     CHI,
     COFACTORS,
     DRIFT,
-    K_SUM,
     MEAN,
-    NOISE_SIZE,
     PLAIN,
     SHIFT,
     SHIFTS,
-    SIZE,
+    SIZES,
     STEP,
     SUMS,
     TURN,
+    TURNED,
     A,
     S,
 )
 
-__all__ = ["flow", "flow_column", "flow_correct", "flow_keep", "flow_matrix"]
-__all__ += ["flow_velocity"]
-
 
 @inlined
-def three(a: Floats, p: int, c: int) -> Vector:
-    """Three entries of a row."""
-    return a[p, c], a[p, c + 1], a[p, c + 2]
-
-
-@inlined
-def rows3(a: Floats, p: int, c: int) -> Rotation:
-    """Nine of them as rows of a matrix."""
-    return three(a, p, c), three(a, p, c + 3), three(a, p, c + 6)
-
-
-@inlined
-def add3(a: Floats, p: int, c: int, v: Vector) -> None:
-    """``a_p,c... += v``."""
-    a[p, c] += v[0]
-    a[p, c + 1] += v[1]
-    a[p, c + 2] += v[2]
-
-
-@inlined
-def put3(a: Floats, p: int, c: int, v: Vector) -> None:
-    """``a_p,c... = v``."""
-    a[p, c] = v[0]
-    a[p, c + 1] = v[1]
-    a[p, c + 2] = v[2]
+def rows3(a: Floats, r: int) -> Rotation:
+    """Three rows as those of a matrix."""
+    return row(a, r), row(a, r + 1), row(a, r + 2)
 
 
 @inlined
@@ -96,16 +86,16 @@ def slope_of(K: Rotation, trace: float, s: Vector) -> Rotation:
     u = turned(K, s)
     return (
         minus(
-            plus((trace, -u[2], u[1]), (s[2] * K[1][0], s[2] * K[1][1], s[2] * K[1][2])),
-            plus((K[0][0], K[1][0], K[2][0]), times(s[1], K[2])),
+            plus((trace, -u[2], u[1]), times(s[2], K[1])),
+            plus(column(K, 0), times(s[1], K[2])),
         ),
         minus(
             plus((u[2], trace, -u[0]), times(s[0], K[2])),
-            plus((K[0][1], K[1][1], K[2][1]), times(s[2], K[0])),
+            plus(column(K, 1), times(s[2], K[0])),
         ),
         minus(
             plus((-u[1], u[0], trace), times(s[1], K[0])),
-            plus((K[0][2], K[1][2], K[2][2]), times(s[0], K[1])),
+            plus(column(K, 2), times(s[0], K[1])),
         ),
     )
 
@@ -122,10 +112,10 @@ def cofactors(J: Rotation) -> Rotation:
 def turn_part(f: Any, p: int) -> None:
     """Solve for s of a part; A, and the slope there."""
     sums, out = f.sums, f.turn
-    K, k = rows3(sums, p, K_SUM), three(sums, p, TURN)
-    noise = FLOW_NOISE * sums[p, NOISE_SIZE]
-    moves = sums[p, SIZE] > FLOW_CLOSED / FLOW_NOISE * noise
-    size = sums[p, SIZE] + noise
+    K, k = rows3(sums, SUMS * p), row(sums, SUMS * p + TURN)
+    noise = FLOW_NOISE * sums[SUMS * p + SIZES, 1]
+    moves = sums[SUMS * p + SIZES, 0] > FLOW_CLOSED / FLOW_NOISE * noise
+    size = sums[SUMS * p + SIZES, 0] + noise
     if not size > 0.0:
         size = 1.0
     trace = K[0][0] + K[1][1] + K[2][2]
@@ -147,7 +137,7 @@ def turn_part(f: Any, p: int) -> None:
         length = largest(value) / size
         if largest(way) < 1e-13 * (1.0 + largest(s)):
             break
-    put3(out, p, S, s)
+    put(out, TURNED * p + S, s)
     inverse = cofactors(slope_of(K, regular, s))
     square = 1.0 / ((1.0 + f.scheme[CHI]) * (1.0 + dot(s, s)))
     plain = (
@@ -156,9 +146,9 @@ def turn_part(f: Any, p: int) -> None:
         plus((-s[1], s[0], 1.0), times(s[2], s)),
     )
     for i in range(3):
-        put3(out, p, PLAIN + 3 * i, plain[i])
-        put3(out, p, A + 3 * i, times(square, plain[i]))
-        put3(out, p, COFACTORS + 3 * i, inverse[i] if moves else (0.0, 0.0, 0.0))
+        put(out, TURNED * p + PLAIN + i, plain[i])
+        put(out, TURNED * p + A + i, times(square, plain[i]))
+        put(out, TURNED * p + COFACTORS + i, inverse[i] if moves else (0.0, 0.0, 0.0))
 
 
 @inlined
@@ -174,16 +164,16 @@ def sum_common(f: Any, w: Any, p: int, first: int, last: int) -> None:
         shift = plus(shift, times(f.mu[r], minus(row(y1, r), row(y0, r))))
         mean, drift = plus(mean, times(f.ones[r], b)), plus(drift, times(f.ones[r], moved))
     free = f.free[p]
-    add3(f.sums, p, SHIFT, times(free, shift))
-    add3(f.sums, p, MEAN, times(free, mean))
-    add3(f.sums, p, DRIFT, times(free, drift))
+    increase(f.sums, SUMS * p + SHIFT, times(free, shift))
+    increase(f.sums, SUMS * p + MEAN, times(free, mean))
+    increase(f.sums, SUMS * p + DRIFT, times(free, drift))
 
 
 @inlined
 def sum_relative(f: Any, w: Any, p: int, first: int, last: int) -> None:
     """What the equations for s of a part take of rows from first to last; b without its mean."""
     y0, y1, rest, sums, ones, lift = w.y0, w.y1, f.rest, f.sums, f.ones, f.lift
-    mean, shift = three(sums, p, MEAN), times(1.0 / f.total[p], three(sums, p, SHIFT))
+    mean, shift = row(sums, SUMS * p + MEAN), times(1.0 / f.total[p], row(sums, SUMS * p + SHIFT))
     x = y = z = k = (0.0, 0.0, 0.0)
     size, noise = 0.0, 0.0
     for r in range(first, last):
@@ -194,12 +184,12 @@ def sum_relative(f: Any, w: Any, p: int, first: int, last: int) -> None:
         x, y, z = plus(x, times(dq[0], b)), plus(y, times(dq[1], b)), plus(z, times(dq[2], b))
         k = plus(k, cross(dq, b))
         size += np.sqrt(dot(dq, dq) * dot(b, b))
-    add3(sums, p, K_SUM, x)
-    add3(sums, p, K_SUM + 3, y)
-    add3(sums, p, K_SUM + 6, z)
-    add3(sums, p, TURN, k)
-    sums[p, SIZE] += size
-    sums[p, NOISE_SIZE] += noise
+    increase(sums, SUMS * p, x)
+    increase(sums, SUMS * p + 1, y)
+    increase(sums, SUMS * p + 2, z)
+    increase(sums, SUMS * p + TURN, k)
+    sums[SUMS * p + SIZES, 0] += size
+    sums[SUMS * p + SIZES, 1] += noise
 
 
 @part
@@ -207,18 +197,16 @@ def flow(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Twice the momentum ``M v_m`` of the mean velocities, in ``w.momentum``."""
     f, sums, out, runs = w.flow, w.flow.sums, w.momentum, w.flow.runs
     mass_times(s.mass_indptr, s.mass_indices, s.mass_data, w.y1, w.y0, 1.0, f.mdq)
-    for p in range(sums.shape[0]):
-        for c in range(SUMS):
-            sums[p, c] = 0.0
+    clear(sums)
     for n in range(len(runs) - 1):
         sum_common(f, w, f.owner[runs[n]], runs[n], runs[n + 1])
     for n in range(len(runs) - 1):
         sum_relative(f, w, f.owner[runs[n]], runs[n], runs[n + 1])
-    for p in range(sums.shape[0]):
+    for p in range(len(f.free)):
         turn_part(f, p)
     for n in range(len(runs) - 1):
         p = f.owner[runs[n]]
-        M, drift = rows3(f.turn, p, A), three(sums, p, DRIFT)
+        M, drift = rows3(f.turn, TURNED * p + A), row(sums, SUMS * p + DRIFT)
         for r in range(runs[n], runs[n + 1]):
             v = plus(turned(M, row(f.rest, r)), times(f.lift[r], drift))
             put(out, r, times(2.0, v))
@@ -228,7 +216,7 @@ def flow(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @inlined
 def relative(f: Any, p: int, factor: float) -> Rotation:
     """``factor (A - 1)`` of a part."""
-    M = rows3(f.turn, p, A)
+    M = rows3(f.turn, TURNED * p + A)
     return (
         times(factor, (M[0][0] - 1.0, M[0][1], M[0][2])),
         times(factor, (M[1][0], M[1][1] - 1.0, M[1][2])),
@@ -236,23 +224,11 @@ def relative(f: Any, p: int, factor: float) -> Rotation:
     )
 
 
-@inlined
-def by_turn(d: Vector, c: int) -> Vector:
-    """``e_c x d``."""
-    if c == 0:
-        return 0.0, -d[2], d[1]
-    if c == 1:
-        return d[2], 0.0, -d[0]
-    return -d[1], d[0], 0.0
-
-
 @part
 def flow_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add ``(2/h) P(y_L)^T M (A - 1) P(y_1)`` to the blocks."""
     f, blocks, y1, first = w.flow, w.A, w.y1, s.mass_indptr
-    yL = w.y0
-    if numbers[WEIGHT] != 0.0:
-        yL = w.mid
+    yL = pulled(w.y0, w.mid, numbers)
     for r in range(len(f.owner)):
         d = row(yL, r)
         for n in range(first[r], first[r + 1]):
@@ -261,9 +237,10 @@ def flow_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             left, right = 0 if f.local[r] == 0 else 3, 0 if f.local[j] == 0 else 3
             e = row(y1, j)
             for c in range(3):
-                u = B[0][c], B[1][c], B[2][c]
+                u = unit(c, 1.0)
                 if right != 0:
-                    u = turned(B, by_turn(e, c))
+                    u = cross(u, e)
+                u = turned(B, u)
                 if left != 0:
                     u = cross(d, u)
                 for i in range(3):
@@ -278,25 +255,27 @@ def shift_rows(f: Any, p: int, k: int, r: int) -> tuple[Vector, Vector]:
     if f.free[p] == 0.0:
         return none, none
     B = relative(f, p, -2.0 / f.scheme[STEP] * f.lift[r])
-    c, mu = k, f.mu[r]
-    unit = mu if c == 0 else 0.0, mu if c == 1 else 0.0, mu if c == 2 else 0.0
-    return (B[0][c], B[1][c], B[2][c]), unit
+    return column(B, k), unit(k, f.mu[r])
 
 
 @inlined
 def turn_rows(f: Any, p: int, i: int, r: int) -> tuple[Vector, Vector]:
-    """Those of a turn."""
-    s, plain, columns = three(f.turn, p, S), rows3(f.turn, p, PLAIN), rows3(f.turn, p, COFACTORS)
+    """Rows of a turn."""
+    s, plain, columns = (
+        row(f.turn, TURNED * p + S),
+        rows3(f.turn, TURNED * p + PLAIN),
+        rows3(f.turn, TURNED * p + COFACTORS),
+    )
     b, chi = row(f.rest, r), f.scheme[CHI]
     t = turned(plain, b)
     square = 1.0 + dot(s, s)
-    unit = 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
-    change = plus(plus(cross(unit, b), times(b[i], s)), times(dot(s, b), unit))
+    way = unit(i, 1.0)
+    change = plus(plus(cross(way, b), times(b[i], s)), times(dot(s, b), way))
     change = minus(change, times(2.0 * s[i] / square, t))
     lever = row(f.mdq, r)
     if f.free[p] != 0.0:
-        lever = minus(lever, times(f.lift[r], three(f.sums, p, SHIFT)))
-    g = -columns[0][i], -columns[1][i], -columns[2][i]
+        lever = minus(lever, times(f.lift[r], row(f.sums, SUMS * p + SHIFT)))
+    g = times(-1.0, column(columns, i))
     V = minus(cross(t, g), combine(cross(times(1.0 / f.scheme[STEP], lever), g), plain))
     return times(2.0 / ((1.0 + chi) * square), change), V
 
@@ -316,11 +295,9 @@ def put_rows_of(f: Any, k: int, column: Floats, form: Floats) -> None:
 @part
 def flow_column(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Column `flag` of all parts on the vertices, in place of the residual; that is kept."""
-    f, b, kept, line, other, x = w.flow, w.b, w.flow.kept, w.flow.column, w.change, w.x
+    f, b, line, other, x = w.flow, w.b, w.flow.column, w.change, w.x
     if flag == f.begin[0]:
-        for v in range(b.shape[0]):
-            for c in range(6):
-                kept[v, c] = b[v, c]
+        copy(b, f.kept)
         for k in range(flag, BORDER):
             put_rows_of(f, k, line, other)
             twist_force(s, w.y1, other, w.F_mixed, x)
@@ -328,13 +305,8 @@ def flow_column(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                 for c in range(6):
                     f.forms[k, v, c] = x[v, c]
     put_rows_of(f, flag, line, other)
-    y = w.y0
-    if numbers[WEIGHT] != 0.0:
-        y = w.mid
-    for v in range(b.shape[0]):
-        for c in range(6):
-            b[v, c] = 0.0
-    twist_force(s, y, line, w.F, b)
+    clear(b)
+    twist_force(s, pulled(w.y0, w.mid, numbers), line, w.F, b)
     return 0.0
 
 
@@ -356,13 +328,13 @@ def rates_of(f: Any, count: int, twist: Floats, k: int) -> None:
 @part
 def flow_keep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Keep the motion by column `flag`, and what it does to all rows; the residual comes back."""
-    f, b, x, twist = w.flow, w.b, w.x, w.twist
+    f, x, twist = w.flow, w.x, w.twist
     for v in range(x.shape[0]):
         for c in range(6):
             x[v, c], twist[v, c] = -x[v, c], -twist[v, c]
             f.motion[flag, v, c], f.twists[flag, v, c] = x[v, c], twist[v, c]
-            if flag == BORDER - 1:
-                b[v, c] = f.kept[v, c]
+    if flag == BORDER - 1:
+        copy(f.kept, w.b)
     rates_of(f, len(s.framed), twist, flag)
     return 0.0
 
@@ -420,9 +392,9 @@ def flow_velocity(f: Any, o: Any) -> float:
     chi, inverse, taken = f.scheme[CHI], 1.0 / f.scheme[STEP], 0.0
     for r in range(len(f.owner)):
         p, v0 = f.owner[r], row(rates, r)
-        M = rows3(f.turn, p, A)
+        M = rows3(f.turn, TURNED * p + A)
         mean = times(inverse, minus(row(y1, r), row(y0, r)))
-        shift = minus(three(f.sums, p, DRIFT), turned(M, three(f.sums, p, MEAN)))
+        shift = minus(row(f.sums, SUMS * p + DRIFT), turned(M, row(f.sums, SUMS * p + MEAN)))
         v = turned(M, plus(times(chi, v0), mean))
         v = plus(v, times(f.ones[r] / f.total[p], shift))
         # twice M v_m is p_0 + p_1

@@ -11,15 +11,14 @@ from ..beam import Beam
 from ..frames import ground
 from ..joint import JointRevolute
 from ..mesh import MeshCurve
-from ..model import Model, System
+from ..model import Model
+from ..model.system import Coordinates
 from ..section import Material, SectionCircle
 from . import bind
 from .kept import entry
 from .numbers import NUMBERS, RECORD
 from .plan import Plan, plan_of
 from .structures import STEPS, structure
-
-__all__ = ["main"]
 
 
 def main(orders: Sequence[int], names: Sequence[str]) -> None:
@@ -31,20 +30,20 @@ def main(orders: Sequence[int], names: Sequence[str]) -> None:
         rod = model.add(f"rod {k}", Beam(mesh, section, order=order))
         hinge = JointRevolute(ground((0, k, 0)), rod.node(f"rod{k}.start"), axis=(0, 0, 1))
         model.add(f"hinge {k}", hinge)
-    system = model.freeze()
-    plan = plan_of(system)
-    given = structures_of(system, plan)
-    work = bind.bound_work(system, plan)[1]
+    coordinates = model.freeze().joint_coordinates
+    plan = plan_of(coordinates)
+    given = structures_of(coordinates, plan)
+    work = bind.bound_work(coordinates, plan)[1]
     numbers, places = np.zeros(len(NUMBERS)), np.zeros(0, dtype=np.int64)
-    carried = bind.bound_carried(system, work)[0]
+    carried = bind.bound_carried(coordinates, work)[0]
     steps = places, *given, numbers, np.zeros(len(RECORD)), carried
     entry("step", "solve", structure("steps", dict(zip(STEPS, steps, strict=True))))
     for name in reversed(names):
         bind.addresses([name], given)
 
 
-def structures_of(system: System, plan: Plan) -> list[Any]:
+def structures_of(coordinates: Coordinates, plan: Plan) -> list[Any]:
     """Structures of a system that the parts are given."""
-    s, own = bind.bound_tree(system, plan)
-    w, g = bind.bound_work(system, plan)[0], bind.bound_groups(system, plan, own)[0]
-    return [s, bind.bound_plan(system, plan)[0], w, g]
+    s, w = bind.bound_tree(coordinates, plan)[0], bind.bound_work(coordinates, plan)[0]
+    g = bind.bound_groups(coordinates.system, plan)[0]
+    return [s, bind.bound_plan(coordinates, plan)[0], w, g]

@@ -20,9 +20,6 @@ from numba.extending import intrinsic
 from .kept import Key, keep
 from .numba_types import type_of
 
-__all__ = ["call", "call_back", "call_beams", "call_with", "compiled", "function_named"]
-__all__ += ["inlined", "part", "shared"]
-
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 
@@ -47,6 +44,7 @@ def part(function: Kernel) -> Kernel:
     """For compiled code to call through its address: ``f(*structures, numbers, flag)``.
 
     It gives a float. Loops are written out: assigning to slices takes numba seconds to compile.
+    Whole arrays are filled by :func:`.simd.copy` and :func:`.simd.clear`.
     Short loops of fixed length are unrolled, those over ``a.shape`` are not.
     """
     return cast(Kernel, _made(function))
@@ -62,27 +60,24 @@ def shared(function: Kernel) -> Kernel:
     return cast(Kernel, _made(function))
 
 
-#: modules of the parts of a family, the first one that has a name is meant
-_FAMILIES = {
-    "tree": (
-        *("nodes", "tree", "rows", "flow", "blocks"),
-        *("elements", "held", "loads", "couplings", "static"),
-    ),
-    "by law": ("stored", "elements", "held"),
-    "laws": ("laws",),
-    "step": ("step",),
-    "static": ("static",),
-}
+#: modules of the parts of a scene; those of other families are in the module of its name
+_OF_SCENES = (
+    *("nodes", "tree", "rows", "flow", "blocks"),
+    *("elements", "loads", "couplings", "static"),
+)
 
 
 def function_named(family: str, name: str) -> Any:
     """The function of this name.
 
-    Families are those of parts of a scene ("tree") and of beams with a stored energy; laws of such
-    beams; what Python calls: steps, statics, and eliminations for many states.
+    Families are those of parts of a scene ("tree"), of laws of beams with a stored energy, and of
+    what Python calls: steps and statics.
     """
-    modules = (import_module(f".{module}", __package__) for module in _FAMILIES[family])
-    return next(vars(m)[name] for m in modules if name in m.__all__)
+    for module in _OF_SCENES if family == "tree" else (family,):
+        own = import_module(f".{module}", __package__)
+        if getattr(vars(own).get(name), "__module__", None) == own.__name__:
+            return vars(own)[name]
+    raise LookupError(name)
 
 
 def compiled(key: Key) -> int:

@@ -26,19 +26,15 @@ from typing import Any
 
 import numpy as np
 
-from .structures import array_field
-
-__all__ = ["VECTOR", "NotKept", "Source", "address", "cold", "compile_errors", "entry", "keep"]
-__all__ += ["loaded", "promising", "stamp"]
+from .structures import ArrayField
 
 #: kind of an array of numbers: those of a step, which all parts take
-VECTOR = array_field(np.dtype(float), 1)
+VECTOR = ArrayField(np.dtype(float).str, 1)
 
 
 class Source(IntEnum):
-    """Where kernels may come from: this process alone, the disk, too, or even the compiler."""
+    """Where kernels may come from: this process and the disk alone, or the compiler, too."""
 
-    PROCESS = 0
     DISK = 1
     COMPILER = 2
 
@@ -150,11 +146,6 @@ def _files(family: str, name: str) -> Iterator[Path]:
     return folder().glob(f"{_named(family, name)}-{stamp()}-*.kernel")
 
 
-def loaded() -> bool:
-    """Whether this process has kernels."""
-    return bool(_ADDRESSES)
-
-
 def promising() -> bool:
     """Whether kernels of these sources may be on disk: the loop over a step, which all take."""
     if folder() not in _PROMISING and any(_files("step", "solve")):
@@ -257,7 +248,7 @@ def address(family: str, name: str, kinds: Sequence[Any], source: Source = Sourc
     if place is not None:
         return place
     with _LOADING:
-        place = _load(key) if source >= Source.DISK else None
+        place = _load(key)
         if place is None:
             if source < Source.COMPILER:
                 raise NotKept(name)

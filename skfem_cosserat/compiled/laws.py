@@ -2,7 +2,7 @@
 
 The functions of a law that users had compiled are called through their addresses, point by point;
 of other laws Python is called back for all points at once. So these kernels are compiled once, for
-all laws and orders: they take a structure of :data:`.structures.LAW_POINTS` and the numbers of a
+all laws and orders: they take a structure of :mod:`.bind` and the numbers of a
 step.
 """
 
@@ -27,8 +27,6 @@ from .numbers import (
     STRESSES_BY_LAW,
 )
 from .simd import local, local_complex
-
-__all__ = ["law_points"]
 
 #: places on both sides that differences of fourth order need
 SIDES = 4

@@ -12,8 +12,8 @@ from typing import Any
 from ..types import Floats
 from .elements import scalar_block
 from .jit import inlined, part
-from .numbers import FORCE, SHARE, WEIGHT
-from .simd import local
+from .numbers import FORCE, SHARE
+from .simd import copy
 from .small import (
     Rotation,
     Vector,
@@ -23,12 +23,11 @@ from .small import (
     dot,
     increase,
     minus,
-    put,
+    pulled,
     row,
     times,
+    unit,
 )
-
-__all__ = ["load", "load_force", "moment_change", "moment_on"]
 
 
 @inlined
@@ -62,10 +61,8 @@ def moment_change(own: Vector, f: Rotation, E: Rotation, change: Rotation, i: in
 @inlined
 def load_force(s: Any, w: Any) -> None:
     """All loads: the dead ones, and those that follow the motion."""
-    dead, external, mid, pairs, C = w.dead, w.external, w.mid, s.follower, w.followers
-    for r in range(external.shape[0]):
-        for c in range(3):
-            external[r, c] = dead[r, c]
+    external, mid, pairs, C = w.external, w.mid, s.follower, w.followers
+    copy(w.dead, external)
     for k in range(len(pairs)):
         for i in range(4):
             for j in range(4):
@@ -86,29 +83,15 @@ def load(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         return 0.0
     A, pairs, followers = w.A, s.follower, w.followers
     factor = -numbers[SHARE] * numbers[FORCE]
-    yL, yR = w.y0, w.y1
-    if numbers[WEIGHT] != 0.0:
-        yL = w.mid
-    C, V = local((1, 1, 4, 4)), local((3, 3))
-    L, R = local((1, 4, 3)), local((1, 4, 3))
-    last = len(yL) - 1
+    yL, yR = pulled(w.y0, w.mid, numbers), w.y1
     for k in range(len(pairs)):
-        for i in range(4):
-            a, b = min(pairs[k, 0] + i, last), min(pairs[k, 1] + i, last)
-            for c in range(3):
-                L[0, i, c] = yL[a, c]
-                R[0, i, c] = yR[b, c]
-            for j in range(4):
-                C[0, 0, i, j] = factor * followers[k, i, j]
-        scalar_block(C, 0, 0, L, R, A, pairs[k, 2], V)
+        scalar_block(followers, k, factor, yL, pairs[k, 0], yR, pairs[k, 1], A, pairs[k, 2])
     for k in range(len(s.moment_vertex)):
         v = s.moment_vertex[k]
         own, f, E = moment_on(s, w, k)
         D, B = directors(yR, s.row[v]), directors(yL, s.row[v])
         for c in range(3):
-            put(V, 0, (0.0, 0.0, 0.0))
-            V[0, c] = 1.0
-            turn = row(V, 0)
+            turn = unit(c, 1.0)
             change = cross(turn, D[0]), cross(turn, D[1]), cross(turn, D[2])
             for i in range(3):
                 torque = cross(B[i], moment_change(own, f, E, change, i))

@@ -27,10 +27,11 @@ from .numbers import (
     SHARE,
     WEIGHT,
 )
-from .simd import WIDTH, add_rows, local, put_rows, rows, store
+from .simd import WIDTH, add_rows, put_rows, rows, store
 from .small import (
     block,
     chosen,
+    column,
     combine,
     composed,
     counted,
@@ -38,28 +39,16 @@ from .small import (
     dot,
     frames,
     plus,
+    pulled,
     put,
     put_frames,
+    put_matrix,
     quaternions,
     rotation,
     row,
     times,
     turned,
 )
-
-__all__ = [
-    "balance",
-    "begin",
-    "better",
-    "cap",
-    "clear",
-    "finish",
-    "move",
-    "nodal_mass_matrix",
-    "node_matrix",
-    "predict_changes",
-    "size",
-]
 
 
 @part
@@ -110,10 +99,7 @@ def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         if not framed[v]:
             put(y1, first[v], plus(row(y0, first[v]), row(total, v)))
         elif followed[v]:
-            H = rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3])
-            for a in range(3):
-                for b in range(3):
-                    rotations[v, a, b] = H[a][b]
+            put_matrix(rotations, v, rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3]))
     return 0.0
 
 
@@ -215,9 +201,7 @@ def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """
     force = numbers[FORCE]
     R, internal = w.R, w.internal
-    left = w.y0
-    if numbers[WEIGHT] != 0.0:
-        left = w.mid
+    left = pulled(w.y0, w.mid, numbers)
     if flag == 1:
         predicted = w.R_mixed
         for r in range(R.shape[0]):
@@ -250,30 +234,18 @@ def size(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @part
 def clear(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """All blocks zero."""
-    A, none = w.A, simd.pack((0.0, 0.0, 0.0, 0.0))
-    for k in range(A.size // WIDTH):
-        store(A, k, none)
+    simd.clear(w.A)
     return 0.0
 
 
 @part
 def nodal_mass_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add masses of single frames and of mass points."""
-    V, C = local((3, 3)), local((1, 1, 4, 4))
-    L, R = local((1, 4, 3)), local((1, 4, 3))
-    A, y0, y1, diag, first = w.A, w.y0, w.y1, m.diag, s.row
-    masses, framed = s.frame_masses, s.framed
-    mass, weight = numbers[MASS], numbers[WEIGHT]
+    A, yL, diag, first = w.A, pulled(w.y0, w.mid, numbers), m.diag, s.row
+    framed, mass = s.framed, numbers[MASS]
     for k in range(len(s.frame_vertex)):
         v = s.frame_vertex[k]
-        for a in range(4):
-            r = first[v] + a
-            for b in range(4):
-                C[0, 0, a, b] = mass * masses[k, a, b]
-            for c in range(3):
-                L[0, a, c] = y0[r, c] if weight == 0.0 else w.mid[r, c]
-                R[0, a, c] = y1[r, c]
-        scalar_block(C, 0, 0, L, R, A, diag[v], V)
+        scalar_block(s.frame_masses, k, mass, yL, first[v], w.y1, first[v], A, diag[v])
     for v in range(len(first)):
         if not framed[v]:
             for c in range(3, 6):
@@ -300,12 +272,12 @@ def node_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         D, F = frames(y1, own)[1], frames(R, own)[1]
         F = times(f, F[0]), times(f, F[1]), times(f, F[2])
         trace = dot(D[0], F[0]) + dot(D[1], F[1]) + dot(D[2], F[2])
-        g = combine((D[0][0], D[1][0], D[2][0]), F)
+        g = combine(column(D, 0), F)
         none = simd.pack((0.0, 0.0, 0.0, 0.0))  # rows of four begin before the triad's
         add_rows(A, slots, 36, 20, (none, g[0] - trace, g[1], g[2]))
-        g = combine((D[0][1], D[1][1], D[2][1]), F)
+        g = combine(column(D, 1), F)
         add_rows(A, slots, 36, 26, (none, g[0], g[1] - trace, g[2]))
-        g = combine((D[0][2], D[1][2], D[2][2]), F)
+        g = combine(column(D, 2), F)
         add_rows(A, slots, 36, 32, (none, g[0], g[1], g[2] - trace))
     return 0.0
 
@@ -400,10 +372,8 @@ def better(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             way = abs(total[v, c]) * (1.0 if turning[v, c] else inverse)
             farthest = max(farthest, way)
             path += way
-    for v in range(total.shape[0]):
-        for c in range(total.shape[1]):
-            before[v, c] = last[v, c]
-            last[v, c] = total[v, c]
+    simd.copy(last, before)
+    simd.copy(total, last)
     found[0] = farthest
     found[1] = path
     return 2.0 if flag > 1 and twice < once else 1.0

@@ -15,8 +15,6 @@ from numpy import dtype
 
 from .structures import ArrayField, Kind, Structure
 
-__all__ = ["View", "type_of"]
-
 _WORD = ir.IntType(64)
 
 

@@ -5,20 +5,19 @@ from __future__ import annotations
 from ..newton import FACTORED, FIRST, ITERATIONS, KEPT, RATE, RESIDUAL
 from ..newton import RECORD as LOOP
 
-__all__ = ["BEAM_PARTS", "COUPLED", "NUMBERS", "RECORD", "TREE_PARTS"]
-__all__ += ["FACTORED", "FIRST", "ITERATIONS", "KEPT", "RATE", "RESIDUAL"]
+__all__ = ["FACTORED", "FIRST", "ITERATIONS", "KEPT", "RATE", "RESIDUAL"]
 
 #: see :class:`skfem_cosserat.integrators.scheme.Scheme` and :class:`skfem_cosserat.NewtonSettings`
 NUMBERS = (
     *("mass", "momentum", "force", "start", "end", "weight", "length"),
     *("rotation", "mixed", "reuse", "iterations", "largest", "increment", "negligible"),
     *("stagnation", "carry_mass", "carry_momentum", "carry_force"),
-    *("share", "worth", "ends", "reach", "viscous_start", "viscous_end"),
+    *("share", "worth", "ends", "reach", "viscous_work"),
 )
 MASS, MOMENTUM, FORCE, START, END, WEIGHT, LENGTH = range(7)
 ROTATION, MIXED, REUSE, LIMIT, LARGEST, INCREMENT, NEGLIGIBLE = range(7, 14)
 STAGNATION, CARRY_MASS, CARRY_MOMENTUM, CARRY_FORCE = range(14, 18)
-SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(18, 24)
+SHARE, WORTH, ENDS, REACH, VISCOUS_WORK = range(18, 23)
 
 #: what the loop over the iterations leaves behind for the next step, see
 #: :data:`skfem_cosserat.newton.RECORD`; how to start: from no increment, the last one or both
@@ -26,23 +25,19 @@ SHARE, WORTH, ENDS, REACH, VISCOUS_START, VISCOUS_END = range(18, 24)
 #: go: how many are asked for and done, and matrices factored in all; how far coordinates of closed
 #: loops may go before their rows are looked at, and how far they went since. Energy that moved
 #: velocities took in a step (J), and whether velocities are still to be moved; of how many steps,
-#: the last ones, states and impulses are kept; whether each step has loads of its own. What force
-#: elements dissipate in a step, and the part of the scheme in it (J); what viscous sections do (J),
-#: for ways of one second; work of actuators, and of the ground through force elements (J)
+#: the last ones, states and impulses are kept; whether each step has loads of its own. Works (J) of
+#: actuators, lost, and of the ground through force elements; the part of the scheme in what is lost
 RECORD = (
     *LOOP,
     *("start", "known", "work", "asked", "done", "all_factored"),
     *("clearance", "travelled", "taken", "unmoved", "states", "varying"),
-    *("dissipated", "numerical", "viscous", "actuators", "ground"),
+    *("actuators", "dissipated", "ground", "numerical"),
 )
 GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(9, 15)
 CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES, VARYING = range(15, 21)
-DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS, BY_GROUND = range(21, 26)
-#: what is kept of these numbers for each of the steps in one go
-LOGGED = (
-    *(ITERATIONS, RESIDUAL, WORK, TAKEN),
-    *(DISSIPATED, BY_SCHEME, VISCOUS, ACTUATORS, BY_GROUND),
-)
+ACTUATORS, DISSIPATED, BY_GROUND, BY_SCHEME = range(21, 25)
+#: what is kept of these numbers for each of the steps in one go; works as in `StepWork`
+LOGGED = ITERATIONS, RESIDUAL, WORK, ACTUATORS, DISSIPATED, BY_GROUND, BY_SCHEME
 
 #: matrices of a step up to which no frame can have got to half a turn, where there are no closed
 #: loops: eight increments cannot, and all increments with one matrix, each at most half as long as
@@ -57,23 +52,19 @@ TREE_PARTS = (
     *("finish", "better", "nodal_mass_matrix", "factor", "sweep"),
     *("joint_begin", "joint_add", "joint_move", "joint_maps", "joint_reduce", "joint_curvature"),
     *("row_force", "row_matrix", "row_branch"),
-    *("flow", "flow_matrix", "flow_column", "flow_keep", "flow_correct"),
     *("load", "couple", "hold"),
+    *("flow", "flow_matrix", "flow_column", "flow_keep", "flow_correct"),
 )
-BEAM_PARTS = (
-    *("beam_start", "beam_force", "beam_tangent", "beam_predicted"),
-    *("beam_hold", "beam_hold_matrix", "beam_energy"),
-)
+BEAM_PARTS = (*("beam_start", "beam_force", "beam_tangent", "beam_predicted", "beam_energy"),)
 BEGIN, MOVE, BALANCE, SIZE, CLEAR, NODE_MATRIX, CAP, PREDICT_CHANGES = range(8)
 FINISH, BETTER, NODAL_MASS_MATRIX, FACTOR, SWEEP = range(8, 13)
 JOINT_BEGIN, JOINT_ADD, JOINT_MOVE, JOINT_MAPS, JOINT_REDUCE, JOINT_CURVATURE = range(13, 19)
-ROW_FORCE, ROW_MATRIX, ROW_BRANCH = 19, 20, 21
-FLOW, FLOW_MATRIX, FLOW_COLUMN, FLOW_KEEP, FLOW_CORRECT = range(22, 27)
-LOAD, COUPLE, HOLD = 27, 28, 29
-BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED = range(30, 34)
-BEAM_HOLD, BEAM_HOLD_MATRIX, BEAM_ENERGY = 34, 35, 36
-#: place of the address of ``double f(int64 stage)``, by which Python code is called back; stages
-CALLED_BACK = 37
+ROW_FORCE, ROW_MATRIX, ROW_BRANCH, LOAD, COUPLE, HOLD = range(19, 25)
+FLOW, FLOW_MATRIX, FLOW_COLUMN, FLOW_KEEP, FLOW_CORRECT = range(25, 30)
+BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_ENERGY = range(30, 35)
+#: places of addresses of ``double f(int64)``, by which Python code is called back: stages of loads
+#: that are functions; loads of the next one of several steps
+CALLED_BACK, NEXT_LOADS = range(35, 37)
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
 #: what beams of a stored energy ask for: stresses by strains, their derivative, and the energy at
@@ -84,16 +75,12 @@ ENERGY, COMPLEX_ENERGY, GRADIENT, COMPLEX_GRADIENT, HESSIAN = range(5)
 #: what a force element has in a step, columns of ``w.coupled``: step size; full turns of an angle
 #: at the start and at the end, or how far a rotation vector went; what is dissipated, the part of
 #: the scheme in it, and what the ground does (J); forces of an actuator, invariants and coordinates
-#: at the start, forces by invariants, travel of the coordinates. Where forces are those at the end
-#: of a step, also by the forces at its start: those of an actuator and of dampers, what the ground
-#: does; and those of dampers at its end. Whether full turns are counted on from step to step
+#: at the start, forces by invariants, travel of the coordinates; whether full turns are counted on
+#: from step to step
 STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND = range(6)
-AMPLITUDE, PI0, XI0, S, TRAVEL = 6, 12, 19, 25, 32
-AMPLITUDE0, DAMPED0, GROUND0, DAMPED = 38, 44, 50, 51
+AMPLITUDE, PI0, XI0, S, TRAVEL, WINDS, COUPLED = 6, 12, 19, 25, 32, 38, 39
 #: channels of an actuator
 DRIVEN = 6
-WINDS = 57
-COUPLED = 58
 
 #: of the extra velocity of energy-decaying steps, numpy's and compiled ones: what is added to the
 #: diagonal of a singular matrix, of its size (where all velocities are parallel); products with the

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from copy import copy
 from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_matrix
 
 from ..frozen import lock_arrays
 from ..joint import JointDrive
 from ..model import System
 from ..model.loading import Followers
-from ..pattern import shared
-from ..types import ArrayLike, Floats, IndexArray
+from ..model.system import Coordinates
+from ..types import ArrayLike, IndexArray
 
-__all__ = ["Plan", "RowBlock", "following", "plan_of", "row_blocks"]
+__all__ = ["Plan", "RowBlock", "following", "places_of", "plan_of", "row_blocks"]
 
 
 # -- the order in which vertices are eliminated, and where their blocks are: once for a system -----
@@ -54,8 +52,6 @@ class Plan:
         Eliminate vertices with up to two neighbours only, even where all would not fill in.
     rows : tuple of RowBlock
         The last vertices are these, each after those that it waits for.
-    limits : (int, int)
-        `THIN` and `FILLED`.
 
     Attributes
     ----------
@@ -97,19 +93,23 @@ class Plan:
         held: tuple[int, ...] = (),
         thin: bool = False,
         rows: tuple[RowBlock, ...] = (),
-        limits: tuple[int, int] = (THIN, FILLED),
     ) -> None:
         links = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
         above = np.asarray(parent, dtype=np.int64)
         self.rows = rows
         waits = {count - len(rows) + k: block.waits for k, block in enumerate(rows)}
-        degree, filled = limits
-        graph = _Graph(count, zip(*links.T.tolist(), strict=True), above.tolist(), held, waits)
-        graph.eliminate(degree)
+
+        def thinned() -> _Graph:
+            out = _Graph(count, links.tolist(), above.tolist(), held, waits)
+            out.eliminate(THIN)
+            return out
+
+        graph = thinned()
         left = count - len(graph.order)
-        whole = graph.copy()
-        if left and not thin and whole.eliminate(count, filled * left):
-            graph = whole
+        if left and not thin:
+            whole = thinned()
+            if whole.eliminate(count, FILLED * left):
+                graph = whole
         self.blocks = len(graph.order)
         graph.turn(grounded)
         self.order: IndexArray = np.array(graph.order, dtype=np.int64)
@@ -204,17 +204,18 @@ class RowBlock(NamedTuple):
     waits: tuple[int, ...]
 
 
-def row_blocks(system: System) -> list[RowBlock]:
+def row_blocks(coordinates: Coordinates) -> list[RowBlock]:
     """Rows that the tree's coordinates leave, in blocks of at most six.
 
     Forces along these rows are eliminated like the coordinates of a vertex. A block that comes
     behind the vertices it waits for has a regular pivot: without masses behind them it is minus a
     positive definite one.
     """
-    left = set(system.left_rows.tolist())
+    system = coordinates.system
+    left = set(coordinates.left_rows.tolist())
     count = len(system.origin_rows)
     nodes = [(each.first + each.beam.basis.connectivity).tolist() for each in system.theory_rows]
-    parent = {e.child: min(e.parent, count) for e in system.spanning.edges}
+    parent = {e.child: min(e.parent, count) for e in coordinates.joint_edges}
     _hang(chain.from_iterable(nodes), parent, count)
     depth = _depths(parent)
     found: dict[int, tuple[list[int], set[int]]] = {}
@@ -290,15 +291,16 @@ def _between(
     return tuple(sorted(found - {count}))
 
 
-def plan_of(system: System, thin: bool = False) -> Plan:
+def plan_of(coordinates: Coordinates, thin: bool = False) -> Plan:
     """Elimination of a system, its rows with multipliers included; see :class:`Plan`."""
+    system = coordinates.system
     count = len(system.origin_rows)
-    rows = row_blocks(system)
+    rows = row_blocks(coordinates)
     pairs = [np.zeros((0, 2), dtype=np.int64)]
     for group in system.beam_groups:
         a, b = np.triu_indices(group.vertices.shape[1], 1)
         pairs.append(np.stack([group.vertices[:, a], group.vertices[:, b]], -1).reshape(-1, 2))
-    pairs.append(_coupled(system))
+    pairs.append(places_of(system)[0][system.couplings.pairs])
     of_rows = []
     for k, block in enumerate(rows, count):
         own = [v for v in block.vertices if v < count]
@@ -306,24 +308,23 @@ def plan_of(system: System, thin: bool = False) -> Plan:
     pairs.append(np.array(of_rows, dtype=np.int64).reshape(-1, 2))
     parent = np.full(count + len(rows), -1)
     grounded = []
-    for e in system.tree.edges:
+    for e in coordinates.tree.edges:
         if e.parent < count:
             parent[e.child] = e.parent
         else:
             grounded.append(e.child)
     grounded.sort()
-    held = tuple(v for v in grounded if not len(system.tree.own[v]))
+    held = tuple(v for v in grounded if not len(coordinates.tree.own[v]))
     graph = len(parent), np.concatenate(pairs), parent, tuple(grounded), held
-    return shared(Plan, *graph, thin, tuple(rows), (THIN, FILLED))
+    return Plan(*graph, thin, tuple(rows))
 
 
-def _coupled(system: System) -> IndexArray:
-    """Vertices that force elements couple (k, 2)."""
-    first = np.array(system.origin_rows)
+def places_of(system: System) -> tuple[IndexArray, IndexArray]:
+    """Vertex of each row of y, those of the ground included, and the row's place in it."""
+    first = np.asarray(system.vertex_rows)
     order = np.argsort(first)
-    vertex = order[np.searchsorted(first[order], system.couplings.pairs, side="right") - 1]
-    both = np.sort(vertex[vertex[:, 0] != vertex[:, 1]], axis=1)
-    return np.unique(both, axis=0) if len(both) else both
+    vertex = np.repeat(order, np.diff(first[order], append=system.total))
+    return vertex, np.arange(system.total) - first[vertex]
 
 
 def _sorted_lists(sets: Sequence[Collection[int]]) -> tuple[IndexArray, IndexArray]:
@@ -341,7 +342,7 @@ class _Graph:
     def __init__(
         self,
         count: int,
-        pairs: Iterable[tuple[int, int]],
+        pairs: Iterable[Sequence[int]],
         parent: Sequence[int],
         held: Collection[int],
         waits: Mapping[int, Collection[int]],
@@ -364,17 +365,6 @@ class _Graph:
             for u in others:
                 self._behind.setdefault(u, []).append(v)
         self._done = [False] * count
-
-    def copy(self) -> _Graph:
-        """One to try an elimination with: sets of what is eliminated do not change any more."""
-        out = copy(self)
-        out.around = [
-            set(near) if not done else near
-            for near, done in zip(self.around, self._done, strict=True)
-        ]
-        for name in ("order", "later", "_waiting", "_done"):
-            setattr(out, name, getattr(self, name).copy())
-        return out
 
     def eliminate(self, largest: int, most: float = np.inf) -> bool:
         """Eliminate by degree, up to a largest one.
@@ -470,22 +460,13 @@ def following(system: System) -> Followers:
     loads = system.loading.followers
     if system.drag is None:
         return loads
-    vertices, values = _pairs(system.drag, system.origin_rows)
+    entries, (vertex, place) = system.drag.tocoo(), places_of(system)
+    rows = np.stack([entries.row, entries.col], -1)
+    vertices, number = np.unique(vertex[rows], axis=0, return_inverse=True)
+    values = np.zeros((len(vertices), 4, 4))
+    np.add.at(values, (number.reshape(-1), *place[rows].T), entries.data)
     return Followers(
         np.concatenate([loads.vertices, vertices]),
         np.concatenate([loads.channels, np.full(len(vertices), -1)]),
         np.concatenate([loads.values, values]),
     )
-
-
-def _pairs(matrix: csr_matrix, first: IndexArray) -> tuple[IndexArray, Floats]:
-    """Pairs of vertices (k, 2) and their entries (k, 4, 4) of a matrix by rows of y."""
-    entries = matrix.tocoo()
-    rows = np.stack([entries.row, entries.col], -1)
-    order = np.argsort(first)
-    vertex = order[np.searchsorted(first[order], rows, side="right") - 1]
-    pairs, number = np.unique(vertex, axis=0, return_inverse=True)
-    values = np.zeros((len(pairs), 4, 4))
-    component = rows - first[vertex]
-    np.add.at(values, (number.reshape(-1), component[:, 0], component[:, 1]), entries.data)
-    return pairs, values

@@ -15,9 +15,7 @@ from ..types import Floats
 from . import numbers as n
 from .flow import flow_velocity
 from .jit import call_with, inlined
-from .simd import WIDTH, load, store
-
-__all__ = ["begin_rates", "finish_rates", "go_on", "keep", "stay_in_plane"]
+from .simd import WIDTH, copy, load, store
 
 #: what leads out of a plane, against the size of its terms, up to which it is nothing but rounding
 LEAST = 4 * np.finfo(np.float64).eps
@@ -36,29 +34,28 @@ def mass_rows(o: Any, a: Floats, out: Floats) -> None:
 
 
 @inlined
-def begin_rates(o: Any) -> None:
-    """What rates carried on take off the balance, in place of the momentum at the start.
-
-    And velocities that dampers need: at the start, and what is known of that at the end.
-    """
-    before, rates, sums, rate0, drift = o.before, o.rates, o.scratch, o.rate0, o.drift
-    rows = sums.shape[0]
-    if len(drift) > 0:
-        for r in range(rows):
-            for c in range(3):
-                total = 0.0
-                for k in range(len(o.of_drift)):
-                    total += o.of_drift[k] * rates[k * rows + r, c]
-                drift[r, c], rate0[r, c] = total, rates[r, c]
-    if len(before) == 0:
-        return
+def sum_rates(weights: Floats, rates: Floats, rows: int, out: Floats) -> None:
+    """``out = sum w_k rates_k``, of its first rows."""
     for r in range(rows):
         for c in range(3):
             total = 0.0
-            for k in range(len(before)):
-                total += before[k] * rates[k * rows + r, c]
-            sums[r, c] = total
-    mass_rows(o, sums, o.p0)
+            for k in range(len(weights)):
+                total += weights[k] * rates[k * rows + r, c]
+            out[r, c] = total
+
+
+@inlined
+def begin_rates(o: Any) -> None:
+    """What rates carried on take off the balance, in place of the momentum at the start.
+
+    And what is known of the velocity at the end, which dampers need.
+    """
+    rows = o.scratch.shape[0]
+    if len(o.drift) > 0:
+        sum_rates(o.of_drift, o.rates, rows, o.drift)
+    if len(o.before) > 0:
+        sum_rates(o.before, o.rates, rows, o.scratch)
+        mass_rows(o, o.scratch, o.p0)
 
 
 @inlined
@@ -83,10 +80,9 @@ def finish_rates(o: Any, numbers: Floats, record: Floats) -> None:
     if o.nearest[0] == 0:
         record[n.UNMOVED] = 1.0
         return
-    y, p, v, new, change = o.near_y, o.near_p, o.velocity, o.scratch, o.change
-    for r in range(rows):
-        for c in range(3):
-            y[r, c], p[r, c] = y1[r, c], carried[r, c]
+    v, new, change = o.velocity, o.scratch, o.change
+    copy(y1, o.near_y)
+    copy(carried, o.near_p)
     if call_with(o.nearest[0], o.nearest[1]) == 0.0:
         record[n.UNMOVED] = 1.0
         return
@@ -148,16 +144,20 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
     ``h G^T lambda`` is what balances the step, and what moved its velocities: at the node of the
     start that is what the step before has left.
     """
-    for i in range(n.DISSIPATED, n.BY_GROUND + 1):
+    for i in range(n.ACTUATORS, n.BY_SCHEME + 1):
         record[i] = 0.0
+    record[n.DISSIPATED] = record[n.BY_SCHEME] = record[n.TAKEN]
     for c in range(coupled.shape[0]):
         record[n.DISSIPATED] += coupled[c, n.LOST]
         record[n.BY_SCHEME] += coupled[c, n.NUMERICAL]
         record[n.BY_GROUND] += coupled[c, n.GROUND]
         for i in range(n.DRIVEN):
             record[n.ACTUATORS] += coupled[c, n.AMPLITUDE + i] * coupled[c, n.TRAVEL + i]
+    viscous = 0.0
     for g in range(o.viscous.shape[0]):
-        record[n.VISCOUS] += o.viscous[g, n.VISCOUS_END]
+        viscous += o.viscous[g, n.VISCOUS_WORK]
+    if viscous * o.size[0] > 0.0:  # a step back gives what was lost
+        record[n.DISSIPATED] += viscous
     k, early, moved = int(record[n.DONE]) - 1, numbers[n.WEIGHT] == 0.0, len(o.moved) > 0
     for i in range(len(n.LOGGED)):
         o.log_numbers[k, i] = record[n.LOGGED[i]]
@@ -195,43 +195,11 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
 
 
 @inlined
-def take_loads(o: Any, coupled: Floats, k: int) -> None:
-    """Loads, forces of actuators and the moving ground of the k-th of several steps."""
-    ground1, rows = o.ground1, o.p0.shape[0]
-    if o.all_ground.shape[0] > 0:
-        for r in range(ground1.shape[0]):
-            for c in range(3):
-                o.y0[rows + r, c] = o.all_ground[k, 0, r, c]
-                ground1[r, c] = o.all_ground[k, 1, r, c]
-    for c in range(coupled.shape[0]):
-        for i in range(n.DRIVEN):
-            coupled[c, n.AMPLITUDE + i] = o.all_driven[k, c, i]
-    dead, moments, followers = o.dead, o.moments, o.followers
-    for r in range(dead.shape[0]):
-        for c in range(3):
-            dead[r, c] = o.all_dead[k, r, c]
-    for i in range(moments.shape[0]):
-        for c in range(3):
-            moments[i, c] = o.all_moments[k, i, c]
-    for i in range(followers.shape[0]):
-        for a in range(4):
-            for b in range(4):
-                followers[i, a, b] = o.all_followers[k, i, a, b]
-
-
-@inlined
-def go_on(o: Any, coupled: Floats, record: Floats) -> None:
-    """The next step starts where the last one ended."""
+def go_on(o: Any, coupled: Floats) -> None:
+    """Start the next step where the last one ended."""
     for c in range(coupled.shape[0]):
         if coupled[c, n.WINDS] != 0.0:
             coupled[c, n.TURNS] = np.floor(coupled[c, n.TURNED] + 0.5)
-    if record[n.VARYING] != 0.0:
-        take_loads(o, coupled, int(record[n.DONE]))
-    y0, y1, p0, carried, rates, after = o.y0, o.y1, o.p0, o.carried, o.rates, o.after
-    for r in range(p0.shape[0]):
-        for c in range(3):
-            y0[r, c] = y1[r, c]
-            p0[r, c] = carried[r, c]
-    for r in range(rates.shape[0]):
-        for c in range(3):
-            rates[r, c] = after[r, c]
+    copy(o.y1, o.y0)
+    copy(o.carried, o.p0)
+    copy(o.after, o.rates)

@@ -20,7 +20,7 @@ from ..types import Floats
 from .block_algebra import add_times, entry, put_entry
 from .jit import inlined, part
 from .numbers import MASS, WEIGHT
-from .small import Vector, add_skew, cross, dot, row, times
+from .small import Vector, add_skew, cross, dot, pulled, row, times, unit
 from .tables.rows import (
     BLOCK,
     COMPONENT,
@@ -45,8 +45,6 @@ from .tables.rows import (
     TERM_SLOT,
     TERM_VERTEX,
 )
-
-__all__ = ["row_branch", "row_force", "row_matrix"]
 
 #: a cosine, less 1, below which a joint is fulfilled only after half a turn
 TURNED_OVER = -1.0
@@ -88,12 +86,11 @@ def add_forces(s: Any, y: Floats, mu: Floats, f: Floats) -> None:
 
 @inlined
 def start_gaps(s: Any, m: Any, b: Floats, first: int) -> None:
-    """Minus what rows are to be, in blocks from `first` on; not those that beams have there."""
-    constant, kept = s.row_constant, s.row_kept
+    """Minus what rows are to be, in blocks from `first` on."""
+    constant = s.row_constant
     for k in range(constant.shape[0]):
         for c in range(m.size[first + k]):
-            if not kept[k, c]:
-                b[first + k, c] = -constant[k, c]
+            b[first + k, c] = -constant[k, c]
 
 
 @inlined
@@ -120,14 +117,8 @@ def push(s: Any, m: Any, w: Any, numbers: Floats, first: int) -> float:
 
 @part
 def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Forces by mu, added to ``w.closing``, and what rows gape by: gives the largest, relative.
-
-    Strains that beams hold have been evaluated by these, see :mod:`.held`.
-    """
+    """Forces by mu, added to ``w.closing``, and what rows gape by: gives the largest, relative."""
     b, y1 = w.b, w.y1
-    y = w.y0
-    if numbers[WEIGHT] != 0.0:
-        y = w.mid
     start_gaps(s, m, b, len(s.row))
     table, linear = s.row_products, s.row_linear
     for t in range(table.shape[0]):
@@ -138,7 +129,7 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         value = y1[linear[t, TERM], linear[t, TERM_COMPONENT]]
         b[linear[t, BLOCK], linear[t, PLACE]] += s.row_linear_factors[t] * value
     gap = push(s, m, w, numbers, len(s.row))
-    add_forces(s, y, w.extra, w.closing)
+    add_forces(s, pulled(w.y0, w.mid, numbers), w.extra, w.closing)
     return gap
 
 
@@ -200,10 +191,7 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Add ``G(y_c)^T``, ``G(y_1)`` and, of midpoints, ``weight mu C`` to the blocks."""
     table, factors, linear, A = s.row_products, s.row_factors, s.row_linear, w.A
     y1, acting, on, count = w.y1, w.extra, s.row_on, len(s.row)
-    weight = numbers[WEIGHT]
-    yL = w.y0
-    if weight != 0.0:
-        yL = w.mid
+    weight, yL = numbers[WEIGHT], pulled(w.y0, w.mid, numbers)
     for t in range(table.shape[0]):
         k, place = table[t, BLOCK], table[t, PLACE]
         if on[k - count, place] == 0.0:
@@ -227,10 +215,9 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         if linear[t, TERM_VERTEX] < 0 or on[k - count, place] == 0.0:
             continue
         f, n = s.row_linear_factors[t], linear[t, TERM_COMPONENT]
-        axis = f if n == 0 else 0.0, f if n == 1 else 0.0, f if n == 2 else 0.0
         a, i = linear[t, TERM], linear[t, TERM_PLACE]
-        add_row(A, linear[t, TERM_SLOT], place, i, row(y1, a), axis)
-        add_column(A, linear[t, TERM_BACK], place, i, row(yL, a), axis)
+        add_row(A, linear[t, TERM_SLOT], place, i, row(y1, a), unit(n, f))
+        add_column(A, linear[t, TERM_BACK], place, i, row(yL, a), unit(n, f))
     for k in range(on.shape[0]):  # no row is there, or it is switched off
         for c in range(on.shape[1]):
             put_entry(A, m.diag[count + k], c, c, 1.0 - on[k, c])

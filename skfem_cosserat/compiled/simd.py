@@ -23,24 +23,9 @@ from numba.core.typeconv import Conversion
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, register_model
 
-from .block_algebra import ROW, SIDE
+from .block_algebra import ROW, SIDE, pointer, row_of, spread
 from .numba_types import View
 from .numbers import WIDTH
-
-__all__ = [
-    "WIDTH",
-    "add_rows",
-    "farther",
-    "gather",
-    "largest",
-    "load",
-    "local",
-    "local_complex",
-    "pack",
-    "put_rows",
-    "rows",
-]
-__all__ += ["scatter", "store"]
 
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
 _INDEX, _LANE = ir.IntType(64), ir.IntType(32)
@@ -111,13 +96,6 @@ for _operation, _name in (
     _define(_operation, _name)
 
 
-def _pointer(context: Any, builder: Any, kind: Any, array: Any, place: Any) -> Any:
-    """Address of the entry at a flat place."""
-    assert kind.layout == "C", kind
-    data = context.make_array(kind)(context, builder, array).data
-    return builder.gep(data, [place])
-
-
 def _places(builder: Any, places: Any, size: Any, first: Any) -> list[Any]:
     """``size place + first`` for each lane."""
     return [
@@ -184,16 +162,37 @@ def _local(kind: Any) -> Any:
     return typed
 
 
-@intrinsic
-def local(typing: Any, shape: Any) -> Any:
-    """Room for a part alone, of one or several dimensions; what is in it is not said."""
-    return _local(types.float64)(typing, shape)
+#: room for a part alone, of one or several dimensions; what is in it is not said.
+local = intrinsic(_local(types.float64))
+#: the same for complex numbers.
+local_complex = intrinsic(_local(types.complex128))
 
 
 @intrinsic
-def local_complex(typing: Any, shape: Any) -> Any:
-    """The same for complex numbers."""
-    return _local(types.complex128)(typing, shape)
+def clear(typing: Any, a: Any) -> Any:
+    """Make a whole array zero."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        own = context.make_array(kind.args[0])(context, builder, values[0])
+        cgutils.memset(builder, own.data, builder.mul(own.nitems, own.itemsize), 0)
+        return context.get_dummy_value()
+
+    return types.none(a), generate
+
+
+@intrinsic
+def copy(typing: Any, a: Any, out: Any) -> Any:
+    """Fill a whole array with the first numbers of another one."""
+
+    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+        given, own = (
+            context.make_array(array)(context, builder, value)
+            for array, value in zip(kind.args, values, strict=True)
+        )
+        cgutils.raw_memcpy(builder, own.data, given.data, own.nitems, own.itemsize)
+        return context.get_dummy_value()
+
+    return types.none(a, out), generate
 
 
 @intrinsic
@@ -214,8 +213,7 @@ def load(typing: Any, a: Any, k: Any) -> Any:
     """Vector number k of scratch, ``a[WIDTH k : WIDTH (k + 1)]``."""
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
-        place = builder.mul(values[1], ir.Constant(_INDEX, WIDTH))
-        return _load(builder, _pointer(context, builder, kind.args[0], values[0], place))
+        return _load(builder, pointer(context, builder, kind.args[0], values[0], values[1], WIDTH))
 
     return simd(a, types.int64), generate
 
@@ -225,8 +223,8 @@ def store(typing: Any, a: Any, k: Any, value: Any) -> Any:
     """The other way round."""
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
-        place = builder.mul(values[1], ir.Constant(_INDEX, WIDTH))
-        _store(builder, values[2], _pointer(context, builder, kind.args[0], values[0], place))
+        place = pointer(context, builder, kind.args[0], values[0], values[1], WIDTH)
+        _store(builder, values[2], place)
         return context.get_dummy_value()
 
     return types.none(a, types.int64, simd), generate
@@ -239,7 +237,7 @@ def gather(typing: Any, a: Any, places: Any, size: Any, first: Any) -> Any:
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
         out = ir.Constant(_VECTOR, ir.Undefined)
         for k, place in enumerate(_places(builder, *values[1:])):
-            entry = builder.load(_pointer(context, builder, kind.args[0], values[0], place))
+            entry = builder.load(pointer(context, builder, kind.args[0], values[0], place))
             out = builder.insert_element(out, entry, ir.Constant(_LANE, k))
         return out
 
@@ -253,7 +251,7 @@ def scatter(typing: Any, a: Any, places: Any, size: Any, first: Any, value: Any)
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
         for k, place in enumerate(_places(builder, *values[1:4])):
             entry = builder.extract_element(values[4], ir.Constant(_LANE, k))
-            builder.store(entry, _pointer(context, builder, kind.args[0], values[0], place))
+            builder.store(entry, pointer(context, builder, kind.args[0], values[0], place))
         return context.get_dummy_value()
 
     return types.none(a, places, types.int64, types.int64, simd), generate
@@ -266,7 +264,7 @@ def rows(typing: Any, a: Any, places: Any, size: Any, first: Any) -> Any:
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
         found = [
-            _load(builder, _pointer(context, builder, kind.args[0], values[0], place))
+            _load(builder, pointer(context, builder, kind.args[0], values[0], place))
             for place in _places(builder, *values[1:])
         ]
         return context.make_tuple(builder, result, _transposed(builder, found))
@@ -279,9 +277,9 @@ def _put(sum_up: bool) -> Any:
         def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
             found = _transposed(builder, cgutils.unpack_tuple(builder, values[4]))
             for new, place in zip(found, _places(builder, *values[1:4]), strict=True):
-                pointer = _pointer(context, builder, kind.args[0], values[0], place)
-                total = builder.fadd(_load(builder, pointer), new) if sum_up else new
-                _store(builder, total, pointer)
+                at = pointer(context, builder, kind.args[0], values[0], place)
+                total = builder.fadd(_load(builder, at), new) if sum_up else new
+                _store(builder, total, at)
             return context.get_dummy_value()
 
         four = types.UniTuple(simd, WIDTH)
@@ -290,16 +288,10 @@ def _put(sum_up: bool) -> Any:
     return typed
 
 
-@intrinsic
-def put_rows(typing: Any, a: Any, places: Any, size: Any, first: Any, value: Any) -> Any:
-    """Store what :func:`rows` loads; of equal places the last one counts."""
-    return _put(False)(typing, a, places, size, first, value)
-
-
-@intrinsic
-def add_rows(typing: Any, a: Any, places: Any, size: Any, first: Any, value: Any) -> Any:
-    """Add to what :func:`rows` loads, one lane after the other: places may be equal."""
-    return _put(True)(typing, a, places, size, first, value)
+#: stores what :func:`rows` loads; of equal places the last one counts.
+put_rows = intrinsic(_put(False))
+#: adds to what :func:`rows` loads, one lane after the other: places may be equal.
+add_rows = intrinsic(_put(True))
 
 
 @intrinsic
@@ -332,28 +324,17 @@ def farther(typing: Any, out: Any, value: Any) -> Any:
 
 def _product(add: bool) -> Any:
     def typed(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
-        def entries(
-            context: Any, builder: Any, kind: Any, array: Any, place: Any, size: int
-        ) -> Any:
-            return _pointer(
-                context, builder, kind, array, builder.mul(place, ir.Constant(_INDEX, size))
-            )
-
         def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
-            block = entries(context, builder, kind.args[0], values[0], values[1], SIDE * SIDE)
-            given = entries(context, builder, kind.args[2], values[2], values[3], SIDE)
-            target = entries(context, builder, kind.args[5], values[5], values[6], SIDE)
+            block, given, target = (
+                pointer(context, builder, kind.args[n], values[n], values[n + 1], size)
+                for n, size in ((0, SIDE * SIDE), (2, SIDE), (5, SIDE))
+            )
             target = builder.bitcast(target, ROW.as_pointer())
-            undefined = ir.Constant(ROW, ir.Undefined)
-            zeros = ir.Constant(ir.VectorType(_LANE, SIDE), [0] * SIDE)
             sums: list[Any] = [None, None]
             for r in range(SIDE):
                 entry = builder.load(builder.gep(given, [ir.Constant(_INDEX, r)]))
-                entry = builder.fmul(entry, values[4])
-                entry = builder.insert_element(undefined, entry, ir.Constant(_LANE, 0))
-                entry = builder.shuffle_vector(entry, undefined, zeros)
-                row = builder.gep(block, [ir.Constant(_INDEX, SIDE * r)])
-                row = builder.load(builder.bitcast(row, ROW.as_pointer()), align=8)
+                entry = spread(builder, builder.fmul(entry, values[4]))
+                row = builder.load(row_of(builder, block, r), align=8)
                 term = builder.fmul(entry, row, flags=("contract",))
                 last = sums[r % 2]
                 sums[r % 2] = (
@@ -371,13 +352,7 @@ def _product(add: bool) -> Any:
     return typed
 
 
-@intrinsic
-def add_product(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
-    """``out_v += sign A_k^T x_u``, of blocks as in :mod:`.block_algebra`."""
-    return _product(True)(typing, A, k, x, u, sign, out, v)
-
-
-@intrinsic
-def put_product(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
-    """``out_v = sign A_k^T x_u``, which may be in the same place."""
-    return _product(False)(typing, A, k, x, u, sign, out, v)
+#: ``out_v += sign A_k^T x_u``, of blocks as in :mod:`.block_algebra`.
+add_product = intrinsic(_product(True))
+#: ``out_v = sign A_k^T x_u``, which may be in the same place.
+put_product = intrinsic(_product(False))

@@ -9,37 +9,8 @@ import numpy as np
 
 from ..types import Floats, IndexArray
 from .jit import inlined
+from .numbers import WEIGHT
 from .simd import largest, pack, put_rows, rows
-
-__all__ = [
-    "Places",
-    "Rotation",
-    "Vector",
-    "add_skew",
-    "block",
-    "chosen",
-    "combine",
-    "compose",
-    "composed",
-    "cosines",
-    "counted",
-    "cross",
-    "directors",
-    "dot",
-    "frames",
-    "increase",
-    "minus",
-    "plus",
-    "put",
-    "put_frames",
-    "quaternion",
-    "quaternions",
-    "rotation",
-    "row",
-    "series",
-    "times",
-    "turned",
-]
 
 Vector = tuple[float, float, float]
 Rotation = tuple[Vector, Vector, Vector]
@@ -101,6 +72,14 @@ def times(c: float, a: Vector) -> Vector:
 
 
 @inlined
+def pulled(y0: Floats, mid: Floats, numbers: Floats) -> Floats:
+    """Configuration at which constraint forces act."""
+    if numbers[WEIGHT] != 0.0:
+        return mid
+    return y0
+
+
+@inlined
 def directors(y: Floats, r: int) -> Rotation:
     """The three directors of the frame whose origin is row r."""
     return row(y, r + 1), row(y, r + 2), row(y, r + 3)
@@ -114,6 +93,26 @@ def combine(c: Vector, d: Rotation) -> Vector:
         c[0] * d[0][1] + c[1] * d[1][1] + c[2] * d[2][1],
         c[0] * d[0][2] + c[1] * d[1][2] + c[2] * d[2][2],
     )
+
+
+@inlined
+def column(R: Rotation, k: int) -> Vector:
+    """Column k of a matrix by its rows."""
+    return R[0][k], R[1][k], R[2][k]
+
+
+@inlined
+def unit(k: int, size: float) -> Vector:
+    """``size e_k``."""
+    return size if k == 0 else 0.0, size if k == 1 else 0.0, size if k == 2 else 0.0
+
+
+@inlined
+def put_matrix(a: Floats, k: int, R: Rotation) -> None:
+    """``a_k = R``."""
+    for r in range(3):
+        for c in range(3):
+            a[k, r, c] = R[r][c]
 
 
 @inlined

@@ -14,12 +14,11 @@ import numpy as np
 from ..types import Floats
 from . import numbers as n
 from .blocks import triangles_exchanging
-from .jit import call, call_beams, inlined, part
-from .nodes import twist_force
-from .simd import local
-from .step import evaluate, matrix, start
+from .jit import inlined, part
+from .simd import clear, local
+from .step import ask, ask_beams, evaluate, given, matrix, start
 
-__all__ = ["along", "begin", "hold", "move", "nearest", "pivots", "pull", "push", "solve"]
+__all__ = ["along", "begin", "change", "hold", "move", "nearest", "pivots", "predict", "solve"]
 
 #: stiffness of what is held against the largest number in the matrix
 HELD = 10.0
@@ -88,35 +87,16 @@ def hold(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 @part
 def begin(o: Any, flag: int) -> float:
     """Go to where the step starts."""
-    start(o.parts, o.tree, o.plan, o.work, o.beams, o.numbers, 0)
+    start(given(o), 0)
     return 0.0
 
 
 @part
 def move(o: Any, flag: int) -> float:
     """Add the increment x, which is zero then, and evaluate: size of the residual b."""
-    size = evaluate(o.parts, o.tree, o.plan, o.work, o.beams, o.numbers, 1)
-    x = o.work.x
-    for v in range(x.shape[0]):
-        for c in range(6):
-            x[v, c] = 0.0
+    size = evaluate(given(o), True)
+    clear(o.work.x)
     return size
-
-
-@part
-def pull(o: Any, flag: int) -> float:
-    """``o.pulled`` (nv, 6): reduced force of the loads ``w.dead`` and ``w.moments`` at y_1."""
-    p, s, m, w, numbers, out = o.parts, o.tree, o.plan, o.work, o.numbers, o.pulled
-    call(p[n.LOAD], s, m, w, numbers, 0)
-    twist_force(s, w.mid, w.external, w.F_mixed, w.x)
-    if p[n.JOINT_REDUCE]:
-        call(p[n.JOINT_REDUCE], s, m, w, numbers, 1)
-    x = w.x
-    for v in range(x.shape[0]):
-        for c in range(6):
-            out[v, c] = x[v, c]
-            x[v, c] = 0.0
-    return 0.0
 
 
 @part
@@ -127,15 +107,14 @@ def solve(o: Any, flag: int) -> float:
     vertices are those of multipliers. From flag 2 on the matrix is that of the stresses predicted
     last.
     """
-    p, s, m, w, g, numbers = o.parts, o.tree, o.plan, o.work, o.beams, o.numbers
-    residuals, increments, mixed = o.residuals, o.increments, flag // 2
-    regular = matrix(p, s, m, w, g, numbers, mixed)
+    s, w, residuals, increments = o.tree, o.work, o.residuals, o.increments
+    regular = matrix(given(o), flag // 2)
     b, x, twist, count = w.b, w.x, w.twist, len(s.framed)
     for k in range(1 + flag % 2):
         for v in range(b.shape[0]):
             for c in range(6):
                 b[v, c] = residuals[k, v, c]
-        call(p[n.SWEEP], s, m, w, numbers, 0)
+        ask(given(o), n.SWEEP, 0)
         for v in range(b.shape[0]):
             for c in range(6):
                 # the rows' own stiffness has taken its share
@@ -149,17 +128,16 @@ def solve(o: Any, flag: int) -> float:
 @inlined
 def velocity(o: Any) -> bool:
     """See :func:`nearest`; False: the matrix is singular."""
-    p, s, m, w, g, numbers = o.parts, o.tree, o.plan, o.work, o.beams, o.numbers
-    start(p, s, m, w, g, numbers, 0)
-    evaluate(p, s, m, w, g, numbers, 0)
-    if not matrix(p, s, m, w, g, numbers, 0):
+    start(given(o), 0)
+    evaluate(given(o), False)
+    if not matrix(given(o), 0):
         return False
-    b = w.b
-    for k in range(len(s.framed), b.shape[0]):  # what rows gape by there is no velocity's fault
+    b = o.work.b  # what rows gape by there is no velocity's fault
+    for k in range(len(o.tree.framed), b.shape[0]):
         for c in range(6):
             b[k, c] = 0.0
-    call(p[n.SWEEP], s, m, w, numbers, 0)
-    call(p[n.PREDICT_CHANGES], s, m, w, numbers, 0)
+    ask(given(o), n.SWEEP, 0)
+    ask(given(o), n.PREDICT_CHANGES, 0)
     return True
 
 
@@ -180,7 +158,7 @@ def along(o: Any, flag: int) -> float:
     And ``o.energies`` (k, 2), kinetic and stored; 0: singular at one of them. The kinetic energy is
     ``v . p/2``, as ``p - M v`` is along ``G^T``.
     """
-    parts, w, v = o.parts, o.work, o.v
+    w, v = o.work, o.v
     y0, p0, change, found = w.y0, w.p0, w.change, w.found
     rows = p0.shape[0]
     for k in range(flag):
@@ -195,20 +173,22 @@ def along(o: Any, flag: int) -> float:
                 v[k, r, c] = change[r, c]
                 kinetic += change[r, c] * p0[r, c]
         found[0] = 0.0
-        if parts[n.BEAM_ENERGY]:
-            call_beams(parts[n.BEAM_ENERGY], o.beams, w, o.numbers, 0)
+        ask_beams(given(o), n.BEAM_ENERGY, 0)
         o.energies[k, 0], o.energies[k, 1] = 0.5 * kinetic, found[0]
     return 1.0
 
 
 @part
-def push(o: Any, flag: int) -> float:
-    """0: ``w.change`` (rows, 3) of the coordinates by twists; 1: stresses that it predicts."""
-    p = o.parts
-    if flag == 0:
-        call(p[n.PREDICT_CHANGES], o.tree, o.plan, o.work, o.numbers, 0)
-    elif p[n.BEAM_PREDICTED]:
-        call_beams(p[n.BEAM_PREDICTED], o.beams, o.work, o.numbers, 0)
+def change(o: Any, flag: int) -> float:
+    """``w.change`` (rows, 3) of the coordinates by twists."""
+    ask(given(o), n.PREDICT_CHANGES, 0)
+    return 0.0
+
+
+@part
+def predict(o: Any, flag: int) -> float:
+    """Stresses that ``w.change`` predicts."""
+    ask_beams(given(o), n.BEAM_PREDICTED, 0)
     return 0.0
 
 
@@ -223,10 +203,9 @@ def pivots(o: Any, flag: int) -> float:
     the determinant. The smallest and the largest of constraint rows.
     """
     s, m, w, out = o.tree, o.plan, o.work, o.pivots
-    regular = matrix(o.parts, s, m, w, o.beams, o.numbers, 0)
+    regular = matrix(given(o), 0)
     A, S, W = w.A, local((6, 6)), w.scratch
-    for k in range(len(out)):
-        out[k] = 0.0
+    clear(out)
     out[1], out[4], out[5] = np.inf, 1.0, np.inf
     count = len(s.framed)
     for v in range(len(m.diag)):

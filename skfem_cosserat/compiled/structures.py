@@ -2,42 +2,16 @@
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import struct
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..types import IndexArray
-
-__all__ = [
-    "BEAMS",
-    "BEAMS_BY_LAW",
-    "CARRIED",
-    "EQUILIBRIUM",
-    "FAMILIES",
-    "FLOW",
-    "LAW_POINTS",
-    "LOOKS",
-    "PLAN",
-    "PROJECTION",
-    "STEPS",
-    "TREE",
-    "WORK",
-    "ArrayField",
-    "Groups",
-    "Kind",
-    "Structure",
-    "array_field",
-    "flags",
-    "integers",
-    "roomy",
-    "structure",
-]
-
 
 # -- many arrays as one argument of compiled kernels: their addresses and shapes, side by side -----
 #
@@ -47,25 +21,12 @@ __all__ = [
 # types for them are in :mod:`.numba_types`: only compiling needs these.
 
 
+@dataclass(frozen=True)
 class ArrayField:
-    """A contiguous array; one for each kind of them, from :func:`array_field`."""
+    """A contiguous array of numbers of a dtype, by numpy's text for it."""
 
-    __slots__ = ("dtype", "ndim")
-
-    def __init__(self, dtype: str, ndim: int) -> None:
-        self.dtype, self.ndim = dtype, ndim
-
-    def __repr__(self) -> str:
-        return f"array({self.dtype}, {self.ndim}d)"
-
-
-_ARRAYS: dict[tuple[Any, int], ArrayField] = {}
-
-
-def array_field(dtype: Any, ndim: int) -> ArrayField:
-    """Of arrays of a dtype of numpy."""
-    key = dtype, ndim
-    return _ARRAYS.get(key) or _ARRAYS.setdefault(key, ArrayField(dtype.str, ndim))
+    dtype: str
+    ndim: int
 
 
 class Kind:
@@ -113,24 +74,13 @@ def _words(field: Any) -> int:
     raise TypeError(f"compiled kernels take no field of type {field}")
 
 
-_BYTES = ctypes.c_char * 0
-
-
-def _place_of(array: Any) -> int:
-    """Where its numbers are; of those that can be written to four times as fast as from numpy."""
-    try:
-        return ctypes.addressof(_BYTES.from_buffer(array))
-    except TypeError:
-        return int(array.ctypes.data)
-
-
 def _field(name: str, value: Any) -> Any:
     """What a value is as a field."""
     if isinstance(value, np.ndarray):
         flags = value.flags
         if not (flags.c_contiguous and flags.aligned):
             raise TypeError(f"array {name} for compiled kernels is not contiguous")
-        return array_field(value.dtype, value.ndim)
+        return ArrayField(value.dtype.str, value.ndim)
     if isinstance(value, Structure):
         return value.kind
     if isinstance(value, tuple):
@@ -141,7 +91,7 @@ def _field(name: str, value: Any) -> Any:
 def _put(value: Any, out: list[int]) -> None:
     """Add what is in memory for a field: of numbers their bits."""
     if isinstance(value, np.ndarray):
-        out += (0, 0, value.size, value.itemsize, _place_of(value), *value.shape, *value.strides)
+        out += (0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides)
     elif isinstance(value, tuple):
         for each in value:
             _put(each, out)
@@ -181,7 +131,7 @@ class Structure:
         for value in values:
             _put(value, entries)
         self._memory = np.array(entries, dtype=np.int64)
-        self.address = _place_of(self._memory)
+        self.address = self._memory.ctypes.data
 
     def __reduce_ex__(self, protocol: object) -> Any:
         """A copy would have its numbers, which are addresses in arrays of this one."""
@@ -210,183 +160,38 @@ class Groups(Structure):
         self, members: Sequence[Structure], numbers: Sequence[Any], parts: Sequence[str]
     ) -> None:
         places = np.array([each.address for each in members], dtype=np.int64)
-        own = [0 if each is None else _place_of(each) for each in numbers]
+        own = [0 if each is None else each.ctypes.data for each in numbers]
         others = np.array(own, dtype=np.int64)
         self.members, self._kept = tuple(members), (places, others, tuple(numbers))
         self._parts = tuple(parts)
         self._rows = np.zeros((len(parts), len(members)), dtype=np.int64)
-        ends = len(members), _place_of(places), _place_of(others)
+        ends = len(members), places.ctypes.data, others.ctypes.data
         super().__init__("groups", ("count", "places", "numbers"), ends)
 
     def place(self, name: str, addresses: Sequence[int]) -> int:
         """Address of the row of a part, of which each member has its own."""
         row = self._rows[self._parts.index(name)]
         row[:] = addresses
-        return _place_of(row)
+        return int(row.ctypes.data)
 
 
-# -- arrays of a frozen system as the compiled kernels take them: one argument for many arrays -----
-
-#: strains that elements hold by rows: which ones; of each element, Gauss point and such strain its
-#: place in vectors and among rows, and in the matrix where the blocks with each node begin; what
-#: multipliers add to the stresses of geometric terms; which rows are chosen, and their weights
-HELD = ("holds", "held", "held_on", "held_down", "held_up", "held_stress", "row_on", "row_weight")
-#: elements of one interpolation: shape functions and slopes at Gauss points as tuples, so that
-#: their numbers are known when compiling; first rows of y of the nodes; slots of the blocks
-BEAMS = (
-    *("N", "dN", "weights", "base", "slot", "lengths", "section", "stiffness", "reference", "mass"),
-    *("diagonal", "rotations", "turned", "S0", "S", "predicted", *HELD),
-)
-#: elements of which some have a stored energy: stiffness by Gauss points, S0 the strains at the
-#: start; beside these the strains, the address of :func:`.laws.law_points`, which makes stresses
-#: and stiffness of them, and what it takes
-BEAMS_BY_LAW = (*BEAMS, "strains", "law", "points")
-#: Gauss points of such elements, one after the other: numbers of their laws (-1: quadratic),
-#: strains at the start of a step and now, stresses, their derivative (n, 36) and that at zero
-#: strain. What laws give: energies at both ends, stresses in the middle and at the end, derivatives
-#: along the increment. Whether the derivative is that of these strains; what is called back. Of
-#: each law: addresses of functions (0: called back), zero for strains that are held, the metric of
-#: increments, steps of derivatives, its noise
-LAW_POINTS = (
-    *("law", "start", "strains", "stresses", "moduli", "stiffness"),
-    *("before", "after", "middle", "last", "along", "known", "called"),
-    *("functions", "free", "metric", "steps", "noise"),
-)
-#: vertices of moments and whether these follow; of each pair of vertices that a force fixed in a
-#: body, or drag, couples: first rows of y of where it acts and of what it depends on, and the slot
-#: of their block
-FOLLOWING = ("moment_vertex", "moment_follows", "follower")
-#: force elements: integers, matrices of laws, entries of the matrices of invariants
-COUPLINGS = ("coupling", "coupling_law", "coupling_entry", "coupling_factor")
-#: vertices, edges (joints from parent to child) and their coordinates, driven ones as in
-#: :func:`.tree.prescribe`; what holds an equilibrium, see :mod:`.static`
-TREE = (
-    *(
-        "row",
-        "framed",
-        "free",
-        "loose",
-        "R",
-        "triads",
-        "turn",
-        "swing",
-        "followed",
-        "value",
-        "drives",
-        "turning",
-    ),
-    *("child", "parent", "child_row", "parent_row", "parent_frame", "guide_frame", "relative"),
-    *("sphere", "open", "child_offset", "parent_offset", "arm0"),
-    *("fulcrum_row", "fulcrum_offset", "fulcrum_vertex", "first"),
-    *("kind", "own", "axis", "right", "axis0", "guide_row", "guide_vertex"),
-    *("target_row", "target_offset", "target_vertex"),
-    *("centre_row", "centre_offset", "centre_vertex"),
-    *("mass_data", "mass_indices", "mass_indptr"),
-    *("row_products", "row_factors", "row_linear", "row_linear_factors", "row_constant"),
-    *("row_size", "row_on", "row_kept", "row_weight", "row_weighted", "row_pairs"),
-    *("row_triple", "row_owner"),
-    *("cosines", "cosine_factors", "cosine_constant", "cosine"),
-    *("triple", "frame_vertex", "frame_masses", "point_vertex", "point_masses"),
-    *FOLLOWING,
-    *COUPLINGS,
-    "hold",
-)
-#: the order of elimination, neighbours still to come, slots of blocks; how many are eliminated in
-#: blocks, and what is called back to solve for the rest (0: none)
-PLAN = (
-    *("order", "edge", "parent", "size", "diag", "ptr", "neighbour", "right", "down"),
-    *("update_ptr", "update", "parent_at", "to_parent", "rest"),
-)
-#: what changes during a step. Dampers act by the way from `earlier` to `later`, whose middle is
-#: `mid`: from y0 to y1, or as far before and behind the end of a step as the velocity there goes;
-#: then `rate0` is the velocity at the start, and `drift` what of that at the end is known
-WORK = (
-    *("y0", "p0", "external", "ground1", "y1", "mid", "R", "momentum", "internal"),
-    *("earlier", "later", "rate0", "drift"),
-    *("R_mixed", "change", "F", "F_mixed", "b", "x", "total", "last", "extra", "twist", "A"),
-    *("closing", "before", "found", "carried", "frames", "lower", "upper", "S_kept"),
-    *("X_kept", "S_left", "X_left", "S_right", "X_right", "C_child", "C_parent", "scratch"),
-    *("dead", "moments", "followers", "coupled", "flow"),
-)
-#: velocities with a damped relative part: of rows of y their connected part, ends of runs
-#: of one part, slots by entries of the mass matrix; what is summed up over parts, see :mod:`.flow`
-FLOW = (
-    *(
-        "owner",
-        "runs",
-        "holder",
-        "local",
-        "slot",
-        "free",
-        "total",
-        "lift",
-        "mu",
-        "ones",
-        "scheme",
-        "begin",
-    ),
-    *("sums", "turn", "rest", "mdq", "column", "kept", "forms", "motion", "twists"),
-    *("schur", "scratch"),
-)
-#: by rows in space, whatever the unknowns are: both ends of a step, the mass matrix; rates that are
-#: carried on, one block of rows after the other, and the numbers of the scheme for them; addresses
-#: of what moves velocities, with the rows it takes and gives, and the change of momentum; what
-#: dampers take of the rates, see `WORK`; what is kept of each of the steps in one go; where loads
-#: are taken from, and those of each of the steps; numbers of viscous elements
-CARRIED = (
-    *("y0", "y1", "p0", "carried", "mass_data", "mass_indices", "mass_indptr"),
-    *("rates", "after", "table", "before", "moved", "scratch", "rate0", "drift", "of_drift"),
-    *("nearest", "near_y", "near_p", "velocity", "change", "flow", "normal", "limit"),
-    *("R", "closing", "moved_force", "log_q", "log_p", "log_rates", "log_impulse", "log_turns"),
-    *("log_numbers", "viscous"),
-    *("dead", "moments", "followers", "all_dead", "all_moments", "all_followers"),
-    *("all_driven", "ground1", "all_ground"),
-)
 #: all that a projection of velocities takes; looks at k states: q, p and v (k, rows, 3), energies
 #: (k, 2); steps; an iteration to an equilibrium, with right-hand
 #: sides (2, each, 6), solutions (2, 2, each, 6) and what else it gives
 PROJECTION = ("parts", "tree", "plan", "work", "beams", "numbers")
 LOOKS = (*PROJECTION, "q", "p", "v", "energies")
 STEPS = (*PROJECTION, "record", "carried")
-EQUILIBRIUM = (*PROJECTION, "residuals", "increments", "pulled", "pivots")
-#: fields of each kind of structure
-FAMILIES = {
-    "beams": BEAMS,
-    "beams_by_law": BEAMS_BY_LAW,
-    "law_points": LAW_POINTS,
-    "tree": TREE,
-    "plan": PLAN,
-    "work": WORK,
-    "carried": CARRIED,
-    "flow": FLOW,
-    "projection": PROJECTION,
-    "looks": LOOKS,
-    "steps": STEPS,
-    "equilibrium": EQUILIBRIUM,
-}
+EQUILIBRIUM = (*PROJECTION, "residuals", "increments", "pivots")
 
 
 def structure(family: str, fields: Mapping[str, Any]) -> Structure:
-    """Of a kind, from what is in it by name; there may be more than it takes."""
-    names = FAMILIES[family]
-    return Structure(family, names, [fields[name] for name in names])
+    """One argument of kernels, made of what is given by name."""
+    return Structure(family, [*fields], [*fields.values()])
 
 
 def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:
     """As the kernels take them."""
     return np.array(numbers, dtype=np.int64).reshape(len(numbers))
-
-
-def roomy(values: NDArray[Any]) -> Any:
-    """The same, with zeros in memory for one row more: kernels put there what is nowhere else."""
-    out = room(values.shape, values.dtype)
-    out[:] = values
-    return out
-
-
-def room(shape: tuple[int, ...], kind: Any = float) -> Any:
-    """Zeros of this shape, and in memory for one row more; see :func:`roomy`."""
-    return np.zeros((shape[0] + 1, *shape[1:]), dtype=kind)[:-1]
 
 
 def flags(values: Sequence[bool] | NDArray[np.bool_]) -> Any:

@@ -8,11 +8,12 @@ from typing import Any
 from ..types import Floats, IndexArray
 from .jit import inlined, part
 from .numbers import WEIGHT
-from .simd import add_product, put_product
+from .simd import add_product, clear, put_product
 from .small import (
     Rotation,
     Vector,
     add_skew,
+    column,
     combine,
     compose,
     cross,
@@ -20,7 +21,9 @@ from .small import (
     dot,
     minus,
     plus,
+    pulled,
     put,
+    put_matrix,
     quaternion,
     rotation,
     row,
@@ -28,19 +31,6 @@ from .small import (
     turned,
 )
 from .tables.tree import AXIS, ROTATION, SLIDE, SPHERE
-
-__all__ = [
-    "axis",
-    "joint_add",
-    "joint_begin",
-    "joint_curvature",
-    "joint_maps",
-    "joint_move",
-    "joint_reduce",
-    "prescribe",
-    "slide",
-    "spot",
-]
 
 # --------------------------------------------------------------------------------------------------
 # Compiled nodal reparametrisation and null space of a tree of joints, one edge after the other.
@@ -199,18 +189,13 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                         H = rotation(q[0], q[1], q[2], q[3])
                         # columns of R H: those of H, turned by R
                         C = (
-                            combine((H[0][0], H[1][0], H[2][0]), C),
-                            combine((H[0][1], H[1][1], H[2][1]), C),
-                            combine((H[0][2], H[1][2], H[2][2]), C),
+                            combine(column(H, 0), C),
+                            combine(column(H, 1), C),
+                            combine(column(H, 2), C),
                         )
-                for a in range(3):
-                    for b in range(3):
-                        rotations[v, a, b] = C[b][a]
+                put_matrix(rotations, v, (column(C, 0), column(C, 1), column(C, 2)))
             else:
-                H = rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3])
-                for a in range(3):
-                    for b in range(3):
-                        rotations[v, a, b] = H[a][b]
+                put_matrix(rotations, v, rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3]))
             C = columns(rotations, v)
             for i in range(1, 4):
                 put(y1, r + i, combine(row(y0, r + i), C))
@@ -243,10 +228,8 @@ def joint_maps(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """S and X of all edges: flag 0 where P^T is taken, 1 where the unknowns move."""
     if flag == 1:
         maps(s, w.y1, w.S_right, w.X_right)
-    elif numbers[WEIGHT] != 0.0:
-        maps(s, w.mid, w.S_left, w.X_left)
     else:
-        maps(s, w.y0, w.S_left, w.X_left)
+        maps(s, pulled(w.y0, w.mid, numbers), w.S_left, w.X_left)
     return 0.0
 
 
@@ -254,11 +237,11 @@ def joint_maps(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
     """S (ne, 6, 6) and X (ne, 6, 6): a child's twist is X t_parent + S nu."""
     child, parent, framed, first, kinds, own = s.child, s.parent, s.framed, s.first, s.kind, s.own
+    clear(S)
+    clear(X)
     for e in range(len(child)):
-        for r in range(6):
-            for c in range(6):
-                S[e, r, c] = 0.0
-                X[e, r, c] = 1.0 if r == c and r < 3 else 0.0
+        for r in range(3):
+            X[e, r, r] = 1.0
         for j in range(first[e], first[e + 1]):
             o = own[j]
             if o < 0:
@@ -327,15 +310,13 @@ def joint_curvature(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float
     weight = numbers[WEIGHT]
     A, C_child, C_parent = w.A, w.C_child, w.C_parent
     F = w.F_mixed if flag == 1 else w.F
+    clear(C_child)
+    clear(C_parent)
     for e in range(len(s.child)):
         v = s.child[e]
         p = s.parent[e]
         f = times(weight, row(F, v))
         moment = times(weight, (F[v, 3], F[v, 4], F[v, 5]))
-        for r in range(6):
-            for c in range(6):
-                C_child[e, r, c] = 0.0
-                C_parent[e, r, c] = 0.0
         if p >= 0 and s.framed[p]:
             moment_curvature(s, e, w.y1, f, A, m.diag[p], m.to_parent[e])
         for j in range(s.first[e], s.first[e + 1]):

@@ -14,8 +14,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-__all__ = ["helped"]
-
 
 def processors() -> int:
     """As many as this process may use."""

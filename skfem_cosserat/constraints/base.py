@@ -16,8 +16,7 @@ from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
 from ..model.closure import Selected
 from ..model.groups import Blocks
-from ..model.loops import tree_values
-from ..types import Array, Floats, IndexArray
+from ..types import Array, Floats, IndexArray, largest
 
 # --------------------------------------------------------------------------------------------------
 # The constraint Jacobian at one configuration: least-norm solutions, also with redundant rows.
@@ -107,7 +106,7 @@ NEAR = 0.9
 _ONES = np.ones(9)
 
 
-class Treatment(Frozen):
+class Treatment(Frozen, ABC):
     """A choice; :meth:`bind` makes the arrays for a system.
 
     An own treatment derives from it. Its :meth:`bind` gives what one of the built-in treatments
@@ -269,8 +268,6 @@ class BoundTreatment(ABC):
         """``y_c``, all rows."""
         if self.weight == 0:
             return self.y0
-        if self.weight == 0.5:
-            return 0.5 * (self.y0 + y1)
         return (1 - self.weight) * self.y0 + self.weight * y1
 
     def wrong_branch(self, y1: Array) -> str | None:
@@ -299,35 +296,19 @@ class BoundTreatment(ABC):
         """
         return
 
-    def clear(self, y: Floats, step: float) -> bool:
-        """Whether the rows that close loops are independent by far at y; `clearance` is as now.
+    def clear(self, y: Floats) -> bool:
+        """Whether the rows that close loops are independent by far at y; `clearance` is as now."""
+        system = self.system
+        T = system.kinematics.values_at(y)
+        pivots = system.closure.independence(self._taken, y, T)
+        self.clearance = CLEAR * float(pivots.min())
+        return bool((pivots > self._least / 2).all())  # else others may do better
 
-        Of loops that have not moved far since the last look nothing has to be looked at.
-
-        Parameters
-        ----------
-        step : float
-            What the next step may move (rad, or relative to the scene).
-        """
-        system, closure = self.system, self.system.closure
-        left = CLEAR * self._pivots - closure.motion(self._seen, y)
-        near = np.flatnonzero(left < np.maximum(step, CLEAR / 2 * self._pivots))
-        if len(near):
-            if system.moving:  # the ground has moved for all of them
-                near = np.arange(len(left))
-            pivots = closure.independence(self._taken, y, tree_values(system, y), near)
-            if not (pivots > self._least[near] / 2).all():  # others may do better
-                return False
-            rows = slice(None) if len(near) == len(left) else closure.rows_of(near)
-            self._seen[rows], self._pivots[near], left[near] = y[rows], pivots, CLEAR * pivots
-        self.clearance = float(left.min())
-        return True
-
-    def _take(self, chosen: Sequence[Selected], y: Floats) -> None:
-        """Take these rows, at y, to close the loops: how far they are from being dependent."""
-        self._taken, self._seen = chosen, y.copy()
+    def _take(self, chosen: Sequence[Selected]) -> None:
+        """Take these rows to close the loops: how far they are from being dependent."""
+        self._taken = chosen
         self._least = np.array([s.pivots.min(initial=1.0) for s in chosen])
-        self._pivots, least = self._least.copy(), float(self._least.min())
+        least = float(self._least.min())
         self.regular = least > REGULAR
         self.clearance = CLEAR * least if self.regular else 0.0
         self.closing = np.concatenate([s.rows for s in chosen])
@@ -347,12 +328,6 @@ def half_turn(system: System, y0: Array, y1: Array) -> str | None:
     if not len(wrong):
         return None
     return f"{system.owner[int(system.kinematics.frames[wrong[0]])].label} by half a turn"
-
-
-def largest(*terms: Array) -> float:
-    """Largest magnitude in any of the arrays; zero if they are empty."""
-    every = terms[0] if len(terms) == 1 else np.concatenate(terms)
-    return float(np.maximum.reduce(abs(every), axis=None)) if every.size else 0.0
 
 
 def relative_size(size: float, term: float) -> float:

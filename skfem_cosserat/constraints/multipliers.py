@@ -13,10 +13,10 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.closure import SINGULAR, Selected
 from ..model.groups import Blocks, Parts
-from ..model.loops import Passages, tree_values, way_off
+from ..model.loops import Passages, way_off
 from ..model.plane_rows import coordinates_in_plane, rows_in_plane
 from ..model.reparametrisation import Reparametrisation
-from ..pattern import FrozenPattern, shared, sum_at
+from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray, switch
 from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
 
@@ -80,7 +80,7 @@ class Restriction:
                 cols.append(number[j[there], b])
                 source.append(there)
                 factor.append(both[there])
-        self.pattern = shared(FrozenPattern, *map(np.concatenate, (rows, cols)), (size, size))
+        self.pattern = FrozenPattern(np.concatenate(rows), np.concatenate(cols), (size, size))
         places = self.pattern.slot, np.concatenate(source)
         shape = self.pattern.nnz, full.nnz
         self._data = csr_matrix((np.concatenate(factor), places), shape=shape)
@@ -174,7 +174,7 @@ class BoundMultipliers(BoundTreatment):
         if weight:
             rows.append(g.curvature_rows)
             cols.append(g.curvature_cols)
-        self._full = shared(FrozenPattern, *map(np.concatenate, (rows, cols)), (n + m, n + m))
+        self._full = FrozenPattern(np.concatenate(rows), np.concatenate(cols), (n + m, n + m))
         self._inside = None if system.plane is None else Restriction(system, self._full)
         self.pattern = self._full if self._inside is None else self._inside.pattern
         #: how many of the solver's unknowns are coordinates
@@ -208,12 +208,12 @@ class BoundMultipliers(BoundTreatment):
     def _choose(self, y0: Array, momentum: Floats | None) -> None:
         """Independent rows of closed loops at the start of the step."""
         closure = self.system.closure
-        T = tree_values(self.system, y0)
+        T = self.system.kinematics.values_at(y0)
         chosen = closure.select(y0, T)
         if momentum is not None:
             self._passages = Passages(self.system)
         self.doubts = self._passages.look(y0, T, chosen)
-        self._take(chosen, y0)
+        self._take(chosen)
         self._keep[closure.rows] = 0
         self._away = None
         for s in chosen:

@@ -3,213 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csc_matrix
 
 from ..errors import PerformanceWarning
-from ..kernels import add_scalar, beam_geometric, null_space_blocks, skew, spin_gradient
+from ..kernels import null_space_blocks, skew, spin_gradient
 from ..linear import LinearSolver
 from ..model import System
-from ..model.closure import Selected, continued
+from ..model.closure import Closure, RowsByTwists, Selected, continued
 from ..model.groups import Blocks, Parts
-from ..model.kinematics import Located, Recursion, TwistMap
+from ..model.kinematics import Located, Recursion
 from ..model.loops import Passages, way_on
 from ..model.reparametrisation import Reparametrisation
-from ..pattern import FrozenPattern, shared, sum_at
+from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
-from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
+from .base import BoundTreatment, RowSpace, Treatment, group_pairs, pair_numbers
 
-# -- products ``T^T A T`` with matrices of a fixed pattern: from coordinates to unknowns -----------
-
-#: products of single entries above which parts that are full enough are multiplied as full matrices
-MANY = 40_000
-#: operations with full matrices, for each of these products, above which parts are not full enough:
-#: 60 to 90 take as long as a product (measured), and a full result takes a dense solver
-FULL = 30
-_UNIT = np.ones(1)
-
-
-@dataclass(eq=False)
-class _Full:
-    """Rows and columns of T that hang together, as full matrices.
-
-    Attributes
-    ----------
-    rows, cols : int
-        How many.
-    sources, places : int arrays
-        Entries of A, and where they go in (rows, rows).
-    entries, where : int arrays
-        Entries of T, and where they go in (rows, cols).
-    """
-
-    rows: int
-    cols: int
-    sources: IndexArray
-    places: IndexArray
-    entries: IndexArray
-    where: IndexArray
-
-    def product(self, A: Floats, left: Floats, right: Floats) -> Floats:
-        """``T_left^T A T_right`` (cols, cols), flat."""
-        both = self.rows, self.cols
-        inner = sum_at(self.places, A[self.sources], self.rows**2).reshape(self.rows, -1)
-        T_left, T_right = (
-            sum_at(self.where, values[self.entries], self.rows * self.cols).reshape(both)
-            for values in (left, right)
-        )
-        return np.asarray(T_left.T @ (inner @ T_right)).ravel()
-
-
-class Congruence:
-    """``T_left^T A T_right + C T_right`` through a frozen pattern.
-
-    A is given by contributions at pairs of twists, T by its entries, C by entries at (unknown,
-    twist). Twists of free vertices are unknowns themselves, so most contributions pass straight
-    through. Where rows of T have many entries, such as those along a beam without extension, full
-    matrices take the place of products of single entries.
-    """
-
-    def __init__(
-        self,
-        pairs: tuple[IndexArray, IndexArray],
-        extra: tuple[IndexArray, IndexArray],
-        T: tuple[IndexArray, IndexArray, IndexArray],
-        shape: tuple[int, int],
-    ) -> None:
-        T_rows, T_cols, ones = T
-        order = np.argsort(T_rows, kind="stable")
-        start = np.searchsorted(T_rows[order], np.arange(shape[0] + 1))
-        count = np.diff(start)
-        identity = np.zeros(shape[0], dtype=bool)
-        one = np.flatnonzero(count == 1)
-        identity[one] = np.isin(order[start[one]], ones)
-        I, J = pairs  # noqa: E741
-        plain = identity[I] & identity[J]
-        passed = np.flatnonzero(plain)
-        rest = np.flatnonzero(~plain & (count[I] > 0) & (count[J] > 0))
-        self._full: list[_Full] = []
-        columns: list[IndexArray] = []
-        products = count[I[rest]] * count[J[rest]]
-        if products.sum() > MANY:
-            ends = I[rest], J[rest]
-            found = _full_parts(*ends, rest, products, T_rows, T_cols, shape)
-            self._full, columns, rest = found
-        self._source, self._left, self._right = _expand(I[rest], J[rest], rest, start, order)
-        k, J2 = extra
-        self._extra, _, self._extra_right = _expand(None, J2, np.arange(len(J2)), start, order)
-        # products of both kinds as one: entries of A, then of C; of T left, T right, then one
-        self._products = np.concatenate([self._source, len(I) + self._extra])
-        ones = np.full(len(self._extra), 2 * len(T_rows))
-        rights = len(T_rows) + np.concatenate([self._right, self._extra_right])
-        self._factors = np.stack([np.concatenate([self._left, ones]), rights])
-        col = T_cols[order[start[:-1][identity]]] if identity.any() else np.zeros(0, dtype=int)
-        number = np.full(shape[0], -1)
-        number[identity] = col
-        rows = [number[I[passed]], T_cols[self._left], k[self._extra]]
-        cols = [number[J[passed]], T_cols[self._right], T_cols[self._extra_right]]
-        rows += [np.repeat(each, len(each)) for each in columns]
-        cols += [np.tile(each, len(each)) for each in columns]
-        self.pattern = FrozenPattern(
-            np.concatenate(rows).astype(np.int64),
-            np.concatenate(cols).astype(np.int64),
-            (shape[1], shape[1]),
-        )
-        slot, nnz = self.pattern.slot, self.pattern.nnz
-        # contributions that pass, then products: one sum of both
-        given = len(I) + len(J2)
-        products = given + np.arange(len(slot) - len(passed))
-        sources = np.concatenate([passed, products])
-        self._places = np.full(given + len(products), nnz)  # the last one: what is not used
-        self._places[sources] = slot
-
-    def data(self, A: Sequence[Floats], C: Floats, left: Floats, right: Floats) -> Floats:
-        """Entries of the product in :attr:`pattern`; A in one piece or more."""
-        every = np.concatenate([*A, C])
-        values = [every]
-        if len(self._products):
-            factors = np.concatenate([left, right, _UNIT]).take(self._factors)
-            values.append(every.take(self._products) * factors[0] * factors[1])
-        values += [full.product(every, left, right) for full in self._full]
-        if len(values) > 1:
-            every = np.concatenate(values)
-        return sum_at(self._places, every, self.pattern.nnz + 1)[:-1]
-
-
-def _expand(
-    I: IndexArray | None,  # noqa: E741
-    J: IndexArray,
-    source: IndexArray,
-    start: IndexArray,
-    order: IndexArray,
-) -> tuple[IndexArray, IndexArray, IndexArray]:
-    """All pairs of T entries in rows I and J of each contribution."""
-    count = np.diff(start)
-    nI = np.ones(len(J), dtype=np.int64) if I is None else count[I]
-    nJ = count[J]
-    total = nI * nJ
-    which = np.repeat(np.arange(len(J)), total)
-    local = np.arange(int(total.sum())) - np.repeat(np.cumsum(total) - total, total)
-    a, b = np.divmod(local, nJ[which]) if len(which) else (local, local)
-    right = order[start[J[which]] + b] if len(which) else np.zeros(0, dtype=np.int64)
-    if I is None:
-        return source[which], which, right
-    left = order[start[I[which]] + a] if len(which) else np.zeros(0, dtype=np.int64)
-    return source[which], left, right
-
-
-def _full_parts(
-    I: IndexArray,  # noqa: E741
-    J: IndexArray,
-    source: IndexArray,
-    products: IndexArray,
-    T_rows: IndexArray,
-    T_cols: IndexArray,
-    shape: tuple[int, int],
-) -> tuple[list[_Full], list[IndexArray], IndexArray]:
-    """Rows that contributions couple, with their columns, in parts; columns of each part.
-
-    And the contributions of parts with few `products` for their size, as of a row of short beams.
-    """
-    rows, cols = shape
-    used = np.zeros(rows, dtype=bool)
-    used[I] = used[J] = True
-    mine = np.flatnonzero(used[T_rows])
-    ends = np.concatenate([np.stack([I, J]), np.stack([T_rows[mine], rows + T_cols[mine]])], axis=1)
-    graph = coo_matrix((np.ones(ends.shape[1]), ends), shape=(rows + cols, rows + cols))
-    label = connected_components(graph, directed=False)[1]
-    found, columns, few = [], [], [source[:0]]
-    local = np.zeros(rows + cols, dtype=np.int64)
-    for name in np.unique(label[I]):
-        r = np.flatnonzero((label[:rows] == name) & used)
-        c = np.flatnonzero(label[rows:] == name)
-        which = np.flatnonzero(label[I] == name)
-        if len(r) * len(c) * (len(r) + len(c)) > FULL * products[which].sum():
-            few.append(source[which])
-            continue
-        local[r], local[rows + c] = np.arange(len(r)), np.arange(len(c))
-        entries = mine[label[T_rows[mine]] == name]
-        places = local[I[which]] * len(r) + local[J[which]]
-        where = local[T_rows[entries]] * len(c) + local[rows + T_cols[entries]]
-        found.append(_Full(len(r), len(c), source[which], places, entries, where))
-        columns.append(c)
-    return found, columns, np.concatenate(few)
+# -- matrices: from blocks by twists to the tree's coordinates, and from these to the unknowns -----
 
 
 class JointByJoint:
-    """The same as :class:`Congruence` for a deep tree, whose T is full: joint by joint.
+    """``T_left^T A T_right + C T_right`` of a tree, whose T may be full, joint by joint.
 
     ``T = (1 - X)^-1 S``, see :class:`Recursion`. With the twists t of vertices and the forces s at
-    joints as unknowns that help,
+    joints as unknowns that help, and multipliers mu of rows H,
 
-    ``(1 - X) t - S nu = 0``, ``A t - (1 - X)^T s = 0``, ``S^T s + C t = b``,
+    ``(1 - X) t - S nu = 0``, ``A t - (1 - X)^T s + H^T mu = 0``, ``S^T s + C t = b``, ``H t = c``,
 
     nothing is full. Twists that are coordinates, as those of free vertices, need none that help.
+
+    Parameters
+    ----------
+    recursion : Recursion
+    pairs, extra : (int array, int array)
+        Twists of the contributions to A; coordinates and twists of those to C.
+    rows : RowsByTwists
+        H.
+    count : int
+        How many rows.
+
+    Attributes
+    ----------
+    pattern : FrozenPattern
+        Of t and s, then nu, then mu.
+    helping : int
+        How many unknowns are t or s.
     """
 
     def __init__(
@@ -217,6 +58,8 @@ class JointByJoint:
         recursion: Recursion,
         pairs: tuple[IndexArray, IndexArray],
         extra: tuple[IndexArray, IndexArray],
+        rows: RowsByTwists,
+        count: int,
     ) -> None:
         S = recursion.own
         twists, unknowns = S.shape
@@ -224,10 +67,10 @@ class JointByJoint:
         alone &= np.isin(np.arange(twists), S.rows[S.ones])
         alone[recursion.below] = False
         helped = np.flatnonzero(~alone)
-        count = len(helped)
         twist, force = np.full((2, twists), -1)
-        twist[helped], force[helped] = np.arange(count), count + np.arange(count)
-        coordinate = 2 * count + np.arange(unknowns)
+        twist[helped], force[helped] = np.arange(2 * len(helped)).reshape(2, -1)
+        self.helping = 2 * len(helped)
+        coordinate = self.helping + np.arange(unknowns)
         own = np.flatnonzero(alone[S.rows])
         twist[S.rows[own]] = coordinate[S.cols[own]]
         self._joints = np.flatnonzero(~alone[S.rows])
@@ -236,29 +79,86 @@ class JointByJoint:
         self._moved = np.flatnonzero(~alone[i])
         i, j = i[self._moved], j[self._moved]
         k, other = extra
-        both = [
+        held, moved = self.helping + unknowns + rows.row, twist[rows.twist]
+        ends = [
             (twist[pairs[0]], twist[pairs[1]]),
             (coordinate[k], twist[other]),
             (force[i], twist[j]),
             (twist[j], force[i]),
             (force[at], of),
             (of, force[at]),
+            (moved, held),
+            (held, moved),
         ]
-        rows, cols = (np.concatenate([each[n] for each in both]) for n in (0, 1))
-        size = 2 * count + unknowns
-        self.pattern = FrozenPattern(rows, cols, (size, size))
+        size = self.helping + unknowns + count
+        rows_of, columns_of = (np.concatenate(each) for each in zip(*ends, strict=True))
+        self.pattern = FrozenPattern(rows_of, columns_of, (size, size))
         self._recursion = recursion
 
-    def data(self, A: Sequence[Floats], C: Floats, left: Floats, right: Floats) -> Floats:
-        """Entries in :attr:`pattern`; A in one piece or more."""
-        S_left, X_left = self._recursion.split(left)
-        S_right, X_right = self._recursion.split(right)
+    def data(
+        self,
+        A: Sequence[Floats],
+        C: Floats,
+        T: tuple[Floats, Floats],
+        rows: tuple[Floats, Floats],
+        scale: float,
+    ) -> Floats:
+        """Entries in :attr:`pattern`; A in pieces, T and the rows at the left and at the right.
+
+        `scale`: size of A, which equations and forces that help are given.
+        """
+        (S_left, X_left), (S_right, X_right) = map(self._recursion.split, T)
         moved, joints = self._moved, self._joints
-        parts = [*A, C, X_right[moved], -X_left[moved], -S_right[joints], S_left[joints]]
-        return self.pattern.data(np.concatenate(parts))
+        tree = [X_right[moved], -X_left[moved], -S_right[joints], S_left[joints]]
+        return self.pattern.data(np.concatenate([*A, C, scale * np.concatenate(tree), *rows]))
 
 
-# -- discrete null space method with nodal reparametrisation: n - m unknowns, no multipliers -------
+class LoopReduction:
+    """``Z_left^T A Z_right`` with what loops leave free of the tree's coordinates.
+
+    Parameters
+    ----------
+    full : FrozenPattern
+        Of A: coordinates stand between unknowns that stay as they are.
+    closure : Closure
+    before, behind : int
+        How many of these.
+    """
+
+    def __init__(self, full: FrozenPattern, closure: Closure, before: int, behind: int) -> None:
+        self._full = full
+        rows, cols, self._ones = closure.null_pattern()
+        free = len(cols) and int(cols.max()) + 1
+        first, last = np.arange(before), np.arange(behind)
+        shape = full.shape[0], before + free + behind
+        rows = np.concatenate([first, before + rows, full.shape[0] - behind + last])
+        cols = np.concatenate([first, before + cols, before + free + last])
+        self._Z, self._apart = FrozenPattern(rows, cols, shape), (before, behind)
+        self._closure = closure
+        Z = self._matrix(np.ones(len(rows) - before - behind))
+        whole = (Z.T @ full.matrix(np.ones(len(full.slot))) @ Z).tocoo()
+        self.pattern = FrozenPattern(whole.row, whole.col, whole.shape)
+        columns = np.repeat(np.arange(whole.shape[1]), np.diff(self.pattern.indptr))
+        self._codes = columns * whole.shape[0] + self.pattern.indices
+
+    def values(self, chosen: list[Selected]) -> Floats:
+        """Entries of Z for rows at one configuration."""
+        return self._closure.null_values(chosen, self._ones)
+
+    def _matrix(self, values: Floats) -> csc_matrix:
+        before, behind = self._apart
+        return self._Z.matrix(np.concatenate([np.ones(before), values, np.ones(behind)]))
+
+    def data(self, A: Floats, left: Floats, right: Floats) -> Floats:
+        """Entries in :attr:`pattern` from those of A and of Z."""
+        product = self._matrix(left).T @ self._full.assembled(A) @ self._matrix(right)
+        found = product.tocoo()  # without sums that vanish
+        size = self.pattern.shape[0]
+        places = np.searchsorted(self._codes, found.col.astype(np.int64) * size + found.row)
+        return sum_at(places, found.data, self.pattern.nnz)
+
+
+# -- discrete null space method with nodal reparametrisation: multipliers of held strains only -----
 
 #: iterations to close the loops of one Newton iterate
 CLOSING = 30
@@ -268,20 +168,20 @@ CLOSED = 4e-16
 QUADRATIC = 3e-8
 #: the same for the first guess of a step
 GUESSED = 1e-2
-#: entries of a matrix of elements without extension above which multipliers are far faster
+#: entries of a matrix with strains on loops above which multipliers are far faster
 CROWDED = 90_000
 #: a correction this large means that the loop does not close near here
 FAR = 3.0
-_ZERO = np.zeros(1)
 
 
 class NullSpace(Treatment):
     """Null space method with nodal reparametrisation, equations (25), (61), (68), (69).
 
-    Constraints are fulfilled to round-off by construction. The null space matrix comes from the
-    tree of joints, without a factorisation of the constraint Jacobian. Joints that close a loop
-    are eliminated as well: their rows are factorised in the tree's coordinates, and the loops are
-    closed in every Newton iterate.
+    Constraints of joints are fulfilled to round-off by construction. The null space matrix comes
+    from the tree of joints, without a factorisation of the constraint Jacobian. Joints that close a
+    loop are eliminated as well: their rows are factorised in the tree's coordinates, and the loops
+    are closed in every Newton iterate. Strains that a beam holds have multipliers; on closed loops
+    they are eliminated, too.
 
     Examples
     --------
@@ -297,7 +197,7 @@ class NullSpace(Treatment):
 
     def bind(self, system: System, weight: float, large: bool = False) -> BoundNullSpace:
         """See the base class; directors are always turned."""
-        return BoundNullSpace(system, weight)
+        return BoundNullSpace(system, weight, large)
 
 
 class BoundNullSpace(BoundTreatment):
@@ -305,39 +205,38 @@ class BoundNullSpace(BoundTreatment):
 
     With loops ``P = P_int T Z``, where Z spans what the closure rows leave free of the K
     coordinates of the tree; it is evaluated where P is, with the rows chosen at the step's start.
+    Internally the multiplier of a strain that is held is its impulse ``h lambda``, scaled.
     """
 
     by_motion = True
 
-    def __init__(self, system: System, weight: float) -> None:
+    def __init__(self, system: System, weight: float, large: bool = False) -> None:
         super().__init__(system, weight)
         kin = self.kin = system.kinematics
-        self.closure = system.closure
-        self.unknowns = system.unknowns
+        self.closure, self._large = system.closure, large
+        self._held = held = system.held_rows
+        self.unknowns = kin.unknowns - self.closure.rank + len(held)
         number = np.zeros(len(system.origin_rows), dtype=np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
         rows = [kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups]
         #: of each group, first rows of directors of each element's nodes; none of points
         self._directors = rows
         self._loops = len(self.closure.rows) > 0
-        self._curved, loop_pairs = system.constraints.curvature_of(self.closure.rows)
-        curved = self._loops and weight > 0
-        #: pairs of rows of y with 3x3 blocks: couplings, then curvature of loop rows
-        self._row_pairs = np.vstack([system.coupled_rows, loop_pairs[: len(loop_pairs) * curved]])
-        *self._Z, self._ones = self.closure.null_pattern()
-        self.moved: Array = np.zeros(kin.unknowns)
+        self._curved, pairs = system.constraints.curvature_of(system.left_rows)
+        #: whether constraint forces turn with the configuration sought
+        self._turning = weight > 0 and len(system.left_rows) > 0
+        #: pairs of rows of y with 3x3 blocks: couplings, then curvature of rows
+        self._row_pairs = np.vstack([system.coupled_rows, pairs[: len(pairs) * self._turning]])
+        size = system.constraints.magnitudes(system.extend(system.q0, 0.0))[held]
+        self.gap_terms = np.where(size > 0, size, 1.0)
+        self._Z = self.closure.null_pattern()[:2]
+        self._multipliers: Array = np.zeros(len(held))
+        self.moved: Array = np.zeros(kin.unknowns + len(held))
         self._enough = QUADRATIC
         self._direction: list[Floats] | None = None
         self._passages = Passages(system)
         self._P_left: list[Array | None] | None = None
         self._known: tuple[Array, Located, Array] | None = None
-        #: of each kind of elements whose lines follow from directors: group, and which of its own
-        self._constrained = [
-            (k, np.array([g.slices[id(s.item)].start + s.number for s in each.elements]))
-            for each in (() if kin.elements is None else kin.elements.groups)
-            for k, g in enumerate(system.beam_groups)
-            if id(each.elements[0].item) in g.slices
-        ]
 
     # compiled steps take none of what follows
 
@@ -347,39 +246,31 @@ class BoundNullSpace(BoundTreatment):
         return Reparametrisation(self.kin)
 
     @cached_property
-    def _kinds(self) -> tuple[IndexArray, list[int]]:
-        """Numbers of shifts, then of rotations, and where they begin."""
-        count = self.kin.unknowns
-        turning = np.zeros(count, dtype=bool)
-        turning[self.nodal.rotating] = True
-        shifts = [*np.flatnonzero(~turning), count]
-        return np.array([*shifts, *np.flatnonzero(turning), count]), [0, len(shifts)]
-
-    @cached_property
-    def _map(self) -> TwistMap | Recursion:
-        """Twists by the tree's coordinates."""
-        kin = self.kin
-        return kin.recursion if kin.deep and not len(self.closure.rows) else kin.T
+    def _by_twists(self) -> RowsByTwists:
+        """Rows of strains that have multipliers."""
+        return RowsByTwists(self.kin, self.system.constraints, self._held)
 
     @cached_property
     def solver(self) -> LinearSolver:  # type: ignore[override]
-        """Of the reduced matrix, which is full for chains."""
-        pattern, kin = self._congruence.pattern, self.kin
-        if isinstance(self._map, Recursion):
-            return LinearSolver(pattern, self.asked, self.unknowns)
-        if self._loops:
-            pattern = self._reduction.pattern
-        if kin.elements is not None and pattern.nnz > CROWDED:
+        """Solver of the reduced matrix, with unknowns that only help in front."""
+        system = self.system
+        pattern = self._reduction.pattern if self._loops else self._tree_matrix.pattern
+        beams = [
+            each.beam.label
+            for each in system.theory_rows
+            if np.isin(each.numbers, self.closure.rows).any()
+        ]
+        if beams and pattern.nnz > CROWDED:
             warn(
-                " and ".join(sorted({element.label for element, _ in self.system.tree.elements})),
-                "all of its rotations move what hangs on them, which makes a full matrix of"
+                " and ".join(sorted(beams)),
+                "its strains are held on a closed loop, which makes a full matrix of"
                 f" {self.unknowns} unknowns; Multipliers() has a sparse one",
                 PerformanceWarning,
             )
-        return LinearSolver(pattern, self.asked)
+        return LinearSolver(pattern, self.asked, self.unknowns)
 
     @cached_property
-    def _congruence(self) -> Congruence | JointByJoint:
+    def _tree_matrix(self) -> JointByJoint:
         """From blocks by twists to the tree's coordinates."""
         system, kin = self.system, self.kin
         dofs = [
@@ -388,39 +279,28 @@ class BoundNullSpace(BoundTreatment):
             )
             for g in system.groups
         ]
-        i, j = group_pairs(system, dofs)
-        ci, cj = pair_numbers(self._row_pairs, kin.row_twist)
-        i, j = np.concatenate([i, ci]), np.concatenate([j, cj])
+        ends = [group_pairs(system, dofs), pair_numbers(self._row_pairs, kin.row_twist)]
         extra = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
         if self.weight:  # derivative of P: moments on each frame, and the tree's
             omega = kin.frame_twist[:, 3:]
-            i = np.concatenate([i, np.repeat(omega, 3, axis=1).ravel()])
-            j = np.concatenate([j, np.tile(omega, (1, 3)).ravel()])
-            if len(kin.tree.edges):
-                extra = self._map.curvature_pattern()
-        if isinstance(self._map, Recursion):
-            if self.weight:
-                more = self._map.moment_pattern()
-                i, j = np.concatenate([i, more[0]]), np.concatenate([j, more[1]])
-            return JointByJoint(self._map, (i, j), extra)
-        T = self._map.rows, self._map.cols, self._map.ones
-        return shared(Congruence, (i, j), extra, T, self._map.shape)
+            ends.append((np.repeat(omega, 3, axis=1).ravel(), np.tile(omega, (1, 3)).ravel()))
+            ends.append(kin.recursion.moment_pattern())
+            extra = kin.recursion.own.curvature_pattern()
+        pairs = np.concatenate([i for i, _ in ends]), np.concatenate([j for _, j in ends])
+        return JointByJoint(kin.recursion, pairs, extra, self._by_twists, len(self._held))
 
     @cached_property
-    def _reduction(self) -> Congruence:
+    def _reduction(self) -> LoopReduction:
         """From the tree's coordinates to those that closed loops leave free."""
-        tree = self._congruence.pattern
-        cols = np.repeat(np.arange(tree.shape[1]), np.diff(tree.indptr))
-        none = np.zeros(0, dtype=np.int64)
-        Z = self._Z[0], self._Z[1], np.arange(self._ones)
-        pairs = (tree.indices, cols), (none, none)
-        return shared(Congruence, *pairs, Z, (self.kin.unknowns, self.unknowns))
+        tree = self._tree_matrix
+        return LoopReduction(tree.pattern, self.closure, tree.helping, len(self._held))
 
     # -- a step ----------------------------------------------------------------------------------
 
     def begin(self, y0: Array, ground1: Array, h: float, momentum: Floats | None = None) -> None:
         """See the base class."""
-        self.y0, self.ground1, self._known = y0, ground1, None
+        self.y0, self.ground1, self.h, self._known = y0, ground1, h, None
+        self._sized = False
         self._ground: Array | None = ground1
         self.nodal.begin(y0, ground1)
         if self._loops:
@@ -430,9 +310,9 @@ class BoundNullSpace(BoundTreatment):
 
     def _choose(self, y0: Array, momentum: Floats | None) -> None:
         """Independent closure rows at the start of the step."""
-        T = self._tree_at(y0)[1]
+        T = self._entries_of_tree(y0)
         chosen = self.closure.select(y0, T)
-        self._take(chosen, y0)
+        self._take(chosen)
         if momentum is not None:
             self._passages, self._direction = Passages(self.system), None
         self.doubts = self._passages.look(y0, T, chosen)
@@ -443,18 +323,22 @@ class BoundNullSpace(BoundTreatment):
         ]
         self._direction = [s.Q2 for s in self._chosen]
 
-    def _selected(self, y: Array, T: Array) -> list[Selected]:
+    def _selected(self, y: Array) -> list[Selected]:
         if y is self.y0:
             return self._chosen
-        again = self.closure.again(self._chosen, y, T)
+        again = self.closure.again(self._chosen, y, self._entries_of_tree(y))
         return [continued(s, c.Q2) for s, c in zip(again, self._chosen, strict=True)]
 
+    def _entries_of_tree(self, y: Array) -> Array:
+        """Entries of T at y, of which loops need few."""
+        return self.system.kinematics.values_at(y, self.nodal.fixed)
+
     def _tree_at(self, y: Array) -> tuple[Located, Array]:
-        """The tree at y, and the values of its T; known if y was asked for last."""
+        """The tree at y, and what its recursion is made of; known if y was asked for last."""
         known = self._known
         if known is None or known[0] is not y:
-            at = self._map.locate(y, self.nodal.fixed)
-            known = self._known = y, at, self._map.values(at)
+            at = self.kin.recursion.own.locate(y, self.nodal.fixed)
+            known = self._known = y, at, self.kin.recursion.values(at)
         return known[1:]
 
     def _set_left(self, y: Array) -> None:
@@ -462,30 +346,52 @@ class BoundNullSpace(BoundTreatment):
         self._left, self._T_left = self._tree_at(y)
         self._P_left = None
         if self._loops:
-            self._selected_left = self._selected(y, self._T_left)
-            self._Z_left = self.closure.null_values(self._selected_left, self._ones)
+            self._selected_left = self._selected(y)
+            self._Z_left = self._reduction.values(self._selected_left)
 
     @property
     def sought(self) -> tuple[Array, ...]:
         """See the base class."""
-        return *self.nodal.save(), self.moved
+        return *self.nodal.save(), self.moved, self._multipliers
 
     @sought.setter
     def sought(self, before: tuple[Array, ...]) -> None:
-        self.nodal.restore(before[:-1])
-        self.moved, self._ground = before[-1], None  # what is driven follows anew
+        *nodal, self.moved, self._multipliers = before
+        self.nodal.restore(tuple(nodal))
+        self._ground = None  # what is driven follows anew
 
     def guess(self, extrapolate: bool) -> None:
         """See the base class."""
         self.nodal.reset()
-        self.moved = np.zeros(self.kin.unknowns)
+        if not self._large:
+            self._multipliers = np.zeros(len(self._held))
+        self.moved = np.concatenate([np.zeros(self.kin.unknowns), self._multipliers])
         self._enough = GUESSED
         if extrapolate and self.last is not None:
-            self._add(self.last)
+            increment, multipliers = self._parted(self.last)
+            self._add(increment, multipliers - self._multipliers)
 
-    def _add(self, increment: Array) -> None:
+    def adopt(self, R: Array) -> None:
+        """See the base class."""
+        self._add(np.zeros(self.kin.unknowns), self._balancing(R, self.y0) - self._multipliers)
+
+    def _parted(self, unknowns: Array) -> tuple[Array, Array]:
+        """Coordinates and multipliers."""
+        first = len(unknowns) - len(self._held)
+        return unknowns[:first], unknowns[first:]
+
+    def _balancing(self, R: Array, y: Array) -> Array:
+        """Multipliers of strains that balance R at y best."""
+        if not len(self._held):
+            return self._multipliers
+        return RowSpace(self.system, y).multipliers(-R.reshape(-1))[self._held]
+
+    def _add(self, increment: Array, multipliers: Array | float = 0.0) -> None:
+        """Move the tree's coordinates (K,), and add to the multipliers of strains."""
         self.nodal.add(increment)
-        self.moved = self.moved + increment
+        self._multipliers = self._multipliers + multipliers
+        before = self.moved[: len(increment)]
+        self.moved = np.concatenate([before + increment, self._multipliers])
 
     def configure(self) -> Array:
         """See the base class; loops are closed first."""
@@ -508,7 +414,7 @@ class BoundNullSpace(BoundTreatment):
             gaps = [closure.violation(s, g) for s in self._chosen]
             if max(float(abs(gap).max(initial=0.0)) for gap in gaps) <= CLOSED:
                 return y1
-            T = kin.T.values(kin.T.locate(y1, self.nodal.fixed))
+            T = self._entries_of_tree(y1)
             step = np.zeros(kin.unknowns, dtype=y1.dtype)
             for s, gap in zip(closure.again(self._chosen, y1, T), gaps, strict=True):
                 step[s.component.columns] = s.correction(gap)
@@ -524,29 +430,49 @@ class BoundNullSpace(BoundTreatment):
         return y1
 
     def reduce(self, R: Array, y1: Array) -> Array:
-        """``P(y_c)^T R``."""
+        """``P(y_c)^T (R + h G^T lambda)``, and gaps of strains that have multipliers."""
         if self.weight:
             self._set_left(self.constraint_point(y1))
-        self._twist_force = self.kin.twist_force(self._left.y, R)
-        self._tree_force = self._map.reduce(self._T_left, self._twist_force)
-        return self._by_unknowns(self._tree_force)
+        if not len(self._held):
+            return self._reduced(R)
+        balance = self._reduced(R + self._constraint_force(self._all_multipliers()))
+        return np.concatenate([balance, self.system.constraints.values(y1)[self._held]])
 
-    def _by_unknowns(self, tree_force: Array) -> Array:
-        """``Z^T f`` at the configuration of P^T."""
+    def _reduced(self, force: Array) -> Array:
+        """``P(y_c)^T f`` of forces (rows, 3)."""
+        tree_force = self._by_tree_transposed(force)
         if not self._loops:
             return tree_force
         rows, cols = self._Z
-        return sum_at(cols, self._Z_left * tree_force[rows], self.unknowns)
+        count = self.unknowns - len(self._held)
+        return sum_at(cols, self._Z_left * tree_force[rows], count)
+
+    def _by_tree_transposed(self, force: Array) -> Array:
+        """``T^T P_int^T f`` (K,) of forces (rows, 3)."""
+        twist_force = self.kin.twist_force(self._left.y, force)
+        return self.kin.recursion.reduce(self._T_left, twist_force)
+
+    def _all_multipliers(self) -> Array:
+        """Multipliers of all constraint rows (m,): zero of those that have none."""
+        out = np.zeros(self.system.m, dtype=self._multipliers.dtype)
+        out[self._held] = self._multipliers
+        return out
+
+    def _constraint_force(self, multipliers: Array) -> Array:
+        """``G^T lambda`` (rows, 3) of all rows (m,), where P^T is evaluated."""
+        g = self.system.constraints
+        entries = g.jacobian_values(self._left.y) * multipliers[g.G_rows]
+        return sum_at(g.G_cols, entries, g.n).reshape(-1, 3)
 
     def displacement(self, increment: Array, y1: Array) -> Array:
         """See the base class."""
         T1 = self._tree_at(y1)[1]
-        return self.kin.rates(y1, self._map.expand(T1, self._by_tree(increment)))
+        coordinates = self._by_tree(self._parted(increment)[0])
+        return self.kin.rates(y1, self.kin.recursion.expand(T1, coordinates))
 
     def pull(self, gradient: Array) -> Array:
-        """See the base class."""
-        force = self.kin.twist_force(self._left.y, gradient)
-        return self._by_unknowns(self._map.reduce(self._T_left, force))
+        """See the base class; multipliers change nothing."""
+        return np.concatenate([self._reduced(gradient), np.zeros(len(self._held))])
 
     def _null_spaces(self, y: Array) -> list[Array | None]:
         """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points."""
@@ -579,77 +505,53 @@ class BoundNullSpace(BoundTreatment):
         out[right] = out[right] @ -skew(y1[b[right]])
         return out.ravel()
 
-    def _balanced(self, R: Array) -> tuple[Array, Array, Array]:
-        """Balance and twist force without the forces that close the loops, and their curvature.
+    def _balanced(self, R: Array, y1: Array) -> tuple[Array, Array]:
+        """Balance with all constraint forces that multipliers give, and their curvature.
 
-        Derivative of ``Z^T f`` at a solution: as if the closure's multipliers mu, which balance f
-        best, acted as forces.
+        Derivative of ``Z^T f`` at a solution: as if the closure's multipliers, which balance f
+        best, acted as forces. On a path strains have those that balance the predicted stresses.
         """
-        constraints = self.system.constraints
-        mu = np.zeros(constraints.size)
-        for s in self._selected_left:
-            rows, values = self.closure.multipliers(s, self._tree_force)
-            mu[rows] = values
-        y = self._left.y
-        entries = constraints.jacobian_values(y) * mu[constraints.G_rows]
-        force = sum_at(constraints.G_cols, entries, constraints.n)
-        balanced = R - force.reshape(-1, 3)
-        curvature = -self.weight * constraints.curvature_factors(self._curved, mu, y)
-        blocks = curvature[:, None, None] * np.eye(3)
-        return balanced, self.kin.twist_force(y, balanced), blocks
-
-    def _carried(self, blocks: Sequence[Blocks], R: Array) -> tuple[list[Blocks], Array]:
-        """Blocks with the curvature of strains that are held, balance without their forces.
-
-        ``P^T G^T mu = 0`` for any mu, wherever P is: its derivative trades that of the lines for
-        geometric stiffness, with the stresses that carry the balance.
-        """
-        assert self.kin.elements is not None
-        carried, stresses = self.kin.elements.carried(self._left.y, R)
-        out = list(blocks)
-        for (k, which), own in zip(self._constrained, stresses, strict=True):
-            elements, block = self.system.beam_groups[k].elements, out[k]
-            stress = np.zeros((len(elements.lengths), *own.shape[1:]), dtype=own.dtype)
-            stress[which] = -self.weight * own
-            more = beam_geometric(elements, stress)
-            if isinstance(block, Parts):
-                out[k] = replace(block, scalar=block.scalar + more)
-            else:
-                out[k] = add_scalar(block.copy(), more)
-        return out, R - carried
+        multipliers = self._all_multipliers()
+        if self._large:
+            multipliers[self._held] = self._balancing(R, y1)
+        if self._loops:
+            force = self._by_tree_transposed(R + self._constraint_force(multipliers))
+            for s in self._selected_left:
+                rows, values = self.closure.multipliers(s, force)
+                multipliers[rows] = -values
+        factors = self.system.constraints.curvature_factors(self._curved, multipliers, self._left.y)
+        blocks = self.weight * factors[:, None, None] * np.eye(3)
+        return R + self._constraint_force(multipliers), blocks
 
     def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
-        """See the base class."""
-        kin = self.kin
+        """See the base class; with the factors of columns and rows of this step."""
+        kin, tree = self.kin, self.kin.recursion
         count = len(self.system.groups)
-        force, curvature = self._twist_force, None
-        if self.weight and self._loops:
-            R, force, curvature = self._balanced(R)
-        if self.weight and kin.elements is not None:
-            blocks, R = self._carried(blocks, R)
-            force = kin.twist_force(self._left.y, R)
-        values = self._project(blocks[:count], y1)
         pairs = [np.asarray(block) for block in blocks[count:]]
+        if self._turning:
+            R, curvature = self._balanced(R, y1)
+            pairs.append(curvature)
+        values = self._project(blocks[:count], y1)
+        if not self._sized:  # a scene without stiffness has blocks of zeros
+            self.gap_scale, self._sized = max(float(abs(v).max()) for v in values) or 1.0, True
         extra = np.zeros(0)
         right, T1 = self._tree_at(y1)
-        if curvature is not None:
-            pairs.append(curvature)
         if pairs:
             values.append(self._project_pairs(np.concatenate(pairs), y1))
         if self.weight:
             # derivative of P_int^T R
             W = spin_gradient(kin.directors(y1), kin.directors(R))
             values.append((self.weight * W).ravel())
-            if isinstance(self._map, Recursion):
-                force = self._map.carry(self._T_left, force)
-                values.append(self.weight * self._map.moment_values(y1, force))
-            if len(kin.tree.edges):
-                extra = self.weight * self._map.curvature_values(self._left, right, force)
-        out = self._congruence.data(values, extra, self._T_left, T1)
+            force = tree.carry(self._T_left, kin.twist_force(self._left.y, R))
+            values.append(self.weight * tree.moment_values(y1, force))
+            extra = self.weight * tree.own.curvature_values(self._left, right, force)
+        column, row = (self.gap_scale, self.gap_scale) if scaled else (self.h, 1.0)
+        rows = column * self._by_twists.values(self._left.y), row * self._by_twists.values(y1)
+        out = self._tree_matrix.data(values, extra, (self._T_left, T1), rows, self.gap_scale)
         if not self._loops:
             return out
-        self._Z1 = self.closure.null_values(self._selected(y1, T1), self._ones)
-        return self._reduction.data([out], np.zeros(0), self._Z_left, self._Z1)
+        self._Z1 = self._reduction.values(self._selected(y1))
+        return self._reduction.data(out, self._Z_left, self._Z1)
 
     def _by_tree(self, increment: Array) -> Array:
         """Increment of the unknowns -> of the tree's coordinates, at the last matrix."""
@@ -660,18 +562,17 @@ class BoundNullSpace(BoundTreatment):
 
     def move(self, increment: Array) -> None:
         """See the base class."""
-        self._add(self._by_tree(increment))
+        coordinates, multipliers = self._parted(increment)
+        self._add(self._by_tree(coordinates), self.gap_scale * multipliers)
 
     def _size(self, increment: Array) -> tuple[float, float]:
-        # zeros at the end of both, so that there are some
-        numbers, starts = self._kinds
-        d = abs(np.concatenate([increment, _ZERO])).take(numbers)
-        shift, turn = np.maximum.reduceat(d, starts).tolist()
-        return max(shift / self.system.length, turn), turn
+        d, rotating = abs(increment), self.nodal.rotating
+        turn = float(d[rotating].max(initial=0.0))
+        return max(float(np.delete(d, rotating).max(initial=0.0)) / self.system.length, turn), turn
 
     def sizes(self, increment: Floats, y1: Array) -> tuple[float, float]:
         """Of the coordinates of the tree."""
-        return self._size(self._by_tree(increment))
+        return self._size(self._by_tree(self._parted(increment)[0]))
 
     def impulse(self, R: Array) -> Array:
         """All of the balance that the null space does not see."""

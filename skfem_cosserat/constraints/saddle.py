@@ -6,91 +6,67 @@ from functools import lru_cache
 from threading import get_ident
 
 import numpy as np
-from scipy.linalg import qr
-from scipy.sparse import diags, identity, kron
+from scipy.sparse import csr_matrix, diags, identity, kron
 from scipy.sparse.linalg import cg
 
 from ..compiled.plan import plan_of
 from ..linear import LinearSolver
 from ..model import System
 from ..model.balance import amplitudes_at, balance
-from ..model.closure import RANK_TOLERANCE
 from ..model.loops import null_space_matrix
-from ..pattern import FrozenPattern, once_for_each
-from ..types import Array, Floats, IndexArray
-from .base import RowSpace, dependent_rows, rows_touching
+from ..pattern import FrozenPattern
+from ..types import Floats, IndexArray
+from .base import RowSpace, dependent_rows
 
 #: vertices left by elimination along chains and trees above which it is a large lattice
 LATTICE = 100
 #: residual at which conjugate gradients end, relative to the momentum: far below rounding, as what
 #: heavy bodies leave is large beside light struts; and iterations at most
 CONVERGED, ITERATIONS = 1e-18, 500
-#: share of the scene's extent by which constraints are differenced along the motion
-SHARE = 0.1
+
+
+def full_mass(system: System) -> csr_matrix:
+    """Mass matrix (n, n) of all coordinates."""
+    return csr_matrix(kron(system.mass, identity(3)))
 
 
 class SaddlePoint:
-    """``[[M, G^T], [G, 0]] (v, mu) = (p, r)``; rows left out get a 1 on the diagonal.
+    """``[[M, G^T], [G, 0]] (v, mu) = (p, r)``; dependent rows get a 1 on the diagonal.
 
     Regular although the mass matrix of beams is singular on d3.
-
-    Parameters
-    ----------
-    system : System
-    without : (n,) bool array, optional
-        Coordinates that are left out, with all constraint rows that contain them.
     """
 
-    def __init__(self, system: System, without: Array | None = None) -> None:
+    def __init__(self, system: System) -> None:
         self.system = system
         n, m, g = system.n, system.m, system.constraints
-        self._without = np.zeros(n, dtype=bool) if without is None else without
-        self._touching = rows_touching(system, self._without)
-        mass = system.mass.tocoo()
-        xyz = np.arange(3)
-        i = (3 * mass.row[:, None].astype(np.int64) + xyz).ravel()
-        j = (3 * mass.col[:, None].astype(np.int64) + xyz).ravel()
+        mass = full_mass(system).tocoo()
         gi, gj = g.rows[g.inside], g.cols[g.inside]
-        loops = len(system.closure.rows) > 0
-        spare = np.arange(m) if loops else np.flatnonzero(self._touching)
-        self._diagonal = np.concatenate([np.flatnonzero(self._without), n + spare])
+        self._loops = system.closure.rows
+        ends = n + self._loops
         self._pattern = FrozenPattern(
-            np.concatenate([i, gj, n + gi, self._diagonal]),
-            np.concatenate([j, n + gi, gj, self._diagonal]),
+            np.concatenate([mass.row, gj, n + gi, ends]),
+            np.concatenate([mass.col, n + gi, gj, ends]),
             (n + m, n + m),
         )
         self._solver = LinearSolver(self._pattern)
-        self._mass = np.repeat(mass.data, 3)
-        self._scale = float(abs(mass.data).max())
-        self._entry_row, self._entry_column = gi, gj
+        self._mass, self._scale = mass.data, float(abs(mass.data).max())
+        self._rows = gi
 
     def __call__(self, y: Floats, p: Floats, rate: Floats) -> tuple[Floats, Floats]:
         """Solve at configuration y (total, 3) for p (n,) and r = `rate` (m,): v (n,), mu (m,)."""
         n = self.system.n
         G = self._scale * self.system.constraints.jacobian_values(y)
         rhs = np.concatenate([p, self._scale * rate])
-        out = np.zeros(n + self.system.m, dtype=bool)
-        out[:n] = self._without
-        out[n + self._rows_left_out(y)] = True
+        out = np.zeros(self.system.m, dtype=bool)
+        out[dependent_rows(self.system, y)] = True
         if out.any():
-            G[out[n + self._entry_row] | out[self._entry_column]] = 0
-            rhs[out] = 0
-        ones = self._scale * out[self._diagonal]
-        data = self._pattern.data(np.concatenate([self._mass, G, G, ones]))
-        solved = self._solver.solve(data, rhs)
+            G[out[self._rows]] = 0
+            rhs[n:][out] = 0
+        ones = self._scale * out[self._loops]
+        solved = self._solver.solve(
+            self._pattern.data(np.concatenate([self._mass, G, G, ones])), rhs
+        )
         return solved[:n], self._scale * solved[n:]
-
-    def _rows_left_out(self, y: Floats) -> IndexArray:
-        system, touching = self.system, self._touching
-        if not len(system.closure.rows) or not touching.any():
-            return np.union1d(np.flatnonzero(touching), dependent_rows(system, y))
-        # rows that depend only on rows left out here are needed: decided anew among the others
-        rows = np.flatnonzero(~touching)
-        G = system.constraints.jacobian(y).tocsr()[rows].toarray()
-        G /= np.linalg.norm(G, axis=1)[:, None]
-        _, R, order = qr(G.T, mode="economic", pivoting=True)
-        rank = int((abs(np.diag(R)) > RANK_TOLERANCE).sum())
-        return np.union1d(np.flatnonzero(touching), rows[order[rank:]])
 
 
 def saddle_point(system: System) -> SaddlePoint:
@@ -126,39 +102,42 @@ def nearest_velocity(system: System, y: Floats, p: Floats, t: float | None) -> F
     return saddle_point(system)(y, p, rate)[0] if found is None else found
 
 
+def nearest_momentum(system: System, y: Floats, p: Floats, t: float | None) -> Floats:
+    """``Q p = M v`` (n,) of the :func:`nearest_velocity`."""
+    v = nearest_velocity(system, y, p, t)
+    return np.asarray(system.mass @ v.reshape(-1, 3)).reshape(-1)
+
+
 def balancing(system: System, y: Floats, force: Floats) -> Floats:
     """Multipliers (m,) of ``M a + G^T lambda = force``, ``G a = 0`` at y (total, 3).
 
-    Of redundant rows those of least norm.
+    What no multipliers give is left to accelerations, those that are nearest in the kinetic energy:
+    the share of each joint depends on no units. Of redundant rows those of least norm. At rest,
+    where a force is balanced and nothing needs to have mass, :class:`RowSpace` gives them alone.
     """
-    if is_lattice(system):
-        a = nearest_velocity(system, y, force, None).reshape(-1, 3)
-        return RowSpace(system, y).multipliers(force - (system.mass @ a).ravel())
-    found = saddle_point(system)(y, force, np.zeros(system.m))[1]
-    if len(system.closure.rows):  # rows that depend on others have had no share
-        found = RowSpace(system, y).multipliers(system.constraints.jacobian(y).T @ found)
-    return found
+    if not is_lattice(system) and not len(system.closure.rows):
+        return saddle_point(system)(y, force, np.zeros(system.m))[1]
+    return RowSpace(system, y).multipliers(force - nearest_momentum(system, y, force, None))
 
 
-@once_for_each
+@lru_cache(maxsize=4)
 def is_lattice(system: System) -> bool:
     """Whether an elimination of a scene along chains and trees leaves many vertices.
 
     What is left is filled in: conjugate gradients take a fraction of the time and the memory.
     """
-    own = system.tied
-    deep = own.kinematics.deep or own.kinematics.elements is not None
-    if len(system.origin_rows) <= LATTICE or deep or own.closure.rank:
+    few = len(system.origin_rows) <= LATTICE
+    if few or system.joint_coordinates.closure.rank or len(system.held_rows):
         return False
-    return len(plan_of(own).rest) > LATTICE
+    return len(plan_of(system.joint_coordinates).rest) > LATTICE
 
 
 def _velocity_of_lattice(system: System, y: Floats, p: Floats, rate: Floats) -> Floats | None:
     """``v = P nu + v_0``, ``P^T M P nu = P^T (p - M v_0)``; None: it does not converge."""
     if not np.isfinite(p).all():
         return None
-    P = null_space_matrix(system.tied, y)
-    mass = kron(system.mass, identity(3))
+    P = null_space_matrix(system, y)
+    mass = full_mass(system)
     A = (P.T @ mass @ P).tocsr()
     v = RowSpace(system, y).least_norm(rate) if rate.any() else np.zeros(system.n)
     if not (A.diagonal() > 0).all():  # a motion has no inertia
@@ -223,7 +202,7 @@ def accelerations(
     size = float(abs(ydot).max(initial=0.0))
     bend = np.zeros(system.m)
     if size:
-        s = SHARE / max(size, float(abs(velocity[system.origin_rows]).max()) / system.length)
+        s = 1 / max(size, float(abs(velocity[system.origin_rows]).max()) / system.length)
         g = [system.constraints.values(y + k * s * ydot) for k in (-1, 0, 1)]
         bend = (g[2] - 2 * g[1] + g[0]) / s**2
     if system.moving:

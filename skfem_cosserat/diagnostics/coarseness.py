@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..frames import is_beam
 from ..kernels import cross
 from ..law import STEP
 from ..model import System
@@ -26,7 +25,6 @@ from .forces import Statics, components, integrals, spread_over
 from .stacked import balancing_multipliers, curvature_matrix
 
 if TYPE_CHECKING:
-    from ..beam import Beam
     from ..element import Interpolation
 
 
@@ -60,19 +58,12 @@ def energies(
         force = group.force(group.strain(y)[1], stress).reshape(len(stress), -1, 4, 3)
         nodal = y[group.rows].reshape(force.shape)
         spread = np.zeros_like(nodal)
-        own = [
-            (beam, group.slices[id(beam)]) for beam in beams_of(system) if id(beam) in group.slices
-        ]
+        own = [(beam, group.slices[id(beam)]) for beam in system.beams if id(beam) in group.slices]
         for beam, e in own:
             spread[e] = spread_over(system, beam, y, loads, None, acceleration)
         both = _both(group, nodal, stress, force - spread, spread)
         found |= {id(beam): both[:, e].sum(1) for beam, e in own}
-    return np.array([found[id(beam)] for beam in beams_of(system)])
-
-
-def beams_of(system: System) -> list[Beam]:
-    """Beams of a scene."""
-    return [item for item in system.structures if is_beam(item)]
+    return np.array([found[id(beam)] for beam in system.beams])
 
 
 @lru_cache(maxsize=8)

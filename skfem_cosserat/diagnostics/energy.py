@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,6 @@ from ..kernels import BeamElements, beam_energy, beam_stress
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.theories import theory_of
-from ..pattern import once_for_each
 from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
 from .stacked import as_stack, of_states, step_size
@@ -32,7 +31,7 @@ def _in_parts(function: Callable[..., Floats], numbers: int, *states: Floats) ->
     return np.concatenate([function(*(x[k : k + size] for x in states)) for k in starts])
 
 
-@once_for_each  # factors take longer than all else that needs them
+@lru_cache(maxsize=4)  # factors take longer than all else that needs them
 def mass_solver(system: System) -> Callable[[Floats], Floats]:
     """Pseudo-inverse of the scalar mass matrix, applied to (rows, k) arrays.
 
@@ -438,38 +437,20 @@ def _strains(
     which: Sequence[int] = range(6),
 ) -> Floats:
     """Some strains (N, ne, ng, ...) of elements with these rows, or their rates; of few states."""
-    xyz = _coordinates(rows)
-    out = np.empty((len(Q), *e.reference.shape[:2], len(which)))
+    x, xs = _fields(e, rows, Q)
     if V is None:
-        for g, (x, xs) in enumerate(_fields(e, Q, xyz)):
-            strains = strain_measures(x, xs, which) - e.reference[:, None, g, which]
-            out[:, :, g] = strains.swapaxes(0, 1)
-        return out
-    for g, ((x, xs), (v, vs)) in enumerate(
-        zip(_fields(e, Q, xyz), _fields(e, V, xyz), strict=True)
-    ):
-        out[:, :, g] = (strain_measures(v, xs) + strain_measures(x, vs)).swapaxes(0, 1)
-    return out
+        return strain_measures(x, xs, which) - e.reference[..., which]
+    v, vs = _fields(e, rows, V)
+    return strain_measures(v, xs, which) + strain_measures(x, vs, which)
 
 
-def _coordinates(rows: IndexArray) -> IndexArray:
-    """Places (nn, 4, 3, ne) in q of the coordinates of elements' nodes, with rows (ne, 4 nn)."""
-    return 3 * rows.reshape(len(rows), -1, 4).transpose(1, 2, 0)[:, :, None] + np.arange(3)[:, None]
-
-
-def _fields(e: BeamElements, q: Floats, xyz: IndexArray) -> Iterator[tuple[Floats, Floats]]:
-    """Fields (ne, N, 4, 3) of sections at each Gauss point, and their slopes.
-
-    In memory the states come last, so that all arithmetic is on long rows. `xyz` are the places
-    (nn, 4, 3, ne) of the nodes' coordinates.
-    """
-    nodal = np.ascontiguousarray(q.T)[xyz]
+def _fields(e: BeamElements, rows: IndexArray, q: Floats) -> tuple[Floats, Floats]:
+    """Fields (N, ne, ng, 4, 3) of sections at Gauss points, and their slopes."""
+    nodal = q.reshape(len(q), -1, 3)[:, rows].reshape(len(q), len(rows), -1, 4, 3)
     if e.rotations is not None:
-        nodal[:, 1:] = np.einsum("ekij,kjcen->kicen", e.rotations, nodal[:, 1:])
-    for weights in zip(*strain_factors(e.table), strict=True):
-        x, xs = (sum(w * y for w, y in zip(each, nodal, strict=True)) for each in weights)
-        xs /= e.lengths[:, None]
-        yield x.transpose(2, 3, 0, 1), xs.transpose(2, 3, 0, 1)
+        nodal[..., 1:, :] = e.rotations @ nodal[..., 1:, :]
+    x, xs = (np.einsum("ga,neaic->negic", each, nodal) for each in strain_factors(e.table))
+    return x, xs / e.lengths[:, None, None, None]
 
 
 def held_forces(

@@ -10,7 +10,7 @@ from ..arguments import checked
 from ..errors import InputError
 from ..frames import is_beam
 from ..history import History
-from ..kernels import beam_stress
+from ..kernels import beam_stress, nearest_rotations
 from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Spin
 from ..strain import strain_measures
@@ -115,9 +115,9 @@ def new_rows(source: System, target: System) -> IndexArray:
     MeshError
         If the meshes of a beam do not divide the same lines.
     """
-    known = {item.name: item for item in source.structures if is_beam(item)}
+    known = {beam.name: beam for beam in source.beams}
     out = [np.zeros((0, 4), dtype=np.int64)]
-    for beam in (item for item in target.structures if is_beam(item)):
+    for beam in target.beams:
         other, basis = known[beam.name], beam.basis
         from ..mesh.divide import places_in
 
@@ -143,40 +143,27 @@ def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, 
     e, x = places_in(source.mesh, target.mesh, kind)
     nodes = target.basis.connectivity
     q, v = (a.reshape(len(a), -1, 4, 3) for a in (y, ydot))
-    reference = source.reference.reshape(1, -1, 4, 3)
-    now, rate, start = (_inside(source, e, x, a) for a in (q, v, reference))
-    turn, spin = _turn(now[..., 1:, :], start[..., 1:, :]), spins(now, rate)
+    places = SectionPlaces(source, e.ravel(), x.ravel().clip(0, 1))
+    now, rate, start = (
+        places.at_points(a).reshape(len(a), *x.shape, 4, 3)
+        for a in (y, ydot, source.reference.reshape(1, -1, 3))
+    )
+    turn, spin = (
+        nearest_rotations(np.swapaxes(now[..., 1:, :], -1, -2) @ start[..., 1:, :]),
+        spins(now, rate),
+    )
     own = target.reference.reshape(-1, 4, 3)[nodes]
     moved, moving = _moved(now, rate, start, turn, spin, own)
-    met, node = _met(source, e, x)
-    if met.any():
-        # a node of both: its own triad, not the one interpolated by this element
-        k = node[met]
-        now, rate, start = q[:, k], v[:, k], reference[:, k]
-        turn = np.swapaxes(now[..., 1:, :], -1, -2) @ start[..., 1:, :]
-        at, along = _moved(now, rate, start, turn, spins(now, rate), own[met])
-        same = (abs(own[met] - start[0]).max(axis=(1, 2)) <= SAME)[:, None, None]
-        moved[:, met] = np.where(same, now, at)
-        moving[:, met] = np.where(same, rate, along)
+    reference, (met, node) = source.reference.reshape(1, -1, 4, 3), _met(source, e, x)
+    k = node[met]  # a node of both keeps its numbers
+    same = (abs(own[met] - reference[0, k]).max(axis=(1, 2)) <= SAME)[:, None, None]
+    moved[:, met] = np.where(same, q[:, k], moved[:, met])
+    moving[:, met] = np.where(same, v[:, k], moving[:, met])
     shape = (len(q), len(target.basis.nodes), 4, 3)
     out = np.empty(shape), np.empty(shape)
     for field, values in zip(out, (moved, moving), strict=True):
         field[:, nodes] = values
     return out[0].reshape(len(q), -1, 3), out[1].reshape(len(q), -1, 3)
-
-
-def _inside(beam: Beam, e: np.ndarray, x: Floats, nodal: Floats) -> Floats:
-    """Values (N, ne, n, 4, 3) of sections inside elements of nodal frames (N, nodes, 4, 3)."""
-    local = nodal[:, beam.basis.connectivity[e]]
-    local = local.copy()
-    local[..., 1:, :] = beam.rotations[e] @ local[..., 1:, :]
-    return np.einsum("aef,kefaic->kefic", beam.basis.shape(x), local)
-
-
-def _turn(d: Floats, start: Floats) -> Floats:
-    """Rotations (..., 3, 3) nearest to ``sum d_i D_i^T``."""
-    u, _, vt = np.linalg.svd(np.swapaxes(d, -1, -2) @ start)
-    return u @ vt
 
 
 def spins(now: Floats, rate: Floats) -> Floats:
@@ -386,8 +373,13 @@ class SectionPlaces:
         lengths = beam.elements.lengths[e][:, None]
         self._shapes = beam.basis.shape(x).T, beam.basis.dshape(x).T / lengths
         self._turned, self._sections = beam.rotations[e], beam.elements.taken(e)
-        reference = beam.reference.reshape(1, -1, 3)[:, _own_rows(beam)[e]]
-        self._reference = self._at(reference)[1]
+        own = 4 * beam.basis.connectivity[e][:, :, None] + np.arange(4)
+        self._own = own.reshape(len(e), -1)
+        self._reference = self._at(beam.reference.reshape(1, -1, 3)[:, self._own])[1]
+
+    def at_points(self, y: Floats) -> Floats:
+        """Values (k, m, 4, 3) of phi, d1, d2, d3 there, of rows (k, rows, 3) of the beam alone."""
+        return self._at(y[:, self._own])[0]
 
     def _at(self, y: Floats) -> tuple[Floats, Floats]:
         """Values (k, m, 4, 3) of phi, d1, d2, d3 of the sections, and their strains (k, m, 6)."""
@@ -412,8 +404,7 @@ class SectionPlaces:
         strain = strain - self._reference
         triad = value[:, :, 1:]
         if switch("argument orthonormal", orthonormal):
-            u, _, vt = np.linalg.svd(triad)
-            triad = u @ vt
+            triad = nearest_rotations(triad)
         resultant = beam_stress(self._sections, strain[:, :, None])[:, :, 0]
         held = np.asarray(held_forces(system, beam, multipliers, len(Q)))
         if held.ndim:
@@ -432,12 +423,6 @@ class SectionPlaces:
         found = element_balances(system, self.beam, q, *motion, viscous=False)
         strains = section_strains(system, self.beam, q)
         return part_resultants(self.beam, self._e, self._x, found, strains)
-
-
-def _own_rows(beam: Beam) -> IndexArray:
-    """Rows (ne, 4 (p + 1)) of each element in the beam's own coordinates."""
-    rows = 4 * beam.basis.connectivity[:, :, None] + np.arange(4)
-    return rows.reshape(len(rows), -1)
 
 
 def _places(beam: Beam, elements: ArrayLike, xi: ArrayLike) -> tuple[IndexArray, Floats]:

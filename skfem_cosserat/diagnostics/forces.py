@@ -94,8 +94,12 @@ def nodal_resultants(
     >>> (nodal_resultants(model, rod, q)[0, :, :3].round(6) + 0.0).tolist()
     [[0.0, 0.0, 100.0], [0.0, 0.0, 100.0]]
     """
-    found = element_balances(system, beam, q, t, amplitudes, v, a, multipliers)
-    return _at_ends(found.force, found.nodal, beam)
+    nodal, _, force = element_balances(system, beam, q, t, amplitudes, v, a, multipliers)
+    out = np.empty((*force.shape[:2], 2, 6))
+    for end in (0, -1):
+        triad = beam.rotations[:, end] @ nodal[:, :, end, 1:]
+        out[:, :, end] = components(triad, *_passed_on(force, nodal, end))
+    return out
 
 
 class Balances(NamedTuple):
@@ -135,7 +139,8 @@ def element_balances(
     group, Q = group_of(system, beam), np.reshape(q, (-1, system.rows, 3))
     factors = _factors(system, t, amplitudes, len(Q))
     rates = [None if rate is None else np.reshape(rate, Q.shape) for rate in (v, a)]
-    own = group.rows[group.slices[id(beam)]]
+    elements = group.slices[id(beam)]
+    own = group.rows[elements]
     nodal = Q[:, own].reshape(len(Q), len(own), -1, 4, 3)
     spread, force = np.empty_like(nodal), np.empty_like(nodal)
     held = np.asarray(held_forces(system, beam, multipliers, len(Q)))
@@ -143,18 +148,13 @@ def element_balances(
     for k, y in enumerate(Q):
         velocity, acceleration = (None if rate is None else rate[k] for rate in rates)
         spread[k] = spread_over(system, beam, y, factors[k], velocity, acceleration)
-        rate = velocity if viscous else None
-        force[k] = _internal(system, beam, y, rate, held[k]) - spread[k]
+        eps, B = group.strain(y)
+        stress = group.stress(eps)
+        stress[elements] += held[k]
+        if viscous and velocity is not None and group.viscous:
+            stress = stress + group.viscous_stress(group.strain_rate(B, velocity))
+        force[k] = group.force(B, stress)[elements].reshape(spread[k].shape) - spread[k]
     return Balances(nodal, spread, force)
-
-
-def _at_ends(F: Floats, nodal: Floats, beam: Beam) -> Floats:
-    """Forces and moments (N, ne, 2, 6) in section triads of nodal forces (N, ne, p + 1, 4, 3)."""
-    out = np.empty((*F.shape[:2], 2, 6))
-    for end in (0, -1):
-        triad = beam.rotations[:, end] @ nodal[:, :, end, 1:]
-        out[:, :, end] = components(triad, *_passed_on(F, nodal, end))
-    return out
 
 
 def _passed_on(F: Array, nodal: Array, end: int) -> tuple[Array, Array]:
@@ -175,21 +175,6 @@ def _factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: 
             f"has shape {given.shape}, expected ({channels},) or ({count}, {channels})",
         )
     return np.broadcast_to(given, (count, channels))
-
-
-def _internal(
-    system: System, beam: Beam, y: Floats, velocity: Floats | None, held: Floats | float
-) -> Floats:
-    """Forces (ne, p + 1, 4, 3) of the stresses of a beam's elements."""
-    group = group_of(system, beam)
-    own = group.slices[id(beam)]
-    eps, B = group.strain(y)
-    stress = group.stress(eps)
-    stress[own] += held
-    if velocity is not None and group.viscous:
-        stress = stress + group.viscous_stress(group.strain_rate(B, velocity))
-    F = group.force(B, stress)[own]
-    return F.reshape(len(F), -1, 4, 3)
 
 
 def spread_over(

@@ -61,10 +61,7 @@ def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] |
     ends = np.interp(np.arange(steps[0], steps[-1] + 1), steps, history.times)
     if len(ends) <= ENOUGH:
         return None
-    try:
-        found = _most_missed(system, ends, at_ends)
-    except InputError:  # a function of the user's that is not known at all times
-        return None
+    found = _most_missed(system, ends, at_ends)
     if found is None:
         return None
     share, item, acts = found
@@ -103,10 +100,7 @@ def steps_that_see(
     item = ""
     for count in counts:
         ends = np.linspace(begun, end, count + 1)
-        try:
-            found = _most_missed(system, ends, at_ends, WHOLE // count)
-        except InputError:  # a function of the user's that is not known at all times
-            return counts[0], ""
+        found = _most_missed(system, ends, at_ends, WHOLE // count)
         if found is None:
             return count, ""
         item = found[1]
@@ -122,14 +116,17 @@ def _most_missed(
     compared with as many.
     """
     worst: tuple[float, str, _Acts] = MISSED, "", "means"
+    inside = max(INSIDE, pieces)
     for item, function, kinks, acts in _entering(system, at_ends):
-        time, inside = getattr(function, "__self__", None), max(INSIDE, pieces)
-        if acts == "ends" and isinstance(time, FunctionOfTime):
-            share = _missed(function, kinks, acts, ends, inside)
-        else:
-            share = _missed(function, kinks, acts, ends, INSIDE)
-        if acts == "means" and pieces and isinstance(time, FunctionOfTime):
-            share = max(share, _overlooked(time, ends, inside))
+        time = getattr(function, "__self__", None)  # one of users asks for few values in a step
+        users = time if isinstance(time, FunctionOfTime) else None
+        looks = inside if users and acts == "ends" else INSIDE
+        try:
+            share = _missed(function, kinks, acts, ends, looks)
+            if users and acts == "means" and pieces:
+                share = max(share, _overlooked(users, ends, inside))
+        except InputError:  # one of the user's that is not known at all times
+            return None
         worst = max(worst, (share, item, acts), key=lambda each: each[0])
     return worst if worst[1] else None
 

@@ -8,18 +8,7 @@ from ..joint import Joint
 from ..model import System, takes_scene
 from ..model.force_elements import Invariants, kind_of
 from ..types import ArrayLike, Floats, IndexArray
-from .stacked import all_rows, of_states
-
-
-def rates(system: System, v: ArrayLike, t: ArrayLike) -> Floats:
-    """Rates of all rows of y (N, total, 3) for velocities v (N, n) at times t (N,)."""
-    own = np.reshape(v, (-1, system.rows, 3))
-    out = np.zeros((len(own), system.total, 3))
-    out[:, : system.rows] = own
-    if system.moving:
-        for row, s in zip(out, np.asarray(t), strict=True):
-            row[system.rows :] = system.ground_rate(float(s))
-    return out
+from .stacked import all_rows, of_states, rates
 
 
 class Reading:
@@ -47,6 +36,13 @@ class Reading:
         """Their rates (N, size)."""
         slope = self.kind.slope(self._invariants.values(y))
         return np.asarray((slope @ self._invariants.rates(y, ydot)[..., None])[..., 0, :, 0])
+
+    def gradient(self, y: Floats) -> Floats:
+        """Derivatives (total, 3) of one component by all rows y (total, 3)."""
+        slope, out = self.kind.slope(self._invariants.values(y))[0, 0], np.zeros_like(y)
+        by_row = np.tensordot(slope, self._invariants.gradients(y)[0], 1)
+        np.add.at(out, self._invariants.rows[0], by_row)
+        return out
 
 
 def reading_of(system: System, joint: Joint, name: str | None) -> Reading:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from typing import Literal, TypeAlias
 
 import numpy as np
-from scipy.sparse import csr_matrix, identity, kron
+from scipy.linalg import lstsq
+from scipy.sparse import bmat
 from scipy.sparse.linalg import splu
 
 from ..arguments import checked
 from ..constraints.base import massless, rows_touching
-from ..constraints.saddle import SaddlePoint, balancing, hidden_rate, nearest_velocity
+from ..constraints.saddle import balancing, full_mass, hidden_rate, nearest_velocity
 from ..errors import IncompatibleError, InputError
 from ..history import History
 from ..integrators import State, Variational
@@ -21,7 +22,6 @@ from ..model import Model, System, system_of, takes_scene
 from ..model.loops import null_space_matrix
 from ..types import ArrayLike, Floats, real, switch
 from .energy import mass_solver, momentum
-from .joint_motion import rates
 from .stacked import (
     all_rows,
     as_array,
@@ -30,6 +30,7 @@ from .stacked import (
     as_times,
     check_consecutive,
     of_states,
+    rates,
     step_size,
 )
 
@@ -392,47 +393,39 @@ def ground_part(system: System, y: Floats, t: float) -> Floats:
 ProjectionMethod: TypeAlias = Literal["saddle-point", "directors-dropped", "reduced"]
 
 
-#: velocities (N, n) on the hidden constraints of configurations, momenta (N, n) at times (N,)
-_Rule = Callable[[Floats, Floats, Floats], Floats]
-
-
-def _saddle_point(system: System) -> _Rule:
+def _nearest(system: System, q: Floats, p: Floats, t: Floats) -> Floats:
     """``[[M, G^T], [G, 0]] (v, mu) = (p, -g_t)``; by kernels, if they are on disk."""
-
-    def velocities(q: Floats, p: Floats, t: Floats) -> Floats:
-        kernels = kept_motion(system) if len(p) > 1 else None
-        found = None if kernels is None else kernels(q, p)
-        if found is not None:
-            return found.v
-        states = zip(all_rows(system, q, t), p, t.tolist(), strict=True)
-        return np.array([nearest_velocity(system, *each) for each in states]).reshape(p.shape)
-
-    return velocities
+    kernels = kept_motion(system) if len(p) > 1 else None
+    found = None if kernels is None else kernels(q, p)
+    if found is not None:
+        return found.v
+    states = zip(all_rows(system, q, t), p, t.tolist(), strict=True)
+    return np.array([nearest_velocity(system, *each) for each in states]).reshape(p.shape)
 
 
-def _directors_dropped(system: System) -> _Rule:
+def _without_massless(system: System, q: Floats, p: Floats, t: Floats) -> Floats:
     """The saddle point without the rows and columns of directors that have no mass (116)."""
-    solve = SaddlePoint(system, massless(system))
+    out, left = np.zeros_like(p), massless(system)
+    kept, rows = np.flatnonzero(~left), np.flatnonzero(~rows_touching(system, left))
+    mass = full_mass(system)[kept][:, kept]
+    for v, y, given, s in zip(out, all_rows(system, q, t), p, t.tolist(), strict=True):
+        G = system.constraints.jacobian(y).tocsr()[rows][:, kept]
+        matrix = bmat([[mass, G.T], [G, None]], format="csc")
+        rhs = np.append(given[kept], hidden_rate(system, y, s)[rows])
+        if len(system.closure.rows):  # rows may depend on others
+            v[kept] = lstsq(matrix.toarray(), rhs)[0][: len(kept)]
+        else:
+            v[kept] = splu(matrix).solve(rhs)[: len(kept)]
+    return out
 
-    def velocities(q: Floats, p: Floats, t: Floats) -> Floats:
-        out, y = np.empty_like(p), all_rows(system, q, t)
-        for k, s in enumerate(t.tolist()):
-            out[k] = solve(y[k], p[k], hidden_rate(system, y[k], s))[0]
-        return out
 
-    return velocities
-
-
-def _reduced(system: System) -> _Rule:
+def _reduced(system: System, q: Floats, p: Floats, t: Floats) -> Floats:
     """The velocity that has the same reduced momentum."""
-    return lambda q, p, t: velocity_from_reduced(system, q, reduced_momentum(system, q, p, t), t)
+    return velocity_from_reduced(system, q, reduced_momentum(system, q, p, t), t)
 
 
-_RULES: dict[str, Callable[[System], _Rule]] = {
-    "saddle-point": _saddle_point,
-    "directors-dropped": _directors_dropped,
-    "reduced": _reduced,
-}
+#: velocities (N, n) on the hidden constraints of configurations, momenta (N, n) at times (N,)
+_RULES = {"saddle-point": _nearest, "directors-dropped": _without_massless, "reduced": _reduced}
 
 
 @checked
@@ -478,7 +471,7 @@ class Projection:
         if not isinstance(method, str) or method not in _RULES:
             raise InputError("argument method", f"{method!r}, expected one of {list(_RULES)}")
         self.system, self.method = system_of(system), method
-        self._rule = _RULES[method](self.system)
+        self._rule = partial(_RULES[method], self.system)
 
     def __repr__(self) -> str:
         return f"<Projection: {self.method}, n = {self.system.n}>"
@@ -607,7 +600,7 @@ def velocity_from_reduced(
     [1.0, 2.0, 0.0]
     """
     pi, y = np.atleast_2d(as_floats("reduced", reduced)), all_rows(system, q, t)
-    mass, out = csr_matrix(kron(system.mass, identity(3))), np.full((len(y), system.n), np.nan)
+    mass, out = full_mass(system), np.full((len(y), system.n), np.nan)
     for k, s in enumerate(np.asarray(t)):
         P = null_space_matrix(system, y[k])
         if pi.shape != (len(y), P.shape[1]):
@@ -662,6 +655,5 @@ def prescribed_velocity(system: System, q: ArrayLike, t: float = 0.0) -> Floats:
     >>> v[:3].round(9).tolist(), (v[9:] + 0.0).round(9).tolist()   # of its middle; of d3
     ([0.75, 0.0, 0.0], [4.5, 0.0, 0.0])
     """
-    if not system.moving:
-        return np.zeros(system.n)
-    return Projection(system)(q, np.zeros(system.n), t)[0]
+    at, none = as_array("q", q, system.n), np.zeros(system.n)
+    return nearest_velocity(system, system.extend(at, t), none, t) if system.moving else none

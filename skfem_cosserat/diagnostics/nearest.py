@@ -9,12 +9,13 @@ from scipy.sparse.linalg import splu
 
 from ..constraints.base import RowSpace
 from ..constraints.null_space import CLOSING
-from ..kernels import cross, exp_quaternion, rotation_matrix
+from ..constraints.saddle import full_mass
+from ..kernels import exp_quaternion, nearest_rotations, rotation_matrix, skew
 from ..linear import SingularMatrixError
 from ..model import System
 from ..model.balance import Amplitudes
 from ..model.limits import FAR_TURN, over_rotated
-from ..types import Floats, IndexArray
+from ..types import Floats, IndexArray, largest
 from .stacked import ReducedTangent, material_stiffness, null_space_matrix, reduced_tangent
 
 # -- motions of a scene in which nothing is strained: of its beams and bodies as rigid pieces ------
@@ -28,22 +29,14 @@ def rigid_pieces(system: System, joined: bool = False) -> tuple[IndexArray, list
 
     With `joined` those that fixed joints hold together are one piece.
     """
-    count = len(system.origin_rows)
-    i, j = [], []
+    count, pairs = len(system.origin_rows), [np.zeros((0, 2), dtype=np.int64)]
     for group in system.beam_groups:
-        i.append(np.repeat(group.vertices[:, 0], group.vertices.shape[1]))
-        j.append(group.vertices.ravel())
-    if joined:
-        ends = [
-            [system.spot(place).vertex for place in (jr.joint.a, jr.joint.b)]
-            for jr in system.joint_rows
-            if jr.joint.type == "fixed"
-        ]
-        both = np.array([pair for pair in ends if max(pair) < count], dtype=np.int64).reshape(-1, 2)
-        i.append(both[:, 0])
-        j.append(both[:, 1])
-    none = np.zeros(0, dtype=np.int64)
-    a, b = np.concatenate([none, *i]), np.concatenate([none, *j])
+        first = np.broadcast_to(group.vertices[:, :1], group.vertices.shape)
+        pairs.append(np.stack([first, group.vertices], axis=-1).reshape(-1, 2))
+    fixed = [jr.joint for jr in system.joint_rows if jr.joint.type == "fixed" and joined]
+    ends = [[system.spot(place).vertex for place in (joint.a, joint.b)] for joint in fixed]
+    both = [pair for pair in ends if max(pair) < count]
+    a, b = np.concatenate([*pairs, np.array(both, dtype=np.int64).reshape(-1, 2)]).T
     graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
     label = connected_components(graph, directed=False)[1]
     first = np.unique(label, return_index=True)[1]
@@ -54,26 +47,18 @@ def rigid_motions(
     system: System, y: Floats, label: IndexArray, count: int
 ) -> tuple[csr_matrix, Floats]:
     """Rates (n, 6 pieces) of unit translations (scene's length) and rotations about centroids."""
-    kin = system.kinematics
-    x = y[system.origin_rows]
+    kin, x = system.kinematics, y[system.origin_rows]
     centres = np.array([x[label == k].mean(0) for k in range(count)])
-    rows, cols, values = [], [], []
-
-    def add(row: IndexArray, piece: IndexArray, motion: int, rate: Floats) -> None:
-        rows.append((3 * row[:, None] + np.arange(3)).ravel())
-        cols.append(np.repeat(6 * piece + motion, 3))
-        values.append(rate.ravel())
-
-    frame = label[kin.frames]
-    for k in range(3):
-        e = np.eye(3)[k]
-        add(system.origin_rows, label, k, np.broadcast_to(system.length * e, x.shape))
-        add(system.origin_rows, label, 3 + k, cross(e, x - centres[label]))
-        for i in range(3):
-            add(kin.director_rows[:, i], frame, 3 + k, cross(e, y[kin.director_rows[:, i]]))
-    shape = (system.n, 6 * count)
-    ij = np.concatenate(rows), np.concatenate(cols)
-    return coo_matrix((np.concatenate(values), ij), shape=shape).tocsr(), centres
+    rates = np.zeros((len(x), 4, 3, 6))
+    rates[:, 0, :, :3] = system.length * np.eye(3)
+    rates[:, 0, :, 3:] = -skew(x - centres[label])
+    rates[kin.frames, 1:, :, 3:] = -skew(y[kin.director_rows])
+    own = np.arange(12) < np.where(system.is_frame[: len(x)], 12, 3)[:, None]
+    rows = (3 * system.origin_rows[:, None] + np.arange(12))[own]
+    cols = np.repeat(6 * label, own.sum(1))[:, None] + np.arange(6)
+    values = rates.reshape(-1, 12, 6)[own].ravel()
+    shape = system.n, 6 * count
+    return csr_matrix((values, (np.repeat(rows, 6), cols.ravel())), shape=shape), centres
 
 
 def motions_out_of_plane(system: System, count: int) -> csr_matrix:
@@ -86,11 +71,6 @@ def motions_out_of_plane(system: System, count: int) -> csr_matrix:
 
 
 # -- nodes brought to rest while all others are held -----------------------------------------------
-
-#: Newton iterations, at most
-SETTLING = 6
-#: residual, relative to the first one, at which they end
-ENOUGH = 1e-9
 
 
 def settled(
@@ -124,8 +104,7 @@ def settled(
         There.
     """
     tangent = reduced_tangent(system, y, amplitudes)
-    first = 0.0
-    for _ in range(SETTLING if len(rows) else 0):
+    while len(rows):
         P = tangent.P.tocsc()
         outside = np.ones(system.n)
         outside[(3 * rows[..., None] + np.arange(3)).ravel()] = 0.0
@@ -138,16 +117,12 @@ def settled(
             break
         moved = y.copy()
         moved[: system.rows] += (P[:, free] @ change).reshape(-1, 3)
-        u, _, vt = np.linalg.svd(moved[rows[:, 1:]])
-        moved[rows[:, 1:]] = u @ vt
+        moved[rows[:, 1:]] = nearest_rotations(moved[rows[:, 1:]])
         after = reduced_tangent(system, moved, amplitudes)
-        sizes = [float(abs(_missing(x, inertia)[free]).max()) for x in (tangent, after)]
-        first = first or sizes[0]
-        if not sizes[1] < sizes[0]:
+        sizes = [largest(_missing(x, inertia)[free]) for x in (tangent, after)]
+        if not sizes[1] < 0.5 * sizes[0]:  # rounding, or too far from where they are at rest
             break
         y, tangent = moved, after
-        if sizes[1] <= ENOUGH * first:
-            break
     return y, tangent
 
 
@@ -200,10 +175,12 @@ def nearest_configuration(system: System, y: Floats) -> Floats | None:
     for _ in range(CLOSING):
         g = constraints.values(y)
         # where terms cancel or vanish, coordinates are still known to rounding only
-        size = constraints.magnitudes(y, np.full_like(y, abs(y).max(initial=0.0)))
+        size = constraints.magnitudes(y, np.full_like(y, largest(y)))
         violation = float((abs(g) / (size + 1e-300)).max(initial=0.0))
         if violation <= HELD or (violation >= 0.5 * best and best < 1e3 * HELD):
-            return None if _folded(system, y, start) else y
+            # rotations of nodes that Gauss points do not see can make elements longer than they are
+            turned = over_rotated(system, y) is not None and over_rotated(system, start) is None
+            return None if turned or system.wrong_branch(y) is not None else y
         best = min(best, violation)
         try:
             change = _increment(system, y, g)
@@ -213,16 +190,6 @@ def nearest_configuration(system: System, y: Floats) -> Floats | None:
             return None
         y = _moved(system, y, change)
     return None
-
-
-def _folded(system: System, y: Floats, start: Floats) -> bool:
-    """Whether constraints hold only as no motion leads to: another branch, over-rotated.
-
-    Rotations of nodes that Gauss points do not see can make elements longer than they are.
-    """
-    if system.wrong_branch(y) is not None:
-        return True
-    return over_rotated(system, y) is not None and over_rotated(system, start) is None
 
 
 def _increment(system: System, y: Floats, g: Floats) -> Floats:
@@ -240,7 +207,7 @@ def _increment(system: System, y: Floats, g: Floats) -> Floats:
 
 def _metric(system: System, y: Floats) -> csr_matrix:
     """``M + tau^2 K``: a motion of the scene's extent strains it by far more than it moves it."""
-    M, K = csr_matrix(kron(system.mass, identity(3))), material_stiffness(system, y)
+    M, K = full_mass(system), material_stiffness(system, y)
     size = float(K.diagonal().sum())
     if not size > 0:
         return M
@@ -256,7 +223,7 @@ def _moved(system: System, y: Floats, change: Floats) -> Floats:
     rates[: system.rows] = change
     directors = kin.directors(y)
     spin = 0.5 * np.cross(directors, kin.directors(rates)).sum(axis=1)
-    share = min(1.0, FAR_TURN / max(float(abs(spin).max(initial=0.0)), 1e-300))
+    share = min(1.0, FAR_TURN / max(largest(spin), 1e-300))
     out = y + share * rates
     # rows are directors, which inverse rotations turn from the right
     out[kin.director_rows] = directors @ rotation_matrix(exp_quaternion(-share * spin))

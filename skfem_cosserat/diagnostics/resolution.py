@@ -9,20 +9,18 @@ where it ought to be: then the error is twice its amplitude. Neighbouring states
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arguments import checked
-from ..constraints.saddle import saddle_point
+from ..constraints.saddle import nearest_velocity
 from ..history import History
 from ..model import System
 from ..model.limits import fastest_turn, owner
-from ..model.parts import connected_parts
-from ..model.quadratic import TOGETHER
-from ..pattern import once_for_each
-from ..types import SAME, Floats, IndexArray, spread
+from ..model.parts import Connected, connected_parts
+from ..types import SAME, Floats, IndexArray, largest, spread
 from .momenta import Projection
 from .stacked import driven_alternation
 
@@ -118,13 +116,13 @@ def resolution(system: System, history: History) -> Resolution | None:
     w, v = np.unravel_index(int(off.argmax()), off.shape)
     turn, turning = float(turns.max(initial=0.0)), ""
     if turns.size:
-        frame = int(turns.argmax()) % turns.shape[1]
-        turning = owner(system, int(_frames(system)[frame])).label
+        frame = system.kinematics.frames[int(turns.argmax()) % turns.shape[1]]
+        turning = system.owner[frame].label
     return Resolution(
         float(off[w, v]),
         turn,
         float(2 * np.pi / angle[w, v]) if angle[w, v] > 0 else np.inf,
-        owner(system, int(system.origin_rows[v])).label,
+        system.owner[v].label,
         turning,
         float(history.times[rows[w, -1]]),
     )
@@ -140,23 +138,22 @@ def _by_velocities(system: System, history: History) -> Resolution:
     """Of states that are steps apart: a vibration moves by ``h omega`` of its size in a step."""
     k, count = spread(len(history), SPREAD), int(np.ptp(history["step"]))
     h, t, q = float(np.ptp(history.times)) / count, history.times[k], history["q"][k]
-    moved = q + SMALL * h * Projection(system).velocities(q, history["p"][k], t)
-    y, later = (
-        _beside(system, each.reshape(len(k), -1, 3), at)
-        for each, at in ((q, t), (moved, t + SMALL * h))
+    v = Projection(system).velocities(q, history["p"][k], t)
+    both = np.stack([q, q + SMALL * h * v], axis=1).reshape(len(k), 2, -1, 3)
+    y = _beside(system, both, np.stack([t, t + SMALL * h], axis=1))
+    fastest = sorted(
+        (turn, item) for item, turn in map(partial(fastest_turn, system), y[:, 1] - y[:, 0])
     )
-    turns = sorted((turn, item) for item, turn in map(partial(fastest_turn, system), later - y))
-    turn, turning = turns[len(k) // 2]
-    places, later = (each.take(system.origin_rows, axis=1) for each in (y, later))
-    part, extent = _extents(system, places)
+    turn, turning = fastest[len(k) // 2]
+    places = y.take(system.origin_rows, axis=2)
+    part, extent = _extents(system, places[:, 0])
     size = np.where(extent > NOISE * system.length, extent, np.inf)[part] / 2
-    ways = np.nan_to_num(np.linalg.norm(later - places, axis=-1) / SMALL / size)
+    ways = np.nan_to_num(np.linalg.norm(places[:, 1] - places[:, 0], axis=-1) / SMALL / size)
     angles = np.sqrt(2 * (ways**2).mean(0))  # a vibration's, and less of what moves once
     vertex = int(angles.argmax())
     angle = max(float(angles[vertex]), SAME)
-    item = owner(system, int(system.origin_rows[vertex])).label
     off = min(min(STEPS, count) * float(_lost(history, np.array(angle))) / 2, 1.0)
-    time = float(t[ways[:, vertex].argmax()])
+    item, time = system.owner[vertex].label, float(t[ways[:, vertex].argmax()])
     return Resolution(off, turn / SMALL, 2 * np.pi / angle, item, turning, time)
 
 
@@ -205,24 +202,18 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     starts = starts[next_to[starts[:, None] + np.arange(3)].all(1)]
     if not len(starts):
         return out
-    q, times = history["q"], history.times
+    q, times = history["q"].reshape(len(history), -1, 3), history.times
     some = slice(None, None, -(-len(q) // SPREAD))
-    places = _beside(system, q[some].reshape(-1, system.rows, 3), times[some])
-    places = places.take(system.origin_rows, axis=1)
+    places = _beside(system, q[some], times[some]).take(system.origin_rows, axis=1)
     part, extent = _extents(system, places)
     moves = extent > NOISE * system.length
-    scale = np.full((system.rows, 3), shares.max() ** 3 / FAR)
-    scale[system.origin_rows] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part, None]
+    scale = np.full(system.rows, shares.max() ** 3 / FAR)
+    scale[system.origin_rows] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part]
     far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
-    few = max(1, TOGETHER // q.shape[1])
-    for k in (starts[i : i + few] for i in range(0, len(starts), few)):
-        four = k[:, None] + np.arange(4)
-        y = _beside(system, q[four].reshape(*four.shape, -1, 3), times[four])
-        third = np.diff(y, 3, axis=1).reshape(len(k), -1)
-        third *= scale.ravel()
-        maybe = ~(np.einsum("kn,kn->k", third, third) <= 1)  # of all nodes together
-        third = third[maybe].reshape(-1, 1, system.rows, 3)
-        far[k[maybe] + 3] = _largest(third).max(1) > 1
+    for k in starts.tolist():
+        four = _beside(system, q[k : k + 4], times[k : k + 4])
+        third = np.linalg.norm(np.diff(four, 3, axis=0)[0], axis=1)
+        far[k + 3] = (scale * third > 1).any()
     out[steps] = far[steps[:, None] + np.arange(3)].any(1)
     return out
 
@@ -280,27 +271,26 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
     return None
 
 
-@once_for_each
-def _parts(system: System) -> IndexArray:
-    """The separate part that each vertex is of."""
-    return connected_parts(system).part[system.origin_rows]
+@lru_cache(maxsize=4)
+def _connected(system: System) -> Connected:
+    return connected_parts(system)
 
 
-@once_for_each
+@lru_cache(maxsize=4)
 def _free(system: System) -> NDArray[np.bool_]:
     """Rows (rows,) that can move while drives and ground are at rest, or others of their frame."""
     p = system.mass @ np.random.default_rng(0).standard_normal((system.rows, 3))
     y0 = system.extend(system.q0, 0.0)
-    v = saddle_point(system)(y0, p.ravel(), np.zeros(system.m))[0]
+    v = nearest_velocity(system, y0, p.ravel(), None)
     out = np.linalg.norm(v.reshape(-1, 3), axis=1) > NOISE
-    axes = _frames(system)[:, None] + np.arange(1, 4)
+    axes = system.kinematics.director_rows
     out[axes] = out[axes].any(1, keepdims=True)
     return out
 
 
 def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
     """The separate part that each vertex is of, and of each part the way of what moves most."""
-    part = _parts(system)
+    part = _connected(system).part[system.origin_rows]
     extent = np.zeros(part.max(initial=0) + 1)
     flat = places.reshape(-1, 3 * len(part))
     np.maximum.at(extent, part, np.linalg.norm(np.ptp(flat, axis=0).reshape(-1, 3), axis=-1))
@@ -315,7 +305,7 @@ def _vibrations(places: Floats) -> tuple[Floats, Floats]:
     """
     differences = np.diff(places, 3, axis=1)
     third, fifth = _largest(differences), _largest(np.diff(differences, 2, axis=1))
-    some = third > SAME * abs(places).max(initial=0.0)
+    some = third > SAME * largest(places)
     with np.errstate(all="ignore"):
         chord = np.where(some, np.minimum(np.sqrt(fifth / third), 2.0), 0.0)
         return np.where(chord > 0, third / chord**3, 0.0), 2 * np.arcsin(chord / 2)
@@ -333,7 +323,7 @@ def _beside(system: System, y: Floats, times: Floats) -> Floats:
     if own:
         ground = np.array([system.ground(t) for t in times.ravel().tolist()])
         frames = ground.reshape(*times.shape, -1, 3)
-        tied = ~connected_parts(system).free[connected_parts(system).part]
+        tied = ~_connected(system).free[_connected(system).part]
         places = system.origin_rows[tied[system.origin_rows]]
         out[..., places, :] -= frames[..., own, :].mean(-2)[..., None, :]
         axes = frames[..., own[0] + 1 : own[0] + 4, :].swapaxes(-1, -2)
@@ -369,16 +359,8 @@ def _windows(history: History) -> IndexArray:
     return chosen[:, None] + np.arange(width)
 
 
-def _frames(system: System) -> IndexArray:
-    """First rows of all frames."""
-    return system.origin_rows[system.is_frame[: len(system.origin_rows)]]
-
-
 def _turns(system: System, y: Floats) -> Floats:
     """Rotations (w, frames) in a step (rad), means of windows of configurations (w, s, rows, 3)."""
-    frames = _frames(system)
-    if len(frames) * 4 < system.rows:
-        y = y.take(frames[:, None] + np.arange(4), axis=2)
-    triads = y.reshape(*y.shape[:2], len(frames), 4, 3)[..., 1:, :]
+    triads = y.take(system.kinematics.director_rows, axis=2)
     traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
     return np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1)

@@ -10,10 +10,11 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 from scipy.linalg import LinAlgError, eigh
-from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, diags, identity, kron, spmatrix
+from scipy.sparse import bsr_matrix, coo_matrix, csr_matrix, diags, spmatrix
 from scipy.sparse.linalg import eigsh
 
 from ..constraints.base import RowSpace
+from ..constraints.saddle import full_mass
 from ..errors import IncompatibleError, InputError
 from ..history import History
 from ..kernels import cross
@@ -129,21 +130,29 @@ def check_consecutive(history: History, item: str) -> None:
 
 def all_rows(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
     """All rows of y (N, total, 3) of states q (N, n) at times t (N,)."""
-    own = np.reshape(q, (-1, system.rows, 3))
+    return _with_ground(system, q, t, system.ground)
+
+
+def rates(system: System, v: ArrayLike, t: ArrayLike) -> Floats:
+    """Rates of all rows of y (N, total, 3) for velocities v (N, n) at times t (N,)."""
+    return _with_ground(system, v, t, system.ground_rate)
+
+
+def _with_ground(
+    system: System, states: ArrayLike, t: ArrayLike, ground: Callable[[float], Floats]
+) -> Floats:
+    own = np.reshape(states, (-1, system.rows, 3))
     out = np.empty((len(own), system.total, 3))
     out[:, : system.rows] = own
-    if system.moving:
-        for row, s in zip(out, np.asarray(t), strict=True):
-            row[system.rows :] = system.ground(float(s))
-    else:
-        out[:, system.rows :] = system.ground(0.0)
+    if not system.moving:
+        out[:, system.rows :] = ground(0.0)
+        return out
+    for row, s in zip(out, np.asarray(t).tolist(), strict=True):
+        row[system.rows :] = ground(s)
     return out
 
 
 # -- stiffness of a scene along its constraints: what decides on stability and small vibrations ----
-
-#: share of entries of P above which products with full matrices are faster: ten times at 0.9
-FULL = 0.3
 
 
 @dataclass(eq=False)
@@ -235,9 +244,11 @@ def reduced_tangent(
 
 
 def balancing_multipliers(system: System, y: Floats, R: Floats) -> Floats:
-    """Lambda (m,) of least norm with ``G^T lambda = -R`` for a balance R (n,).
+    """Lambda (m,) of least norm with ``G^T lambda = -R`` for a balance R (n,) at rest.
 
-    Once refined, as the equations are squared ones.
+    Nothing needs to have mass. Of a force that constraints alone do not balance the norm depends on
+    the units of the rows: there :func:`~skfem_cosserat.constraints.saddle.balancing` leaves the
+    rest to accelerations. Once refined, as the equations are squared ones.
     """
     if not system.m:
         return np.zeros(0)
@@ -247,32 +258,21 @@ def balancing_multipliers(system: System, y: Floats, R: Floats) -> Floats:
 
 
 def congruent(P: csr_matrix, A: spmatrix) -> csr_matrix:
-    """``P^T A P``; with a full matrix for P where it nearly is one, as of beams without shear."""
-    if P.nnz <= FULL * P.shape[0] * P.shape[1]:
-        return (P.T @ A @ P).tocsr()
-    full = P.toarray()
-    return csr_matrix(full.T @ (A @ full))
+    """``P^T A P``."""
+    return (P.T @ A @ P).tocsr()
 
 
 def blocks_matrix(system: System, blocks: list[Array]) -> csr_matrix:
     """Blocks of the system's groups, then of its couplings if any, as a matrix (n, n)."""
-    rows, cols, values = [], [], []
-    for group, block in zip(system.groups, blocks, strict=False):
-        dofs = group.dofs
-        rows.append(np.broadcast_to(dofs[:, :, None], block.shape).ravel())
-        cols.append(np.broadcast_to(dofs[:, None, :], block.shape).ravel())
-        values.append(block.ravel())
-    if len(blocks) > len(system.groups):
-        xyz, block = np.arange(3), blocks[-1]
-        a, b = (3 * system.couplings.pairs[:, k, None, None] for k in (0, 1))
-        rows.append(np.broadcast_to(a + xyz[:, None], block.shape).ravel())
-        cols.append(np.broadcast_to(b + xyz, block.shape).ravel())
-        values.append(block.ravel())
-    shape = (system.n, system.n)
-    if not values:
-        return csr_matrix(shape)
-    ij = (np.concatenate(rows), np.concatenate(cols))
-    return coo_matrix((np.concatenate(values), ij), shape=shape).tocsr()
+    xyz, pairs = np.arange(3), 3 * system.couplings.pairs[:, :, None, None]
+    places = [(group.dofs[:, :, None], group.dofs[:, None, :]) for group in system.groups]
+    places.append((pairs[:, 0] + xyz[:, None], pairs[:, 1] + xyz))
+    none = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
+    each = [np.broadcast_arrays(*at, block) for at, block in zip(places, blocks, strict=False)]
+    rows, cols, values = (
+        np.concatenate([part.ravel() for part in parts]) for parts in zip(*none, *each, strict=True)
+    )
+    return coo_matrix((values, (rows, cols)), shape=(system.n, system.n)).tocsr()
 
 
 def curvature_matrix(system: System, y: Floats, multipliers: Floats) -> csr_matrix:
@@ -341,7 +341,7 @@ def highest_frequency(system: System, q: ArrayLike | None = None) -> float:
     y = system.extend(where, 0.0)
     P = null_space_matrix(system, y)
     K = congruent(P, material_stiffness(system, y))
-    M = congruent(P, kron(system.mass, identity(3)))
+    M = congruent(P, full_mass(system))
     return float(np.sqrt(max(_largest(K, M)[0], 0.0)))
 
 
@@ -423,7 +423,7 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     where = [each.ravel() for each in np.broadcast_arrays(to, of)]
     T = csr_matrix((turned.ravel(), where), (len(q), 3 * len(rows)))
     K = bsr_matrix((blocks, np.arange(len(rows)), np.arange(len(rows) + 1)), 2 * T.shape[1:])
-    M = congruent(T, kron(system.mass, identity(3)))
+    M = congruent(T, full_mass(system))
     value, shape = _largest(K, M)
     most = int(np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax())
     return float(np.sqrt(max(value, 0.0))), int(rows[most, 0]) - 1

@@ -12,6 +12,7 @@ import numpy as np
 from ..arguments import checked
 from ..errors import CosseratError, HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import Place, is_beam
+from ..kernels import nearest_rotations
 from ..types import (
     TOLERANCE,
     Array,
@@ -713,8 +714,7 @@ class History:
             raise InputError(place.label, "a mass point has no directors: it does not rotate")
         if s is None:
             return rows[..., 1:, :]
-        u, _, vt = np.linalg.svd(rows[..., 1:, :])
-        return np.asarray(u @ vt)
+        return nearest_rotations(rows[..., 1:, :])
 
     def velocity(
         self, place: Place | Beam, s: ArrayLike | None = None, part: str | None = None

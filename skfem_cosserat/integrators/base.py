@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from functools import cached_property
-from typing import NamedTuple
+from typing import Protocol
 
 from ..constraints import Treatment
 from ..errors import IncompatibleError
@@ -15,16 +14,7 @@ from .scheme import Scheme, State, StepWork
 from .step_balance import StepBalance
 
 
-class Marched(NamedTuple):
-    """A step that a :class:`March` has done; attributes as those of a report of a step."""
-
-    state: State
-    iterations: int
-    residual: float
-    work: StepWork
-
-
-class March(ABC):
+class March(Protocol):
     """Advances states itself, without balance, tangent and Newton's method.
 
     Attributes
@@ -35,9 +25,8 @@ class March(ABC):
 
     method: str
 
-    @abstractmethod
-    def advance(self, state: State, time: float) -> Marched:
-        """The step after `state`, to a time (s)."""
+    def advance(self, state: State, time: float) -> tuple[State, int, float, StepWork]:
+        """The step after a state, to a time (s): its end, iterations, residual and work."""
 
 
 class Integrator(Frozen):

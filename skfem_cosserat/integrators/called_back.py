@@ -23,7 +23,7 @@ from ..compiled.numbers import (
     MODULI_BY_LAW,
     STRESSES_BY_LAW,
 )
-from ..compiled.plan import Plan
+from ..compiled.plan import Plan, places_of
 from ..kernels import BeamElements, skew
 from ..model import System
 from ..model.balance import Amplitudes
@@ -76,37 +76,35 @@ def trapezoidal_work(
 
 
 class Called:
-    """A Python function that compiled code calls at stages of an iteration.
+    """A Python function that compiled code calls.
 
     Parameters
     ----------
-    stages : dict
-        What is done at each.
-    failed : callable
+    function : callable
+        Of an integer, such as the stage of an iteration; what gives False is told as 0, else 1.
+    failed : callable, optional
         What is done after an exception, which compiled code does not pass.
 
     Attributes
     ----------
     address : int
-        Of ``double f(int64 stage)``.
+        Of ``double f(int64)``.
     """
 
     def __init__(
-        self,
-        stages: dict[int, Callable[[], None]],
-        failed: Callable[[], None] | None = None,
+        self, function: Callable[[int], object], failed: Callable[[], None] | None = None
     ) -> None:
         self.error: BaseException | None = None
 
         def called(stage: int) -> float:
             try:
                 if self.error is None:
-                    stages[stage]()
+                    return float(function(stage) is not False)
             except BaseException as error:  # noqa: BLE001, it is raised after the step
                 self.error = error
-            if self.error is not None and failed is not None:
+            if failed is not None:
                 failed()
-            return 1.0
+            return 0.0
 
         self._call = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_int64)(called)
         self.address = int(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
@@ -128,7 +126,7 @@ class CalledLaws(Called):
     ----------
     elements : BeamElements
     points : dict
-        Arrays of its Gauss points, see :data:`skfem_cosserat.compiled.structures.LAW_POINTS`.
+        Arrays of its Gauss points, as :mod:`skfem_cosserat.compiled.bind` makes them.
     laws : sequence of int
         Numbers of the laws.
     ends : bool
@@ -143,7 +141,7 @@ class CalledLaws(Called):
             STRESSES_BY_LAW: self._stresses,
             MODULI_BY_LAW: self._moduli,
         }
-        super().__init__(stages, self._fail)
+        super().__init__(lambda stage: stages[stage](), self._fail)
         self.ends = ends
         self._stored = [elements.stored[k] for k in laws]
         ne, ng = len(elements.lengths), len(elements.points)
@@ -216,10 +214,7 @@ class RowBlocks:
         arrays: SimpleNamespace,
     ) -> None:
         self._pairs, self._arrays = pairs, arrays
-        sizes = np.where(system.is_frame, 4, 1)
-        first = np.array(system.origin_rows)
-        vertex = np.repeat(np.argsort(first), sizes[np.argsort(first)])
-        local = np.arange(system.rows) - first[vertex]
+        vertex, local = places_of(system)
         a, b = pairs.T
         slots = plan.slots(vertex[a], vertex[b])
         self._turned = np.flatnonzero(local[a] > 0), np.flatnonzero(local[b] > 0)
@@ -253,13 +248,8 @@ class CalledAtRest(Called):
     """
 
     def __init__(self, system: System, spin: bool, plan: Plan, arrays: SimpleNamespace) -> None:
-        stages = {
-            AT_BEGIN: lambda: None,
-            AT_FORCE: self._add_force,
-            AT_PREDICTED: lambda: None,
-            AT_MATRIX: self._add_blocks,
-        }
-        super().__init__(stages)
+        stages = {AT_FORCE: self._add_force, AT_MATRIX: self._add_blocks}
+        super().__init__(lambda stage: stages[stage]() if stage in stages else None)
         self._system, self._arrays, self._spin = system, arrays, spin
         self._functions = system.couplings_of([], system.couplings.functions)
         self._mass = system.mass.tocoo()
@@ -291,124 +281,62 @@ class CalledAtRest(Called):
         self._blocks.add(blocks, self._arrays.y1)
 
 
-class CalledBack:
+class CalledBack(Called):
     """Loads that are functions, of a scene in compiled steps.
 
     Parameters
     ----------
     system : System
-    couplings : Couplings
-        Of these alone.
     plan : Plan
         Of the elimination: it numbers the blocks.
     arrays : namespace
         Arrays of the compiled steps: y0, y1, mid, internal, R_mixed, A.
-
-    Attributes
-    ----------
-    address : int
-        Of ``double f(int64 stage)``.
     """
 
-    def __init__(
-        self,
-        system: System,
-        couplings: Couplings,
-        plan: Plan,
-        arrays: SimpleNamespace,
-    ) -> None:
-        self.system, self.couplings, self._arrays = system, couplings, arrays
-        self._scheme: Scheme | None = None
-        self._blocks = RowBlocks(system, couplings.pairs, plan, arrays)
+    def __init__(self, system: System, plan: Plan, arrays: SimpleNamespace) -> None:
         stages = {
-            AT_BEGIN: self._begin,
+            AT_BEGIN: lambda: None,
             AT_FORCE: self._add_force,
             AT_PREDICTED: self._add_predicted,
             AT_MATRIX: self._add_blocks,
         }
-        self._called = Called(stages)
-        self.address = self._called.address
+        super().__init__(lambda stage: stages[stage]())
+        self._system, self._arrays = system, arrays
+        self._couplings = system.couplings_of([], system.couplings.functions)
+        self._blocks = RowBlocks(system, self._couplings.pairs, plan, arrays)
 
     def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:
         """What is fixed in a step of size h (s) after a state."""
-        self._state, self._h, self._scheme, self._called.error = state, h, scheme, None
+        system, couplings, end = self._system, self._couplings, state.time + h
+        self._scheme, self.error, y0 = scheme, None, self._arrays.y0.copy()
         if not scheme.at_end:
-            self._factors = self.couplings.averages(state.time, state.time + h)
+            self._start = couplings.begin(y0, None, state.time, h)
             return
-        system, t1 = self.system, state.time + h
-        self._factors = self.couplings.values(t1)
-        drift = np.zeros((system.rows, 3))
+        self._start = couplings.starting(y0, None, couplings.values(end), 1.0, end)
+        #: what is known of the velocity at the end
+        self._drift = np.zeros_like(y0)
+        self._drift[system.rows :] = system.ground_rate(end)
         if scheme.rates:
             assert rates0 is not None
-            drift = np.tensordot(np.array(scheme.rates), rates0, 1)
-        self._drift, self._rates0 = np.concatenate([drift, system.ground_rate(t1)]), rates0
-
-    def _begin(self) -> None:
-        functions = self.couplings.functions
-        self._starts = [function.points(self._arrays.y0) for function in functions]
-        self._each = list(zip(functions, self._factors.tolist(), strict=False))  # and a zero
-
-    def _velocity(self) -> Floats:
-        """Of all rows (total, 3) at the end of a step, where forces act there."""
-        assert self._scheme is not None
-        a, rows, v = self._arrays, self.system.rows, self._drift.copy()
-        v[:rows] += self._scheme.rate * (a.y1[:rows] - a.y0[:rows])
-        return v
+            self._drift[: system.rows] = np.tensordot(np.array(scheme.rates), rates0, 1)
 
     def _add_force(self) -> None:
-        scheme, a, h = self._scheme, self._arrays, self._h
-        assert scheme is not None
-        self._pushes = []
+        scheme, a, rows = self._scheme, self._arrays, self._system.rows
+        y1 = v = a.y1.copy()
         if scheme.at_end:
-            v, t = self._velocity(), self._state.time + h
-            for f, factor in self._each:
-                self._pushes.append(f.push(a.y1, v, t, factor, 1.0, scheme.rate))
-        else:
-            t, by_rate = self._state.time + 0.5 * h, 1 / h
-            for (f, factor), x0 in zip(self._each, self._starts, strict=True):
-                x1 = f.points(a.y1)
-                x, v = 0.5 * (x0 + x1), by_rate * (x1 - x0)
-                self._pushes.append(f.pushed(x, v, t, factor, 0.5, by_rate))
-        self._add(a.internal)
-
-    def _add(self, internal: Floats) -> None:
-        for push in self._pushes:
-            rows, inner = push.function.rows, push.function.inner
-            internal[rows[inner]] -= push.nodal()[inner]
+            v = self._drift.copy()
+            v[:rows] += scheme.rate * (y1 - a.y0)[:rows]
+        self._found = coupled(self._couplings, scheme, self._start, a.mid.copy(), y1, v)
+        a.internal[:] += self._found.force[:rows]
 
     def _add_predicted(self) -> None:
-        self._add(self._arrays.R_mixed)
+        self._arrays.R_mixed[:] += self._found.force[: self._system.rows]
 
     def _add_blocks(self) -> None:
-        assert self._scheme is not None
         left = self._arrays.y0 if self._scheme.weight == 0 else self._arrays.mid
-        blocks = np.concatenate([push.tangent() for push in self._pushes])
-        self._blocks.add(-self._scheme.force * blocks, left)
-
-    def complain(self) -> None:
-        """Raise what could not be raised when compiled code called."""
-        self._called.complain()
+        self._blocks.add(self._couplings.tangent(self._found, self._scheme.force), left)
 
     def work(self) -> StepWork:
-        """Work of the solved step."""
-        scheme, a = self._scheme, self._arrays
-        assert scheme is not None
-        if not scheme.at_end:
-            loads = ground = 0.0
-            for push, x0 in zip(self._pushes, self._starts, strict=True):
-                f = push.function
-                loads += float((push.force * (f.points(a.y1) - x0)).sum())
-                if f.inner.stop < len(f.rows):
-                    moving = f.rows[f.inner.stop :]
-                    force = push.nodal()[f.inner.stop :]
-                    ground -= float((force * (a.y1[moving] - a.y0[moving])).sum())
-            return StepWork(loads, ground=ground)
-        # the trapezoidal rule
-        assert self._rates0 is not None
-        system, couplings, t0 = self.system, self.couplings, self._state.time
-        y0, y1 = a.y0.copy(), a.y1.copy()
-        ydot = np.concatenate([self._rates0[0], system.ground_rate(t0)])
-        began = couplings.starting(y0, None, couplings.values(t0), 1.0, t0)
-        ended = couplings.starting(y0, None, self._factors, 1.0, t0 + self._h)
-        both = couplings.static(began, y0, ydot), couplings.static(ended, y1, self._velocity())
-        return trapezoidal_work(couplings, (began, ended), both, y1, system.rows)
+        """Work of the step evaluated last, by forces of its middle."""
+        done = self._couplings.work(self._start, self._found, self._arrays.y1)
+        return StepWork(done.loads, ground=done.ground)

@@ -18,11 +18,12 @@ from ..constraints.saddle import is_lattice
 from ..errors import InputError, PerformanceWarning
 from ..linear import Solver
 from ..model import System
+from ..model.system import Coordinates
 from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
 from .compiled_scene import CompiledMotion
-from .compiled_step import stepped
+from .compiled_step import kernel_coordinates
 from .energy_decaying import DecayingBalance
 from .step_balance import StepBalance
 
@@ -34,7 +35,7 @@ BALANCES = (StepBalance, DecayingBalance)
 
 
 def refusal(system: System, integrator: Integrator, treatment: Treatment) -> str | None:
-    """Why a scene cannot be stepped by compiled kernels; None: it can."""
+    """Reason why a scene cannot be stepped by compiled kernels; None: it can."""
     if not integrator.solves:
         return "there are no compiled kernels for explicit steps"
     scheme = integrator.single.scheme(1.0)
@@ -117,12 +118,12 @@ def choose_kernels(
     refused = refusal(system, integrator, treatment)
     if not integrator.solves:  # there is nothing to be compiled for the sake of
         count = 0
-    return choose(kernels, stepped(system, treatment), refused, count, solver)
+    return choose(kernels, kernel_coordinates(system, treatment), refused, count, solver)
 
 
 def choose(
     kernels: str,
-    system: System,
+    coordinates: Coordinates,
     refused: str | None,
     steps: int = 0,
     solver: Solver | None = None,
@@ -135,7 +136,7 @@ def choose(
     Parameters
     ----------
     kernels : str
-    system : System
+    coordinates : Coordinates
     refused : str or None
         Why compiled kernels cannot be taken.
     steps : int
@@ -163,7 +164,7 @@ def choose(
             raise InputError("argument kernels", f"'numba': {hindrance}")
         if hindrance:
             raise ImportError(f"{NEEDED} ({hindrance})")
-        return Choice("numba", ASKED, plan_of(system, solver is not None), long=long)
+        return Choice("numba", ASKED, plan_of(coordinates, solver is not None), long=long)
     if not (refused or long or promising()):
         return Choice("numpy", NOT_ON_DISK if installed() else "numba is not installed")
     if hindrance := refused or _hindrance():
@@ -175,7 +176,7 @@ def choose(
     source, why = Source.DISK, "the kernels of the scene are on disk"
     if long:
         source, why = Source.COMPILER, f"the run has {LONG_RUN} steps or more"
-    return Choice("numba", why, plan_of(system, solver is not None), source, long)
+    return Choice("numba", why, plan_of(coordinates, solver is not None), source, long)
 
 
 def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | None]:
@@ -212,11 +213,10 @@ def motion_by_kernels(system: System, source: Source) -> CompiledMotion | None:
     Nor are there for prescribed motion, closed loops, and large lattices, in which an elimination
     vertex by vertex is filled in.
     """
-    own = system.tied
-    if not CompiledMotion.serves(own) or is_lattice(system):
+    if not CompiledMotion.serves(system) or is_lattice(system):
         return None
     try:
-        return CompiledMotion(own, NewtonSettings(), source)
+        return CompiledMotion(system, NewtonSettings(), source)
     except NotKept:
         return None
     except compile_errors():  # plain numpy takes over: nothing but time is lost

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -13,15 +12,15 @@ from ..compiled.kept import Source, address, entry
 from ..compiled.numbers import ENERGY, NUMBERS
 from ..compiled.plan import Plan, following, plan_of
 from ..compiled.structures import PROJECTION, structure
-from ..errors import CosseratError
 from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
 from ..model.parts import separate_parts
 from ..model.quadratic import TOGETHER
+from ..model.system import Coordinates
 from ..newton import NewtonSettings
-from ..pattern import FrozenPattern, shared
+from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray
-from .called_back import CalledLaws
+from .called_back import Called, CalledLaws
 from .scheme import Scheme
 
 
@@ -32,12 +31,11 @@ def is_viscous(system: System) -> bool:
 
 # -- what an elimination in blocks leaves of a system, by a sparse solver --------------------------
 
-#: what a solver, or a user in a hurry, may raise
-NOT_OURS = (ArithmeticError, ImportError, KeyboardInterrupt, MemoryError, RuntimeError, ValueError)
 
-
-class Rest:
+class Rest(Called):
     """Vertices that were not eliminated: their blocks as a sparse matrix of a frozen pattern.
+
+    Compiled code calls with 0 to factorise, 1 to solve.
 
     Parameters
     ----------
@@ -68,40 +66,23 @@ class Rest:
         k = np.arange(6)
         inside = (k[:, None] < each[ends[:, :1, None]]) & (k < each[ends[:, 1:, None]])
         places = (36 * slots[:, None, None] + 6 * k[:, None] + k)[inside]
-        pattern = shared(_of_blocks, ends, each)
+        pattern = _of_blocks(ends, each)
         self._take = np.empty(pattern.nnz, dtype=np.int64)  # every entry is in one place only
         self._take[pattern.slot] = places
         self._numbers = (6 * np.arange(len(size))[:, None] + k)[k < each[:, None]]
         self._A, self._x = A.reshape(-1), x.reshape(-1)
         self.solver = LinearSolver(pattern, solver)
+        super().__init__(self._answer)
 
-        self._call = ctypes.PYFUNCTYPE(ctypes.c_double, ctypes.c_int64)(self._called)
-        self._error: BaseException | None = None
-
-    @property
-    def address(self) -> int:
-        """Of ``double f(int64)``: 0 to factorise, 1 to solve; gives 1, or 0 where that fails."""
-        return int(ctypes.cast(self._call, ctypes.c_void_p).value or 0)
-
-    def _called(self, again: int) -> float:
-        """From compiled code, which no exception can pass."""
+    def _answer(self, again: int) -> bool:
         try:
             if again:
                 self.solve()
             else:
                 self.factor()
         except SingularMatrixError:
-            return 0.0
-        except (CosseratError, *NOT_OURS) as error:
-            self._error = error
-            return 0.0
-        return 1.0
-
-    def complain(self) -> None:
-        """Raise what could not be raised when the solver was called."""
-        error, self._error = self._error, None
-        if error is not None:
-            raise error
+            return False
+        return True
 
     def factor(self) -> None:
         """Factorise the blocks as they are.
@@ -135,24 +116,6 @@ def _of_blocks(ends: IndexArray, size: IndexArray) -> FrozenPattern:
 Bound = tuple[IndexArray, Any, Any, Any, Any]
 
 
-def numbers_of(scheme: Scheme) -> dict[str, float]:
-    """The numbers of a scheme that the kernels take, see :mod:`skfem_cosserat.compiled.numbers`.
-
-    What a scheme with rates takes off the balance stands in place of the momentum.
-    """
-    low, high = (0.5 * (1 - scheme.decay), 0.5 * (1 + scheme.decay)) if scheme.ends else (0.0, 1.0)
-    return {
-        "mass": scheme.mass,
-        "momentum": 1.0 if scheme.before else scheme.momentum,
-        "force": scheme.force,
-        "share": scheme.at,
-        "start": low,
-        "end": high,
-        "ends": float(scheme.ends),
-        **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
-    }
-
-
 class CompiledScene:
     """Arrays and parts of one system for compiled kernels.
 
@@ -160,7 +123,7 @@ class CompiledScene:
 
     Parameters
     ----------
-    system : System
+    coordinates : Coordinates
     scheme : Scheme
     weight : float
         Constraint forces act at ``(1 - w) y_0 + w y_1``.
@@ -187,7 +150,7 @@ class CompiledScene:
 
     def __init__(
         self,
-        system: System,
+        coordinates: Coordinates,
         scheme: Scheme,
         weight: float,
         settings: NewtonSettings,
@@ -196,9 +159,10 @@ class CompiledScene:
         static: bool = False,
         source: Source = Source.COMPILER,
     ) -> None:
-        self.system, self.settings, self.scheme = system, settings, scheme
+        self.coordinates, self.system = coordinates, coordinates.system
+        self.settings, self.scheme, system = settings, scheme, self.system
         self._source = source
-        self.plan = plan_of(system, solver is not None) if plan is None else plan
+        self.plan = plan_of(coordinates, solver is not None) if plan is None else plan
         self.factorisations = 0
         self._drag_factor = 0.0
         self._factors: list[float] | None = None
@@ -208,8 +172,9 @@ class CompiledScene:
         damped = is_viscous(system) or len(system.couplings.items) > 0
         #: whether dampers act by the velocity at the end of a step
         self.late = scheme.at_end and damped and not static
-        own = {"weight": weight, "length": system.length, "worth": self.worth}
-        own |= {"viscous_start": 0.0, "viscous_end": 0.0}
+        # how many iterations new factors cost, as measured; by sparse solvers they are kept longer
+        worth = np.inf if len(self.plan.rest) else 5.0
+        own = {"weight": weight, "length": system.length, "worth": worth, "viscous_work": 0.0}
         numbers = vars(settings) | self._numbers_of(scheme) | own
         self._all = (
             *self._bind(weight, scheme.ends, static),
@@ -224,8 +189,23 @@ class CompiledScene:
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
 
     def _numbers_of(self, scheme: Scheme) -> dict[str, float]:
-        """Those of a scheme, see :func:`numbers_of`."""
-        return numbers_of(scheme) | {"reach": 1 / scheme.rate if self.late else 0.0}
+        """Those of a scheme, see :mod:`skfem_cosserat.compiled.numbers`.
+
+        What a scheme with rates takes off the balance stands in place of the momentum.
+        """
+        decay = scheme.decay
+        low, high = (0.5 * (1 - decay), 0.5 * (1 + decay)) if scheme.ends else (0.0, 1.0)
+        return {
+            "mass": scheme.mass,
+            "momentum": 1.0 if scheme.before else scheme.momentum,
+            "force": scheme.force,
+            "share": scheme.at,
+            "start": low,
+            "end": high,
+            "ends": float(scheme.ends),
+            "reach": 1 / scheme.rate if self.late else 0.0,
+            **dict(zip(("carry_mass", "carry_momentum", "carry_force"), scheme.carry, strict=True)),
+        }
 
     def _called_laws(self) -> list[CalledLaws]:
         """What evaluates stored energies that are not compiled for the kernels."""
@@ -253,11 +233,11 @@ class CompiledScene:
         system, viscous = self.system, not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
         with kept.BINDING, bind.compiling(system, parts, self._source):
-            s, self._tree = bind.bound_tree(system, self.plan)
-            m, planned = bind.bound_plan(system, self.plan)
+            s, self._tree = bind.bound_tree(self.coordinates, self.plan)
+            m, planned = bind.bound_plan(self.coordinates, self.plan)
             separate = separate_parts(system) if self.scheme.relative else None
-            w, self._arrays = bind.bound_work(system, self.plan, self.late, separate)
-            g, self._beams = bind.bound_groups(system, self.plan, self._tree, viscous, self._source)
+            w, self._arrays = bind.bound_work(self.coordinates, self.plan, self.late, separate)
+            g, self._beams = bind.bound_groups(system, self.plan, viscous, self._source)
             table = bind.addresses(parts, (s, m, w, g), self._source)
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]
@@ -270,12 +250,12 @@ class CompiledScene:
         """Names of the parts that are called."""
         from ..compiled import bind
 
-        return bind.parts_of(self.system, weight, ends, static, self.scheme.relative)
+        return bind.parts_of(self.coordinates, weight, ends, static, self.scheme.relative)
 
     def _number(self) -> None:
         """Where the tree's coordinates are among those of the vertices."""
-        own = self.system.tree.own
-        vertex = self.system.kinematics.vertex[: self.system.kinematics.unknowns]
+        own, kin = self.coordinates.tree.own, self.coordinates.kinematics
+        vertex = kin.vertex[: kin.unknowns]
         first = np.array([numbers.start for numbers in own])
         self._numbering = 6 * vertex + np.arange(len(vertex)) - first[vertex]
 
@@ -283,14 +263,6 @@ class CompiledScene:
     def linear(self) -> LinearSolver | None:
         """What solves for the vertices that elimination in blocks leaves, if there are any."""
         return None if self._rest is None else self._rest.solver
-
-    @property
-    def worth(self) -> float:
-        """How many iterations new factors cost, as measured; infinite: they are kept while they do.
-
-        Not measured where sparse solvers take the rest.
-        """
-        return np.inf if len(self.plan.rest) else 5.0
 
     @property
     def method(self) -> str:
@@ -312,19 +284,13 @@ class CompiledScene:
         self._factors = factors
         self._dead = self.system.loading.dead_force(amplitudes)
         if self._evaluated:
+            moments, followers, drag = self._moments, self._followers, self._drag_factor
             a.dead[:] = self._dead
-            a.moments[:], a.followers[:] = self._following(amplitudes)
+            a.moments[:] = amplitudes[moments.channels, None] * moments.values
+            each = np.append(amplitudes, drag)[followers.channels]
+            a.followers[:] = each[:, None, None] * followers.values
         else:
             a.external[:] = self._dead
-
-    def _following(self, amplitudes: Floats) -> tuple[Floats, Floats]:
-        """Moments and forces that follow the motion, of one step or, (k, channels), of several."""
-        moments, followers, a = self._moments, self._followers, amplitudes
-        a = np.concatenate([a, np.full((*a.shape[:-1], 1), self._drag_factor)], axis=-1)
-        return (
-            a[..., moments.channels, None] * moments.values,
-            a[..., followers.channels, None, None] * followers.values,
-        )
 
 
 #: parts of a balance that a projection of velocities does without: forces, and what turns with them
@@ -349,25 +315,19 @@ class NearestVelocity(CompiledScene):
         self, system: System, settings: NewtonSettings, source: Source = Source.COMPILER
     ) -> None:
         scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
-        space = system.spatial.jointed
-        super().__init__(space, scheme, 1.0, settings, static=True, source=source)
+        own_coordinates = system.joint_coordinates
+        super().__init__(own_coordinates, scheme, 1.0, settings, static=True, source=source)
         own = dict(zip(PROJECTION, self._all, strict=True))
         self._projection = structure("projection", own)
         own_kinds = self._projection.kind, int
         function = address("static", "nearest", own_kinds, source)
         #: for :func:`skfem_cosserat.compiled.bind.bound_carried`
         self.bound = function, self._projection.address, self._a.y0, self._a.p0, self._a.change
-        #: whether it takes directions from where a step starts
-        self.follows = bool(space.kinematics.spheres)
-
-    def begin(self, q: Floats) -> None:
-        """Take directions of motion on spheres from the start q (n,) of a step: any will do."""
-        self._place(q, None)
 
     @staticmethod
     def serves(system: System) -> bool:
         """Whether the coordinates of a scene's tree are all there is to know of its velocities."""
-        return not (system.closure.rank or system.moving)
+        return not (system.joint_coordinates.closure.rank or system.moving)
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
         """See the base class."""

@@ -16,6 +16,7 @@ from ..compiled.numbers import (
 )
 from ..errors import InputError
 from ..kernels import cross, skew
+from ..law import STEP
 from ..model import System
 from ..model.groups import Blocks, Parts
 from ..model.parts import SeparateParts, separate_parts
@@ -75,10 +76,6 @@ class Flow:
         self._turn()
         self.momentum = self._rotated(self._rest) + self._lift * self._drift[parts.part]
 
-    def _common(self) -> Array:
-        """What was taken off the momenta (rows, 3)."""
-        return self._lift * self._mean[self.parts.part]
-
     def _origins(self, rows: Array) -> Array:
         """Sums (parts, 3) over positions."""
         return self.parts.sum(self.parts.ones[:, None] * rows)
@@ -96,7 +93,8 @@ class Flow:
         K = parts.sum(dq[:, :, None] * rest[:, None, :])
         k = parts.sum(cross(dq, rest))
         size = parts.sum(_lengths(dq) * _lengths(rest))
-        noise = FLOW_NOISE * parts.sum(_lengths(self.y0) * _lengths(rest + self._common()))
+        common = self._lift * self._mean[parts.part]  # what was taken off the momenta
+        noise = FLOW_NOISE * parts.sum(_lengths(self.y0) * _lengths(rest + common))
         moves = size > FLOW_CLOSED / FLOW_NOISE * noise
         size = np.where(size + noise > 0, size + noise, 1.0)
         straight = np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(3) - K.swapaxes(1, 2)
@@ -133,12 +131,7 @@ class Flow:
             s = s + np.where(moves[:, None], change(s, gap(s)), 0.0)
         self.sigma = s
         self._inverse = np.where(moves[:, None, None], np.linalg.inv(slope(s)), 0.0)
-        square = 1 + (s * s).sum(1)
-        outer = s[:, :, None] * s[:, None, :]
-        #: 1 + s^ + s s^T, and A
-        self._plain = np.eye(3) + skew(s) + outer
-        self._square = square
-        self.A = self._plain / ((1 + self.chi) * square)[:, None, None]
+        self.A = _rotation(s) / (1 + self.chi)
 
     def _rotated(self, rows: Array) -> Array:
         """``A`` times each row."""
@@ -154,38 +147,29 @@ class Flow:
 
     def update(self) -> tuple[Array, Array]:
         """``d(2 M v_m)/d(dq)`` less ``(2/h) M A``: by common motion and by the turn, U and V."""
-        parts, part, count = self.parts, self.parts.part, len(self.parts.free)
-        rows, unit = len(part), np.eye(3)
-        U = np.zeros((6 * count, rows, 3))
-        V = np.zeros((6 * count, rows, 3))
-        s, dA = self.sigma, self._derivatives()
-        turned = (self._plain[part] @ self._rest[:, :, None])[:, :, 0]
+        parts, part, s, unit = self.parts, self.parts.part, self.sigma, np.eye(3)
+        dA = _rotation(s[:, None] + 1j * STEP * unit).imag / (STEP * (1 + self.chi))
+        plain = self.A * ((1 + self.chi) * (1 + (s * s).sum(1)))[:, None, None]
+        turned = (plain[part] @ self._rest[:, :, None])[:, :, 0]
         shift = self._free * parts.sum(parts.mu[:, None] * self.dq)
         lever = self.mdq - self._lift * shift[part]
-        Q = -skew(turned) + skew(lever / self.h) @ self._plain[part]
+        Q = -skew(turned) + skew(lever / self.h) @ plain[part]
         Q = -self._inverse[part] @ Q
-        for k in range(count):
-            mine = np.flatnonzero(part == k)
-            for i in range(3):
-                if parts.free[k]:
-                    column = (unit - self.A[k])[:, i] * (2 / self.h)
-                    U[6 * k + i, mine] = self._lift[mine] * column
-                    V[6 * k + i, mine] = parts.mu[mine, None] * unit[i]
-                U[6 * k + 3 + i, mine] = 2 * self._rest[mine] @ dA[k, i].T
-                V[6 * k + 3 + i, mine] = Q[mine, i]
-        used = (abs(U).max((1, 2)) > 0) & (abs(V).max((1, 2)) > 0) if len(s) else slice(0)
+        mine = 1.0 * (part == np.arange(len(s))[:, None])  # rows of each part
+        free = mine * parts.free[:, None]
+        straight = np.einsum("kr,kci->kirc", free * parts.lift, unit - self.A) * (2 / self.h)
+        bent = 2 * np.einsum("kr,rd,kicd->kirc", mine, self._rest, dA)
+        U = np.concatenate([straight, bent], axis=1).reshape(-1, len(part), 3)
+        lines, turns = free[:, None, :, None] * parts.mu[:, None] * unit[:, None], Q.swapaxes(0, 1)
+        V = np.concatenate([lines, mine[:, None, :, None] * turns], axis=1).reshape(U.shape)
+        used = (abs(U).max((1, 2), initial=0.0) > 0) & (abs(V).max((1, 2), initial=0.0) > 0)
         return U[used], V[used]
 
-    def _derivatives(self) -> Array:
-        """Of A by the three numbers s, (parts, 3, 3, 3)."""
-        s, unit = self.sigma, np.eye(3)
-        out = np.empty((len(s), 3, 3, 3))
-        for i in range(3):
-            both = s[:, :, None] * unit[i] + unit[i][:, None] * s[:, None, :]
-            change = skew(np.broadcast_to(unit[i], s.shape)) + both
-            scaled = change - (2 * s[:, i] / self._square)[:, None, None] * self._plain
-            out[:, i] = scaled / ((1 + self.chi) * self._square)[:, None, None]
-        return out
+
+def _rotation(s: Array) -> Array:
+    """``(1 + s^ + s s^T) / (1 + s.s)`` (..., 3, 3), for three numbers (..., 3)."""
+    outer = s[..., :, None] * s[..., None, :]
+    return (np.eye(3) + skew(s) + outer) / (1 + (s * s).sum(-1))[..., None, None]
 
 
 # -- energy-decaying integrator: high frequencies are damped, momenta are kept ---------------------

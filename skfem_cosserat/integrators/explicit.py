@@ -2,8 +2,8 @@
 
 A node has a momentum P and an angular momentum L in space about its point phi, kept together as
 ``m`` (nodes, 2, 3). Between two kicks both are constant but for the way of phi, unless joints hold
-the node: nodes that joints connect form a *cluster*, which drifts as one. A step of the run has
-equal *rounds*, at whose ends all elements, loads and force elements kick by halves.
+the node. A step of the run has equal *rounds*, at whose ends all elements, loads and force elements
+kick by halves.
 
 Rows of y are those of the system and a last one of zeros, which stands for the directors that mass
 points do not have.
@@ -11,7 +11,7 @@ points do not have.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -20,10 +20,12 @@ from ..constraints import Multipliers, Treatment
 from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError
 from ..frames import is_beam
 from ..model import Model, System, system_of
-from ..model.force_elements import CoupledForce
-from ..types import Floats, IndexArray, switch, whole
+from ..model.balance import Amplitudes, external_force
+from ..model.force_elements import CoupledForce, CoupledStart
+from ..types import Floats, largest, switch, whole
 from ..warn import logger, warn
-from .base import Integrator, March, Marched
+from .base import Integrator
+from .called_back import trapezoidal_work
 from .explicit_limit import LimitWatch, StepLimit, check_lumped
 from .explicit_nodes import ITERATIONS, Nodes, Unclosed, checked_nodes
 from .scheme import State, StepWork
@@ -40,114 +42,51 @@ SETTLED = 1e-12, 1e-9
 # -- what explicit steps cannot do -----------------------------------------------------------------
 
 
-def check_scene(name: str, system: System, treatment: Treatment) -> None:
-    """Raise IncompatibleError if there is something that the explicit schemes cannot do."""
-    if not isinstance(treatment, Multipliers):
-        reason = "its joints keep multipliers of their own, nothing else is eliminated"
-        raise IncompatibleError(f"{name} with {treatment!r}", f"take Multipliers(): {reason}")
-    if not treatment.scaled:
-        reason = "its joints are closed by projection, there is no matrix to scale"
-        raise IncompatibleError(f"{name} with {treatment!r}", f"take Multipliers(): {reason}")
-
-    def refuse(what: str, reason: str) -> None:
-        raise IncompatibleError(f"{name} with {what}", reason)
-
+def _refused(system: System, treatment: Treatment) -> Iterator[tuple[str, str]]:
+    """Parts of a scene and of a treatment that explicit schemes cannot do, and why."""
+    if not (isinstance(treatment, Multipliers) and treatment.scaled):
+        reason = "joints are closed by projection, nothing is eliminated and no matrix scaled"
+        yield repr(treatment), f"take Multipliers(): {reason}"
     if system.plane is not None:
-        refuse(f"{system.plane!r}", "explicit steps move all nodes in space: freeze it without")
-    check_lumped(name, system)
+        yield repr(system.plane), "explicit steps move all nodes in space: freeze it without"
     for item in system.structures:
         if is_beam(item) and item.theory.held:
-            refuse(
-                f"the {item.theory!r} of {item.label}", "strains are held by implicit steps only"
-            )
-    for drive in system.drives:
-        refuse(drive.label, "motion is not prescribed in explicit steps")
-    if system.moving:
-        refuse("moving ground", "motion is not prescribed in explicit steps")
+            said = f"the {item.theory!r} of {item.label}"
+            yield said, "strains are held by implicit steps only"
+    moving = [drive.label for drive in system.drives] + ["moving ground"] * bool(system.moving)
+    for label in moving:
+        yield label, "motion is not prescribed in explicit steps"
     if len(system.closure.rows):
         names = sorted(system.redundancies()) or ["a closed loop of joints"]
-        refuse(f"closed loops ({names[0]})", "joints have to form a tree")
-    checked_nodes(name, system)
+        yield f"closed loops ({names[0]})", "joints have to form a tree"
 
 
-# -- kicks -----------------------------------------------------------------------------------------
-
-
-class Outer:
-    """Loads, force elements and drag of a round, all but constant numbers in time by their means.
-
-    Parameters
-    ----------
-    system : System
-    y : array
-        At the start.
-    turns : (k,) int array or None
-        Of angles there.
-    t0, h : float
-        Start and length (s).
-    """
-
-    def __init__(
-        self, system: System, y: Floats, turns: IndexArray | None, t0: float, h: float
-    ) -> None:
-        self._system, couplings = system, system.couplings
-        self._amplitudes = system.loading.averages(t0, t0 + h)
-        self._dead = system.loading.dead_force(self._amplitudes)
-        self.start = couplings.begin(y[:-1], turns, t0, h) if couplings.count else None
-
-    def at(self, y: Floats, rates: Floats) -> Ends:
-        """Forces at a configuration of all rows, and their rates."""
-        system, loading = self._system, self._system.loading
-        loads = self._dead
-        if not loading.dead_only:
-            loads = loads + loading.force(y[: system.rows], self._amplitudes)
-        force, power, coupled = loads, 0.0, None
-        if self.start is not None:
-            coupled = system.couplings.static(self.start, y[:-1], rates[:-1])
-            force = force - coupled.force[: system.rows]
-            power = sum(float(r.dissipated.sum()) for r in coupled.responses)
-        if system.drag is not None:
-            v = rates[: system.rows]
-            drag = system.drag @ v
-            force = force - drag
-            power += max(0.0, float((v * drag).sum()))  # of either sign at rounding level
-        return Ends(loads, force, power, coupled)
+# -- march -----------------------------------------------------------------------------------------
 
 
 class Ends(NamedTuple):
-    """Forces (rows, 3) at an end of a round: loads, all; power that is lost; force elements."""
+    """Forces at an end of a round.
 
+    Attributes
+    ----------
+    elements : ((rows, 3) array, float)
+        Their forces, and the power that they lose (W).
+    loads, force : (rows, 3) array
+        Loads, and the sum of all forces.
+    power : float
+        That is lost in elements, dampers and drag (W).
+    coupled : CoupledForce or None
+        Of force elements.
+    """
+
+    elements: tuple[Floats, float]
     loads: Floats
     force: Floats
     power: float
     coupled: CoupledForce | None
 
 
-class Half(NamedTuple):
-    """Half of the kicks at one end of a round.
-
-    Attributes
-    ----------
-    impulse : (nv, 2, 3) array
-        Of elements.
-    lost : float
-        In viscous sections (J).
-    ends : Ends or None
-        Of loads and force elements, if there are any.
-    whole : (nv, 2, 3) array
-        The impulse of everything.
-    """
-
-    impulse: Floats
-    lost: float
-    ends: Ends | None
-    whole: Floats
-
-
-# -- march -----------------------------------------------------------------------------------------
-
-
-class Marching(March):
+class Marching:
     """Marches a system.
 
     Forces that depend on velocities take that between both halves of a kick, found by fixed-point
@@ -162,29 +101,25 @@ class Marching(March):
     h : float
         Step of the run (s).
     watch : LimitWatch
-    method : str
 
     Attributes
     ----------
+    method : str
     rounds : int
         Equal parts of a step.
     shortened : bool
         Whether there have been more of them since the start.
     """
 
-    def __init__(
-        self, scheme: Explicit, system: System, h: float, watch: LimitWatch, method: str
-    ) -> None:
-        self.system, self.h, self.method = system, h, method
+    def __init__(self, scheme: Explicit, system: System, h: float, watch: LimitWatch) -> None:
+        self.system, self.h, self.method = system, h, f"explicit, limit {watch.smallest}"
         self._scheme, self._watch, self.nodes = scheme, watch, Nodes(system)
         self.shortened = False
         couplings = system.couplings
-        viscous = system.drag is not None or any(c.damping.any() for c in couplings.items)
-        viscous = viscous or bool(couplings.functions)
-        self._viscous = viscous or any(g.viscous for g in system.beam_groups)
-        self._loaded = bool(system.loading.times or couplings.count) or (system.drag is not None)
-        self._last: tuple[State, Half] | None = None
-        self._free = self.nodes.bodies.taken(np.flatnonzero(self.nodes.cluster_of < 0))
+        viscous = any(c.damping.any() for c in couplings.items) or bool(couplings.functions)
+        self._viscous = viscous or system.damped
+        #: q and p of the last state, and forces of elements there
+        self._last: tuple[Floats, Floats, tuple[Floats, float]] | None = None
         self.rounds = 0
         self._divide()
 
@@ -203,10 +138,7 @@ class Marching(March):
         return True
 
     def _shorten(self, time: float) -> None:
-        """Shorter steps where limits have fallen."""
-        if not self._divide():
-            return
-        self._last = None
+        """Say that steps are shorter, where limits have fallen."""
         smallest = self._watch.smallest
         attached = smallest.kind in ("springs", "damping")
         what = "springs and dampers have moved" if attached else "elements are bent"
@@ -217,160 +149,133 @@ class Marching(March):
         logger.debug("t = %.6g s: %s", time, text)
         self.shortened = True
 
-    def advance(self, state: State, time: float) -> Marched:
-        """See the base class."""
+    def advance(self, state: State, time: float) -> tuple[State, int, float, StepWork]:
+        """The step after a state, to a time (s): its end, iterations, residual and work."""
         system = self.system
         y = np.concatenate([system.extend(state.q, state.time), np.zeros((1, 3))])
-        if self._scheme.checked and self._watch.lowered(y[:-1]):
+        if self._scheme.checked and self._watch.lowered(y[:-1]) and self._divide():
             self._shorten(state.time)
         m = self.nodes.momenta(y, state.p.reshape(-1, 3))
         try:
             with np.errstate(all="ignore"):  # what has blown up is looked at below
                 new, work, iterations = self._rounds(state, y, m, time)
         except Unclosed as error:
-            advice = f"try a smaller step than {self.h:g} s"
-            where = state.time, state.index + 1, error.gap
-            raise Diverged(*where, error.what, advice) from error
-        way = float(abs(y[: system.rows] - state.q.reshape(-1, 3)).max(initial=0.0))
+            advice, (what, gap) = f"try a smaller step than {self.h:g} s", error.args
+            raise Diverged(state.time, state.index + 1, gap, what, advice) from error
+        way = largest(y[: system.rows] - state.q.reshape(-1, 3))
         if not (way < FAR * system.length and np.isfinite(m).all()):
             reason = f"the motion has blown up: nodes move by {way:.3g} m in a step"
             raise Diverged(state.time, state.index + 1, np.inf, reason, self.method)
-        gap = max((float(abs(c.gaps(y)).max()) for c in self.nodes.clusters), default=0.0)
-        return Marched(new, iterations, gap, work)
+        joints = self.nodes.joints
+        return new, iterations, 0.0 if joints is None else largest(joints.gaps(y)), work
 
     def _rounds(
         self, state: State, y: Floats, m: Floats, time: float
     ) -> tuple[State, StepWork, int]:
         """All rounds of a step, in place."""
-        h, turns, rows = self.h / self.rounds, state.turns, self.system.rows
-        half = self._half_at(state)
-        loads = actuators = lost = 0.0
-        iterations = 0
+        system, h, turns = self.system, self.h / self.rounds, state.turns
+        couplings, rows, iterations, works = system.couplings, system.rows, 0, []
+        elements = None
+        if self._last is not None and self._last[0] is state.q and self._last[1] is state.p:
+            elements = self._last[2]
         for k in range(self.rounds):
-            t0, y0 = state.time + k * h, y[:rows].copy()
-            outer = Outer(self.system, y, turns, t0, h) if self._loaded else None
-            first = half = self._first(half, outer, y, m, h)
-            m += half.whole
-            lost += first.lost
-            drifts = self._drift(y, m, h)
-            half, kicks = self._half(y, m, h, outer)
-            lost, iterations = lost + half.lost, max(iterations, drifts, kicks)
-            if outer is not None:
-                assert first.ends is not None
-                assert half.ends is not None
-                both = first.ends.loads + half.ends.loads
-                loads += 0.5 * float((both * (y[:rows] - y0)).sum())
-                lost += 0.5 * h * (first.ends.power + half.ends.power)
-                if outer.start is not None and half.ends.coupled is not None:
-                    couplings = self.system.couplings
-                    actuators += couplings.work(outer.start, half.ends.coupled, y[:-1]).actuators
-                    turns = couplings.turns(outer.start, y[:-1], t0 + h)
-                    assert first.ends.coupled is not None
-                    change = y[:-1].copy()
-                    change[:rows] -= y0
-                    change[rows:] = 0.0
-                    pushed = first.ends.coupled, half.ends.coupled
-                    loads += 0.5 * sum(coupled.work_of_loads(change) for coupled in pushed)
+            t0, y0 = state.time + k * h, y[:-1].copy()
+            loads = Amplitudes(system.loading.averages(t0, t0 + h), np.zeros(0))
+            start = couplings.begin(y0, turns, t0, h) if couplings.count else None
+            rates = self._velocities(y)(m)
+            own = self._elements(y)(rates) if elements is None else elements
+            first = self._ends(y, rates, own, loads, start)
+            m += 0.5 * h * self.nodes.momenta(y, first.force)
+            drifts = self.nodes.drift(y, m, h)
+            last, kicks = self._kick(y, m, h, loads, start)
+            elements, iterations = last.elements, max(iterations, drifts, kicks)
+            moved = float(((first.loads + last.loads) * (y[:rows] - y0[:rows])).sum())
+            lost = 0.5 * h * (first.power + last.power)
+            works.append(StepWork(0.5 * moved, dissipated=lost))
+            if start is not None and first.coupled is not None and last.coupled is not None:
+                forces = first.coupled, last.coupled
+                works.append(trapezoidal_work(couplings, (start, start), forces, y[:-1], rows))
+                turns = couplings.turns(start, y[:-1], t0 + h)
         self.nodes.tidy(y)
-        for cluster in self.nodes.clusters:
-            cluster.projection(y)(m)
-        p = self.system.mass @ self.nodes.velocities(y)(m)[:rows]
-        q = y[:rows].flatten()
-        new = State(time, state.index + 1, q, p.reshape(-1), fresh=False, turns=turns)
-        assert half is not None
-        self._last = new, half
-        return new, StepWork(loads, actuators, lost), iterations
+        self.nodes.projection(y)(m)
+        p = (system.mass @ self.nodes.velocities(y)(m)[:rows]).reshape(-1)
+        new = State(time, state.index + 1, y[:rows].flatten(), p, fresh=False, turns=turns)
+        assert elements is not None
+        self._last = new.q, new.p, elements
+        return new, StepWork(*np.sum(works, axis=0).tolist()), iterations
 
-    def _half_at(self, state: State) -> Half | None:
-        """Half of the kicks that the last step found at its end; None if this is another state."""
-        if self._last is None:
-            return None
-        end, half = self._last
-        before, now = (0 if each.turns is None else each.turns for each in (end, state))
-        same = end.time == state.time and np.array_equal(before, now)
-        return half if same and (end.q == state.q).all() and (end.p == state.p).all() else None
-
-    def _first(
-        self, last: Half | None, outer: Outer | None, y: Floats, m: Floats, h: float
-    ) -> Half:
-        """The first half of the kicks of a round; elements kick as in the `last`."""
-        if last is None:
-            return self._impulses(y, m, h, outer)(m)
-        if outer is None:
-            return last
-        ends = outer.at(y, self._velocities(y)(m))
-        whole = last.impulse + 0.5 * h * self.nodes.momenta(y, ends.force)
-        return Half(last.impulse, last.lost, ends, whole)
-
-    def _impulses(
-        self, y: Floats, m: Floats, h: float, outer: Outer | None
-    ) -> Callable[[Floats], Half]:
-        """Half of the kicks by the momenta that give the velocity."""
+    def _elements(self, y: Floats) -> Callable[[Floats], tuple[Floats, float]]:
+        """Forces (rows, 3) of elements by the rates of all rows, and the power that they lose."""
         system = self.system
         strains = [(group, *group.strain(y)) for group in system.beam_groups]
-        Bs = [B for *_, B in strains]
+        elastic = [group.stress(eps) for group, eps, _ in strains]
 
-        def kick(stresses: list[Floats]) -> Floats:
-            """Impulses of stresses during half of a round."""
-            force = system.internal_force(Bs, [0.5 * h * stress for stress in stresses])
-            return self.nodes.momenta(y, force)
-
-        elastic = -kick([group.stress(eps) for group, eps, _ in strains])
-        velocities = self._velocities(y)
-
-        def half(at: Floats) -> Half:
-            impulse, lost, ends = elastic, 0.0, None
-            rates = velocities(at)
-            slowed = [np.zeros_like(eps) for _, eps, _ in strains]
+        def at(rates: Floats) -> tuple[Floats, float]:
+            stresses, power = list(elastic), 0.0
             for k, (group, _, B) in enumerate(strains):
                 if group.viscous:
                     rate = group.strain_rate(B, rates)
-                    slowed[k] = group.viscous_stress(rate)
-                    lost += 0.5 * h * group.dissipation(rate)
-            if any(group.viscous for group, *_ in strains):
-                impulse = elastic - kick(slowed)
-            whole = impulse
-            if outer is not None:
-                ends = outer.at(y, rates)
-                whole = impulse + 0.5 * h * self.nodes.momenta(y, ends.force)
-            return Half(impulse, lost, ends, whole)
+                    stresses[k] = elastic[k] + group.viscous_stress(rate)
+                    power += group.dissipation(rate)
+            return -system.internal_force([B for *_, B in strains], stresses), power
 
-        return half
+        return at
+
+    def _ends(
+        self,
+        y: Floats,
+        rates: Floats,
+        elements: tuple[Floats, float],
+        amplitudes: Amplitudes,
+        start: CoupledStart | None,
+    ) -> Ends:
+        """All forces at an end of a round, loads by their means over it."""
+        system, (internal, power), coupled = self.system, elements, None
+        loads = external_force(system, y[:-1], amplitudes)
+        force, v = internal + loads, rates[: system.rows]
+        if start is not None:
+            coupled = system.couplings.static(start, y[:-1], rates[:-1])
+            force = force - coupled.force[: system.rows]
+            power += sum(float(r.dissipated.sum()) for r in coupled.responses)
+        if system.drag is not None:
+            drag = system.drag @ v
+            force = force - drag
+            power += max(0.0, float((v * drag).sum()))  # of either sign at rounding level
+        return Ends(elements, loads, force, power, coupled)
 
     def _velocities(self, y: Floats) -> Callable[[Floats], Floats]:
         """Velocities of momenta; zero where nothing asks for them."""
         none = np.zeros_like(y)
         return self.nodes.velocities(y) if self._viscous else lambda _: none
 
-    def _half(self, y: Floats, m: Floats, h: float, outer: Outer | None) -> tuple[Half, int]:
+    def _kick(
+        self, y: Floats, m: Floats, h: float, loads: Amplitudes, start: CoupledStart | None
+    ) -> tuple[Ends, int]:
         """Kick by one half, in place, such that the velocity is that after it."""
-        impulses = self._impulses(y, m, h, outer)
-        half = impulses(m)
+        elements, velocities = self._elements(y), self._velocities(y)
+
+        def kicked(at: Floats) -> tuple[Ends, Floats]:
+            rates = velocities(at)
+            ends = self._ends(y, rates, elements(rates), loads, start)
+            return ends, m + 0.5 * h * self.nodes.momenta(y, ends.force)
+
+        ends, after = kicked(m)
         if not self._viscous:
-            m += half.whole
-            return half, 0
-        projections = [cluster.projection(y) for cluster in self.nodes.clusters]
-        after, last = m + half.whole, np.inf
+            m[:] = after
+            return ends, 0
+        project, last = self.nodes.projection(y), np.inf
         for k in range(1, ITERATIONS + 1):
-            for project in projections:
-                project(after)
-            half = impulses(after)
-            change = m + half.whole - after
-            for project in projections:
-                project(change)
+            project(after)
+            ends, new = kicked(after)
+            change = new - after
+            project(change)
             size = np.maximum(abs(after).max((0, 2), initial=0.0), 1e-300)
             left = float((abs(change).max((0, 2), initial=0.0) / size).max())
             if left <= SETTLED[0] or 0.5 * last < left <= SETTLED[1]:
                 m[:] = after + change
-                return half, k
+                return ends, k
             after, last = after + self._relaxed * change, left
         raise Unclosed("the velocity that dampers leave after a kick was not found", last)
-
-    def _drift(self, y: Floats, m: Floats, h: float) -> int:
-        """Bring all nodes to the end of a round; gives iterations."""
-        found = [cluster.drift(y, m, h) for cluster in self.nodes.clusters]
-        self._free.drift(y, m, h)
-        return max(found, default=0)
 
 
 # -- scheme ----------------------------------------------------------------------------------------
@@ -473,7 +378,10 @@ class Explicit(Integrator):
 
     def march(self, system: System, treatment: Treatment, h: float) -> Marching:
         """See the base class."""
-        check_scene(repr(self), system, treatment)
+        for what, reason in _refused(system, treatment):
+            raise IncompatibleError(f"{self!r} with {what}", reason)
+        check_lumped(repr(self), system)
+        checked_nodes(repr(self), system)
         watch = LimitWatch(system)
         limit = watch.smallest
         if self.checked and h / self.rounds > limit.seconds:
@@ -484,4 +392,4 @@ class Explicit(Integrator):
                 f" {limit}: at least rounds={least}, or a smaller step",
             )
         logger.info("explicit steps of %.3g s, limit %s", h / self.rounds, limit)
-        return Marching(self, system, h, watch, f"explicit, limit {limit}")
+        return Marching(self, system, h, watch)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_matrix, identity, kron
 
-from ..errors import IncompatibleError, InputError
+from ..errors import IncompatibleError
 from ..frames import is_beam
 from ..kernels import BeamElements, beam_moduli, beam_strain, bilinear, null_space_blocks
 from ..model import System
@@ -21,8 +21,9 @@ from .explicit_nodes import checked_nodes
 GROWN = 0.02
 #: who minds what has no limit
 LIMIT = "step limit of explicit schemes"
-#: what vibrates, by components of strains
-KINDS = ("shear", "shear", "axial", "bending", "bending", "torsion")
+#: what vibrates, and which of the strains tell of it
+KINDS = ("shear", "axial", "bending", "torsion")
+SAME_KIND = np.eye(4)[[0, 0, 1, 2, 2, 3]]
 
 
 class StepLimit(NamedTuple):
@@ -88,114 +89,88 @@ class LimitWatch:
     def __init__(self, system: System) -> None:
         check_lumped(LIMIT, system)
         self.system = system
-        self._coupled = bool(system.couplings.count) or system.drag is not None
+        coupled = bool(system.couplings.count) or system.drag is not None
+        self._nodes = checked_nodes(LIMIT, system).bodies if coupled else None
         self._places = np.unique(system.couplings.pairs)
         origins = np.isin(self._places, system.vertex_rows)
         self._scale = np.where(origins, system.length, 1.0)[:, None]
         self._seen = y = system.extend(system.q0, 0.0)
         self._turned = [_turns(group, y) for group in system.beam_groups]
-        #: (lambda, gamma) of elements (2, ne) of each group, (sigma, gamma) of nodes (2, nv)
-        self.own = [_own_rates(g, y, np.arange(len(g.vertices))) for g in system.beam_groups]
-        self.attached = self._attached(y)
+        #: (lambda, gamma) of elements (2, ne) of each group, then (sigma, gamma) of nodes (2, nv)
+        self.rates = self._looked_at(y)
+
+    def _looked_at(self, y: Floats) -> list[Floats]:
+        return [*(_rates(group, y) for group in self.system.beam_groups), self._attached(y)]
 
     def _attached(self, y: Floats) -> Floats:
-        system, count = self.system, len(self.system.origin_rows)
-        if not self._coupled:
-            return np.zeros((2, count))
-        nodes = checked_nodes(LIMIT, system)
-        D = np.concatenate([y, np.zeros((1, 3))])[nodes.rows[:, 1:]]
-        P = null_space_blocks(D)
-        M = P.transpose(0, 2, 1) @ np.kron(nodes.matrix, np.eye(3)) @ P
-        M[~system.is_frame, 3:, 3:] = np.eye(3)  # points do not turn
+        system = self.system
+        if self._nodes is None:
+            return np.zeros((2, len(system.origin_rows)))
+        P, M = self._nodes.by_twists(np.concatenate([y, np.zeros((1, 3))]))
         half = np.linalg.solve(np.linalg.cholesky(M), P.transpose(0, 2, 1))
-        columns = (3 * nodes.rows[:, :, None] + np.arange(3)).reshape(count, 1, 12)
-        rows = np.arange(6 * count).reshape(count, 6, 1)
-        at = np.broadcast_to(rows, half.shape).ravel(), np.broadcast_to(columns, half.shape).ravel()
-        size = 3 * (system.total + 1)
-        H = csr_matrix((half.ravel(), at), (6 * count, size))
-        damping = _sparse(system.couplings.pairs, system.couplings.damping(y, taut=True), size)
+        H, pairs = self._nodes.by_coordinates(half, system.n), system.couplings.pairs
+        stiffness, damping = (
+            _sparse(pairs, blocks(y, taut=True), system.n)
+            for blocks in (system.couplings.stiffness, system.couplings.damping)
+        )
         if system.drag is not None:
-            drag = kron(system.drag, identity(3)).tocsr()
-            drag.resize(size, size)
-            damping = damping + drag
-        stiffness = _sparse(system.couplings.pairs, system.couplings.stiffness(y, taut=True), size)
+            damping = damping + kron(system.drag, identity(3))
         return np.array([_circles(H @ each @ H.T) for each in (stiffness, damping)])
-
-    @property
-    def _together(self) -> list[Floats]:
-        pairs = zip(self.system.beam_groups, self.own, strict=True)
-        return [own + self.attached[:, g.vertices].max(2) for g, own in pairs]
 
     @property
     def decay(self) -> float:
         """Highest rate of decay, that of elements and of what is attached (1/s)."""
-        each = [float(own[1].max()) for own in self.own]
-        return float(self.attached[1].max()) + max(each, default=0.0)
+        *elements, attached = (float(rates[1].max()) for rates in self.rates)
+        return attached + max(elements, default=0.0)
 
     def lowered(self, y: Array) -> bool:
-        """Look at what has bent or moved farther; whether a limit has fallen."""
-        fallen = False
-        for k, group in enumerate(self.system.beam_groups):
-            turned = _turns(group, y)
-            ids = np.flatnonzero(turned > self._turned[k] + GROWN)
-            if len(ids):
-                self._turned[k][ids] = turned[ids]
-                fallen |= _raise(self.own[k], ids, _own_rates(group, y, ids))
+        """Look again where elements are bent or places have moved; whether a limit has fallen."""
+        turned = [_turns(group, y) for group in self.system.beam_groups]
         moved = abs(y[self._places] - self._seen[self._places]) / self._scale
-        if moved.max(initial=0.0) > GROWN:
-            self._seen = y.copy()
-            every = np.arange(self.attached.shape[1])
-            fallen |= _raise(self.attached, every, self._attached(y))
+        grown = [float((b - a).max()) for a, b in zip(self._turned, turned, strict=True)]
+        if not max(*grown, float(moved.max(initial=0.0)), 0.0) > GROWN:
+            return False
+        self._seen, new = y.copy(), self._looked_at(y)
+        self._turned = [np.maximum(*both) for both in zip(self._turned, turned, strict=True)]
+        fallen = any((b > a).any() for a, b in zip(self.rates, new, strict=True))
+        self.rates = [np.maximum(*both) for both in zip(self.rates, new, strict=True)]
         return fallen
 
     @property
     def smallest(self) -> StepLimit:
         """The lowest limit, and what vibrates there."""
-        every = [*self._together, self.attached]
-        seconds = [_seconds(each) for each in every]
+        groups, (*elements, attached) = self.system.beam_groups, self.rates
+        pairs = zip(groups, elements, strict=True)
+        every = [*(rates + attached[:, g.vertices].max(2) for g, rates in pairs), attached]
+        with np.errstate(divide="ignore"):
+            seconds = [np.minimum(2 / np.sqrt(square), 2 / gamma) for square, gamma in every]
         number = int(np.argmin([each.min() for each in seconds]))
         e = int(seconds[number].argmin())
         (square, gamma), least = every[number][:, e], float(seconds[number][e])
         if np.isinf(least):
             return StepLimit(least)
         kind = "damping" if gamma > np.sqrt(square) else "springs"
-        if number == len(self.own):
+        if number == len(groups):
             return StepLimit(least, self.system.owner[e].label, kind)
-        group = self.system.beam_groups[number]
-        if kind != "damping" and self.own[number][0, e] >= 0.5 * square:
-            kind = self._kind(group, e)
-        return StepLimit(least, _named(self.system, group, e), kind)
+        if kind != "damping" and elements[number][0, e] >= 0.5 * square:
+            kind = self._kind(groups[number], e)
+        return StepLimit(least, _named(self.system, groups[number], e), kind)
 
     def _kind(self, group: BeamGroup, e: int) -> str:
-        elements, eps, B, root = _by_twist(group, self._seen, np.array([e]))
-        x = np.linalg.eigh(_reduced(elements.weighted_stiffness, B, root)[0])[1][:, -1]
-        eps = (B @ np.linalg.solve(root[0].T, x)).reshape(eps.shape)
-        shares = (eps * (elements.weighted_stiffness @ eps[..., None])[..., 0]).sum((0, 1))
-        kinds = dict.fromkeys(KINDS, 0.0)
-        for kind, share in zip(KINDS, shares, strict=True):
-            kinds[kind] += float(share)
-        kind = max(kinds, key=lambda name: kinds[name])
+        elements, eps, B, root = _by_twist(group, self._seen)
+        weighted = elements.weighted_stiffness
+        x = np.linalg.eigh(_reduced(weighted, B, root)[e])[1][:, -1]
+        eps = (B[e] @ np.linalg.solve(root[e].T, x)).reshape(eps[e].shape)
+        shares = (eps * (weighted[e] @ eps[..., None])[..., 0]).sum(0)
+        kind = KINDS[int((shares @ SAME_KIND).argmax())]
         turning = float((x.reshape(-1, 2, 3)[:, 1] ** 2).sum())  # x has length one
         return "shear with rotary inertia" if kind == "shear" and turning > 0.5 else kind
 
 
-def _seconds(rates: Floats) -> Floats:
-    """Limits (k,) of squares of frequencies and rates of decay (2, k)."""
-    with np.errstate(divide="ignore"):
-        return np.minimum(2 / np.sqrt(rates[0]), 2 / rates[1])
-
-
-def _raise(rates: Floats, ids: IndexArray, new: Floats) -> bool:
-    """Keep the larger ones, in place; whether there are any."""
-    larger = bool((new > rates[:, ids]).any())
-    rates[:, ids] = np.maximum(rates[:, ids], new)
-    return larger
-
-
 def _sparse(pairs: IndexArray, blocks: Floats, size: int) -> csr_matrix:
     """Matrix of 3x3 blocks at pairs (k, 2) of rows of y."""
-    i = np.broadcast_to(3 * pairs[:, :1, None] + np.arange(3)[:, None], blocks.shape)
-    j = np.broadcast_to(3 * pairs[:, 1:, None] + np.arange(3), blocks.shape)
+    xyz = np.arange(3)
+    i, j = np.broadcast_arrays(3 * pairs[:, :1, None] + xyz[:, None], 3 * pairs[:, 1:, None] + xyz)
     return csr_matrix((blocks.ravel(), (i.ravel(), j.ravel())), (size, size))
 
 
@@ -214,17 +189,15 @@ def _turns(group: BeamGroup, y: Array) -> Floats:
     return 2 * np.arcsin(np.sqrt(np.minimum(square / 8, 1.0)))
 
 
-def _by_twist(
-    group: BeamGroup, y: Array, ids: IndexArray
-) -> tuple[BeamElements, Floats, Floats, Floats]:
-    """Some elements, strains (ne, ng, 6), these by twists (ne, 6 ng, k), L with ``M = L L^T``.
+def _by_twist(group: BeamGroup, y: Array) -> tuple[BeamElements, Floats, Floats, Floats]:
+    """Elements, strains (ne, ng, 6), these by twists (ne, 6 ng, k), L with ``M = L L^T``.
 
     Twists are velocities and angular velocities of the nodes, k = 6 nn.
     """
-    q, elements = y[group.rows[ids]].reshape(len(ids), -1), group.elements.taken(ids)
+    q, elements = y[group.rows].reshape(len(group.rows), -1), group.elements
     eps, B = beam_strain(elements, q)
-    P = null_space_blocks(q.reshape(len(ids), -1, 4, 3)[:, :, 1:])
-    M = P.transpose(0, 2, 1) @ group.mass[ids] @ P
+    P = null_space_blocks(q.reshape(len(q), -1, 4, 3)[:, :, 1:])
+    M = P.transpose(0, 2, 1) @ group.mass @ P
     return elements, eps, B @ P, np.asarray(np.linalg.cholesky(M), dtype=float)
 
 
@@ -234,23 +207,21 @@ def _reduced(weighted: Floats, B: Floats, root: Floats) -> Floats:
     return np.asarray(np.linalg.solve(root, half.transpose(0, 2, 1)), dtype=float)
 
 
-def _own_rates(group: BeamGroup, y: Array, ids: IndexArray) -> Floats:
-    """Squares of the highest frequencies and rates of decay (2, ne) of some elements."""
-    elements, eps, B, root = _by_twist(group, y, ids)
-    out = np.zeros((2, len(ids)))
-    out[0] = np.linalg.eigvalsh(_reduced(beam_moduli(elements, eps), B, root))[:, -1]
-    if elements.weighted_viscosity is not None:
-        damping = _reduced(elements.weighted_viscosity, B, root)
-        out[1] = np.linalg.eigvalsh(damping)[:, -1].clip(0)
+def _rates(group: BeamGroup, y: Array) -> Floats:
+    """Squares of the highest frequencies and rates of decay (2, ne) of elements."""
+    elements, eps, B, root = _by_twist(group, y)
+    out, moduli = np.zeros((2, len(eps))), beam_moduli(elements, eps)
+    for rates, weighted in zip(out, (moduli, elements.weighted_viscosity), strict=True):
+        if weighted is not None:
+            rates[:] = np.linalg.eigvalsh(_reduced(weighted, B, root))[:, -1].clip(0)
     return out
 
 
 def _named(system: System, group: BeamGroup, e: int) -> str:
-    for beam in (item for item in system.structures if is_beam(item)):
-        ids = group.slices.get(id(beam), slice(0, 0))
-        if ids.start <= e < ids.stop:
-            return f"element {e - ids.start} of {beam.label}"
-    raise InputError("element", f"{e} is of no beam")
+    """Element and beam of an element of a group."""
+    beams = {item.label: group.slices.get(id(item), slice(0, 0)) for item in system.structures}
+    label, ids = next(each for each in beams.items() if each[1].start <= e < each[1].stop)
+    return f"element {e - ids.start} of {label}"
 
 
 def check_lumped(name: str, system: System) -> None:

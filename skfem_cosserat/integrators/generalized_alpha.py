@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..constraints.saddle import accelerations, nearest_velocity, saddle_point
+from ..constraints.saddle import accelerations, nearest_velocity
 from ..errors import InputError
 from ..model import System
 from ..types import Floats, real, switch
@@ -139,7 +139,9 @@ class GeneralizedAlpha(Integrator):
     def _rates(self, system: System, state: State, h: float) -> Floats:
         """v, a, and the acceleration ``(alpha_f - alpha_m) h`` earlier, at a start (3, n)."""
         q, t = state.q, state.time
-        v, a = self._at_start(system, state)
+        y = system.extend(q, t)
+        v = nearest_velocity(system, y, state.p, t)
+        a = accelerations(system, q, v, t, state.turns)[0]
         s = 0.1 * h
         later = q + s * v + 0.5 * s**2 * a, v + s * a, t + s
         change = (accelerations(system, *later, state.turns)[0] - a) / s
@@ -150,7 +152,7 @@ class GeneralizedAlpha(Integrator):
         early = self.alpha_m - self.alpha_f
         if not self.stabilized and system.m:
             p = np.asarray(system.mass @ change.reshape(-1, 3)).reshape(-1)
-            across = change - saddle_point(system)(system.extend(q, t), p, np.zeros(system.m))[0]
+            across = change - nearest_velocity(system, y, p, None)
             v = v + (1 / 6 - self.beta - early / 2) * h**2 * across
         return np.array([v, a, a + early * h * change])
 
@@ -159,10 +161,3 @@ class GeneralizedAlpha(Integrator):
         """Root of twice the kinetic energy of rates (n,)."""
         rows = rates.reshape(-1, 3)
         return float(np.sqrt(max(0.0, (rows * (system.mass @ rows)).sum())))
-
-    @staticmethod
-    def _at_start(system: System, state: State) -> tuple[Floats, Floats]:
-        """Rates v and a (n,) of the equations of motion."""
-        y = system.extend(state.q, state.time)
-        v = nearest_velocity(system, y, state.p, state.time)
-        return v, accelerations(system, state.q, v, state.time, state.turns)[0]

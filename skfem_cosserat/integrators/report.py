@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 
-from ..constraints.saddle import accelerations, nearest_velocity
+from ..constraints.saddle import accelerations, nearest_momentum, nearest_velocity
 from ..errors import CosseratError, Diverged, InputError
 from ..model import System
 from ..newton import NewtonSettings
@@ -18,7 +17,7 @@ from .base import Integrator
 from .compiled_step import BlockOfSteps
 from .scheme import State, StepOrigin, StepWork, carried_rates
 
-__all__ = ["BlockReport", "Code", "ComposedReport", "Failure", "Solved", "StepReport"]
+__all__ = ["BlockReport", "Code", "Failure", "StepReport", "composed"]
 __all__ += ["OF_USERS", "ForcePoint", "StateForces", "force_points", "forces_of_states"]
 __all__ += ["one_sided"]
 
@@ -84,10 +83,24 @@ class StepReport:
         Scaled residual at the solution.
     work : StepWork
         Of loads, actuators and dampers in the step.
+    system : System
+    integrator : Integrator
+        Of a single step.
+    step : float
+        Its size (s); of a composed one that of all its parts, which may go back in time.
     start : State
         That it started from; of several steps, that before the last one.
-    stages : list of StepReport
-        The steps that a composed one is made of, itself otherwise.
+    y1 : (total, 3) array
+        All rows of y at its end.
+    impulse : (rows, 3) array
+        ``h G^T lambda``.
+    parts : sequence of StepReport
+        The steps that a composed one is made of.
+    by_motion : bool
+        Of a step that is composed of others, or explicit, the constraint force is that of the
+        continuous equations at the start: the steps give theirs to second order only. So it is with
+        the part of the momentum along ``G^T`` that nodes of the variational scheme have: it is left
+        out.
     code : Code
         ``Code.SOLVED``; see :class:`Failure` for others.
     """
@@ -98,7 +111,14 @@ class StepReport:
     attempts: int
     residual: float
     work: StepWork
-    _solved: Solved
+    system: System
+    integrator: Integrator
+    step: float
+    start: State
+    y1: Floats
+    impulse: Floats
+    parts: Sequence[StepReport] = ()
+    by_motion: bool = False
 
     def __repr__(self) -> str:
         end, name = self.state, type(self).__name__
@@ -106,8 +126,8 @@ class StepReport:
 
     @property
     def stages(self) -> list[StepReport]:
-        """See the class."""
-        return [self]
+        """The steps that a composed one is made of, itself otherwise."""
+        return list(self.parts) or [self]
 
     @property
     def steps(self) -> int:
@@ -138,46 +158,54 @@ class StepReport:
         return self.part(k).state
 
     @property
-    def step(self) -> float:
-        """Its size (s)."""
-        return self._solved.h
-
-    @property
-    def start(self) -> State:
-        """See the class."""
-        return self._solved.state
-
-    @property
     def momentum(self) -> Floats:
         """``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
-        _, integrator, _, state, _, impulse = self._solved
-        if state.fresh or integrator.carries_node_momentum:
+        node, state = self.integrator.carries_node_momentum, self.start
+        if self.by_motion and not node:  # nothing along G^T changes the velocity
+            return nearest_momentum(self.system, self.constraint_point, state.p, state.time)
+        if state.fresh or node:
             return state.p.copy()
         # the mean of both transforms (34), (35), whose parts of lambda cancel
-        return state.p - 0.5 * impulse.reshape(-1)
+        return state.p - 0.5 * self.impulse.reshape(-1)
 
     @property
     def constraint_force(self) -> Floats:
         """``G^T lambda`` (n,) of the step (N; N m on directors)."""
-        _, integrator, h, state, _, impulse = self._solved
+        if self.by_motion:
+            return force_by_motion(self.system, self.start)
         # a given momentum has the other half of the force at a node in it already
-        share = 0.5 if state.fresh and integrator.constraint_weight == 0 else 1.0
-        return (impulse / (share * h)).reshape(-1)
+        share = 0.5 if self.start.fresh and self.integrator.constraint_weight == 0 else 1.0
+        return (self.impulse / (share * self.step)).reshape(-1)
 
     @property
     def constraint_point(self) -> Floats:
         """Where it acts: all rows (total, 3) of y, at the node or midpoint."""
-        system, integrator, _, state, y1, _ = self._solved
-        weight = integrator.constraint_weight
-        if weight == 0:
-            return system.extend(state.q, state.time)
-        out = weight * y1
-        out[: system.rows] += (1 - weight) * state.q.reshape(-1, 3)
-        out[system.rows :] += (1 - weight) * system.ground(state.time)
-        return out
+        y0 = self.system.extend(self.start.q, self.start.time)
+        weight = 0.0 if self.by_motion else self.integrator.constraint_weight
+        return y0 if weight == 0 else weight * self.y1 + (1 - weight) * y0
 
 
-@dataclass(eq=False, repr=False)
+def composed(stages: list[StepReport], state: State) -> StepReport:
+    """Report of a step made of these ones, that ends in a state."""
+    first = stages[0]
+    return StepReport(
+        state,
+        sum(stage.iterations for stage in stages),
+        max(stage.attempts for stage in stages),
+        max(stage.residual for stage in stages),
+        StepWork(*np.sum([stage.work for stage in stages], axis=0).tolist()),
+        first.system,
+        first.integrator,
+        sum(stage.step for stage in stages),
+        first.start,
+        first.y1,
+        first.impulse,
+        parts=stages,
+        by_motion=True,
+    )
+
+
+@dataclass(eq=False, repr=False, kw_only=True)
 class BlockReport(StepReport):
     """Report of the last of several steps that were solved in one go, with the work of all.
 
@@ -187,23 +215,42 @@ class BlockReport(StepReport):
         All of them, until the stepper takes the next ones.
     times : (steps,) array
         Of their ends (s).
+    first_start : State
+    origin : StepOrigin
     """
 
     block: BlockOfSteps
     times: Floats
-    _first: State
+    first_start: State
+    origin: StepOrigin
 
     @classmethod
     def of(
-        cls, block: BlockOfSteps, times: Floats, state: State, made: Solved, origin: StepOrigin
+        cls,
+        block: BlockOfSteps,
+        times: Floats,
+        start: State,
+        origin: StepOrigin,
+        methods: tuple[System, Integrator, float],
     ) -> BlockReport:
-        """Report of steps from a state on; `made` is of the last of them, but for its start."""
-        work = StepWork(*(float(each.sum()) for each in block.works))
-        last = int(block.iterations[-1]), 1, float(block.residual[-1])
-        out = cls(state, *last, work, made, block, times, state)
-        out.state = replace(state, made_by=origin)
+        """Report of steps from a state on; `methods`: system, integrator, size of the steps (s)."""
+        out = cls(
+            start,
+            int(block.iterations[-1]),
+            1,
+            float(block.residual[-1]),
+            StepWork(*block.works.sum(0).tolist()),
+            *methods,
+            start,
+            np.concatenate([block.q[-1].reshape(-1, 3), block.ground[-1]]),
+            block.impulse[-1].copy(),
+            block=block,
+            times=times,
+            first_start=start,
+            origin=origin,
+        )
         out.state = replace(out._start(block.steps), plain=block.stuck)
-        out._solved = made._replace(state=out._start(block.steps - 1))
+        out.start = out._start(block.steps - 1)
         return out
 
     @property
@@ -223,12 +270,11 @@ class BlockReport(StepReport):
         if not (known + 1 if known else 0) <= k < self.steps:
             text = f"{k!r}, expected one of {self.steps} steps, taken with every=True"
             raise InputError("argument k", text)
-        work = StepWork(*(float(each[k]) for each in b.works))
+        work = StepWork(*b.works[k].tolist())
         y1 = np.concatenate([b.q[back].reshape(-1, 3), b.ground[back]])
-        solved = self._solved._replace(state=self._start(k), y1=y1, impulse=b.impulse[back].copy())
-        return StepReport(
-            self.after(k), int(b.iterations[k]), 1, float(b.residual[k]), work, solved
-        )
+        solved = self.after(k), int(b.iterations[k]), 1, float(b.residual[k]), work
+        own = self._start(k), y1, b.impulse[back].copy()
+        return StepReport(*solved, self.system, self.integrator, self.step, *own)
 
     def after(self, k: int) -> State:
         """See the base class."""
@@ -236,81 +282,19 @@ class BlockReport(StepReport):
 
     def first(self, steps: int) -> BlockReport:
         """The first ones of them, at least one; as :meth:`part`."""
-        last, some = self.part(steps - 1), slice(steps)
+        some = slice(steps)
         block = BlockOfSteps._make((False, *(each[some] for each in self.block[1:])))
-        made_by = self.state.made_by
-        assert made_by is not None
-        return self.of(block, self.times[some], self._first, last._solved, made_by)
+        methods = self.system, self.integrator, self.step
+        return self.of(block, self.times[some], self.first_start, self.origin, methods)
 
     def _start(self, k: int) -> State:
         """Where the k-th step starts."""
         if not k:
-            return self._first
-        b, index, back = self.block, self._first.index + k, k - 1 - self.steps
+            return self.first_start
+        b, index, back = self.block, self.first_start.index + k, k - 1 - self.steps
         turns = b.turns[back].copy() if b.turns.size else None
         own = b.q[back].copy(), b.p[back].copy(), False, turns, carried_rates(b.rates[back])
-        return State(float(self.times[k - 1]), index, *own, self.state.made_by)
-
-
-@dataclass(eq=False, repr=False)
-class ComposedReport(StepReport):
-    """Report of a step that is composed of others, or explicit.
-
-    Its constraint force is that of the continuous equations at the start: the steps give theirs to
-    second order only. So it is with the part of the momentum along ``G^T`` that nodes of the
-    variational scheme have: it is left out.
-    """
-
-    _stages: list[StepReport]
-
-    @classmethod
-    def of(cls, stages: list[StepReport], state: State) -> ComposedReport:
-        """Report of a step made of these ones, that ends in a state."""
-        works = np.array([stage.work for stage in stages])
-        return cls(
-            state,
-            sum(stage.iterations for stage in stages),
-            max(stage.attempts for stage in stages),
-            max(stage.residual for stage in stages),
-            StepWork(*works.sum(0).tolist()),
-            stages[0]._solved,
-            stages,
-        )
-
-    @property
-    def stages(self) -> list[StepReport]:
-        """See the base class; itself if there are none."""
-        return self._stages or [self]
-
-    @property
-    def step(self) -> float:
-        """See the base class: of all its parts, which may go back in time."""
-        return sum(stage._solved.h for stage in self.stages)
-
-    @property
-    def momentum(self) -> Floats:
-        """See the base class."""
-        system, integrator, _, _, _, _ = self._solved
-        if integrator.carries_node_momentum:
-            return super().momentum
-        return np.asarray(system.mass @ self._velocity.reshape(-1, 3)).reshape(-1)
-
-    @property
-    def _velocity(self) -> Floats:
-        """At the start (n,): on the hidden constraints, as nothing along ``G^T`` changes it."""
-        system, _, _, state, _, _ = self._solved
-        return nearest_velocity(system, self.constraint_point, state.p, state.time)
-
-    @property
-    def constraint_force(self) -> Floats:
-        """See the base class."""
-        return force_by_motion(self._solved.system, self._solved.state)
-
-    @property
-    def constraint_point(self) -> Floats:
-        """See the base class: at the node."""
-        system, _, _, state, _, _ = self._solved
-        return system.extend(state.q, state.time)
+        return State(float(self.times[k - 1]), index, *own, self.origin)
 
 
 #: a step against its neighbour, below which its constraint force is nothing but rounding
@@ -356,7 +340,7 @@ def force_point(
     weight, state, k = integrator.constraint_weight, step.start, step.step
     if weight == 1:
         return step.state.time, step.constraint_force
-    if isinstance(step, ComposedReport):
+    if step.by_motion:
         return state.time, step.constraint_force
     made = k if state.made_by is None else state.made_by.step
     h = made if before is None else before.step
@@ -364,7 +348,7 @@ def force_point(
         return None if state.fresh else (state.time, step.constraint_force * (2 * k / (h + k)))
     if k < TINY * h:
         return None
-    change = _off(step._solved.system, step.state) - _off(step._solved.system, state)
+    change = _off(step.system, step.state) - _off(step.system, state)
     return state.time + 0.5 * k, step.constraint_force + change / k
 
 
@@ -417,7 +401,7 @@ def force_of_state(
         return None
     h, k = before.step, step.step
     if h == k and not integrator.loses:
-        both = before._solved.impulse + step._solved.impulse
+        both = before.impulse + step.impulse
         return state, (0.5 / h * both).reshape(-1)
     one, other = (force_point(integrator, None, each) for each in (before, step))
     if min(h, k) < TINY * max(h, k) or one is None or other is None:
@@ -427,7 +411,7 @@ def force_of_state(
 
 def force_points(integrator: Integrator, steps: Sequence[StepReport]) -> list[ForcePoint]:
     """Those of :func:`force_point` of steps in a row; none where equations of motion give more."""
-    if not steps or isinstance(steps[-1], ComposedReport):
+    if not steps or steps[-1].by_motion:
         return []
     pairs = zip([None, *steps], steps, strict=False)
     found = [force_point(integrator, before, step) for before, step in pairs]
@@ -505,26 +489,5 @@ def forces_of_states(integrator: Integrator, h: float, before: Floats, after: Fl
 
 def _off(system: System, state: State) -> Floats:
     """What a state's momentum is off the hidden constraints by (n,)."""
-    v = nearest_velocity(system, system.extend(state.q, state.time), state.p, state.time)
-    return state.p - (system.mass @ v.reshape(-1, 3)).reshape(-1)
-
-
-class Solved(NamedTuple):
-    """What momentum and constraint force of a step are made from, when somebody asks for them.
-
-    Attributes
-    ----------
-    h : float
-    state : State
-        At the start of the step.
-    y1 : (total, 3) array
-    impulse : (rows, 3) array
-        ``h G^T lambda``.
-    """
-
-    system: System
-    integrator: Integrator
-    h: float
-    state: State
-    y1: Floats
-    impulse: Floats
+    y = system.extend(state.q, state.time)
+    return state.p - nearest_momentum(system, y, state.p, state.time)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -30,14 +29,6 @@ class StepOrigin:
 
     integrator: str
     step: float
-
-    def same_scheme(self, other: StepOrigin) -> bool:
-        """Whether both are steps of one scheme."""
-        return self.integrator == other.integrator
-
-    def same_step(self, other: StepOrigin) -> bool:
-        """Whether the steps are of one size, to rounding."""
-        return abs(self.step - other.step) <= 1e-9 * abs(other.step)
 
 
 @checked
@@ -224,38 +215,9 @@ class Scheme:
         return self.at == 1
 
     @property
-    def carries_velocity(self) -> bool:
-        """Whether the momentum carried on is that of the rates."""
-        return bool(self.before)
-
-    @property
     def carries_node_momentum(self) -> bool:
         """Whether the momentum carried on is p_n of the node; else the next step completes it."""
         return self.weight != 0 or bool(self.moved)
-
-    def rates_after(self, dq: Floats, before: Floats | None) -> Floats | None:
-        """Rates (k, rows, 3) at the end of a step, from those before it: ``table . (dq, r_0)``."""
-        if not self.table:
-            return None
-        assert before is not None
-        change, own = self._table
-        out = own @ before.reshape(len(own), -1)
-        out += change * dq.reshape(-1)
-        return out.reshape(before.shape)
-
-    @cached_property
-    def _table(self) -> tuple[Floats, Floats]:
-        """Columns of the table: by dq, and by the rates."""
-        table = np.array(self.table)
-        return table[:, :1].copy(), table[:, 1:].copy()
-
-    def taken_off(self, rates: Floats) -> Floats:
-        """``before . r_0`` (rows, 3)."""
-        return np.asarray(self._before @ rates.reshape(len(rates), -1)).reshape(-1, 3)
-
-    @cached_property
-    def _before(self) -> Floats:
-        return np.array(self.before)
 
 
 def carried_rates(rates: Floats | None, count: int | None = None) -> dict[str, Floats]:

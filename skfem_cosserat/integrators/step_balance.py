@@ -15,15 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..arguments import checked
-from ..constraints.base import largest
 from ..constraints.saddle import nearest_velocity
 from ..errors import IncompatibleError
 from ..model import System
 from ..model.balance import amplitudes_at, balance
 from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import BeamGroup, Blocks, Parts
-from ..types import Array, Floats
+from ..types import Array, Floats, largest
 from .called_back import coupled as forces_of
 from .called_back import trapezoidal_work
 from .scheme import Scheme, State, StepWork
@@ -146,7 +144,6 @@ class Finished(NamedTuple):
     work: StepWork
 
 
-@checked
 class StepBalance:
     """Balance of the steps of one size, of a scheme in numbers.
 
@@ -184,7 +181,7 @@ class StepBalance:
         given, size = s.momentum * p0, largest(p0)
         if s.before:
             assert rates0 is not None
-            own = system.inertia.dot(s.taken_off(rates0))
+            own = system.inertia.dot(np.tensordot(s.before, rates0, 1))
             given, size = given + own, largest(own)
         if system.loading.dead_only:
             given = given + s.force * dead
@@ -193,7 +190,7 @@ class StepBalance:
         )
         if s.ends:
             if before is None:
-                both = system.strain(y0)
+                both = [g.strain(y0) for g in system.beam_groups]
                 step.strains0, step.Bs0 = [eps for eps, _ in both], [B for _, B in both]
             else:
                 step.strains0, step.Bs0 = before.strains, before.B1s
@@ -214,7 +211,7 @@ class StepBalance:
                 own = elements.starting(y0, state.turns, at_end.actuators, 1.0, t1)
             return at_end.loads, system.ground_rate(t1), own
         own = None if elements is None else elements.begin(y0, state.turns, t0, self.h)
-        rate = (system.ground(t1) - y0[system.rows :]) / self.h
+        rate = (system.grounds.at(t1) - y0[system.rows :]) / self.h
         return system.loading.averages(t0, t1), rate, own
 
     # -- balance ---------------------------------------------------------------------------------
@@ -224,8 +221,9 @@ class StepBalance:
         s, system, rows = self.scheme, self.system, self.system.rows
         dq = y1[:rows] - step.y0[:rows]
         y = y1 if s.at == 1 else mean(step.y0, y1)
-        inertia = self.inertia(step, dq)
-        strains1 = system.strain(y1 if s.ends else y)
+        inertia = s.mass * system.inertia.dot(dq)
+        strained = y1 if s.ends else y
+        strains1 = [g.strain(strained) for g in system.beam_groups]
         strains, B1s = [eps for eps, _ in strains1], [B for _, B in strains1]
         # B is linear in q
         Bs = [mean(B0, B1) for B0, B1 in zip(step.Bs0, B1s, strict=True)] if s.ends else B1s
@@ -234,7 +232,11 @@ class StepBalance:
         velocity: Array | None = None
         rates: list[Array | None] = [None] * len(stresses)
         if system.damped or (step.couplings is not None and s.at_end):
-            velocity = self._velocity(step, dq)
+            v = s.rate * dq
+            if s.rates:
+                assert step.rates0 is not None
+                v = v + np.tensordot(s.rates, step.rates0, 1)
+            velocity = np.concatenate([v, step.ground_rate])
             stresses, rates = self._viscous(Bs, stresses, velocity)
         forces = system.internal_force(Bs, stresses)
         if system.drag is not None:
@@ -257,12 +259,6 @@ class StepBalance:
         found = stresses, Bs, strains, B1s, rates, external, coupled
         return Evaluation(R, size, inertia, forces, y, y1, dq, velocity, *found)
 
-    def inertia(self, step: StepData, dq: Array) -> Array:
-        """``mass M dq`` (rows, 3)."""
-        out = self.system.inertia.dot(dq)
-        out *= self.scheme.mass
-        return out
-
     def _stress(self, step: StepData, k: int, group: BeamGroup, strains: Array) -> Array:
         """Elastic stresses of a step in beam group k."""
         if not self.scheme.ends:
@@ -270,14 +266,6 @@ class StepBalance:
         S = group.discrete_stress(step.strains0[k], step.stresses0[k], strains)
         chi = self.scheme.decay
         return S + decay_stress(group, chi, strains - step.strains0[k]) if chi else S
-
-    def _velocity(self, step: StepData, dq: Array) -> Array:
-        """Velocity (total, 3) at which dampers act."""
-        s, v = self.scheme, self.scheme.rate * dq
-        if s.rates:
-            assert step.rates0 is not None
-            v = v + np.tensordot(np.array(s.rates), step.rates0, 1)
-        return np.concatenate([v, step.ground_rate])
 
     def _viscous(
         self, Bs: list[Array], elastic: list[Array], velocity: Array
@@ -383,7 +371,10 @@ class StepBalance:
 
     def rates(self, step: StepData, evaluation: Evaluation) -> Floats | None:
         """Rates (k, rows, 3) at the end of the step, before velocities are moved."""
-        return self.scheme.rates_after(evaluation.dq, step.rates0)
+        if not self.scheme.table:
+            return None
+        assert step.rates0 is not None
+        return np.tensordot(self.scheme.table, [evaluation.dq, *step.rates0], 1)
 
     def handed_on(
         self,
@@ -407,7 +398,7 @@ class StepBalance:
             At both ends.
         """
         s, system = self.scheme, self.system
-        if s.carries_velocity:
+        if s.before:
             assert rates is not None
             p = system.inertia.dot(rates[0])
         if not self._moves:

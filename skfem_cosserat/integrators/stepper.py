@@ -13,7 +13,7 @@ import numpy as np
 from ..arguments import checked
 from ..compiled.kept import Source
 from ..constraints import BoundTreatment, Treatment
-from ..constraints.saddle import nearest_velocity
+from ..constraints.saddle import nearest_momentum, nearest_velocity
 from ..errors import AccuracyWarning, Diverged, IncompatibleError, InputError, PerformanceWarning
 from ..linear import LinearSolver, SingularMatrixError, Solver, checked_solver
 from ..model import Model, System, system_of
@@ -22,10 +22,10 @@ from ..model.loops import BROKEN, contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
 from ..warn import Notices, listening, logger, warn
-from .base import Integrator, March
+from .base import Integrator
 from .choice import FACTOR, built, choose_kernels
-from .compiled_step import CompiledStep, compiled_step
-from .report import BlockReport, Code, ComposedReport, Failure, Solved, StepReport
+from .compiled_step import BlockOfSteps, CompiledStep, kernel_coordinates
+from .report import BlockReport, Code, Failure, StepReport, composed
 from .scheme import State, StepOrigin, carried_rates
 from .step_balance import Evaluation, StepBalance, StepData
 
@@ -225,7 +225,6 @@ class Stepper:
             steps = min(whole("argument steps", steps, 0), 10**15)
         self.system, self.integrator, self.treatment = system, integrator, treatment
         self.h = positive("argument step", "step", h, " of seconds")
-        self._origin = StepOrigin(integrator.name, self.h)
         self.settings = NewtonSettings() if settings is None else settings
         check_kind("argument settings", self.settings, NewtonSettings)
         if checked_solver(solver) is not None and not integrator.solves:
@@ -271,8 +270,9 @@ class Stepper:
         balance = one.balance(system, h)
 
         def make() -> CompiledStep:
-            chosen = one, self.treatment, h, self.settings, choice.plan, solver
-            return compiled_step(system, *chosen, source=choice.source)
+            coordinates = kernel_coordinates(system, self.treatment)
+            methods = one, h, self.settings
+            return CompiledStep(coordinates, *methods, choice.plan, solver, choice.source)
 
         self.choice, fast = built(choice, make)
         self._sizes[h] = _Size(h, balance, fast)
@@ -358,7 +358,7 @@ class Stepper:
             raise
 
     def _step(self, state: State, time: float, h: float) -> StepReport:
-        origin = self._made_by(h)
+        origin = StepOrigin(self.integrator.name, h)
         if self.system.moving and (reason := jump(self.system, state.time, time)):
             advice = (
                 "no motion can follow a jump: let it take several steps, as"
@@ -370,7 +370,11 @@ class Stepper:
                 raise IncompatibleError(
                     f"{self.integrator!r} with another step", "its steps are fixed"
                 )
-            return self._marched(self._march, state, time, origin)
+            new, iterations, residual, work = self._march.advance(state, time)
+            new, system = replace(new, made_by=origin), self.system
+            own = system, self.integrator, h, state, system.extend(new.q, new.time)
+            none = np.zeros((system.rows, 3))
+            return StepReport(new, iterations, 1, residual, work, *own, none, by_motion=True)
         step = self._compose if self.integrator.shares else self.attempts
         outcome = step(state, time, h, origin)
         if isinstance(outcome, Failure):
@@ -460,14 +464,19 @@ class Stepper:
             times = times[: next((k for k, pair in pairs if self._ends_block(*pair)), None)]
             if not len(times):
                 return self.advance(state, next_time, h)
-        block = fast.advance_block(state, times, every, mark)
+        block = fast.advance(state, times, every, mark)
         if not block.steps:
             return self.advance(replace(state, plain=True), next_time, h)
+        origin = StepOrigin(self.integrator.name, size)
+        return self._taken(block, state, times, size, origin)
+
+    def _taken(
+        self, block: BlockOfSteps, state: State, times: Floats, h: float, origin: StepOrigin
+    ) -> BlockReport:
+        """Report of steps of size h that compiled kernels have solved from a state on."""
         self._first, self._left_in_a_row = False, 0
-        times = times[: block.steps]
-        y1 = np.concatenate([block.q[-1].reshape(-1, 3), block.ground[-1]])
-        made = Solved(self.system, self.integrator, size, state, y1, fast.impulse)
-        return BlockReport.of(block, times, state, made, self._made_by(size))
+        methods = self.system, self.integrator.single, h
+        return BlockReport.of(block, times[: block.steps], state, origin, methods)
 
     def _ends_block(self, t0: float, t1: float) -> bool:
         """Whether a step has prescribed motion that jumps or fails, which :meth:`advance` tells."""
@@ -494,22 +503,20 @@ class Stepper:
             assert fast is not None
             fast.rewind(report.part(0).start, report.times[:steps])
 
-    def _made_by(self, h: float) -> StepOrigin:
-        """What states at the end of steps of a size (s) say of them."""
-        return self._origin if h == self.h else StepOrigin(self.integrator.name, h)
-
     def own(self, state: State, varying: bool = False) -> State:
         """The state, if this scheme and step made it; else a start from its q and p.
 
         Its momentum is then that on the hidden constraints: schemes carry on different momenta.
         With `varying` any step of the scheme may have made it.
         """
-        made, own = state.made_by, self._origin
-        if made is None or (made.same_scheme(own) and (varying or made.same_step(own))):
+        made = state.made_by
+        if made is None:
+            return state
+        same = varying or abs(made.step - self.h) <= 1e-9 * self.h
+        if same and made.integrator == self.integrator.name:
             return state
         y = self.system.extend(state.q, state.time)
-        v = nearest_velocity(self.system, y, state.p, state.time)
-        p = np.asarray(self.system.mass @ v.reshape(-1, 3)).reshape(-1)
+        p = nearest_momentum(self.system, y, state.p, state.time)
         return replace(state, p=p, fresh=True, carried={}, made_by=None, plain=False)
 
     def _closing(self, y0: Floats) -> IndexArray:
@@ -534,13 +541,13 @@ class Stepper:
                 step = self._begin(state, of, time)
                 fast.close(self._closing(step.y0))
             if self.bound.regular and not state.plain:
-                solved = fast.solve(state, time)
-                if solved is not None:
+                block = fast.advance(state, np.array([time]))
+                if block.steps:
                     # by their terms: far below what is broken by the size of the joints
-                    missed = self.system.moving and fast.missed > 1e-4 * BROKEN
-                    if missed and (wrong := self._contradiction(state, h, fast.y1, solved[1])):
+                    missed, residual = fast.missed > 1e-4 * BROKEN, float(block.residual[0])
+                    if missed and (wrong := self._contradiction(state, h, fast.y1, residual)):
                         return wrong
-                    return self._accept_compiled(of, fast, state, time, origin, *solved)
+                    return self._taken(block, state, np.array([time]), h, origin)
             # the general way tries again from there
             of.last = None if fast.last is None else (h, fast.last)
         step = self._begin(state, of, time) if step is None else step
@@ -610,14 +617,7 @@ class Stepper:
                 AccuracyWarning,
                 state.time,
             )
-        return ComposedReport.of(reports, replace(now, index=state.index + 1))
-
-    def _marched(self, march: March, state: State, time: float, origin: StepOrigin) -> StepReport:
-        new, iterations, residual, work = march.advance(state, time)
-        new = replace(new, made_by=origin)
-        y1, none = self.system.extend(new.q, new.time), np.zeros((self.system.rows, 3))
-        solved = Solved(self.system, self.integrator, self.h, state, y1, none)
-        return ComposedReport(new, iterations, 1, residual, work, solved, [])
+        return composed(reports, replace(now, index=state.index + 1))
 
     def start_force(self, state: State, h: float | None = None) -> Floats | None:
         """Constraint force (n,) at a state a run starts from; None: that of the step after it.
@@ -636,7 +636,7 @@ class Stepper:
         momentum = state.p if state.fresh or self._first else None
         self._first = False
         self._recall(of)
-        self.bound.begin(step.y0, self.system.ground(time), of.h, momentum)
+        self.bound.begin(step.y0, self.system.grounds.at(time), of.h, momentum)
         for item, text in self.bound.doubts:
             logger.info("t = %.6g s: the %s %s", state.time, item, text)  # each time
             warn(item, text, AccuracyWarning, state.time)
@@ -738,8 +738,8 @@ class Stepper:
             made_by=origin,
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
-        solved = Solved(self.system, of.balance.integrator, of.h, state, y1, impulse)
-        return StepReport(new, iterations, attempts, report.residual, finished.work, solved)
+        solved = new, iterations, attempts, report.residual, finished.work
+        return StepReport(*solved, self.system, self.integrator.single, of.h, state, y1, impulse)
 
     def _count_left(self, state: State) -> None:
         """A step is left to plain numpy: say it where that costs much."""
@@ -752,32 +752,6 @@ class Stepper:
         text = f"compiled kernels left the last {LEFT} steps to plain numpy, as {why}"
         cost = f"that is some {FACTOR} times slower"
         warn("argument kernels", f"{text}; {cost}", PerformanceWarning, state.time)
-
-    def _accept_compiled(
-        self,
-        of: _Size,
-        fast: CompiledStep,
-        state: State,
-        time: float,
-        origin: StepOrigin,
-        iterations: int,
-        residual: float,
-    ) -> StepReport:
-        y1, p, impulse, work = fast.y1, fast.carried(), fast.impulse, fast.work()
-        rows, carried = y1[: self.system.rows], fast.handed_on
-        if fast.unmoved:
-            dq, rates = rows - state.q.reshape(-1, 3), carried["rates"]
-            rates = rates.reshape(len(rates), -1, 3)
-            own = y1, dq, p, fast.rates0, rates, work, state.time + of.h
-            p, moved, more, work = of.balance.handed_on(*own)
-            assert moved is not None
-            assert more is not None
-            impulse, carried = impulse + more, carried_rates(moved)
-        q, p = rows.ravel(), p.ravel()
-        new = State(time, state.index + 1, q, p, False, fast.turns(), carried, origin)
-        self._first, self._left_in_a_row = False, 0
-        solved = Solved(self.system, of.balance.integrator, of.h, state, y1, impulse)
-        return StepReport(new, iterations, 1, residual, work, solved)
 
     def iteration_matrix(self, state: State, scaled: bool = True) -> tuple[Floats, StepReport]:
         """Dense iteration matrix at the converged state of the step after `state`.

@@ -269,7 +269,7 @@ class CurveHelix(Frozen):
         )
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CurveMoved(Frozen):
     """A curve moved as a rigid body: ``x -> rotation @ x + shift``.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import lzma
-import os
 import re
 import struct
 import warnings
@@ -20,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MeshError, ModelWarning
-from ..pattern import shared
 from ..types import Array, FilePath, Floats, IndexArray, file_path
 from ..warn import logger, warn
 from .decks import DECKS, Deck
@@ -370,7 +368,7 @@ def _read_lines(file: Path) -> LineData:
         return _from_deck(file, read(file))
     content = file.read_bytes()
     if _is_gmsh41(content, b"0"):
-        return shared(_from_gmsh41, os.fsencode(file), content)
+        return _from_gmsh41(file, content)
     mesh = _meshio(file, content)
     _check_cells(file, Counter({block.type: len(block.data) for block in mesh.cells}))
     lines = np.vstack([block.data for block in mesh.cells if block.type == "line"])
@@ -500,9 +498,8 @@ def _meshio(file: Path, content: bytes) -> Any:
     return mesh
 
 
-def _from_gmsh41(name: bytes, content: bytes) -> LineData:
+def _from_gmsh41(file: Path, content: bytes) -> LineData:
     """Lines of an ASCII gmsh 4.1 file, given its name and content."""
-    file = Path(os.fsdecode(name))
     found = read_gmsh41(file, content)
     _check_cells(file, found.cells)
     lines, nodes = np.concatenate(found.lines), _arrays(found.nodes)

@@ -155,14 +155,11 @@ class MappingCurve(SkfemMapping):
         return self._on_curves(np.asarray(tind), xi, tangent=True) * sign[:, None]
 
 
-def _by_curve(ids: IndexArray) -> Iterator[tuple[int, IndexArray | slice]]:
+def _by_curve(ids: IndexArray) -> Iterator[tuple[int, IndexArray]]:
     """Each curve with the places (n,) in which it stands."""
-    if (ids == ids[:1]).all():
-        yield from ((c, slice(None)) for c in ids[:1].tolist())
-        return
     order = np.argsort(ids, kind="stable")
     cuts = np.flatnonzero(np.diff(ids[order])) + 1
-    yield from ((int(ids[rows[0]]), rows) for rows in np.split(order, cuts))
+    yield from ((int(ids[rows[0]]), rows) for rows in np.split(order, cuts) if len(rows))
 
 
 # -- new arrays for changed meshes: joined, refined, restricted ------------------------------------
@@ -370,7 +367,7 @@ class MeshCurve(Frozen, MeshLine1):
     def __post_init__(self) -> None:
         """Check the arrays, then everything that needs geometry."""
         self.doflocs, self.t = check_arrays(self.doflocs, self.t)
-        super().__post_init__()
+        MeshLine1.__post_init__(self)
         ne = self.t.shape[1]
         self.curves = tuple(self.curves)
         ids = np.full(ne, -1) if self.curve_ids is None else np.asarray(self.curve_ids, dtype=int)
@@ -388,6 +385,7 @@ class MeshCurve(Frozen, MeshLine1):
         self.curve_ids, self.spans = ids, spans
         check_geometry(self)
         self._boundaries, self._subdomains = locked(self._boundaries), locked(self._subdomains)
+        super().__post_init__()
 
     def __repr__(self) -> str:
         names = f", beams {', '.join(map(repr, self.beams))}" if self.beams else ""

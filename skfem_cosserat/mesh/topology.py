@@ -10,7 +10,6 @@ import numpy as np
 
 from ..errors import InputError, MeshError, ModelWarning
 from ..frozen import lock_arrays
-from ..pattern import shared
 from ..types import (
     Array,
     ArrayLike,
@@ -126,20 +125,6 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     MeshError
         If two elements of a beam point against each other where nothing else joins them.
     """
-    found = shared(_chained, t, owner)
-    if isinstance(found, ChainOrder):
-        return found
-    e, end, other = found
-    item = f"beam '{names[owner[e]]}'" if owner[e] >= 0 else "elements in no beam"
-    raise MeshError(
-        item,
-        f"elements {e} and {other} point against each other at node {t[end, e]}:"
-        " use mesh.directed() to turn one",
-    )
-
-
-def _chained(t: Array, owner: IndexArray) -> ChainOrder | tuple[int, int, int]:
-    """Chains, or an element, which of its ends meets another one's against it, and that one."""
     ne = t.shape[1]
     met = _neighbours(t, owner)
     against = (met >= 0) & (met % 2 == np.array([[0], [1]]))
@@ -147,7 +132,11 @@ def _chained(t: Array, owner: IndexArray) -> ChainOrder | tuple[int, int, int]:
         which = np.flatnonzero(against.any(axis=0))
         e = int(which[np.argmin(owner[which])])
         end = int(np.argmax(against[:, e]))
-        return e, end, int(met[end, e]) // 2
+        raise MeshError(
+            f"beam '{names[owner[e]]}'" if owner[e] >= 0 else "elements in no beam",
+            f"elements {e} and {int(met[end, e]) // 2} point against each other at node"
+            f" {t[end, e]}: use mesh.directed() to turn one",
+        )
     successor = np.where(met[1] >= 0, met[1] // 2, -1)
     leading = np.ones(ne, dtype=bool)
     leading[successor[successor >= 0]] = False
@@ -328,28 +317,21 @@ def _check_names(mesh: MeshCurve) -> None:
 # -- lines that cross without a common vertex ------------------------------------------------------
 
 
-#: elements of which all pairs are looked at
-FEW = 200
-
-
 def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     """Elements (2, k) that meet between the vertices of one of them at least, and where (k, 3).
 
     By their chords, of those that have no vertex in common. Parallel ones are left out.
     """
+    from scipy.spatial import cKDTree  # slow to import
+
     ends = mesh.p.T[mesh.t]
     along = ends[1] - ends[0]
     size, middle = np.linalg.norm(along, axis=1), ends.mean(axis=0)
-    if len(size) <= FEW:
-        e, f = np.triu_indices(len(size), 1)
-    else:
-        from scipy.spatial import cKDTree  # slow to import
-
-        # of two that meet the middles are not farther apart than the longer one is long
-        near = cKDTree(middle).query_ball_point(middle, size + tol)
-        first = np.repeat(np.arange(len(size)), [len(each) for each in near])
-        pairs = np.stack([first, np.concatenate(near)], axis=1).astype(np.int64)
-        e, f = np.unique(np.sort(pairs, axis=1), axis=0).T
+    # of two that meet the middles are not farther apart than the longer one is long
+    near = cKDTree(middle).query_ball_point(middle, size + tol)
+    first = np.repeat(np.arange(len(size)), [len(each) for each in near])
+    pairs = np.stack([first, np.concatenate(near)], axis=1).astype(np.int64)
+    e, f = np.unique(np.sort(pairs, axis=1), axis=0).T
     apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
     e, f = e[apart], f[apart]
     # the points that are closest: s of the way along e, r along f

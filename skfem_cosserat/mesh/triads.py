@@ -125,7 +125,7 @@ def _hints(mesh: MeshCurve, directors: Directors) -> Floats:
 
 def _check_parallel(mesh: MeshCurve, hints: Floats, tangents: Floats, along: Floats) -> None:
     """Refuse hints (ne, 3) that are parallel to a tangent (ne, n, 3)."""
-    sine = np.linalg.norm(_cross(hints[:, None], tangents), axis=-1)
+    sine = np.linalg.norm(np.cross(hints[:, None], tangents), axis=-1)
     parallel = sine < PARALLEL  # NaN where there is no hint
     if parallel.any():
         order = mesh.chain_order.elements
@@ -138,19 +138,13 @@ def _check_parallel(mesh: MeshCurve, hints: Floats, tangents: Floats, along: Flo
         )
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
-    """Vector products (..., 3)."""
-    i, j = [1, 2, 0], [2, 0, 1]
-    return a[..., i] * b[..., j] - a[..., j] * b[..., i]
-
-
 def _orthonormal(d1: Array, tangent: Array) -> Floats:
     """Triads (..., 3, 3) of unit tangents d3 (..., 3) and directions d1 (..., 3)."""
     d3 = tangent / np.linalg.norm(tangent, axis=-1, keepdims=True)
     for _ in range(2):
         d1 = d1 - (d1 * d3).sum(axis=-1, keepdims=True) * d3
         d1 = d1 / np.linalg.norm(d1, axis=-1, keepdims=True)
-    d2 = _cross(d3, d1)
+    d2 = np.cross(d3, d1)
     return np.stack([d1, d2 / np.linalg.norm(d2, axis=-1, keepdims=True), d3], axis=-2)
 
 
@@ -233,7 +227,7 @@ def _transported(
         v, before, after = normal[:, which], t[:, which], t[:, to]
         step = x[:, to] - x[:, which]
         v = _reflected(v, step, before, after) if inside else _minimal(v, before, after)
-        side = _cross(after, normal[:, to])
+        side = np.cross(after, normal[:, to])
         turned = np.arctan2((v * side).sum(-1), (v * normal[:, to]).sum(-1))
         return np.where((before == after).all(-1), 0.0, turned)
 
@@ -253,4 +247,4 @@ def _transported(
         share = s.reshape(chains, m * n) / ends[:, -1:]
         total += np.where(closed[:, None] & (abs(miss) > 1e-13), miss * share, 0.0)
     c, s = np.cos(total)[..., None], np.sin(total)[..., None]
-    return (c * normal + s * _cross(t, normal)).reshape(chains * m, n, 3)
+    return (c * normal + s * np.cross(t, normal)).reshape(chains * m, n, 3)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.linalg import eig, eigh
 from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
+from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from .. import checks
 from ..arguments import checked
@@ -20,10 +20,11 @@ from ..law import STEP
 from ..linear import EIGENVALUES
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
+from ..statics.critical_points import Factorised
 from ..types import SAME, Floats, finite
 from ..warn import Notices, counted
-from .eigen import SPARE, TOLERANCE, Factorised, Pencil, lowest, make_pencil
-from .state import Equilibrium, as_system, check_amplitudes, resting
+from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
+from .state import Equilibrium, as_system, check_amplitudes, resting, vertex_of
 from .vibration import animation, checked_count, checked_index
 
 Sign = Literal["positive", "negative", "both"]
@@ -216,12 +217,10 @@ def _loose(at: Equilibrium, x: Floats, free: bool) -> InputError:
     system = at.system
     size = np.linalg.norm((at.tangent.P @ x).reshape(-1, 3), axis=1)
     size[system.origin_rows] /= system.length
-    row = int(np.argmax(size))
-    vertex = int(np.searchsorted(system.origin_rows, row, side="right")) - 1
-    place = np.round(at.y[system.origin_rows[vertex]], 6).tolist()
+    item, place = vertex_of(system, at.y, int(np.argmax(size)))
     what = "moves without any stiffness" if free else "is unstable without loads"
     return InputError(
-        system.owner[vertex].label,
+        item,
         f"{what} in the reference, most at {place}: support it, there is no buckling load",
     )
 
@@ -318,11 +317,6 @@ def _without_potential(
     if n <= EIGENVALUES or k > n // 3:
         theta, X = eig(-K1.toarray(), K0.toarray())
     else:
-        inverse = LinearOperator((n, n), matvec=lambda x: -factors.solve(K1 @ x), dtype=float)
-        start = np.random.default_rng(0).standard_normal(n)
-        try:
-            theta, X = eigs(inverse, k, which="LM", v0=start, tol=TOLERANCE, maxiter=300)
-        except ArpackError as error:
-            raise CosseratError("the Arnoldi iteration for factors did not converge") from error
+        theta, X = arnoldi(lambda x: -factors.solve(K1 @ x), n, k)
     real = abs(theta.imag) <= REAL * abs(theta)
     return theta[real].real, X[:, real].real

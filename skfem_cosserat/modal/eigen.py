@@ -24,6 +24,7 @@ from ..kernels import skew
 from ..linear import EIGENVALUES
 from ..model import System
 from ..model.balance import balance_tangent
+from ..statics.critical_points import Factorised
 from ..types import SAME, Array, Floats
 from ..warn import warn
 from .state import Equilibrium
@@ -41,61 +42,37 @@ SPARE = 6
 Energies = Callable[[Array], tuple[Array, Floats]]
 
 
-class Factorised:
-    """``A`` factorised without exchange of rows, so that its negative pivots can be counted.
-
-    Attributes
-    ----------
-    negative : int
-        Negative eigenvalues, by Sylvester's law of inertia; -1 if rows were exchanged.
-    """
-
-    def __init__(self, A: csr_matrix) -> None:
-        options = {"SymmetricMode": True}
-        self.lu = splu(
-            A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
-        )
-        straight = bool((self.lu.perm_r == self.lu.perm_c).all())
-        self.negative = int((self.lu.U.diagonal() < 0).sum()) if straight else -1
-
-    def solve(self, rhs: Array) -> Array:
-        """Real or complex right sides."""
-        if np.iscomplexobj(rhs):
-            return self.lu.solve(rhs.real.copy()) + 1j * self.lu.solve(rhs.imag.copy())
-        return self.lu.solve(rhs)
-
-
-class Lowest:
-    """Lowest eigenpairs.
+@dataclass(eq=False)
+class Eigenpairs:
+    """Eigenvalues and their vectors, motions without stiffness first or where they are.
 
     Attributes
     ----------
     values : (k,) array
         Ascending; zero where only rounding is left of the energy.
     vectors : (u, k) array
-        ``x^T M x = 1``.
+        ``x^H M x = 1``.
     zero : (k,) bool array
+        Motions without stiffness.
     factorisations : int
         Of sparse matrices.
     """
 
-    def __init__(
-        self, values: Floats, vectors: Floats, zero: Array, factorisations: int = 0
-    ) -> None:
-        self.values, self.vectors, self.zero = values, vectors, zero
-        self.factorisations = factorisations
+    values: Array
+    vectors: Array
+    zero: Array
+    factorisations: int = 0
 
-    def first(self, count: int) -> Lowest:
+    def first(self, count: int) -> Eigenpairs:
         """The first of them."""
         keep = slice(0, count)
-        return Lowest(
-            self.values[keep], self.vectors[:, keep], self.zero[keep], self.factorisations
-        )
+        each = self.values[keep], self.vectors[:, keep], self.zero[keep]
+        return Eigenpairs(*each, self.factorisations)
 
 
 def lowest(
     K: csr_matrix, M: csr_matrix, count: int, energies: Energies, dense: int = EIGENVALUES
-) -> Lowest:
+) -> Eigenpairs:
     """The `count` lowest eigenpairs of ``K x = lambda M x``; M positive, K of any sign.
 
     Parameters
@@ -200,7 +177,7 @@ def _lanczos(
     return vectors
 
 
-def _missing(K: csr_matrix, M: csr_matrix, found: Lowest, count: int) -> int:
+def _missing(K: csr_matrix, M: csr_matrix, found: Eigenpairs, count: int) -> int:
     """How many eigenvalues were missed, counted by the signs of pivots.
 
     Below a value in the widest gap behind those asked for.
@@ -214,7 +191,7 @@ def _missing(K: csr_matrix, M: csr_matrix, found: Lowest, count: int) -> int:
     return negative - (count + k) if negative >= 0 else 0
 
 
-def ritz(X: Floats, M: csr_matrix, energies: Energies, shift: float) -> Lowest:
+def ritz(X: Floats, M: csr_matrix, energies: Energies, shift: float) -> Eigenpairs:
     """Rayleigh-Ritz in the span of X (u, k), with accurate energies; `shift` is below all values.
 
     The largest ``1/(value - shift)`` are computed: the lowest values keep their digits whatever
@@ -238,7 +215,7 @@ def ritz(X: Floats, M: csr_matrix, energies: Energies, shift: float) -> Lowest:
         shift = -float(elastic.min())  # nearer: vectors are orthogonal to more digits
     values[zero] = 0.0
     order = np.argsort(values, kind="stable")
-    return Lowest(values[order], X[:, order], zero[order])
+    return Eigenpairs(values[order], X[:, order], zero[order])
 
 
 # -- mass, damping and stiffness of small vibrations about a state of rest -------------------------
@@ -421,33 +398,14 @@ STEADY = 1e-4
 SLOW = 1e-2
 #: the same for squares: energies of motions without stiffness, as eigenvectors have them
 FREE = 1e-8
-#: relative force beyond those motions by which damping couples them with others
-ALONE = 1e-10
 #: modal mass ``x^T M x`` below which an eigenvector says little about its eigenvalue
 WEAK = 0.1
 
 
-class Eigenvalues:
-    """Eigenvalues, one of each conjugate pair.
+def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigenpairs:
+    """The `count` eigenvalues of smallest modulus, one of each conjugate pair.
 
-    Attributes
-    ----------
-    values : (k,) complex array
-        s (1/s), ascending in modulus, imaginary part not negative.
-    vectors : (u, k) complex array
-        ``x^H M x = 1``.
-    zero : (k,) bool array
-        Motions without stiffness.
-    factorisations : int
-    """
-
-    def __init__(self, values: Array, vectors: Array, zero: Array, factorisations: int) -> None:
-        self.values, self.vectors, self.zero = values, vectors, zero
-        self.factorisations = factorisations
-
-
-def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigenvalues:
-    """The `count` eigenvalues of smallest modulus, motions without stiffness first.
+    They are complex s (1/s), imaginary parts not negative, motions without stiffness first.
 
     A linear pencil of twice the size is solved about a real shift, of the size of the lowest
     frequency: dense, or by Arnoldi's method. Where theory gives a Rayleigh quotient it follows.
@@ -460,15 +418,10 @@ def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigen
     scale = float(np.sqrt(elastic.min())) if len(elastic) and elastic.min() else 1.0
     n = K.shape[0]
     wanted = 2 * (count + SPARE)
-    apart = _apart(pencil, C, free)
-    deflated = free if apart else free[:, :0]
-    inverse = _Inverse(K, M, C, 0.5 * scale, deflated)
-    many = wanted - 2 * min(count, deflated.shape[1])
-    values, X = inverse.dense() if n <= dense or wanted > n // 2 else inverse.arnoldi(many)
-    if deflated.shape[1]:
-        own, turn = eigh(free.T @ (C @ free))
-        values = np.concatenate([-own, values])
-        X = np.concatenate([free @ turn, X], axis=1)
+    many = None if n <= dense or wanted > n // 2 else wanted
+    values, X = _Inverse(K, M, C, 0.5 * scale).largest(many)
+    # equal real ones are pairs to rounding, of which none is to be left out
+    values = np.where(abs(values.imag) <= FREE * abs(values), values.real, values)
     keep = np.flatnonzero(np.isfinite(values) & (values.imag >= 0))  # one of each pair
     keep = keep[np.argsort(abs(values[keep]), kind="stable")][:wanted]
     values, X = values[keep], X[:, keep]
@@ -484,29 +437,18 @@ def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigen
             " those of strong damping do"
         )
     zero = np.arange(len(values)) < free.shape[1]
-    return Eigenvalues(values, X, zero, still.factorisations + 1)
-
-
-def _apart(pencil: Pencil, C: csr_matrix, free: Floats) -> bool:
-    """Whether damping leaves motions without stiffness to themselves: ``C N = M N (N^T C N)``."""
-    if pencil.gyroscopic is not None or not free.shape[1]:
-        return False
-    force = C @ free
-    rest = force - pencil.M @ free @ (free.T @ force)
-    return bool(abs(rest).max() <= ALONE * abs(abs(C) @ abs(free)).max())
+    return Eigenpairs(values, X, zero, still.factorisations + 1)
 
 
 class _Inverse:
     """``(A - shift B)^-1 B`` on ``z = (x, s x / shift)`` about a real shift.
 
-    Among vectors without the motions N (u, j), ``N^T M N = I``. Its eigenvalues are
-    ``1/(s - shift)``: those sought are the largest, in what is computed dense as well.
+    Its eigenvalues are ``1/(s - shift)``: those sought are the largest, in what is computed dense
+    as well.
     """
 
-    def __init__(
-        self, K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float, N: Floats
-    ) -> None:
-        self.n, self.M, self.N, self.shift = K.shape[0], M, N, shift
+    def __init__(self, K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float) -> None:
+        self.n, self.M, self.shift = K.shape[0], M, shift
         self._right = C + shift * M
         try:
             self._solve = splu((K + shift * C + shift**2 * M).tocsc()).solve
@@ -515,47 +457,42 @@ class _Inverse:
                 f"the eigenvalue problem is singular at the shift {shift:g}"
             ) from error
 
-    def without(self, x: Array) -> Array:
-        """Without the part along N."""
-        return x - self.N @ (self.N.T @ (self.M @ x)) if self.N.shape[1] else x
-
     def __call__(self, z: Array) -> Array:
         a, b = z[: self.n], z[self.n :] * self.shift
-        x = self.without(-self._solve(self._right @ a + self.M @ b))
-        return np.concatenate([x, self.without(a) / self.shift + x])
+        x = -self._solve(self._right @ a + self.M @ b)
+        return np.concatenate([x, a / self.shift + x])
 
-    def dense(self) -> tuple[Array, Array]:
-        """All eigenvalues and vectors x."""
-        theta, Z = eig(self(np.eye(2 * self.n)))
+    def largest(self, k: int | None) -> tuple[Array, Array]:
+        """The k eigenvalues nearest to the shift, or all, and vectors x."""
+        size = 2 * self.n
+        theta, Z = eig(self(np.eye(size))) if k is None else arnoldi(self, size, k)
         kept = abs(theta) > 1e-14 * abs(theta).max()
         return self.shift + 1 / theta[kept], Z[: self.n, kept]
 
-    def arnoldi(self, k: int) -> tuple[Array, Array]:
-        """The k eigenvalues nearest to the shift.
 
-        Raises
-        ------
-        CosseratError
-            If less than half of them converge.
-        """
-        n = self.n
-        inverse = LinearOperator((2 * n, 2 * n), matvec=self.__call__, dtype=float)
-        start = np.random.default_rng(0).standard_normal((2, n))
-        options = {
-            "v0": np.concatenate([self.without(half) for half in start]),
-            "ncv": min(2 * n, max(2 * k + 10, 40)),
-            "tol": TOLERANCE,
-            "maxiter": 100,
-        }
-        try:
-            theta, Z = eigs(inverse, k, which="LM", **options)
-        except ArpackNoConvergence as error:
-            theta, Z = error.eigenvalues, error.eigenvectors  # the nearest ones come first
-            if len(theta) < k // 2:
-                raise CosseratError(
-                    f"the Arnoldi iteration for {k} eigenvalues did not converge, {len(theta)} did"
-                ) from error
-        return self.shift + 1 / theta, Z[:n]
+def arnoldi(operator: Callable[[Array], Array], n: int, k: int) -> tuple[Array, Array]:
+    """The k largest eigenvalues of an operator on vectors (n,), and vectors (n, k).
+
+    Raises
+    ------
+    CosseratError
+        If less than half of them converge.
+    """
+    options = {
+        "v0": np.random.default_rng(0).standard_normal(n),
+        "ncv": min(n, max(2 * k + 10, 40)),
+        "tol": TOLERANCE,
+        "maxiter": 100,
+    }
+    try:
+        theta, Z = eigs(LinearOperator((n, n), matvec=operator, dtype=float), k, **options)
+    except ArpackNoConvergence as error:
+        theta, Z = error.eigenvalues, error.eigenvectors  # the largest ones come first
+        if len(theta) < k // 2:
+            raise CosseratError(
+                f"the Arnoldi iteration for {k} eigenvalues did not converge, {len(theta)} did"
+            ) from error
+    return theta, Z
 
 
 def _improved(pencil: Pencil, C: csr_matrix, values: Array, X: Array, scale: float) -> Array:

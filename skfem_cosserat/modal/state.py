@@ -18,7 +18,7 @@ from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance, predicted
 from ..model.closure import SINGULAR
 from ..model.limits import broken_constraint, overstretched_beam
-from ..model.loops import names_of, tree_values
+from ..model.loops import names_of
 from ..run.describe import other_model
 from ..statics.schedule import Schedule, recorded_amplitudes
 from ..types import Array, ArrayLike, Floats, IndexArray, finite, whole
@@ -113,7 +113,7 @@ def resting(
     y = system.extend(q, time)
     if wrong := broken_constraint(system, y):
         raise InputError("argument state", wrong)
-    for chosen in system.closure.select(y, tree_values(system, y)):
+    for chosen in system.closure.select(y, system.kinematics.values_at(y)):
         if (chosen.pivots <= SINGULAR).any():
             raise InputError(
                 "argument state",
@@ -293,11 +293,13 @@ def _where(system: System, tangent: ReducedTangent) -> str:
     size = np.linalg.norm(left, axis=1)
     size[system.origin_rows] *= system.length
     row = int(np.argmax(size))
+    item, place = vertex_of(system, tangent.balance.y, row)
+    unit = "N" if row in system.origin_rows else "N m"
+    value = f"{np.linalg.norm(left[row]):.3g} {unit}"
+    return f"{value} are left over on the {item}, at its vertex at {place}"
+
+
+def vertex_of(system: System, y: Floats, row: int) -> tuple[str, list[float]]:
+    """The item that has a row of y, and where the vertex of this row is."""
     vertex = int(np.searchsorted(system.origin_rows, row, side="right")) - 1
-    place = np.round(tangent.balance.y[system.origin_rows[vertex]], 6).tolist()
-    turning = row != system.origin_rows[vertex]
-    value, unit = np.linalg.norm(left[row]), "N m" if turning else "N"
-    return (
-        f"{value:.3g} {unit} are left over on the {system.owner[vertex].label}, at its vertex at"
-        f" {place}"
-    )
+    return system.owner[vertex].label, np.round(y[system.origin_rows[vertex]], 6).tolist()

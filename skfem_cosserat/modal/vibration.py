@@ -15,12 +15,11 @@ from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.limits import overstretched_beam
-from ..model.loops import closed, tree_values
-from ..model.reparametrisation import Reparametrisation
+from ..model.loops import moved
 from ..run.describe import SystemSeries, configuration_formulas, describe
 from ..types import Array, Floats, is_whole, positive, whole
 from ..warn import Notices, counted
-from .eigen import Eigenvalues, Lowest, Pencil, lowest, make_pencil, spectrum
+from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
 # -- A mode as a history: finite motions along its shape -------------------------------------------
@@ -94,20 +93,14 @@ def _extent(system: System, y: Floats, dq: Array) -> float:
 
 
 def _moved(at: Equilibrium, increment: Floats) -> Floats:
-    """Configuration (n,) after a finite motion, loops closed."""
+    """Configuration (n,) after a finite motion."""
     system, y = at.system, at.y
-    nodal = Reparametrisation(system.kinematics)
-    nodal.begin(y, y[system.rows :])
-    chosen = system.closure.select(y, tree_values(system, y))
-    nodal.add(system.closure.null_matrix(chosen) @ increment)
-    moved: Floats | None = nodal.configuration()
-    if chosen:
-        moved, _ = closed(system, nodal, chosen)
-    if moved is None:
+    found = moved(system, y, y[system.rows :], increment)
+    if found is None:
         raise InputError(
             "argument amplitude", "a closed loop cannot follow so far: take a smaller one"
         )
-    return np.array(moved[: system.rows]).reshape(-1)
+    return found[: system.rows].reshape(-1)
 
 
 # -- eigenfrequencies and shapes of small vibrations about a state of rest or of steady rotation ---
@@ -331,7 +324,7 @@ def modes(
 def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     """Eigenvalues, vectors, motions without stiffness, factorisations."""
     if pencil.simple:
-        found: Lowest | Eigenvalues = lowest(pencil.K, pencil.M, count, pencil.energies)
+        found = lowest(pencil.K, pencil.M, count, pencil.energies)
         s = np.sqrt(-found.values.astype(complex))
         s = np.where(found.values > 0, 1j * abs(s), abs(s))
         order = np.argsort(~found.zero, kind="stable")

@@ -20,7 +20,7 @@ from .force_elements import CoupledForce
 from .system import System
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Spin(Frozen):
     """A frame that turns steadily, with the ground in it: everything is seen from there.
 

@@ -4,27 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import null_space
-from scipy.sparse import csr_matrix
 
 from ..errors import InputError
-from ..frames import Place
 from ..joint import Joint, JointDrive
 from ..kernels import null_space_blocks
-from ..types import SAME, Floats, IndexArray
-from .closure import Closure
-from .ground import Placed
-from .groups import Group, mass_blocks
+from ..types import SAME, TOLERANCE, Floats, IndexArray
+from .groups import mass_blocks
 from .kinematics import Kinematics
-from .quadratic import QuadraticConstraints
-from .theories import TheoryRows
-from .tree import Spot, Tree
+from .tree import Spot
 
-#: share of an inertia that joints beyond may leave without any doubt
-CLEARLY = 1e-9
+if TYPE_CHECKING:
+    from .system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,54 +29,6 @@ class JointRows:
     rows: slice
     a: Spot
     b: Spot
-
-
-class Scene(Protocol):
-    """What the checks need of a system under construction."""
-
-    n: int
-    rows: int
-    origin_rows: IndexArray
-    vertex_rows: IndexArray
-    owner: list[Any]
-    groups: list[Group]
-    tree: Tree
-    kinematics: Kinematics
-    constraints: QuadraticConstraints
-    closure: Closure
-    redundant: IndexArray
-    immovable: tuple[str, str] | None
-    joint_rows: list[JointRows]
-    branch_cosines: QuadraticConstraints
-    of_cosine: list[Joint | JointDrive]
-    theory_rows: list[TheoryRows]
-    moving: list[Place]
-    mass: csr_matrix
-    unknowns: int
-    rank: int
-    m: int
-    placed: Placed | None
-    since: float
-
-    @property
-    def spanned(self) -> Floats:
-        """See :class:`System`."""
-
-    @property
-    def length(self) -> float:
-        """Extent."""
-
-    def extend(self, q: Floats, t: float) -> Floats:
-        """See :class:`System`."""
-
-    def ground(self, t: float) -> Floats:
-        """See :class:`System`."""
-
-
-def check_joints(joints: Sequence[Joint | JointDrive], t: float, length: float) -> None:
-    """Every joint closes in the reference configuration at time `t`, to the scene's extent."""
-    for joint in joints:
-        joint.check(t, length)
 
 
 def check_drives(drives: Sequence[JointDrive]) -> None:
@@ -98,7 +44,7 @@ def check_drives(drives: Sequence[JointDrive]) -> None:
             )
 
 
-def check_mobility(system: Scene, doubt: str = "") -> None:
+def check_mobility(system: System, doubt: str = "") -> None:
     """Something can move, or is moved by a drive; `doubt` is added to the message."""
     if system.unknowns > 0 or system.moving or system.placed is not None:
         return
@@ -110,7 +56,7 @@ def check_mobility(system: Scene, doubt: str = "") -> None:
     )
 
 
-def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> None:
+def check_inertia(system: System, y: Floats, closure: Callable[[], Floats]) -> None:
     """Every direction of motion that joints leave free has mass.
 
     A beam's d3 carries no mass, which is fine: rotations still move d1 and d2. What is refused is
@@ -129,11 +75,10 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
     """
     kin, tree = system.kinematics, system.tree
     inertia = _vertex_inertia(system, y)
-    if _each_inert(system, inertia):
-        return
     fixed = kin.fixed_axes(y)
     linked = {v for e in tree.edges for v in (e.child, e.parent)}
-    # vertices without joints, all at once
+    linked |= _holding(system)
+    # vertices that nothing holds, all at once
     alone = np.array([v for v in tree.free if v not in linked], dtype=np.int64)
     for vertices in (kin.frames, kin.points):
         free = np.intersect1d(vertices, alone)
@@ -145,10 +90,10 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
                 _report(system, own[number], y, fixed)
     if not any(tree.own[v] for v in linked if v < len(tree.own)):
         return
-    if kin.elements is None and _clearly_inert(kin, inertia, y, fixed):
+    if _clearly_inert(kin, inertia, y, fixed):
         return
     rows = closure()
-    T = kin.T.matrix(kin.T.values(kin.T.locate(y, fixed)))
+    T = kin.T.matrix(kin.values_at(y, fixed))
     for members, coordinates in _trees(system, rows):
         if not coordinates:
             continue
@@ -160,29 +105,6 @@ def check_inertia(system: Scene, y: Floats, closure: Callable[[], Floats]) -> No
         worst, number = _weakest(A[None], rows[:, coordinates])
         if worst >= 0:
             _report(system, coordinates[number], y, fixed)
-
-
-def _each_inert(system: Scene, inertia: Floats) -> bool:
-    """Whether each vertex has inertia enough for all coordinates that joints leave it.
-
-    The coordinates of a vertex are independent if at most one of them is a hinge or a slide. What
-    moves with a coordinate is at least its own vertex, and at most the whole scene: so a pivot is
-    at least ``share least`` of what it would be if all other joints were locked.
-    """
-    kin = system.kinematics
-    of_joints = kin.vertex[np.concatenate([kin.hinges, kin.tracks])]
-    single = not len(of_joints) or np.bincount(of_joints).max() == 1
-    if not single or len(kin.numbers["sphere"]) or kin.elements is not None:
-        return False
-    own, masses = inertia[kin.frames], inertia[:, 0, 0]
-    turned = own.diagonal(axis1=1, axis2=2)[:, 3:].max(1)
-    if not ((turned > 0).all() and (masses > 0).all()):
-        return False
-    scale = 1 / np.sqrt(np.repeat([own[:, 0, 0], turned], 3, axis=0).T)
-    share = np.linalg.eigvalsh(own * scale[:, :, None] * scale[:, None, :]).min(initial=1.0)
-    most = masses.sum() * system.length**2 + 3 * turned.sum()
-    least = min(masses.min() / masses.sum(), turned.min(initial=most) / most)
-    return bool(share * least > 10 * SAME)
 
 
 def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -> bool:
@@ -219,32 +141,41 @@ def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -
     if not (size > 0).all():
         return False
     scaled = pivots[moved] / (size[:, :, None] * size[:, None, :])
-    return bool((np.linalg.eigvalsh(scaled) > CLEARLY).all())
+    return bool((np.linalg.eigvalsh(scaled) > TOLERANCE).all())
 
 
 def _weakest(blocks: Floats, closure: Floats | None = None) -> tuple[int, int]:
     """First singular block and the coordinate that moves most in its null vector, or (-1, -1).
 
-    With `closure` (r, k) only motions that it maps to zero count; then there is one block.
+    With `closure` (r, k) only null vectors that it maps to zero count; then there is one block.
     """
     diagonal = np.einsum("eii->ei", blocks)
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1))
-    scaled = blocks * scale[:, :, None] * scale[:, None, :]
-    if closure is None or not closure.any():
-        values, vectors = np.linalg.eigh(scaled)
-    else:
-        free = null_space(closure * scale)
-        values, vectors = np.linalg.eigh(free.T @ scaled @ free)
-        vectors = free @ vectors
+    values, vectors = np.linalg.eigh(blocks * scale[:, :, None] * scale[:, None, :])
     bad = np.flatnonzero((values <= SAME).any(1))
     if not len(bad):
         return -1, -1
     e = int(bad[0])
-    return e, int(np.argmax(abs(vectors[e, :, 0])))
+    found = vectors[e, :, 0]
+    if closure is not None and closure.any():
+        massless = vectors[0][:, values[0] <= SAME]
+        held = null_space((closure * scale) @ massless)
+        if not held.shape[1]:
+            return -1, -1
+        found = massless @ held[:, 0]
+    return e, int(np.argmax(abs(found)))
 
 
-def _trees(system: Scene, closure: Floats) -> list[tuple[list[int], list[int]]]:
-    """Vertices and coordinates of each tree of joints; the ground separates trees.
+def _holding(system: System) -> set[int]:
+    """Vertices of beams that hold strains."""
+    theories = system.theory_rows
+    return {v for each in theories for e in range(each.shape[0]) for v in each.vertices(e)}
+
+
+def _trees(system: System, closure: Floats) -> list[tuple[list[int], list[int]]]:
+    """Vertices and coordinates of each tree of joints, or beam that holds strains.
+
+    The ground separates trees.
 
     Trees that the rows of `closure` couple count as one.
     """
@@ -255,6 +186,8 @@ def _trees(system: Scene, closure: Floats) -> list[tuple[list[int], list[int]]]:
         root[edge.child] = (
             edge.child if edge.parent >= nv else root.setdefault(edge.parent, edge.parent)
         )
+    for v in _holding(system):
+        root.setdefault(v, v)
     members: dict[int, list[int]] = {}
     for v in sorted(root):
         members.setdefault(root[v], []).append(v)
@@ -269,7 +202,7 @@ def _trees(system: Scene, closure: Floats) -> list[tuple[list[int], list[int]]]:
     return [(vs, [k for v in vs for k in tree.own[v]]) for vs in together]
 
 
-def _vertex_inertia(system: Scene, y: Floats) -> Floats:
+def _vertex_inertia(system: System, y: Floats) -> Floats:
     """``P_int^T M P_int`` of each vertex alone (nv, 6, 6); of points only 3x3 of it."""
     kin = system.kinematics
     number = np.full(len(system.origin_rows), -1)
@@ -288,7 +221,7 @@ def _vertex_inertia(system: Scene, y: Floats) -> Floats:
     return out
 
 
-def _report(system: Scene, number: int, y: Floats, fixed: Floats) -> None:
+def _report(system: System, number: int, y: Floats, fixed: Floats) -> None:
     coordinate = system.tree.coordinate(number)
     item = system.owner[coordinate.vertex]
     axis = np.round(system.kinematics.axes(y, fixed)[number], 6).tolist()

@@ -5,21 +5,25 @@ into components. Of its rows, `rank` are independent; the others are redundant (
 the plane built of spatial hinges has three). Which ones are kept is decided at the start of each
 step by a QR factorisation with column pivoting of C^T, the *number* once: a loop may pass positions
 where C loses rank, and must not change its mobility there.
+
+Beams on loops may hold strains. Their rows come first in C, all of them: they are independent, and
+rows of joints count as far as motions go that these leave free.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import qr, solve_triangular
-from scipy.linalg.lapack import dgeqp3, dgeqrf, dorgqr, dpstrf
-from scipy.sparse import coo_matrix, csr_matrix, issparse
+from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..kernels import skew
-from ..pattern import FULL_ROWS, sum_at
+from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
@@ -30,14 +34,65 @@ RANK_TOLERANCE = 1e-9
 SINGULAR = 1e-7
 
 
+class RowsByTwists:
+    """Constraint rows by the twists of vertices, ``G P_int``, entry by entry.
+
+    Parameters
+    ----------
+    kinematics : Kinematics
+    constraints : QuadraticConstraints
+    rows : (r,) int array
+
+    Attributes
+    ----------
+    row, twist : int arrays
+        Where the entries are: `row` among those given.
+    """
+
+    def __init__(
+        self, kinematics: Kinematics, constraints: QuadraticConstraints, rows: IndexArray
+    ) -> None:
+        self._constraints, self._shape = constraints, (len(rows), kinematics.n_twist)
+        number = np.full(constraints.size, -1)
+        number[rows] = np.arange(len(rows))
+        which = constraints.inside[number[constraints.rows[constraints.inside]] >= 0]
+        self._entries = np.searchsorted(constraints.inside, which)  # of the Jacobian's values
+        row = number[constraints.rows[which]]
+        y_row, component = np.divmod(constraints.cols[which], 3)
+        turning = kinematics.row_is_director[y_row]
+        self._plain, self._turning = np.flatnonzero(~turning), np.flatnonzero(turning)
+        base = kinematics.row_twist[y_row]
+        shifts = base[self._plain] + component[self._plain]
+        turns = base[self._turning][:, None] + np.arange(3)
+        self.row = np.concatenate([row[self._plain], np.repeat(row[self._turning], 3)])
+        self.twist = np.concatenate([shifts, turns.ravel()])
+        self._director = y_row[self._turning]
+        self._component = component[self._turning]
+
+    def values(self, y: Array) -> Array:
+        """Entries at y (total, 3)."""
+        if not len(self.row):
+            return np.zeros(0, dtype=y.dtype)
+        values = self._constraints.jacobian_values(y)[self._entries]
+        # moment of a force e_c on a director: d x e_c
+        arms = skew(y[self._director])[np.arange(len(self._director)), :, self._component]
+        moments = arms * values[self._turning][:, None]
+        return np.concatenate([values[self._plain], moments.ravel()])
+
+    @cached_property
+    def pattern(self) -> FrozenPattern:
+        """Of the matrix (r, twists) of the entries."""
+        return FrozenPattern(self.row, self.twist, self._shape)
+
+
 @dataclass(eq=False)
 class CoupledLoops:
     """Rows and tree coordinates that are coupled with each other only."""
 
     rows: IndexArray  # among the loop rows
     columns: IndexArray  # tree coordinates
-    twists: IndexArray  # those of the vertices on its loops
     scale: Floats  # columns: translations count relative to the scene's extent
+    held: int = 0  # strains: the first rows, which are independent in any configuration
     rank: int = 0
     weakest: float = 1.0  # smallest pivot of the rows that count as independent
 
@@ -48,63 +103,8 @@ class CoupledLoops:
 
 
 @dataclass(eq=False)
-class _Stack:
-    """Components of one shape, whose matrices are made at once.
-
-    Attributes
-    ----------
-    members : (count,) int array
-        Numbers of the components.
-    shape : (int, int, int)
-        Rows, twists and columns of each.
-    entries, where : int arrays
-        Entries of ``G_loop P_int``, and where they go in (count, rows, twists).
-    of_tree, there : int arrays
-        Entries of T, and where they go in (count, twists, columns).
-    rows : (count, rows) int array
-    scale, twist_scale : (count, columns), (count, twists) array
-    """
-
-    members: IndexArray
-    shape: tuple[int, int, int]
-    entries: IndexArray
-    where: IndexArray
-    of_tree: IndexArray
-    there: IndexArray
-    rows: IndexArray
-    scale: Floats
-    twist_scale: Floats
-
-    def by_twists(self, weights: Array) -> csr_matrix | Array:
-        """``G_loop P_int`` from its entries; of many twists sparse, on a diagonal."""
-        count, (a, b, _) = len(self.members), self.shape
-        values = weights[self.entries]
-        if b <= FULL_ROWS:
-            return sum_at(self.where, values, count * a * b).reshape(count, a, b)
-        row, twist = np.divmod(self.where, b)
-        ends = row, row // a * b + twist
-        return csr_matrix((values, ends), shape=(count * a, count * b))
-
-    def product(self, weights: Array, T: Array) -> Array:
-        """``G_loop P_int T`` (count, rows, columns), columns scaled, from the entries."""
-        count, (a, b, c) = len(self.members), self.shape
-        right = sum_at(self.there, T[self.of_tree], count * b * c)
-        left = self.by_twists(weights)
-        right = right.reshape(-1, c) if issparse(left) else right.reshape(count, b, c)
-        return np.asarray(left @ right).reshape(count, a, c) * self.scale[:, None]
-
-    def sizes(self, weights: Array) -> Floats:
-        """Of the rows of ``G_loop P_int`` (count, rows), translations relative to the scene."""
-        left = self.by_twists(weights)
-        if not issparse(left):
-            return np.linalg.norm(left * self.twist_scale[:, None], axis=2)
-        square = csr_matrix(left).power(2) @ np.square(self.twist_scale).ravel()
-        return np.sqrt(square).reshape(self.rows.shape)
-
-
-@dataclass(eq=False)
 class Selected:
-    """Independent closure rows of one component at one configuration, factorised.
+    """Independent rows of one component at one configuration, factorised.
 
     ``C D = R^T Q1^T`` with the column scaling D; ``Z = D Q2`` spans the null space of C.
     """
@@ -114,13 +114,26 @@ class Selected:
     rows: IndexArray  # constraint row numbers
     R: Floats
     Q1: Floats
-    Q2: Floats
+    _Q2: Floats | None = None  # None: whatever is normal to Q1
+
+    @cached_property
+    def Q2(self) -> Floats:
+        """Orthonormal basis (columns, free) of what the rows leave free, scaled."""
+        if self._Q2 is not None:
+            return self._Q2
+        return np.linalg.qr(self.Q1, mode="complete")[0][:, self.component.rank :]
 
     @property
     def pivots(self) -> Floats:
-        """Sizes of the diagonal of R against the largest."""
+        """Sizes of the diagonal of R, of all rows but strains, against the largest of all."""
         d = abs(np.diagonal(self.R))
-        return d / d.max(initial=1e-300)
+        return d[self.component.held :] / d.max(initial=1e-300)
+
+    @property
+    def independent(self) -> IndexArray:
+        """Rows that are independent in this configuration, too: fewer in a singular one."""
+        held = self.component.held
+        return np.concatenate([self.rows[:held], self.rows[held:][self.pivots > SINGULAR]])
 
     @property
     def null(self) -> Floats:
@@ -156,12 +169,16 @@ class Closure:
     kinematics : Kinematics
     constraints : QuadraticConstraints
     rows : (r,) int array
-        Numbers of the loop joints' constraint rows.
+        Constraint rows of joints, and of elements of beams, that close loops.
     length : float
         Extent of the scene (m).
+    strains : (s,) int array
+        Rows of the other elements on loops that hold strains.
 
     Attributes
     ----------
+    rows : (s + r,) int array
+        Of strains, then the others.
     rank : int
         Independent rows; set by :meth:`decide`.
     """
@@ -172,114 +189,45 @@ class Closure:
         constraints: QuadraticConstraints,
         rows: IndexArray,
         length: float,
+        strains: IndexArray,
     ) -> None:
-        self.kin, self.constraints, self.rows = kinematics, constraints, rows
-        number = np.full(constraints.size, -1)
-        number[rows] = np.arange(len(rows))
-        which = constraints.inside[number[constraints.rows[constraints.inside]] >= 0]
-        self._entries = np.searchsorted(constraints.inside, which)  # of the Jacobian's values
-        row = number[constraints.rows[which]]
-        y_row, component = np.divmod(constraints.cols[which], 3)
-        turning = kinematics.row_is_director[y_row]
-        self._plain, self._turning = np.flatnonzero(~turning), np.flatnonzero(turning)
-        base = kinematics.row_twist[y_row]
-        twist = [
-            base[self._plain] + component[self._plain],
-            (base[self._turning][:, None] + np.arange(3)).ravel(),
-        ]
-        self._director = y_row[self._turning]
-        self._component = component[self._turning]
-        #: translations count relative to the scene's extent
-        scale = np.ones(len(kinematics.vertex))
-        for kind in ("translation", "slide"):
-            scale[kinematics.numbers[kind]] = length
+        self.kin, self._length = kinematics, length
+        self.rows = np.concatenate([strains, rows])
         self.components: list[CoupledLoops] = []
-        self._stacks: list[_Stack] = []
-        self.magnitude = np.ones(len(rows))
-        self._length = length
-        if len(rows):
-            row = np.concatenate([row[self._plain], np.repeat(row[self._turning], 3)])
-            self._split(row, np.concatenate(twist), scale[: kinematics.unknowns])
+        self.magnitude = np.ones(len(self.rows))
+        self._by_twists = RowsByTwists(kinematics, constraints, self.rows)
+        if len(self.rows):
+            self._split(len(strains))
 
-    def _split(self, row: IndexArray, twist: IndexArray, scale: Floats) -> None:
-        """Into components, from the rows and twists of the entries of ``G_loop P_int``."""
-        kin = self.kin
-        T, r, K, nt = kin.T, len(self.rows), kin.unknowns, kin.n_twist
-        # graph of rows, coordinates and the twists between them
-        moved = np.zeros(nt, dtype=bool)
-        moved[T.rows] = True
-        on, met = np.zeros(nt, dtype=bool), moved[twist]
-        on[twist] = True
-        of_tree = np.flatnonzero(on[T.rows])
-        ends = (
-            np.concatenate([row[met], r + T.cols[of_tree]]),
-            np.concatenate([r + K + twist[met], r + K + T.rows[of_tree]]),
+    def _split(self, strains: int) -> None:
+        """Into components: rows and coordinates that entries of ``G_loop P_int T`` connect."""
+        kin, G, count = self.kin, self._by_twists.pattern, len(self.rows)
+        order, cols, begin = kin.T.structure
+        size = np.diff(begin)[self._twist]
+        #: each entry of ``G_loop P_int`` with each of T in the row of its twist
+        self._of_G = np.repeat(np.arange(G.nnz), size)
+        place = np.arange(len(self._of_G)) + np.repeat(
+            begin[self._twist] - np.cumsum(size) + size, size
         )
-        graph = coo_matrix((np.ones(len(ends[0])), ends), shape=(r + K + nt,) * 2)
+        self._of_T, row, col = order[place], G.indices[self._of_G], cols[place]
+        graph = coo_matrix(
+            (np.ones(len(row)), (row, count + col)), shape=(count + kin.unknowns,) * 2
+        )
         _, label = connected_components(graph, directed=False)
         _, found, label = np.unique(label, return_index=True, return_inverse=True)
         label = np.argsort(np.argsort(found))[label]  # rows come first, so do their components
-        count = int(label[:r].max()) + 1
-        # twists of each component, in order; where they are in it
-        keys = np.unique(label[row] * nt + twist)
-        of_key, twists = np.divmod(keys, nt)
-        first = np.searchsorted(of_key, np.arange(count + 1))
-
-        def place(component: IndexArray, twist: IndexArray) -> IndexArray:
-            """Among the twists of the component; -1: not there."""
-            at = np.minimum(np.searchsorted(keys, component * nt + twist), len(keys) - 1)
-            return np.where(keys[at] == component * nt + twist, at - first[component], -1)
-
-        local_row, rows = _grouped(label[:r], count)
-        local_column, columns = _grouped(label[r : r + K], count)
-        for k in range(count):
-            own = columns[k]
-            part = CoupledLoops(rows[k], own, twists[first[k] : first[k + 1]], scale[own])
-            self.components.append(part)
-        self._find_vertices()
-        of_tree = of_tree[label[r + T.cols[of_tree]] < count]
-        of_column = label[r + T.cols[of_tree]]
-        twist_place = place(of_column, T.rows[of_tree])
-        inside = twist_place >= 0
-        of_tree, of_column, twist_place = of_tree[inside], of_column[inside], twist_place[inside]
-        shapes: dict[tuple[int, int, int], list[int]] = {}
-        for k, part in enumerate(self.components):
-            size = len(part.rows), len(part.twists), len(part.columns)
-            shapes.setdefault(size, []).append(k)
-        shift = ~np.isin(np.arange(nt), kin.frame_twist[:, 3:])
-        row_place = place(label[row], twist)
-        for (a, b, c), numbers in shapes.items():
-            at = np.full(count, -1)
-            at[numbers] = np.arange(len(numbers))
-            mine = np.flatnonzero(at[label[row]] >= 0)
-            of_T = np.flatnonzero(at[of_column] >= 0)
-            column = local_column[T.cols[of_tree[of_T]]]
-            parts = [self.components[k] for k in numbers]
-            self._stacks.append(
-                _Stack(
-                    np.array(numbers),
-                    (a, b, c),
-                    mine,
-                    (at[label[row[mine]]] * a + local_row[row[mine]]) * b + row_place[mine],
-                    of_tree[of_T],
-                    (at[of_column[of_T]] * b + twist_place[of_T]) * c + column,
-                    np.array([part.rows for part in parts]),
-                    np.array([part.scale for part in parts]),
-                    np.array([np.where(shift[part.twists], self._length, 1.0) for part in parts]),
-                )
-            )
-
-    def _find_vertices(self) -> None:
-        """Vertices that the loops of each component move."""
-        kin = self.kin
-        of_twist = np.repeat(
-            np.arange(len(kin.twist_of)), np.diff(kin.twist_of, append=kin.n_twist)
-        )
-        self._vertices = [
-            np.union1d(of_twist[c.twists], kin.vertex[c.columns]) for c in self.components
-        ]
-        self._every = np.concatenate(self._vertices)
-        self._first = np.cumsum([0, *map(len, self._vertices)])[:-1]
+        of_row, parts = label[:count], int(label[:count].max()) + 1
+        place, rows = _grouped(of_row, parts)
+        column, columns = _grouped(label[count:], parts)
+        scale = kin.scale(self._length)
+        for own, among in zip(rows, columns, strict=True):
+            held = int((own < strains).sum())
+            self.components.append(CoupledLoops(own, among, scale[among], held))
+        width = np.array([len(each) for each in columns])
+        self._ends = np.cumsum([len(c.rows) * len(c.columns) for c in self.components])
+        first = (self._ends - width * np.bincount(of_row))[of_row] + place * width[of_row]
+        #: where their products go among the entries of all components' matrices
+        self._where = first[row] + column[col]
 
     @property
     def rank(self) -> int:
@@ -288,94 +236,72 @@ class Closure:
 
     # -- evaluation --------------------------------------------------------------------------------
 
-    def _weights(self, y: Array) -> Array:
-        """Entries of ``G_loop P_int``, of the vertices on loops."""
-        values = self.constraints.jacobian_values(y)[self._entries]
-        # moment of a force e_c on a director: d x e_c
-        arms = skew(y[self._director])[np.arange(len(self._director)), :, self._component]
-        moments = arms * values[self._turning][:, None]
-        return np.concatenate([values[self._plain], moments.ravel()])
+    @property
+    def _twist(self) -> IndexArray:
+        """Twist of each entry of ``G_loop P_int``."""
+        indptr = self._by_twists.pattern.indptr
+        return np.repeat(np.arange(self.kin.n_twist), np.diff(indptr))
+
+    def _entries(self, y: Array) -> Array:
+        return self._by_twists.pattern.data(self._by_twists.values(y))
 
     def matrices(self, y: Array, T: Array) -> list[Array]:
         """C (rows, columns) of each component at y, columns scaled; T are the tree's values."""
-        out = [y[:0]] * len(self.components)
-        weights = self._weights(y)
-        for each in self._stacks:
-            C = each.product(weights, T) / self.magnitude[each.rows][:, :, None]
-            for k, own in zip(each.members.tolist(), C, strict=True):
-                out[k] = own
-        return out
+        if not self.components:
+            return []
+        products = self._entries(y)[self._of_G] * T[self._of_T]
+        every = sum_at(self._where, products, self._ends[-1])
+        return [
+            part.reshape(len(c.rows), -1) * c.scale / self.magnitude[c.rows][:, None]
+            for c, part in zip(self.components, np.split(every, self._ends[:-1]), strict=True)
+        ]
 
     def decide(self, y: Array, T: Array) -> IndexArray:
         """Fix the rank at a configuration; gives the constraint rows that depend on others."""
-        weights = self._weights(y)
-        for each in self._stacks:
-            size = each.sizes(weights)
-            self.magnitude[each.rows] = np.where(size > 0, size, 1.0)
+        square = np.full(self.kin.n_twist, self._length**2)
+        square[self.kin.frame_twist[:, 3:]] = 1.0
+        terms = self._entries(y) ** 2 * square[self._twist]  # translations relative to the scene
+        size = np.sqrt(np.bincount(self._by_twists.pattern.indices, terms, len(self.rows)))
+        self.magnitude = np.where(size > 0, size, 1.0)
         redundant = [np.zeros(0, dtype=np.int64)]
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
-            order, diagonal = _pivoted(C.T)
-            d = abs(diagonal)
+            order, d = pivoted(C, c.held)
             largest = max(1.0, d.max(initial=0.0))
-            c.rank = int((d > RANK_TOLERANCE * largest).sum())
-            c.weakest = float(d[c.rank - 1] / largest) if c.rank else 1.0
+            independent = int((d > RANK_TOLERANCE * largest).sum())
+            c.rank = c.held + independent
+            c.weakest = float(d[independent - 1] / largest) if independent else 1.0
             redundant.append(self.rows[c.rows[order[c.rank :]]])
         return np.sort(np.concatenate(redundant))
 
     def select(self, y: Array, T: Array) -> list[Selected]:
         """Independent rows of each component at the start of a step."""
-        out = []
-        for c, C in zip(self.components, self.matrices(y, T), strict=True):
-            out.append(self._factor(c, C, _pivoted(C.T)[0][: c.rank]))
-        return out
+        matrices = zip(self.components, self.matrices(y, T), strict=True)
+        return [self._factor(c, C, pivoted(C, c.held)[0][: c.rank]) for c, C in matrices]
 
     def again(self, chosen: Sequence[Selected], y: Array, T: Array) -> list[Selected]:
         """The same rows at another configuration of the step."""
-        out = []
-        for s, C in zip(chosen, self.matrices(y, T), strict=True):
-            out.append(self._factor(s.component, C, s.local))
-        return out
+        matrices = zip(chosen, self.matrices(y, T), strict=True)
+        return [self._factor(s.component, C, s.local) for s, C in matrices]
 
     def _factor(self, c: CoupledLoops, C: Array, local: IndexArray) -> Selected:
-        Q, R = _complete_qr(C[local].T)
         rows = self.rows[c.rows[local]]
+        if c.held:  # of many rows, which most callers ask for no more
+            Q, R = np.linalg.qr(C[local].T)
+            return Selected(c, local, rows, R, Q)
+        Q, R = np.linalg.qr(C[local].T, mode="complete")
         return Selected(c, local, rows, R[: c.rank], Q[:, : c.rank], Q[:, c.rank :])
 
-    def independence(
-        self, chosen: Sequence[Selected], y: Array, T: Array, which: IndexArray
-    ) -> Floats:
-        """Smallest pivot of chosen rows at y against the largest, of these components (k,)."""
-        C = self.matrices(y, T)
-        pivots = [_pivots(C[k][chosen[k].local]) for k in which.tolist()]
-        return np.array([p.min(initial=1.0) / p.max(initial=1e-300) for p in pivots])
+    def independence(self, chosen: Sequence[Selected], y: Array, T: Array) -> Floats:
+        """Smallest of the pivots (components,) of the chosen rows at y, see :class:`Selected`.
 
-    def motion(self, y0: Array, y1: Array) -> Floats:
-        """How far the vertices of each component are from y0 at y1 (components,).
-
-        The largest rotation (rad) or displacement relative to the scene.
+        By Cholesky's factors of C C^T, which are R to half of the digits: zero below 1e-8.
         """
-        kin, count = self.kin, len(self.kin.row_twist)
-        square = np.square(y1 - y0).sum(axis=1)
-        ground = square[count:].max(initial=0.0) / min(1.0, self._length) ** 2
-        turn = 0.5 * square[kin.director_rows].sum(axis=1)
-        square = square[kin.row[: len(kin.twist_of)]] / self._length**2
-        square[kin.frames] = np.maximum(square[kin.frames], turn)
-        most = np.maximum.reduceat(square[self._every], self._first)
-        return np.sqrt(np.maximum(most, ground))
-
-    def rows_of(self, which: IndexArray) -> IndexArray:
-        """Rows of y of the vertices of these components."""
-        kin = self.kin
-        vertices = np.concatenate([self._vertices[k] for k in which.tolist()])
-        frames = vertices[kin.frame_row[vertices] >= 0]
-        return np.concatenate([kin.row[vertices], *(kin.row[frames] + k for k in (1, 2, 3))])
-
-    def null_matrix(self, selected: list[Selected]) -> Floats:
-        """Z (K, K - rank), dense, in the numbering of :meth:`null_pattern`."""
-        rows, cols, ones = self.null_pattern()
-        Z = np.zeros((self.kin.unknowns, self.kin.unknowns - self.rank))
-        Z[rows, cols] = self.null_values(selected, ones)
-        return Z
+        out = np.zeros(len(chosen))
+        for k, (s, C) in enumerate(zip(chosen, self.matrices(y, T), strict=True)):
+            with suppress(np.linalg.LinAlgError):
+                d = np.diagonal(np.linalg.cholesky(C[s.local] @ C[s.local].T))
+                out[k] = (d[s.component.held :] / d.max(initial=1e-300)).min(initial=1.0)
+        return out
 
     def null_pattern(self) -> tuple[IndexArray, IndexArray, int]:
         """Rows and columns of the entries of Z, and how many of the first ones are 1."""
@@ -416,44 +342,17 @@ def _grouped(label: IndexArray, count: int) -> tuple[IndexArray, list[IndexArray
     return place, np.split(order, starts[1:])[:count]
 
 
-def _pivoted(A: Array) -> tuple[IndexArray, Array]:
-    """Order of the columns of A by QR with pivoting, and diagonal of R, by LAPACK as below."""
-    if np.iscomplexobj(A) or not A.size:
-        R, order = qr(A, mode="r", pivoting=True)
-        return order, np.diagonal(R)
-    factored, order, _, _, failed = dgeqp3(A)
-    assert failed == 0
-    return np.asarray(order - 1), np.diagonal(factored)
+def pivoted(C: Array, held: int) -> tuple[IndexArray, Array]:
+    """Order of the rows of C by QR of C^T with pivoting, and sizes of the pivots.
 
-
-def _pivots(C: Floats) -> Floats:
-    """Sizes of the diagonal of R, of `_pivoted` of C^T.
-
-    Of many rows by Cholesky's factorisation of C C^T with pivoting, which has the same R: as rows
-    are sparse, that product is cheap. Pivots are zero below 1e-8 times the root of their number of
-    the largest: 1e-7 for a hundred.
+    The first ones, as many as are held, stay first; the pivots are those of the others.
     """
-    if len(C) <= FULL_ROWS:
-        return abs(_pivoted(C.T)[1])
-    rows = csr_matrix(C)
-    factored, _, rank, _ = dpstrf((rows @ rows.T).toarray(), overwrite_a=True)
-    pivots = np.diagonal(factored).copy()
-    pivots[rank:] = 0.0
-    return pivots
-
-
-def _complete_qr(A: Array) -> tuple[Array, Array]:
-    """Q (k, k) and R of A (k, r), by LAPACK without what numpy does around it."""
-    k, r = A.shape
-    if np.iscomplexobj(A) or not 0 < r <= k:
-        return np.linalg.qr(A, mode="complete")
-    factored, tau, _, failed = dgeqrf(A)
-    Q = np.zeros((k, k), order="F")
-    Q[:, :r] = factored
-    Q, _, wrong = dorgqr(Q, tau, overwrite_a=True)
-    assert failed == 0
-    assert wrong == 0
-    return Q, np.triu(factored)
+    if held:
+        Q, _ = np.linalg.qr(C[:held].T)
+        order, pivots = pivoted(C[held:] - (C[held:] @ Q) @ Q.T, 0)
+        return np.concatenate([np.arange(held), held + order]), pivots
+    R, order = qr(C.T, mode="r", pivoting=True, check_finite=False)
+    return order, abs(np.diagonal(R))
 
 
 def continued(selected: Selected, before: Floats) -> Selected:

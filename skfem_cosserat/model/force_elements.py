@@ -581,7 +581,6 @@ class Couplings:
         self.owners += [function.load for function in self.functions]
         #: whether no actuator depends on time
         self.constant = all(isinstance(time, Constant) for time in self.times)
-        self._amplitudes: Floats | None = None
         none = np.zeros((0, 2), dtype=np.int64)
         pairs = [*(g.pairs for g in self._groups), *(f.pairs for f in self.functions)]
         self.pairs = np.concatenate([none, *pairs])
@@ -786,12 +785,7 @@ class Couplings:
 
     def averages(self, t0: float, t1: float) -> Floats:
         """Means of all channels over a step, and a zero for who has none."""
-        if self._amplitudes is not None:
-            return self._amplitudes
-        out = self._each(lambda time: time.average(t0, t1), t1)
-        if self.constant:
-            self._amplitudes = out
-        return out
+        return self._each(lambda time: time.average(t0, t1), t1)
 
     def values(self, t: float) -> Floats:
         """The same at time `t` (s)."""

@@ -32,7 +32,7 @@ from ..kernels import (
     bilinear,
 )
 from ..law import Law
-from ..pattern import FrozenPattern, shared
+from ..pattern import FrozenPattern
 from ..types import Array, Floats, IndexArray
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def assemble_mass(
     entries = np.concatenate(c)
     present = np.flatnonzero(entries)
     columns, rows = np.concatenate(j)[present], np.concatenate(i)[present]
-    turned = shared(FrozenPattern, columns, rows, (size, size))  # its columns are the rows
+    turned = FrozenPattern(columns, rows, (size, size))  # its columns are the rows
     compressed = turned.data(entries[present]), turned.indices, turned.indptr
     return csr_matrix(compressed, shape=(size, size)), nodal_masses
 
@@ -176,19 +176,6 @@ class Parts:
 Blocks = Array | Parts
 
 
-class _Multiple:
-    """Multiples of a constant array: a step has the same factor in all iterations."""
-
-    def __init__(self, array: Floats) -> None:
-        self._array, self._factor, self._multiple = array, 1.0, array
-
-    def by(self, factor: float) -> Floats:
-        """``factor`` times the array; not to be written to."""
-        if self._factor != factor:
-            self._factor, self._multiple = factor, factor * self._array
-        return self._multiple
-
-
 @dataclass(eq=False)
 class Group:
     """Blocks of one size.
@@ -213,9 +200,6 @@ class Group:
     framed: bool = True
     scalar_drag: Floats | None = None
 
-    def __post_init__(self) -> None:
-        self._inertia = _Multiple(self.scalar_mass)
-
     @cached_property
     def mass(self) -> Floats:
         """Constant mass (ne, 3 r, 3 r): nine times as large as :attr:`scalar_mass`."""
@@ -227,8 +211,8 @@ class Group:
         return None if self.scalar_drag is None else mass_blocks(self.scalar_drag)
 
     def inertia(self, factor: float) -> Floats:
-        """``factor`` times the scalar mass (ne, r, r); not to be written to."""
-        return self._inertia.by(factor)
+        """``factor`` times the scalar mass (ne, r, r)."""
+        return factor * self.scalar_mass
 
     @property
     def dofs(self) -> IndexArray:
@@ -331,7 +315,6 @@ class BeamGroup(Group):
                 *_laws(es),
             )
         )
-        self._stiffness = _Multiple(self.elements.weighted_stiffness)
 
     def gather(self, y: Array) -> Array:
         """Rows of y of each element (ne, 12 nn)."""
@@ -391,9 +374,8 @@ class BeamGroup(Group):
     ) -> Parts:
         """The same as :meth:`tangent`, not multiplied out."""
         scalar = beam_geometric(self.elements, geometric * stress)
-        if moduli is None or moduli is self.elements.weighted_stiffness:
-            return Parts(scalar, left, right, self._stiffness.by(material))
-        return Parts(scalar, left, right, material * moduli)
+        weight = self.elements.weighted_stiffness if moduli is None else moduli
+        return Parts(scalar, left, right, material * weight)
 
     @property
     def viscous(self) -> bool:

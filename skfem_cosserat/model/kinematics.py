@@ -1,11 +1,10 @@
-"""How coordinates of the tree move the nodes, constrained beam elements among them."""
+"""How coordinates of the tree move the nodes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,353 +15,8 @@ from scipy.sparse.linalg import splu
 from ..kernels import cross, director_force, skew
 from ..pattern import FrozenPattern, sum_at
 from ..relative import normals
-from ..strain import strain_measures
 from ..types import Array, Floats, IndexArray
-from .tree import KINDS, ConstrainedElement, Coordinate, Pairs, Spot, Tree
-
-# -- lines of elements that hold shear strains, from their directors: what they add to the tree ----
-#
-# The first three strains (../strain.py), ``Gamma = D phi'`` with the interpolated directors as rows
-# of D, give ``phi' = D^-1 Gamma`` at p Gauss points, and phi' is a polynomial of degree p - 1: with
-# it all nodes of the element follow from one of them. So do their velocities,
-#
-# ``dphi'/dt = sum_a A_a omega_a + D^-1 e_3 ds/dt``,  ``A_a = -N_a D^-1 [d_i^a x phi']``
-#
-# for rotations of the nodes and a stretch s, at any configuration: the rows of A annihilate the
-# Jacobian of the constraints there, at nodes and midpoints alike. Theory: Betsch & Leyendecker,
-# IJNME 67 (2006) 499, for the discrete null space.
-
-
-@dataclass(eq=False)
-class _ElementGroup:
-    """Elements of one interpolation in the tree.
-
-    Attributes
-    ----------
-    elements : list of ConstrainedElement
-    rows : (ne, nn) int array
-        First row of y of each node.
-    N, slope : (ng, nn), (ne, ng, nn) array
-        Shape functions and their derivatives by the arc length.
-    weights : (ne, nn, ng) array
-        ``phi_b - phi_entry = sum_g weights_bg phi'_g``.
-    rotations : (ne, nn, 3, 3) array or None
-    strain : (ne, ng, 3) array
-        Gamma of the reference.
-    measure : (ne, ng, 1) array
-        Weight of each Gauss point times the length.
-    stretches : (k, 2) int array, (k,) int array
-        Element and point of each stretch, and the number of its coordinate.
-    """
-
-    elements: list[ConstrainedElement]
-    rows: IndexArray
-    N: Floats
-    slope: Floats
-    weights: Floats
-    rotations: Floats | None
-    strain: Floats
-    measure: Floats
-    stretched: IndexArray
-    numbers: IndexArray
-
-    def directors(self, y: Array) -> tuple[Array, Array]:
-        """Of the section at the nodes (ne, nn, 3, 3) and at the Gauss points (ne, ng, 3, 3)."""
-        d = y[self.rows[:, :, None] + _DIRECTORS]
-        if self.rotations is not None:
-            d = self.rotations @ d
-        ne, nn = self.rows.shape
-        return d, (self.N @ d.reshape(ne, nn, 9)).reshape(ne, -1, 3, 3)
-
-    def axial_strain(self, y: Array) -> Array:
-        """``Gamma_3`` (ne, ng), the reference's taken off."""
-        _, D = self.directors(y)
-        fields = np.concatenate([(self.N @ y[self.rows])[:, :, None], D], axis=2)
-        slopes = self.slopes(y)[:, :, None]  # of the place alone: Gamma takes no others
-        return strain_measures(fields, slopes, (2,))[..., 0] - self.strain[:, :, 2]
-
-    def inverse(self, D: Array) -> Array:
-        """``D^-1`` (ne, ng, 3, 3) of interpolated directors; faster than LAPACK for so few."""
-        c = cross(D[:, :, _YZX], D[:, :, _ZXY])
-        volume = (D[:, :, 0] * c[:, :, 0]).sum(-1)
-        return c.swapaxes(-1, -2) / volume[..., None, None]
-
-    def slopes(self, y: Array) -> Array:
-        """``phi'`` (ne, ng, 3)."""
-        return self.slope @ y[self.rows]
-
-
-_DIRECTORS = np.arange(1, 4)
-_YZX, _ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
-
-
-def _elements(
-    chosen: Sequence[tuple[ConstrainedElement, int]], row: IndexArray, tree: Tree
-) -> _ElementGroup:
-    elements = [element for element, _ in chosen]
-    basis = elements[0].item.basis
-    vertices = np.array([element.vertices for element in elements])
-    lengths = np.array([element.item.basis.lengths[element.number] for element in elements])
-    entry = np.array([element.vertices.index(v) for element, v in chosen])
-    by_xi = basis.dshape(basis.points).T
-    weights = np.zeros((len(elements), by_xi.shape[1], len(by_xi)))
-    for k in np.unique(entry):
-        others = [b for b in range(by_xi.shape[1]) if b != k]
-        which = np.flatnonzero(entry == k)
-        inverse = np.linalg.inv(by_xi[:, others])
-        weights[which[:, None], others] = lengths[which, None, None] * inverse
-    rotations = np.array([element.item.rotations[element.number] for element in elements])
-    parts = [element.item.elements for element in elements]
-    stretched = [
-        (k, g, number)
-        for k, element in enumerate(elements)
-        for g, number in enumerate(tree.stretches[id(element)])
-    ]
-    table = np.array(stretched, dtype=np.int64).reshape(-1, 3)
-    return _ElementGroup(
-        elements,
-        row[vertices],
-        basis.shape(basis.points).T.copy(),
-        by_xi / lengths[:, None, None],
-        weights,
-        None if (rotations == np.eye(3)).all() else rotations,
-        np.array([p.reference[s.number, :, :3] for p, s in zip(parts, elements, strict=True)]),
-        np.array([p.measure[s.number] for p, s in zip(parts, elements, strict=True)]),
-        table[:, :2],
-        table[:, 2],
-    )
-
-
-class ConstrainedElements:
-    """All elements of the tree whose lines follow from directors.
-
-    Parameters
-    ----------
-    tree : Tree
-    row : (nv + ng,) int array
-        First row of y of each vertex.
-    twist_of : (nv,) int array
-        First twist of each vertex.
-    turning : dict of int to list of (int, int)
-        Of each vertex whose rotation is relative to its parent's: coordinates that turn it, and
-        which of the kinematics' pairs those are.
-
-    Attributes
-    ----------
-    T_rows, T_cols : int arrays
-        Where :meth:`values` are in the null space matrix of the tree.
-    numbers : (k,) int array
-        Coordinates that are stretches.
-    """
-
-    def __init__(
-        self,
-        tree: Tree,
-        row: IndexArray,
-        twist_of: IndexArray,
-        turning: dict[int, list[tuple[int, int]]],
-    ) -> None:
-        kinds: dict[object, list[tuple[ConstrainedElement, int]]] = {}
-        for element, entry in (pair for pair in tree.elements if not pair[0].rigid):
-            kinds.setdefault(element.item.basis.interpolation, []).append((element, entry))
-        self.groups = [_elements(chosen, row, tree) for chosen in kinds.values()]
-        self.numbers = np.concatenate(
-            [np.zeros(0, dtype=np.int64), *(g.numbers for g in self.groups)]
-        )
-        self._starts = np.cumsum([0, *(len(g.numbers) for g in self.groups)]).tolist()
-        self._number(tree, row, twist_of, turning)
-
-    def _number(
-        self,
-        tree: Tree,
-        row: IndexArray,
-        twist_of: IndexArray,
-        turning: dict[int, list[tuple[int, int]]],
-    ) -> None:
-        """Places of exits, blocks and stretches in the null space matrix."""
-        # exits (element, node) are numbered group by group, blocks (element, exit, node) likewise
-        exit_of = {}
-        block_of = {}  # (exit, vertex)
-        shift_of = {}  # exit: (stretch's number, of its values)
-        exits = blocks = shifts = 0
-        for g in self.groups:
-            for element in g.elements:
-                stretches = tree.stretches[id(element)]
-                for b in element.vertices:
-                    exit_of[id(element), b] = exits
-                    for a in element.vertices:
-                        block_of[exits, a] = blocks
-                        blocks += 1
-                    shift_of[exits] = [(k, shifts + i) for i, k in enumerate(stretches)]
-                    shifts += len(stretches)
-                    exits += 1
-        members = {v: exits_of for v, exits_of in _paths(tree, exit_of).items() if exits_of}
-        vertices_of = {
-            exit_of[id(s), b]: s.vertices
-            for g in self.groups
-            for s in g.elements
-            for b in s.vertices
-        }
-        whole = []
-        turned = []
-        moved = []
-        below = []
-        for c, path in members.items():
-            found: dict[int, list[int]] = {}
-            for e in path:
-                below.append((e, int(row[c])))
-                for a in vertices_of[e]:
-                    found.setdefault(a, []).append(block_of[e, a])
-                moved += [(int(twist_of[c]), number, k) for number, k in shift_of[e]]
-            for a, which in found.items():
-                one, two = which[0], which[1] if len(which) > 1 else blocks
-                own = [k for k in tree.own[a] if tree.coordinate(k).kind == "rotation"]
-                if own:
-                    whole.append((int(twist_of[c]), own[0], one, two))
-                    assert all(j == i + 1 for i, j in pairwise(own))
-                else:
-                    turned += [(int(twist_of[c]), k, one, two, p) for k, p in turning.get(a, [])]
-        self._axes = None if tree.plane is None else tree.axes
-        self._place(whole, turned, moved)
-        exits_rows = np.array(below, dtype=np.int64).reshape(-1, 2)
-        self._sums = csr_matrix(
-            (np.ones(len(exits_rows)), (exits_rows[:, 0], exits_rows[:, 1])),
-            shape=(exits, int(row[: len(twist_of)].max()) + 1),
-        )
-
-    def _place(
-        self,
-        whole: list[tuple[int, int, int, int]],
-        turned: list[tuple[int, int, int, int, int]],
-        moved: list[tuple[int, int, int]],
-    ) -> None:
-        xyz = np.arange(3)
-        w = np.array(whole, dtype=np.int64).reshape(-1, 4)
-        t = np.array(turned, dtype=np.int64).reshape(-1, 5)
-        m = np.array(moved, dtype=np.int64).reshape(-1, 3)
-        count = 3 if self._axes is None else len(self._axes)
-        shape = (len(w), 3, count)
-        rows = [np.broadcast_to(w[:, 0, None, None] + xyz[:, None], shape).ravel()]
-        cols = [np.broadcast_to(w[:, 1, None, None] + np.arange(count), shape).ravel()]
-        rows += [(each[:, 0, None] + xyz).ravel() for each in (t, m)]
-        cols += [np.repeat(each[:, 1], 3) for each in (t, m)]
-        self.T_rows = np.concatenate(rows)
-        self.T_cols = np.concatenate(cols)
-        self._whole, self._turned, self._moved = w[:, 2:], t[:, 2:], m[:, 2]
-
-    # -- velocities --------------------------------------------------------------------------------
-
-    def values(self, y: Array, axis: Array) -> Array:
-        """Entries at ``(T_rows, T_cols)``; `axis` (pairs, 3) are those of the turning pairs."""
-        blocks, shifts = [], []
-        for g in self.groups:
-            d, D = g.directors(y)
-            inverse = g.inverse(D)
-            # rows i: d_i^a x phi'
-            turn = cross(d[:, None], g.slopes(y)[:, :, None, None])
-            A = -g.N[..., None, None] * (inverse[:, :, None] @ turn)
-            ne, ng, nn = A.shape[:3]
-            blocks.append((g.weights @ A.reshape(ne, ng, nn * 9)).reshape(-1, 3, 3))
-            if len(g.numbers):
-                e = np.unique(g.stretched[:, 0])
-                shift = g.weights[e, ..., None] * inverse[e][:, None, :, :, 2]
-                shifts.append(shift.reshape(-1, 3))
-        zero = np.zeros((1, 3, 3), dtype=y.dtype)
-        E = np.concatenate([*blocks, zero])
-        whole = E[self._whole[:, 0]] + E[self._whole[:, 1]]
-        out = [(whole if self._axes is None else whole @ self._axes.T).ravel()]
-        if len(self._turned):
-            one, two, pair = self._turned.T
-            out.append(((E[one] + E[two]) @ axis[pair][:, :, None]).ravel())
-        if shifts:
-            out.append(np.concatenate(shifts)[self._moved].ravel())
-        return np.concatenate(out)
-
-    # -- positions ---------------------------------------------------------------------------------
-
-    def stretches(self, y: Array) -> Array:
-        """Axial strains (k,) at the Gauss points that are free."""
-        out = [np.zeros(0)]
-        for g in self.groups:
-            if len(g.numbers):
-                out.append(g.axial_strain(y)[g.stretched[:, 0], g.stretched[:, 1]])
-        return np.concatenate(out)
-
-    def arms(self, y: Array, stretches: Array) -> Array:
-        """``phi - phi_entry`` (exits, 3) of all nodes, from directors and stretches (k,)."""
-        out = []
-        for k, g in enumerate(self.groups):
-            _, D = g.directors(y)
-            strain = g.strain.astype(np.result_type(y, stretches))
-            own = stretches[self._starts[k] : self._starts[k + 1]]
-            strain[g.stretched[:, 0], g.stretched[:, 1], 2] += own
-            out.append((g.weights @ (g.inverse(D) @ strain[..., None])[..., 0]).reshape(-1, 3))
-        return np.concatenate(out)
-
-    def exits(self, tree: Tree) -> IndexArray:
-        """Which of the exits each edge of the tree is that is part of an element."""
-        number: dict[tuple[int, int], int] = {}
-        for g in self.groups:
-            for element in g.elements:
-                for b in element.vertices:
-                    number[id(element), b] = len(number)
-        return np.array(
-            [number[id(e.joint), e.child] for e in tree.edges if e.in_element], dtype=np.int64
-        )
-
-    # -- forces ------------------------------------------------------------------------------------
-
-    def carried(self, y: Array, force: Array) -> tuple[Array, list[Array]]:
-        """Constraint forces that carry all forces on positions beyond the elements.
-
-        Parameters
-        ----------
-        y : (total, 3) array
-        force : (rows, 3) array
-
-        Returns
-        -------
-        carried : (rows, 3) array
-            ``G^T mu``: what is left of `force` without it adds up to nothing beyond each exit.
-        stresses : list of (ne, ng, 6) arrays
-            Mu as stress resultants, for the elements of each of :attr:`groups`; forces against a
-            free stretch included.
-        """
-        sums = self._sums @ force[: self._sums.shape[1]]
-        out = np.zeros_like(force)
-        stresses, start = [], 0
-        for g in self.groups:
-            ne, nn, ng = g.weights.shape
-            own = sums[start : start + ne * nn].reshape(ne, nn, 3)
-            start += ne * nn
-            _, D = g.directors(y)
-            n = g.weights.transpose(0, 2, 1) @ own
-            mu = (g.inverse(D).swapaxes(-1, -2) @ n[..., None])[..., 0]
-            line = g.slope.transpose(0, 2, 1) @ n
-            outer = mu[..., None] * g.slopes(y)[:, :, None]
-            turn = (g.N.T @ outer.reshape(ne, ng, 9)).reshape(ne, nn, 3, 3)
-            if g.rotations is not None:
-                turn = g.rotations.swapaxes(-1, -2) @ turn
-            local = np.concatenate([line[:, :, None], turn], axis=2)
-            rows = g.rows[:, :, None] + np.arange(4)
-            at = (3 * rows[..., None] + np.arange(3)).ravel()
-            out += sum_at(at, local.ravel(), out.size).reshape(out.shape)
-            stress = np.zeros((ne, ng, 6), dtype=mu.dtype)
-            stress[:, :, :3] = mu / g.measure
-            stresses.append(stress)
-        return out, stresses
-
-
-def _paths(tree: Tree, exit_of: dict[tuple[int, int], int]) -> dict[int, list[int]]:
-    """Exits on the path from the root to each vertex."""
-    out: dict[int, list[int]] = {}
-    for edge in tree.edges:
-        before = out.get(edge.parent, [])
-        if isinstance(edge.joint, ConstrainedElement) and not edge.joint.rigid:
-            before = [*before, exit_of[id(edge.joint), edge.child]]
-        out[edge.child] = before
-    return out
-
+from .tree import KINDS, Coordinate, Pairs, Spot, Tree
 
 # -- null space matrix of a tree of joints ---------------------------------------------------------
 #
@@ -400,11 +54,6 @@ def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArra
     return array[:, :, 0].astype(np.int64), array[:, None, :, 1].copy()
 
 
-#: squares of the numbers of coordinates that move each vertex, summed, above which elimination
-#: along the joints of a tree is faster than one matrix: as of 17 bars on ball joints, of 34 hinged
-DEEP = 15_000
-
-
 class Kinematics:
     """Arrays of the reduction to twists and, in :attr:`T`, of the twist map.
 
@@ -438,8 +87,6 @@ class Kinematics:
         self.points = np.flatnonzero(~is_frame)
         self.frame_rows = row[self.frames]
         self.director_rows = self.frame_rows[:, None] + np.arange(1, 4)
-        #: frames only, one after the other: their rows are views then, without picking
-        self._framed = bool(is_frame.all() and (self.frame_rows == 4 * np.arange(nv)).all())
         self.frame_twist = self.twist_of[self.frames][:, None] + np.arange(6)
         self.point_twist = self.twist_of[self.points][:, None] + np.arange(3)
         # forces on frames and points, then moments: which make up a twist force, three by three
@@ -485,34 +132,23 @@ class Kinematics:
     @cached_property
     def T(self) -> TwistMap:
         """The twist map, entry by entry: full for a chain, and nothing that kernels ask for."""
-        return TwistMap(self, self.tree.pairs, self.elements)
+        return TwistMap(self, self.tree.pairs)
 
     @cached_property
     def recursion(self) -> Recursion:
-        """The twist map, joint by joint; not of trees with :attr:`elements`."""
+        """The twist map, joint by joint."""
         return Recursion(self)
 
-    @cached_property
-    def deep(self) -> bool:
-        """Whether :attr:`recursion` is faster than :attr:`T` in a step with plain numpy."""
-        if self.elements is not None:
-            return False
-        edges, above = self.tree.edges, dict(enumerate(map(len, self.tree.own)))
-        for e in edges:
-            above[e.child] += above.get(e.parent, 0)
-        return sum(above[e.child] ** 2 for e in edges) > DEEP
+    def values_at(self, y: Array, fixed: Floats | None = None) -> Array:
+        """Entries of :attr:`T` at all rows y; `fixed`: the axes of a reparametrisation."""
+        return self.T.values(self.T.locate(y, self.fixed_axes(y) if fixed is None else fixed))
 
-    @cached_property
-    def elements(self) -> ConstrainedElements | None:
-        """Elements of the tree whose lines follow from directors, if there are any."""
-        if all(element.rigid for element, _ in self.tree.elements):
-            return None
-        turning: dict[int, list[tuple[int, int]]] = {}
-        pairs = self.tree.pairs
-        pairs = pairs.some(pairs.target >= 0)
-        for k in np.flatnonzero(pairs.rotates).tolist():
-            turning.setdefault(int(pairs.vertex[k]), []).append((int(pairs.number[k]), k))
-        return ConstrainedElements(self.tree, self.row, self.twist_of, turning)
+    def scale(self, length: float) -> Floats:
+        """Sizes (K,) of coordinates of a scene of this extent: 1 of rotations, else the extent."""
+        out = np.ones(len(self.vertex))
+        for kind in ("translation", "slide"):
+            out[self.numbers[kind]] = length
+        return out[: self.unknowns]
 
     def _axis_terms(self, c: Coordinate, axis: Floats) -> list[tuple[int, float]]:
         return [(int(self.row[c.guide]) + i + 1, float(axis[i])) for i in range(3)]
@@ -540,22 +176,15 @@ class Kinematics:
         hinges, left, right = self.material_axes(y)
         out = fixed.astype(y.dtype)
         out[self.hinges] = hinges
-        if len(left):
-            out[self.tracks] = cross(left, right)
+        out[self.tracks] = cross(left, right)
         return out
 
     def directors(self, y: Array) -> Array:
-        """Directors (nf, 3, 3) of the frames, rows d1, d2, d3; not to be written to."""
-        if self._framed:
-            return y[: 4 * len(self.frames)].reshape(-1, 4, 3)[:, 1:]
+        """Directors (nf, 3, 3) of the frames, rows d1, d2, d3."""
         return y.take(self.director_rows, axis=0)
 
     def twist_force(self, y: Array, force: Array) -> Array:
         """``P_int(y)^T f``: force and moment of each vertex, (n_twist,) from (nv, 3)."""
-        if self._framed:
-            f = force[: 4 * len(self.frames)].reshape(-1, 4, 3)
-            moment = director_force(self.directors(y), f[:, 1:])
-            return np.concatenate([f[:, 0], moment], axis=1).ravel()
         parts = [
             force.take(self._force_rows, axis=0),
             director_force(self.directors(y), force.take(self.director_rows, axis=0)),
@@ -568,14 +197,11 @@ class Kinematics:
         omega = twist[self.frame_twist[:, 3:]]
         out[self.frame_rows] = twist[self.frame_twist[:, :3]]
         out[self.director_rows] = cross(omega[:, None, :], self.directors(y))
-        if len(self.points):
-            out[self.row[self.points]] = twist[self.point_twist]
+        out[self.row[self.points]] = twist[self.point_twist]
         return out
 
     def fixed_axes(self, y0: Array) -> Floats:
         """Axes (K + driven, 3) that stay as they are during a step from y0."""
-        if not self.spheres:
-            return self.axis
         fixed = self.axis.copy()
         for numbers, ends in self.spheres:
             a, b = (sum(c * y0[row] for row, c in self.spot_terms(spot)) for spot in ends)
@@ -624,16 +250,9 @@ class TwistMap:
     kinematics : Kinematics
     pairs : Pairs
         Which coordinate moves which vertex.
-    elements : ConstrainedElements, optional
-        What moves vertices besides.
     """
 
-    def __init__(
-        self,
-        kinematics: Kinematics,
-        pairs: Pairs,
-        elements: ConstrainedElements | None = None,
-    ) -> None:
+    def __init__(self, kinematics: Kinematics, pairs: Pairs) -> None:
         kin = self.kin = kinematics
         self.shape = kin.n_twist, kin.unknowns
         place = np.full(len(kin.vertex), -1)  # among hinges, or slides
@@ -661,15 +280,6 @@ class TwistMap:
         on_hinge = np.isin(turning.number, kin.hinges)
         #: where axes of pairs are: among those that are fixed, then those of hinges
         self._axis_of = np.where(on_hinge, len(kin.axis) + place[turning.number], turning.number)
-        # few pairs, all on hinges: spots, then axes and arms of pairs, in one product
-        few = len(turning.number) <= len(self.spots) and not len(slides.number)
-        self._few = few and bool(on_hinge.all())
-        if self._few:
-            hinge_terms = [kin.axis_terms[k] for k in place[turning.number]]
-            ends = zip(self.pair_target.tolist(), self.pair_centre.tolist(), strict=True)
-            arms = [[*spot_terms[a], *((r, -f) for r, f in spot_terms[b])] for a, b in ends]
-            self._combine_few = combination(spot_terms + hinge_terms + arms)
-        self.elements = elements
         self._number(shifting, slides.vertex)
 
     def _number(self, shifting: Pairs, slide_vertex: IndexArray) -> None:
@@ -704,15 +314,11 @@ class TwistMap:
                 np.repeat(self.slide_number, 3),
             ]
         )
-        if self.elements is not None:
-            self.rows = np.concatenate([self.rows, self.elements.T_rows])
-            self.cols = np.concatenate([self.cols, self.elements.T_cols])
-        self.n_fixed = len(self._constant)
         #: entries that are 1 at any configuration
         self.ones = np.flatnonzero(self._constant == 1)
 
     @cached_property
-    def _structure(self) -> tuple[IndexArray, Array, Array]:
+    def structure(self) -> tuple[IndexArray, Array, Array]:
         """Of :meth:`matrix`: the order of its entries, their columns, where rows begin."""
         order = np.lexsort((self.cols, self.rows))
         indptr = np.searchsorted(self.rows[order], np.arange(self.shape[0] + 1))
@@ -755,38 +361,19 @@ class TwistMap:
 
     def locate(self, y: Array, fixed: Floats) -> Located:
         """What all functions of the tree need at configuration y."""
-        if not len(self.pair_number) and not len(self.slide_number):
-            return Located(y, *(y[:0],) * 6)
-        if self._few:
-            rows, factors = self._combine_few
-            every = (factors @ y.take(rows, axis=0))[:, 0]
-            a = len(self.spots)
-            b = a + len(self.pair_number)
-            return Located(y, every[:a], every[a:b], every[b:], *(y[:0],) * 3)
         rows, factors = self._combine
         both = (factors @ y.take(rows, axis=0))[:, 0]
         x, axes = both[: len(self.spots)], both[len(self.spots) :]
         hinges, left, right = self.kin.split(axes)
         axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
         arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
-        if not len(self.slide_number):
-            return Located(y, x, axis, arm, left, right, left)
         left, right = left[self._slide_of], right[self._slide_of]
         return Located(y, x, axis, arm, left, right, cross(left, right))
 
     def values(self, at: Located) -> Array:
         """Entries of T at ``(rows, cols)``."""
-        if not len(self.rows) > self.n_fixed:
-            return self._constant
-        axis = at.axis
-        shift = cross(axis, at.arm)
-        turn = axis.take(self.pair_rotates, axis=0)
-        parts = [self._constant, shift.ravel(), turn.ravel()]
-        if len(self.slide_number):
-            parts.append(at.slide.ravel())
-        if self.elements is not None:
-            parts.append(self.elements.values(at.y, axis))
-        return np.concatenate(parts)
+        shift, turn = cross(at.axis, at.arm), at.axis.take(self.pair_rotates, axis=0)
+        return np.concatenate([self._constant, shift.ravel(), turn.ravel(), at.slide.ravel()])
 
     def reduce(self, values: Array, twist_force: Array) -> Array:
         """``T^T t`` (unknowns,) from T's entries."""
@@ -798,7 +385,7 @@ class TwistMap:
 
     def matrix(self, values: Array) -> csr_matrix:
         """T (n_twist, unknowns) from its entries."""
-        order, indices, indptr = self._structure
+        order, indices, indptr = self.structure
         return csr_matrix((values[order], indices, indptr), shape=self.shape)
 
     # -- derivative of T^T f by the configuration, for schemes that evaluate T at midpoints ------
@@ -821,26 +408,17 @@ class TwistMap:
         """
         moved = self._moved
         force = twist_force.take(moved.pair_twist)
-        parts = []
-        guided = moved.guided
-        if len(guided):
-            moment = cross(at.arm, force)
-            moment[self.pair_rotates] += twist_force.take(moved.rotated_twist)
-            parts.append(cross(at1.axis.take(guided, axis=0), moment.take(guided, axis=0)))
-        if len(moved.spot_pair):
-            signed = moved.spot_sign * cross(force, at.axis).take(moved.spot_pair, axis=0)
-            parts.append(signed)
-        if len(moved.turning):
-            arm = at1.x.take(moved.spot, axis=0) - at1.y.take(moved.spot_row, axis=0)
-            parts.append(cross(arm, signed.take(moved.turning, axis=0)))
-        on = moved.track
-        if len(on):
-            f = twist_force[self._slide_twist[on]]
-            parts.append(
-                cross(at1.left[on], cross(at.right[on], f))
-                + cross(at1.right[on], cross(f, at.left[on]))
-            )
-        return np.concatenate(parts).ravel() if parts else force[:0].ravel()
+        guided, on = moved.guided, moved.track
+        moment = cross(at.arm, force)
+        moment[self.pair_rotates] += twist_force.take(moved.rotated_twist)
+        turned = cross(at1.axis.take(guided, axis=0), moment.take(guided, axis=0))
+        signed = moved.spot_sign * cross(force, at.axis).take(moved.spot_pair, axis=0)
+        arm = at1.x.take(moved.spot, axis=0) - at1.y.take(moved.spot_row, axis=0)
+        f = twist_force[self._slide_twist[on]]
+        slid = cross(at1.left[on], cross(at.right[on], f))
+        slid += cross(at1.right[on], cross(f, at.left[on]))
+        swung = cross(arm, signed.take(moved.turning, axis=0))
+        return np.concatenate([turned, signed, swung, slid]).ravel()
 
 
 # -- the same map joint by joint -------------------------------------------------------------------
@@ -897,10 +475,6 @@ class Recursion:
 
     # -- the same as those of a twist map, whose entries are those of S, then of X ---------------
 
-    def locate(self, y: Array, fixed: Floats) -> Located:
-        """See :class:`TwistMap`."""
-        return self.own.locate(y, fixed)
-
     def values(self, at: Located) -> Array:
         """Entries of S, then of X without those that are one."""
         return np.concatenate([self.own.values(at), -skew(self.arms(at.y)).ravel()])
@@ -924,10 +498,15 @@ class Recursion:
 
     def _solved(self, values: Array, rhs: Array, trans: str) -> Array:
         """``(1 - X)^-1 rhs``, or its transpose: in the order of the tree nothing is filled in."""
+        if not self.held.any():  # X is zero
+            return rhs
         known, lu = self._last
         if known is not values:
             lu = unit_triangular(self._pattern.matrix(self.split(values)[1]))
             self._last = values, lu
+        if np.iscomplexobj(rhs) and not np.iscomplexobj(values):
+            real, imaginary = (self._solved(values, part, trans) for part in (rhs.real, rhs.imag))
+            return real + 1j * imaginary
         out = np.empty(len(rhs), dtype=np.result_type(values, rhs))
         out[self._order] = lu.solve(rhs[self._order].astype(out.dtype), trans)
         return out
@@ -992,14 +571,6 @@ class Recursion:
 
     # -- derivative of ``T^T f`` for fixed forces at the joints ----------------------------------
 
-    def curvature_pattern(self) -> tuple[IndexArray, IndexArray]:
-        """See :class:`TwistMap`: that of S."""
-        return self.own.curvature_pattern()
-
-    def curvature_values(self, at: Located, at1: Located, force: Array) -> Array:
-        """See :class:`TwistMap`: that of S, for forces at the joints."""
-        return self.own.curvature_values(at, at1, force)
-
     def moment_pattern(self) -> tuple[IndexArray, IndexArray]:
         """Rows (twists) and columns (twists) of :meth:`moment_values`."""
         twist, (on_parent, on_child) = self.kin.twist_of, self._fulcrums
@@ -1036,7 +607,7 @@ class Recursion:
 
     def blocks(self, y: Array, fixed: Floats) -> tuple[Array, Array, NDArray[np.bool_]]:
         """S (vertices, 6, 6), X (edges, 6, 6), and which columns of S there are (vertices, 6)."""
-        values = self.own.values(self.locate(y, fixed))
+        values = self.own.values(self.own.locate(y, fixed))
         kin, own, tree = self.kin, self.own, self.kin.tree
         place = np.zeros(kin.unknowns, dtype=np.int64)
         used = np.zeros((len(tree.is_frame), 6), dtype=bool)

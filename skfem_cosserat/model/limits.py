@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..frames import StructuralItem, is_beam
+from ..frames import StructuralItem
 from ..joint import Joint, JointDrive
-from ..pattern import once_for_each
-from ..types import Floats, IndexArray
+from ..types import Floats
 from .groups import BeamGroup
 from .loops import BROKEN, reached
 from .system import System
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
     from ..beam import Beam
     from ..element import Interpolation
 
-#: nodes of a beam: their numbers, or one after the other
-Nodes = IndexArray | slice
 #: gravity (m/s^2), and weight times length squared over EI above which a stiffness looks wrong
 EARTH, LIMP = 9.81, 1e4
 
@@ -104,7 +100,7 @@ def constraint_owner(system: System, row: int) -> str:
 JUMP, STAYS, STEEPEST = 1e-6, 0.6, 1e-14
 
 
-@once_for_each
+@lru_cache(maxsize=4)
 def _followed(system: System) -> tuple[Floats, dict[int, Joint | JointDrive]]:
     """Weights of the ground's rows that constraints feel, and of which item each frame is."""
     weights = np.zeros((system.grounds.rows // 4, 4, 3))
@@ -201,13 +197,12 @@ def over_rotated(system: System, y: Floats) -> str | None:
 
 def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
     """Which beam :func:`over_rotated` is about, and what it says."""
-    beams = [item for item in system.structures if is_beam(item)]
-    if not beams:  # a scene without beams imports no meshes
+    if not system.beams:  # a scene without beams imports no meshes
         return None
     from ..mesh.bends import gives_way
 
     worst, found = 1.0, None
-    for beam in beams:
+    for beam in system.beams:
         basis = beam.basis
         angle = _rotated(beam, _nodal(system, beam, y))
         ratio = float(angle.max()) / basis.interpolation.turn_limit
@@ -223,40 +218,17 @@ def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
 
 
 def first_over_rotated(system: System, states: Floats) -> int | None:
-    """The first of some states (N, rows, 3) in which :func:`over_rotated` finds an element.
-
-    Most states are ruled out by one product each: where the angles between the p + 1 nodes of an
-    element add up to more than its limit one of them is above a p-th of it.
-    """
-    found = []
-    for beam, a, b, least in _turns_of_beams(system):
-        nodal = _nodal(system, beam, states)
-        trace = np.einsum("neij,neij->ne", nodal[:, a], nodal[:, b])
-        if (trace.min(0) >= least).all():
-            continue
-        doubtful = np.flatnonzero((trace < least).any(1))
-        limit = beam.basis.interpolation.turn_limit
-        bent = (_rotated(beam, nodal[doubtful]) / limit > 1.0).any(1)
-        found += doubtful[bent][:1].tolist()
-    return min(found, default=None)
-
-
-@once_for_each
-def _turns_of_beams(system: System) -> list[tuple[Beam, Nodes, Nodes, Floats]]:
-    """Beams, neighbours in their elements, and the least ``1 + 2 cos`` of safe angles of these."""
-    out = []
-    for beam in (item for item in system.structures if is_beam(item)):
-        from ..mesh.bends import turns  # a scene without beams imports no meshes
-
-        kind, inner = beam.basis.interpolation, beam.basis.connectivity
-        a, b = inner[:, :-1].ravel(), inner[:, 1:].ravel()
-        # in the reference there may be angles already
-        then = turns(beam.triads[inner[:, :-1]], beam.triads[inner[:, 1:]]).sum(1)
-        angle = np.clip((kind.turn_limit - then) / kind.order, 0, np.pi).repeat(kind.order)
-        in_a_row = (a == np.arange(len(a))).all() and (b == a + 1).all()
-        ends = (slice(0, -1), slice(1, None)) if in_a_row else (a, b)
-        out.append((beam, *ends, 1 + 2 * np.cos(angle) + 1e-9))
-    return out
+    """The first of some states (N, rows, 3) in which :func:`over_rotated` finds an element."""
+    first = 0
+    for some in np.array_split(states, len(states) // 100 + 1):
+        bent = np.zeros(len(some), dtype=bool)
+        for beam in system.beams:
+            limit = beam.basis.interpolation.turn_limit
+            bent |= (_rotated(beam, _nodal(system, beam, some)) / limit > 1.0).any(1)
+        if bent.any():
+            return first + int(bent.argmax())
+        first += len(some)
+    return None
 
 
 def _nodal(system: System, beam: Beam, y: Floats) -> Floats:
@@ -392,14 +364,17 @@ def overstretched_beam(
         for found in [_tension(group, y)]
         for beam, which in group.slices.items()
     }
-    for beam, factor, soft, least in _bending_of_beams(system):
+    for beam in system.beams:
+        kind = beam.basis.interpolation
+        if kind.points > kind.order:
+            continue  # its Gauss points see them
+        factor = tension_factor(kind)
+        sections = [_bending(each.stiffness, beam.theory.held) for each in beam.sections.values()]
         force, stretch, present = drawn[id(beam)]
-        if multipliers is None and force.max() * stretch.max() <= least:
-            continue  # most of all that is looked at
         held = None if multipliers is None else theory_of(system.theory_rows, beam)
         if held is not None and multipliers is not None and held.can_bend:
             force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
-        bending = np.where(np.isnan(present), soft, present)
+        bending = np.where(np.isnan(present), np.array(sections)[beam.section_id], present)
         limit = factor * bending / (beam.basis.lengths**2 * stretch.clip(1e-300))
         ratio = (force / limit).round(9)  # of equal ones the first is named
         if ratio.max() > worst:
@@ -418,57 +393,6 @@ def overstretched_beam(
                 f" in place of {count}",
             )
     return about
-
-
-def may_be_overstretched(system: System, states: Floats) -> NDArray[np.bool_]:
-    """Whether :func:`overstretched` may find an element, for each of some states (N, rows, 3).
-
-    It looks at mean axial strains alone, which tell the tension of what is not coupled to others.
-    """
-    maybe = np.zeros(len(states), dtype=bool)
-    for row, mean, lengths, rest, axial, safe in _axial_of_beams(system):
-        stretch = np.einsum("ab,neac,nebc->ne", mean, states[:, row], states[:, row + 3]) / lengths
-        maybe |= ~(axial * (stretch - rest) * stretch.clip(0) <= safe).all(1)
-    return maybe
-
-
-@once_for_each
-def _axial_of_beams(system: System) -> list[tuple[Any, ...]]:
-    """What :func:`may_be_overstretched` multiplies: of each beam that tension can fold up.
-
-    Rows (ne, nn) of its nodes, the matrix (nn, nn) that makes means of ``d3 . phi'`` of them,
-    lengths, these means in the reference, axial stiffness, and a safe tension (ne,). No tension is
-    safe where that is not all there is to it.
-    """
-    out = []
-    for beam, factor, soft, _ in _bending_of_beams(system):
-        e, basis = beam.elements, beam.basis
-        row, at = system.first[id(beam)][1] + 4 * basis.connectivity, basis.interpolation.reduced
-        axial = e.stiffness[:, 2, 2]
-        alone = not (e.stored or np.delete(e.stiffness[:, 2], 2, axis=1).any())
-        alone &= e.rotations is None
-        safe = factor * soft / e.lengths**2 * (1 - 1e-9) - 1e-12 * axial
-        rest = e.reference[:, :, 2] @ e.weights
-        mean = (at.slopes * at.weights) @ at.values.T
-        out.append((row, mean, e.lengths, rest, axial, safe if alone else -np.inf))
-    return out
-
-
-@once_for_each
-def _bending_of_beams(system: System) -> list[tuple[Beam, float, Floats, float]]:
-    """Beams that tension can fold up, with factor and bending stiffness (ne,), and a safe tension.
-
-    That is infinitely small where stiffnesses follow the strains.
-    """
-    out = []
-    for beam in (s for s in system.structures if is_beam(s)):
-        kind, sections = beam.basis.interpolation, beam.sections.values()
-        if kind.points <= kind.order:
-            soft = np.array([_bending(s.stiffness, beam.theory.held) for s in sections])
-            limits = tension_factor(kind) * soft[beam.section_id] / beam.basis.lengths**2
-            least = -np.inf if beam.elements.stored else float(limits.min())
-            out.append((beam, tension_factor(kind), soft[beam.section_id], least))
-    return out
 
 
 @cache
@@ -528,16 +452,15 @@ def _bending(stiffness: Floats, held: tuple[int, ...]) -> float:
 
     Of what is not held: without end if bending is.
     """
-    return _bending_of(np.asarray(stiffness, dtype=float).tobytes(), held)
+    return _bending_of(stiffness.tobytes(), held)
 
 
-@lru_cache(maxsize=1000)
-def _bending_of(entries: bytes, held: tuple[int, ...]) -> float:
-    """See :func:`_bending`, which is asked for the same sections at each point of a path."""
+@lru_cache  # of a section, asked for in each point of a path
+def _bending_of(stiffness: bytes, held: tuple[int, ...]) -> float:
     if {3, 4} & set(held):
         return np.inf
     free = [k for k in range(6) if k not in held]
     bending = [free.index(k) for k in (3, 4)]
-    stiffness = np.frombuffer(entries).reshape(6, 6)
-    compliance = np.linalg.inv(stiffness[np.ix_(free, free)])
+    matrix = np.frombuffer(stiffness).reshape(6, 6)
+    compliance = np.linalg.inv(matrix[np.ix_(free, free)])
     return float(1 / np.linalg.eigvalsh(compliance[np.ix_(bending, bending)])[-1])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -27,7 +27,6 @@ from ..pattern import product_form
 from ..time_function import (
     Constant,
     TimeFunction,
-    averages_ahead,
     constant_after,
     numbers_of,
 )
@@ -262,24 +261,8 @@ class Loading:
     # -- evaluation ------------------------------------------------------------------------------
 
     def averages(self, t0: float, t1: float) -> Floats:
-        """Exact means of all channels over a step; computed once where nothing changes."""
-        if self.constant:
-            return self._numbers
-        if min(t0, t1) >= self.constant_after:  # a pulse that is over: the same array each time
-            return self._last
+        """Exact means of all channels over a step."""
         return self._checked_each(lambda time: time.average(t0, t1), t1)
-
-    def ahead(self, starts: Sequence[float], h: float) -> Floats | None:
-        """Exact means of all channels over steps of size h from these times on (k, channels).
-
-        The numbers that :meth:`averages` gives. None: they have to be asked for step by step, see
-        :func:`.averages_ahead`; or something looks at them, which may raise.
-        """
-        out = averages_ahead(self.times, starts, h) if self.guard is None else None
-        over = [min(t, t + h) >= self.constant_after for t in starts]
-        if out is not None and any(over):
-            out[over] = self._last
-        return out
 
     def values(self, t: float) -> Floats:
         """All channels at time `t`."""
@@ -299,27 +282,6 @@ class Loading:
 
         `amplitudes` (..., channels) are those of one step, or of several.
         """
-        return self._constant_force if amplitudes is self._numbers else self._sum(amplitudes)
-
-    @cached_property
-    def _numbers(self) -> Floats:
-        """All channels where none depends on time."""
-        out = self.values(0.0)
-        out.setflags(write=False)
-        return out
-
-    @cached_property
-    def _last(self) -> Floats:
-        """All channels from where they are constant_after on."""
-        return self.values(self.constant_after)
-
-    @cached_property
-    def _constant_force(self) -> Floats:
-        out = self._sum(self._numbers)
-        out.setflags(write=False)
-        return out
-
-    def _sum(self, amplitudes: Floats) -> Floats:
         factors = amplitudes.take(self.dead_channels, axis=-1)
         if factors.ndim > 1 and isinstance(self.dead, np.ndarray):
             factors = factors[:, None]  # products of vectors, whose rounding is that of one step

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.linalg import lu, solve_triangular
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity, vstack
+from scipy.sparse.linalg import splu
 
 from ..errors import InputError, ModelWarning
 from ..frames import Item, is_beam
 from ..joint import Joint, JointDrive
-from ..kernels import cross, null_space_blocks
+from ..kernels import null_space_blocks
 from ..theory import TheoryInextensible, TheoryRigid
 from ..types import Floats, IndexArray
 from ..warn import warn
-from .checks import JointRows, Scene
-from .closure import RANK_TOLERANCE, SINGULAR, Closure, Selected, continued, directed
+from .checks import JointRows
+from .closure import RANK_TOLERANCE, SINGULAR, Closure, RowsByTwists, Selected, continued, directed
+from .plane_rows import acting
 from .reparametrisation import Reparametrisation
-from .theories import rows_beside_tree
-from .tree import ConstrainedElement
+from .theories import Spanning, rows_of
+from .tree import RigidElement
+
+if TYPE_CHECKING:
+    from .system import System
 
 # -- which joints close loops, and which of their constraint rows depend on the others -------------
 
@@ -40,21 +47,47 @@ def joint_of(jr: JointRows) -> Joint:
     return jr.joint.joint if isinstance(jr.joint, JointDrive) else jr.joint
 
 
-def tree_values(system: Scene, y: Floats, fixed: Floats | None = None) -> Floats:
-    """Values of the tree's T at all rows y; `fixed`: the axes of a reparametrisation."""
+def rows_by_tree(system: System, rows: IndexArray, y: Floats, fixed: Floats) -> csr_matrix:
+    """Constraint rows (r, K) by the tree's coordinates at y; translations by the extent."""
     kin = system.kinematics
-    return kin.T.values(kin.T.locate(y, kin.fixed_axes(y) if fixed is None else fixed))
-
-
-def null_space_matrix(system: Scene, y: Floats) -> csr_matrix:
-    """``system.null_space`` at all rows y as a sparse matrix: beams have thousands of unknowns."""
-    kin, closure = system.kinematics, system.closure
-    values = tree_values(system, y)
-    rows, cols, ones = closure.null_pattern()
-    Z = coo_matrix(
-        (closure.null_values(closure.select(y, values), ones), (rows, cols)),
-        shape=(kin.unknowns, system.unknowns),
+    by_twists = RowsByTwists(kin, system.constraints, rows)
+    T = kin.T.matrix(kin.values_at(y, fixed))
+    return csr_matrix(
+        by_twists.pattern.matrix(by_twists.values(y)) @ T @ diags(kin.scale(system.length))
     )
+
+
+def independent_null_space(rows: csr_matrix) -> csr_matrix:
+    """Basis (K, K - r) of what independent rows (r, K) leave free: some columns, each alone.
+
+    The other columns follow from them; they are pivots of Gaussian elimination.
+    """
+    count, size = rows.shape
+    order, L, _ = lu(rows.toarray().T, p_indices=True, overwrite_a=True)
+    first, rest = L[:count], L[count:]
+    part = -solve_triangular(first, rest.T, trans="T", lower=True, unit_diagonal=True)
+    Z = vstack([csr_matrix(part), identity(size - count)]).tocsr()
+    return csr_matrix(Z[order])
+
+
+def null_basis(system: System, y: Floats) -> csr_matrix:
+    """Z (K, unknowns): the tree's coordinates by what loops, and strains that are held, leave."""
+    closure, kin = system.closure, system.kinematics
+    rows, cols, ones = closure.null_pattern()
+    values = closure.null_values(closure.select(y, kin.values_at(y)), ones)
+    shape = kin.unknowns, kin.unknowns - closure.rank
+    Z = coo_matrix((values, (rows, cols)), shape=shape).tocsr()
+    if not len(system.held_rows):
+        return Z
+    scale = diags(kin.scale(system.length))
+    held = rows_by_tree(system, system.held_rows, y, kin.fixed_axes(y))
+    free = diags(1 / kin.scale(system.length)) @ Z
+    return csr_matrix(scale @ free @ independent_null_space(held @ free))
+
+
+def null_space_matrix(system: System, y: Floats) -> csr_matrix:
+    """``system.null_space`` at all rows y as a sparse matrix: beams have thousands of unknowns."""
+    kin = system.kinematics
     blocks = null_space_blocks(kin.directors(y))
     coordinates = 3 * kin.frame_rows[:, None, None] + np.arange(12)[:, None]
     points = (3 * kin.row[kin.points][:, None] + np.arange(3)).ravel()
@@ -65,47 +98,45 @@ def null_space_matrix(system: Scene, y: Floats) -> csr_matrix:
         (np.concatenate([blocks.ravel(), np.ones(len(points))]), (i, j)),
         shape=(system.n, kin.n_twist),
     )
-    return (P.tocsr() @ (kin.T.matrix(values) @ Z.tocsr())).tocsr()
+    T = kin.T.matrix(system.kinematics.values_at(y))
+    return (P.tocsr() @ (T @ null_basis(system, y))).tocsr()
 
 
-def wrong_branch(system: Scene, y: Floats) -> str | None:
-    """See :meth:`System.wrong_branch`."""
-    cosines = 1 + system.branch_cosines.values(y)
-    if len(cosines) and cosines.min() < 0.5:  # -1 half a turn off, 0 a third
-        turned = "half" if cosines.min() < -0.5 else "a third of"
-        return f"{system.of_cosine[int(cosines.argmin())].label} by {turned} a turn"
-    D = system.kinematics.directors(y)
-    wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
-    if len(wrong):
-        return f"triad of {system.owner[int(system.kinematics.frames[wrong[0]])].label}"
-    return None
+def close_loops(system: System) -> None:
+    """Find which rows the tree leaves, and which of those that close loops are redundant.
 
-
-def close_loops(system: Scene) -> tuple[Closure, IndexArray]:
-    """Rows of the joints that close loops and of drives on them, and which are redundant."""
+    Sets ``spanning``, ``closure``, ``held_rows`` and ``redundant`` of the scene. Warns of a
+    reference configuration that is a singular position, or next to one.
+    """
+    spanning = system.spanning = Spanning(system.tree, system.theory_rows)
     closing = {id(joint) for joint in system.tree.loops}
-    rows = [
-        np.arange(jr.rows.start, jr.rows.stop)
-        for jr in system.joint_rows
-        if id(joint_of(jr)) in closing
-    ]
-    none = np.zeros(0, dtype=np.int64)
-    beside = rows_beside_tree(system.theory_rows, [element for element, _ in system.tree.elements])
-    numbers = np.concatenate([none, *rows, beside])
-    system.closure = Closure(system.kinematics, system.constraints, numbers, system.length)
+    loops = [jr for jr in system.joint_rows if id(joint_of(jr)) in closing]
+    around = [spanning.around((jr.a.vertex, jr.b.vertex)) for jr in loops]
+    around += [spanning.around(each.vertices(e)) for each, e in spanning.closing]
+    on_loops = set().union(*around)
+    inside, apart = (
+        [each for each in spanning.joining if (each in on_loops) == wanted]
+        for wanted in (True, False)
+    )
+    rows = [np.arange(jr.rows.start, jr.rows.stop) for jr in loops]
+    numbers = np.concatenate([*rows, rows_of(spanning.closing)])
+    own = system.kinematics, system.constraints, numbers, system.length
+    system.closure = Closure(*own, acting(system, inside))
+    #: rows of strains that no loop goes along: they are independent of all others
+    system.held_rows = acting(system, apart)
+    system.redundant = numbers[:0]
     if not len(numbers):
-        return system.closure, none
+        return
     start = system.spanned
-    there = system.closure.decide(start, tree_values(system, start))
-    redundant = _beside(system, start, there)
+    there = system.closure.decide(start, system.kinematics.values_at(start))
+    system.redundant = _beside(system, start, there)
     doubt = almost_redundant(system)
     if doubt and system.immovable is None:
         warn("model", doubt, ModelWarning)
     _check_motion(system)
-    return system.closure, redundant
 
 
-def almost_redundant(system: Scene) -> str:
+def almost_redundant(system: System) -> str:
     """Which loop has rows that are independent by next to nothing; empty if none has."""
     for c in system.closure.components:
         if c.weakest < DOUBTFUL:
@@ -118,62 +149,73 @@ def almost_redundant(system: Scene) -> str:
     return ""
 
 
-def closure_rows(system: Scene) -> Floats:
-    """Independent closure rows (rank, K) in the reference configuration."""
-    y = system.spanned
-    out = np.zeros((system.closure.rank, system.kinematics.unknowns))
-    start = 0
-    for s in system.closure.select(y, tree_values(system, y)):
-        c = s.component
-        out[start : start + c.rank, c.columns] = s.Q1.T / c.scale
-        start += c.rank
-    return out
+def independent_rows(system: System, y: Floats) -> IndexArray:
+    """Rows that the tree leaves, so many as are independent at y."""
+    chosen = system.closure.select(y, system.kinematics.values_at(y))
+    return np.concatenate([*(s.independent for s in chosen), system.held_rows])
 
 
-def redundancies(system: Scene) -> dict[str, list[int]]:
-    """Numbers of the redundant rows within each joint or drive that has some."""
-    out = {}
-    for jr in system.joint_rows:
-        inside = system.redundant[
-            (system.redundant >= jr.rows.start) & (system.redundant < jr.rows.stop)
-        ]
-        if len(inside):
-            out[jr.joint.name or ""] = (inside - jr.rows.start).tolist()
-    return out
+def closure_rows(system: System) -> Floats:
+    """Independent rows (r, K) that the tree leaves, in the reference configuration."""
+    y, length = system.spanned, system.length
+    kin = system.kinematics
+    rows = rows_by_tree(system, independent_rows(system, y), y, kin.fixed_axes(y))
+    return np.asarray(rows.toarray() / kin.scale(length))
 
 
-def loop_joints(system: Scene, rows: IndexArray) -> list[Item]:
+def loop_joints(system: System, rows: IndexArray) -> list[Item]:
     """Joints around the loops that these constraint rows close, in the order of adding.
 
     Then the beams whose strains are held and that are part of it.
     """
-    above = {e.child: e for e in system.tree.edges}
-
-    def path(vertex: int) -> set[Joint | ConstrainedElement]:
-        out = set()
-        while vertex in above:
-            out.add(above[vertex].joint)
-            vertex = above[vertex].parent
-        return out
-
-    around = set()
-    beams = set()
+    spanning = system.spanning
+    around: set[object] = set()
     for jr in system.joint_rows:
         if ((rows >= jr.rows.start) & (rows < jr.rows.stop)).any():
-            around |= (path(jr.a.vertex) ^ path(jr.b.vertex)) | {joint_of(jr)}
-    for each in system.theory_rows:
-        mine = (rows >= each.rows.start) & (rows < each.rows.stop)
-        for e in np.unique((rows[mine] - each.rows.start) // (each.shape[1] * each.shape[2])):
-            nodes = each.first + each.beam.basis.connectivity[e]
-            around |= path(int(nodes[0])) ^ path(int(nodes[-1]))
-            beams.add(id(each.beam))
-    beams |= {id(each.item) for each in around if isinstance(each, ConstrainedElement)}
+            around |= spanning.around((jr.a.vertex, jr.b.vertex)) | {joint_of(jr)}
+    for each, e in spanning.closing:
+        if np.isin(each.numbers[e], rows).any():
+            around |= spanning.around(each.vertices(e)) | {(each, e)}
+    beams = {id(element[0].beam) for element in around if isinstance(element, tuple)}
+    beams |= {id(element.item) for element in around if isinstance(element, RigidElement)}
     joints = [jr.joint for jr in system.joint_rows if jr.joint in around]
     return joints + [each.beam for each in system.theory_rows if id(each.beam) in beams]
 
 
+def moved(system: System, y: Floats, ground: Floats, increment: Floats) -> Floats | None:
+    """Configuration (total, 3) after a finite motion from y in the unknowns of the null space.
+
+    Loops are closed, strains that are held are as before; None if that cannot be.
+
+    Parameters
+    ----------
+    ground : (total - rows, 3) array
+        Rows of the ground there.
+    increment : (unknowns,) array
+    """
+    kin, rows = system.kinematics, independent_rows(system, y)
+    nodal, scale = Reparametrisation(kin), kin.scale(system.length)
+    nodal.begin(y, ground)
+    nodal.add(null_basis(system, y) @ increment)
+    size = system.constraints.magnitudes(y)[rows]
+    for _ in range(30):
+        found = nodal.configuration()
+        gap = system.constraints.values(found)[rows]
+        if (abs(gap) <= CLOSED * np.maximum(size, 1e-300)).all():
+            return found
+        J = rows_by_tree(system, rows, found, nodal.fixed)
+        try:
+            step = -J.T @ splu((J @ J.T).tocsc()).solve(gap)
+        except RuntimeError:  # SuperLU: exactly singular
+            break
+        if not abs(step).max() < 1:
+            break
+        nodal.add(scale * step)
+    return None
+
+
 def closed(
-    system: Scene, nodal: Reparametrisation, chosen: Sequence[Selected]
+    system: System, nodal: Reparametrisation, chosen: Sequence[Selected]
 ) -> tuple[Floats | None, int]:
     """Configuration near that of the reparametrisation in which the chosen rows hold.
 
@@ -191,7 +233,7 @@ def closed(
         g = system.constraints.values(y)
         step = np.zeros(system.kinematics.unknowns)
         gaps, size = [], 0.0
-        for s in closure.again(chosen, y, tree_values(system, y, nodal.fixed)):
+        for s in closure.again(chosen, y, system.kinematics.values_at(y, nodal.fixed)):
             violation = closure.violation(s, g)
             gaps.append(float(abs(violation).max(initial=0.0)))
             part = s.correction(violation)
@@ -206,12 +248,12 @@ def closed(
     return None, worst
 
 
-def names_of(system: Scene, rows: IndexArray) -> str:
+def names_of(system: System, rows: IndexArray) -> str:
     """Labels of the joints around the loops that these rows close."""
     return ", ".join(joint.label for joint in loop_joints(system, rows))
 
 
-def drivers(system: Scene, rows: IndexArray, t: float) -> str:
+def drivers(system: System, rows: IndexArray, t: float) -> str:
     """Subject and verb: the drives on a loop, or the moving ground."""
     drives = _drives(system, rows)
     if not drives:
@@ -220,7 +262,7 @@ def drivers(system: Scene, rows: IndexArray, t: float) -> str:
     return f"{names} work{'s' if len(drives) == 1 else ''}"
 
 
-def _drives(system: Scene, rows: IndexArray) -> list[JointDrive]:
+def _drives(system: System, rows: IndexArray) -> list[JointDrive]:
     around = {id(joint) for joint in loop_joints(system, rows)}
     return [
         jr.joint
@@ -238,14 +280,14 @@ def reached(drive: JointDrive, t: float) -> str:
 # -- prescribed motion -----------------------------------------------------------------------------
 
 
-def _check_motion(system: Scene) -> None:
+def _check_motion(system: System) -> None:
     """The loops can follow the drives and the moving ground when they set out."""
     closure = system.closure
     if not system.moving or not len(closure.rows):
         return
     start, now = system.spanned, system.ground(system.since)
     nodal = Reparametrisation(system.kinematics)
-    chosen = closure.select(start, tree_values(system, start))
+    chosen = closure.select(start, system.kinematics.values_at(start))
     for t in (system.since + 0.1 / 2**k for k in range(11)):
         later = system.ground(t)
         if abs(later - now).max() > SMALL_MOTION * min(1.0, system.length):
@@ -266,7 +308,7 @@ def _check_motion(system: Scene) -> None:
         )
 
 
-def violated(system: Scene, y: Floats) -> tuple[int, float]:
+def violated(system: System, y: Floats) -> tuple[int, float]:
     """The component whose rows, redundant ones included, are violated most, and how much."""
     closure = system.closure
     g = abs(system.constraints.values(y)[closure.rows]) / closure.magnitude
@@ -279,7 +321,7 @@ def violated(system: Scene, y: Floats) -> tuple[int, float]:
 # -- a singular reference configuration ------------------------------------------------------------
 
 
-def _beside(system: Scene, start: Floats, redundant: IndexArray) -> IndexArray:
+def _beside(system: System, start: Floats, redundant: IndexArray) -> IndexArray:
     """Redundant rows beside the reference configuration, if they are fewer there.
 
     Then the reference is a singular position, and a warning says so. If it is one of beams alone,
@@ -290,7 +332,7 @@ def _beside(system: Scene, start: Floats, redundant: IndexArray) -> IndexArray:
     closure = system.closure
     if not len(redundant) or closure.rank == system.kinematics.unknowns:
         return redundant
-    T = tree_values(system, start)
+    T = system.kinematics.values_at(start)
     chosen = closure.select(start, T)
     before = [c.rank for c in closure.components]
     best, ranks, where = redundant, before, start
@@ -303,17 +345,17 @@ def _beside(system: Scene, start: Floats, redundant: IndexArray) -> IndexArray:
         y = _regular_place(system, nodal, chosen)
         if y is None:
             continue
-        found = closure.decide(y, tree_values(system, y))
+        found = closure.decide(y, system.kinematics.values_at(y))
         now = [c.rank for c in closure.components]
         if sum(now) > sum(ranks):
             best, ranks, where = found, now, y
-    closure.decide(where, tree_values(system, where))
+    closure.decide(where, system.kinematics.values_at(where))
     if where is not start:
         _warn(system, before, ranks)
     return best
 
 
-def _warn(system: Scene, before: Sequence[int], ranks: Sequence[int]) -> None:
+def _warn(system: System, before: Sequence[int], ranks: Sequence[int]) -> None:
     closure = system.closure
     lost = [
         closure.rows[c.rows]
@@ -357,7 +399,7 @@ def _freedoms(joint: Joint) -> int:
     return turns + len(free.slides) + 2 * free.sphere
 
 
-def _small_move(system: Scene, chosen: Sequence[Selected], random: np.random.Generator) -> Floats:
+def _small_move(system: System, chosen: Sequence[Selected], random: np.random.Generator) -> Floats:
     """Of the tree's coordinates (K,), along what the rows leave free."""
     move = np.zeros(system.kinematics.unknowns)
     for s in chosen:
@@ -367,7 +409,7 @@ def _small_move(system: Scene, chosen: Sequence[Selected], random: np.random.Gen
     return move
 
 
-def _moved_ground(system: Scene) -> Floats:
+def _moved_ground(system: System) -> Floats:
     """The ground a little later."""
     now = system.ground(system.since)
     for t in (system.since + 0.1 / 2**k for k in range(8)):
@@ -378,26 +420,24 @@ def _moved_ground(system: Scene) -> Floats:
 
 
 def _regular_place(
-    system: Scene, nodal: Reparametrisation, chosen: Sequence[Selected]
+    system: System, nodal: Reparametrisation, chosen: Sequence[Selected]
 ) -> Floats | None:
     """Where the loops close and C has its largest rank; None if the chosen rows do it all."""
     closure, saved = system.closure, nodal.save()
     y, _ = closed(system, nodal, chosen)
-    if y is not None:
-        g = abs(system.constraints.values(y)[closure.rows]) / closure.magnitude
-        if g.max() < RANK_TOLERANCE:
-            return None
+    if y is not None and violated(system, y)[1] < RANK_TOLERANCE:
+        return None
     nodal.restore(saved)
     for _ in range(4):  # halves the distance from the singular position, if nothing is free there
         y = nodal.configuration()
         g = system.constraints.values(y)[closure.rows] / closure.magnitude
         step = np.zeros(system.kinematics.unknowns)
-        matrices = closure.matrices(y, tree_values(system, y, nodal.fixed))
+        matrices = closure.matrices(y, system.kinematics.values_at(y, nodal.fixed))
         for c, C in zip(closure.components, matrices, strict=True):
             step[c.columns] = -c.scale * np.linalg.lstsq(C, g[c.rows], rcond=1e-6)[0]
         nodal.add(step)
     y = nodal.configuration()
-    T = tree_values(system, y, nodal.fixed)
+    T = system.kinematics.values_at(y, nodal.fixed)
     closure.decide(y, T)
     return closed(system, nodal, closure.select(y, T))[0]
 
@@ -418,7 +458,7 @@ BLURRED = 1e-6
 class Passages:
     """Watches closed loops from step to step: singular positions met or passed, once for each."""
 
-    def __init__(self, system: Scene) -> None:
+    def __init__(self, system: System) -> None:
         self.system = system
         self._before: Sequence[Selected] | None = None
         self._inside: list[bool] = []
@@ -453,15 +493,16 @@ def _turned(before: Selected, now: Selected) -> bool:
 
     The other eigenvalues, of the free directions, are one.
     """
-    A1 = (now.Q1 @ now.R).T @ before.Q1
-    values = np.linalg.eigvals(np.linalg.solve(before.R.T, A1))
+    held = now.component.held  # independent in any configuration
+    A1 = (now.Q1[:, held:] @ now.R[held:, held:]).T @ before.Q1[:, held:]
+    values = np.linalg.eigvals(np.linalg.solve(before.R[held:, held:].T, A1))
     return bool(((values.real < 0) & (abs(values.imag) <= 1e-9 * abs(values))).any())
 
 
 # -- branches --------------------------------------------------------------------------------------
 
 
-def branches(system: Scene, y: Floats, selected: Selected) -> list[Selected]:
+def branches(system: System, y: Floats, selected: Selected) -> list[Selected]:
     """The ways in which the motion may go on from a singular position.
 
     With one row lost the directions v that C leaves free fulfil the constraints to second order if
@@ -503,7 +544,7 @@ def branches(system: Scene, y: Floats, selected: Selected) -> list[Selected]:
 
 
 def way_on(
-    system: Scene, y: Floats, s: Selected, before: Floats | None, momentum: Floats | None
+    system: System, y: Floats, s: Selected, before: Floats | None, momentum: Floats | None
 ) -> Selected:
     """In a singular position the branch it came from, or that takes most of the momentum.
 
@@ -531,17 +572,17 @@ def way_on(
 
 
 def way_off(
-    system: Scene, y: Floats, ground1: Floats, s: Selected, momentum: Floats | None, h: float
+    system: System, y: Floats, ground1: Floats, s: Selected, momentum: Floats | None, h: float
 ) -> Floats:
     """Increment (n,) of a first step from a singular position, in which the loops close."""
     nodal = Reparametrisation(system.kinematics)
     nodal.begin(y, ground1)
     nodal.add(h * _rates(system, y, way_on(system, y, s, None, momentum), momentum)[0])
-    found, _ = closed(system, nodal, system.closure.select(y, tree_values(system, y)))
+    found, _ = closed(system, nodal, system.closure.select(y, system.kinematics.values_at(y)))
     return np.zeros(system.n) if found is None else (found - y)[: system.rows].reshape(-1)
 
 
-def _rates(system: Scene, y: Floats, s: Selected, momentum: Floats | None) -> tuple[Floats, float]:
+def _rates(system: System, y: Floats, s: Selected, momentum: Floats | None) -> tuple[Floats, float]:
     """Rates (K,) of the tree along the free directions of one component, for a momentum (n,).
 
     And twice the kinetic energy they have.
@@ -549,7 +590,7 @@ def _rates(system: Scene, y: Floats, s: Selected, momentum: Floats | None) -> tu
     kin = system.kinematics
     if momentum is None or not s.component.free:
         return np.zeros(kin.unknowns), 0.0
-    T = tree_values(system, y)
+    T = system.kinematics.values_at(y)
     directions = np.zeros((s.component.free, kin.unknowns))
     directions[:, s.component.columns] = s.null.T
     P = np.array([kin.rates(y, kin.T.expand(T, d))[: system.rows] for d in directions])
@@ -578,7 +619,7 @@ class DeadPoint:
     reason: str
 
 
-def dead_point(system: Scene, y0: Floats, t0: float, h: float) -> DeadPoint | None:
+def dead_point(system: System, y0: Floats, t0: float, h: float) -> DeadPoint | None:
     """Whether a closed loop cannot follow the prescribed motion over the step from y0.
 
     The loops are closed for a growing part of the step; None if they close at its end.
@@ -591,7 +632,7 @@ def dead_point(system: Scene, y0: Floats, t0: float, h: float) -> DeadPoint | No
     while step > 1e-9 * h and t < end:
         until = end if t + step > end - 1e-12 * h else t + step
         nodal.begin(y, system.ground(until))
-        chosen = closure.select(y, tree_values(system, y, nodal.fixed))
+        chosen = closure.select(y, system.kinematics.values_at(y, nodal.fixed))
         found, failed = closed(system, nodal, chosen)
         if found is None:
             step, worst = 0.5 * step, failed
@@ -607,7 +648,7 @@ def dead_point(system: Scene, y0: Floats, t0: float, h: float) -> DeadPoint | No
     )
 
 
-def contradiction(system: Scene, y: Floats, t: float) -> str | None:
+def contradiction(system: System, y: Floats, t: float) -> str | None:
     """Which prescribed motions contradict each other: dependent rows that do not hold at y."""
     closure = system.closure
     if not system.moving or closure.rank == len(closure.rows):

@@ -15,7 +15,6 @@ from ..coupling import Cable, SpringDamper
 from ..errors import ModelWarning
 from ..frames import is_beam
 from ..frozen import lock_arrays
-from ..pattern import shared
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
 
@@ -122,7 +121,7 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     grounded = np.ones(len(g.cols), dtype=bool)
     grounded[own] = False
     tied = np.concatenate([rows + g.rows[grounded], pairs[~inside][pairs[~inside] < rows]])
-    return shared(_connected, np.concatenate([*links, pairs[inside]]), tied, rows, rows + system.m)
+    return _connected(np.concatenate([*links, pairs[inside]]), tied, rows, rows + system.m)
 
 
 def _first_to_all(rows: IndexArray) -> IndexArray:

@@ -664,8 +664,8 @@ def inspect(system: System, normal: Floats | None = None) -> Planarity:
     return best
 
 
-def confined(system: System, planar: Planar) -> System:
-    """The scene confined to its plane.
+def confine(system: System, planar: Planar) -> None:
+    """Confine a scene to its plane.
 
     Raises
     ------
@@ -674,7 +674,7 @@ def confined(system: System, planar: Planar) -> System:
     """
     if not isinstance(planar, Planar):
         raise InputError("argument planar", f"{planar!r}, expected Planar()")
-    found = inspect(system.spatial, planar.normal)
+    found = inspect(system, planar.normal)
     if not found:
         plane, more = found.plane, len(found.out_of_plane) - 1
         normal, point = plane.normal.round(9).tolist(), (plane.point.round(9) + 0.0).tolist()
@@ -683,7 +683,7 @@ def confined(system: System, planar: Planar) -> System:
             f"{found.out_of_plane[0]}; the plane is normal to {normal}, through the middle of the"
             f" scene, {point}" + (f" ({more} more: see planarity(model))" if more else ""),
         )
-    return system.spatial.within(found.plane)
+    system.confine(found.plane)
 
 
 # -- which plane -----------------------------------------------------------------------------------

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import qr
 from scipy.sparse import coo_matrix, csr_matrix
 
 from ..errors import InputError
 from ..joint import JointDrive
 from ..kernels import cross
 from ..types import TOLERANCE, Floats, IndexArray
-from .closure import RANK_TOLERANCE
+from .closure import RANK_TOLERANCE, pivoted
+from .theories import HeldElement, rows_of
 
 if TYPE_CHECKING:
     from .system import System
@@ -64,13 +65,24 @@ def rows_in_plane(system: System) -> IndexArray:
         elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
         kept += [_pick(held, open_rows[elements == e]) for e in np.unique(elements)]
     out = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *kept]))
-    if count - len(out) != system.kinematics.unknowns:
+    free = system.kinematics.unknowns - len(system.held_rows)
+    if count - len(out) != free:
         raise InputError(
             "planar scene",
             f"{count} coordinates less {len(out)} constraints in the plane are not the"
-            f" {system.kinematics.unknowns} unknowns of its joints: use NullSpace()",
+            f" {free} unknowns of its joints: use NullSpace()",
         )
     return np.union1d(out, system.closure.rows)
+
+
+def acting(system: System, elements: Sequence[HeldElement]) -> IndexArray:
+    """Constraint rows of elements that hold strains; of a scene in a plane those that act in it."""
+    rows = rows_of(elements)
+    if system.plane is None or not len(rows):
+        return rows
+    y = system.spanned
+    held = (system.constraints.jacobian(y) @ _rigid(system, y)).tocsr()
+    return np.concatenate([_pick(held, each.numbers[e].ravel()) for each, e in elements])
 
 
 def _of_triads(system: System, G: csr_matrix, y: Floats) -> list[IndexArray]:
@@ -112,7 +124,5 @@ def _pick(matrix: csr_matrix, rows: IndexArray) -> IndexArray:
     columns = np.unique(part.indices)
     if not len(columns):
         return rows[:0]
-    dense = part[:, columns].toarray()
-    _, R, order = qr(dense.T, mode="economic", pivoting=True)
-    d = abs(np.diagonal(R))
+    order, d = pivoted(part[:, columns].toarray(), 0)
     return np.sort(rows[order[: int((d > RANK_TOLERANCE * max(1.0, d.max())).sum())]])

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from ..frozen import lock_arrays
-from ..pattern import FrozenPattern, shared, sum_at
+from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 
 #: numbers of a stack that are worked on together: they stay in the processor's cache
@@ -85,13 +85,6 @@ class ConstraintBuilder:
         """The row, ``sum of products = const``, is complete."""
         self.size += 1
 
-    def product(
-        self, left: list[tuple[int, float]], right: list[tuple[int, float]], factor: float
-    ) -> None:
-        """One row ``factor (sum c_a y_a) . (sum c_b y_b) = const``."""
-        self.add(left, right, factor)
-        self.end_row()
-
 
 class Terms(NamedTuple):
     """Terms of quadratic constraints.
@@ -120,48 +113,6 @@ class Terms(NamedTuple):
     linear: IndexArray
     linear_factor: Floats
     constant: Floats
-
-
-class _Places:
-    """Where the contributions to the Jacobian and to its derivative are.
-
-    Parameters
-    ----------
-    linear : (3 l,) and (l,) int arrays
-        Rows of the linear terms, and their vectors.
-    products : (p,) int arrays
-        Rows of the products, and both vectors.
-    m, free : int
-        Constraint rows, and rows of y that are unknowns.
-    """
-
-    def __init__(
-        self, linear: tuple[IndexArray, ...], products: tuple[IndexArray, ...], m: int, free: int
-    ) -> None:
-        (lk, la), (pk, pa, pb), xyz = linear, products, np.arange(3)
-        self.rows = np.concatenate([lk, np.repeat(pk, 3), np.repeat(pk, 3)])
-        self.cols = (3 * np.concatenate([la, pa, pb])[:, None] + xyz).ravel()
-        self.inside = np.flatnonzero(self.cols < 3 * free)
-        self.G_rows, self.G_cols = self.rows[self.inside], self.cols[self.inside]
-        self.shape = m, 3 * free
-        # curvature: both vectors unknown
-        self.curved = np.flatnonzero((pa < free) & (pb < free))
-        self.both = pa[self.curved], pb[self.curved]
-        lock_arrays(self)
-
-    @cached_property
-    def pattern(self) -> FrozenPattern:
-        """Of the Jacobian by the unknowns."""
-        return FrozenPattern(self.G_rows, self.G_cols, self.shape)
-
-    @cached_property
-    def curvature(self) -> tuple[IndexArray, IndexArray]:
-        """Rows and columns of the derivative, by components."""
-        a, b = self.both
-        rows, cols = (
-            (3 * np.concatenate(each)[:, None] + np.arange(3)) for each in ((a, b), (b, a))
-        )
-        return rows.ravel(), cols.ravel()
 
 
 class QuadraticConstraints:
@@ -194,26 +145,32 @@ class QuadraticConstraints:
         self._other = np.concatenate([self._pb, self._pa])
         self._linear_values = np.repeat(lc, 3)
         # rows and columns never change
-        places = shared(_Places, (self._lk, self._la), (self._pk, self._pa, self._pb), m, free)
-        self.rows, self.cols, self.inside = places.rows, places.cols, places.inside
-        self._all_inside = len(self.inside) == len(self.cols)
+        xyz, each = np.arange(3), np.repeat(self._pk, 3)
+        self.rows = np.concatenate([self._lk, each, each])
+        self.cols = (3 * np.concatenate([self._la, self._pa, self._pb])[:, None] + xyz).ravel()
+        self.inside = np.flatnonzero(self.cols < n)
         #: rows and columns of the contributions to G
-        self.G_rows, self.G_cols = places.G_rows, places.G_cols
-        self._curved, self._places = places.curved, places
+        self.G_rows, self.G_cols = self.rows[self.inside], self.cols[self.inside]
+        self._curved = np.flatnonzero((self._pa < free) & (self._pb < free))  # both are unknown
+        lock_arrays(self)
 
-    @property
+    @cached_property
     def _pattern(self) -> FrozenPattern:
-        return self._places.pattern
+        return FrozenPattern(self.G_rows, self.G_cols, (self.size, self.n))
 
-    @property
+    @cached_property
     def curvature_rows(self) -> IndexArray:
         """Rows of y by component, of :meth:`curvature_values`."""
-        return self._places.curvature[0]
+        return self._curved_ends(self._pa, self._pb)
 
-    @property
+    @cached_property
     def curvature_cols(self) -> IndexArray:
         """Their columns."""
-        return self._places.curvature[1]
+        return self._curved_ends(self._pb, self._pa)
+
+    def _curved_ends(self, a: IndexArray, b: IndexArray) -> IndexArray:
+        ends = np.concatenate([a[self._curved], b[self._curved]])
+        return (3 * ends[:, None] + np.arange(3)).ravel()
 
     def terms(self) -> Terms:
         """All terms, for loops over them."""
@@ -258,7 +215,7 @@ class QuadraticConstraints:
         factors = self._factors(y)
         scaled = np.concatenate([factors, factors]) * y.take(self._other, axis=0)
         values = np.concatenate([self._linear_values, scaled.ravel()])
-        return values if self._all_inside else values.take(self.inside)
+        return values.take(self.inside)
 
     def contributions(self, which: IndexArray, y: Floats) -> Floats:
         """Those to G at ``(rows, cols)[which]`` (N, k), for a stack y (N, total, 3)."""
@@ -330,15 +287,7 @@ class QuadraticConstraints:
         rates = np.zeros_like(ydot)
         free = self.n // 3
         rates[free:] = ydot[free:]
-        products = self._factors(y) * (
-            rates[self._pa] * y[self._pb] + y[self._pa] * rates[self._pb]
-        )
-        if len(self._driven):
-            dots = (y[self._pa[self._driven]] * y[self._pb[self._driven]]).sum(1)
-            speed = rates[self._drive_row, self._drive_component]
-            products[self._driven, 0] += self._pc[self._driven, 0] * speed * dots
-        out = sum_at(self._pk, products.sum(1), self.size)
-        return out + sum_at(self._lk, (self._lc * rates[self._la]).ravel(), self.size)
+        return self.stacked_values(y[None], rates[None])[0]
 
     def curvature_values(self, multipliers: Array, y: Array) -> Array:
         """``sum_k lambda_k H_k(y)`` at ``(curvature_rows, curvature_cols)``.

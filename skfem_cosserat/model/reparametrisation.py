@@ -14,15 +14,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
 from ..kernels import cross, exp_quaternion, quaternion_product, rotation_matrix
 from ..types import Array, Floats, IndexArray
-from .kinematics import Kinematics, combination, unit_triangular
+from .kinematics import Kinematics, combination
 from .tree import Coordinate, Edge, Spot
-
-#: levels of a tree above which positions are found by one solution, not level by level
-DEEP = 8
 
 
 @dataclass
@@ -57,10 +53,6 @@ class _Drives:
 
     def moved(self, values: Array, increment: Array) -> Array:
         """`values` with the increments of the coordinates that are not driven."""
-        if not len(self.numbers):
-            return values
-        if not len(self.where):
-            return values + increment[self.numbers]
         out = values.astype(np.result_type(values, increment))
         out[self.free] += increment[self.numbers]
         return out
@@ -92,14 +84,13 @@ class Reparametrisation:
         self._open_edges = [e for e in tree.edges if tree.slides.get(e.child)]
         self._prepare_rotations()
         self._prepare_positions()
-        self._prepare_ground()
         self.rotating = np.concatenate(
             [self.turn_numbers.ravel(), self._hinges.numbers, self.sphere_numbers.ravel()]
         )
         self._prepare_turns()
         # increments that a step starts with, not to be written to
         self._still_shift = np.zeros((len(self.shift_numbers), 3))
-        self._still_turns = _identity(len(self._theta))
+        self._still_turns = np.repeat(np.eye(1, 4), len(self._theta), axis=0)
 
     def _prepare_turns(self) -> None:
         """Rotation vectors of free frames, arms on spheres and hinges: numbers and factors."""
@@ -124,7 +115,7 @@ class Reparametrisation:
         self._relative = [e for e in tree.edges if e.child in frame and e.freedom.turns is not None]
         number = {c.number: i for i, c in enumerate(kin.guided)}
         self._layers = _layers([tree.turns.get(e.child, []) for e in self._relative], number)
-        self._ground_rows = kin.row[self._grounds][:, None] + _DIRECTORS
+        self._ground_rows = kin.row[self._grounds][:, None] + np.arange(1, 4)
         place = {e.child: i for i, e in enumerate(tree.edges)}
         turned = {e.child: i for i, e in enumerate(self._relative)}
         self._prepare_order()
@@ -159,7 +150,6 @@ class Reparametrisation:
         self._of_vertex = np.full(len(kin.row), b + len(self._grounds))
         self._of_vertex[self._turn_vertices] = np.arange(len(self._turn_vertices))
         self._of_vertex[self._grounds] = b + np.arange(len(self._grounds))
-        self._of_frame = self._of_vertex[kin.frames]
         self._of_relative = np.full(len(self._relative), b + len(self._grounds))
         if self._layers:
             which, number = self._layers[0]
@@ -190,47 +180,6 @@ class Reparametrisation:
         self._guide = np.array([e.guide for e in self._open_edges], dtype=np.int64)
         number = {c.number: i for i, c in enumerate(kin.sliding)}
         self._slides = _layers([tree.slides[e.child] for e in self._open_edges], number)
-        deep = len(self._levels) > DEEP
-        self._sums = _PathSums(edges, kin.row) if deep else None
-        if kin.elements is not None:
-            self._exits = kin.elements.exits(tree)
-            self._element_edges = np.array(
-                [i for i, e in enumerate(edges) if e.in_element], dtype=np.int64
-            )
-
-    def _prepare_ground(self) -> None:
-        """Trees whose joints are all on the ground: turns and positions of children, directly.
-
-        While the ground does not turn, a child's rotation is that of its hinge.
-        """
-        kin, tree = self.kin, self.kin.tree
-        last = len(self.turn_numbers) + len(self.sphere_numbers) + len(kin.guided)
-        others = self._open_edges or len(self.sphere_numbers) or len(self._layers) > 1
-        self._hung = (
-            not others
-            and kin.elements is None
-            and bool(tree.edges)
-            and all(e.parent >= len(kin.twist_of) for e in tree.edges)
-        )
-        self._direct = False
-        if not self._hung:
-            return
-        (level,) = self._levels
-        of_vertex = self._of_vertex.copy()
-        of_vertex[level.child] = self._of_relative[level.relative]
-        # whatever does not turn comes after all that does
-        self._of_hung = np.minimum(of_vertex[kin.frames], last)
-        self._stiff = bool((self._of_hung == last).any())
-        self._hung_rows = level.child_row
-        terms = [
-            [
-                (int(kin.row[e.parent]), 1.0),
-                *kin.spot_terms(e.parent_spot)[1:],
-                *((a, -c) for a, c in kin.spot_terms(e.child_spot)[1:]),
-            ]
-            for e in tree.edges
-        ]
-        self._hung_from, self._hung_factors = combination([terms[k] for k in level.edge])
 
     # -- a step ----------------------------------------------------------------------------------
 
@@ -246,30 +195,22 @@ class Reparametrisation:
         self._hinge_axis, left, right = kin.material_axes(y0)
         swings = self.fixed.take(self.sphere_numbers[:, 0], axis=0)
         self._factors = np.concatenate([self._along, -swings, -self._hinge_free * self._hinge_axis])
-        self._track_axis = cross(left, right) if len(left) else left
-        self._stretches0 = np.zeros(0) if kin.elements is None else kin.elements.stretches(y0)
+        self._track_axis = cross(left, right)
         self._set_ground(ground1)
         self.reset()
 
     def _set_ground(self, ground1: Array) -> None:
         """The ground's rows at the end of the step, and what drives move by then."""
         self._ground1 = ground1
-        self._driven_hinge = self._driven_track = np.zeros(0)
-        if len(self._hinges.where):
-            a, b = self._hinges.ends(self.y0, ground1, self.kin.total)
-            sine = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-            self._driven_hinge = np.arctan2(sine, (a[:, :2] * b[:, :2]).sum(1))
-            axis = self._hinge_axis[self._hinges.where]
-            self._driven_turns = exp_quaternion(-self._driven_hinge[:, None] * axis)
-        if len(self._tracks.where):
-            a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
-            self._driven_track = b[:, 2] - a[:, 2]
-        if self._hung:
-            self._direct = bool((self.y0[self.kin.total - len(ground1) :] == ground1).all())
-        if self._levels and not self._direct:
-            now = ground1.take(self._ground_rows - (self.kin.total - len(ground1)), axis=0)
-            turns = self.y0.take(self._ground_rows, axis=0).transpose(0, 2, 1) @ now
-            self._still = np.concatenate([turns, _ONE[None]])
+        a, b = self._hinges.ends(self.y0, ground1, self.kin.total)
+        sine = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        angle = np.arctan2(sine, (a[:, :2] * b[:, :2]).sum(1))
+        self._driven_turns = exp_quaternion(-angle[:, None] * self._hinge_axis[self._hinges.where])
+        a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
+        self._driven_track = b[:, 2] - a[:, 2]
+        now = ground1.take(self._ground_rows - (self.kin.total - len(ground1)), axis=0)
+        turns = self.y0.take(self._ground_rows, axis=0).transpose(0, 2, 1) @ now
+        self._still = np.concatenate([turns, np.eye(3)[None]])
 
     def _arms_of(self, edges: Sequence[Edge], y: Array) -> Array:
         """From the parent's spot to the child's (edges, 3)."""
@@ -277,8 +218,6 @@ class Reparametrisation:
         def position(spot: Spot) -> Array:
             return sum(c * y[a] for a, c in self.kin.spot_terms(spot))
 
-        if not edges:
-            return np.zeros((0, 3))
         arms = [position(edge.child_spot) - position(edge.parent_spot) for edge in edges]
         return np.array(arms).reshape(-1, 3)
 
@@ -290,7 +229,6 @@ class Reparametrisation:
         self._drive_hinges()
         self._track = np.zeros(len(self._track_axis))
         self._track[self._tracks.where] = self._driven_track
-        self._stretches = self._stretches0
 
     def move_ground(self, ground1: Array) -> None:
         """Change the ground's rows at the end of the step; free increments stay as they are."""
@@ -301,71 +239,45 @@ class Reparametrisation:
 
     def _drive_hinges(self) -> None:
         """Turn driven hinges to their end."""
-        if len(self._hinges.where):
-            turns = self._turns.astype(np.result_type(self._turns, self._driven_turns))
-            turns[self._hinge_first + self._hinges.where] = self._driven_turns
-            self._turns = turns
+        turns = self._turns.astype(np.result_type(self._turns, self._driven_turns))
+        turns[self._hinge_first + self._hinges.where] = self._driven_turns
+        self._turns = turns
 
     def add(self, increment: Array) -> None:
         """Compose with an increment (K,) of the tree's coordinates at the present configuration."""
         shift = increment.take(self.shift_numbers)
         self._shift = self._shift + (shift @ self._directions if self._flat else shift)
-        if len(self.rotating):
-            theta = increment.take(self._theta) * self._factors
-            if len(self.sphere_numbers):
-                for second in self.sphere_numbers.T[1:]:
-                    other = increment[second][:, None] * self.fixed[second]
-                    theta[self._sphere_first : self._hinge_first] -= other
-            turns = exp_quaternion(theta)
-            still = self._turns is self._still_turns
-            self._turns = turns if still else quaternion_product(self._turns, turns)
-        if len(self._track):
-            self._track = self._tracks.moved(self._track, increment)
-        if len(self._stretches):
-            assert self.kin.elements is not None
-            self._stretches = self._stretches + increment[self.kin.elements.numbers]
+        theta = increment.take(self._theta) * self._factors
+        for second in self.sphere_numbers.T[1:]:
+            other = increment[second][:, None] * self.fixed[second]
+            theta[self._sphere_first : self._hinge_first] -= other
+        self._turns = quaternion_product(self._turns, exp_quaternion(theta))
+        self._track = self._tracks.moved(self._track, increment)
 
     def save(self) -> tuple[Array, ...]:
         """The increments of the step so far."""
-        return self._shift, self._turns, self._track, self._stretches
+        return self._shift, self._turns, self._track
 
     def restore(self, saved: tuple[Array, ...]) -> None:
         """Back to saved increments."""
-        self._shift, self._turns, self._track, self._stretches = saved
+        self._shift, self._turns, self._track = saved
 
     def configuration(self) -> Array:
         """``y_{n+1}`` (all rows)."""
         kin = self.kin
         rotations = rotation_matrix(self._turns)
-        if self._direct:
-            if self._stiff:
-                rotations = np.concatenate([rotations, _ONE[None]])
-            turns = rotations.take(self._of_hung, axis=0)
-        elif self._levels:
-            all_of_them = np.concatenate([rotations, self._still])
-            R = all_of_them.take(self._of_vertex, axis=0)
-            relative = self._relative_rotations(all_of_them)
-            for level in self._turning:
-                parents = R.take(level.parent, axis=0)
-                R[level.child] = relative.take(level.relative, axis=0) @ parents
-            turns = R.take(kin.frames, axis=0)
-        else:
-            turns = rotations.take(self._of_frame, axis=0)
-        directors = (self._triads0 @ turns).reshape(-1, 3)
+        all_of_them = np.concatenate([rotations, self._still])
+        R = all_of_them.take(self._of_vertex, axis=0)
+        relative = self._relative_rotations(all_of_them)
+        for level in self._turning:
+            parents = R.take(level.parent, axis=0)
+            R[level.child] = relative.take(level.relative, axis=0) @ parents
+        directors = (self._triads0 @ R.take(kin.frames, axis=0)).reshape(-1, 3)
         parts = [self._shifted0 + self._shift, directors, self._ground1]
         y = np.concatenate(parts).take(self._of_row, axis=0)
-        if self._direct:
-            moved = self._hung_factors @ y.take(self._hung_from, axis=0)
-            y[self._hung_rows] = moved[:, 0]
-        elif self._levels:
-            arms = self._arms(y, R, rotations[self._sphere_first : self._hinge_first])
-            if self._sums is not None:
-                self._sums.place(y, arms)
-                return y
-            for level in self._levels:
-                y[level.child_row] = y.take(level.parent_row, axis=0) + arms.take(
-                    level.edge, axis=0
-                )
+        arms = self._arms(y, R, rotations[self._sphere_first : self._hinge_first])
+        for level in self._levels:
+            y[level.child_row] = y.take(level.parent_row, axis=0) + arms.take(level.edge, axis=0)
         return y
 
     def _relative_rotations(self, rotations: Array) -> Array:
@@ -378,16 +290,12 @@ class Reparametrisation:
     def _arms(self, y: Array, R: Array, swings: Array) -> Array:
         """``phi_child - phi_parent`` of each edge."""
         out = (self._arm_factors @ y.take(self._arm_rows, axis=0))[:, 0]
-        if len(swings):
-            out[self._sphere_at] += (self._arm[:, None] @ swings)[:, 0]
-        if len(self._open_at):
-            arm = self._open_arm.astype(y.dtype)
-            slide = self._track[:, None] * self._track_axis
-            for which, number in self._slides:
-                arm[which] += slide[number]
-            out[self._open_at] += (arm[:, None] @ R[self._guide])[:, 0]
-        if self.kin.elements is not None:
-            out[self._element_edges] = self.kin.elements.arms(y, self._stretches)[self._exits]
+        out[self._sphere_at] += (self._arm[:, None] @ swings)[:, 0]
+        arm = self._open_arm.astype(y.dtype)
+        slide = self._track[:, None] * self._track_axis
+        for which, number in self._slides:
+            arm[which] += slide[number]
+        out[self._open_at] += (arm[:, None] @ R[self._guide])[:, 0]
         return out
 
 
@@ -401,39 +309,4 @@ def _layers(
         ids = [number[each[i][k].number] for i in which]
         if which:
             out.append((np.array(which, dtype=np.int64), np.array(ids, dtype=np.int64)))
-    return out
-
-
-class _PathSums:
-    """Positions of a deep tree: those of the parents, and what is added from edge to edge."""
-
-    def __init__(self, edges: Sequence[Edge], row: IndexArray) -> None:
-        place = {e.child: k for k, e in enumerate(edges)}
-        above = np.array([place.get(e.parent, -1) for e in edges], dtype=np.int64)
-        self._roots, inner = np.flatnonzero(above < 0), np.flatnonzero(above >= 0)
-        self._rows = row[[e.child for e in edges]]
-        self._root_rows = row[[edges[k].parent for k in self._roots.tolist()]]
-        count = len(edges)
-        entries = np.concatenate([np.ones(count), np.full(len(inner), -1.0)])
-        i, j = np.concatenate([[np.arange(count)] * 2, [inner, above[inner]]], axis=1)
-        self._lu = unit_triangular(csc_matrix((entries, (i, j)), shape=(count, count)))
-
-    def place(self, y: Array, arms: Array) -> None:
-        """Positions of the children, in place, from what is added on each edge."""
-        arms[self._roots] += y.take(self._root_rows, axis=0)
-        x = self._lu.solve(np.ascontiguousarray(arms.real))
-        if np.iscomplexobj(arms):
-            x = x + 1j * self._lu.solve(np.ascontiguousarray(arms.imag))
-        y[self._rows] = x
-
-
-_DIRECTORS = np.arange(1, 4)
-
-
-_ONE = np.eye(3)
-
-
-def _identity(count: int) -> Floats:
-    out = np.zeros((count, 4))
-    out[:, 0] = 1
     return out

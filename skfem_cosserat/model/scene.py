@@ -33,8 +33,10 @@ from .ground import Placed
 from .groups import Structure
 from .loops import closure_rows
 from .parts import warn_of_loose_parts
-from .plane import Planar, Planarity, confined, inspect
+from .plane import Planar, Planarity, confine, inspect
 from .system import System, listed
+
+ItemT = TypeVar("ItemT", bound=Item)
 
 # -- scenes that change while they move: joints locked, freed or taken away, loads switched --------
 #
@@ -51,24 +53,24 @@ def joint_of(system: System, joint: Joint | str) -> Joint:
     InputError
         If there is none; the message lists the names.
     """
-    name = joint.name if isinstance(joint, Joint) else joint
-    if not isinstance(name, str):
-        raise InputError("joint", f"is {joint!r}, expected a joint of the model or its name")
-    for each in system.joints:
-        if each.name == name:
-            return each
-    known = sorted(str(each.name) for each in system.joints)
-    raise InputError("joint", f"{name!r} is not in this system; {names_known(name, known)}")
+    return _named(system.joints, joint, "joint")
 
 
 def load_of(system: System, load: Load | str) -> Load:
     """A load of a system as it is now, by its name or by the load it was at first."""
-    name = load.name if isinstance(load, Load) else load
-    for each in system.loads:
-        if each.name == name:
-            return each
-    known = sorted(str(each.name) for each in system.loads)
-    raise InputError("load", f"{name!r} is not in this system; {names_known(name, known)}")
+    return _named(system.loads, load, "load")
+
+
+def _named(items: Sequence[ItemT], asked: Item | str, kind: str) -> ItemT:
+    """The item of a name, or what an item has become."""
+    name = asked.name if isinstance(asked, Item) else asked
+    if not isinstance(name, str):
+        raise InputError(kind, f"is {asked!r}, expected a {kind} of the model or its name")
+    found = {each.name: each for each in items}
+    if name not in found:
+        known = names_known(name, sorted(map(str, found)))
+        raise InputError(kind, f"{name!r} is not in this system; {known}")
+    return found[name]
 
 
 def locked(system: System, joint: Joint | str, q: Floats, t: float) -> System:
@@ -145,7 +147,7 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
 def _changed(
     system: System, q: Floats, t: float, joints: Sequence[Joint], drives: Sequence[JointDrive]
 ) -> System:
-    placed = Placed(q.copy(), t, system.spatial.grounds)
+    placed = Placed(q.copy(), t, system.grounds)
     return _anew(system, joints, system.loads, drives, placed)
 
 
@@ -165,7 +167,8 @@ def _anew(
     items = system.structures, joints, loads, drives, system.couplings.items, system.dampings
     with Notices(system.warnings) as notices:
         out = _checked(System(*items, placed, copies=system.copies))
-        out = out if system.plane is None else out.within(system.plane)
+        if system.plane is not None:
+            out.confine(system.plane)
         if out.immovable is not None:  # a run goes on as far as it can
             warn(*out.immovable, ModelWarning)
     out.warnings = notices.found
@@ -195,7 +198,6 @@ def _described(system: System, place: Place, y: Floats, x: Floats) -> Place:
 #: kinds that the arrays of a system know
 MASSES = (RigidBody, MassPoint)
 
-ItemT = TypeVar("ItemT", bound=Item)
 ParametersT = ParamSpec("ParametersT")
 ReturnT = TypeVar("ReturnT")
 
@@ -392,7 +394,9 @@ class Model:
                 scene=dict(self._items),
                 copies=self._copies,
             )
-            system = _checked(found) if planar is None else confined(_checked(found), planar)
+            system = _checked(found)
+            if planar is not None:
+                confine(system, planar)
             if system.immovable is not None:
                 raise InputError(*system.immovable)
             warn_of_loose_parts(system)
@@ -430,7 +434,7 @@ def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planari
     ("load 'side': [0.0, 3.0, 4.0] leaves the plane by 4",)
     """
     wanted = Planar(normal).normal
-    return inspect(system_of(scene, "argument scene").spatial, wanted)
+    return inspect(system_of(scene, "argument scene"), wanted)
 
 
 def system_of(scene: Model | System, item: str = "argument system") -> System:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from ..errors import InputError
 from ..frames import Item, Place, is_beam
 from ..frozen import Replacements, lock_arrays
 from ..joint import Joint, JointDrive
+from ..kernels import cross
 from ..load import Load
 from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero
@@ -31,10 +33,9 @@ from ..warn import Notices
 from .checks import (
     JointRows,
     check_drives,
-    check_joints,
     check_mobility,
 )
-from .closure import SINGULAR
+from .closure import Closure
 from .force_elements import Couplings
 from .ground import Ground, Placed
 from .groups import BeamGroup, Group, Structure, assemble_mass, damping_factors, nodal_group
@@ -44,15 +45,12 @@ from .loops import (
     almost_redundant,
     close_loops,
     null_space_matrix,
-    redundancies,
-    tree_values,
-    wrong_branch,
 )
 from .parts import connected_parts
 from .plane import Plane, guard_of
 from .quadratic import ConstraintBuilder, QuadraticConstraints
-from .theories import TheoryRows, add_theory_rows, constrained_elements
-from .tree import ConstrainedElement, End, Spot, Tree, build_tree
+from .theories import Spanning, TheoryRows, add_theory_rows, rigid_elements
+from .tree import Edge, End, Spot, Tree, build_tree
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -60,6 +58,32 @@ if TYPE_CHECKING:
 #: labels in one line
 SHOWN = 6
 FROM = ", as from beam.node(name), body.at(x), point.place() or ground(x)"
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """Coordinates of a scene in space, as kernels have them.
+
+    Attributes
+    ----------
+    system : System
+    tree : Tree
+        Of the joints whose rows its coordinates fulfil.
+    kinematics : Kinematics
+    left_rows : int array
+        Constraint rows that they do not fulfil by themselves.
+    joint_edges : sequence of Edge
+        Of the tree that goes along all joints.
+    closure : Closure
+        Rows of closed loops, in the coordinates of that tree.
+    """
+
+    system: System
+    tree: Tree
+    kinematics: Kinematics
+    left_rows: IndexArray
+    joint_edges: Sequence[Edge]
+    closure: Closure
 
 
 @checked
@@ -78,7 +102,8 @@ class System:
     redundant : (m - rank,) int array
         Constraint rows that depend on the others; by joints: :meth:`redundancies`.
     unknowns : int
-        ``n - rank``, the unknowns of the null space method.
+        ``n - rank``: motions that are free, the unknowns of the null space method. Strains that a
+        beam holds off closed loops add two for each row: they have multipliers.
     q0, v0 : (n,) array
         Reference configuration (m, -) and initial velocity (m/s, 1/s).
     mass, inertia : (n/3, n/3) sparse matrix; the same in full if it is small, for products
@@ -135,7 +160,6 @@ class System:
         self._group(dampings)
         places = self.first, self.rows, self.mass, self.origin_rows
         self.loading = Loading(self.loads, *places, self.beam_groups, self.frame_group)
-        check_joints([*self.joints, *self.drives], 0.0, self.length)
         check_drives(self.drives)
         self._constrain()
         start, functions = self.extend(self._y0, 0.0), self.loading.functions
@@ -144,8 +168,6 @@ class System:
             push.check(start)
         self.couplings = Couplings(couplings, self.row_of, start, self.rows, pushes)
         self.plane: Plane | None = None
-        self._space: System | None = None
-        self._tied: System | None = None
         self._build_tree()
         self._lock()
 
@@ -155,69 +177,13 @@ class System:
         scene = *items, self.dampings, self.placed, self.scene
         return _made, (scene, self.plane, self.warnings)
 
-    def within(self, plane: Plane) -> System:
-        """The same scene, confined to a plane that nothing leaves; see :class:`Planar`."""
-        out = object.__new__(System)
-        out.__dict__.update(self.spatial.__dict__)
-        out.warnings = list(self.warnings)
-        out.plane, out._space, out.loading = plane, self.spatial, copy(self.loading)
-        out.loading.guard = guard_of(self.loading, plane)
-        out.grounds = self.grounds.confined(plane, [drive.place for drive in self.drives])
-        out._build_tree()
-        out._lock()
-        return out
-
-    @property
-    def spatial(self) -> System:
-        """The same scene in space: itself, unless it is confined to a plane."""
-        return self if self._space is None else self._space
-
     @cached_property
-    def untied(self) -> System:
-        """A scene in space with no joint in its tree: all vertices free, all rows of joints left.
-
-        What the rows of joints and loops know of each other is that of the scene itself.
-        """
-        own = build_tree(self.is_frame.tolist(), [])
-        return self._along(own, np.arange(self.internal, self.m))
-
-    @cached_property
-    def jointed(self) -> System:
-        """A scene in space with its joints in the tree, but no beam that holds strains by its rows.
-
-        These rows are left. Itself, if there is no such beam in its tree.
-        """
-        tree = self.tree
-        elements = [element for element, _ in tree.elements]
-        held = {(id(each.item), each.number) for each in elements if not each.rigid}
-        if not held:
-            return self
-        rows = np.array([
-            number
-            for each in self.theory_rows
-            for e, own in enumerate(each.numbers)
-            for number in (own.ravel() if (id(each.beam), e) in held else ())
-        ])  # fmt: skip
-        joints = [e.end for e in tree.edges if not isinstance(e.joint, ConstrainedElement)]
-        rigid = [each for each in elements if each.rigid]
-        # each part is entered where the whole tree enters it: children stay children
-        roots = sorted(range(len(self.is_frame)), key=tree.depth.__getitem__)
-        own = build_tree(self.is_frame.tolist(), joints, rigid, roots=roots)
-        return self._along(own, np.union1d(self.left_rows, rows))
-
-    def _along(self, tree: Tree, left: IndexArray) -> System:
-        """The same scene by the coordinates of another tree, which leaves these rows."""
-        out = object.__new__(System)
-        out.__dict__.update(self.__dict__)
-        out.tree, out.left_rows, out._tied = tree, left, self
-        out.kinematics = Kinematics(tree, self.vertex_rows, self.is_frame, self.total)
-        lock_arrays(out)
-        return out
-
-    @property
-    def tied(self) -> System:
-        """The same scene by its own tree: itself, unless it is :attr:`untied`, :attr:`jointed`."""
-        return self if self._tied is None else self._tied
+    def vertex_coordinates(self) -> Coordinates:
+        """Coordinates in space with no joint in the tree: all vertices free, all rows left."""
+        tree = build_tree(self.is_frame.tolist(), [])
+        kinematics = Kinematics(tree, self.vertex_rows, self.is_frame, self.total)
+        rows, tied = np.arange(self.internal, self.m), self.joint_coordinates
+        return Coordinates(self, tree, kinematics, rows, tied.joint_edges, tied.closure)
 
     def _lock(self) -> None:
         """What is written to an array that others have, too, would reach a part of them only."""
@@ -299,8 +265,8 @@ class System:
         drag, nodal_drags = assemble_mass(self.structures, drags, *where) if alpha else (None, [])
         self.drag: csr_matrix | None = drag
         kinds: dict[object, list[tuple[Beam, int, int]]] = {}
-        beams = [item for item in self.structures if is_beam(item)]
-        for b in sorted(beams, key=lambda b: b.basis.order):
+        self.beams = [item for item in self.structures if is_beam(item)]
+        for b in sorted(self.beams, key=lambda b: b.basis.order):
             kinds.setdefault(b.basis.interpolation, []).append((b, *self.first[id(b)]))
         self.beam_groups = [BeamGroup(group, masses, drags, beta) for group in kinds.values()]
         self.damped = bool(alpha) or any(g.viscous for g in self.beam_groups)
@@ -321,6 +287,7 @@ class System:
         self.joint_rows: list[JointRows] = []
         items: list[Joint | JointDrive] = [*self.joints, *self.drives]
         for item in items:
+            item.check(0.0, self.length)
             start = build.size
             for row in item.rows():
                 self._add_row(build, row)
@@ -361,19 +328,35 @@ class System:
             End(joint, self.spot(joint.a), self.spot(joint.b), driven.get(id(joint), {}))
             for joint in self.joints
         ]
-        frames, elements = self.is_frame.tolist(), constrained_elements(self.theory_rows)
-        self.tree = build_tree(frames, ends, elements, self.plane)
+        elements = rigid_elements(self.theory_rows)
+        self.tree = build_tree(self.is_frame.tolist(), ends, elements, self.plane)
         self.kinematics = Kinematics(self.tree, self.vertex_rows, self.is_frame, self.total)
         #: what cannot leave the reference rightly, and why: of beams that hold too many strains
         self.immovable: tuple[str, str] | None = None
-        self.closure, self.redundant = close_loops(self)
+        self.closure: Closure
+        self.spanning: Spanning
+        self.held_rows: IndexArray
+        self.redundant: IndexArray
+        close_loops(self)
         #: constraint rows that the tree's coordinates do not fulfil by themselves
-        self.left_rows: IndexArray = self.closure.rows
-        #: the tree that goes along all joints, also of a scene whose joints are taken out of it
-        self.spanning = self.tree
-        self.unknowns = self.kinematics.unknowns - self.closure.rank
+        self.left_rows: IndexArray = np.union1d(self.closure.rows, self.held_rows)
+        left = self.closure.rank + len(self.held_rows)
+        self.unknowns = self.kinematics.unknowns - left
         self.rank = self.coordinates - self.unknowns
         check_mobility(self, almost_redundant(self))
+        if self.plane is None:
+            #: coordinates in space with all joints in the tree
+            self.joint_coordinates = Coordinates(
+                *(self, self.tree, self.kinematics, self.left_rows, self.tree.edges, self.closure)
+            )
+
+    def confine(self, plane: Plane) -> None:
+        """Take away what leads out of a plane that nothing leaves; see :class:`Planar`."""
+        self.plane, self.loading = plane, copy(self.loading)
+        self.loading.guard = guard_of(self.loading, plane)
+        self.grounds = self.grounds.confined(plane, [drive.place for drive in self.drives])
+        self._build_tree()
+        self._lock()
 
     @property
     def coordinates(self) -> int:
@@ -411,7 +394,7 @@ class System:
         return (
             f"<System of {names}; n = {c['n']}, m = {c['m']} (rank {c['rank']}),"
             f" unknowns {self.coordinates + c['rank']} with multipliers,"
-            f" {c['unknowns']} with the null space>"
+            f" {c['unknowns'] + 2 * len(self.held_rows)} with the null space>"
         )
 
     def __str__(self) -> str:
@@ -436,7 +419,12 @@ class System:
         >>> model.freeze().redundancies()
         {'high': [0, 1, 2, 3, 4]}
         """
-        return redundancies(self)
+        out = {}
+        for jr in self.joint_rows:
+            inside = np.intersect1d(self.redundant, np.arange(jr.rows.start, jr.rows.stop))
+            if len(inside):
+                out[jr.joint.name or ""] = (inside - jr.rows.start).tolist()
+        return out
 
     def independent_rows(self, y: Floats) -> NDArray[np.bool_]:
         """Which constraint rows (m,) to keep at a configuration: the others depend on them.
@@ -457,11 +445,11 @@ class System:
         >>> system.independent_rows(system.extend(system.q0, 0.0)).tolist()
         [True, True, True, True, True, True]
         """
-        keep, space = np.ones(self.m, dtype=bool), self.spatial
-        if len(space.closure.rows):
-            keep[space.closure.rows] = False
-            for s in space.closure.select(y, tree_values(space, y)):
-                keep[s.rows[s.pivots > SINGULAR]] = True
+        keep, closure = np.ones(self.m, dtype=bool), self.joint_coordinates.closure
+        if len(closure.rows):
+            keep[closure.rows] = False
+            for s in closure.select(y, closure.kin.values_at(y)):
+                keep[s.independent] = True
         return keep
 
     def wrong_branch(self, y: Floats) -> str | None:
@@ -469,7 +457,15 @@ class System:
 
         Quadratic rows cannot tell these, which Newton's method may run into in large steps.
         """
-        return wrong_branch(self, y)
+        cosines = 1 + self.branch_cosines.values(y)
+        if len(cosines) and cosines.min() < 0.5:  # -1 half a turn off, 0 a third
+            turned = "half" if cosines.min() < -0.5 else "a third of"
+            return f"{self.of_cosine[int(cosines.argmin())].label} by {turned} a turn"
+        D = self.kinematics.directors(y)
+        wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
+        if len(wrong):
+            return f"triad of {self.owner[int(self.kinematics.frames[wrong[0]])].label}"
+        return None
 
     def null_space(self, q: ArrayLike, t: float = 0.0) -> Floats:
         """Null space matrix ``P(q)`` (n, unknowns) with ``G P = 0``, dense.
@@ -538,7 +534,7 @@ class System:
             raise InputError("argument q", f"has shape {q.shape}, expected ({self.n},)")
         y = np.empty((self.total, 3), dtype=q.dtype)
         y[: self.rows] = q.reshape(-1, 3)
-        y[self.rows :] = self.ground(t)
+        y[self.rows :] = self.grounds.at(t)
         return y
 
     def frame_place(self, name: str) -> int:
@@ -659,6 +655,8 @@ def _made(
     items: Sequence[Any], plane: Plane | None, known: Sequence[dict[str, Any]] = ()
 ) -> System:
     with Notices(quiet=True, alone=True):  # said when it was made first
-        system = System(*items) if plane is None else System(*items).within(plane)
+        system = System(*items)
+        if plane is not None:
+            system.confine(plane)
     system.warnings = [dict(notice) for notice in known]
     return system

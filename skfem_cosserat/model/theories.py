@@ -7,19 +7,20 @@ element a multiplier is ``w l`` times a stress resultant, as the balance holds `
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..frames import is_beam
+from ..joint import Joint
 from ..strain import FORMS
 from ..types import Floats, IndexArray
 from .groups import Structure
 from .quadratic import ConstraintBuilder
-from .tree import ConstrainedElement
+from .tree import RigidElement, Tree
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -54,10 +55,9 @@ class TheoryRows:
         """Rows (elements, points, strains)."""
         return np.arange(self.rows.start, self.rows.stop).reshape(self.shape)
 
-    @property
-    def turning(self) -> NDArray[np.bool_]:
-        """Which of the strains are bending or torsion."""
-        return np.array(self.held) >= 3
+    def vertices(self, element: int) -> list[int]:
+        """Vertices of an element, in order."""
+        return [int(self.first + node) for node in self.beam.basis.connectivity[element]]
 
     @property
     def can_bend(self) -> bool:
@@ -65,10 +65,10 @@ class TheoryRows:
         return not {3, 4} & set(self.held)
 
     @property
-    def eliminable(self) -> bool:
-        """Whether the rows of forces give the line of an element from its directors."""
+    def bijective(self) -> bool:
+        """True if strains at the Gauss points, and one node, give all nodes of an element."""
         interpolation = self.beam.basis.interpolation
-        return {0, 1} <= set(self.held) and interpolation.points == interpolation.order
+        return interpolation.points == interpolation.order
 
     def stress(self, multipliers: Floats) -> Floats:
         """Resultants (..., ne, ng, 6) of what is held, from multipliers (..., m); zeros else."""
@@ -135,37 +135,93 @@ def _field(beam: Beam, e: int, origins: Sequence[int], values: Floats, i: int) -
     ]
 
 
-def constrained_elements(theories: Sequence[TheoryRows]) -> list[ConstrainedElement]:
-    """Elements whose line follows from their directors."""
+def rigid_elements(theories: Sequence[TheoryRows]) -> list[RigidElement]:
+    """Elements that hold all strains, and with them their nodes."""
     return [
-        ConstrainedElement(
-            each.beam,
-            e,
-            tuple(int(each.first + a) for a in nodes),
-            tuple(nodes.tolist()),
-            _stretches(each),
-            len(each.held) == 6,
-        )
+        RigidElement(each.beam, e, tuple(each.vertices(e)), tuple(nodes.tolist()))
         for each in theories
-        if each.eliminable
+        if len(each.held) == 6 and each.bijective
         for e, nodes in enumerate(each.beam.basis.connectivity)
     ]
 
 
-def _stretches(each: TheoryRows) -> int:
-    return 0 if 2 in each.held else each.shape[1]
+#: a beam that holds strains, and the number of one of its elements
+HeldElement = tuple[TheoryRows, int]
 
 
-def rows_beside_tree(
-    theories: Sequence[TheoryRows], used: Sequence[ConstrainedElement]
-) -> IndexArray:
-    """Rows that the tree does not fulfil by itself: torsion, elements that close loops."""
-    done = {(id(element.item), element.number) for element in used}
-    out = [np.zeros(0, dtype=np.int64)]
-    for each in theories:
-        numbers = each.numbers
-        kept = np.array([(id(each.beam), e) not in done for e in range(each.shape[0])])
-        own = np.zeros(each.shape[2], dtype=bool) if len(each.held) == 6 else each.turning
-        left = kept[:, None, None] | own
-        out.append(numbers[np.broadcast_to(left, each.shape)])
-    return np.sort(np.concatenate(out))
+class Spanning:
+    """Forest of the joints of a tree and, as far as they close no loop, elements that hold strains.
+
+    An element closes a loop if joints, or elements before it, connect two of its nodes. Rows of the
+    others are independent of each other in any configuration: strains at the Gauss points follow
+    from the motion of one node against the next.
+
+    Parameters
+    ----------
+    tree : Tree
+    theories : sequence of TheoryRows
+
+    Attributes
+    ----------
+    joining, closing : list of (TheoryRows, int)
+        Elements that are not in the tree.
+    """
+
+    def __init__(self, tree: Tree, theories: Sequence[TheoryRows]) -> None:
+        self._ground = len(tree.is_frame)
+        self.joining: list[HeldElement] = []
+        self.closing: list[HeldElement] = []
+        links: dict[int, list[tuple[int, Joint | RigidElement | HeldElement]]] = {}
+        part = list(range(self._ground + 1))
+
+        def part_of(vertex: int) -> int:
+            while part[vertex] != vertex:
+                part[vertex] = vertex = part[part[vertex]]
+            return vertex
+
+        def link(a: int, b: int, by: Joint | RigidElement | HeldElement) -> None:
+            a, b = (min(vertex, self._ground) for vertex in (a, b))
+            part[part_of(a)] = part_of(b)
+            links.setdefault(a, []).append((b, by))
+            links.setdefault(b, []).append((a, by))
+
+        for edge in tree.edges:
+            link(edge.parent, edge.child, edge.joint)
+        done = {(id(element.item), element.number) for element in tree.elements}
+        for each in theories:
+            for e in range(each.shape[0]):
+                if (id(each.beam), e) in done:
+                    continue
+                first, *others = each.vertices(e)
+                parts = {part_of(vertex) for vertex in (first, *others)}
+                joins = each.bijective and len(parts) == 1 + len(others)
+                (self.joining if joins else self.closing).append((each, e))
+                for other in others if joins else ():
+                    link(first, other, (each, e))
+        self._above: dict[int, tuple[int, Joint | RigidElement | HeldElement]] = {}
+        seen = set()
+        for root in (self._ground, *links):
+            waiting = [] if root in seen else [root]
+            seen.add(root)
+            for vertex in waiting:
+                for other, by in links.get(vertex, ()):
+                    if other not in seen:
+                        self._above[other] = vertex, by
+                        seen.add(other)
+                        waiting.append(other)
+
+    def around(self, vertices: Sequence[int]) -> set[Joint | RigidElement | HeldElement]:
+        """Joints and elements on the way from one vertex to the next."""
+        ways = [set(self._way_up(vertex)) for vertex in vertices]
+        return set().union(*(a ^ b for a, b in pairwise(ways)))
+
+    def _way_up(self, vertex: int) -> Iterator[Joint | RigidElement | HeldElement]:
+        while vertex in self._above:
+            vertex, by = self._above[vertex]
+            yield by
+
+
+def rows_of(elements: Iterable[HeldElement]) -> IndexArray:
+    """Constraint rows of elements."""
+    rows = [each.numbers[e].ravel() for each, e in elements]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *rows])

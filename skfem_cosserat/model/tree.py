@@ -15,10 +15,9 @@ nodes and midpoints alike.
 In a scene that moves in one plane only the tree has the coordinates in that plane alone: two
 translations, rotations about its normal, what joints leave free in it.
 
-Elements of beams that hold shear strains are edges, too (:class:`ConstrainedElement`): from the
-node that the tree comes to first to each other one, whose rotation is free and whose position
-follows from the directors of all. To the tree they are spherical joints between the nodes' origins.
-What turns of their nodes add to the positions below is in :mod:`skfem_cosserat.model.kinematics`.
+Rigid elements of beams are edges, too (:class:`RigidElement`): fixed joints from the node that the
+tree comes to first to each other one. Rows of other strains that a beam holds are left to
+multipliers.
 
 With r = x_b - x_a and the guide on side a: ``omega_b - omega_a`` is the relative rotation and
 ``rdot - omega_a x r`` the slide, whichever side is the parent. Both sides thus turn about x_b.
@@ -53,19 +52,13 @@ class Spot:
 
 
 @dataclass(frozen=True, eq=False)
-class ConstrainedElement:
-    """A constrained beam element in the tree.
-
-    Its line follows from its directors, and from stretches at its Gauss points if these are free.
-    In a rigid element the nodes are connected by fixed joints.
-    """
+class RigidElement:
+    """An element of a rigid beam: its nodes are connected by fixed joints."""
 
     item: Beam
     number: int  # in the beam
     vertices: tuple[int, ...]
     nodes: tuple[int, ...]  # of the beam
-    stretches: int = 0
-    rigid: bool = False
 
     @property
     def label(self) -> str:
@@ -73,13 +66,11 @@ class ConstrainedElement:
         return self.item.label
 
     def freedom(self) -> Freedom:
-        """Between two of its nodes: any rotation, or none."""
-        return Freedom(() if self.rigid else None)
+        """Relative motion of two of its nodes: none."""
+        return Freedom(())
 
     def arm(self, v: int, c: int) -> tuple[float, float, float]:
-        """Material coordinates of vertex c at vertex v, in the reference; not used unless rigid."""
-        if not self.rigid:
-            return 0.0, 0.0, 0.0
+        """Material coordinates of vertex c at vertex v, in the reference."""
         a, b = (self.nodes[self.vertices.index(vertex)] for vertex in (v, c))
         x, y, z = self.item.triads[a] @ (self.item.basis.nodes[b] - self.item.basis.nodes[a])
         return float(x), float(y), float(z)
@@ -89,7 +80,7 @@ class ConstrainedElement:
 class End:
     """A joint with its spots, and which of its coordinates are driven by which ground frame."""
 
-    joint: Joint | ConstrainedElement
+    joint: Joint | RigidElement
     a: Spot
     b: Spot
     driven: Mapping[str, int] = field(default_factory=dict)
@@ -107,7 +98,7 @@ class Edge:
     sign: float  # +1: the child is side B (coordinates count from A to B)
 
     @property
-    def joint(self) -> Joint | ConstrainedElement:
+    def joint(self) -> Joint | RigidElement:
         """Its joint, or the element that it is part of."""
         return self.end.joint
 
@@ -117,18 +108,13 @@ class Edge:
         return self.joint.freedom()
 
     @property
-    def in_element(self) -> bool:
-        """Whether it is part of an element that is not rigid."""
-        return isinstance(self.end.joint, ConstrainedElement) and not self.end.joint.rigid
-
-    @property
     def guide(self) -> int:
         """Vertex of side A, which carries axes and slides."""
         return self.end.a.vertex
 
 
 #: of coordinates
-KINDS = "translation", "rotation", "axis", "slide", "sphere", "stretch"
+KINDS = "translation", "rotation", "axis", "slide", "sphere"
 
 
 @dataclass(slots=True)
@@ -137,7 +123,7 @@ class Coordinate:
 
     ``kind``: "translation" or "rotation" of a free vertex or absolute across a joint (constant
     axis), "axis" (material in `guide`), "slide" (left x right, material in `guide`), "sphere"
-    (axis fixed during a step), "stretch" (axial strain at a Gauss point of an element).
+    (axis fixed during a step).
     """
 
     kind: str
@@ -200,9 +186,7 @@ class Tree:
     own: list[range] = field(default_factory=list)  # numbers of each vertex's coordinates
     turns: dict[int, list[Coordinate]] = field(default_factory=dict)  # relative, of a child
     slides: dict[int, list[Coordinate]] = field(default_factory=dict)
-    #: each with the vertex at which the tree enters it
-    elements: list[tuple[ConstrainedElement, int]] = field(default_factory=list)
-    stretches: dict[int, list[int]] = field(default_factory=dict)  # numbers by ``id(element)``
+    elements: list[RigidElement] = field(default_factory=list)
     spots: dict[Spot, int] = field(default_factory=dict)  # numbers of points of pairs
 
     @cached_property
@@ -264,16 +248,12 @@ class Tree:
         """A child, by what moves its parent."""
         fulcrum = self.spot_number(self.fulcrum(edge))
         turned = (above.target >= 0) & above.rotates & self.is_frame[edge.parent]
-        passed = Pairs(
+        return Pairs(
             np.full(len(turned), edge.child),
             above.number,
             np.where(turned, fulcrum, above.target),
             turned & self.relative(edge),
         )
-        if not edge.in_element:
-            return passed
-        # a turn about the origin of a node moves the next one by its directors only
-        return passed.some(~turned | (self.centres[above.number] != fulcrum))
 
     def relative(self, edge: Edge) -> bool:
         """Whether a child's rotation is relative to its parent's."""
@@ -292,7 +272,7 @@ class Tree:
             kind = self.coordinate(k).kind
             if kind == "slide":
                 pairs.append((c, k, -1, False))
-            elif kind != "stretch":
+            else:
                 sphere = kind == "sphere"
                 target = self.spot_number(edge.child_spot if sphere else Spot(c))
                 pairs.append((c, k, target, not sphere))
@@ -307,9 +287,8 @@ class Tree:
 def build_tree(
     is_frame: list[bool],
     ends: list[End],
-    elements: Sequence[ConstrainedElement] = (),
+    elements: Sequence[RigidElement] = (),
     plane: Plane | None = None,
-    roots: Sequence[int] = (),
 ) -> Tree:
     """Breadth-first spanning tree and its coordinates.
 
@@ -318,16 +297,14 @@ def build_tree(
     is_frame : list of bool
         Of the structural vertices; higher numbers in `ends` are ground frames.
     ends : list of End
-    elements : sequence of ConstrainedElement
-        Those that close loops are left out.
+    elements : sequence of RigidElement
+        Those that close loops stay out of the tree.
     plane : Plane, optional
         To which all motion is confined.
-    roots : sequence of int, optional
-        All vertices, the first of each part of the tree before its others; default: by number.
     """
     nv = len(is_frame)
     tree = Tree(is_frame, plane)
-    edges = _connect(nv, ends, tree, elements, roots or range(nv))
+    edges = _connect(nv, ends, tree, elements)
     by_child = {edge.child: edge for edge in edges}
     count = np.where(is_frame, len(tree.directions) + len(tree.axes), len(tree.directions))
     count[[*by_child]] = 0
@@ -347,20 +324,19 @@ def _connect(
     nv: int,
     ends: list[End],
     tree: Tree,
-    elements: Sequence[ConstrainedElement],
-    roots: Sequence[int],
+    elements: Sequence[RigidElement],
 ) -> list[Edge]:
-    open_elements = _OpenElements(elements)
+    rigid = _RigidElements(elements)
     around: dict[int, list[int]] = {}
     for j, end in enumerate(ends):
         for spot in (end.a, end.b):
             around.setdefault(min(spot.vertex, nv), []).append(j)
-    linked = around.keys() | open_elements.of.keys()
-    tree.depth = dict.fromkeys(roots, 0)
+    linked = around.keys() | rigid.of.keys()
+    tree.depth = dict.fromkeys(range(nv), 0)
     seen = set()
     used = set()
     edges = []
-    for root in [nv, *(v for v in roots if v in linked)]:
+    for root in [nv, *(v for v in range(nv) if v in linked)]:
         if root in seen:
             continue
         seen.add(root)
@@ -379,18 +355,18 @@ def _connect(
                 sign = 1.0 if child is b else -1.0
                 edges.append(Edge(end, child.vertex, parent.vertex, child, parent, sign))
                 queue.append(child.vertex)
-            queue += open_elements.children(v, seen, tree, edges)
+            queue += rigid.children(v, seen, tree, edges)
     below = {edge.child for edge in edges}
-    tree.free = [v for v in roots if v not in below]
+    tree.free = [v for v in range(nv) if v not in below]
     tree.loops = [end.joint for j, end in enumerate(ends) if j not in used]  # type: ignore[misc]
     return edges
 
 
-class _OpenElements:
-    """Elements that the tree may go along, each once."""
+class _RigidElements:
+    """Rigid elements that the tree may go along, each once."""
 
-    def __init__(self, elements: Sequence[ConstrainedElement]) -> None:
-        self.of: dict[int, list[ConstrainedElement]] = {}  # by vertex
+    def __init__(self, elements: Sequence[RigidElement]) -> None:
+        self.of: dict[int, list[RigidElement]] = {}  # by vertex
         for element in elements:
             for v in element.vertices:
                 self.of.setdefault(v, []).append(element)
@@ -402,7 +378,7 @@ class _OpenElements:
         for element in self.of.get(v, []):
             others = [c for c in element.vertices if c != v]
             if id(element) not in self._done and not seen.intersection(others):
-                tree.elements.append((element, v))
+                tree.elements.append(element)
                 for c in others:
                     end = End(element, Spot(v, element.arm(v, c)), Spot(c))
                     tree.depth[c] = tree.depth[v] + 1
@@ -432,16 +408,9 @@ class _Adding:
     def vertex(self, v: int, edge: Edge, before: int) -> int:
         """Add those of a vertex behind as many of vertices without a parent; how many these are."""
         self.v, self._before, known = v, before, len(self.tree.coordinates)
-        if not isinstance(edge.joint, ConstrainedElement):
+        if not isinstance(edge.joint, RigidElement):
             self._joint(edge, edge.joint)
-        elif not edge.joint.rigid:
-            self._stretches(edge.joint)
-            self._turns(edge.child_spot)
         return len(self.tree.coordinates) - known
-
-    def _turns(self, centre: Spot) -> None:
-        for axis in self.axes:
-            self.add("rotation", axis, centre=centre)
 
     def _joint(self, edge: Edge, joint: Joint) -> None:
         freedom, a, b = self.tree.freedom(edge), joint.a, joint.b
@@ -458,7 +427,8 @@ class _Adding:
             return
         centre = edge.end.b if freedom.slides else edge.child_spot
         if freedom.turns is None:
-            self._turns(centre)
+            for axis in self.axes:
+                self.add("rotation", axis, centre=centre)
             return
         # relative rotations are composed from the parent outwards
         for turn in freedom.turns if edge.sign > 0 else reversed(freedom.turns):
@@ -466,9 +436,3 @@ class _Adding:
             axis = edge.sign * place.material(turn.axis)
             new = self.add("axis", axis, driven.get(turn.name), guide=guide, centre=centre)
             self.tree.turns.setdefault(self.v, []).append(new)
-
-    def _stretches(self, element: ConstrainedElement) -> None:
-        """Of the element, with the first of its vertices."""
-        if id(element) not in self.tree.stretches:
-            new = [self.add("stretch", np.zeros(3)) for _ in range(element.stretches)]
-            self.tree.stretches[id(element)] = [c.number for c in new]

@@ -374,7 +374,7 @@ def _spin(x: Floats) -> Floats:
     return np.array([[0, 0, x[1]], [0, 0, -x[0]], [-x[1], x[0], 0]])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ProfileConstants(Frozen):
     """Constants of a section for the beam line through the origin of its axes.
 

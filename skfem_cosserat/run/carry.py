@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..diagnostics import Projection, momentum
+from ..constraints.saddle import nearest_velocity
+from ..diagnostics import momentum
 from ..diagnostics.error import new_rows, spins, transfer
 from ..diagnostics.nearest import nearest_configuration, settled
 from ..errors import InputError
-from ..frames import is_beam
 from ..integrators import State
 from ..model import Model, System, system_of
 from ..model.balance import amplitudes_at, balance
@@ -68,7 +68,7 @@ def carry_state(source: Model | System, target: Model | System, state: State) ->
     source = system_of(source, "argument source")
     target = system_of(target, "argument target")
     checked_start(source, state)
-    v = Projection(source)(state.q, state.p, state.time)[0]
+    v = nearest_velocity(source, source.extend(state.q, state.time), state.p, state.time)
     q, v = transfer(source, target, state.q, v)
     q, v = _settled(source, target, state.q, q, v, state.time)
     q, v = _held(source, target, q, v, state.time)
@@ -84,9 +84,8 @@ def _settled(
     Their accelerations are interpolated from those that the forces cause in `source` at `before`.
     """
     loads = amplitudes_at(source, t)
-    R = balance(source, source.extend(before, t), loads).R.ravel()
-    projection = Projection(source)
-    a = projection(before, -R, t)[0] - projection(before, np.zeros(source.n), t)[0]
+    y = source.extend(before, t)
+    a = nearest_velocity(source, y, -balance(source, y, loads).R.ravel(), None)
     inertia = momentum(target, transfer(source, target, before, a)[1])
     rows, y = new_rows(source, target), target.extend(q, t)
     rest, _ = settled(target, y, amplitudes_at(target, t), rows, inertia)
@@ -111,12 +110,11 @@ def _held(source: System, target: System, q: Floats, v: Floats, t: float) -> tup
     if found is None:
         g = abs(target.constraints.values(y))
         worst = max(target.theory_rows, key=lambda rows: float(g[rows.rows].max()))
-        known = {item.name: item.theory for item in source.structures if is_beam(item)}
+        known = {beam.name: beam.theory for beam in source.beams}
         raise InputError(
             worst.beam.label,
             f"its state with {known[worst.beam.name]!r} cannot be carried over to"
             f" {worst.beam.theory!r}: no configuration near it is without the strains that this"
             " theory holds",
         )
-    q = found[: target.rows].ravel()
-    return q, Projection(target)(q, momentum(target, v), t)[0]
+    return found[: target.rows].ravel(), nearest_velocity(target, found, momentum(target, v), t)

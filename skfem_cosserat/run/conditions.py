@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -20,14 +20,14 @@ from ..time_function import (
     Amplitude,
     time_function,
 )
-from ..types import Floats, numbers, switch
+from ..types import Floats, finite, numbers, switch
 from .sensors import Sensor, View, Window
 from .start import consistent_start
 
 # -- conditions of events: numbers that pass through zero when something happens -------------------
 
 
-class Condition(Attached):
+class Condition(Attached, ABC):
     """A number that passes through zero.
 
     To write your own, derive from it and give `value`; :class:`Event` takes a plain function of
@@ -129,7 +129,7 @@ class ConditionTime(OfStates):
     monotonic = True
 
     def __init__(self, time: float) -> None:
-        self.time = _level(time)
+        self.time = finite("condition", "level", time)
 
     def values(self, states: Window) -> Floats:
         """See the base class."""
@@ -160,7 +160,7 @@ class ConditionCoordinate(OfStates):
     def __init__(
         self, joint: Joint | str, level: float, coordinate: str | None = None, rate: bool = False
     ) -> None:
-        self.joint, self.level = joint, _level(level)
+        self.joint, self.level = joint, finite("condition", "level", level)
         self.coordinate, self.rate = coordinate, switch("condition", rate, "rate")
 
     def check(self, system: System) -> None:
@@ -195,7 +195,11 @@ class ConditionSensor(OfStates):
     def __init__(self, sensor: Sensor, level: float, component: int | None = None) -> None:
         if not isinstance(sensor, Sensor):
             raise InputError("condition", f"sensor = {sensor!r}, expected a sensor")
-        self.sensor, self.level, self.component = sensor, _level(level), component
+        self.sensor, self.level, self.component = (
+            sensor,
+            finite("condition", "level", level),
+            component,
+        )
 
     def check(self, system: System) -> None:
         """See the base class."""
@@ -242,7 +246,7 @@ class ConditionReaction(Condition):
         moment: bool = False,
         component: int | None = None,
     ) -> None:
-        self.joint, self.level = joint, _level(level)
+        self.joint, self.level = joint, finite("condition", "level", level)
         self.moment = switch("condition", moment, "moment")
         if component is not None and component not in (0, 1, 2):
             raise InputError("condition", f"component = {component!r}, expected 0, 1, 2 or None")
@@ -270,18 +274,14 @@ class ConditionEnergy(OfStates):
     """
 
     def __init__(self, level: float, kinetic: bool = False) -> None:
-        self.level, self.kinetic = _level(level), switch("condition", kinetic, "kinetic")
+        self.level, self.kinetic = (
+            finite("condition", "level", level),
+            switch("condition", kinetic, "kinetic"),
+        )
 
     def values(self, states: Window) -> Floats:
         """See the base class."""
         return (states.kinetic_energy() if self.kinetic else states.energy()) - self.level
-
-
-def _level(value: float) -> float:
-    level = numbers("condition", "level", value)
-    if level.shape != () or not np.isfinite(level):
-        raise InputError("condition", f"level = {value!r}, expected a finite number")
-    return float(level)
 
 
 # -- what events do: stop the run, switch loads, lock, free or release joints, go on otherwise -----
@@ -312,7 +312,7 @@ class ActionOutcome(NamedTuple):
     stop: bool = False
 
 
-class Action(Attached):
+class Action(Attached, ABC):
     """What an event does.
 
     To write your own, derive from it and give `outcome`; :class:`Event` takes a plain function of
@@ -375,6 +375,9 @@ class ActionStop(Action):
 
 
 class _JointAction(Action):
+    #: gives the scene with the joint changed, at a configuration and a time
+    _changed: Callable[..., System]
+
     def __init__(self, joint: Joint | str) -> None:
         if not isinstance(joint, Joint | str):
             raise InputError("action", f"joint = {joint!r}, expected a joint or its name")
@@ -383,6 +386,10 @@ class _JointAction(Action):
     def check(self, system: System) -> None:
         """See the base class."""
         joint_of(system, self.joint)
+
+    def outcome(self, view: View) -> ActionOutcome:
+        """See the base class."""
+        return ActionOutcome(self._changed(view.system, self.joint, view.q, view.time))
 
 
 class ActionLock(_JointAction):
@@ -403,17 +410,13 @@ class ActionLock(_JointAction):
     ActionLock(knee)
     """
 
-    def outcome(self, view: View) -> ActionOutcome:
-        """See the base class."""
-        return ActionOutcome(locked(view.system, self.joint, view.q, view.time))
+    _changed = staticmethod(locked)
 
 
 class ActionUnlock(_JointAction):
     """A joint that was locked moves again as before."""
 
-    def outcome(self, view: View) -> ActionOutcome:
-        """See the base class."""
-        return ActionOutcome(unlocked(view.system, self.joint, view.q, view.time))
+    _changed = staticmethod(unlocked)
 
 
 class ActionRelease(_JointAction):
@@ -427,9 +430,7 @@ class ActionRelease(_JointAction):
         Or its name.
     """
 
-    def outcome(self, view: View) -> ActionOutcome:
-        """See the base class."""
-        return ActionOutcome(released(view.system, self.joint, view.q, view.time))
+    _changed = staticmethod(released)
 
 
 class ActionLoad(Action):

@@ -487,7 +487,7 @@ def configuration_formulas(system: System) -> Formulas:
             multipliers(system, constraint_points(system, h), h["constraint_force"])
         ],
     }
-    for beam in (s for s in system.structures if is_beam(s)):
+    for beam in system.beams:
         formulas |= _beam_formulas(system, beam)
     wrench_names = [f"joint/{item.name}/{each}" for item in items for each in ("force", "moment")]
     place_names = [f"joint/{item.name}/position" for item in items]

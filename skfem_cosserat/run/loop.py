@@ -29,7 +29,6 @@ from ..model.limits import (
     FAR_TURN,
     fastest_turn,
     first_over_rotated,
-    may_be_overstretched,
     over_rotated_beam,
     overstretched_beam,
 )
@@ -116,7 +115,7 @@ class RunLoop:
         recorder, plan = self.recorder, self.plan
         recorder.h = h or plan.h
         out = StepNumbers(recorder.segments[-1].system, self.factory.integrator, recorder.h)
-        recorder.tell(plan.summary() | {"steps": out.numbers})
+        recorder.more = plan.summary() | {"steps": out.numbers}
         return out
 
     def _take(self, report: StepReport) -> str:
@@ -309,8 +308,8 @@ def simulate(
         ``history.meta["kernels"]`` and ``["kernels_why"]`` say what was taken, and why; page 12
         of the guide says more.
     solver : Solver, optional
-        Of linear systems: ``SolverDense()``, ``SolverBanded()``, ``SolverSuperLU()``,
-        ``SolverMetis()`` or ``SolverPardiso()``; by default the fastest for the scene that is
+        Of linear systems: ``SolverDense()``, ``SolverBanded()``, ``SolverSuperLU()`` or
+        ``SolverPardiso()``; by default the fastest for the scene that is
         installed (extra ``solvers``). ``history.meta["solver"]`` says what was taken.
     sensors : mapping of str to Sensor, optional
         Recorded at every step, whatever `every` and `at` say: ``history.sensors[name]`` has
@@ -530,7 +529,6 @@ def _strained_elements(system: System, history: History) -> list[tuple[tuple[str
         lams = multipliers(system, points, history["constraint_force"][looks])
         tension = [lam if np.isfinite(lam).all() else None for lam in lams]
     else:
-        looks = looks[may_be_overstretched(system, states[looks])]
         tension = [None] * len(looks)
     for k, lam in zip(looks, tension, strict=True):
         if drawn := overstretched_beam(system, states[k], lam):

@@ -100,7 +100,7 @@ class Progress:
     def say(self, text: str) -> None:
         """Show a text on the line until there are numbers."""
         if self._on:
-            sys.stderr.write("\r\x1b[K" + text)
+            sys.stderr.write("\r\x1b[K" + text)  # the old line is erased
             sys.stderr.flush()
 
     def __enter__(self) -> Progress:
@@ -115,6 +115,5 @@ class Progress:
         sys.stderr.flush()
 
     def _write(self) -> None:
-        sys.stderr.write("\r\x1b[K" + self._text(*self._numbers))  # the old line is erased
-        sys.stderr.flush()
+        self.say(self._text(*self._numbers))
         self._written, self._last = True, time.monotonic()

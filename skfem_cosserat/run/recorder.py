@@ -26,7 +26,7 @@ from ..integrators.report import (
     forces_of_states,
 )
 from ..model import System
-from ..types import FilePath, Floats, IndexArray, numbers, spread
+from ..types import FilePath, Floats, IndexArray, largest, numbers, spread
 from ..warn import Notices, logger, warn
 from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
 from .sensors import BLOCK, Sensor, SensorBank, Window, checked_sensors
@@ -171,8 +171,8 @@ class Works:
     def __init__(self, system: System, integrator: Integrator, state: State, h: float) -> None:
         self._begin(system, integrator, state, h)
         self.loads = self.actuators = self.dissipated = self.drives = 0.0
-        #: of what was dissipated: by the scheme
-        self._numerical = 0.0
+        #: what the scheme took of what was dissipated (J)
+        self.numerical = 0.0
         self._start, self._largest = self._now, 0.0
 
     def _begin(self, system: System, integrator: Integrator, state: State, h: float) -> None:
@@ -217,12 +217,12 @@ class Works:
             After each of them: work of the loads, of actuators and of drives, what is dissipated,
             and the scheme's part of it.
         """
-        begun = self.loads, self.actuators, self.dissipated, self._numerical
-        loads, actuators, dissipated, _, numerical = report.block.works
+        begun = self.loads, self.actuators, self.dissipated, self.numerical
+        loads, actuators, dissipated, _, numerical = report.block.works.T
         added = np.c_[begun, (loads, actuators, dissipated, numerical)]
         sums: Floats = np.cumsum(added, axis=1)[:, 1:]
-        self.loads, self.actuators, self.dissipated, self._numerical = sums[:, -1].tolist()
-        self._largest = max(self._largest, float(abs(sums[:3]).max()))
+        self.loads, self.actuators, self.dissipated, self.numerical = sums[:, -1].tolist()
+        self._largest = max(self._largest, largest(sums[:3]))
         drives = self._drives_along(report) if self._driven else [self.drives] * report.steps
         self._q, self._now = report.state.q, (*self._now[:2], report.state)
         return np.insert(sums, 2, drives, axis=0)
@@ -237,7 +237,7 @@ class Works:
             if k:
                 self.finish(force)
                 out.append(self.drives)
-            self._add_drives(float(block.by_ground[k]), force, change)
+            self._add_drives(float(block.works[k, 3]), force, change)
             self._largest = max(self._largest, abs(self.drives))
         return [*out, self.drives]
 
@@ -253,7 +253,7 @@ class Works:
         self.loads += work.loads
         self.actuators += work.actuators
         self.dissipated += work.dissipated
-        self._numerical += work.numerical
+        self.numerical += work.numerical
         if force is not None:
             self._add_drives(work.ground, force, q - self._q)
         self._q = q
@@ -271,11 +271,6 @@ class Works:
         if self._waiting is not None and force is not None:
             self.drives -= self._next * _along(force, self._waiting)
             self._waiting = None
-
-    @property
-    def numerical(self) -> float:
-        """What the scheme took of what was dissipated (J)."""
-        return self._numerical
 
     def balance(self, force: Floats | None, ends: Floats) -> EnergyBalance | None:
         """Of the run so far; None where there is nothing to compare.
@@ -299,7 +294,7 @@ class Works:
         except CosseratError as error:
             warn("balance of energy", f"it cannot be had: {error}", IncompleteWarning)
             return None
-        drives, lost = self.drives, self.dissipated - self._numerical
+        drives, lost = self.drives, self.dissipated - self.numerical
         if self._waiting is not None:
             drives -= self._next * _along(self._ending, self._waiting)
         works = self.loads, self.actuators, drives, lost
@@ -391,7 +386,8 @@ class Recorder:
         #: steps may differ in size: it is recorded
         self.varying = varying
         self.segments, self.events = [Segment(0, system)], list[EventRecord]()
-        self._more: dict[str, Any] = {}
+        #: what the metadata of the history are to say beside what is recorded
+        self.more: dict[str, Any] = {}
         self._angles = system.couplings.turning
         meta, static = describe(system)
         meta |= {
@@ -684,10 +680,6 @@ class Recorder:
             ]
         return meta
 
-    def tell(self, more: dict[str, Any]) -> None:
-        """What the metadata of the history are to say beside what is recorded."""
-        self._more = more
-
     def complete(self) -> History:
         """All rows, the last one with all that can be known of it; the file is not closed."""
         if self._complete is not None:
@@ -734,8 +726,7 @@ class Recorder:
         rest = _of_rest(self.system, float(history.times[-1] - history.times[0]))
         sound = np.isfinite(lost)
         lost = np.where(abs(lost) > rest, lost, 0.0)
-        largest = float(abs(found[sound]).max(initial=0.0))
-        return Between(history.times[rows][sound], lost[sound], largest)
+        return Between(history.times[rows][sound], lost[sound], largest(found[sound]))
 
     def close(
         self, status: str, failure: Diverged | None, hint: Callable[[History], str] | None = None
@@ -748,8 +739,7 @@ class Recorder:
         }
         if failure is not None:
             extra["failure"] = str(failure)
-        extra |= self._happened()
-        extra |= self._more
+        extra |= self._happened() | self.more
         try:
             looked = self._energies(history)
             balance = self.works.balance(self._force, looked[1][[0, -1]])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
@@ -14,8 +14,8 @@ from ..arguments import checked
 from ..constraints.saddle import accelerations
 from ..diagnostics import multipliers, reactions
 from ..diagnostics.error import SectionPlaces
-from ..diagnostics.joint_motion import Reading, rates, reading_of
-from ..diagnostics.stacked import all_rows
+from ..diagnostics.joint_motion import Reading, reading_of
+from ..diagnostics.stacked import all_rows, rates
 from ..errors import InputError, failed
 from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements
@@ -334,7 +334,7 @@ class View:
 BLOCK = 128
 
 
-class Sensor(Attached):
+class Sensor(Attached, ABC):
     """Base of the sensors, and of one's own.
 
     An own sensor gives the methods :meth:`items` and :meth:`values`, and the attributes below where

@@ -6,74 +6,62 @@ from collections.abc import Mapping
 
 import numpy as np
 from scipy.linalg import cholesky, lstsq, null_space, qr, solve_triangular
-from scipy.sparse import bmat, csr_matrix, identity, kron, vstack
+from scipy.sparse import bmat, csr_matrix
 from scipy.sparse.linalg import splu
 
 from .. import diagnostics
-from ..diagnostics import Projection, ground_part, section_strain_rates
-from ..diagnostics.joint_motion import rates as rates_of_rows
+from ..constraints.saddle import full_mass, nearest_momentum, nearest_velocity
+from ..diagnostics import section_strain_rates
+from ..diagnostics.joint_motion import reading_of
 from ..diagnostics.nearest import PIECES, motions_out_of_plane, rigid_motions, rigid_pieces
 from ..diagnostics.stacked import material_stiffness, null_space_matrix
 from ..errors import HistoryError, InputError, ModelWarning
-from ..frames import is_beam
 from ..history import History
 from ..integrators import Integrator, State, StepOrigin
-from ..joint import Joint
 from ..model import System, takes_scene
 from ..model.closure import RANK_TOLERANCE
-from ..model.force_elements import Invariants, kind_of
-from ..model.limits import broken_constraint, constraint_owner
-from ..relative import RelativeCoordinate
+from ..model.limits import broken_constraint, constraint_owner, owner
 from ..time_function import Constant
-from ..types import ArrayLike, Floats, IndexArray, check_kind, numbers, positive, real
+from ..types import ArrayLike, Floats, check_kind, finite, largest, numbers, positive, shown
 from ..warn import warn
 from .describe import other_model, recorded_turns
 from .step_size import StepControl
 
 # -- velocities from rates of joint coordinates: initial conditions in reduced form ----------------
 
-#: what joints leave of a motion of rigid pieces, relative to others, below which they hold it
+#: inertia of motions of rigid pieces, relative, that keeps those regular which have none
 ZERO = 1e-12
+#: relative, how well rigid pieces have to fulfil what is asked for
+COMPATIBLE = 1e-8
 #: strain rate, relative to the motion and to the largest one, above which a beam is named
 NOTABLE = 1e-6
-#: relative to the motion, how well rigid pieces have to fulfil what is asked for
-COMPATIBLE = 1e-8
 
 
-def with_joint_rates(
-    system: System, q: Floats, v: Floats, rates: Mapping[str, float], t: float
+def _with_joint_rates(
+    system: System, q: Floats, v: Floats, rates: dict[str, float], t: float
 ) -> Floats:
     """Velocity nearest to v with given rates of joint coordinates, strains held.
 
     It fulfils the hidden constraints: loops and drives included. See
     :func:`~skfem_cosserat.project`.
     """
-    if not isinstance(rates, Mapping) or not all(isinstance(name, str) for name in rates):
-        raise InputError(
-            "initial state", f"rates = {rates!r}, expected a dict of rates by joint names"
-        )
-    projection = Projection(system)
-    nearest = projection(q, diagnostics.momentum(system, v), t)[0]
+    y, p = system.extend(q, t), diagnostics.momentum(system, v)
+    nearest = nearest_velocity(system, y, p, t)
     if not rates:
         return nearest
-    y = system.extend(q, t)
-    found = [_coordinate(system, name) for name in rates]
-    slopes = np.array([_slope(system, joint, c, y) for joint, c in found])
-    wanted = np.array([_number(name, rate) for name, rate in rates.items()])
-    ground = rates_of_rows(system, np.zeros((1, system.n)), np.array([t]))[0]
-    own = wanted - (slopes[:, system.rows :] * ground[system.rows :]).sum((1, 2))
-    given = own - slopes[:, : system.rows].reshape(len(found), -1) @ nearest
+    slopes = np.array([_gradient(system, name, y) for name in rates])
+    wanted, rows = np.array(list(rates.values())), system.rows
+    impulses = slopes[:, :rows].reshape(len(rates), -1)
+    given = wanted - (slopes[:, rows:] * system.ground_rate(t)).sum((1, 2)) - impulses @ nearest
     # how the scene answers to a unit impulse on each coordinate
-    still = projection(q, np.zeros(system.n), t)[0]
-    impulses = slopes[:, : system.rows].reshape(len(found), -1)
-    answers = projection.velocities(np.tile(q, (len(impulses), 1)), impulses, t) - still
+    answers = np.array([nearest_velocity(system, y, impulse, None) for impulse in impulses])
     gram = impulses @ answers.T
     size = np.sqrt(np.maximum(np.diagonal(gram), 0.0))  # zero for what a drive holds
     scale = 1 / np.where(size > 1e-12 * size.max(initial=1e-300), size, 1.0)
     weights = np.linalg.lstsq(scale[:, None] * gram * scale, scale * given, rcond=1e-10)[0]
     miss = given - gram @ (scale * weights)
     worst = int(abs(miss).argmax())
-    if abs(miss[worst]) > 1e-8 * max(1.0, float(abs(wanted).max())):
+    if abs(miss[worst]) > 1e-8 * max(1.0, largest(wanted)):
         raise InputError(
             "initial state",
             f"rates: {list(rates)[worst]!r} cannot have the rate {wanted[worst]:.6g} together with"
@@ -84,165 +72,106 @@ def with_joint_rates(
         return lightest
     # a scene at rest is to have no strain rates at all, what moves already those that it has
     base = nearest if v.any() else np.zeros(system.n)
-    held = Held(system, y, t, base, impulses, own - impulses @ base)
-    if held.pieces > PIECES:
-        what = f"more than {PIECES} rigid pieces are too many to find a motion without strains"
-        _tell(system, q, lightest - base, list(rates), what)
-        return lightest
-    change = held.rigid()
-    if change is None:
-        change = held.least(lightest - base)
-        what = (
+    label, pieces = rigid_pieces(system, joined=True)
+    if len(pieces) > PIECES:
+        change = lightest - base
+        why = f"more than {PIECES} rigid pieces are too many to find a motion without strains"
+    else:
+        rigid = rigid_motions(system, y, label, len(pieces))[0]
+        change = _least_strained(system, y, rigid, impulses, lightest - base)
+        why = (
             "with these rates joints and prescribed motion do not let all beams keep their strains"
         )
-        _tell(system, q, change, list(rates), what)
+    _tell(system, q, change, list(rates), why)
     return base + change
 
 
-class Held:
-    """Changes of a velocity that give rates to joint coordinates and strain beams least.
+def _least_strained(
+    system: System, y: Floats, rigid: csr_matrix, slopes: Floats, start: Floats
+) -> Floats:
+    """The change of a velocity whose strain rates have the least energy, then the kinetic one.
+
+    Energy is that in the stiffness of the sections.
 
     Parameters
     ----------
-    system : System
     y : (total, 3) array
         All rows of the configuration.
-    t : float
-        Time (s).
-    base : (n,) array
-        The velocity that is changed.
-    slopes : (k, n) array
-        Derivatives of the coordinates, at fixed ground.
-    given : (k,) array
-        What their rates are to change by.
+    rigid : (n, k) csr_matrix
+        Motions of rigid pieces.
+    slopes : (j, n) array
+        Derivatives of the joint coordinates whose rates are given.
+    start : (n,) array
+        Any change that has these rates and fulfils the hidden constraints.
     """
-
-    def __init__(
-        self, system: System, y: Floats, t: float, base: Floats, slopes: Floats, given: Floats
-    ) -> None:
-        self.system, self.y, self.slopes = system, y, slopes
-        label, names = rigid_pieces(system, joined=True)
-        self.pieces = len(names)
-        self.E = rigid_motions(system, y, label, self.pieces)[0]
-        G = system.constraints.jacobian(y)[system.internal :]
-        missing = -(ground_part(system, y, t) + system.constraints.rate(y, base))
-        out_of = motions_out_of_plane(system, self.pieces)
-        # of every motion of rigid pieces: what joints, rates and a plane ask for
-        self._asked = vstack([csr_matrix(G @ self.E), csr_matrix(slopes @ self.E), out_of])
-        self._values = np.concatenate(
-            [missing[system.internal :], given, np.zeros(out_of.shape[0])]
-        )
-        self._unsure = 0.0
-        if system.moving:  # as far as rates of the ground are known
-            error = float(np.max(system.ground_rate_and_error(t)[1], initial=0.0))
-            self._unsure = 4 * error + 1e-11 * system.length
-
-    def rigid(self) -> Floats | None:
-        """The change without strain rates that has the least kinetic energy; None if none has."""
-        A, b, there, root = self._scaled()
-        size = np.linalg.norm(A, axis=1)
-        acts = size > ZERO * size.max(initial=0.0)
-        scaled = A[acts] / size[acts, None], b[acts] / size[acts]
-        u = lstsq(*scaled, cond=RANK_TOLERANCE, lapack_driver="gelsy")[0]
-        allowed = COMPATIBLE * (size * np.linalg.norm(u) + abs(b).max(initial=0.0)) + self._unsure
-        if (abs(A @ u - b) > allowed).any():
-            return None
-        z = np.zeros(self.E.shape[1])
-        z[there] = solve_triangular(root, u)
-        return np.asarray(self.E @ z)
-
-    def least(self, start: Floats) -> Floats:
-        """The change whose strain rates have the least energy in the stiffness of the sections.
-
-        Of several it is the one of least kinetic energy; `start` is any that is asked for.
-        """
-        system = self.system
-        P = null_space_matrix(system, self.y)
-        S = material_stiffness(system, self.y)
-        A, _, there, root = self._scaled()
-        free = null_space(A, rcond=RANK_TOLERANCE)
-        M = csr_matrix(kron(system.mass, identity(3)))
-        idle = self.E[:, there] @ solve_triangular(root, free)
-        rows = np.vstack([self.slopes @ P, (M @ idle).T @ P])
-        values = np.concatenate([np.zeros(len(self.slopes)), -(idle.T @ (M @ start))])
-        size = np.linalg.norm(rows, axis=1)
-        rows, values = rows / size[:, None], values / size
-        _, R, order = qr(rows.T, pivoting=True, mode="economic")
-        diagonal = abs(np.diag(R))
-        chosen = order[: int((diagonal > RANK_TOLERANCE * diagonal.max(initial=0.0)).sum())]
-        K = P.T @ S @ P
-        scale = float(abs(K.data).max(initial=0.0)) or 1.0
-        B = csr_matrix(scale * rows[chosen])
-        matrix = bmat([[K, B.T], [B, None]], format="csc")
-        rhs = np.concatenate([-(P.T @ (S @ start)), scale * values[chosen]])
-        nu = splu(matrix).solve(rhs)[: P.shape[1]]
-        return np.asarray(start + P @ nu)
-
-    def _scaled(self) -> tuple[Floats, Floats, IndexArray, Floats]:
-        """What is asked for of motions of unit kinetic energy; which these are, and their root."""
-        E = self.E
-        M = csr_matrix(kron(self.system.mass, identity(3)))
-        mass = (E.T @ M @ E).toarray()
-        there = np.flatnonzero(np.diagonal(mass) > 0)  # a mass point has no rotations
-        mass = mass[np.ix_(there, there)]
-        mass += np.diag(ZERO * np.diagonal(mass))
-        root = cholesky(mass)
-        A = self._asked.toarray()[:, there]
-        return solve_triangular(root, A.T, trans=1).T, self._values, there, root
+    P, S = null_space_matrix(system, y), material_stiffness(system, y)
+    M = full_mass(system)
+    # of motions of pieces with unit kinetic energy those that joints, rates and a plane allow
+    there = np.flatnonzero((rigid.T @ M @ rigid).diagonal() > 0)  # a mass point has no rotations
+    E = rigid[:, there].toarray()
+    mass = E.T @ M @ E
+    unit = solve_triangular(cholesky(mass + np.diag(ZERO * np.diagonal(mass))), np.eye(len(mass)))
+    E = E @ unit
+    out_of = motions_out_of_plane(system, rigid.shape[1] // 6)[:, there] @ unit
+    wanted = np.vstack([system.constraints.jacobian(y)[system.internal :].toarray(), slopes])
+    asked = np.vstack([wanted @ E, out_of])
+    values = np.append(wanted @ start, np.zeros(len(out_of)))
+    u = lstsq(asked, values, cond=RANK_TOLERANCE, lapack_driver="gelsy")[0]
+    if abs(asked @ u - values).max() <= COMPATIBLE * abs(values).max():
+        return np.asarray(E @ u)
+    idle = E @ null_space(asked, rcond=RANK_TOLERANCE)
+    rows = np.vstack([slopes @ P, (M @ idle).T @ P])
+    values = np.concatenate([np.zeros(len(slopes)), -(idle.T @ (M @ start))])
+    size = np.linalg.norm(rows, axis=1)
+    rows, values = rows / size[:, None], values / size
+    _, R, order = qr(rows.T, pivoting=True, mode="economic")
+    diagonal = abs(np.diag(R))
+    chosen = order[: int((diagonal > RANK_TOLERANCE * diagonal.max(initial=0.0)).sum())]
+    K = P.T @ S @ P
+    scale = largest(K.data) or 1.0
+    B = csr_matrix(scale * rows[chosen])
+    solve = splu(bmat([[K, B.T], [B, None]], format="csc")).solve
+    rhs = np.concatenate([-(P.T @ (S @ start)), scale * values[chosen]])
+    return np.asarray(start + P @ solve(rhs)[: P.shape[1]])
 
 
 def _tell(system: System, q: Floats, change: Floats, names: list[str], why: str) -> None:
     """Say which beams cannot keep their strains, if that is more than what q is off its joints."""
     sizes = {}
-    for beam in (item for item in system.structures if is_beam(item)):
+    for beam in system.beams:
         rates = section_strain_rates(system, beam, q, change)
-        sizes[beam.label] = float(abs(rates).max(initial=0.0))
+        sizes[beam.label] = largest(rates)
     motion = abs(change.reshape(-1, 3))
     motion[system.origin_rows] /= system.length
-    largest = max(sizes.values())
-    if largest <= NOTABLE * motion.max():
+    most = max(sizes.values())
+    if most <= NOTABLE * motion.max():
         return
-    lagging = [label for label, size in sizes.items() if size > NOTABLE * largest]
+    lagging = [label for label, size in sizes.items() if size > NOTABLE * most]
     warn(
         "argument rates",
         f"{', '.join(map(repr, names))}: {why}, so {', '.join(lagging[:4])}"
-        f"{' and others' if len(lagging) > 4 else ''} start with strain rates up to {largest:.3g}"
+        f"{' and others' if len(lagging) > 4 else ''} start with strain rates up to {most:.3g}"
         " (1/s, 1/(m s)), see project()",
         ModelWarning,
     )
 
 
-def _coordinate(system: System, key: str) -> tuple[Joint, RelativeCoordinate]:
-    """Joint and coordinate of a key "joint" or "joint/coordinate"."""
+def _gradient(system: System, key: str, y: Floats) -> Floats:
+    """Derivatives (total, 3) of a coordinate, "joint" or "joint/coordinate", by all rows."""
     named = {joint.name: joint for joint in system.joints}
-    name, _, coordinate = key.rpartition("/")
-    if key in named:
-        return named[key], named[key].coordinate()
-    if name in named:
-        return named[name], named[name].coordinate(coordinate)
-    raise InputError("initial state", f"rates: no joint {key!r}; known: {sorted(map(str, named))}")
-
-
-def _number(name: str, rate: ArrayLike) -> float:
-    value = numbers("initial state", f"rates: {name!r}", rate)
-    if value.shape != () or not np.isfinite(value):
-        raise InputError("initial state", f"rates: {name!r} = {rate!r}, expected a finite number")
-    return float(value)
-
-
-def _slope(system: System, joint: Joint, coordinate: RelativeCoordinate, y: Floats) -> Floats:
-    """``d xi/d y`` (total, 3) of a coordinate with one component."""
-    if coordinate.size != 1:
+    name, _, coordinate = (key, "", None) if key in named else key.rpartition("/")
+    if name not in named:
+        known = sorted(map(str, named))
+        raise InputError("initial state", f"rates: no joint {key!r}; known: {known}")
+    reading = reading_of(system, named[name], coordinate)
+    own = reading.coordinate
+    if own.size != 1:
         raise InputError(
             "initial state",
-            f"rates: the {coordinate.name} of the {joint.label} has {coordinate.size} components,"
+            f"rates: the {own.name} of the {named[name].label} has {own.size} components,"
             " only angles and displacements can be given",
         )
-    invariants = Invariants([coordinate.forms], system.row_of)
-    slope = kind_of((coordinate,)).slope(invariants.values(y))[0, 0]
-    out = np.zeros((system.total, 3))
-    np.add.at(out, invariants.rows[0], np.tensordot(slope, invariants.gradients(y)[0], 1))
-    return out
+    return reading.gradient(y)
 
 
 # -- where a run starts: from the items, from given states, from the end of a history --------------
@@ -313,25 +242,18 @@ def project(
     """
     velocity = np.zeros(system.n) if v is None else _checked(system, "v", v, "projection")
     configuration = _checked(system, "q", q, "projection")
-    _check_rates(rates)
-    t = _instant("project", "t", t)
-    return with_joint_rates(system, configuration, velocity, rates or {}, t)
+    wanted, t = _given(rates), finite("project", "t", t)
+    return _with_joint_rates(system, configuration, velocity, wanted, t)
 
 
-def _instant(item: str, name: str, value: float) -> float:
-    """A finite time (s)."""
-    out = real(item, name, value, "a finite number")
-    if not np.isfinite(out):
-        raise InputError(item, f"{name} = {value!r}, expected a finite number")
-    return out
-
-
-def _check_rates(rates: object) -> None:
-    if rates is not None and not isinstance(rates, Mapping):
+def _given(rates: object) -> dict[str, float]:
+    """Rates by the names of joints."""
+    if rates is None:
+        return {}
+    if not isinstance(rates, Mapping) or not all(isinstance(name, str) for name in rates):
         raise InputError("argument rates", f"{rates!r}, expected a dict of joints and rates")
-    for name, value in (rates or {}).items():
-        if isinstance(value, str) or any(isinstance(each, str) for each in np.atleast_1d(value)):
-            raise InputError("argument rates", f"{name!r}: {value!r}, expected a number")
+    each = rates.items()
+    return {k: finite("argument rates", f"{k!r}", rate) for k, rate in each}
 
 
 @takes_scene
@@ -382,11 +304,10 @@ def initial_state(
     >>> initial_state(model.freeze(), nu=[0, 3.0, 0]).p.tolist()
     [0.0, 6.0, 0.0]
     """
-    _check_rates(rates)
     if sum(value is not None for value in (v, p, nu, rates)) > 1:
         raise InputError("initial state", "give v or p or nu or rates, only one of them")
     q = system.q0.copy() if q is None else _checked(system, "q", q)
-    time = _instant("initial state", "time", time)
+    time = finite("initial state", "time", time)
     tolerance = positive("initial state", "tolerance", tolerance)
     y = system.extend(q, time)
     wrong = broken_constraint(system, y, tolerance)
@@ -403,7 +324,9 @@ def initial_state(
             system.plane.check("initial state", "p", p, system.origin_rows, power=1)
         return State(time, 0, q, p)
     if nu is not None:
-        v = _velocity(system, q, nu, time)
+        start = diagnostics.prescribed_velocity(system, q, time)
+        nu = _checked(system, "nu", nu, size=system.unknowns)
+        v = system.null_space(q, time) @ nu + start
     if rates is not None:
         v = project(system, q, None, time, rates)
     v = system.v0.copy() if v is None else _checked(system, "v", v)
@@ -411,18 +334,6 @@ def initial_state(
     if system.plane is not None:
         system.plane.check("initial state", "the velocity", v, system.origin_rows)
     return State(time, 0, q, diagnostics.momentum(system, v))
-
-
-def _velocity(system: System, q: Floats, nu: ArrayLike, time: float) -> Floats:
-    """``P nu + qdot_prescribed``."""
-    rates = numbers("initial state", "nu", nu)
-    if rates.shape != (system.unknowns,) or not np.isfinite(rates).all():
-        raise InputError(
-            "initial state",
-            f"nu = {nu!r} with shape {rates.shape}, expected ({system.unknowns},) finite numbers",
-        )
-    start = diagnostics.prescribed_velocity(system, q, time)
-    return np.asarray(system.null_space(q, time) @ rates + start)
 
 
 def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance: float) -> None:
@@ -433,8 +344,8 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
     # the rate of a prescribed motion is known to a difference quotient's error only
     floor = 4 * error + (1e-11 * system.length if system.moving else 0.0)
     # what is held at rest in a moving scene has rates of rounding size only
-    largest = np.full_like(rates, abs(rates).max(initial=0.0))
-    rounding = 1e-13 * system.constraints.magnitudes(y, largest)
+    most = np.full_like(rates, largest(rates))
+    rounding = 1e-13 * system.constraints.magnitudes(y, most)
     excess = hidden - tolerance * system.constraints.magnitudes(y, rates) - floor - rounding
     if excess.max(initial=0.0) > 0:
         row = int(excess.argmax())
@@ -450,18 +361,18 @@ def broken_momentum(
     system: System, q: Floats, p: Floats, time: float, tolerance: float
 ) -> str | None:
     """How far p is off the hidden constraints, and what to do; None: not by more than relative."""
-    miss = abs(Projection(system)(q, p, time)[1] - p)
-    allowed = max(tolerance * float(abs(p).max(initial=0.0)), 1e-13)
+    miss = abs(nearest_momentum(system, system.extend(q, time), p, time) - p)
+    allowed = max(tolerance * largest(p), 1e-13)
     if system.moving:  # as far as rates of the ground are known
         rate = 4 * system.ground_rate_and_error(time)[1] + 1e-11 * system.length
         allowed += rate * float(abs(system.mass).sum(axis=1).max())
     if not miss.max(initial=0.0) > allowed:
         return None
     row = int(miss.argmax())
-    owner = system.owner[int(np.searchsorted(system.origin_rows, row // 3, "right")) - 1]
     return (
-        f"violates the hidden constraints by {miss[row]:.3g} kg m/s at {owner.label}, as velocities"
-        " against joints or prescribed motion do: project it with Projection(system)(q, p, t)[1]"
+        f"violates the hidden constraints by {miss[row]:.3g} kg m/s at"
+        f" {owner(system, row // 3).label}, as velocities against joints or prescribed motion do:"
+        " project it with Projection(system)(q, p, t)[1]"
     )
 
 
@@ -500,19 +411,20 @@ def consistent_start(system: System, start: State, item: str = "argument start")
     return start
 
 
-def _checked(system: System, name: str, value: ArrayLike, item: str = "initial state") -> Floats:
-    array = numbers(item, name, value)
-    if array.shape != (system.n,):
-        raise InputError(item, f"{name} has shape {array.shape}, expected ({system.n},)")
+def _checked(
+    system: System,
+    name: str,
+    value: ArrayLike,
+    item: str = "initial state",
+    size: int | None = None,
+) -> Floats:
+    array, shape = numbers(item, name, value), (system.n if size is None else size,)
+    if array.shape != shape:
+        given = f"{name} = {shown(value)} has shape {array.shape}"
+        raise InputError(item, f"{given}, expected {shape}")
     if not np.isfinite(array).all():
         raise InputError(item, f"{name} is not finite at {np.flatnonzero(~np.isfinite(array))[:5]}")
     return array
-
-
-def _in_time(system: System) -> bool:
-    """Whether loads, actuators or supports are functions of time."""
-    times = *system.loading.times, *system.couplings.times
-    return bool(system.moving) or any(not isinstance(time, Constant) for time in times)
 
 
 @takes_scene
@@ -577,7 +489,9 @@ def restart(
     if wrong:
         raise HistoryError("history", f"belongs to another model: its last state {wrong}")
     on_path = history.meta["integrator"] == "static" and history.meta.get("time") is None
-    if on_path and _in_time(system):
+    times = *system.loading.times, *system.couplings.times
+    varies = bool(system.moving) or any(not isinstance(time, Constant) for time in times)
+    if on_path and varies:
         text = (
             f"the path ends at t = {t:g} s by its load factor, loads or supports depend on time:"
             " equilibrium(model, path, time=...) starts when you say"
@@ -600,4 +514,4 @@ def restart(
     if not np.isfinite(p).all():
         p = np.array(row["carried"])
     factor = float(row["load_factor"]) if "load_factor" in row else None
-    return State(t, index, q, Projection(system)(q, p, t)[1], turns=turns, load_factor=factor)
+    return State(t, index, q, nearest_momentum(system, y, p, t), turns=turns, load_factor=factor)

@@ -170,11 +170,6 @@ def size(system: System, change: Floats) -> float:
     return float(rows.max(initial=0.0))
 
 
-def distance(system: System, a: Floats, b: Floats) -> float:
-    """Largest difference of two configurations (n,), see :func:`size`."""
-    return size(system, a - b)
-
-
 class Estimate:
     """Local errors of pairs of steps.
 

@@ -18,7 +18,7 @@ from ..model.balance import Amplitudes, Balance, Spin, amplitudes_at, balance
 from ..model.limits import broken_constraint
 from ..run.describe import other_model
 from ..time_function import Amplitude
-from ..types import Floats, finite, is_whole
+from ..types import Floats, finite, is_whole, largest
 from .control import ArcLength, Control, DisplacementControl, Stage
 from .critical_points import inspect
 from .schedule import CODES, Point, Schedule, recorded_amplitudes
@@ -206,9 +206,9 @@ def _check_instant(system: System, history: History, index: int, point: Point, t
         raise InputError("argument time", f"at {time!r} s the state {wrong}: {hint}")
 
     def compare(what: str, now: Balance, before: Balance) -> None:
-        size = max(float(abs(at.R).max(initial=0.0)) for at in (now, before))
+        size = max(largest(at.R) for at in (now, before))
         P = null_space_matrix(system, y)
-        missing = float(abs(P.T @ (now.R - before.R).ravel()).max(initial=0.0))
+        missing = largest(P.T @ (now.R - before.R).ravel())
         if missing > SAME * size:
             raise InputError(
                 "argument time",

@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..frames import Place, vector
 from ..frozen import Attached
 from ..model import System
-from ..types import MOST, SAME, Floats, VectorLike, finite, numbers, positive, whole
+from ..types import MOST, SAME, Floats, VectorLike, finite, largest, numbers, positive, whole
 from ..types import shown as cut
 from .schedule import Functional, Point, weights
 
@@ -145,7 +145,7 @@ class Stage(ABC):
         return not self.stops
 
 
-class Control(Attached):
+class Control(Attached, ABC):
     """A choice; :meth:`stage` puts it to work.
 
     Attributes
@@ -200,19 +200,21 @@ class _Steered(Control):
         steps = {"turn": self.turn} if self.steps is None else {"steps": self.steps}
         return _shown(self, **ends, **steps, first=self.first, longest=self.longest)
 
-    def _plan(self, stage: Stage, start: float) -> None:
-        stage.parameter = start
-        stage.stops = _ends(type(self).__name__, self.until, self.steps, self.at, start)
-        way = stage.stops[-1] - start
-        stage.fixed = self.steps is not None
-        stage.length = way if self.steps is not None else self.first * way
-        stage.longest = abs(way) * (1.0 if self.steps is not None else self.longest)
-        stage.shortest = 1e-7 * abs(way)
 
+class _SteeredStage(Stage):
+    """Steps of a parameter: of what has this gradient (rows, 3), or of the load factor."""
 
-class _LoadStage(Stage):
+    def __init__(self, control: _Steered, start: float, gradient: Floats | None = None) -> None:
+        steps, self._gradient, self.parameter = control.steps, gradient, start
+        self.stops = _ends(type(control).__name__, control.until, steps, control.at, start)
+        way = self.stops[-1] - start
+        self.fixed = steps is not None
+        self.length = way if self.fixed else control.first * way
+        self.longest = abs(way) * (1.0 if self.fixed else control.longest)
+        self.shortest = 1e-7 * abs(way)
+
     def functional(self, point: Point, length: float) -> Functional:
-        return Functional(None, 1.0, length)
+        return Functional(self._gradient, float(self._gradient is None), length)
 
 
 class LoadControl(_Steered):
@@ -269,17 +271,7 @@ class LoadControl(_Steered):
 
     def stage(self, system: System, point: Point) -> Stage:
         """See the base class."""
-        out = _LoadStage()
-        self._plan(out, point.t)
-        return out
-
-
-class _DisplacementStage(Stage):
-    def __init__(self, gradient: Floats) -> None:
-        self._gradient = gradient
-
-    def functional(self, point: Point, length: float) -> Functional:
-        return Functional(self._gradient, 0.0, length)
+        return _SteeredStage(self, point.t)
 
 
 class DisplacementControl(_Steered):
@@ -340,14 +332,12 @@ class DisplacementControl(_Steered):
         item = type(self).__name__
         if id(self.place.item) not in system.first:
             raise InputError(item, f"place: {self.place.label} is not in the model")
-        out = _DisplacementStage(self._gradient(system))
-        self._plan(out, 0.0)
-        return out
+        return _SteeredStage(self, 0.0, self._gradient(system))
 
     def check(self, system: System, point: Point) -> None:
         """Raise InputError if joints, drives and ground, all at rest, hold the displacement."""
         free = null_space_matrix(system, point.y).T @ self._gradient(system).ravel()
-        if abs(free).max(initial=0.0) <= SAME:  # joints hold it
+        if largest(free) <= SAME:  # joints hold it
             raise InputError(
                 type(self).__name__,
                 f"joints hold {self.place.label} along {self.direction.tolist()}",

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import eig, eigh, get_lapack_funcs
+from scipy.linalg import eig, eigh
 from scipy.sparse import coo_matrix, csr_matrix, identity
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
 
 from ..diagnostics.stacked import ReducedTangent, reduced_tangent
-from ..linear import BAND, EIGENVALUES, Band
+from ..kernels import nearest_rotations
+from ..linear import EIGENVALUES
 from ..model import System
 from ..model.balance import Amplitudes, balance
-from ..pattern import FrozenPattern, sum_at
-from ..types import Array, Floats, IndexArray
+from ..types import Array, Floats, IndexArray, largest
 from .schedule import Functional, Neutral, Point, Schedule, weights
+
+if TYPE_CHECKING:
+    from .solver import PathSolver
 
 # -- stability of an equilibrium: eigenvalues of its stiffness, or the pivots of an elimination ----
 
@@ -33,11 +37,9 @@ SKEW = 1e-8
 #: section bent in one of its equivalent directions it was below 0.6 units of rounding (measured)
 NEUTRAL = 1e-15
 #: smallest pivot, against that eigenvalue, above which none is looked for: where a motion is small
-#: at the last unknown, the pivot is larger than the eigenvalue by its square
-SUSPECT = 1e8
-#: how much larger the smallest pivot of an elimination in blocks must be to do without: the largest
-#: entry of K may be larger than the largest pivot
-FIRM = 4.0
+#: at the last unknown, the pivot is larger than the eigenvalue by its square; the largest entry may
+#: be larger than the largest pivot of an elimination in blocks
+SUSPECT = 4e8
 #: eigenvalue, relative to the terms of its own motion, above which the stiffness is a true one,
 #: however small beside the largest entry of K: of neutral motions it was below 5e-16, of a soft
 #: beam on a stiff one above 3e-11 (measured)
@@ -65,6 +67,8 @@ class Stability:
         Smallest pivot of an elimination, in magnitude: a neutral motion makes it small.
     assemble : callable
         Gives the :class:`ReducedTangent` there, for what more is asked.
+    firm : bool
+        Whether the pivots leave no room for neutral motions.
     """
 
     point: Point
@@ -72,6 +76,7 @@ class Stability:
     symmetric: bool
     pivot: float
     assemble: Callable[[], ReducedTangent]
+    firm: bool = False
 
     @cached_property
     def tangent(self) -> ReducedTangent:
@@ -86,12 +91,14 @@ class Stability:
     @property
     def floor(self) -> float:
         """Eigenvalue that cannot be told from zero."""
-        return NEUTRAL * float(abs(self.tangent.K.data).max(initial=0.0))
+        return NEUTRAL * largest(self.tangent.K.data)
 
     @property
     def neutral(self) -> bool:
         """Whether the smallest one cannot be told from zero."""
-        return self.pivot <= SUSPECT * self.floor and self.smallest <= self.floor
+        if self.firm or self.pivot > SUSPECT * self.floor:
+            return False
+        return self.smallest <= self.floor
 
     @property
     def firmly_unstable(self) -> int:
@@ -164,15 +171,6 @@ class Stability:
         return values[order], vectors[:, order]
 
 
-class FirmStability(Stability):
-    """Of a point whose pivots leave no room for neutral motions: no stiffness for that."""
-
-    @property
-    def neutral(self) -> bool:
-        """There is none."""
-        return False
-
-
 def _start(n: int) -> Floats:
     return np.random.default_rng(0).standard_normal(n)
 
@@ -185,19 +183,6 @@ def tangent_at(
     if relief is not None:
         at.R = at.R - relief
     return reduced_tangent(system, point.y, amplitudes, at)
-
-
-def inspect(
-    system: System, point: Point, amplitudes: Amplitudes, relief: Floats | None = None
-) -> Stability:
-    """Stability of an equilibrium, `relief` (rows, 3) are forces left out of the balance."""
-    tangent = tangent_at(system, point, amplitudes, relief)
-    K = tangent.K
-    size = float(abs(K.data).max(initial=0.0))
-    difference = abs((K - K.T).data).max(initial=0.0)
-    symmetric = system.loading.dead_only or bool(difference <= SYMMETRIC * size)
-    unstable, pivot = _negative(0.5 * (K + K.T)) if symmetric else _determinant(K)
-    return Stability(point, unstable, symmetric, pivot, lambda: tangent)
 
 
 class Pivots(NamedTuple):
@@ -222,65 +207,35 @@ class Pivots(NamedTuple):
     odd: bool
 
 
-class Elimination:
-    """Finds the pivots of matrices of one pattern.
+def inspect(
+    system: System,
+    point: Point,
+    amplitudes: Amplitudes,
+    relief: Floats | None = None,
+    pivots: Pivots | None = None,
+) -> Stability:
+    """Stability of an equilibrium.
 
-    Most equilibria are stable. Their pivots are those of a Cholesky factorisation, which costs a
-    small part of an elimination that counts signs: this one is left to where it fails.
+    Pivots of its stiffness, if they are known, do where they tell: the smallest one is not small
+    enough to be that of a neutral motion, and forces are conservative, or certainly not.
 
     Parameters
     ----------
-    pattern : FrozenPattern
-        Square.
+    relief : (rows, 3) array, optional
+        Forces left out of the balance.
     """
-
-    def __init__(self, pattern: FrozenPattern) -> None:
-        self._pattern, n = pattern, pattern.shape[0]
-        band = Band(pattern)
-        i = band.position[pattern.indices]
-        j = band.position[np.repeat(np.arange(n), np.diff(pattern.indptr))]
-        width = 1 + max(band.lower, band.upper)
-        self._narrow, self._shape = width <= BAND, (width, n)
-        #: of each entry: its place in the lower triangle, its share of that of the symmetric part
-        self._where = abs(i - j) + width * np.minimum(i, j)
-        self._share, self._side = np.where(i == j, 1.0, 0.5), np.sign(i - j)
-        self._pbtrf = get_lapack_funcs("pbtrf", dtype=np.float64)
-
-    def pivots(self, data: Floats, symmetric: bool) -> Pivots:
-        """Of the matrix with these entries; `symmetric`: it is so, but for rounding."""
-        largest, skew = float(abs(data).max(initial=0.0)), 0.0
-        size = self._shape[0] * self._shape[1]
-        if not symmetric:
-            skew = float(abs(sum_at(self._where, data * self._side, size)).max(initial=0.0))
-        if not symmetric and skew > SKEW * largest:
-            odd, smallest = _determinant(self._pattern.assembled(data))
-            return Pivots(0, smallest, largest, skew, bool(odd))
-        if self._narrow:
-            band = sum_at(self._where, data * self._share, size).reshape(self._shape, order="F")
-            factors, failed = self._pbtrf(band, lower=1, overwrite_ab=True)
-            if not failed:
-                smallest = float(np.square(factors[0]).min(initial=np.inf))
-                return Pivots(0, smallest, largest, skew, False)
-        K = self._pattern.assembled(data)
-        negative, smallest = _negative(0.5 * (K + K.T))
-        return Pivots(negative, smallest, largest, skew, bool(negative % 2))
-
-
-def counted(
-    system: System, point: Point, amplitudes: Amplitudes, pivots: Pivots | None
-) -> Stability:
-    """Stability of an equilibrium from the pivots of its stiffness.
-
-    Where they do not tell, since the smallest may be that of a neutral motion, or forces may be
-    conservative or not, all is done again as in :func:`inspect`.
-    """
-    symmetric = system.loading.dead_only
-    firm = pivots is not None and pivots.smallest > FIRM * SUSPECT * NEUTRAL * pivots.largest
-    if pivots is None or not firm or not (symmetric or pivots.skew > SKEW * pivots.largest):
-        return inspect(system, point, amplitudes)
-    assemble = partial(tangent_at, system, point, amplitudes)
-    unstable = pivots.negative if symmetric else int(pivots.odd)
-    return FirmStability(point, unstable, symmetric, pivots.smallest, assemble)
+    dead = system.loading.dead_only
+    assemble = partial(tangent_at, system, point, amplitudes, relief)
+    firm = pivots is not None and pivots.smallest > SUSPECT * NEUTRAL * pivots.largest
+    if pivots is not None and firm and (dead or pivots.skew > SKEW * pivots.largest):
+        unstable = pivots.negative if dead else int(pivots.odd)
+        return Stability(point, unstable, dead, pivots.smallest, assemble, firm)
+    tangent = assemble()
+    K = tangent.K
+    size = largest(K.data)
+    symmetric = dead or bool(abs((K - K.T).data).max(initial=0.0) <= SYMMETRIC * size)
+    unstable, pivot = _negative(0.5 * (K + K.T)) if symmetric else _determinant(K)
+    return Stability(point, unstable, symmetric, pivot, lambda: tangent)
 
 
 def _determinant(K: csr_matrix) -> tuple[int, float]:
@@ -302,29 +257,42 @@ def _parity(order: IndexArray) -> int:
     return 1 if (n - cycles) % 2 == 0 else -1
 
 
-def _negative(K: csr_matrix) -> tuple[int, float]:
-    """Negative and smallest pivots of an elimination without exchange of rows.
+class Factorised:
+    """A symmetric matrix factorised without exchange of rows, so that pivots can be counted.
 
-    The former are as many as the negative eigenvalues (Sylvester's law of inertia).
+    Raises RuntimeError if a pivot vanishes.
+
+    Attributes
+    ----------
+    negative : int
+        Negative eigenvalues, by Sylvester's law of inertia; -1 if rows were exchanged.
+    smallest : float
+        Smallest pivot.
+    solve : callable
+        Solution for a right-hand side.
     """
+
+    def __init__(self, A: csr_matrix) -> None:
+        options = {"SymmetricMode": True}
+        lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        pivots = lu.U.diagonal()
+        straight = bool((lu.perm_r == lu.perm_c).all())
+        self.negative = int((pivots < 0).sum()) if straight else -1
+        self.smallest = float(abs(pivots).min())
+        self.solve: Callable[[Array], Array] = lu.solve
+
+
+def _negative(K: csr_matrix) -> tuple[int, float]:
+    """Negative and smallest pivots of an elimination without exchange of rows."""
     if K.shape[0] == 0:
         return 0, np.inf
-    options = {"SymmetricMode": True}
-    none = NEUTRAL * float(abs(K.data).max(initial=0.0)) or 1.0
+    none = NEUTRAL * largest(K.data) or 1.0
     # a large one that is exactly singular: motions without stiffness get one that counts as none
     for shift in (0.0, none) if K.shape[0] > EIGENVALUES else (0.0,):
-        try:
-            factors = splu(
-                (K + shift * identity(K.shape[0])).tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options=options,
-            )
-        except RuntimeError:  # a pivot vanishes
-            continue
-        if (factors.perm_r == factors.perm_c).all():
-            pivots = factors.U.diagonal()
-            return int((pivots < 0).sum()), 0.0 if shift else float(abs(pivots).min())
+        with suppress(RuntimeError):  # a pivot vanishes
+            factors = Factorised(K + shift * identity(K.shape[0]))
+            if factors.negative >= 0:
+                return factors.negative, 0.0 if shift else factors.smallest
     values = np.linalg.eigvalsh(K.toarray())
     return int((values < 0).sum()), float(abs(values).min())
 
@@ -335,16 +303,13 @@ def _negative(K: csr_matrix) -> tuple[int, float]:
 MOST = 20
 #: slope of the load factor along the path, in steps of equal size, below which it is a limit point
 LEVEL = 1e-2
-#: how exactly a critical point is found, and the distance for that slope, as a share of the step
-ROOT, NEAR = 1e-9, 1e-3
+#: distances of points, as shares of the step, between which a critical one is interpolated, and
+#: how much closer they are tried where others are near, or it is not in the middle
+AROUND, CLOSER = (0.02, 0.05, 0.09, 0.14, 0.2), (1.0, 0.8, 0.2, 0.1, 0.04)
 #: eigenvalue, against those at the ends of the step, below which it counts as zero
-VANISHED = 1e-5
-#: distances of the points, as shares of the step, between which one is interpolated, how often,
-#: and the eigenvalue, against those at the ends, that such a point may have
-AROUND, REFINED, SMALL = (0.02, 0.05, 0.09, 0.14, 0.2), 4, 1e-3
-#: how much farther away from a root than by an eigenvalue that cannot be told from zero the load
-#: factor may be level: for a toggle without shear it was about as far (measured)
-BLURRED = 100.0
+VANISHED = 1e-3
+#: how exactly a change of the number of unstable motions is found, as a share of the step
+ROOT = 1e-9
 #: weight of the load factor against motions: it leads where nothing moves
 RIGID = 1e-12
 
@@ -372,22 +337,18 @@ class Critical:
     after: Stability
 
 
-#: solves for the point that fulfils a functional from a start: point and constraint force, or None
-Solve = Callable[[Point, Functional], tuple[Point, Floats] | None]
-
-
 class _Between:
     """Points between two of a path, by their share s of the secant."""
 
-    def __init__(self, solve: Solve, schedule: Schedule, ends: tuple[Stability, Stability]) -> None:
-        self.system, self._solve, self.schedule = schedule.system, solve, schedule
-        self.ends = self.first, self.last = ends
-        start, end = self.first.point, self.last.point
+    def __init__(self, solver: PathSolver, first: Stability, last: Stability) -> None:
+        self.system, self.solver = solver.system, solver
+        self.first, self.last = first, last
+        start, end = first.point, last.point
         dy, dt = (end.y - start.y)[: self.system.rows], end.t - start.t
         W = weights(self.system)
         share = RIGID / max(abs(start.t), abs(end.t)) ** 2
         self._secant = W * dy, share * dt, float((W * dy**2).sum()) + share * dt**2
-        self._found = {0.0: self.first, 1.0: self.last}
+        self._found = {0.0: first, 1.0: last}
         self._forces: dict[float, Floats] = {}
 
     def at(self, s: float) -> Stability:
@@ -399,14 +360,15 @@ class _Between:
     def _solved(self, start: Point, way: float, s: float) -> Point:
         """The point at s, which is a way further than the start; its force is kept."""
         gradient, by_factor, size = self._secant
-        solution = self._solve(start, Functional(gradient, by_factor, way * size))
+        solution, _ = self.solver.solve(start, Functional(gradient, by_factor, way * size))
         if solution is None:
             raise _LostError(s)
-        self._forces[s] = solution[1]
-        return solution[0]
+        self._forces[s] = solution.constraint_force
+        return solution.point
 
     def stability(self, point: Point) -> Stability:
-        return inspect(self.system, point, self.schedule.at(point.t))
+        """Stability of a point, without what its solution tells."""
+        return inspect(self.system, point, self.solver.schedule.at(point.t))
 
     def force(self, s: float) -> Floats:
         """Constraint force (n,); that of an end is solved for there. Raises _LostError."""
@@ -421,148 +383,107 @@ class _Between:
             -stability.smallest if stability.unstable != self.first.unstable else stability.smallest
         )
 
-    def middle(self) -> float:
-        """A guess of the root from both ends alone."""
-        a, b = (self.mean(stability) for stability in self.ends)
-        return a / (a + b)
+    def around(self, guess: float, closer: float) -> tuple[Floats, list[Stability], Floats]:
+        """Points on both sides of a guess: shares, stabilities, and what vanishes between them.
 
-    def mean(self, stability: Stability) -> float:
-        """Mean magnitude of as many eigenvalues as change their sign."""
-        count = max(1, abs(self.last.unstable - self.first.unstable))
-        return float(abs(stability.nearest(count)[0]).mean())
-
-    @property
-    def blur(self) -> float:
-        """What rounding of eigenvalues, which comes from the stiffest parts, leaves open of s.
-
-        Zero if that is so much that no point is told from others.
+        That is the mean of the eigenvalues that change their sign.
         """
-        ends = max(self.first.smallest, self.last.smallest)
-        blur = BLURRED * max(self.first.floor, self.last.floor) / ends
-        return blur if blur < AROUND[2] else 0.0
+        shares = guess + closer * np.array([*(-np.array(AROUND[::-1])), *AROUND])
+        found = []
+        for s in shares.tolist():
+            with suppress(_LostError):
+                found.append((s, self.at(s)))
+        later = [k.unstable for s, k in found if s > guess and k.unstable != self.first.unstable]
+        counts = self.first.unstable, *later[:1]
+        change = counts[-1] - counts[0]
 
-    def levelled(self, s: float) -> float:
-        """Where the load factor, which has no such rounding, is level if that is s by all we know.
+        def mean(stability: Stability, sign: int) -> float:
+            values = stability.nearest(abs(change) + 2)[0]
+            # of others that are near the sign is another one
+            own = values[values * sign > 0] if stability.symmetric else sign * abs(values)
+            return float(own[: max(1, abs(change))].mean()) if len(own) else 0.0
 
-        Else s: a bifurcation, or eigenvalues without much rounding.
-        """
-        if self.blur <= ROOT or not (self.first.symmetric and self.last.symmetric):
-            return s
-        shares = np.array([s + side * d for d in AROUND for side in (-1, 1)])
-        times = np.array([self.at(k).point.t for k in shares.tolist()])
-        x = (shares - s) / AROUND[-1]
-        roots = np.roots(np.polyder(np.polyfit(x, times - times.mean(), len(x) - 1)))
-        real = np.real(roots[abs(np.imag(roots)) < 1e-9])
-        found = s + AROUND[-1] * real[abs(real).argmin()] if len(real) else s
-        return float(found if abs(found - s) <= self.blur else s)
-
-    def sound(self, s: float) -> bool:
-        """Whether an eigenvalue vanishes there, and not only the number changes."""
-        ends = max(self.first.smallest, self.last.smallest)
-        return self.at(s).smallest <= max(VANISHED, self.blur) * ends or self.at(s).neutral
+        out = []
+        for s, stability in found:
+            value = mean(stability, int(np.sign(change if s < guess else -change)))
+            if value and stability.unstable == counts[-1 if s > guess else 0]:
+                out.append((s, stability, value))
+        each = [*zip(*out, strict=True)] or [(), (), ()]
+        return np.array(each[0]), [*each[1]], np.array(each[2])
 
 
-def locate(solve: Solve, schedule: Schedule, ends: tuple[Stability, Stability]) -> Critical | None:
+def locate(solver: PathSolver, first: Stability, last: Stability) -> Critical | None:
     """The critical point between two points of a path with unlike numbers of unstable motions.
 
     The eigenvalue nearest to zero, signed by that number, is a continuous function along the
-    secant; Brent's method finds its root. If several lie between, it is the first of them or, of
-    several pairs, one of them. Where Newton's method does not come near enough, since the matrix
-    is singular there, the point is interpolated between some around it.
+    secant; Brent's method finds its root, as pivots tell the number to more digits than it has. If
+    several lie between, it is the first of them or, of several pairs, one of them. The matrix is
+    singular there: the point is interpolated between some around it, with eigenvalues that go
+    smoothly through zero; and so is the root where Newton's method does not come near enough.
     """
-    if not ends[0].crossed(ends[1]):
+    if not first.crossed(last):
         return None
     from scipy.optimize import brentq  # slow to import, seldom needed
 
-    between = _Between(solve, schedule, ends)
+    between = _Between(solver, first, last)
     try:
-        s = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT, maxiter=60))
-        s = between.levelled(s)
-        if between.sound(s):
-            near = max(NEAR, between.blur)
-            before, after = between.at(s - near), between.at(s + near)
-            # a point that has slipped onto a branch may have a neutral motion
-            if before.crossed(after) and not (before.neutral or after.neutral):
-                slope = (after.point.t - before.point.t) / (2 * near)
-                sides = before, after
-                return _classified(between, between.at(s), between.force(s), slope, sides)
+        guess, counted = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT)), True
     except _LostError as lost:
-        s = lost.s
-    return _interpolated(between, (s, between.middle()))
-
-
-def _classified(
-    between: _Between,
-    stability: Stability,
-    force: Floats,
-    slope: float,
-    sides: tuple[Stability, Stability],
-) -> Critical:
-    t, before, after = stability.point.t, *sides
-    scale = max(abs(t - between.first.point.t), abs(between.last.point.t - t))
-    multiplicity = max(1, abs(after.unstable - before.unstable))
-    level = multiplicity == 1 and abs(slope) <= LEVEL * scale
-    return Critical("limit" if level else "bifurcation", stability, force, multiplicity, after)
-
-
-def _interpolated(between: _Between, guesses: Sequence[float]) -> Critical | None:
-    """The critical point from some around it, with eigenvalues that go smoothly through zero."""
-    for guess in guesses:
-        for _ in range(REFINED):
-            samples = _around(between, guess)
-            root = _root(between, samples, guess)
-            if root is None:
-                break
-            moved, guess = abs(root - guess), root
-            if moved < AROUND[0] / 4:
-                found = _mean(between, samples, root)
-                if found.stability.smallest <= SMALL * max(k.smallest for k in between.ends):
-                    return found
-                break
+        guess, counted = lost.s, False
+    for closer in CLOSER:
+        shares, samples, values = between.around(guess, closer)
+        before = int((shares < guess).sum())
+        root = guess + 1.0
+        if min(before, len(shares) - before) >= 2:
+            scaled = _polynomial(shares, values / abs(values).max(), guess)
+            root = guess + np.ptp(shares) * _nearest_root(scaled)
+        if abs(root - guess) < closer * AROUND[0] / 4:
+            found = _classified(between, guess if counted else root, shares, samples)
+            if found is not None:
+                return found
+        if abs(root - guess) <= AROUND[-1]:
+            guess, counted = root, False
     return None
 
 
-def _around(between: _Between, guess: float) -> list[tuple[float, Stability]]:
-    """Points on both sides, that are not on the branch: nearest first."""
-    out = []
-    slope = sum(between.mean(end) for end in between.ends)
-    for d in AROUND:
-        for s, end in zip((guess - d, guess + d), between.ends, strict=True):
-            try:
-                stability = between.at(s)
-            except _LostError:
-                continue
-            if stability.unstable == end.unstable and between.mean(stability) > 0.2 * d * slope:
-                out.append((s, stability))
-    return out
+def _polynomial(shares: Floats, values: Floats, s: float) -> Floats:
+    """Coefficients of that through values, of the distance from s over the width of all shares."""
+    return np.polyfit((shares - s) / np.ptp(shares), values, len(shares) - 1)
 
 
-def _root(between: _Between, samples: list[tuple[float, Stability]], guess: float) -> float | None:
-    """Where the mean of the eigenvalues that change their sign vanishes."""
-    x = (np.array([s for s, _ in samples]) - guess) / AROUND[-1]
-    if min((x < 0).sum(), (x > 0).sum()) < 2:
-        return None
-    f = np.array([between.mean(stability) for _, stability in samples]) * -np.sign(x)
-    roots = np.roots(np.polyfit(x, f / abs(f).max(), len(x) - 1))
+def _nearest_root(polynomial: Array) -> float:
+    """The real root nearest to zero; infinite: there is none."""
+    roots = np.roots(polynomial)
     real = np.real(roots[abs(np.imag(roots)) < 1e-9])
-    if not len(real) or abs(real).min() > 1:
+    return float(real[abs(real).argmin()]) if len(real) else np.inf
+
+
+def _classified(
+    between: _Between, s: float, shares: Floats, samples: list[Stability]
+) -> Critical | None:
+    """The point at s by the polynomial through the samples.
+
+    A limit point is where the load factor is level: that has no rounding of the stiffest parts,
+    as eigenvalues have.
+    """
+    before, after = (samples[int((shares < s).sum()) + k] for k in (-1, 0))
+    times, width = np.array([each.point.t for each in samples]), float(np.ptp(shares))
+    slopes = np.polyder(_polynomial(shares, times - times.mean(), s)) / width
+    middle = 0.5 * (before.point.t + after.point.t)
+    scale = max(abs(middle - between.first.point.t), abs(between.last.point.t - middle))
+    multiplicity = max(1, abs(after.unstable - before.unstable))
+    level = multiplicity == 1 and abs(slopes[-1]) <= LEVEL * scale
+    crest = s + width * _nearest_root(slopes) if level else np.inf
+    if certain := abs(crest - s) < AROUND[0]:
+        s = crest
+    points = [stability.point for stability in samples]
+    forces = [between.force(k) for k in shares.tolist()]
+    point, force = interpolated(between.solver.schedule, s, shares, points, forces)
+    stability = between.stability(point)
+    small = VANISHED * max(between.first.smallest, between.last.smallest)
+    if not certain and stability.smallest > small:
         return None
-    return guess + AROUND[-1] * float(real[abs(real).argmin()])
-
-
-def _mean(between: _Between, samples: list[tuple[float, Stability]], s: float) -> Critical:
-    """The point at s by the polynomial through the samples."""
-    shares, reports = np.array([k for k, _ in samples]), [stability for _, stability in samples]
-    points = [stability.point for stability in reports]
-    forces = [between.force(k) for k in shares]
-    point, force = interpolated(between.schedule, s, shares, points, forces)
-    times, width = np.array([each.t for each in points]), AROUND[-1]
-    slope = float(np.polyder(np.polyfit((shares - s) / width, times, len(shares) - 1))[-1] / width)
-    sides = (
-        max((k for k in samples if k[0] < s), key=lambda k: k[0])[1],
-        min((k for k in samples if k[0] > s), key=lambda k: k[0])[1],
-    )
-    return _classified(between, between.stability(point), force, slope, sides)
+    return Critical("limit" if level else "bifurcation", stability, force, multiplicity, after)
 
 
 def interpolated(
@@ -577,22 +498,15 @@ def interpolated(
     y = np.tensordot(factors, [point.y for point in points], 1)
     t = float(factors @ np.array([point.t for point in points]))
     rows = schedule.system.kinematics.director_rows
-    U, _, V = np.linalg.svd(y[rows])
-    y[rows] = U @ V
+    y[rows] = nearest_rotations(y[rows])
     y[schedule.system.rows :] = schedule.ground(t)
     return Point(y, t, points[0].turns), np.tensordot(factors, forces, 1)
 
 
-def locate_all(
-    solve: Solve, schedule: Schedule, ends: tuple[Stability, Stability]
-) -> list[Critical]:
+def locate_all(solver: PathSolver, first: Stability, last: Stability) -> list[Critical]:
     """All critical points between two points of a path, one after the other, see :func:`locate`."""
     out: list[Critical] = []
-    first, last = ends
-    while len(out) < MOST:
-        found = locate(solve, schedule, (first, last))
-        if found is None:
-            break
+    while len(out) < MOST and (found := locate(solver, first, last)) is not None:
         out.append(found)
         first = found.after
     return out

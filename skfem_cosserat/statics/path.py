@@ -17,7 +17,7 @@ from ..frames import is_beam
 from ..history import History
 from ..integrators import State
 from ..integrators.choice import choose, static_refusal
-from ..integrators.compiled_step import stepped
+from ..integrators.compiled_step import kernel_coordinates
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
 from ..model.balance import Spin
@@ -26,7 +26,7 @@ from ..newton import NewtonReport, NewtonSettings
 from ..run.describe import checked_asked, finish, path_formulas
 from ..run.progress import Interrupt, Progress
 from ..time_function import Amplitude
-from ..types import FilePath, Floats
+from ..types import FilePath, Floats, switch
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import Branch, branch_stage
 from .control import STILL, ArcLength, Control, DisplacementControl, LoadControl, Stage
@@ -58,7 +58,7 @@ from .static_checks import (
 
 #: motion in an automatic step, against what its tangents predict, above which it is repeated
 JUMP = 2.0
-#: increments at which an iteration next to a critical point may stagnate
+#: smallest pivot of the stiffness, against that at the start, below which tangents lead anywhere
 CRITICAL = 1e-5
 #: motion (mean over the nodes, relative to the scene) within which no other branch is looked for
 NEAR = 1e-6
@@ -87,8 +87,6 @@ class _StepStability:
     lost: bool = False
     #: critical points were not searched for: they may be those of the mesh
     unsought: bool = False
-    #: iterations and solves of the step, if critical points were searched for after it
-    effort: tuple[int, int] | None = None
 
 
 @dataclass
@@ -143,8 +141,7 @@ class Continuation:
 
     def _begin(self, point: Point, stage: Stage, direction: Floats | None) -> None:
         solver = self.solver
-        solver.begin(point)
-        self._spent, self._unrecorded = (0, 0), (0, 0)
+        self._spent = np.zeros(2, dtype=np.int64)
         force = solver.look(point)
         stability = solver.inspect(point) if self.watch or direction is not None else None
         if stability is not None:
@@ -155,7 +152,7 @@ class Continuation:
         self._stability = stability if direction is None else None
         self._first = self._stability
         self._warn_of_elements(point, force)
-        self._record(point, stage.parameter, force, 0.0, effort=self._effort())
+        self._record(point, stage.parameter, force, 0.0)
         if direction is None and isinstance(self.control, ArcLength):
             try:
                 stage.aim(solver.rate_at(point))
@@ -168,7 +165,6 @@ class Continuation:
         missing = solver.missing(first)
         if missing is None:
             return first
-        solver.begin(first, missing)
         point, left, step = first, 1.0, 1.0
         while left > 0:
             step = min(step, left)
@@ -180,7 +176,6 @@ class Continuation:
                     what = "the start is no equilibrium"
                     raise self._failure(point, report, what, relief=left * missing)
                 continue
-            solver.accept()
             point, left, step = solution.point, left - step, 2 * step
             left = left if left > 1e-12 else 0.0
         return point
@@ -207,7 +202,7 @@ class Continuation:
             if solution is None and (both := self._around(point, stage, length)):
                 solution, beyond = both
                 turn, jumps = rotation(self.system, point.y, solution.point.y), False
-                along = replace(self._stability_along(point, beyond), effort=self._effort())
+                along = self._stability_along(point, beyond)
                 break
             shorter = 0.5
             if solution is not None:
@@ -215,13 +210,12 @@ class Continuation:
                 jumps = self._jumps(point, solution)
                 if limit is None or (not jumps and turn <= limit):
                     if isinstance(self.control, ArcLength) and self._crosses(point, solution.point):
-                        solution = self._at_end(solution)
+                        solution = self._at_end(solution.point)
                     along = self._stability_along(point, solution)
                     if not along.lost or limit is None or losses == LOSSES:
                         break
                     # it may have landed on another branch: a shorter step shows
                     losses += 1
-                    self._unrecorded = along.effort or (0, 0)
                 elif not jumps and limit is not None:
                     shorter = max(0.5, 0.8 * limit / turn)
                 report.reason = "in the shortest step it jumps to a point far away"
@@ -235,7 +229,6 @@ class Continuation:
             self._warn_of_jump(point, solution)
         if beyond is None:
             return solution.point, asked, solution.point
-        self.solver.begin(beyond.point)
         stage.parameter = beyond.point.t
         return solution.point, asked, beyond.point
 
@@ -299,14 +292,13 @@ class Continuation:
             return _StepStability(stability, [])
         if self._drawn(solution):
             return _StepStability(stability, [], unsought=True)
-        effort = self._effort()
-        found = self._locate(before, stability)
+        found = locate_all(self.solver, before, stability)
         if isinstance(self.control, LoadControl):
             # others belong to parts of the path that were passed before, or to other branches
             low, high = sorted((point.t, solution.point.t))
             found = [c for c in found if low <= c.stability.point.t <= high or c.kind == "limit"]
         last = found[-1].after if found else before
-        return _StepStability(stability, found, last.crossed(stability), effort=effort)
+        return _StepStability(stability, found, last.crossed(stability))
 
     def _drawn(self, solution: Solution) -> bool:
         """Whether elements are, or were, drawn so much that motions of the mesh are unstable."""
@@ -323,10 +315,7 @@ class Continuation:
                 point, critical.stability.point
             ):
                 continue
-            self.solver.begin(point)
-            exact, report = self.solver.solve(point, Functional(None, 1.0, until - point.t))
-            if exact is None:
-                raise self._failure(point, report, "the end of the path was not found")
+            exact = self._at_end(point)
             del along.found[k:]
             along.end = inspect(self.system, exact.point, self.solver.schedule.at(until))
             return exact
@@ -344,16 +333,14 @@ class Continuation:
     ) -> bool:
         """Accept a point, after the critical ones that were passed; says whether it was asked."""
         solver, parameter = self.solver, stage.parameter
-        spent = self._effort() if along.effort is None else along.effort
         gained = stage.gained(point, solution.point, length)
+        own = np.array([solution.report.iterations, 1])
+        self._spent += own  # of the end of the step
         for critical in along.found:
             share = functional.share(point, critical.stability.point)
             self._record_critical(critical, parameter + share * gained)
             self._check_turning(critical)
-        if along.effort is not None:
-            solver.begin(solution.point)
-        else:
-            solver.accept()
+        self._spent -= own
         if along.lost:
             text = (
                 f"a critical point between the load factors {point.t:.6g} and"
@@ -367,7 +354,9 @@ class Continuation:
             )
             warn("path", text, IncompleteWarning, solution.point.t)
         self._stability = along.end
-        if along.end is not None:
+        if along.end is None:
+            solver.accept()
+        else:
             solver.neutral = along.end.neutral_motions(self.system)
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - point.y[:rows]) / length
@@ -375,9 +364,7 @@ class Continuation:
         asked = stage.accept(point, solution.point, length)
         if asked or self.control.all_points:
             force, report = solution.constraint_force, solution.report
-            self._record(solution.point, stage.parameter, force, report.residual, effort=spent)
-            spent = 0, 0
-        self._unrecorded = spent
+            self._record(solution.point, stage.parameter, force, report.residual)
         stage.adapt(solution.report.iterations, length)
         limit = self.control.turn
         if limit is not None and turn > 0:
@@ -385,20 +372,6 @@ class Continuation:
             most = 0.95 * limit / turn * abs(length)
             stage.length = float(np.sign(stage.length)) * min(abs(stage.length), most)
         return asked
-
-    def _locate(self, before: Stability, after: Stability) -> list[Critical]:
-        solver = self.solver
-        # next to the point sought increments along the mode stay at rounding over eigenvalue
-        loose = replace(solver.settings, stagnation=CRITICAL)
-
-        def solve(start: Point, target: Functional) -> tuple[Point, Floats] | None:
-            # next to singular matrices elimination in blocks is not as exact
-            solution, _ = solver.solve(start, target, plain=True)
-            if solution is None:
-                solution, _ = solver.solve(start, target, settings=loose, plain=True)
-            return None if solution is None else (solution.point, solution.constraint_force)
-
-        return locate_all(solve, solver.schedule, (before, after))
 
     def _jumps(self, point: Point, solution: Solution) -> bool:
         """Whether a point is much farther away than the tangents lead: on another branch."""
@@ -433,14 +406,13 @@ class Continuation:
             until is not None and after.t != point.t and (point.t - until) * (after.t - until) < 0
         )
 
-    def _at_end(self, solution: Solution) -> Solution:
-        """The point at the load factor at which an arc length path ends."""
+    def _at_end(self, point: Point) -> Solution:
+        """The point at the load factor at which an arc length path ends, from one next to it."""
         assert isinstance(self.control, ArcLength)
-        self.solver.accept()
-        target = Functional(None, 1.0, (self.control.until or 0.0) - solution.point.t)
-        exact, report = self.solver.solve(solution.point, target)
+        target = Functional(value=(self.control.until or 0.0) - point.t)
+        exact, report = self.solver.solve(point, target)
         if exact is None:
-            raise self._failure(solution.point, report, "the end of the path was not found")
+            raise self._failure(point, report, "the end of the path was not found")
         return exact
 
     def _prescribed(self, point: Point, length: float) -> float:
@@ -455,14 +427,6 @@ class Continuation:
 
     # -- what is kept ------------------------------------------------------------------------------
 
-    def _effort(self) -> tuple[int, int]:
-        """Newton iterations and solves since it was asked for last, failed ones included."""
-        solver, (iterations, attempts) = self.solver, self._spent
-        self._spent = solver.iterations, solver.attempts
-        more, tries = self._unrecorded
-        self._unrecorded = 0, 0
-        return solver.iterations - iterations + more, solver.attempts - attempts + tries
-
     def _record(
         self,
         point: Point,
@@ -470,10 +434,13 @@ class Continuation:
         force: Floats,
         residual: float,
         kind: str = "regular",
-        effort: tuple[int, int] = (0, 0),
     ) -> None:
+        """Record a point, with the iterations and solves since the last one, failed ones too."""
+        effort = np.array([self.solver.iterations, self.solver.attempts]) - self._spent
+        self._spent += effort
+        iterations, attempts = effort.tolist()
         unstable = -1 if self._stability is None else self._stability.unstable
-        self.recorder.take(point, parameter, force, *effort, residual, unstable, kind)
+        self.recorder.take(point, parameter, force, iterations, attempts, residual, unstable, kind)
 
     def _record_critical(self, found: Critical, parameter: float) -> None:
         point = found.stability.point
@@ -486,8 +453,7 @@ class Continuation:
         }
         self.critical.append(entry)
         logger.info("%s point at load factor %.9g", found.kind, point.t)
-        force, effort = found.constraint_force, self._effort()
-        self._record(point, parameter, force, 0.0, found.kind, effort)
+        self._record(point, parameter, found.constraint_force, 0.0, found.kind)
 
     def _warn_of_elements(self, point: Point, force: Floats) -> None:
         """Say once that elements are bent or drawn farther than they can be on their own."""
@@ -518,14 +484,11 @@ class Continuation:
     def _limit_near(self) -> str:
         """That the stiffness is nearly lost at the last point, as far as it was looked at."""
         first, last = self._first, self._stability
-        if first is None or last is None or not (first.symmetric and last.symmetric):
-            return ""
-        if last.point is first.point:
+        if first is None or last is None or first is last:
             return ""
         try:
-            if not first.smallest > first.floor:
-                return ""
-            share = last.smallest / first.smallest
+            known = first.symmetric and last.symmetric and first.smallest > first.floor
+            share = last.smallest / first.smallest if known else 1.0
         except ValueError:  # its stiffness is not finite
             return ""
         if share > LIMP:
@@ -561,7 +524,6 @@ class Continuation:
     def _leads_on(self, point: Point) -> bool:
         """Whether steps of the arc length lead past a point, to other load factors."""
         solver = self.solver
-        solver.begin(point)
         stage = ArcLength(TRIED).stage(self.system, point)
         try:
             stage.aim(solver.rate_at(point))
@@ -752,7 +714,8 @@ def static(
         treatment = NullSpace() if treatment is None else treatment
         control = LoadControl() if control is None else control
         settings = STATIC if settings is None else settings
-        check_run(system, treatment, control, settings, callbacks, {"watch": watch})
+        switch("argument watch", watch)
+        check_run(system, treatment, control, settings, callbacks)
         derive = checked_asked(derive, system, path_formulas)
         schedule = Schedule(system, factors, spin, time)
         check_growth(schedule, control)
@@ -761,7 +724,7 @@ def static(
             first = held_start(system, schedule, first)
 
         refused = static_refusal(system, treatment)
-        choice = choose(kernels, stepped(system, treatment), refused, solver=solver)
+        choice = choose(kernels, kernel_coordinates(system, treatment), refused, solver=solver)
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
         continuation = Continuation(system, points, control, watch and system.unknowns > 0)
         show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)

@@ -1,4 +1,4 @@
-"""A point of a path as Newton's method sees it: the equations of an equilibrium, in numpy.
+"""A point of a path as Newton's method sees it, and the equations of an equilibrium in numpy.
 
 The last unknown is the change of the load factor. The tangent's geometric part is taken with the
 stresses that the last increment predicts to first order, see
@@ -7,31 +7,39 @@ stresses that the last increment predicts to first order, see
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..constraints.base import BoundTreatment
 from ..linear import SingularMatrixError
-from ..model import System
-from ..model.balance import Balance, balance, balance_tangent, external_force, predicted
+from ..model.balance import balance, balance_tangent, predicted
 from ..newton import NewtonSettings
 from ..types import Array, Floats
 from .schedule import Functional, Neutral, Point, Schedule, weights
+
+if TYPE_CHECKING:
+    from .compiled import CompiledEquations
 
 #: why a step fails whose displacement the loads do not change
 UNMOVED = "the load factor does not change what is prescribed"
 #: rate of what is prescribed, relative to its terms, below which it does not change
 STANDS = 1e-10
-#: change of the load factor for its difference quotients
-SMALL = 1e-6
 
 
-class Problem(ABC):
-    """What plain and compiled kernels share: how the load factor goes along.
+class Problem:
+    """A point of a path: equations, and what fixes the place on it.
 
-    Increments are those of the unknowns, in any linear form, and of the load factor.
+    Parameters
+    ----------
+    equations : PlainEquations or CompiledEquations
+        At the start.
+    schedule : Schedule
+    settings : NewtonSettings
+    start : Point
+    target : Functional
 
     Attributes
     ----------
@@ -43,308 +51,221 @@ class Problem(ABC):
 
     def __init__(
         self,
-        system: System,
+        equations: PlainEquations | CompiledEquations,
         schedule: Schedule,
         settings: NewtonSettings,
         start: Point,
         target: Functional,
     ) -> None:
-        self.system, self.schedule, self.settings = system, schedule, settings
+        self.equations, self.schedule, self.settings = equations, schedule, settings
         self.start, self.target = start, target
         self.t = start.t
         self.predicted: Array | None = None
-        self._by_t: Array | None = None
+        #: derivatives of residual and coordinates by t; None: a given load factor is reached
+        self._rates: tuple[Array, Array] | None = None
         self._missing = 0.0
-        #: the increment measured last, and its sizes: the loop asks, and so does :meth:`apply`
-        self._sized: tuple[Floats | None, tuple[float, float]] = None, (0.0, 0.0)
-
-    # -- what kernels do ---------------------------------------------------------------------------
-
-    @property
-    @abstractmethod
-    def y(self) -> Array:
-        """All rows (total, 3) of the configuration evaluated last."""
-
-    @property
-    @abstractmethod
-    def R(self) -> Array:
-        """Balance (rows, 3) there, without constraint forces."""
-
-    def solution(self) -> Floats:
-        """A copy of them, from which other steps may start."""
-        return np.array(self.y)
-
-    def constraint_force(self) -> Array:
-        """What balances R (rows, 3)."""
-        return -self.R
-
-    @abstractmethod
-    def _evaluate(self) -> float:
-        """Residual at the present configuration; its size against its terms."""
-
-    @abstractmethod
-    def _by_ground(self, ends: tuple[float, float]) -> tuple[list[Array], list[Array]]:
-        """Residuals and configurations at these load factors, same increments, then back."""
-
-    @abstractmethod
-    def _by_loads(self, ends: tuple[float, float]) -> Array:
-        """Difference of the residuals at these load factors where the ground rests."""
-
-    @abstractmethod
-    def _solutions(self, by_t: Array | None) -> Array:
-        """Increments (size, 1 or 2): minus solutions for the residual and for its derivative."""
-
-    @abstractmethod
-    def _along(self, gradient: Floats, increments: Array) -> tuple[Floats, float]:
-        """Changes (k,) of what has this gradient (rows, 3); size of the terms of the last one."""
-
-    @abstractmethod
-    def _sizes(self, increment: Floats) -> tuple[float, float]:
-        """Size of an increment, and of its largest rotation."""
-
-    @abstractmethod
-    def _apply(self, increment: Floats, dt: float, predict: bool) -> Array:
-        """Move by an increment; gives the change (rows, 3) of the coordinates."""
-
-    @abstractmethod
-    def _move_ground(self, t: float) -> None:
-        """Where it is at this load factor."""
-
-    @abstractmethod
-    def rate(self) -> Floats:
-        """Derivative (rows, 3) of the coordinates by the load factor, at a solution."""
-
-    # -- what the Newton loop asks for -------------------------------------------------------------
+        self._mixed = False
 
     def residual(self) -> float:
-        """See :class:`skfem_cosserat.newton.NewtonProblem`, as for all below."""
-        size = self._evaluate()
-        self._missing = self.target(self.start, self.y, self.t)
+        """Evaluate, see :class:`skfem_cosserat.newton.NewtonProblem`."""
+        target, t = self.target, self.t
+        self._rates = None
+        # what is missing from a load factor that is given and reached is rounding
+        if (
+            target.gradient is not None
+            or t != t - target(self.start, self.start.y, t) / target.by_factor
+        ):
+            self._rates = self.derivative()
+        size = self.equations.evaluate(t)
+        self._missing = target(self.start, self.equations.y, t)
         return size
 
-    def _factor_derivative(self) -> tuple[Array, Array | None]:
-        """Derivatives of the residual and of y by the load factor at fixed unknowns."""
-        t, moving = self.t, self.schedule.moving
-        step = SMALL * (max(abs(t), abs(self.start.t)) or 1.0)
-        ends = (t - step, t + step) if t >= step or not moving else (t, t + step)
-        width = ends[1] - ends[0]
-        if not moving:
-            return self._by_loads(ends) / width, None
-        residuals, ys = self._by_ground(ends)
-        by_t = (ys[1] - ys[0])[: self.system.rows] / width
-        return (residuals[1] - residuals[0]) / width, by_t
+    def derivative(self) -> tuple[Array, Array]:
+        """Derivatives of the residual and of the coordinates by t at fixed unknowns."""
+        equations, t = self.equations, self.t
+        step = self.schedule.difference * (max(abs(t), abs(self.start.t)) or 1.0)
+        first = t - step if t >= step or not self.schedule.moving else t
+        found = []
+        for end in (first, t + step):
+            equations.evaluate(end)
+            found.append((equations.residual.copy(), equations.y[: equations.system.rows].copy()))
+        (r0, y0), (r1, y1) = found
+        return (r1 - r0) / (t + step - first), (y1 - y0) / (t + step - first)
 
     def direction(self) -> Floats:
         """Newton increment; the target is a row below the matrix."""
-        gradient = self.target.gradient
-        # a load factor that is given is reached at once; what is missing then is rounding
-        free = gradient is not None or self.t - self._missing / self.target.by_factor != self.t
-        r_t, self._by_t = self._factor_derivative() if free else (None, None)
-        both = self._solutions(r_t)
-        if r_t is None:
-            return np.append(both[:, 0], 0.0)
-        along, slope, terms = float(self._missing), self.target.by_factor, 0.0
+        gradient, equations = self.target.gradient, self.equations
+        if self._rates is None:
+            return np.append(equations.solve([equations.residual]), 0.0)
+        r_t, by_t = self._rates
+        both = equations.solve([equations.residual, r_t])
+        along, slope, terms = self._missing, self.target.by_factor, 0.0
         if gradient is not None:
-            changes, terms = self._along(gradient, both)
-            along += float(changes[0])
-            slope += float(changes[1])
-            if self._by_t is not None:
-                slope += float((gradient * self._by_t).sum())
+            along += float((gradient * equations.displacement(both[:, 0])).sum())
+            rates = gradient * (equations.displacement(both[:, 1]) + by_t)
+            slope, terms = slope + float(rates.sum()), float(abs(rates).sum())
         if abs(slope) <= STANDS * terms:
             raise SingularMatrixError(UNMOVED)
         dt = -along / slope
         return np.append(both[:, 0] + dt * both[:, 1], dt)
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
-        """The load factor's relative to itself."""
-        if self._sized[0] is increment:
-            return self._sized[1]
-        size, turn = self._sizes(increment[:-1])
+        """Sizes of an increment; that of the load factor is relative to itself."""
+        size, turn = self.equations.sizes(increment[:-1])
         dt = abs(float(increment[-1]))
         if dt:
             size = max(size, dt / max(abs(self.start.t), abs(self.t), abs(self.t + increment[-1])))
-        self._sized = increment, (size, turn)
+        self._mixed = size > self.settings.mixed
         return size, turn
 
     def apply(self, increment: Floats) -> None:
-        """Move configuration and load factor."""
+        """Move configuration and load factor by an increment whose size was asked for last."""
         dt = float(increment[-1])
-        change = self._apply(increment[:-1], dt, self.sizes(increment)[0] > self.settings.mixed)
+        change = np.array(self.equations.displacement(increment[:-1]))
+        if self._rates is not None:
+            change += dt * self._rates[1]
         if self.predicted is None:
             self.predicted = change
-        if dt:
-            self.t += dt
-            if self.schedule.moving:
-                self._move_ground(self.t)
+        self.equations.move(increment[:-1], change if self._mixed else None)
+        self.t += dt
+
+    def rate(self) -> Floats:
+        """Derivative (rows, 3) of the coordinates by the load factor, at a solution."""
+        r_t, by_t = self.derivative()
+        self.equations.evaluate(self.t)
+        slope = self.equations.solve([r_t], mixed=False)[:, 0]
+        return np.asarray(self.equations.displacement(slope) + by_t, dtype=float)
 
 
-class PlainProblem(Problem):
-    """With numpy, for either treatment.
+class PlainEquations:
+    """The equations of an equilibrium in numpy, for either treatment.
+
+    Increments are those of the unknowns, in any linear form; :class:`CompiledEquations` are called
+    likewise.
 
     Parameters
     ----------
     bound : BoundTreatment
-        At the start of the step.
-    schedule, settings, start, target
-        See :class:`Problem`.
-    neutral : Neutral, optional
+    schedule : Schedule
+
+    Attributes
+    ----------
+    system : System
+    residual : array
+        Of the evaluation, in any form; the next one may overwrite it.
+    neutral : Neutral
         Motions to leave alone.
-    relief : (rows, 3) array, optional
+    relief : (rows, 3) array or float
         Forces left out of the balance.
     """
 
-    def __init__(
-        self,
-        bound: BoundTreatment,
-        schedule: Schedule,
-        settings: NewtonSettings,
-        start: Point,
-        target: Functional,
-        neutral: Neutral | None = None,
-        relief: Floats | None = None,
-    ) -> None:
-        super().__init__(bound.system, schedule, settings, start, target)
-        self.bound, self.relief = bound, relief
-        self.neutral = Neutral() if neutral is None else neutral
+    def __init__(self, bound: BoundTreatment, schedule: Schedule) -> None:
+        self.bound, self.schedule, self.system = bound, schedule, bound.system
+        self.neutral = Neutral()
+        self.relief: Floats | float = 0.0
         self._stresses: list[Array] | None = None
 
     @property
     def y(self) -> Array:
-        """See the base class, as for all below."""
+        """All rows (total, 3) of the configuration evaluated last."""
         return self.at.y
 
     @property
     def R(self) -> Array:
-        """Less the relief."""
+        """Balance (rows, 3) there, without constraint forces, less the relief."""
         return self.at.R
 
+    def solution(self) -> Floats:
+        """A copy of y, from which other steps may start."""
+        return np.array(self.y)
+
     def constraint_force(self) -> Array:
-        """As the treatment has it."""
+        """Forces (rows, 3) that balance R, as the treatment has them."""
         return self.bound.impulse(self.at.R)
 
-    def _balance(self, y: Array, t: float) -> Balance:
-        amplitudes = self.schedule.at(t)
-        out = balance(self.system, y, amplitudes, self.start.y, self.start.turns)
-        if self.relief is not None:
-            out.R = out.R - self.relief
-        return out
+    def pivots(self) -> None:
+        """Pivots of the stiffness there: they are not known."""
 
-    def _evaluate(self) -> float:
-        y = self.bound.configure()
-        self.at = self._balance(y, self.t)
-        self._r = self.bound.reduce(self.at.R, y)
-        return self.bound.relative(self._r, self.at.size)
+    def begin(self, start: Point) -> None:
+        """Go to an equilibrium, and find its constraint forces."""
+        bound, self._start, self._stresses = self.bound, start, None
+        bound.begin(start.y, self.schedule.ground(start.t), 1.0)
+        bound.guess(False)
+        self.evaluate(start.t)
+        bound.adopt(self.at.R)
 
-    def _by_ground(self, ends: tuple[float, float]) -> tuple[list[Array], list[Array]]:
-        bound = self.bound
-        sought = bound.sought
-        residuals, ys = [], []
-        for end in ends:
-            bound.sought = sought
-            self._move_ground(end)
-            ys.append(bound.configure())
-            residuals.append(bound.reduce(self._balance(ys[-1], end).R, ys[-1]).copy())
-        bound.sought = sought
-        self._move_ground(self.t)
-        bound.configure()
-        return residuals, ys
+    def evaluate(self, t: float) -> float:
+        """Residual with the increments so far at load factor t; its size against its terms."""
+        bound, start = self.bound, self._start
+        if self.schedule.moving:
+            bound.ground1 = self.schedule.ground(t)
+        y, self._amplitudes = bound.configure(), self.schedule.at(t)
+        self.at = balance(self.system, y, self._amplitudes, start.y, start.turns)
+        self.at.R = self.at.R - self.relief
+        self.residual = bound.reduce(self.at.R, y)
+        return bound.relative(self.residual, self.at.size)
 
-    def _by_loads(self, ends: tuple[float, float]) -> Array:
-        y, bound = self.at.y, self.bound
-        if self.system.couplings.count:
-            first, last = (bound.reduce(self._balance(y, end).R, y).copy() for end in ends)
-            return last - first
-        first, last = (external_force(self.system, y, self.schedule.at(end)) for end in ends)
-        return bound.pull(first - last)
-
-    def _move_ground(self, t: float) -> None:
-        self.bound.ground1 = self.schedule.ground(t)
-
-    def predict(self, change: Floats) -> None:
-        """Move by a change of the coordinates, as near to it as the constraints allow.
-
-        A load factor that is given is reached at once: where the step starts the stiffness may be
-        singular.
-        """
-        self.residual()
-        self._assemble()  # sets the scaling of the unknowns
-        bound = self.bound
-        metric = weights(self.system)
-        size = bound.solver.n
-
-        def project(u: Floats) -> Floats:
-            return bound.pull(metric * bound.displacement(u, self.at.y))
-
-        operator = LinearOperator((size, size), matvec=project, dtype=float)
-        unknowns, _ = cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)
-        given = self.target.gradient is None
-        self.apply(np.append(unknowns, -self._missing / self.target.by_factor if given else 0.0))
-
-    def rate(self) -> Floats:
-        """At a solution."""
-        r_t, by_t = self._factor_derivative()
-        data = self.stiffness()
-        slope = -self.bound.solver.solve(data, self.bound.scale_rows(r_t))
-        change = self.bound.displacement(slope, self.at.y)
-        return np.asarray(change if by_t is None else change + by_t, dtype=float)
-
-    def stiffness(self) -> Floats:
-        """Entries of the iteration matrix with the stresses that there are: at a solution."""
-        self._stresses = None
-        return self._assemble()
-
-    def _assemble(self) -> Floats:
+    def _assemble(self, mixed: bool) -> Floats:
         """Entries of the iteration matrix, with the predicted stresses if there are some."""
         system, bound, at = self.system, self.bound, self.at
-        blocks = balance_tangent(system, at, self.schedule.at(self.t), self._stresses)
+        stresses = self._stresses if mixed else None
+        blocks = balance_tangent(system, at, self._amplitudes, stresses)
         R = at.R
-        if self._stresses is not None:
-            change = [a - b for a, b in zip(self._stresses, at.stresses, strict=True)]
+        if stresses is not None:
+            change = [a - b for a, b in zip(stresses, at.stresses, strict=True)]
             R = R + system.internal_force(at.Bs, change)
         bound.reduce(R, at.y)
         return bound.matrix(blocks, R, at.y)
 
-    def _solutions(self, by_t: Array | None) -> Array:
-        """Without motions that nothing holds.
+    def solve(self, columns: Sequence[Array], mixed: bool = True) -> Floats:
+        """Increments (size, columns): minus solutions for residuals.
 
-        There the matrix is singular to rounding, and a solution would wander along. The motion at
+        `mixed`: with the stresses predicted by the last increment that asked for it. Motions that
+        nothing holds are left out:
+        there the matrix is singular to rounding, and a solution would wander along. The motion at
         this configuration comes from the last one by a step of inverse iteration.
         """
-        bound, neutral = self.bound, self.neutral
-        W = weights(self.system) if neutral.motions else np.zeros(0)
-        columns = [self._r] if by_t is None else [self._r, by_t]
-        count = len(columns)
-        data = self._assemble()  # sets the scaling
+        bound, neutral, count = self.bound, self.neutral, len(columns)
+        W = weights(self.system)
+        columns = [np.array(column) for column in columns]
+        data = self._assemble(mixed)  # sets the scaling
         both = [bound.scale_rows(c) for c in columns]
         both += [bound.scale_rows(bound.pull(W * z)) for z in neutral.motions]
-        X = -bound.solver.solve(data, np.column_stack(both))
+        X: Floats = -bound.solver.solve(data, np.column_stack(both))
         if not neutral.motions:
             return X
-        Z = X[:, count:]
-        weighted = [np.sqrt(W) * bound.displacement(z, self.at.y) for z in Z.T]
-        moved = np.column_stack([each.ravel() for each in weighted])
-        Q, sizes, mix = np.linalg.svd(moved, full_matrices=False)
+        moved = np.column_stack([(np.sqrt(W) * self.displacement(x)).ravel() for x in X.T])
+        Q, sizes, mix = np.linalg.svd(moved[:, count:], full_matrices=False)
         still = 1 / sizes <= neutral.limit  # their eigenvalues
-        if not still.any():
-            return X[:, :count]
-        Q, U = Q[:, still], (Z @ mix.T / sizes)[:, still]
-        neutral.motions = [(q.reshape(-1, 3) / np.sqrt(W)) for q in Q.T]
-        for k in range(count):
-            change = (np.sqrt(W) * bound.displacement(X[:, k], self.at.y)).ravel()
-            X[:, k] -= U @ (Q.T @ change)
+        if still.any():
+            Q, U = Q[:, still], (X[:, count:] @ mix.T / sizes)[:, still]
+            neutral.motions = [(q.reshape(-1, 3) / np.sqrt(W)) for q in Q.T]
+            X[:, :count] -= U @ (Q.T @ moved[:, :count])
         return X[:, :count]
 
-    def _along(self, gradient: Floats, increments: Array) -> tuple[Floats, float]:
-        pulled = self.bound.pull(gradient)
-        return pulled @ increments, float(abs(pulled) @ abs(increments[:, -1]))
+    def displacement(self, increment: Floats) -> Array:
+        """Change (rows, 3) of the coordinates by an increment, to first order."""
+        return self.bound.displacement(increment, self.at.y)
 
-    def _sizes(self, increment: Floats) -> tuple[float, float]:
+    def sizes(self, increment: Floats) -> tuple[float, float]:
+        """Size of an increment, and of its largest rotation."""
         return self.bound.sizes(increment, self.at.y)
 
-    def _apply(self, increment: Floats, dt: float, predict: bool) -> Array:
-        change = self.bound.displacement(increment, self.at.y)
-        if self._by_t is not None:
-            change = change + dt * self._by_t
-        self._stresses = predicted(self.system, self.at, change) if predict else None
+    def move(self, increment: Floats, change: Array | None) -> None:
+        """Move by an increment; with a change (rows, 3) predict the stresses that it leads to."""
+        self._stresses = None if change is None else predicted(self.system, self.at, change)
         self.bound.move(increment)
-        return change
+
+    def nearest(self, change: Floats) -> Floats:
+        """Increment that comes nearest to a change (rows, 3) of the coordinates."""
+        self._assemble(False)  # sets the scaling of the unknowns
+        bound, metric = self.bound, weights(self.system)
+        size = bound.solver.n
+
+        def project(u: Floats) -> Floats:
+            return bound.pull(metric * self.displacement(u))
+
+        operator = LinearOperator((size, size), matvec=project, dtype=float)
+        return np.asarray(
+            cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)[0]
+        )

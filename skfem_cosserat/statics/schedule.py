@@ -135,6 +135,9 @@ class Solution:
 
 # -- which share of each load acts where on a path -------------------------------------------------
 
+#: change of the load factor, relative to it, for difference quotients of any function
+SMALL = 1e-6
+
 _Channel = tuple[TimeFunction, TimeFunction | None, str]
 
 
@@ -248,6 +251,18 @@ class Schedule:
         names += ["spin"] if self.spin is not None else []
         return [name for name in dict.fromkeys(names) if name not in self._given]
 
+    @property
+    def difference(self) -> float:
+        """Change of the load factor, relative to it, for difference quotients to both sides.
+
+        They are exact over any, where all grow in proportion to it, or to its square as by a spin.
+        """
+        functions = [self._given.get("spin"), *(factor for _, factor, _ in self._loads)]
+        if self.time is None:
+            functions += [time for time, _, _ in self._loads]
+        steady = all(each is None or isinstance(each, Constant) for each in functions)
+        return 1.0 if steady and not (self.moving or self._actuators) else SMALL
+
     def holding(self, factors: Mapping[str, float]) -> Schedule:
         """The same with these factors, too."""
         return Schedule(self.system, {**self._given, **factors}, self.spin, self.time)
@@ -352,8 +367,13 @@ class PathRecorder:
         """Record a point."""
         system = self.system
         q = point.y[: system.rows].reshape(-1)
-        self._add_work(point, q)
-        zero = np.zeros(system.n)
+        amplitudes, zero = self.schedule.at(point.t), np.zeros(system.n)
+        loads = load_force(system, point.y, amplitudes).reshape(-1)
+        if self._before is not None:  # work by the trapezoidal rule between the points
+            q0, before = self._before
+            self._work += float((before + loads) @ (q - q0)) / 2
+        self._before, spin = (q, loads), amplitudes.spin
+        turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
         row = {
             "t": float(parameter),
             "step": self.count,
@@ -369,7 +389,9 @@ class PathRecorder:
             "attempts": attempts,
             "residual": residual,
             "work_loads": self._work,
-            **_amplitude_series(self.schedule.at(point.t)),
+            "amplitudes/loads": amplitudes.loads,
+            "amplitudes/actuators": amplitudes.actuators,
+            "amplitudes/spin": turning,
         }
         if system.couplings.angles:
             none = np.zeros(len(system.couplings.angles), dtype=np.int64)
@@ -377,29 +399,11 @@ class PathRecorder:
         self.writer.append(row)
         self.count += 1
 
-    def _add_work(self, point: Point, q: Floats) -> None:
-        """Work of the loads along the path, by the trapezoidal rule between its points."""
-        force = load_force(self.system, point.y, self.schedule.at(point.t)).reshape(-1)
-        if self._before is not None:
-            q0, f0 = self._before
-            self._work += float((f0 + force) @ (q - q0)) / 2
-        self._before = q, force
-
     def close(self, status: str, **extra: Any) -> History:
         """Close the file and give the history."""
         self.writer.close(status, **extra, warnings=self.notices.kept())
         self.closed = self.writer.history()
         return self.closed
-
-
-def _amplitude_series(amplitudes: Amplitudes) -> dict[str, Floats]:
-    spin = amplitudes.spin
-    turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
-    return {
-        "amplitudes/loads": amplitudes.loads,
-        "amplitudes/actuators": amplitudes.actuators,
-        "amplitudes/spin": turning,
-    }
 
 
 def recorded_amplitudes(history: History, index: int = -1) -> Amplitudes:

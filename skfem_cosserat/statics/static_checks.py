@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,22 +13,20 @@ from scipy.sparse.linalg import lsqr, splu
 from ..constraints import Treatment
 from ..diagnostics.inputs import INSIDE
 from ..diagnostics.nearest import PIECES, motions_out_of_plane, rigid_motions, rigid_pieces
-from ..diagnostics.stacked import blocks_matrix, curvature_matrix, reduced_tangent
+from ..diagnostics.stacked import blocks_matrix
 from ..errors import InputError
 from ..integrators import State
 from ..linear import SingularMatrixError
 from ..model import System
-from ..model.balance import balance, balance_tangent
 from ..model.closure import RANK_TOLERANCE
 from ..model.limits import broken_constraint
-from ..model.loops import closed, tree_values
-from ..model.reparametrisation import Reparametrisation
+from ..model.loops import moved
 from ..newton import NewtonSettings
 from ..run.start import checked_start
-from ..types import SAME, Floats, IndexArray, switch
+from ..types import SAME, Floats, largest
 from .branch import Branch
-from .control import STILL, ArcLength, Control, DisplacementControl, LoadControl
-from .critical_points import LOOSE, MOST_NEUTRAL, FirmStability, Stability, inspect
+from .control import STILL, ArcLength, Control, DisplacementControl
+from .critical_points import LOOSE, MOST_NEUTRAL, Stability, inspect, tangent_at
 from .schedule import Point, Schedule, load_force, weights
 from .solver import BALANCED
 
@@ -46,11 +44,8 @@ def check_run(
     control: object,
     settings: object,
     callbacks: object,
-    switches: Mapping[str, object],
 ) -> None:
-    """Kinds of the arguments of :func:`static`; `switches` are those that are True or False."""
-    for name, value in switches.items():
-        switch(f"argument {name}", value)
+    """Kinds of the arguments of :func:`static`."""
     kinds = {
         "model": (system, System),
         "treatment": (treatment, Treatment),
@@ -131,9 +126,8 @@ def _load_factor(start: State, held: float | None) -> float:
 
 def check_growth(schedule: Schedule, control: Control) -> None:
     """Raise InputError if nothing is left that a control by displacements could let grow."""
-    if schedule.time is None or schedule.grows or isinstance(control, LoadControl):
-        return
-    if isinstance(control, ArcLength | DisplacementControl):
+    held = schedule.time is not None and not schedule.grows
+    if held and isinstance(control, ArcLength | DisplacementControl):
         raise InputError(
             "argument time",
             f"{schedule.time!r} s holds all there is, nothing grows with the load factor: give"
@@ -214,14 +208,14 @@ def check_many(system: System, schedule: Schedule, point: Point, stability: Stab
 
     Only where no load acts: loads may stress what then holds a motion. None is tried.
     """
-    if isinstance(stability, FirmStability) or _acts(schedule, point):
+    if stability.firm or _acts(schedule, point):
         return
     label, names = rigid_pieces(system)
     if len(names) <= PIECES:
         return
     K, P = stability.tangent.K, stability.tangent.P
     values, modes = stability.nearest(min(MOST_NEUTRAL, K.shape[0]))
-    soft = modes.T[abs(values) <= SAME * float(abs(K.data).max(initial=0.0))]
+    soft = modes.T[abs(values) <= SAME * largest(K.data)]
     E, centres = rigid_motions(system, point.y, label, len(names))
     found = [_rigid(system, E, [(P @ mode).reshape(-1, 3)]) for mode in soft]
     rigid = [motion for motion in found if motion is not None]
@@ -267,50 +261,35 @@ def _acts(schedule: Schedule, point: Point) -> bool:
 def _loaded(system: System, schedule: Schedule, point: Point) -> tuple[Point | None, _Free | None]:
     """Equilibrium by Newton's method, None if it is not found, and motions that are free there.
 
-    All that strain nothing are left alone until the rest is in equilibrium, the free ones always.
+    In each iteration those that are free at its configuration are left alone.
     """
-    label, names = rigid_pieces(system)
-    amplitudes, y = schedule.at(point.t), point.y
-    nodal = Reparametrisation(system.kinematics)
-    nodal.begin(y, schedule.ground(point.t))
-    chosen = system.closure.select(y, tree_values(system, y))
     metric = weights(system).repeat(3)
-    held, last, first = True, np.inf, 0.0
-    free = None
+    last, first = np.inf, 0.0
     for k in range(LOADED):
-        at = balance(system, y, amplitudes, turns=point.turns)
-        if held:
-            E, _ = rigid_motions(system, y, label, len(names))
-            rates = csr_matrix(E @ _unheld(system, y, E))
-        else:
-            free = _free_motions(system, schedule, Point(y, point.t, point.turns))
-            rates = csr_matrix((system.n, 0)) if free is None else csr_matrix(free.E @ free.N)
+        free = _free_motions(system, schedule, point)
+        rates = csr_matrix((system.n, 0)) if free is None else csr_matrix(free.E @ free.N)
         try:
-            tangent = reduced_tangent(system, y, amplitudes, at)
+            tangent = tangent_at(system, point, schedule.at(point.t))
             K, P = tangent.K, tangent.P
-            B = P.T @ diags(metric) @ rates * (float(abs(K).max()) or 1.0)
+            B = P.T @ diags(metric) @ rates * (largest(K.data) or 1.0)
             matrix = bmat([[K, B], [B.T, None]], format="csc")
             increment = splu(matrix).solve(np.append(-tangent.residual, np.zeros(B.shape[1])))
             u, along = np.split(increment, [K.shape[0]])
-            force = float(abs(B @ along).max(initial=0.0))
-            first = first if k else float(abs(tangent.residual).max())
+            force = largest(B @ along)
+            first = first if k else largest(tangent.residual)
             if k == 0 and not force <= BALANCED * first:
                 # cables that just fit take the load as soon as something moves
                 u = splu(tangent.metric.tocsc()).solve(P.T @ (metric * (rates @ along)))
                 u *= NUDGE / np.sqrt(metric @ np.square(P @ u))
         except (SingularMatrixError, RuntimeError):
             return None, None
-        nodal.add(system.closure.null_matrix(chosen) @ u)
-        moved, _ = closed(system, nodal, chosen) if chosen else (nodal.configuration(), 0)
+        y = moved(system, point.y, schedule.ground(point.t), u)
         size = float(np.sqrt(metric @ np.square(P @ u)))
-        if moved is None or not size < 1:
+        if y is None or not size < 1:
             return None, None
-        y = moved
+        point = Point(y, point.t, point.turns)
         if size <= STILL and (size > 0.3 * last or size == 0):
-            if not held:
-                there = Point(y, point.t, point.turns)
-                return (there, free) if force <= BALANCED * first else (None, None)
-            held, size = False, np.inf
+            return (point, free) if force <= BALANCED * first else (None, None)
         last = size
     return None, None
 
@@ -326,12 +305,13 @@ def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | N
     N = _unheld(system, point.y, E)
     if not N.shape[1]:
         return None
-    amplitudes = schedule.at(point.t)
-    at = balance(system, point.y, amplitudes, turns=point.turns)
-    A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
-    stiffness = N.T @ _rigid_stiffness(system, point.y, at.R, A, E, label, centres) @ N
-    largest = float(abs(A.data).max(initial=0.0))
-    scale = max(largest * float(np.square(E @ N).max()), float(abs(stiffness).max()))
+    tangent = tangent_at(system, point, schedule.at(point.t))
+    K, P = tangent.K, tangent.P
+    # the same motions as unknowns
+    W = weights(system).repeat(3)
+    U = splu(tangent.metric.tocsc()).solve(P.T @ (W[:, None] * (E @ N)))
+    stiffness = U.T @ (K @ U)
+    scale = largest(K.data) * float(np.square(U).sum(0).max())
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
     free = abs(values) <= SAME * max(scale, 1e-300)
     return _Free(_echelon(N @ vectors[:, free]), E, centres, names) if free.any() else None
@@ -363,41 +343,6 @@ def _refused(
         + f": hold it with joints or springs, {others}or start from a state whose stresses do"
         " (a guess of it, start=initial_state(system, q))",
     )
-
-
-def _rigid_stiffness(
-    system: System,
-    y: Floats,
-    R: Floats,
-    A: csr_matrix,
-    E: csr_matrix,
-    label: IndexArray,
-    centres: Floats,
-) -> Floats:
-    """Stiffness (6 pieces, 6 pieces) of rigid pieces by finite motions, with the joints' forces.
-
-    ``E^T A E`` is that of straight paths; rotations add ``F . (w x (w x r))``, joints the curvature
-    of their rows with the forces that balance the pieces best; these are part of the force F.
-    """
-    multipliers, joints = np.zeros(system.m), np.arange(system.internal, system.m)
-    if len(joints):
-        G = system.constraints.jacobian(y)[joints]
-        held = np.asarray((G @ E).todense())
-        multipliers[joints] = np.linalg.lstsq(held.T, -E.T @ R.ravel(), rcond=RANK_TOLERANCE)[0]
-        R = R + (G.T @ multipliers[joints]).reshape(-1, 3)
-    A = A + curvature_matrix(system, y, multipliers)
-    out = np.asarray((E.T @ A @ E).todense())
-    moments = np.zeros((len(centres), 3, 3))
-    rows = system.origin_rows
-    np.add.at(moments, label, (y[rows] - centres[label])[:, :, None] * R[rows][:, None, :])
-    frames, directors = label[system.kinematics.frames], system.kinematics.director_rows
-    for i in range(3):
-        d = directors[:, i]
-        np.add.at(moments, frames, y[d][:, :, None] * R[d][:, None, :])
-    for k, M in enumerate(moments):
-        turning = slice(6 * k + 3, 6 * k + 6)
-        out[turning, turning] += 0.5 * (M + M.T) - np.trace(M) * np.eye(3)
-    return out
 
 
 def _unheld(system: System, y: Floats, E: csr_matrix) -> Floats:

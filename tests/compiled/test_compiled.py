@@ -37,7 +37,7 @@ from rounding import EPS, ROOM, nudged
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper
 from skfem_cosserat.compiled import plan
-from skfem_cosserat.compiled.numbers import GUESS, KNOWN
+from skfem_cosserat.compiled.numbers import DONE, GUESS, KNOWN
 from skfem_cosserat.compiled.plan import Plan, _Graph
 from skfem_cosserat.integrators import stepper
 from skfem_cosserat.integrators.compiled_step import CompiledStep
@@ -163,7 +163,9 @@ def test_work_grows_with_the_length_of_a_chain():
     works = []
     for count in (20, 40):
         system = chain(count)
-        fast = CompiledStep(system, sc.EnergyMomentum(), 1e-3, sc.NewtonSettings())
+        fast = CompiledStep(
+            system.joint_coordinates, sc.EnergyMomentum(), 1e-3, sc.NewtonSettings()
+        )
         works.append(fast.plan.work)
     assert works[1] <= 2 * works[0] + 1
 
@@ -271,14 +273,15 @@ def test_kept_factors_that_grow_old():
 @each
 def test_a_step_that_fails_is_tried_again_the_general_way(integrator, treatment, monkeypatch):
     """With the same attempts, and the compiled kernels go on after it."""
-    solve = CompiledStep.solve
+    solved = CompiledStep._solved
     calls = []
 
-    def sometimes(self, state, end):
+    def sometimes(self, state, steps):
         calls.append(state.index)
-        return None if state.index in (4, 5) else solve(self, state, end)
+        self._record[DONE] = 0
+        return state.index not in (4, 5) and solved(self, state, steps)
 
-    monkeypatch.setattr(CompiledStep, "solve", sometimes)
+    monkeypatch.setattr(CompiledStep, "_solved", sometimes)
     monkeypatch.setattr(CompiledStep, "takes_blocks", lambda self, time: False)
     run = both(tree(1), integrator, treatment, 2e-3, 0.03)
     assert len(calls) == 30  # each step of both compiled runs
@@ -293,12 +296,12 @@ def test_solutions_that_have_turned_over_are_none(integrator):
     model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1)))
     system = model.freeze()
     method = INTEGRATORS[integrator]
-    fast = CompiledStep(system.untied, method, 1e-2, sc.NewtonSettings(reuse=0))
+    fast = CompiledStep(system.vertex_coordinates, method, 1e-2, sc.NewtonSettings(reuse=0))
     state = sc.initial_state(system)
-    assert fast.solve(state, fast.h) is not None
+    assert fast.advance(state, np.array([fast.h])).steps
     fast._a.last[0] = 0, 0, 0, np.pi, 0, 0  # about x: the axis points the other way
     fast._record[[KNOWN, GUESS]] = 1  # begin there
-    assert fast.solve(state, fast.h) is None
+    assert not fast.advance(state, np.array([fast.h])).steps
     assert system.wrong_branch(fast.y1) is not None
 
 
@@ -372,13 +375,11 @@ def test_an_elimination_is_given_up_exactly_where_it_takes_too_much(seed):
     """It is stopped early by what the rest takes at least: never where there is just enough."""
     rng = np.random.default_rng(seed)
     count, pairs = links(7, 1) if seed == 0 else (300, rng.integers(0, 300, (700, 2)).tolist())
-    graph = _Graph(count, pairs, [-1] * count, (), {})
-    whole, enough, less = graph.copy(), graph.copy(), graph.copy()
+    whole, enough, less, early = (_Graph(count, pairs, [-1] * count, (), {}) for _ in range(4))
     assert whole.eliminate(count)
     work = sum(len(near) ** 2 for near in whole.later)
     assert enough.eliminate(count, work) and enough.order == whole.order
     assert not less.eliminate(count, work - 1)
-    early = graph.copy()
     assert not early.eliminate(count, work // 4)
     assert sum(len(near) ** 2 for near in early.later) <= work // 4
 
@@ -420,7 +421,9 @@ def test_tangents_with_a_rest(integrator, make, thin, filled):
     """Increments as in the plain kernels, far from the solution, whatever is left."""
     filled(thin)
     assert_same_iteration(make(2), integrator, "null space", 2)
-    fast = CompiledStep(make(2), INTEGRATORS[integrator], 1e-3, sc.NewtonSettings())
+    fast = CompiledStep(
+        make(2).joint_coordinates, INTEGRATORS[integrator], 1e-3, sc.NewtonSettings()
+    )
     if thin < 2 or make is hung_lattice:
         assert fast.method.startswith("blocks, ") and len(fast.plan.rest) > 1
 
@@ -482,16 +485,16 @@ def test_what_goes_wrong_in_the_rest(filled, monkeypatch):
         return fail
 
     for method in ("factor", "solve_again"):
-        fast = CompiledStep(system, sc.EnergyMomentum(), 1e-3, settings)
+        fast = CompiledStep(system.joint_coordinates, sc.EnergyMomentum(), 1e-3, settings)
         monkeypatch.setattr(fast.linear, method, raised(SingularMatrixError("singular")))
-        assert fast.solve(state, fast.h) is None
+        assert not fast.advance(state, np.array([fast.h])).steps
         for error in (MemoryError("too large"), KeyboardInterrupt()):
             monkeypatch.setattr(fast.linear, method, raised(error))
             with pytest.raises(type(error)):
-                fast.solve(state, fast.h)
+                fast.advance(state, np.array([fast.h]))
         monkeypatch.undo()
         filled(-1)
-        assert fast.solve(state, fast.h) is not None
+        assert fast.advance(state, np.array([fast.h])).steps
 
 
 # coarse struts, drawn too much

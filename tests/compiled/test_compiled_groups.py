@@ -104,5 +104,6 @@ def test_steps_are_compiled_once_for_whatever_groups(tied):
 
     scenes = joined((1, 2)), joined((2, 1), damped=(0,)), joined((1, 2, 1))
     own = sc.EnergyMomentum(), 1e-3, sc.NewtonSettings()
-    made = [CompiledStep(s if tied else s.untied, *own) for s in scenes]
+    kinds = [s.joint_coordinates if tied else s.vertex_coordinates for s in scenes]
+    made = [CompiledStep(each, *own) for each in kinds]
     assert len({typeof(fast._all[-2]) for fast in made}) == 1

@@ -143,8 +143,8 @@ def test_in_space(order):
     states = [random_state(beam, k) for k in (1, 2)]
     states.insert(1, (states[0] + states[1]) / 2)
     expected = by_table(beam, FULL, states)
-    plan = plan_of(system)
-    w, work = bind.bound_work(system, plan)
+    plan = plan_of(system.joint_coordinates)
+    w, work = bind.bound_work(system.joint_coordinates, plan)
     g, beams = bind.bound_beams(system, system.beam_groups[0], plan)
     assert beams["turned"] and not beams["diagonal"]
     for name, y in zip(("y0", "mid", "y1"), states, strict=True):

@@ -20,10 +20,12 @@ def test_long_beams_cost_as_much_as_their_elements():
     made = {}
     for count in (100, 200):
         system = cantilever(sc.TheoryInextensible(), 1, count, load=(0, 30.0, 20.0)).freeze()
-        fast = CompiledStep(system, sc.EnergyMomentum(), 1e-2, sc.NewtonSettings())
+        fast = CompiledStep(
+            system.joint_coordinates, sc.EnergyMomentum(), 1e-2, sc.NewtonSettings()
+        )
         made[count] = fast.plan.work, fast._a.A.shape[0]
-    assert made[200][0] - 2 * made[100][0] == pytest.approx(0, abs=3)
-    assert made[200][1] - 2 * made[100][1] == pytest.approx(0, abs=3)
+    for long, short in zip(made[200], made[100], strict=True):
+        assert long == pytest.approx(2 * short, rel=0.02)
     runs = [
         sc.simulate(system, sc.EnergyMomentum(), treatment, 1e-2, 0.05, kernels=kernels)
         for treatment, kernels in ((sc.NullSpace(), "numba"), (sc.Multipliers(), "numpy"))
@@ -41,11 +43,11 @@ def test_closed_loops_are_looked_at_now_and_then(monkeypatch):
     chosen, looks = [], []
     choose, clear = stepper._begin, stepper.bound.clear
     stepper._begin = lambda state, *more: (chosen.append(state.index), choose(state, *more))[1]
-    stepper.bound.clear = lambda rows, step: (looks.append(rows), clear(rows, step))[1]
+    stepper.bound.clear = lambda y: (looks.append(y), clear(y))[1]
     state = sc.initial_state(system)
     for _ in range(300):
         state = stepper.advance(state).state
-    assert stepper.bound.clearance == pytest.approx(0.1, rel=0.5)
+    assert 0.02 < stepper.bound.clearance < 0.2
     assert chosen == [0] and 2 < len(looks) < 30
     closure = type(system.closure)
     independence = closure.independence  # as if it were a quarter, less than half of what it was

@@ -78,20 +78,14 @@ def coupler() -> sc.System:
 @pytest.mark.parametrize("make", [pendulum, four_bar, coupler])
 def test_rods_without_inertia_about_their_axis(make, treatment, integrator, monkeypatch):
     """No step is left to the general way."""
-    solve, advance, solved = CompiledStep.solve, CompiledStep.advance_block, []
+    advance, solved = CompiledStep.advance, []
 
-    def counted(self, state, time):
-        found = solve(self, state, time)
-        solved.append(found is not None)
-        return found
-
-    def counted_block(self, state, *args, **options):
+    def counted(self, state, *args, **options):
         found = advance(self, state, *args, **options)
         solved.extend([True] * found.steps + [False] * found.stuck)
         return found
 
-    monkeypatch.setattr(CompiledStep, "solve", counted)
-    monkeypatch.setattr(CompiledStep, "advance_block", counted_block)
+    monkeypatch.setattr(CompiledStep, "advance", counted)
     system = make()
     run = both(system, integrator, treatment, 5e-3, 0.1, start=sc.initial_state(system))
     assert_same(*run, iterates=False)
@@ -105,11 +99,11 @@ def test_an_iteration_of_a_thin_rod(integrator):
 
 
 def test_rows_have_weights_only_where_a_body_lacks_inertia():
-    scene = four_bar().untied
+    scene = four_bar().vertex_coordinates
     weights = bound_rows(scene, plan_of(scene))["row_weight"]
     assert (weights.any(1)).all()
     model = sc.Model()
     body = model.add("body", sc.RigidBody.box(1.0, (0.01, 0.01, 1)))
     model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0.5)), body.at((0, 0, 0.5))))
-    scene = model.freeze().untied
+    scene = model.freeze().vertex_coordinates
     assert not bound_rows(scene, plan_of(scene))["row_weight"].any()

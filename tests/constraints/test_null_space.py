@@ -18,7 +18,6 @@ from helpers_scenes import (
 from skfem_cosserat import (
     Beam,
     EnergyMomentum,
-    GeneralizedAlpha,
     JointDistance,
     JointFixed,
     JointRevolute,
@@ -37,10 +36,8 @@ from skfem_cosserat import (
     project,
     simulate,
 )
-from skfem_cosserat.constraints import null_space as null_space_module
 from skfem_cosserat.integrators import Stepper
 from skfem_cosserat.kernels import director_force, null_space_blocks, skew
-from skfem_cosserat.model import kinematics, reparametrisation
 from skfem_cosserat.model.balance import amplitudes_at, balance, balance_tangent
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 from skfem_cosserat.model.tree import Spot
@@ -123,7 +120,7 @@ def test_reduction_and_expansion_are_the_matrix(seed):
     y0, _, nodal = two_states(system, seed)
     P = null_space(system, y0, nodal.fixed)
     kin = system.kinematics
-    values = kin.T.values(kin.T.locate(y0, nodal.fixed))
+    values = kin.values_at(y0, nodal.fixed)
     f, nu = rng.standard_normal((system.rows, 3)), rng.standard_normal(system.unknowns)
     reduced = kin.T.reduce(values, kin.twist_force(y0, f))
     assert reduced == pytest.approx(P.T @ f.ravel(), rel=1e-12, abs=1e-12)
@@ -289,40 +286,12 @@ def test_the_twist_map_joint_by_joint_is_its_matrix(name):
     system = SCENES[name]()
     y0, _, nodal = two_states(system, 1)
     kin, rng = system.kinematics, np.random.default_rng(1)
-    at = kin.recursion.locate(y0, nodal.fixed)
-    T = kin.T.matrix(kin.T.values(kin.T.locate(y0, nodal.fixed)))
+    at = kin.recursion.own.locate(y0, nodal.fixed)
+    T = kin.T.matrix(kin.values_at(y0, nodal.fixed))
     values = kin.recursion.values(at)
     f, nu = rng.standard_normal(kin.n_twist), rng.standard_normal(kin.unknowns)
     assert kin.recursion.reduce(values, f) == pytest.approx(T.T @ f, rel=1e-12, abs=1e-12)
     assert kin.recursion.expand(values, nu) == pytest.approx(T @ nu, rel=1e-12, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("integrator", "scene"),
-    [
-        *[(EnergyMomentum(), lambda seed=seed: random_tree(seed)) for seed in range(6)],
-        (Variational(), lambda: random_tree(6)),
-        (GeneralizedAlpha(0.8), lambda: random_tree(7)),
-        (EnergyMomentum(), lambda: chain(6, JointRevolute)),
-    ],
-)
-def test_matrices_joint_by_joint_are_those_of_all_coordinates(integrator, scene, monkeypatch):
-    """Of a step that moves: the same iterations, the same solution, the same matrix."""
-    found = []
-    for deep in (10**9, -1):
-        monkeypatch.setattr(kinematics, "DEEP", deep)
-        system = scene()
-        v = project(system, system.q0, np.random.default_rng(0).standard_normal(system.n))
-        stepper = Stepper(system, integrator, NullSpace(), 5e-3, kernels="numpy")
-        state = stepper.own(initial_state(system, system.q0, v))
-        matrix, report = stepper.iteration_matrix(state)
-        found.append((matrix, report.iterations, report.state.q, system))
-    (A, count, q, plain), (B, same, q1, deep_one) = found
-    assert len(A) == plain.unknowns
-    assert abs(A - B).max() < 3e-12 * abs(A).max()
-    assert count == same
-    assert q1 == pytest.approx(q, rel=0, abs=1e-12)
-    assert "T" not in vars(deep_one.kinematics)
 
 
 @pytest.mark.parametrize("kernels", ["numpy", "numba"])
@@ -341,13 +310,6 @@ def test_steps_of_a_long_chain_ask_for_no_full_matrix(kernels):
     assert sizes[0] < sizes[1] < 2.1 * sizes[0]
 
 
-def test_short_trees_have_one_matrix():
-    """There numpy is faster with T in full."""
-    assert not chain(10).kinematics.deep
-    assert chain(30).kinematics.deep
-    assert not swing(20).kinematics.deep
-
-
 def row_of_beams(count):
     """Short beams, each clamped to the end of the last one."""
     model, end = Model(), ground((0, 0, 0))
@@ -360,9 +322,8 @@ def row_of_beams(count):
     return model.freeze()
 
 
-def test_a_row_of_short_beams_has_a_narrow_matrix(monkeypatch):
-    """All hang together by fixed joints; full matrices of them all give the same entries."""
-    monkeypatch.setattr(null_space_module, "shared", lambda kind, *given: kind(*given))
+def test_a_row_of_short_beams_has_a_narrow_matrix():
+    """All hang together by fixed joints."""
 
     def matrix(count):
         system = row_of_beams(count)
@@ -378,21 +339,3 @@ def test_a_row_of_short_beams_has_a_narrow_matrix(monkeypatch):
 
     found, twice = matrix(40), matrix(80)
     assert twice.nnz < 2.1 * found.nnz < 0.4 * found.shape[0] ** 2
-    monkeypatch.setattr(null_space_module, "FULL", np.inf)
-    full = matrix(40)
-    assert full.nnz == full.shape[0] ** 2
-    assert abs(full - found).max() < 1e-13 * abs(full).max()
-
-
-def test_positions_of_deep_trees_are_those_level_by_level(monkeypatch):
-    """One solution for all of them, complex steps included."""
-    found = []
-    for levels in (10**9, 0):
-        monkeypatch.setattr(reparametrisation, "DEEP", levels)
-        system = random_tree(2)
-        nodal = Reparametrisation(system.kinematics)
-        nodal.begin(system.extend(system.q0, 0.0), system.ground(0.3))
-        increment = 0.3 * np.random.default_rng(2).standard_normal(system.unknowns)
-        nodal.add(increment + 1e-3j * increment)
-        found.append(nodal.configuration())
-    assert abs(found[1] - found[0]).max() < 1e-14

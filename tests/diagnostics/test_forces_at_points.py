@@ -111,7 +111,8 @@ def test_a_rotating_arm(kernels, treatment):
     """N_3(r) = rho A w^2 (R^2 - r^2)/2: in sensors, in an event, and after a run without sensors.
 
     The arm is stiff: it stretches by 1e-7. Its speed w = 60 t^2 grows so smoothly that this is the
-    balance of each instant.
+    balance of each instant. Its damping makes 2e4 N of a rate of strain of 1/s, of which rounding
+    of velocities leaves 1e-12.
     """
     model, s = sc.Model(), np.array([0.0, 0.31, 0.5])
     hub = sc.MotionTurn((0, 0, 1), lambda t: 20.0 * t**3)
@@ -136,7 +137,7 @@ def test_a_rotating_arm(kernels, treatment):
     assert abs(seen[steady, :, 2] - expected[steady]).max() < 0.02 * expected.max()
     assert run.events[0].time == pytest.approx(np.sqrt(8 / 60), rel=0.02)
     again = forces_along(model, run, arm, s)
-    assert abs(again - seen).max() < 1e-9 * abs(seen).max()
+    assert abs(again - seen).max() < 1e-8 * abs(seen).max()
 
 
 def test_forces_are_those_of_the_system_of_their_time():

@@ -221,7 +221,7 @@ def linear_prediction(
     for rows, twist in zip(kin.director_rows, kin.frame_twist, strict=True):
         A = np.einsum("ia,ib->ab", force.reshape(-1, 3)[rows], q.reshape(-1, 3)[rows])
         blocks[np.ix_(twist[3:], twist[3:])] = (A + A.T) / 2 - np.trace(A) * np.eye(3)
-    T = kin.T.matrix(kin.T.values(kin.T.locate(y, kin.fixed_axes(y)))).toarray()
+    T = kin.T.matrix(kin.values_at(y)).toarray()
     Kc = T.T @ blocks @ T
     K, M = P.T @ stiffness(system, q, 1.0) @ P, P.T @ mass(system) @ P
     mu, modes = eigh(-(K / 2 - 2 * M / h**2 + Kc), K / 4 + M / h**2)

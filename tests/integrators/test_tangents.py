@@ -52,7 +52,7 @@ class Step:
         _, evaluation, y1 = self.residual()
         blocks = self.balance.tangent(self.step, evaluation)
         data = self.bound.matrix(blocks, evaluation.R, y1, scaled)
-        return self.bound.solver.pattern.assembled(data).toarray()
+        return self.bound.solver.full(data)
 
     def derivative(self):
         """The same by the complex step, column by column."""

@@ -1096,7 +1096,10 @@ SKEW = np.eye(6) + np.eye(6, k=1) / 9
         (lambda: sc.SpringDamper(A, B, 0.0), ["spring", "both zero"]),
         (lambda: sc.SpringDamper(A, B, -1.0), ["spring", "stiffness = -1.0"]),
         (lambda: sc.SpringDamper(A, B, 1.0, length=-1.0), ["spring", "length = -1.0"]),
-        (lambda: sc.SpringDamper(A, BODY.at((1, 0, 0)), 1.0), ["spring", "both sides are on"]),
+        (
+            lambda: sc.SpringDamper(A, BODY.at((1, 0, 0)), 1.0),
+            ["spring", "both sides are rigid body"],
+        ),
         (lambda: sc.SpringDamper(OTHER.at((0, 0, 0)), A, 1.0), ["spring", "no direction"]),
         (
             lambda: sc.SpringDamper(G, sc.ground((0, 0, 0)), 1.0),

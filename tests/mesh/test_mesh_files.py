@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from skfem_cosserat import MeshCurve, MeshError, ModelWarning, read_mesh, write_mesh
-from skfem_cosserat.mesh import files
 
 MESHES = Path(__file__).parents[2] / "meshes"
 FORMATS = [("a.msh", None), ("a.msh", "gmsh"), ("a.msh", "gmsh22"), ("a.vtu", None)]
@@ -51,19 +50,6 @@ def test_a_beam_and_a_node_may_share_a_name(tmp_path, name, kind):
     back = read_mesh(tmp_path / name)
     assert back.node("tip") == 2
     assert back.elements_of("tip").tolist() == [0, 1]
-
-
-def test_a_file_is_parsed_once_as_long_as_it_says_the_same(tmp_path, monkeypatch):
-    """Known by what is in it, whatever its time says; who reads it has a mesh of his own."""
-    path, parsed = tmp_path / "rod.msh", []
-    own = files.read_gmsh41
-    monkeypatch.setattr(files, "read_gmsh41", lambda *given: parsed.append(1) or own(*given))
-    for length, count in ((1.25, 1), (1.25, 1), (2.5, 2)):
-        write_mesh(path, MeshCurve.init_line((0, 0, 0), (length, 0, 0), 3, name="rod"))
-        os.utime(path, (0, 0))
-        meshes = [read_mesh(path) for _ in range(2)]
-        assert len(parsed) == count and meshes[0].size == length
-        assert not np.shares_memory(meshes[0].doflocs, meshes[1].doflocs)
 
 
 def test_save_and_load_are_the_same(tmp_path):

@@ -22,7 +22,7 @@ from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 from skfem_cosserat.modal.eigen import lowest, make_pencil, spectrum
 from skfem_cosserat.modal.state import resting
 from skfem_cosserat.model.balance import amplitudes_at, balance
-from skfem_cosserat.model.loops import closed, tree_values
+from skfem_cosserat.model.loops import closed, null_basis
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 
 for folder in ("examples", "examples/benchmarks"):
@@ -77,8 +77,8 @@ def along_loops(system, y, amplitudes, dead, step=1e-3):
     """
     P0 = null_space_matrix(system, y)
     nodal = Reparametrisation(system.kinematics)
-    chosen = system.closure.select(y, tree_values(system, y))
-    Z = system.closure.null_matrix(chosen)
+    chosen = system.closure.select(y, system.kinematics.values_at(y))
+    Z = null_basis(system, y)
 
     def residual(increment):
         nodal.begin(y, y[system.rows :])

@@ -229,7 +229,7 @@ def test_a_mesh_of_other_cells_is_no_beam():
     (lambda: RigidBody.box(1.0, (1, 2, -3)), ["rigid body", "box", "-3"]),
     (lambda: RigidBody.box(-1.0, (1, 2, 3)), ["rigid body", "mass = -1.0"]),
     (lambda: RigidBody.sphere(1.0, 0.0), ["rigid body", "sphere", "radius", "0.0"]),
-    (lambda: RigidBody.sphere(1.0, (1, 2)), ["rigid body", "sphere", "radius", "single"]),
+    (lambda: RigidBody.sphere(1.0, (1, 2)), ["rigid body", "sphere", "radius", "(1, 2)"]),
     (lambda: RigidBody.box(1.0, (0.1, -0.06, 1)), ["rigid body (box)", "edges[1] = -0.06"]),
     (lambda: RigidBody.cylinder(1.0, 1.0, -2.0), ["rigid body (cylinder): length = -2.0"]),
     (lambda: RigidBody.sphere(NAN, 1.0), ["rigid body", "mass = nan"]),
@@ -846,8 +846,8 @@ def test_a_run_in_a_plane_is_asked_of_the_model():
 
 
 @pytest.mark.parametrize("kind", ["heavy", "hinged", "spins"])
-def test_inertia_of_a_chain_is_looked_at_as_cheaply_as_it_can_be(kind):
-    """Body by body where each has enough; all in one matrix where joints leave next to nothing."""
+def test_inertia_of_a_chain(kind):
+    """A bar without inertia about its axis is held by a hinge, and spins on balls."""
     items, end = {}, HERE
     for k in range(12):
         a, b = np.array([0, 0, k + 0.0]), np.array([0, 0, k + 1.0])
@@ -862,8 +862,7 @@ def test_inertia_of_a_chain_is_looked_at_as_cheaply_as_it_can_be(kind):
     if kind == "spins":
         refused(lambda: freeze(**items), ["rigid body 'bar 7'", "rotation about", "no inertia"])
         return
-    looked = {"recursion", "T"} & set(vars(freeze(**items).kinematics))
-    assert looked == ({"recursion"} if kind == "hinged" else set())
+    assert "T" not in vars(freeze(**items).kinematics)  # not all in one matrix
 
 
 @pytest.mark.parametrize("mass", [1e-3, 1e-14])
@@ -874,7 +873,7 @@ def test_a_light_body_on_a_heavy_one(mass):
     ball = JointSpherical(dust.at((0.5, 0, 0)), box.at((0.5, 0, 0)))
     items = {"dust": dust, "box": box, "ball": ball}
     if mass == 1e-3:
-        assert "recursion" not in vars(freeze(**items).kinematics)
+        assert freeze(**items).unknowns == 9
     else:
         refused(lambda: freeze(**items), ["no inertia", "rotation about"])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import inspect
 import pickle
-from dataclasses import dataclass
+from dataclasses import FrozenInstanceError, dataclass
 
 import numpy as np
 import pytest
@@ -146,7 +146,6 @@ ITEMS = [
     sc.SolverDense(),
     sc.SolverBanded(),
     sc.SolverSuperLU(),
-    sc.SolverMetis(),
     sc.SolverPardiso(),
     sc.LoadControl(),
     sc.LoadControl(at=[0.5, 1.0]),
@@ -187,9 +186,9 @@ def test_all_public_kinds_are_here():
 def test_items_cannot_be_changed(item):
     for name in [*attributes(item), "velocty"]:
         before = getattr(item, name, None)
-        with pytest.raises(sc.FrozenError, match=f"{name} cannot be set: .*; make another|new"):
+        with pytest.raises(FrozenInstanceError, match=f"{name} cannot be set: .*; make|'{name}'"):
             setattr(item, name, np.nan)
-        with pytest.raises(AttributeError, match=f"{name} cannot be deleted"):
+        with pytest.raises(FrozenInstanceError, match=f"{name} cannot be deleted|'{name}'"):
             delattr(item, name)
         assert getattr(item, name, None) is before
     for value in attributes(item).values():
@@ -202,7 +201,7 @@ def test_copies_cannot_be_changed_either(item):
     for other in (copy.copy(item), pickle.loads(pickle.dumps(item))):
         assert type(other) is type(item)
         assert attributes(other).keys() == attributes(item).keys()
-        with pytest.raises(sc.FrozenError):
+        with pytest.raises(FrozenInstanceError):
             other.name = "new"
         for value in attributes(other).values():
             assert not any(array.flags.writeable for array in arrays_in(value))
@@ -354,7 +353,7 @@ def test_own_classes_are_frozen_when_their_constructor_is_through():
     assert screw.given.tolist() == [0, 0, 1]
     screw._seen += 1  # notes of its own stay free
     for item, name in ((screw, "axis"), (gust, "speed"), (Tide(height=2.0), "height")):
-        with pytest.raises(sc.FrozenError):
+        with pytest.raises(FrozenInstanceError):
             setattr(item, name, 1.0)
     assert repr(gust).startswith("<Gust 'gust': value=[4.5, 0, 0], place=rigid body 'body'")
     other = model.with_items({"body": sc.RigidBody.box(2.0, (1, 1, 1))})

@@ -9,7 +9,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "skfem_cosserat"
 OPTIONAL = ("pyvista", "matplotlib", "vtk", "vtkmodules", "numba", "llvmlite", "pypardiso")
-OPTIONAL += ("pymetis", "shapely", "distributed", "h5py", "tqdm")
+OPTIONAL += ("shapely", "distributed", "h5py", "tqdm")
 #: modules of kernels import numba; they are themselves imported in functions only
 IMPORT_ALL = """
 import importlib, pkgutil, sys

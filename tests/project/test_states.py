@@ -35,7 +35,6 @@ LEFT_OUT = {
     "Theory",
     "TheoryReissner",
     "Motion",
-    "SolverMetis",
     "SolverPardiso",
     "SensorQuantity",
 }

@@ -867,7 +867,7 @@ def test_kernels_agree_on_velocities_and_energies(name):
     system = LOOKED_AT[name]()
     history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.05)
     q, p = history["q"], history["carried"]
-    motions = CompiledMotion(system.tied, sc.NewtonSettings())
+    motions = CompiledMotion(system, sc.NewtonSettings())
     v, kinetic, stored = motions(q, p)
     expected = diagnostics.Projection(system).velocities(q, p, history.times)
     assert v == pytest.approx(expected, rel=1e-11, abs=1e-11)
@@ -900,7 +900,7 @@ def test_energies_by_a_law_are_left_to_the_law():
     system = model.freeze()
     history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.01, kernels="numpy")
     q, p = history["q"][-1], history["carried"][-1]
-    motions = CompiledMotion(system.tied, sc.NewtonSettings())
+    motions = CompiledMotion(system, sc.NewtonSettings())
     assert motions(q, p).stored is None
     view = sc.View(system, sc.State(0.01, 10, q, p))
     plain = view.energy()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 import warnings
 
 import numpy as np
@@ -260,10 +259,8 @@ def test_only_hard_steps_are_doubted_and_none_that_are_prescribed():
     assert not doubtful_steps(model.freeze(), driven).any()
 
 
-@pytest.mark.parametrize("together", [2**16, 1])
-def test_numbers_are_those_of_each_state_alone(monkeypatch, together):
-    """Of frames and points, however many are looked at together: by loops over definitions."""
-    monkeypatch.setattr(sys.modules[resolution.__module__], "TOGETHER", together)
+def test_numbers_are_those_of_each_state_alone():
+    """Of frames and points: by loops over definitions."""
     model = spinning(0.3)
     model.add("ball", sc.MassPoint(1.0, position=(1.0, 0, 0), velocity=(0, 1.0, 0)))
     spin = (0.1, 1.1, 0.2)

@@ -360,3 +360,20 @@ def test_a_critical_point_at_the_end_of_a_step_has_reactions():
     right = 2 * np.pi * EI * path["load_factor"]
     assert abs(path["joint/drive/moment"][:, 2] - right).max() < 1e-3 * right.max()
     assert abs(path["joint/clamp/moment"][:, 2] + right).max() < 1e-3 * right.max()
+
+
+def test_a_bifurcation_of_a_bow_is_symmetric():
+    """It lies on the path that goes on, where the bow does not lean to a side."""
+    points = [(x, 0.3 * (1 - x * x), 0) for x in np.linspace(-1, 1, 7)]
+    section = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.0, inertia=(1e-3, 1e-3))
+    mesh, model = sc.MeshCurve.init_polyline(points, 1, name="rod"), sc.Model()
+    bow = model.add("bow", sc.Beam(mesh, section, director=(0, 0, 1)))
+    for end in ("start", "end"):
+        node = bow.node(f"rod.{end}")
+        model.add(end, sc.JointRevolute(sc.ground(node.position), node, axis=(0, 0, 1)))
+    model.add("push", sc.LoadForce(bow.node((0, 0.3, 0)), (0, -60.0, 0)))
+    path = sc.static(model, control=sc.ArcLength(12, first=0.2))
+    (found,) = path.meta["critical"]
+    x = path["q"][found["state"]].reshape(-1, 12)[:, :2]
+    assert found["kind"] == "bifurcation"
+    assert x == pytest.approx(x[::-1] * [-1, 1], abs=1e-10)

@@ -26,7 +26,7 @@ from skfem_cosserat.diagnostics.stacked import blocks_matrix
 from skfem_cosserat.model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
 from skfem_cosserat.statics.critical_points import inspect
 from skfem_cosserat.statics.path import STATIC
-from skfem_cosserat.statics.problem import PlainProblem
+from skfem_cosserat.statics.problem import Problem
 from skfem_cosserat.statics.schedule import Functional, Point, Schedule
 from skfem_cosserat.statics.solver import PathSolver
 
@@ -603,21 +603,19 @@ def test_derivative_by_the_load_factor(scene, treatment):
     t = 0.35
     y = system.extend(random_state(system, np.random.default_rng(3), t, 0.1), t)
     point = Point(y, t)
-    solver.begin(point)
     gradient = np.random.default_rng(4).standard_normal((system.rows, 3))
     target = Functional(gradient, 0.3, 0.1)
-    problem = PlainProblem(solver.bound, schedule, STATIC, point, target)
+    problem = Problem(solver.plain, schedule, STATIC, point, target)
+    solver.plain.begin(point)
     problem.residual()
-    problem.direction()
-    found, by_t = problem._factor_derivative()
-    bound, total, moved = solver.bound, 0.0, 0.0
+    found, by_t = problem.derivative()
+    total, moved = 0.0, 0.0
     for k, c in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60)):
         for sign in (1, -1):
             end = t + sign * k * 2e-3
-            bound.ground1 = system.ground(end)
-            z = bound.configure()
-            R = problem._balance(z, end).R
-            total = total + sign * c * bound.reduce(R, z) / 2e-3
+            solver.plain.evaluate(end)
+            z = solver.plain.y
+            total = total + sign * c * solver.plain.residual / 2e-3
             moved = moved + sign * c * z[: system.rows] / 2e-3
     assert abs(found - total).max() < 1e-7 * abs(total).max()
     if system.moving and treatment.name == "null-space":
