@@ -245,6 +245,8 @@ class Reparametrisation:
 
     def add(self, increment: Array) -> None:
         """Compose with an increment (K,) of the tree's coordinates at the present configuration."""
+        if not len(increment):  # all joints are driven
+            return
         shift = increment.take(self.shift_numbers)
         self._shift = self._shift + (shift @ self._directions if self._flat else shift)
         theta = increment.take(self._theta) * self._factors
