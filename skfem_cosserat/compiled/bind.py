@@ -35,7 +35,6 @@ from .numbers import (
     NEXT_LOADS,
     NUMBERS,
     TREE_PARTS,
-    WIDTH,
 )
 from .plan import Plan, following, places_of
 from .structures import Groups, flags, integers
@@ -736,11 +735,7 @@ def bound_carried(
         # where the iteration has impulses of constraint rows in R
         "closing": arrays["closing"] if len(coordinates.left_rows) else none,
         "moved_force": np.zeros(1),
-        # each step begins at a whole vector
-        **{
-            f"log_{name}": np.empty((most[0], -(-rows // WIDTH) * WIDTH, 3))
-            for name in ("q", "p", "impulse")
-        },
+        **{f"log_{name}": np.empty((most[0], rows, 3)) for name in ("q", "p", "impulse")},
         "log_rates": np.empty((most[0], count * rows, 3)),
         "log_turns": np.empty((most[0], len(arrays["coupled"]))),
         "log_numbers": np.empty((most[1], len(LOGGED))),

@@ -27,7 +27,7 @@ from .numbers import (
     SHARE,
     WEIGHT,
 )
-from .simd import WIDTH, add_rows, put_rows, rows, store
+from .simd import WIDTH, add_rows, put_rows, rows
 from .small import (
     block,
     chosen,
@@ -163,33 +163,22 @@ def step_balance(s: Any, w: Any, numbers: Floats, sized: bool) -> float:
     if len(w.flow.owner) == 0:  # else it is there, with the extra velocity
         mass_times(own[0], own[1], own[2], w.y1, w.y0, numbers[MASS], inertia)
     momentum, force = numbers[MOMENTUM], numbers[FORCE]
-    for k in range(R.size // WIDTH):
-        f = force * (simd.load(internal, k) - simd.load(external, k))
-        store(R, k, simd.load(inertia, k) - momentum * simd.load(p0, k) + f)
-    for r in range(max(R.shape[0] - 1, 0), R.shape[0]):  # what may be left
+    for r in range(R.shape[0]):
         for c in range(3):
             f = force * (internal[r, c] - external[r, c])
             R[r, c] = inertia[r, c] - momentum * p0[r, c] + f
     if not sized:
         return 0.0
     # one term, as in the variational scheme's evaluation
-    single = numbers[ENDS] == 0.0 and numbers[SHARE] < 1.0
-    none = simd.pack((0.0, 0.0, 0.0, 0.0))
-    most = none
-    for k in range(R.size // WIDTH):
-        f, x = force * simd.load(internal, k), force * simd.load(external, k)
-        if single:
-            f, x = f - x, f - x
-        # only the last of these waits for the entries before
-        here = simd.farther(simd.farther(none, simd.load(inertia, k)), simd.load(p0, k))
-        most = simd.farther(most, simd.farther(simd.farther(here, f), x))
-    largest = simd.largest(most)
-    for r in range(max(R.shape[0] - 1, 0), R.shape[0]):
+    single, largest = numbers[ENDS] == 0.0 and numbers[SHARE] < 1.0, 0.0
+    for r in range(R.shape[0]):
         for c in range(3):
             f, x = force * internal[r, c], force * external[r, c]
             if single:
                 f, x = f - x, 0.0
-            largest = max(largest, abs(inertia[r, c]), abs(p0[r, c]), abs(f), abs(x))
+            # only the last of these waits for the entries before
+            here = max(abs(inertia[r, c]), abs(p0[r, c]), abs(f), abs(x))
+            largest = max(largest, here)
     return largest
 
 

@@ -15,7 +15,7 @@ from ..types import Floats
 from . import numbers as n
 from .flow import flow_velocity
 from .jit import call_with, inlined
-from .simd import WIDTH, copy, load, store
+from .simd import copy
 
 #: what leads out of a plane, against the size of its terms, up to which it is nothing but rounding
 LEAST = 4 * np.finfo(np.float64).eps
@@ -173,12 +173,8 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
         o.y1,
         o.carried,
     )
-    rows, begin = R.shape[0], k * q.shape[1] * 3 // WIDTH
-    for i in range(3 * rows // WIDTH):
-        store(q, begin + i, load(y1, i))
-        store(p, begin + i, load(carried, i))
-        store(impulse, begin + i, -1.0 * load(R, i))
-    for r in range(max(rows - 1, 0), rows):  # what may be left
+    rows = R.shape[0]
+    for r in range(rows):
         for c in range(3):
             q[k, r, c], p[k, r, c], impulse[k, r, c] = y1[r, c], carried[r, c], -R[r, c]
     for r in range(closing.shape[0]):

@@ -308,20 +308,6 @@ def largest(typing: Any, value: Any) -> Any:
     return types.float64(simd), generate
 
 
-@intrinsic
-def farther(typing: Any, out: Any, value: Any) -> Any:
-    """The larger one of a number and the size of another, lane by lane; NaN counts as nothing."""
-
-    def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
-        most, value = values
-        bits = ir.VectorType(_INDEX, WIDTH)
-        unsigned = ir.Constant(bits, [2**63 - 1] * WIDTH)
-        size = builder.bitcast(builder.and_(builder.bitcast(value, bits), unsigned), _VECTOR)
-        return builder.select(builder.fcmp_ordered(">", size, most), size, most)
-
-    return simd(simd, simd), generate
-
-
 def _product(add: bool) -> Any:
     def typed(typing: Any, A: Any, k: Any, x: Any, u: Any, sign: Any, out: Any, v: Any) -> Any:
         def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:

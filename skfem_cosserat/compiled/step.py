@@ -12,7 +12,7 @@ from . import numbers as n
 from .flow import BORDER
 from .jit import call, call_back, call_beams, inlined, part
 from .rates import begin_rates, finish_rates, go_on, keep, stay_in_plane
-from .simd import WIDTH, clear, load, store
+from .simd import clear
 
 
 @inlined
@@ -78,9 +78,7 @@ def evaluate(c: Any, sized: bool) -> float:
     ask(c, n.JOINT_MOVE, 0)
     y0, y1, mid = w.y0, w.y1, w.mid
     share = numbers[n.SHARE]
-    for k in range(y1.size // WIDTH):
-        store(mid, k, (1.0 - share) * load(y0, k) + share * load(y1, k))
-    for r in range(max(len(y1) - 1, 0), len(y1)):  # what may be left
+    for r in range(len(y1)):
         for i in range(3):
             mid[r, i] = (1.0 - share) * y0[r, i] + share * y1[r, i]
     if numbers[n.REACH] != 0.0:

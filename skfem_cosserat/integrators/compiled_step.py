@@ -456,17 +456,17 @@ class CompiledStep(CompiledScene):
         record[STATES] = self._kept if every else LAST + 1
         record[VARYING] = varies = self._varies(state.time)
         solved = self._solved(state, len(times))
-        done, n, rows = int(record[DONE]), self.system.n, self.system.rows
+        done, n = int(record[DONE]), self.system.n
         a, o = self._a, self._o
         logged = o.log_numbers[:done]
         kept: Any = slice(done) if every else np.arange(max(0, done - LAST), done) % (LAST + 1)
         count = done if every else len(kept)
         block = BlockOfSteps(
             not solved,
-            o.log_q[kept, :rows].reshape(count, n),
-            o.log_p[kept, :rows].reshape(count, n),
+            o.log_q[kept].reshape(count, n),
+            o.log_p[kept].reshape(count, n),
             o.log_rates[kept].reshape(count, len(o.table), n),
-            o.log_impulse[kept, :rows],
+            o.log_impulse[kept],
             self._coupled.turns_of(o.log_turns[kept]),
             np.array(self._grounds[:count]) if self._grounds else a.ground1[None].repeat(count, 0),
             logged[:, 0].astype(np.int64),

@@ -236,7 +236,7 @@ def _geometric(
         local = dq[group.rows].reshape(len(group.rows), -1, 1)
         stresses.append(group.linear_stress(D, (B @ local).reshape(len(B), -1, 6)))
         none = np.zeros_like(B)
-        blocks[k] += group.tangent(none, none, stresses[k], 0.0, 1.0)
+        blocks[k] += group.parts(none, none, stresses[k], 0.0, 1.0).blocks()
     R = system.internal_force(Bs, stresses) - system.loading.dead_force(loads.loads)
     if not system.loading.dead_only:
         R = R - system.loading.force(y[: system.rows], loads.loads)

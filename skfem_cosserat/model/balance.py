@@ -203,7 +203,7 @@ def balance_tangent(
     used = at.stresses if stresses is None else stresses
     for k, g in enumerate(system.beam_groups):
         B = at.Bs[k]
-        blocks[k] += g.tangent(B, B, used[k], 1.0, 1.0, g.moduli(at.strains[k]))
+        blocks[k] += g.parts(B, B, used[k], 1.0, 1.0, g.moduli(at.strains[k])).blocks()
     if not system.loading.dead_only:
         system.loading.add_tangent(blocks, at.y[: system.rows], amplitudes.loads, -1.0)
     if amplitudes.spin is not None:

@@ -27,7 +27,6 @@ from ..kernels import (
     beam_strain,
     beam_strain_rate,
     beam_stress,
-    beam_tangent,
     beam_viscous_stress,
     bilinear,
 )
@@ -351,18 +350,6 @@ class BeamGroup(Group):
         """Nodal forces of each element (ne, 12 nn)."""
         return beam_force(self.elements, B, stress)
 
-    def tangent(
-        self,
-        left: Array,
-        right: Array,
-        stress: Array,
-        material: float,
-        geometric: float,
-        moduli: Array | None = None,
-    ) -> Array:
-        """See :func:`skfem_cosserat.kernels.beam_tangent`."""
-        return beam_tangent(self.elements, left, right, stress, material, geometric, moduli)
-
     def parts(
         self,
         left: Array,
@@ -372,7 +359,10 @@ class BeamGroup(Group):
         geometric: float,
         moduli: Array | None = None,
     ) -> Parts:
-        """The same as :meth:`tangent`, not multiplied out."""
+        """``material * int left^T D right ds + geometric * int S . C/l ds`` of each element.
+
+        See :func:`skfem_cosserat.kernels.beam_tangent`.
+        """
         scalar = beam_geometric(self.elements, geometric * stress)
         weight = self.elements.weighted_stiffness if moduli is None else moduli
         return Parts(scalar, left, right, material * weight)

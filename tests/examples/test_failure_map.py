@@ -31,7 +31,7 @@ def stiffness(system: sc.System, q: np.ndarray, geometric: float) -> np.ndarray:
     y = system.extend(q, 0.0)
     K = np.zeros((system.n, system.n))
     for group, (eps, B) in zip(system.beam_groups, system.strain(y), strict=True):
-        blocks = group.tangent(B, B, group.stress(eps), 1.0, geometric)
+        blocks = group.parts(B, B, group.stress(eps), 1.0, geometric).blocks()
         for dofs, block in zip(group.dofs, blocks, strict=True):
             K[np.ix_(dofs, dofs)] += block
     return K

@@ -357,7 +357,7 @@ def mode(kind):
     system = cantilever()
     P, ((eps, B),) = system.null_space(system.q0), system.strain(system.extend(system.q0, 0.0))
     (group,), K = system.beam_groups, np.zeros((system.n, system.n))
-    for dofs, own in zip(group.dofs, group.tangent(B, B, 0 * eps, 1.0, 0.0), strict=True):
+    for dofs, own in zip(group.dofs, group.parts(B, B, 0 * eps, 1.0, 0.0).blocks(), strict=True):
         K[np.ix_(dofs, dofs)] += own
     M = np.kron(system.mass.toarray(), np.eye(3))
     squares, shapes = eigh(P.T @ K @ P, P.T @ M @ P)
