@@ -437,7 +437,7 @@ class RigidBody(_Lump):
         return self.at(place.position)
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """Copy for other items; attached, its numbers are turned into the triad of the new place."""
+        """Copy for other items; attached, with its numbers in the triad of its new place."""
         other = super().with_replacements(replacements)
         turn = None if self.on is None or other.on is None else self.on.turn_to(other.on)
         if turn is not None:

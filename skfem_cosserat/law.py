@@ -233,7 +233,7 @@ class LawStored(Law):
         return self._complex("energy", energy, eps, eps.shape)
 
     def beside(self, mean: Array, d: Array) -> tuple[Array, Array]:
-        """Stress of the mean strain, slopes of W beside it; without a gradient in one call."""
+        """Stress of the mean strain, slopes of W beside it; by complex steps without a gradient."""
         energy, gradient, _ = self.functions
         if gradient is not None or np.iscomplexobj(mean):
             return super().beside(mean, d)

@@ -432,7 +432,7 @@ def _ticks(axis: Any, values: Sequence[Any], most: int) -> None:
 
 
 def _limit(axis: Any, field: Floats, style: str) -> None:
-    """Draw the line where the field is 1, by its logarithm: its values differ by orders."""
+    """Draw the line where the field is 1, found by its logarithm."""
     with np.errstate(all="ignore"):
         level = np.log(field)
     level = np.ma.masked_invalid(level)

@@ -303,7 +303,7 @@ def bound_beams(
 
 
 def _kinds(each: Floats) -> tuple[Floats, IndexArray]:
-    """Distinct values of elements (ne, ...), and the number of each element's value (ne,).
+    """Distinct values of elements (ne, ...), and the index of each element's value (ne,).
 
     Elements of one section share a value, so that kernels read less memory.
     """
