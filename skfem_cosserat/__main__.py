@@ -18,7 +18,7 @@ __all__ = ["main"]
 
 
 def _changes(arguments: argparse.Namespace) -> str:
-    """What a user of an older version has to change."""
+    """Changes that a user of an older version has to make."""
     return files(__package__).joinpath("CHANGES").read_text(encoding="utf-8")
 
 

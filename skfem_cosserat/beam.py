@@ -235,7 +235,7 @@ class Beam(LineItem):
         return self.__dict__ | {"_orientation": None}
 
     def refined(self, marked: Any = (), order: int | Interpolation | None = None) -> Self:
-        """The same beam with some elements halved, or of another order.
+        """Copy of the beam with some elements halved, or of another order.
 
         Parameters
         ----------
@@ -277,7 +277,7 @@ class Beam(LineItem):
         order: int | Interpolation | None = None,
         theory: Theory | None = None,
     ) -> Self:
-        """The same beam on another mesh of its lines, finer or coarser, or with another theory.
+        """Copy of the beam on another mesh of its lines, finer or coarser, or with another theory.
 
         Parameters
         ----------
@@ -413,7 +413,7 @@ class Beam(LineItem):
     # -- protocol of structural items ------------------------------------------------------------
 
     def counterpart(self, place: Place) -> Place:
-        """See the base class: a node of this mesh, found by arc length along that of the other."""
+        """Node of this mesh for a place: by arc length on the other mesh, or by position."""
         other = place.item
         if not isinstance(other, Beam):
             a = self.basis.node(place.position)

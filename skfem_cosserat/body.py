@@ -50,7 +50,7 @@ class _Lump(StructuralItem):
         return None if self.on is None else self.on.triad
 
     def references(self) -> list[StructuralItem]:
-        """What it is attached to."""
+        """Item that it is attached to, if any."""
         return [] if self.on is None or self.on.item is None else [self.on.item]
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
@@ -119,7 +119,7 @@ class MassPoint(_Lump):
         return Place(self, 0, self.position, np.zeros(3), None)
 
     def scalar_mass(self) -> Floats:
-        """See the base class."""
+        """Mass matrix without the factor I_3: of phi, or of the frame that it is attached to."""
         if self.on is None:
             return np.array([[self.mass]])
         X = np.concatenate([[1.0], self.on.offset])
@@ -433,11 +433,11 @@ class RigidBody(_Lump):
         return self.at(self.position + offset @ self.triad)
 
     def counterpart(self, place: Place) -> Place:
-        """See the base class; also of a node of a beam that it stands for."""
+        """Place on this body at the same position, also for a node of a beam that it replaces."""
         return self.at(place.position)
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class; attached, its numbers are those in the triad of its place."""
+        """Copy for other items; attached, with its numbers in the triad of its new place."""
         other = super().with_replacements(replacements)
         turn = None if self.on is None or other.on is None else self.on.turn_to(other.on)
         if turn is not None:
@@ -448,7 +448,7 @@ class RigidBody(_Lump):
         return other
 
     def scalar_mass(self) -> Floats:
-        """See the base class; E is taken about the reference point there."""
+        """Mass matrix without the factor I_3 (4, 4); attached, about the reference point there."""
         center = self.center if self.on is None else self.on.offset + self.center
         out = np.empty((4, 4))
         out[0, 0] = self.mass

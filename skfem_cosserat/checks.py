@@ -296,7 +296,7 @@ def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
 
 
 def _finer(beam: Beam) -> str:
-    """What helps."""
+    """Advice to raise the order of a beam or to refine its mesh."""
     order = beam.basis.order
     return f"give it order=3, which is {order}, or " * (order < 3) + "take more elements"
 

@@ -505,7 +505,7 @@ class Foundation(Item):
         return semidefinite(self.label, name, array if array.ndim == 2 else array * np.eye(3))
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class; on the nodes that the beam has there."""
+        """Copy for the beam that replaces its own, on the nodes of that beam."""
         other = loosened(copy(self))
         other.name, other.beam = None, replacements.of(self.beam)
         if not is_beam(other.beam):

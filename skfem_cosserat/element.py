@@ -98,7 +98,7 @@ _TURN_LIMITS = {1: 45.0, 2: 87.4669, 3: 103.9892, 4: 141.1347}
 
 @dataclass(frozen=True, repr=False)
 class Interpolation(Frozen):
-    """Where the nodes of a beam element are and how many Gauss points it has.
+    """Nodes and Gauss points of a beam element.
 
     Base of :class:`InterpolationLobatto`, which every beam has by default, and of
     :class:`InterpolationEquidistant`. Two of the same class and numbers are equal.
@@ -191,7 +191,7 @@ class InterpolationLobatto(Interpolation):
 
     @property
     def nodes(self) -> Floats:
-        """See :func:`lobatto_nodes`."""
+        """Gauss-Lobatto points, see :func:`lobatto_nodes`."""
         return lobatto_nodes(self.order)
 
 

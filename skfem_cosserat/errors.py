@@ -65,7 +65,7 @@ class InputError(CosseratError, ValueError):
 
 
 def failed(item: str, what: str, error: Exception, t: float | None = None) -> InputError:
-    """What is raised from an error of a function that a user gave: names item, function and time.
+    """Error for a function of a user that failed: it names item, function and time.
 
     Errors of this package keep their text.
     """

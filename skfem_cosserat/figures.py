@@ -44,7 +44,7 @@ DASHES = ("-", "--", "-.", ":")
 
 
 class Style(NamedTuple):
-    """How a curve is drawn: arguments of matplotlib's ``plot``, by ``style._asdict()``."""
+    """Style of a curve: arguments of matplotlib's ``plot``, by ``style._asdict()``."""
 
     color: str
     marker: str

@@ -181,7 +181,7 @@ class Vertices:
 
 
 class Item(Attached):
-    """What a model is made of; gets its name when it is added to a model."""
+    """Base of all that a model is made of; an item gets its name when it is added to a model."""
 
     kind = "item"
     name: str | None = None
@@ -189,7 +189,7 @@ class Item(Attached):
 
     @property
     def label(self) -> str:
-        """How errors call it."""
+        """Name in messages: its kind, and its name in the model."""
         return self.kind if self.name is None else f"{self.kind} {self.name!r}"
 
     @property
@@ -208,7 +208,7 @@ class Item(Attached):
         return []
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class; in no model yet."""
+        """Copy that refers to the replacements; it is in no model yet."""
         other = super().with_replacements(replacements)
         other.name = None
         return other
@@ -221,7 +221,7 @@ class StructuralItem(Item):
     where = "body.at(x)"
 
     def counterpart(self, place: Place) -> Place:
-        """The same material point as a place of this item, which stands for that of `place`.
+        """Place of this item for the same material point, where this item replaces that of `place`.
 
         Raises
         ------
@@ -236,7 +236,7 @@ class StructuralItem(Item):
 
 
 class LineItem(StructuralItem):
-    """What is modelled by elements along a line: a beam.
+    """Base of items modelled by elements along a line: beams.
 
     Known here, so that who asks for beams needs not import them, nor meshes and elements.
     """
@@ -290,7 +290,7 @@ class Place(Attached):
     note: str = field(default="")
 
     def with_replacements(self, replacements: Replacements) -> Place:
-        """See the base class; places of the ground have no other."""
+        """Place of the item that replaces its own; places of the ground stay the same."""
         return self if self.item is None else replacements.of(self.item).counterpart(self)
 
     def at(self, t: float) -> Floats:
@@ -299,11 +299,11 @@ class Place(Attached):
 
     @property
     def origin(self) -> Floats:
-        """Where phi of its vertex is in the reference (m)."""
+        """Reference position of its vertex, phi (m)."""
         return self.position if self.triad is None else self.position - self.offset @ self.triad
 
     def same_frame(self, other: Place) -> bool:
-        """Whether phi and the triads of both are the same in the reference."""
+        """True if phi and the triads of both are the same in the reference."""
         gap = abs(self.origin - other.origin).max()
         return self.turn_to(other) is None and gap <= TOLERANCE * abs(self.position).max()
 
@@ -327,7 +327,7 @@ class Place(Attached):
 
     @property
     def label(self) -> str:
-        """How errors call it."""
+        """Name in messages: its item and its position."""
         where = "ground" if self.item is None else self.item.label
         return f"{where}{self.note} at {np.round(self.position, 9).tolist()}"
 
@@ -361,7 +361,7 @@ class Place(Attached):
 
 
 def no_place(value: object) -> str:
-    """What to say of something that should be a place: what it is, and how to get one."""
+    """Text of an error for a value that should be a place: what it is, and how to get one."""
     if isinstance(value, StructuralItem):
         return f"the {value.label}, expected a place on it: {value.where}"
     return (
@@ -433,7 +433,7 @@ def ground(position: ArrayLike, motion: Motion | None = None) -> Place:
 
 
 def is_beam(item: object) -> TypeGuard[Beam]:
-    """Whether an item is a beam; scenes without one import neither beams nor meshes.
+    """True if an item is a beam; scenes without one import neither beams nor meshes.
 
     Examples
     --------
@@ -495,7 +495,7 @@ class MotionTurn(Motion):
         )
 
     def frame(self, place: Place, t: float) -> Floats:
-        """See the base class."""
+        """Rows ``(x, d1, d2, d3)`` (4, 3) of a ground place turned by the angle at time ``t``."""
         item, expected = f"turning motion of the {place.label}", f"a finite number at t = {t!r}"
         value = finite(item, "angle", self.angle(t), expected)
         R = rotation_matrix(exp_quaternion(value * self.axis))
@@ -565,7 +565,7 @@ class MotionShake(Motion):
         self.__dict__.update(times=t, accelerations=a, _x=x, _v=v)
 
     def frame(self, place: Place, t: float) -> Floats:
-        """See the base class."""
+        """Rows ``(x, d1, d2, d3)`` (4, 3) of a ground place that shakes, at time ``t``."""
         times, a, x, v = self.times, self.accelerations, self._x, self._v
         out = np.vstack([place.position, np.eye(3)])
         if t <= times[0]:

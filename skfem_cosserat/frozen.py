@@ -1,4 +1,4 @@
-"""What is built is built: items refuse to be changed, and say in one line what they are."""
+"""Objects that refuse to be changed once they are built, and describe themselves in one line."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Frozen:
 
     @property
     def _called(self) -> str:
-        """How errors and what it is part of call it."""
+        """Name in errors that refuse a change."""
         return type(self).__name__
 
     def _refuse(self, name: str, what: str) -> None:
@@ -105,11 +105,11 @@ class Frozen:
         return f"{type(self).__name__}({self._shown()})"
 
     def _brief(self) -> str:
-        """The same where it is part of another one."""
+        """Description where it is part of another object."""
         return repr(self)
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
-        """What its constructor was given, as far as it is known and not the default."""
+        """Arguments given to the constructor, as far as they are known and not the default."""
         for name, parameter in inspect.signature(type(self)).parameters.items():
             value = getattr(self, name, parameter.default)
             if not (isinstance(value, MethodType) or _same(value, parameter.default)):
@@ -202,7 +202,7 @@ def lock_arrays(thing: object) -> None:
 
 
 class Attached(Frozen):
-    """What may refer to items or places of a model, directly or through others."""
+    """Base of all that may refer to items or places of a model, directly or through others."""
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """A copy that refers to the copies of what it refers to; :class:`Replacements` seals it.

@@ -158,7 +158,7 @@ def stored_law(
 
 
 def _noise(law: LawStored) -> float:
-    """What rounding makes of energies that nearly vanish: against the mean stress on the way."""
+    """Rounding error of energies near zero strain, found against the mean stress on the way."""
     size = np.geomspace(1e-8, 1e-6, 64)[:, None]
     eps = size * law.scale * np.random.default_rng(2).uniform(-1, 1, (64, 6))
     mean = law.mean_stress(np.zeros_like(eps), eps)
@@ -244,7 +244,7 @@ def _check_calls(law: LawStored, given: dict[str, Any], points: Floats) -> None:
 
 
 def _weight(name: str, scale: Floats) -> Floats:
-    """What gives the entries of a function one unit."""
+    """Factors that give the entries of a function one unit."""
     if name == "energy":
         return np.ones(())
     return scale if name == "gradient" else np.outer(scale, scale)
@@ -295,7 +295,7 @@ def _compare(law: LawStored, name: str, points: Floats, made: bool = False) -> N
 
 
 def _analytic(law: LawStored, points: Floats) -> bool:
-    """Whether the complex step through a given gradient gives its derivative."""
+    """True if the complex step through a given gradient gives its derivative."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", np.exceptions.ComplexWarning)
         try:

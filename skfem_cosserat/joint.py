@@ -61,7 +61,7 @@ class Slide(Frozen):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Freedom(Frozen):
-    """What a joint leaves free between its sides, for the null space.
+    """Relative motions that a joint leaves free between its sides, for the null space.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Freedom(Frozen):
     sphere: bool = False
 
     def within(self, normal: Floats) -> Freedom:
-        """What is left where everything moves in the plane with this unit normal only.
+        """Freedom that is left where everything moves only in the plane with this unit normal.
 
         Turns about the normal, and the slides in the plane; two slides that leave it both are one
         along the line in which their plane meets it.
@@ -122,7 +122,7 @@ class Joint(Item):
 
     @property
     def label(self) -> str:
-        """How errors call it."""
+        """Name in messages: its type and kind, and its name in the model."""
         text = f"{self.type} {self.kind}"
         return text if self.name is None else f"{text} {self.name!r}"
 
@@ -392,12 +392,12 @@ class JointPlanar(Joint):
         return Freedom((Turn("angle", self.normal),), slides)
 
     def coordinates(self) -> tuple[RelativeCoordinate, ...]:
-        """See the base class; without `x` the angle only."""
+        """Displacements x, y and the angle; the angle only if the joint has no direction `x`."""
         found = super().coordinates()
         return found if self.directed else tuple(c for c in found if c.kind == "angle")
 
     def coordinate(self, name: str | None = None) -> RelativeCoordinate:
-        """See the base class."""
+        """One of :meth:`coordinates`; an error for x and y if the joint has no direction `x`."""
         if name in ("x", "y") and not self.directed:
             raise InputError(
                 self.label,
@@ -470,7 +470,7 @@ class JointDistance(Joint):
         return np.zeros(3)
 
     def check(self, t: float, length: float) -> None:
-        """See the base class."""
+        """Raise InputError if the distance between the points is not the joint's length."""
         super().check(t, length)
         distance = float(np.linalg.norm(self.b.at(t) - self.a.at(t)))
         if abs(distance - self.length) > TOLERANCE * self.length:
@@ -631,7 +631,7 @@ class JointFixed(Joint):
 
 
 class JointLocked(JointFixed):
-    """What became of a joint whose relative coordinates are frozen; it keeps its name.
+    """Joint whose relative coordinates are frozen; it keeps the name of the joint it replaces.
 
     Parameters
     ----------
@@ -649,7 +649,7 @@ class JointLocked(JointFixed):
         self.joint = joint
 
     def coordinates(self) -> tuple[RelativeCoordinate, ...]:
-        """Those of the joint, which do not change any more."""
+        """Coordinates of the joint that was locked, which do not change any more."""
         return self.joint.coordinates()
 
 
@@ -667,7 +667,7 @@ class _Prescribed(Motion):
     number: Callable[[float], float] = float
 
     def frame(self, place: Place, t: float) -> Floats:
-        """See the base class."""
+        """Rows (4, 3) of the frame: its position at time ``t``, and a constant triad."""
         value = self.number(t)
         out = _AT_REST.copy()
         out[0] = math.cos(value), math.sin(value), value

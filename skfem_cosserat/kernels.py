@@ -90,7 +90,7 @@ class BeamElements:
             self.viscosity_root = vectors * np.sqrt(values.clip(0))[:, None, :]
 
     def repeated(self, count: int) -> BeamElements:
-        """The same elements `count` times, to evaluate many states at once."""
+        """Elements repeated `count` times, to evaluate many states at once."""
         return self.taken(np.tile(np.arange(len(self.lengths)), count))
 
     def taken(self, ids: IndexArray) -> BeamElements:

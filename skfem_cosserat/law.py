@@ -124,7 +124,7 @@ class Law(Frozen, ABC):
 
 
 class _Correction(NamedTuple):
-    """Of an increment d of strains in the metric D of the stiffness at zero strain.
+    """Terms for an increment d of strains, in the metric D of the stiffness at zero strain.
 
     Attributes
     ----------
@@ -160,15 +160,15 @@ class LawQuadratic(Law):
     """
 
     def energy(self, eps: Array) -> Array:
-        """See the base class."""
+        """``W = eps . D eps/2`` (...) in J/m."""
         return 0.5 * (eps * (eps @ self.stiffness)).sum(-1)
 
     def stress(self, eps: Array) -> Array:
-        """See the base class."""
+        """``D eps`` (..., 6): forces in N, moments in N m."""
         return eps @ self.stiffness  # symmetric
 
     def tangent(self, eps: Array) -> Array:
-        """See the base class."""
+        """The stiffness D for all strains (..., 6, 6)."""
         return np.broadcast_to(self.stiffness, (*eps.shape, 6))
 
     def discrete(self, eps0: Array, eps1: Array) -> Array:
@@ -217,13 +217,13 @@ class LawStored(Law):
         self._moves = 1j * np.diag(self._steps)
 
     def energy(self, eps: Array) -> Array:
-        """See the base class."""
+        """W (...) in J/m by the given function; of complex strains to first order."""
         if np.iscomplexobj(eps):
             return self.energy(eps.real) + 1j * (self.stress(eps.real) * eps.imag).sum(-1)
         return self._value("energy", self.functions[0], eps, eps.shape[:-1])
 
     def stress(self, eps: Array) -> Array:
-        """See the base class."""
+        """Stress (..., 6): the given gradient, or the complex step through the energy."""
         if np.iscomplexobj(eps):
             change = (self.tangent(eps.real) @ eps.imag[..., None])[..., 0]
             return self.stress(eps.real) + 1j * change
@@ -233,7 +233,7 @@ class LawStored(Law):
         return self._complex("energy", energy, eps, eps.shape)
 
     def beside(self, mean: Array, d: Array) -> tuple[Array, Array]:
-        """See the base class; the complex step takes derivatives of W along d at once."""
+        """Stress of the mean strain, slopes of W beside it; by complex steps without a gradient."""
         energy, gradient, _ = self.functions
         if gradient is not None or np.iscomplexobj(mean):
             return super().beside(mean, d)
@@ -245,7 +245,7 @@ class LawStored(Law):
         return found[..., :6] / self._steps, (found[..., 6] + found[..., 7]) / STEP
 
     def tangent(self, eps: Array) -> Array:
-        """See the base class; symmetric if it is made from the gradient."""
+        """Second derivative (..., 6, 6), given or made; made from the gradient it is symmetric."""
         shape = (*eps.shape, 6)
         energy, gradient, hessian = self.functions
         if hessian is not None:

@@ -111,7 +111,7 @@ class SolverDense(Solver):
     name = "dense"
 
     def bind(self, pattern: FrozenPattern) -> Factors:
-        """See the base class."""
+        """Factors by dense LU for matrices of this pattern."""
         return _Dense(pattern)
 
 
@@ -181,7 +181,7 @@ class SolverBanded(Solver):
     name = "banded"
 
     def bind(self, pattern: FrozenPattern, band: Band | None = None) -> Factors:
-        """See the base class; `band` if it is known already."""
+        """Factors in a band for matrices of this pattern; `band` if it is known already."""
         return _Banded(pattern, Band(pattern) if band is None else band)
 
 
@@ -264,7 +264,7 @@ class SolverSuperLU(Solver):
         return f"SolverSuperLU({given})"
 
     def bind(self, pattern: FrozenPattern) -> Factors:
-        """See the base class."""
+        """Factors by SuperLU for matrices of this pattern."""
         return _SuperLU(pattern, balanced(pattern) if self.symmetric is None else self.symmetric)
 
 
@@ -301,7 +301,7 @@ class SolverPardiso(Solver):
     name = "pardiso"
 
     def bind(self, pattern: FrozenPattern) -> Factors:
-        """See the base class."""
+        """Factors by PARDISO for matrices of this pattern; ImportError without pypardiso."""
         try:
             from pypardiso import PyPardisoSolver
 

@@ -144,7 +144,7 @@ class TermForce(Term):
 
     @property
     def site(self) -> tuple[object, ...]:
-        """See the base class."""
+        """Identity of its place, which tells it from loads at other places."""
         return (id(self.place),)
 
     def places(self) -> Sequence[Place]:
@@ -157,12 +157,12 @@ class TermForce(Term):
         return self.place if self.follower else None
 
     def vectors(self, value: Floats) -> Floats:
-        """See the base class."""
+        """Value in space in the reference (1, 3), by the triad of the place if it follows that."""
         triad = self.place.triad if self.follower else None
         return (value if triad is None else value @ triad)[None]
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class; what follows a triad is turned into that of its new place."""
+        """Copy at another place; a value that follows a triad is turned into the new triad."""
         other = super().with_replacements(replacements)
         turn = self.place.turn_to(other.place) if self.follower else None
         if turn is not None:
@@ -254,7 +254,7 @@ class TermLine(Term):
 
     @property
     def site(self) -> tuple[object, ...]:
-        """See the base class."""
+        """Identity of its beam and elements, which tells it from loads elsewhere."""
         return id(self.beam), self.elements.tobytes()
 
     def items(self) -> Sequence[StructuralItem]:
@@ -262,7 +262,7 @@ class TermLine(Term):
         return (self.beam,)
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class; all elements stay all, some need the same number of elements."""
+        """Copy on another beam: all elements stay all, some need the same number of elements."""
         other = super().with_replacements(replacements)
         if not is_beam(other.beam):
             raise InputError(self.kind, f"acts on {other.beam.label}, expected a beam")
@@ -275,7 +275,7 @@ class TermLine(Term):
         return other
 
     def vectors(self, value: Floats) -> Floats:
-        """See the base class."""
+        """Value in space (1, 3); if it follows the sections, for each node of elements (k, 3)."""
         if not self.follower:
             return value[None]
         beam = self.beam
@@ -284,7 +284,7 @@ class TermLine(Term):
         return np.einsum("i,eaij->eaj", value, triads).reshape(-1, 3)
 
     def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
-        """See the base class."""
+        """Nodal forces (ne, p + 1, 4, 3) of the line load on a beam; zero on other beams."""
         if self.beam is not beam:
             return 0.0
         out, e, value = np.zeros_like(nodal), self.elements, factor * self.value
@@ -321,11 +321,11 @@ class TermAcceleration(Term):
         self._set(value, amplitude)
 
     def acceleration(self) -> Floats:
-        """See the base class."""
+        """Acceleration (3,) of everything that has mass (m/s^2)."""
         return self.value
 
     def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
-        """See the base class."""
+        """Nodal forces (ne, p + 1, 4, 3) of the acceleration on a beam, by its mass matrices."""
         field = np.zeros_like(nodal)
         field[:, :, 0] = factor * self.value
         return (mass @ field.reshape(len(field), -1, 1)).reshape(field.shape)
@@ -404,7 +404,7 @@ class TermFunction(Term):
         self.force, self.slopes = force, slopes
 
     def places(self) -> Sequence[Place]:
-        """Of all its points, but those at rest."""
+        """Places of all its points, except those at rest."""
         found = {id(p): p for each in self.expressions for p, _, _ in each.terms}
         return [p for p in found.values() if p.item is not None or p.motion is not None]
 
@@ -518,7 +518,7 @@ class Load(Item):
         yield from super()._parts()
 
     def terms(self) -> Sequence[Term]:
-        """What it is made of."""
+        """Terms that the load is made of."""
         raise NotImplementedError
 
     @property
@@ -547,7 +547,7 @@ class Load(Item):
         return {name: value for name, value in vars(self).items() if name != "_made_of"}
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class; the copy makes its own terms."""
+        """Copy that refers to the replacements and makes its own terms."""
         other = super().with_replacements(replacements)
         vars(other).pop("_made_of", None)
         return other
@@ -562,7 +562,7 @@ class Load(Item):
 
     @property
     def constant(self) -> bool:
-        """Whether it does not change in time, but by what functions make of it."""
+        """True if no term has a factor that changes in time; functions of the motion may change."""
         return all(isinstance(term.time, Constant) for term in self.made_of)
 
 
@@ -576,7 +576,7 @@ class _NodalLoad(Load):
         self.place = _checked_place(self.label, place, follower or self._term.axial)
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class; what follows a triad is turned into that of its new place."""
+        """Copy at another place; values that follow a triad are turned into the new triad."""
         other = super().with_replacements(replacements)
         turn = self.place.turn_to(other.place) if self.follower else None
         if turn is not None:
@@ -584,7 +584,7 @@ class _NodalLoad(Load):
         return other
 
     def terms(self) -> Sequence[Term]:
-        """See the base class."""
+        """Force or moment at the place, a term for each channel."""
         return [self._term(self.place, *channel, self.follower) for channel in self.channels]
 
 
@@ -703,7 +703,7 @@ class LoadLine(Load):
         self.elements = beam.part(part)
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class; on the elements that the part has there."""
+        """Copy on another beam, on the elements that the part has there."""
         other = super().with_replacements(replacements)
         if not is_beam(other.beam):
             raise InputError(self.label, f"acts on {other.beam.label}, expected a beam")
@@ -711,7 +711,7 @@ class LoadLine(Load):
         return other
 
     def terms(self) -> Sequence[Term]:
-        """See the base class."""
+        """Forces along the elements, a term for each channel."""
         rest = self.follower, self.elements
         return [TermLine(self.beam, *channel, *rest) for channel in self.channels]
 
@@ -752,5 +752,5 @@ class LoadGravity(Load):
         super().__init__(value, amplitude)
 
     def terms(self) -> Sequence[Term]:
-        """See the base class."""
+        """Acceleration of everything that has mass, a term for each channel."""
         return [TermAcceleration(*channel) for channel in self.channels]

@@ -15,7 +15,7 @@ from .warn import logger
 
 
 class NewtonProblem(Protocol):
-    """What the loop needs to know; of a damped one also :class:`DampedProblem`."""
+    """Problem that Newton's method solves; with line search a :class:`DampedProblem`."""
 
     def residual(self) -> float:
         """Evaluate at the present configuration; size of the residual against its terms."""
@@ -31,7 +31,7 @@ class NewtonProblem(Protocol):
 
 
 class DampedProblem(NewtonProblem, Protocol):
-    """What a line search needs to know: it goes back."""
+    """Problem for a line search, which goes back to a saved configuration."""
 
     def save(self) -> object:
         """The present configuration, for :meth:`restore`."""
@@ -107,7 +107,7 @@ class NewtonSettings(Frozen):
 
 @dataclass
 class NewtonReport:
-    """How it went."""
+    """Report of Newton's method: its outcome, and sizes of increments and residuals."""
 
     converged: bool
     iterations: int
@@ -171,7 +171,7 @@ class Limits(NamedTuple):
 
 
 def worn(worth: float, record: Floats) -> bool:
-    """Whether new factors pay: the last loop took more than the mean of all with these factors.
+    """True if new factors pay: the last loop took more than the mean of all with these factors.
 
     Their making counts as `worth` iterations: this mean is smallest where loops come to cost more.
     """
@@ -316,7 +316,7 @@ def enough(
     stagnation: float,
     mixed: float,
 ) -> bool:
-    """Whether the last two increments (before: infinite if none) and a residual are enough."""
+    """True if the last two increments (before: infinite if none) and a residual are enough."""
     if last <= negligible:
         return True
     if before == np.inf:
@@ -333,7 +333,7 @@ def enough(
 
 
 def left_over(length: float, rate: float, increment: float) -> float:
-    """How many more iterations with kept factors it takes after an increment of this length.
+    """Number of iterations with kept factors that it takes after an increment of this length.
 
     Their increments shrink by `rate` each; none is needed once their sum is below `increment`.
     """
@@ -357,7 +357,7 @@ class _Stages:
         self.length = self.turn = 0.0
 
     def evaluate(self, sized: bool) -> float:
-        """See :func:`newton_loop`; so the others."""
+        """Evaluate the problem and record its residual; stages are those of :func:`newton_loop`."""
         self.report.residuals.append(self.problem.residual())
         return self.report.residuals[-1]
 

@@ -35,7 +35,7 @@ class Expression(Attached):
         return Expression(self.terms + tuple((p, r, -c) for p, r, c in other.terms))
 
     def with_replacements(self, replacements: Replacements) -> Expression:
-        """See the base class: the same vector by another frame of the same rigid neighbourhood."""
+        """Copy for other places: the same vector, by another frame fixed to the first one."""
         places = {id(place): place for place, _, _ in self.terms}
         others = {key: replacements.of(place) for key, place in places.items()}
         if all(place.same_frame(others[key]) for key, place in places.items()):

@@ -26,7 +26,7 @@ SOURCE = "Antman, Nonlinear Problems of Elasticity, 2nd ed. (2005), chapter 8"
 
 
 class Theory(Frozen):
-    """What of a beam's strains is modelled; see the subclasses.
+    """Base of beam theories, each with the strains of a beam that it models; see the subclasses.
 
     Parameters
     ----------
@@ -151,18 +151,18 @@ class LawHeld(Law):
         self._free[list(held)] = 0
 
     def energy(self, eps: Array) -> Array:
-        """See the base class."""
+        """W (...) in J/m of the strains that are free."""
         return self.law.energy(eps * self._free)
 
     def stress(self, eps: Array) -> Array:
-        """See the base class; zero for the strains that are held."""
+        """``dW/d eps`` (..., 6) of the free strains; zero for those that are held."""
         return self.law.stress(eps * self._free) * self._free
 
     def beside(self, mean: Array, d: Array) -> tuple[Array, Array]:
-        """See the base class."""
+        """Stress of the mean strain and derivatives of W beside it, both of the free strains."""
         stress, along = self.law.beside(mean * self._free, d * self._free)
         return stress * self._free, along
 
     def tangent(self, eps: Array) -> Array:
-        """See the base class."""
+        """Second derivative (..., 6, 6) by the free strains; zero for those that are held."""
         return released(np.asarray(self.law.tangent(eps * self._free)), self.held)

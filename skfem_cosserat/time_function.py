@@ -78,7 +78,7 @@ class _Ramp(Frozen, ABC):
         self.constant_after = self.end
 
     def _unclear(self, begin: float, end: float, values: tuple[float, ...]) -> str:
-        """What numbers without names may have been meant to be."""
+        """Text of an error: what numbers without names may have been meant to be."""
         kind, value = type(self).__name__, values[0]
         return (
             f"got {(begin, end, *values)!r}, whose order is begin, end (s), first, last (the values"
@@ -393,7 +393,7 @@ Amplitude = float | TimeFunction | Callable[[float], float] | None
 
 
 def of_the_user(function: object) -> bool:
-    """Whether a function of time is the user's own: asked again later it may give other numbers.
+    """True if a function of time is the user's: asked again later it may give other numbers.
 
     Classes that users derive from ours are theirs, too.
 

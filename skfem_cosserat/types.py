@@ -128,7 +128,7 @@ def positive(item: str, name: str, value: Any, unit: str = "") -> float:
 
 
 def is_whole(value: object) -> TypeGuard[int]:
-    """Whether a value is an integer; truth values are none."""
+    """True if a value is an integer; truth values are none."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 

@@ -158,7 +158,7 @@ def warn(item: str, text: str, category: type[CosseratWarning], time: float | No
 
 
 def listening() -> bool:
-    """Whether something keeps the warnings that are given now."""
+    """True if something keeps the warnings that are given now."""
     return bool(_open.get())
 
 
@@ -226,7 +226,7 @@ def sum_up(item: str, kind: str, cases: Mapping[str, Sequence[Notice]], where: s
 
 
 def counted(notices: Sequence[Notice] | int) -> str:
-    """How many there are, for the end of a ``repr``; empty if there are none."""
+    """Text with the number of warnings, for the end of a ``repr``; empty if there are none."""
     count = notices if isinstance(notices, int) else len(notices)
     return f", {count} warning{'s' * (count > 1)}" if count else ""
 

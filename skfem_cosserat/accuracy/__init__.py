@@ -1,4 +1,4 @@
-"""How accurate, how dear, how stable: many runs of a problem, and what they say together.
+"""Accuracy, cost and stability: many runs of a problem, and what they say together.
 
 :func:`refine` for meshes and steps. What it is made of serves other studies too: `run_all` (any
 executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`.

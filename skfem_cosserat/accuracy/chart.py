@@ -105,7 +105,7 @@ def convergence_chart(
 
 
 def _sure(line: Line) -> bool:
-    """Whether its errors are more than hints."""
+    """True if some errors of a line have an uncertainty: they are more than hints."""
     return bool(np.isfinite(line.found.uncertainties[line.solved]).any())
 
 
@@ -305,7 +305,7 @@ def _chosen(drawn: Drawn, column: str, most: int) -> list[str]:
 
 
 class _Cell(NamedTuple):
-    """How cells of a status are drawn, and what the legend says."""
+    """Text in the legend, colour and hatch of the cells of one status."""
 
     words: str
     color: str
@@ -406,7 +406,7 @@ def stability_chart(
 
 
 def _kinds(status: Array, words: Mapping[str, str]) -> dict[str, _Cell]:
-    """How each status of a map is drawn, in the order of the legend."""
+    """Styles of the statuses in a map, in the order of the legend."""
     found = set(status.ravel().tolist())
     kinds = {name: kind for name, kind in STATUSES.items() if name in found}
     for k, name in enumerate(sorted(found - set(STATUSES))):
@@ -432,7 +432,7 @@ def _ticks(axis: Any, values: Sequence[Any], most: int) -> None:
 
 
 def _limit(axis: Any, field: Floats, style: str) -> None:
-    """Where the field, which changes by orders of magnitude from cell to cell, is 1."""
+    """Draw the line where the field is 1, found by its logarithm."""
     with np.errstate(all="ignore"):
         level = np.log(field)
     level = np.ma.masked_invalid(level)
@@ -441,7 +441,7 @@ def _limit(axis: Any, field: Floats, style: str) -> None:
 
 
 def _outside(field: Floats) -> str:
-    """Where the cells are, in words, if the line does not run between them."""
+    """Note for the legend if all cells, or none, lie beyond the line; else empty."""
     values = field[np.isfinite(field)]
     if not values.size or values.min() <= 1 <= values.max():
         return ""

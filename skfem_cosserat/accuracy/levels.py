@@ -105,7 +105,7 @@ class Series(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """What sizes are, for the axis of a chart."""
+        """Name of the sizes, for the axis of a chart."""
         return ARGUMENTS[self.varied[0]].axis + " (with the step)" * (len(self.varied) > 1)
 
     @property

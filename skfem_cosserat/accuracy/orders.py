@@ -44,7 +44,7 @@ def euclidean(difference: Array) -> float:
 
 
 class Convergence(NamedTuple):
-    """How a quantity converges over the levels of a series; failed levels have NaN.
+    """Convergence of a quantity over the levels of a series; failed levels have NaN.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Convergence(NamedTuple):
 
     @property
     def asymptotic(self) -> bool:
-        """Whether errors fall as a power of the size, as far as the levels tell."""
+        """True if errors fall as a power of the size, as far as the levels tell."""
         return bool(np.isfinite(self.order))
 
     def __repr__(self) -> str:

@@ -128,7 +128,7 @@ class PrecisionTable(Report):
         errors: float | Sequence[float] | None = None,
         group: str | None = None,
     ) -> Front:
-        """What reaches an error at the smallest cost.
+        """Find the cheapest setup that reaches each error.
 
         Parameters
         ----------
@@ -154,7 +154,7 @@ class PrecisionTable(Report):
         return Front(quantity, found, pareto(points, quantity), self.reference_errors[quantity])
 
     def standing(self, quantity: str, ours: str | Callable[[Row], bool]) -> Standing:
-        """Whether our front lies below that of each other group at every error that it reaches.
+        """Compare our front with that of each other group at every error that the group reaches.
 
         Parameters
         ----------
@@ -262,7 +262,7 @@ class PrecisionTable(Report):
 
 
 class Front(NamedTuple):
-    """What is cheapest for errors of a quantity.
+    """Cheapest setups for errors of a quantity.
 
     Attributes
     ----------
@@ -344,7 +344,7 @@ class Standing(NamedTuple):
 
     @property
     def behind(self) -> list[Level]:
-        """Where we do not lie below: at errors that the reference lets one judge."""
+        """Levels that the reference lets one judge where our cost is not the lower one."""
         return [level for level in self.levels if level.judged and not level.ratio < 1]
 
     @property

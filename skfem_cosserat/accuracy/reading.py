@@ -1,4 +1,4 @@
-"""What is looked at in the results of a study, and how it is compared over time."""
+"""Quantities read from the results of a study, and norms of their differences over time."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class OverTime(ABC):
     """
 
     def select(self, instants: Floats) -> Floats:
-        """Those of the common instants ``(k,)`` that count: all of them."""
+        """Select the instants that count among the common ones ``(k,)``: all of them."""
         return instants
 
     @abstractmethod
@@ -172,12 +172,12 @@ class Reading(NamedTuple):
 
     @property
     def finite(self) -> bool:
-        """Whether all of it is numbers."""
+        """True if all values are finite."""
         return bool(np.isfinite(self.values).all())
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the value at an instant, or of the only one."""
+        """Shape of the value at an instant, or of the only one."""
         return np.shape(self.values)[self.times is not None :]
 
     def distances(self, other: Reading, apart_from: Floats) -> tuple[Floats, Floats]:

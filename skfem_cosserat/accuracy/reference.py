@@ -1,4 +1,4 @@
-"""What the results of a study are compared with, and how far that can be trusted."""
+"""References that the results of a study are compared with, and their errors."""
 
 from __future__ import annotations
 
@@ -249,7 +249,7 @@ def _given(history: History, problem: Any) -> History:
 
 
 def reference_of(given: Any, levels: bool) -> Reference:
-    """What an argument stands for: a reference, true values, or a run.
+    """Reference that an argument stands for: a reference itself, true values, or a run.
 
     Parameters
     ----------

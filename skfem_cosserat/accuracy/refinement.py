@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class Held(NamedTuple):
-    """What a series did not vary, and what it does to a quantity.
+    """Argument that a series did not vary, and the error that it brings to a quantity.
 
     Attributes
     ----------
@@ -101,12 +101,12 @@ class Refinement(Report):
 
     @property
     def verdicts(self) -> dict[str, str]:
-        """What is known of the order, in words."""
+        """Verdict on the order of each quantity, in words."""
         return {name: each.verdict for name, each in self.orders.items()}
 
     @property
     def asymptotic(self) -> bool:
-        """Whether the errors of all quantities fall as a power of the size."""
+        """True if the errors of all quantities fall as a power of the size."""
         return bool(self.orders) and all(each.asymptotic for each in self.orders.values())
 
     @property
@@ -145,7 +145,7 @@ class Refinement(Report):
 
     @property
     def warnings(self) -> dict[str, Sequence[dict[str, Any]]]:
-        """Of each level that gave some, as in ``history.meta["warnings"]``."""
+        """Warnings of each level that gave some, as in ``history.meta["warnings"]``."""
         return {name: each.warnings for name, each in self.outcomes.items() if each.warnings}
 
     @property
@@ -595,7 +595,7 @@ class _Plan:
         outcomes: Mapping[str, Outcome],
         judged: Mapping[str, Convergence],
     ) -> Held:
-        """What an argument that a series holds does to a quantity at its finest level."""
+        """Error that a fixed argument of a series brings to a quantity at its finest level."""
         finest, probe = series.finest, case_name(series.probe(argument))
         error, words = np.nan, "it was not probed"
         other = [each for each in self.series if argument in each.varied]

@@ -87,7 +87,7 @@ class Job:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Outcome:
-    """What came of a job: a value or an error.
+    """Outcome of a job: a value or an error.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class Outcome:
 
     @property
     def ok(self) -> bool:
-        """Whether there is a value."""
+        """True if there is a value."""
         return self.error is None
 
     @property
@@ -325,7 +325,7 @@ class _Noting(pickle.Pickler):
 
 
 def _stuck(value: Any) -> list[Any]:
-    """What pickle came to until it failed, the last stands in the way; empty if it did not fail."""
+    """Values that pickle visited until it failed, at the last one; empty if it did not fail."""
     pickler, trial = _Noting(io.BytesIO(), pickle.HIGHEST_PROTOCOL), Caught()
     pickler.noted = [value]
     with trial:
@@ -485,7 +485,7 @@ class _Naming(pickle.Pickler):
     """Takes functions inside others by name, line and what they have from around them."""
 
     def reducer_override(self, value: Any) -> Any:
-        """What stands for such a function."""
+        """Replace a function inside another one by its name, line, closure and defaults."""
         if not isinstance(value, FunctionType) or "<" not in value.__qualname__:
             return NotImplemented
         name = f"{value.__module__}.{value.__qualname__} {value.__code__.co_firstlineno}"
@@ -548,7 +548,7 @@ OnOutcome = Callable[[int, int, Outcome], object]
 
 @runtime_checkable
 class Executor(Protocol):
-    """What takes jobs: `submit` gives a future with ``result()`` and ``cancel()``."""
+    """Protocol of executors: `submit` gives a future with ``result()`` and ``cancel()``."""
 
     def submit(self, function: Any, /, *args: Any) -> Any:
         """Have ``function(*args)`` called somewhere."""
@@ -804,7 +804,7 @@ def _submitted(executor: Executor, name: str, data: bytes, ready: SimpleQueue[st
 
 
 def _outcome(name: str, future: Any) -> Outcome:
-    """What came back, or what the executor says instead of it."""
+    """Outcome that a future gives, or the executor's error instead of it."""
     outcome, waiting = None, Caught()
     with waiting:  # jobs raise nothing: this is about the executor
         outcome = pickle.loads(future.result())

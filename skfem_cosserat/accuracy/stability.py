@@ -1,4 +1,4 @@
-"""Where a method fails: the outcome of runs over two parameters, as arrays, table and chart."""
+"""Stability maps: how runs end over the values of parameters, as arrays, table and chart."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Map(Report):
 
     @property
     def time(self) -> Floats:
-        """Of the blow-up, of the last step that was solved, or the end (s)."""
+        """Time of the blow-up, of the last step that was solved, or of the end (s)."""
         return self._array("time")
 
     @property
@@ -99,7 +99,7 @@ class Map(Report):
 
     @property
     def numbers(self) -> dict[str, Floats]:
-        """What the judge gave beside it, by name; NaN where it did not."""
+        """Numbers that the judge gave beside its status, by name; NaN where it gave none."""
         names = dict.fromkeys(name for cell in self.cells.flat for name in cell.numbers)
         values = {name: [cell.numbers.get(name, NAN) for cell in self.cells.flat] for name in names}
         return {name: np.array(each).reshape(self.cells.shape) for name, each in values.items()}
@@ -214,7 +214,7 @@ class Map(Report):
         return field
 
     def counts(self) -> Mapping[str, int]:
-        """How many cells there are of each status."""
+        """Number of cells of each status."""
         return dict(sorted(Counter(str(cell.status) for cell in self.cells.flat).items()))
 
     def __str__(self) -> str:

@@ -219,7 +219,7 @@ def _short(cell: Any) -> str:
 
 
 class Report(ABC):
-    """What comes of a study: a table, and what else it has to say."""
+    """Base of the results of studies, which give their rows as a table."""
 
     @property
     @abstractmethod

@@ -1,4 +1,4 @@
-"""How a run ended: judged by its energy, or by what it raised."""
+"""Verdict on a run: judged by its energy, or by the error that it raised."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def mechanism(status: str, numbers: Mapping[str, float]) -> str:
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a run ended.
+    """Verdict on how a run ended.
 
     Attributes
     ----------
@@ -208,7 +208,7 @@ class JudgeEnergy:
         return replace(found, numbers=numbers, mechanism=mechanism(found.status, numbers))
 
     def _failed(self, error: Exception, time: float, change: float, blown: bool) -> Verdict:
-        """Of a run that came to a time, where its energy had changed by so much."""
+        """Verdict on a run that failed, by the time it reached and its change of energy."""
         reason, residual = in_words(error), float("nan")
         state = "timeout" if isinstance(error, LATE) else "error"
         if isinstance(error, Diverged):
@@ -252,7 +252,7 @@ class JudgeEnergy:
         return float(t[after[end]]), float(np.nanmax(abs(change[: end + 1]))), bool(bad.any())
 
     def _scale(self, start: float, history: History, after: IndexArray) -> float:
-        """What changes of the energy are compared with."""
+        """Scale of the energy, by which its changes are divided."""
         if self.scale is not None:
             return self.scale
         if self.energy is None:
@@ -285,7 +285,7 @@ NOT_FULL = "(not the full retry protocol: run it with settings=FULL_PROTOCOL) "
 
 
 def full_protocol(error: Diverged) -> bool:
-    """Whether a step was tried in all the ways of :data:`FULL_PROTOCOL`.
+    """True if a step was tried in all the ways of :data:`FULL_PROTOCOL`.
 
     Examples
     --------

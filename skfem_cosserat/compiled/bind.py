@@ -279,7 +279,7 @@ def bound_beams(
     each = elements.stiffness if stiffness is None else stiffness
     stiffness, section = _kinds(each)
     S = np.zeros((ne, ng, 6))
-    # numbers of tuples are known when kernels are compiled
+    # lengths of tuples are known when kernels are compiled
     fields = {
         "N": _nested(N),
         "dN": _nested(dN),
@@ -303,9 +303,9 @@ def bound_beams(
 
 
 def _kinds(each: Floats) -> tuple[Floats, IndexArray]:
-    """What elements (ne, ...) have, once each, and which of it (ne,): less memory to go through.
+    """Distinct values of elements (ne, ...), and the index of each element's value (ne,).
 
-    Those of one section share what hangs on it.
+    Elements of one section share a value, so that kernels read less memory.
     """
     kinds, number = np.unique(each, axis=0, return_inverse=True)
     return kinds, number.reshape(len(each))
@@ -409,7 +409,7 @@ def _law_points(group: BeamGroup, fields: dict[str, Any]) -> dict[str, Any]:
 
 
 def _nested(table: Floats) -> tuple[tuple[float, ...], ...]:
-    """As tuples: numbers are known when kernels are compiled."""
+    """A table as nested tuples, whose lengths are known when kernels are compiled."""
     return tuple(tuple(map(float, row)) for row in table)
 
 
@@ -551,7 +551,7 @@ def _drives(coordinates: Coordinates, own: Sequence[Coordinate]) -> IndexArray:
 
 
 def _triples(coordinates: Coordinates, each: list[list[Coordinate]]) -> IndexArray:
-    """Where the three components of a rotation are among a vertex's own coordinates; -1: not."""
+    """First of three components of a rotation among each vertex's coordinates; -1: it has none."""
     system = coordinates.system
     triple = np.full(len(system.origin_rows), -1)
     for v in coordinates.tree.free:
@@ -576,7 +576,7 @@ def bound_nodal_masses(frames: Group | None, points: Group | None) -> dict[str, 
 
 
 def bound_following(system: System, plan: Plan) -> dict[str, Any]:
-    """Where loads that follow the motion act."""
+    """Vertices of moments; rows of y and matrix blocks of forces that follow the motion."""
     moments, rows = system.loading.moments, system.origin_rows
     v, u = following(system).vertices.reshape(-1, 2).T
     return {
@@ -592,7 +592,7 @@ def bound_work(
     late: bool = False,
     separate: SeparateParts | None = None,
 ) -> tuple[Any, dict[str, Any]]:
-    """What changes during a step; the structure, and its arrays by name.
+    """Structure of the arrays that change during a step, and these arrays by name.
 
     Dampers act by the way from `earlier` to `later`, whose middle is `mid`: from y0 to y1, or, if
     `late`, as far before and behind the end of a step as the velocity there goes; `drift` is what
@@ -690,7 +690,7 @@ def bound_carried(
     most: tuple[int, int] = (3, 1),
     viscous: Floats | None = None,
 ) -> tuple[Any, dict[str, Any]]:
-    """What steps carry on; the structure, and its arrays by name.
+    """Structure of the arrays that are carried from step to step, and these arrays by name.
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ def _numbered(
 def _of_blocks(
     coordinates: Coordinates, plan: Plan, numbers: IndexArray, constant: Floats
 ) -> dict[str, Any]:
-    """What each row is to be, and the size of its terms; whose frame a block turns with."""
+    """Constants, sizes and weights of constraint rows by block; the frame a block turns with."""
     system = coordinates.system
     magnitude = system.constraints.magnitudes(system.extend(system.q0, system.since))
     none, size = numbers < 0, np.where(magnitude > 0, magnitude, 1.0)

@@ -56,7 +56,7 @@ def _mixed(builder: Any, a: Any, b: Any, which: list[int]) -> Any:
 
 
 def spread(builder: Any, number: Any) -> Any:
-    """The same number in a whole row."""
+    """A row with the same number in all entries."""
     undefined = ir.Constant(ROW, ir.Undefined)
     one = builder.insert_element(undefined, number, ir.Constant(_LANE, 0))
     return _mixed(builder, one, undefined, [0] * SIDE)

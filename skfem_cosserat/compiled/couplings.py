@@ -279,7 +279,7 @@ def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats) -> Factors:
 
 @shared
 def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: float) -> Factors:
-    """Of a cable: forces in V, and what is dissipated."""
+    """Forces of a cable into V, dissipated energy into the state; factors of the derivatives."""
     K, C, h = laws[c, STIFFNESS, 0, 0], laws[c, DAMPING, 0, 0], state[c, STEP]
     neutral = laws[c, NEUTRAL, 0, 0]
     e0, e1 = state[c, XI0] - neutral, V[XI1, 0] - neutral
@@ -301,7 +301,7 @@ def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: flo
 def linear(
     laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool, decay: float
 ) -> Factors:
-    """Of springs and dampers: forces in V, and what is dissipated."""
+    """Forces of springs and dampers into V, dissipated energy into the state; factors as above."""
     h = state[c, STEP]
     lost, numerical = 0.0, 0.0
     for i in range(m):

@@ -487,10 +487,11 @@ def keep(a: Floats, k: int, v: Vector) -> None:
 
 @inlined
 def further(points: int, nodes: int) -> Further:
-    """Where H, L, T, P, Q start: of each point H (3, 3), of each of its nodes the others.
+    """Starts of H, L, T, P, Q: each point has one H (3, 3), each of its nodes the other four.
 
     L, T (6, 3): strains on the left, stresses on the right by its angular velocity; P, Q (3, 3):
-    those between it and a velocity on the left, on the right. The last one: how many vectors.
+    those between it and a velocity on the left, on the right. The last entry is the number of SIMD
+    vectors in all.
     """
     H = STRESSES + 6 * points
     L = H + 9 * points

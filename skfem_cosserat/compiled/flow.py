@@ -171,7 +171,7 @@ def sum_common(f: Any, w: Any, p: int, first: int, last: int) -> None:
 
 @inlined
 def sum_relative(f: Any, w: Any, p: int, first: int, last: int) -> None:
-    """What the equations for s of a part take of rows from first to last; b without its mean."""
+    """Sum up terms of a part's equations for s over rows first to last; take the mean off b."""
     y0, y1, rest, sums, ones, lift = w.y0, w.y1, f.rest, f.sums, f.ones, f.lift
     mean, shift = row(sums, SUMS * p + MEAN), times(1.0 / f.total[p], row(sums, SUMS * p + SHIFT))
     x = y = z = k = (0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""What the helper of :mod:`.warm` does in a process of its own."""
+"""Compilation of kernels in the process that :mod:`.warm` starts as its helper."""
 
 from __future__ import annotations
 

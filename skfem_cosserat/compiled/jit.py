@@ -1,4 +1,4 @@
-"""How kernels are compiled: importing this module imports numba.
+"""Compilation of kernels: importing this module imports numba.
 
 A step is made of *parts*, functions of one of two signatures. They are compiled one by one and
 called through their addresses: a compiled function that calls another one directly has that one
@@ -56,7 +56,7 @@ def inlined(function: Kernel) -> Kernel:
 
 
 def shared(function: Kernel) -> Kernel:
-    """As :func:`inlined`, for what a part calls in several places: compiled into it once."""
+    """For functions that a part calls in several places: compiled into it once, not inlined."""
     return cast(Kernel, _made(function))
 
 

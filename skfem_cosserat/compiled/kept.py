@@ -33,7 +33,7 @@ VECTOR = ArrayField(np.dtype(float).str, 1)
 
 
 class Source(IntEnum):
-    """Where kernels may come from: this process and the disk alone, or the compiler, too."""
+    """Sources of kernels: this process and the disk alone, or the compiler, too."""
 
     DISK = 1
     COMPILER = 2
@@ -44,7 +44,7 @@ class NotKept(Exception):
 
 
 def compile_errors() -> tuple[type[Exception], ...]:
-    """What numba raises where it cannot compile, or has not what jit.py asks of it."""
+    """Exceptions that numba raises where it cannot compile, or lacks what jit.py asks of it."""
     found = ImportError, OSError, AttributeError, TypeError, NotImplementedError
     try:
         from numba.core.errors import NumbaError
@@ -78,7 +78,7 @@ if hasattr(os, "register_at_fork"):
 
 @cache
 def stamp() -> str:
-    """Of all sources that are compiled."""
+    """Digest of all sources that are compiled."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
     others = [folder.parent / name for name in ("newton.py", "law.py", "model/coordinates.py")]
@@ -100,7 +100,10 @@ def _linker() -> Any:
 
 @cache
 def _processor() -> str:
-    """What machine code depends on beside its source; llvmlite has a release for each of numba."""
+    """Description of all that machine code depends on beside its source.
+
+    The version of llvmlite stands for that of numba: each release of numba has one of llvmlite.
+    """
     import llvmlite
     import llvmlite.binding as llvm
 
@@ -112,7 +115,7 @@ def _processor() -> str:
 
 @cache
 def _folder(given: str | None) -> Path:
-    """Where kernels are kept, `given` by numba's variable, beside the sources, or the user's."""
+    """Folder of kept kernels: `given` by numba's variable, beside the sources, or the user's."""
     here = Path(__file__).parent
     if given is None and os.access(here, os.W_OK):
         return here / "__pycache__"
@@ -127,7 +130,7 @@ def _folder(given: str | None) -> Path:
 
 
 def folder() -> Path:
-    """Where kernels are kept."""
+    """Folder where kernels are kept."""
     return _folder(os.environ.get("NUMBA_CACHE_DIR") or None)
 
 
@@ -142,19 +145,19 @@ def _named(family: str, name: str) -> str:
 
 
 def _files(family: str, name: str) -> Iterator[Path]:
-    """Those of a kernel of these sources, for whatever processor and kinds."""
+    """Files of a kernel of these sources, for whatever processor and kinds."""
     return folder().glob(f"{_named(family, name)}-{stamp()}-*.kernel")
 
 
 def promising() -> bool:
-    """Whether kernels of these sources may be on disk: the loop over a step, which all take."""
+    """True if the loop over a step is on disk, which all scenes take: other kernels may be, too."""
     if folder() not in _PROMISING and any(_files("step", "solve")):
         _PROMISING.add(folder())
     return folder() in _PROMISING
 
 
 def cold(family: str, name: str) -> bool:
-    """Whether none of a kernel is in this process or on disk, where it could be kept."""
+    """True if no version of a kernel is in this process or on disk, where it could be kept."""
     if any(key[:2] == (family, name) for key in _ADDRESSES) or any(_files(family, name)):
         return False
     there = next((path for path in (folder(), *folder().parents) if path.exists()), folder())
@@ -271,7 +274,7 @@ _ENTRY = ctypes.PYFUNCTYPE(
 def entry(
     family: str, name: str, structure: Any, source: Source = Source.COMPILER
 ) -> Callable[..., float]:
-    """What calls a kernel that takes one structure and a flag: ``number = call(flag=0)``.
+    """Function that calls a kernel of one structure and a flag: ``number = call(flag=0)``.
 
     Raises
     ------

@@ -148,7 +148,7 @@ def tangent(o: Any, k: int, x: Floats, f: Floats, z: Array, slope: Array, out: F
 def ask(
     o: Any, ends: bool, flag: int, x: Floats, f: Floats, z: Array, slope: Array, out: Floats
 ) -> None:
-    """What the functions of compiled laws give."""
+    """Call the functions of compiled laws for energies, stresses or moduli of all points."""
     for q in range(len(o.law)):
         k = o.law[q]
         if k < 0 or o.functions[k, ENERGY] == 0:

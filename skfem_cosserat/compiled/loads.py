@@ -40,7 +40,7 @@ def reciprocal(D: Rotation) -> Rotation:
 
 @inlined
 def moment_on(s: Any, w: Any, k: int) -> tuple[Vector, Rotation, Rotation]:
-    """Of the k-th moment: its components if it follows, else zero; forces on directors; d^i."""
+    """Components of the k-th moment if it follows, else zero; forces on directors; d^i."""
     D = directors(w.mid, s.row[s.moment_vertex[k]])
     E = reciprocal(D)
     own, moment = (0.0, 0.0, 0.0), row(w.moments, k)
@@ -53,7 +53,7 @@ def moment_on(s: Any, w: Any, k: int) -> tuple[Vector, Rotation, Rotation]:
 
 @inlined
 def moment_change(own: Vector, f: Rotation, E: Rotation, change: Rotation, i: int) -> Vector:
-    """Of the force on director i, per change of all three: ``d(d^i) = -(d^i . d(d_j)) d^j``."""
+    """Change of the force on director i by that of all three: ``d(d^i) = -(d^i . d(d_j)) d^j``."""
     by = dot(E[i], change[0]), dot(E[i], change[1]), dot(E[i], change[2])
     return minus(times(0.5, cross(combine(own, change), E[i])), combine(by, f))
 

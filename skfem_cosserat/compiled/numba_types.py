@@ -45,7 +45,7 @@ class _ViewModel(models.ArrayModel):
 
 
 class _Type(types.Type):
-    """Of a structure."""
+    """Numba's type of a structure."""
 
     def __init__(self, kind: Kind) -> None:
         super().__init__(kind.name)
@@ -75,7 +75,7 @@ class _TypeModel(models.OpaqueModel):
 
 @typeof_impl.register(Structure)
 def _type_of_structure(value: Structure, context: Any) -> Any:
-    """Where Python calls functions of numba, as tests do."""
+    """Type of a structure where Python calls functions of numba, as tests do."""
     return type_of(value.kind)
 
 

@@ -264,7 +264,7 @@ def _hang(elements: Iterable[Sequence[int]], parent: dict[int, int], count: int)
 
 
 def _depths(parent: Mapping[int, int]) -> dict[int, int]:
-    """How many others each vertex hangs on, one on the other."""
+    """Depth of each vertex: the number of parents above it, up to the root."""
     depth: dict[int, int] = {}
     for v in parent:
         way = []
@@ -419,7 +419,7 @@ class _Graph:
         return (sum(degrees) / 2) ** 2 / max(len(degrees), 1)
 
     def _released(self, v: int) -> list[int]:
-        """What has waited for a vertex that is dealt with, and for no other any more."""
+        """Count v as eliminated, and give the vertices that wait for no other one any more."""
         p = self.parent[v]
         waiting = [*self._behind.get(v, ()), *((p,) if p >= 0 else ())]
         for w in waiting:

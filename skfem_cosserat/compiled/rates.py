@@ -1,4 +1,4 @@
-"""What a scheme carries on beside the configuration: momenta, rates, and moves of velocities.
+"""Quantities carried on beside the configuration: momenta, rates, and moves of velocities.
 
 All is by rows of y, whatever the unknowns of a step are: these functions serve steps with the null
 space and with multipliers. Numbers of a scheme are explained where it is defined,
@@ -46,9 +46,9 @@ def sum_rates(weights: Floats, rates: Floats, rows: int, out: Floats) -> None:
 
 @inlined
 def begin_rates(o: Any) -> None:
-    """What rates carried on take off the balance, in place of the momentum at the start.
+    """Set the momentum p_0 to that of the carried rates, if the scheme has weights for it.
 
-    And what is known of the velocity at the end, which dampers need.
+    Sum up what is known of the velocity at the end, too, which dampers need.
     """
     rows = o.scratch.shape[0]
     if len(o.drift) > 0:

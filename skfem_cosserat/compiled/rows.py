@@ -95,7 +95,7 @@ def start_gaps(s: Any, m: Any, b: Floats, first: int) -> None:
 
 @inlined
 def push(s: Any, m: Any, w: Any, numbers: Floats, first: int) -> float:
-    """Of blocks from `first` on: the impulses that act, ``mu + W g``; the largest gap, relative.
+    """Impulses of blocks from `first` on, ``mu + W g``, into ``w.extra``; the largest relative gap.
 
     Of the gaps in ``w.b`` those of rows that are not chosen are switched off; ``w.found`` has the
     largest of these, which depend on others.
@@ -146,7 +146,7 @@ def add_row(A: Floats, k: int, place: int, i: int, d: Vector, v: Vector) -> None
 
 @inlined
 def add_column(A: Floats, k: int, place: int, i: int, d: Vector, v: Vector) -> None:
-    """The same as a column."""
+    """Column ``v . dy`` of a vertex by its twist; y, i and d as in :func:`add_row`."""
     c0 = 0
     if i > 0:
         c0 = 3

@@ -52,7 +52,7 @@ class _SimdModel(models.PrimitiveModel):
 
 
 def _all(builder: Any, value: Any) -> Any:
-    """The same number in all lanes."""
+    """SIMD vector with the same number in all lanes."""
     undefined = ir.Constant(_VECTOR, ir.Undefined)
     one = builder.insert_element(undefined, value, ir.Constant(_LANE, 0))
     zeros = ir.Constant(ir.VectorType(_LANE, WIDTH), [0] * WIDTH)
@@ -105,7 +105,7 @@ def _places(builder: Any, places: Any, size: Any, first: Any) -> list[Any]:
 
 
 def _load(builder: Any, pointer: Any) -> Any:
-    """As many entries as there are lanes, from any address on."""
+    """SIMD vector of consecutive entries, from any address on."""
     return builder.load(builder.bitcast(pointer, _VECTOR.as_pointer()), align=8)
 
 
@@ -296,7 +296,7 @@ add_rows = intrinsic(_put(True))
 
 @intrinsic
 def largest(typing: Any, value: Any) -> Any:
-    """Of all lanes; NaN only if it is in the first one."""
+    """Largest entry of all lanes; NaN only if it is in the first one."""
 
     def generate(context: Any, builder: Any, kind: Any, values: Any) -> Any:
         out = builder.extract_element(values[0], ir.Constant(_LANE, 0))

@@ -145,7 +145,7 @@ def quaternion(theta: Vector) -> Quaternion:
 
 @inlined
 def cosines(square: float) -> tuple[float, float]:
-    """The same for SIMD vectors of any size: those of a fraction of the angle, doubled again."""
+    """``cos a`` and ``sin a / a`` of SIMD vectors ``a^2`` of any size, by doubling the angle."""
     part = square
     doubled = 0
     while largest(part) >= 0.01 and doubled < 30:
@@ -160,7 +160,7 @@ def cosines(square: float) -> tuple[float, float]:
 
 @inlined
 def quaternions(theta: Vector) -> Quaternion:
-    """The same for SIMD vectors."""
+    """Unit quaternions (w, x, y, z) of rotation vectors, in SIMD vectors."""
     w, f = cosines(0.25 * dot(theta, theta))
     f = 0.5 * f
     return w, f * theta[0], f * theta[1], f * theta[2]

@@ -127,7 +127,7 @@ def solve(o: Any, flag: int) -> float:
 
 @inlined
 def velocity(o: Any) -> bool:
-    """See :func:`nearest`; False: the matrix is singular."""
+    """Compute the velocity of :func:`nearest`; False: the matrix is singular."""
     start(given(o), 0)
     evaluate(given(o), False)
     if not matrix(given(o), 0):
@@ -194,7 +194,7 @@ def predict(o: Any, flag: int) -> float:
 
 @part
 def pivots(o: Any, flag: int) -> float:
-    """Of the stiffness at y_1: ``o.pivots`` (7,), as below; 0: singular.
+    """Pivots of the stiffness at y_1, written to ``o.pivots`` (7,), as below; 0: singular.
 
     Pivots of an elimination without exchange of rows inside each block that is left after those
     before it, taken as symmetric: how many are negative, which is the number of negative

@@ -17,13 +17,13 @@ from .simd import clear
 
 @inlined
 def given(o: Any) -> Any:
-    """What the parts of a scene take: c of the functions below."""
+    """Arguments of the parts of a scene: c of the functions below."""
     return o.parts, o.tree, o.plan, o.work, o.beams, o.numbers
 
 
 @inlined
 def ask(c: Any, k: int, flag: int) -> float:
-    """What a part gives; 0 for one that the scene does without."""
+    """Call a part and give its result; 0 for one that the scene does without."""
     p, s, m, w, _, numbers = c
     if p[k] == 0:
         return 0.0
@@ -47,7 +47,7 @@ def ask_python(p: IndexArray, stage: int) -> None:
 
 @inlined
 def begin_way(w: Any, reach: float) -> None:
-    """Where the way of dampers to the end of a step begins."""
+    """Set the configuration from which dampers move towards the end of a step."""
     y0, earlier = w.y0, w.earlier
     for r in range(y0.shape[0]):
         for c in range(3):
@@ -56,7 +56,7 @@ def begin_way(w: Any, reach: float) -> None:
 
 @inlined
 def start(c: Any, guess: int) -> None:
-    """What is fixed during a step, and the increments that it starts with."""
+    """Compute the quantities that stay fixed during a step, and its first increments."""
     p, _, _, w, _, numbers = c
     ask(c, n.BEGIN, guess)
     ask(c, n.JOINT_BEGIN, 0)

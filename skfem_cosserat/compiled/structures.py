@@ -30,7 +30,7 @@ class ArrayField:
 
 
 class Kind:
-    """What is in a structure: names of its fields, and what each of them is.
+    """Layout of a structure: names and types of its fields.
 
     A field is an :class:`ArrayField`, a structure (its kind), a number (``float``, ``int`` or
     ``bool``), or a tuple of such.
@@ -61,7 +61,7 @@ def _text(field: Any) -> str:
 
 
 def _words(field: Any) -> int:
-    """What a field takes of the memory: arrays as numba has them, tuples of numbers, numbers.
+    """Words of memory that a field takes: arrays as numba has them, tuples of numbers, numbers.
 
     A structure inside another one takes its address.
     """
@@ -75,7 +75,7 @@ def _words(field: Any) -> int:
 
 
 def _field(name: str, value: Any) -> Any:
-    """What a value is as a field."""
+    """Type of the field that holds a value."""
     if isinstance(value, np.ndarray):
         flags = value.flags
         if not (flags.c_contiguous and flags.aligned):
@@ -190,10 +190,10 @@ def structure(family: str, fields: Mapping[str, Any]) -> Structure:
 
 
 def integers(numbers: Sequence[Any] | IndexArray) -> IndexArray:
-    """As the kernels take them."""
+    """Integers as an array for kernels."""
     return np.array(numbers, dtype=np.int64).reshape(len(numbers))
 
 
 def flags(values: Sequence[bool] | NDArray[np.bool_]) -> Any:
-    """As the kernels take them."""
+    """Truth values as an array for kernels."""
     return np.array(values, dtype=bool).reshape(len(values))

@@ -343,7 +343,7 @@ def add_crossed(A: Floats, k: int, f: Vector, a: Vector) -> None:
 def moment_curvature(
     s: Any, e: int, y1: Floats, f: Vector, A: Floats, own: int, other: int
 ) -> None:
-    """Of the moment ``(x_fulcrum - phi_p) x f`` on a parent."""
+    """Derivative of the moment ``(x_fulcrum - phi_p) x f`` on a parent, added to the matrix A."""
     v = s.child[e]
     x = spot(y1, s.fulcrum_row[e], row(s.fulcrum_offset, e))
     if s.fulcrum_vertex[e] == s.parent[e]:
@@ -366,7 +366,7 @@ def add_row(C: Floats, e: int, o: int, c0: int, g: Vector) -> None:
 def slide_curvature(
     s: Any, e: int, j: int, yL: Floats, y1: Floats, f: Vector, C_child: Floats, C_parent: Floats
 ) -> None:
-    """Of ``(left x right) . f``."""
+    """Derivative of ``(left x right) . f`` by the twist of the child or the parent."""
     guide = s.guide_vertex[j]
     if guide < 0:
         return
@@ -391,7 +391,7 @@ def turn_curvature(
     C_child: Floats,
     C_parent: Floats,
 ) -> None:
-    """Of ``a . ((x_target - x_centre) x f + m)``."""
+    """Derivative of ``a . ((x_target - x_centre) x f + m)`` by twists of child and parent."""
     v = s.child[e]
     o = s.own[j]
     target, centre = row(s.target_offset, j), row(s.centre_offset, j)

@@ -1,4 +1,4 @@
-"""How two processes compile the kernels of a scene on an empty cache.
+"""Compilation of the kernels of a scene by two processes on an empty cache.
 
 Parts are compiled one by one, and kept on disk one by one. A helper does the same in reverse order,
 for a small scene whose structures are of the same kinds; where both meet, the rest is read from the
@@ -16,7 +16,7 @@ from pathlib import Path
 
 
 def processors() -> int:
-    """As many as this process may use."""
+    """Number of processors that this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

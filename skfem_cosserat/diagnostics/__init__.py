@@ -1,4 +1,4 @@
-"""What follows from a system and its states: energies, momenta, violations, forces, reactions.
+"""Diagnostics of a system and its states: energies, momenta, violations, forces, reactions.
 
 States come one by one or stacked: q and p have shape (n,) or (N, n), results then have a leading
 axis N. A momentum p is that of the discrete Legendre transform, ``history["p"]``, all four blocks

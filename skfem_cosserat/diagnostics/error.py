@@ -1,4 +1,4 @@
-"""What beams have between their nodes, on other meshes, and how far results are apart."""
+"""Values of beams between their nodes, and configurations taken over to other meshes."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def _moved(
 
 
 def _met(beam: Beam, e: np.ndarray, x: Floats) -> tuple[np.ndarray, np.ndarray]:
-    """Which places are at nodes of a beam, and at which."""
+    """True for places that are at a node of a beam, and the nearest node of each place."""
     gaps = abs(x[..., None] - beam.basis.interpolation.nodes)
     nearest = gaps.argmin(axis=-1)
     node = np.take_along_axis(beam.basis.connectivity[e], nearest[..., None], axis=-1)[..., 0]
@@ -201,7 +201,7 @@ def _met(beam: Beam, e: np.ndarray, x: Floats) -> tuple[np.ndarray, np.ndarray]:
 
 
 class SectionValues(NamedTuple):
-    """What :func:`evaluate` gives, m points; with N states there is a leading axis N."""
+    """Result of :func:`evaluate` at m points; with N states there is a leading axis N."""
 
     #: Places (m, 3) in m.
     position: Floats
@@ -396,7 +396,7 @@ class SectionPlaces:
         orthonormal: bool = False,
         multipliers: ArrayLike | None = None,
     ) -> SectionValues:
-        """See :func:`evaluate`."""
+        """Positions, triads, strains and resultants at the places, see :func:`evaluate`."""
         Q = np.reshape(q, (-1, system.rows, 3))
         beam, group = self.beam, group_of(system, self.beam)
         rows = group.rows[group.slices[id(beam)]][self._e]

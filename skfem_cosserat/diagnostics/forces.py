@@ -371,7 +371,7 @@ def accelerations(
 
 @takes_scene
 def constraint_points(system: System, history: History) -> Floats:
-    """Where the constraint forces of each recorded state act: its configuration, and the ground's.
+    """Configuration in which the constraint forces of each state act, with the ground's frames.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What enters a run, compared with its steps: they do not see all that happens between their ends.
+"""Inputs of a run, compared with its steps: they do not see all that happens between their ends.
 
 Prescribed motion acts at the ends of steps, and so do loads of some schemes. Others take the exact
 mean of a load over a step: a short pulse is whole, but what vibrates cancels.

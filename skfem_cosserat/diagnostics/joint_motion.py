@@ -12,7 +12,7 @@ from .stacked import all_rows, of_states, rates
 
 
 class Reading:
-    """How a coordinate of a joint follows from all rows of states.
+    """Evaluation of a coordinate of a joint from all rows of states.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Where loads and prescribed motions of a run jump: constraint forces beside it mix both sides."""
+"""Jumps of loads and prescribed motions of a run: constraint forces beside them mix both sides."""
 
 from __future__ import annotations
 

@@ -491,7 +491,7 @@ class Projection:
         return v, momentum(self.system, v)
 
     def stack(self, q: Floats, p: Floats, t: ArrayLike) -> tuple[Floats, Floats]:
-        """The same for stacks q, p (N, n) at times t (s), a number or (N,).
+        """Velocities and projected momenta of stacks q, p (N, n) at times t (s), a number or (N,).
 
         Rows of p that are NaN (not known) give NaN.
         """

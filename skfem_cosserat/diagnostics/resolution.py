@@ -1,4 +1,4 @@
-"""How well the steps of a run resolve its motion, from recorded states alone.
+"""Resolution of a motion by the steps of a run, estimated from recorded states alone.
 
 A vibration that ought to advance by an angle x in a step advances by ``2 atan(x/2)``, a twelfth of
 ``x^3`` less (so with energy-momentum; others of second order are off by as much), in a composed
@@ -49,7 +49,7 @@ ALTERNATES = 2.0
 
 @dataclass(frozen=True)
 class Resolution:
-    """What steps do to a motion.
+    """Estimate of how well steps resolve a motion.
 
     Attributes
     ----------
@@ -135,7 +135,10 @@ def _lost(history: History, angle: Floats) -> Floats:
 
 
 def _by_velocities(system: System, history: History) -> Resolution:
-    """Of states that are steps apart: a vibration moves by ``h omega`` of its size in a step."""
+    """Resolution of states some steps apart, from their velocities.
+
+    A vibration moves by ``h omega`` of its size in a step.
+    """
     k, count = spread(len(history), SPREAD), int(np.ptp(history["step"]))
     h, t, q = float(np.ptp(history.times)) / count, history.times[k], history["q"][k]
     v = Projection(system).velocities(q, history["p"][k], t)
@@ -159,7 +162,7 @@ def _by_velocities(system: System, history: History) -> Resolution:
 
 @checked
 def doubtful_steps(system: System, history: History, most: int | None = None) -> NDArray[np.bool_]:
-    """Whether the step that led to each state may be one of several solutions of its equations.
+    """True for states whose step may have found one of several solutions of its equations.
 
     A step that is too long for its motion may have several solutions, each with its energy in
     balance: which one is found depends on where the iterations begin. Such a step takes many
@@ -340,7 +343,7 @@ def _largest(differences: Floats) -> Floats:
 
 
 def _neighbours(history: History) -> NDArray[np.bool_]:
-    """Whether a state is one whole step behind the one before it: those to events are shorter."""
+    """True for pairs of successive states one whole step apart: steps to events are shorter."""
     ways, next_to = np.diff(history.times), np.diff(history["step"]) == 1
     if next_to.any() and not np.ptp(ways) < EVEN * ways.min():  # most runs have equal steps
         next_to &= abs(ways - np.median(ways[next_to])) < EVEN * abs(ways)

@@ -19,7 +19,7 @@ _ROUND = 64 * np.finfo(float).eps
 
 @runtime_checkable
 class Curve(Protocol):
-    """What a curve has to offer; any object with these three can carry a beam."""
+    """Protocol of curves: any object with these three members can carry a beam."""
 
     @property
     def length(self) -> float:

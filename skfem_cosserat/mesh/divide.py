@@ -1,4 +1,4 @@
-"""The same lines divided otherwise, and where the nodes of one mesh lie in another one."""
+"""Division of lines into other elements, and the places of one mesh's nodes in another mesh."""
 
 from __future__ import annotations
 

@@ -319,7 +319,7 @@ _BROKEN = (
 
 @dataclass(frozen=True, eq=False)
 class LineData:
-    """What a file holds of a line mesh.
+    """Contents of a file with a line mesh.
 
     Attributes
     ----------

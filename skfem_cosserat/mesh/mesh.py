@@ -128,7 +128,7 @@ class MappingCurve(SkfemMapping):
         return np.broadcast_to(self.mesh.lengths[elements][:, None], xi.shape)
 
     def DF(self, X: Array, tind: Array | None = None) -> Floats:
-        """The same as a 1 x 1 Jacobian (1, 1, ne, nq)."""
+        """Arc length for one unit of the reference coordinate: a 1 x 1 Jacobian (1, 1, ne, nq)."""
         return self.detDF(X, tind)[None, None]
 
     def invDF(self, X: Array, tind: Array | None = None) -> Floats:
@@ -733,7 +733,7 @@ class MeshCurve(Frozen, MeshLine1):
         return mesh
 
     def __add__(self, other: MeshCurve) -> Self:
-        """The same as ``self.joined(other)``."""
+        """Join two meshes, as ``self.joined(other)``."""
         if not isinstance(other, MeshCurve):
             return NotImplemented
         return self.joined(other)

@@ -90,7 +90,7 @@ class ChainOrder:
 
 
 def _neighbours(t: Array, owner: IndexArray) -> IndexArray:
-    """What an element meets at its start and end (2, ne): ``2 * other + its end``, or -1.
+    """Neighbours of elements at start and end (2, ne): ``2 * other + its end``, or -1.
 
     Only where it meets one other element of its own beam: the chain neither ends nor branches.
     """
@@ -481,7 +481,7 @@ def _listed(names: Mapping[str, Any]) -> str:
 
 
 def mesh_label(beams: Mapping[str, Any]) -> str:
-    """How messages call a mesh: by its beams."""
+    """Name of a mesh in messages, by its beams."""
     names = [f"'{name}'" for name in beams]
     if not names:
         return "the mesh"
@@ -558,7 +558,7 @@ def places_along(
 
 
 def number_of_times(value: Any, count: int) -> int:
-    """How often a mesh of so many elements is to be refined; MeshError for what makes no sense."""
+    """Number of refinements of a mesh of so many elements; MeshError for a value without sense."""
     if value < 0:
         raise MeshError("refinement", f"{shown(value)} times, expected 0 or more")
     most = int(np.log2(max(MOST_ELEMENTS / count, 1)))

@@ -178,7 +178,7 @@ def _lanczos(
 
 
 def _missing(K: csr_matrix, M: csr_matrix, found: Eigenpairs, count: int) -> int:
-    """How many eigenvalues were missed, counted by the signs of pivots.
+    """Number of eigenvalues that were missed, counted by the signs of pivots.
 
     Below a value in the widest gap behind those asked for.
     """
@@ -262,7 +262,7 @@ class Pencil:
 
     @property
     def simple(self) -> bool:
-        """Whether squares of frequencies are eigenvalues of symmetric K and M."""
+        """True if squares of frequencies are eigenvalues of symmetric K and M."""
         return self.conservative and self.gyroscopic is None and self.damping is None
 
     @property

@@ -257,7 +257,7 @@ def _unrounded(
 
 
 def _arms(system: System, P: csr_matrix, forces: Floats) -> Floats:
-    """What the largest of the forces (rows, 3) could do on each unknown, in the best place."""
+    """Generalised force that forces as large as these (rows, 3) could have on each unknown."""
     turning = np.ones(system.rows, dtype=bool)
     turning[system.origin_rows] = False
     out = np.zeros(P.shape[1])

@@ -28,7 +28,7 @@ from .state import Equilibrium, StateLike, as_system, resting
 def animation(
     at: Equilibrium, s: complex, x: Array, amplitude: float, frames: int, periods: int, number: int
 ) -> History:
-    """See :meth:`Modes.animation`; x (unknowns,) is the shape, s its eigenvalue."""
+    """History of :meth:`Modes.animation`; x (unknowns,) is the shape, s its eigenvalue."""
     size = positive("argument amplitude", "amplitude", amplitude)
     whole("argument frames", frames, 1)
     whole("argument periods", periods, 1)
@@ -177,7 +177,7 @@ class Modes:
 
     @property
     def stable(self) -> bool:
-        """Whether no mode found grows."""
+        """True if no mode found grows."""
         return not bool((self.growth > GROWTH * abs(self.eigenvalues)).any())
 
     def __len__(self) -> int:

@@ -63,7 +63,7 @@ def _encroached(points: Floats, segments: IndexArray, by: Floats) -> IndexArray:
 
 
 def _apart(centres: Floats, radii: Floats) -> IndexArray:
-    """Those that keep a distance from all earlier ones: they can be added together."""
+    """Centres that keep a distance from all taken before them: they can be added together."""
     close = cKDTree(centres).query_ball_point(centres, 0.8 * radii)
     taken = np.zeros(len(centres), dtype=bool)
     for k, others in enumerate(close):

@@ -132,7 +132,7 @@ def mesh_edges(mesh: Mesh) -> IndexArray:
 
 
 def _assigned(item: str, mesh: Mesh, names: list[str]) -> IndexArray:
-    """Which of the named subdomains each element is in: exactly one."""
+    """Number of the named subdomain that each element is in: exactly one."""
     known = mesh.subdomains or {}
     index = np.full(mesh.nelements, -1)
     for k, name in enumerate(names):

@@ -113,7 +113,7 @@ class MaterialAnisotropic(Frozen):
         return cls(np.linalg.inv(compliance), rho)
 
     def rotated(self, rotation: ArrayLike) -> MaterialAnisotropic:
-        """The same material, turned.
+        """Rotated copy of the material.
 
         Parameters
         ----------
@@ -502,7 +502,7 @@ class ProfileConstants(Frozen):
         return values[::-1], float(np.arctan2(axis[1], axis[0]))
 
     def moved(self, origin: ArrayLike, angle: float = 0.0) -> ProfileConstants:
-        """The same section about another line, and in turned axes.
+        """Constants of the same section about another line, and in turned axes.
 
         Parameters
         ----------
