@@ -55,7 +55,7 @@ class StepProblem:
         self._sized: tuple[Floats | None, tuple[float, float]] = None, (0.0, 0.0)
 
     def residual(self) -> float:
-        """Evaluate, see :class:`skfem_cosserat.newton.NewtonProblem`."""
+        """Evaluate at the present configuration; size of the residual against its terms."""
         y1 = self.treatment.configure()
         self.evaluation = self.balance.evaluate(self.step, y1)
         self.y1 = y1
@@ -63,7 +63,7 @@ class StepProblem:
         return self.treatment.relative(self._r, self.evaluation.size)
 
     def direction(self) -> Floats:
-        """Increment, see there."""
+        """Newton increment at the configuration evaluated last."""
         assert self.evaluation is not None
         e, _ = self._from = self.evaluation, self.y1
         if self._stresses is not None:
@@ -91,7 +91,7 @@ class StepProblem:
         return self._sized[1]
 
     def apply(self, increment: Floats) -> None:
-        """Move, see there."""
+        """Move the configuration by an increment; predict stresses after a large one."""
         self._stresses = None
         if self.sizes(increment)[0] > self._mixed and self.system.beam_groups:
             change = self.treatment.displacement(increment, self._from[1])

@@ -115,7 +115,7 @@ class CompiledEquations(CompiledScene):
 
     @property
     def R(self) -> Floats:
-        """Overwritten as well."""
+        """Balance (rows, 3) evaluated last; overwritten by the next evaluation."""
         return self._a.R - self._a.closing if len(self._mu) else self._a.R
 
     def constraint_force(self) -> Floats:
@@ -123,7 +123,7 @@ class CompiledEquations(CompiledScene):
         return -self.R
 
     def solution(self) -> Floats:
-        """With its multipliers, which the next step begins with."""
+        """A copy of y; its multipliers are kept, and the next step begins with them."""
         y = self._a.y1.copy()
         if self._plane is not None:  # rounding has led out of it
             normal, rows = self._plane.normal, self.system.rows
@@ -132,7 +132,7 @@ class CompiledEquations(CompiledScene):
         return y
 
     def begin(self, start: Point) -> None:
-        """With the multipliers found last, or those that balance it best."""
+        """Go to an equilibrium, with the multipliers found last or those that balance it best."""
         rows, y = self.system.rows, start.y
         self._place(y[:rows].ravel(), (y[rows:], self.schedule.ground(start.t)))
         self._coupled.turn(start.turns)
@@ -202,7 +202,7 @@ class CompiledEquations(CompiledScene):
         return out
 
     def pivots(self) -> Pivots | None:
-        """None as well where elimination in blocks is not all."""
+        """Pivots of the stiffness; None: not finite, or elimination in blocks is not all."""
         if self._rest is not None:
             return None
         regular, out = self._call("pivots"), self._pivots
@@ -215,7 +215,7 @@ class CompiledEquations(CompiledScene):
         return Pivots(int(out[0]), smallest, largest, skew, bool(out[4] < 0))
 
     def displacement(self, increment: Floats) -> Floats:
-        """Overwritten by the next one."""
+        """Change (rows, 3) of the coordinates by an increment; overwritten by the next one."""
         self._a.twist.ravel()[:] = increment[self._units.size :]
         self._call("change")
         return self._a.change
