@@ -1,4 +1,4 @@
-"""What a treatment of constraints does, and which rows are independent."""
+"""Base classes of the treatments of constraints, and independent constraint rows."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from ..types import Array, Floats, IndexArray, largest
 
 
 def massless(system: System) -> Array:
-    """Which coordinates (n,) have no mass, such as d3 of beams."""
+    """Mask (n,) of the coordinates that have no mass, such as d3 of beams."""
     return np.repeat(system.mass.diagonal() == 0, 3)
 
 
 def rows_touching(system: System, coordinates: Array) -> Array:
-    """Which constraint rows (m,) contain any of the coordinates, a mask (n,).
+    """Mask (m,) of the constraint rows that contain any of the coordinates, a mask (n,).
 
-    Asked at a configuration without any order, where nothing cancels.
+    Evaluated at a random configuration, where no terms cancel.
     """
     y = np.random.default_rng(1).uniform(0.5, 1.5, (system.total, 3))
     G = abs(system.constraints.jacobian(y)).tocsr()
@@ -271,9 +271,10 @@ class BoundTreatment(ABC):
         return (1 - self.weight) * self.y0 + self.weight * y1
 
     def wrong_branch(self, y1: Array) -> str | None:
-        """What the step put on another branch of its constraints, which no motion leads to.
+        """Message about what the step put on a wrong branch of its constraints; None: nothing.
 
-        With constraint forces at the midpoint: a frame that has turned by half a turn, too.
+        No motion leads there. With constraint forces at the midpoint: about a frame that has turned
+        by half a turn, too.
         """
         if not self.by_motion and (wrong := self.system.wrong_branch(y1)) is not None:
             return wrong
@@ -297,7 +298,7 @@ class BoundTreatment(ABC):
         return
 
     def clear(self, y: Floats) -> bool:
-        """Whether the rows that close loops are independent by far at y; `clearance` is as now."""
+        """True if the rows that close loops are far from dependent at y; sets `clearance` there."""
         system = self.system
         T = system.kinematics.values_at(y)
         pivots = system.closure.independence(self._taken, y, T)
@@ -315,7 +316,7 @@ class BoundTreatment(ABC):
 
 
 def half_turn(system: System, y0: Array, y1: Array) -> str | None:
-    """Which frame has turned by half a turn in a step; None: none has.
+    """Message about a frame that has turned by half a turn in a step; None: none has.
 
     Two of its directors vanish at the midpoint then, and with them all that constraints there ask
     for: forces without bound solve such a step, and its energy may be anything.

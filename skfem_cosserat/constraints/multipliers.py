@@ -152,12 +152,15 @@ class Multipliers(Treatment):
         return "Multipliers(full=True)" if self.full else "Multipliers()"
 
     def bind(self, system: System, weight: float, large: bool = False) -> BoundMultipliers:
-        """See the base class."""
+        """The treatment with the arrays and equations for `system`."""
         return BoundMultipliers(system, weight, self.scaled, large)
 
 
 class BoundMultipliers(BoundTreatment):
-    """See :class:`Multipliers`. Internally the unknown is the impulse ``h lambda``, scaled."""
+    """The treatment :class:`Multipliers` at work on one system.
+
+    Internally the unknown is the impulse ``h lambda``, scaled.
+    """
 
     def __init__(self, system: System, weight: float, scaled: bool, large: bool) -> None:
         super().__init__(system, weight)
@@ -194,7 +197,7 @@ class BoundMultipliers(BoundTreatment):
         self._nodal = Reparametrisation(system.kinematics) if system.moving else None
 
     def begin(self, y0: Array, ground1: Array, h: float, momentum: Floats | None = None) -> None:
-        """See the base class."""
+        """Start a step of size h from y0: choose independent rows of closed loops."""
         self.y0, self.ground1, self.h = y0, ground1, h
         if len(self.system.closure.rows):
             self._choose(y0, momentum)
@@ -230,7 +233,7 @@ class BoundMultipliers(BoundTreatment):
         return way_off(self.system, y0, self.ground1, s, momentum, self.h)
 
     def _regular(self, y0: Array) -> Array:
-        """Where the rows are independent: the limit on leaving a singular position."""
+        """y0; beside it, if y0 is singular: a limit where the rows are independent."""
         if self._away is None or not self._away.any():
             return y0
         out = y0.copy()
@@ -239,7 +242,7 @@ class BoundMultipliers(BoundTreatment):
 
     @property
     def sought(self) -> tuple[Array, Array]:
-        """See the base class: coordinates and multipliers."""
+        """Coordinates (n,) and impulses of the multipliers (m,) that are sought in the step."""
         return self._sought
 
     @sought.setter
@@ -248,7 +251,10 @@ class BoundMultipliers(BoundTreatment):
         self.moved = np.concatenate([other[0] - self._q0, other[1]])
 
     def guess(self, extrapolate: bool) -> None:
-        """See the base class."""
+        """First guess: last step's increment again, or y0 after the prescribed motion.
+
+        At a singular position, y0 after an increment that leads away from it.
+        """
         n = self.system.n
         if extrapolate and self.last is not None:
             q, multiplier = self._q0 + self.last[:n], self.last[n:]
@@ -262,7 +268,7 @@ class BoundMultipliers(BoundTreatment):
         self.sought = q, multiplier * self._keep
 
     def adopt(self, R: Array) -> None:
-        """See the base class."""
+        """Take the multipliers that balance R (rows, 3) best at the start of the step."""
         self.sought = self.sought[0], self._balancing(R, self.y0)
 
     def _balancing(self, R: Array, y: Array) -> Array:
@@ -295,7 +301,7 @@ class BoundMultipliers(BoundTreatment):
         q.reshape(-1, 3)[rows] = D @ before.transpose(0, 2, 1) @ D
 
     def configure(self) -> Array:
-        """See the base class."""
+        """``y_1`` (all rows): the coordinates sought, and the ground at the end of the step."""
         q = self.sought[0]
         return np.concatenate([q.reshape(-1, 3), self.ground1.astype(q.dtype)])
 
@@ -305,7 +311,7 @@ class BoundMultipliers(BoundTreatment):
         return self.system.constraints.jacobian_values(self.constraint_point(y1))
 
     def reduce(self, R: Array, y1: Array) -> Array:
-        """See the base class; the constraint rows are not scaled here."""
+        """Residual: balance with constraint forces, then gaps of the constraints, not scaled."""
         constraints = self.system.constraints
         self._left = self._transposed(y1)
         n = self.system.n
@@ -320,7 +326,7 @@ class BoundMultipliers(BoundTreatment):
         return self._restricted(out)
 
     def _restricted(self, full: Array) -> Array:
-        """Of (n + m,) numbers those of the solver's unknowns."""
+        """Part of (n + m,) numbers that belongs to the solver's unknowns: in a plane fewer."""
         return full if self._inside is None else self._inside.restrict(full)
 
     def _expanded(self, increment: Array) -> Array:
@@ -328,12 +334,12 @@ class BoundMultipliers(BoundTreatment):
         return increment if self._inside is None else self._inside.expand(increment)
 
     def pull(self, gradient: Array) -> Array:
-        """See the base class; multipliers change nothing."""
+        """Derivative by the unknowns of what has this `gradient` by q_1; zero by multipliers."""
         full = np.concatenate([gradient.reshape(-1), np.zeros(self.system.m)])
         return self._restricted(full)
 
     def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
-        """See the base class; with the columns' and rows' factors of this step."""
+        """Entries of the iteration matrix, as solved (rows and columns scaled), or unscaled."""
         full = [b.blocks() if isinstance(b, Parts) else b for b in blocks]
         if self.scaled and not self._sized:
             # a scene without stiffness, on a path, has blocks of zeros
@@ -357,11 +363,11 @@ class BoundMultipliers(BoundTreatment):
         return data if self._inside is None else self._inside.data(data)
 
     def displacement(self, increment: Array, y1: Array) -> Array:
-        """See the base class."""
+        """Change (rows, 3) of the coordinates that an increment of the unknowns makes."""
         return self._expanded(increment)[: self.system.n].reshape(-1, 3)
 
     def move(self, increment: Array) -> None:
-        """See the base class."""
+        """Add an increment of the unknowns to the coordinates and multipliers."""
         n, increment = self.system.n, self._expanded(increment)
         factor = self.gap_scale if self.scaled else self.h
         q, multiplier = self.sought
@@ -385,7 +391,10 @@ class BoundMultipliers(BoundTreatment):
         return out.reshape(-1)
 
     def impulse(self, R: Array) -> Array:
-        """See the base class; out of a plane that all is confined to, what holds the balance."""
+        """Constraint impulse ``h G^T lambda`` (rows, 3) at the solution.
+
+        In a scene confined to a plane its part out of the plane is what balances R there.
+        """
         force = self._found
         if self._inside is not None:
             other = -R.reshape(-1)

@@ -196,12 +196,12 @@ class NullSpace(Treatment):
     )
 
     def bind(self, system: System, weight: float, large: bool = False) -> BoundNullSpace:
-        """See the base class; directors are always turned."""
+        """The treatment with the arrays and equations for `system`; directors are always turned."""
         return BoundNullSpace(system, weight, large)
 
 
 class BoundNullSpace(BoundTreatment):
-    """See :class:`NullSpace`.
+    """The treatment :class:`NullSpace` at work on one system.
 
     With loops ``P = P_int T Z``, where Z spans what the closure rows leave free of the K
     coordinates of the tree; it is evaluated where P is, with the rows chosen at the step's start.
@@ -298,7 +298,7 @@ class BoundNullSpace(BoundTreatment):
     # -- a step ----------------------------------------------------------------------------------
 
     def begin(self, y0: Array, ground1: Array, h: float, momentum: Floats | None = None) -> None:
-        """See the base class."""
+        """Start a step of size h from y0: choose independent rows of closed loops."""
         self.y0, self.ground1, self.h, self._known = y0, ground1, h, None
         self._sized = False
         self._ground: Array | None = ground1
@@ -351,7 +351,7 @@ class BoundNullSpace(BoundTreatment):
 
     @property
     def sought(self) -> tuple[Array, ...]:
-        """See the base class."""
+        """Configuration sought: the tree's increments, all increments so far, and multipliers."""
         return *self.nodal.save(), self.moved, self._multipliers
 
     @sought.setter
@@ -361,7 +361,7 @@ class BoundNullSpace(BoundTreatment):
         self._ground = None  # what is driven follows anew
 
     def guess(self, extrapolate: bool) -> None:
-        """See the base class."""
+        """First guess: last step's increment again, or only the prescribed motion."""
         self.nodal.reset()
         if not self._large:
             self._multipliers = np.zeros(len(self._held))
@@ -372,7 +372,7 @@ class BoundNullSpace(BoundTreatment):
             self._add(increment, multipliers - self._multipliers)
 
     def adopt(self, R: Array) -> None:
-        """See the base class."""
+        """Take the multipliers of strains that balance R (rows, 3) best at y0."""
         self._add(np.zeros(self.kin.unknowns), self._balancing(R, self.y0) - self._multipliers)
 
     def _parted(self, unknowns: Array) -> tuple[Array, Array]:
@@ -394,7 +394,7 @@ class BoundNullSpace(BoundTreatment):
         self.moved = np.concatenate([before + increment, self._multipliers])
 
     def configure(self) -> Array:
-        """See the base class; loops are closed first."""
+        """``y_1`` (all rows) sought, after its loops are closed."""
         if self._ground is not self.ground1:
             self._ground = self.ground1
             self.nodal.move_ground(self.ground1)
@@ -465,13 +465,13 @@ class BoundNullSpace(BoundTreatment):
         return sum_at(g.G_cols, entries, g.n).reshape(-1, 3)
 
     def displacement(self, increment: Array, y1: Array) -> Array:
-        """See the base class."""
+        """Change (rows, 3) of the coordinates that an increment makes at y_1, to first order."""
         T1 = self._tree_at(y1)[1]
         coordinates = self._by_tree(self._parted(increment)[0])
         return self.kin.rates(y1, self.kin.recursion.expand(T1, coordinates))
 
     def pull(self, gradient: Array) -> Array:
-        """See the base class; multipliers change nothing."""
+        """Derivative by the unknowns of what has this `gradient` by q_1; zero by multipliers."""
         return np.concatenate([self._reduced(gradient), np.zeros(len(self._held))])
 
     def _null_spaces(self, y: Array) -> list[Array | None]:
@@ -524,7 +524,7 @@ class BoundNullSpace(BoundTreatment):
         return R + self._constraint_force(multipliers), blocks
 
     def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
-        """See the base class; with the factors of columns and rows of this step."""
+        """Entries of the iteration matrix, as solved (rows and columns scaled), or unscaled."""
         kin, tree = self.kin, self.kin.recursion
         count = len(self.system.groups)
         pairs = [np.asarray(block) for block in blocks[count:]]
@@ -561,7 +561,7 @@ class BoundNullSpace(BoundTreatment):
         return sum_at(rows, self._Z1 * increment[cols], self.kin.unknowns)
 
     def move(self, increment: Array) -> None:
-        """See the base class."""
+        """Move the tree's coordinates by an increment, and add to the multipliers of strains."""
         coordinates, multipliers = self._parted(increment)
         self._add(self._by_tree(coordinates), self.gap_scale * multipliers)
 
@@ -571,7 +571,7 @@ class BoundNullSpace(BoundTreatment):
         return max(float(np.delete(d, rotating).max(initial=0.0)) / self.system.length, turn), turn
 
     def sizes(self, increment: Floats, y1: Array) -> tuple[float, float]:
-        """Of the coordinates of the tree."""
+        """Size of an increment in the tree's coordinates, and of its largest rotation."""
         return self._size(self._by_tree(self._parted(increment)[0]))
 
     def impulse(self, R: Array) -> Array:

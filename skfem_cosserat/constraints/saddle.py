@@ -122,9 +122,10 @@ def balancing(system: System, y: Floats, force: Floats) -> Floats:
 
 @lru_cache(maxsize=4)
 def is_lattice(system: System) -> bool:
-    """Whether an elimination of a scene along chains and trees leaves many vertices.
+    """True if elimination along chains and trees leaves many vertices of a scene.
 
-    What is left is filled in: conjugate gradients take a fraction of the time and the memory.
+    These fill in: conjugate gradients take a fraction of the time and the memory. False for scenes
+    with closed loops or strains that have multipliers.
     """
     few = len(system.origin_rows) <= LATTICE
     if few or system.joint_coordinates.closure.rank or len(system.held_rows):

@@ -1,4 +1,4 @@
-"""What an integrator is: it gives a scheme in numbers, or a discrete balance of its own."""
+"""Base class of integrators: a scheme in numbers, or a discrete balance of its own."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ class Integrator(Frozen):
         return StepBalance(system, self, h)
 
     def march(self, system: System, treatment: Treatment, h: float) -> March | None:
-        """What advances states without balance and Newton; None: the stepper does, with both.
+        """Object that advances states without balance and Newton's method; None: there is none.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class Integrator(Frozen):
 
     @property
     def single(self) -> Integrator:
-        """What solves its single steps: its part if it is composed, else itself."""
+        """Integrator of the single steps: the part of a composed one, else this one."""
         return self if self.part is None else self.part
 
     @cached_property
@@ -150,7 +150,7 @@ class Integrator(Frozen):
 
     @property
     def carries_node_momentum(self) -> bool:
-        """Whether the momentum carried on is p_n of the node; else the next step completes it."""
+        """True if the momentum carried on is p_n of the node; else the next step completes it."""
         return self.numbers.carries_node_momentum
 
     @property

@@ -1,4 +1,4 @@
-"""What has no kernels of its own in compiled steps: evaluated by numpy, called back.
+"""Callbacks from compiled steps to numpy, for what has no kernels of its own.
 
 Compiled code calls a Python function at the stages of an iteration. Loads that are functions add
 their forces to the rows of y, and their 3x3 blocks to those of the matrix. Sections give what the
@@ -306,7 +306,7 @@ class CalledBack(Called):
         self._blocks = RowBlocks(system, self._couplings.pairs, plan, arrays)
 
     def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:
-        """What is fixed in a step of size h (s) after a state."""
+        """Set the quantities that stay fixed in a step of size h (s) after a state."""
         system, couplings, end = self._system, self._couplings, state.time + h
         self._scheme, self.error, y0 = scheme, None, self._arrays.y0.copy()
         if not scheme.at_end:

@@ -1,4 +1,4 @@
-"""Which kernels step a scene, and why compiled ones are refused."""
+"""Choice of the kernels that step a scene, and reasons why compiled ones are refused."""
 
 from __future__ import annotations
 
@@ -113,7 +113,10 @@ def choose_kernels(
     steps: int | None,
     solver: Solver | None = None,
 ) -> Choice:
-    """See :func:`choose`; for a run of as many steps, each perhaps composed of others."""
+    """Choice of kernels, as of :func:`choose`, for a run of so many steps.
+
+    Each step of a composed integrator counts as the steps that it is made of.
+    """
     count = (steps or 0) * max(1, len(integrator.shares))
     refused = refusal(system, integrator, treatment)
     if not integrator.solves:  # there is nothing to be compiled for the sake of
@@ -128,7 +131,7 @@ def choose(
     steps: int = 0,
     solver: Solver | None = None,
 ) -> Choice:
-    """What ``kernels="auto" | "numpy" | "numba"`` means for a scene.
+    """Kernels that ``kernels="auto" | "numpy" | "numba"`` stands for in a scene.
 
     Whether all kernels are where the choice lets them come from turns out when they are made, see
     :func:`built`.
@@ -180,11 +183,11 @@ def choose(
 
 
 def built(choice: Choice, make: Callable[[], MadeT]) -> tuple[Choice, MadeT | None]:
-    """What `make` makes of compiled kernels; nothing where numpy is chosen, or numba fails.
+    """Choice that remains, and what `make` builds of compiled kernels; None: numpy takes over.
 
-    Nor where kernels would have to be compiled, and the run does not pay for that. They are written
-    for numba as it is: a newer one may refuse what older ones compile. Then a warning says so, and
-    plain numpy takes over.
+    It does if it is chosen, if numba fails, or if kernels would have to be compiled and the run
+    does not pay for that. They are written for numba as it is: a newer one may refuse what older
+    ones compile. Then a warning says so.
     """
     if choice.name != "numba":
         return choice, None
@@ -243,7 +246,7 @@ def kept_motion(system: System) -> CompiledMotion | None:
 
 @cache
 def installed() -> bool:
-    """Whether numba is; looking for it takes a third of a millisecond."""
+    """True if numba is installed; looking for it takes a third of a millisecond."""
     return find_spec("numba") is not None
 
 

@@ -25,7 +25,7 @@ from .scheme import Scheme
 
 
 def is_viscous(system: System) -> bool:
-    """Whether a section of a scene has Kelvin-Voigt damping."""
+    """True if a section of a scene has Kelvin-Voigt damping."""
     return any(group.viscous for group in system.beam_groups)
 
 
@@ -189,7 +189,7 @@ class CompiledScene:
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
 
     def _numbers_of(self, scheme: Scheme) -> dict[str, float]:
-        """Those of a scheme, see :mod:`skfem_cosserat.compiled.numbers`.
+        """Numbers of a scheme by name, see :mod:`skfem_cosserat.compiled.numbers`.
 
         What a scheme with rates takes off the balance stands in place of the momentum.
         """
@@ -208,7 +208,7 @@ class CompiledScene:
         }
 
     def _called_laws(self) -> list[CalledLaws]:
-        """What evaluates stored energies that are not compiled for the kernels."""
+        """Callbacks for stored energies that are not compiled for the kernels."""
         found = []
         for group, fields in zip(self.system.beam_groups, self._beams, strict=False):
             points = fields.get("law_points")
@@ -253,7 +253,7 @@ class CompiledScene:
         return bind.parts_of(self.coordinates, weight, ends, static, self.scheme.relative)
 
     def _number(self) -> None:
-        """Where the tree's coordinates are among those of the vertices."""
+        """Set the places of the tree's coordinates among those of the vertices."""
         own, kin = self.coordinates.tree.own, self.coordinates.kinematics
         vertex = kin.vertex[: kin.unknowns]
         first = np.array([numbers.start for numbers in own])
@@ -261,16 +261,16 @@ class CompiledScene:
 
     @property
     def linear(self) -> LinearSolver | None:
-        """What solves for the vertices that elimination in blocks leaves, if there are any."""
+        """Sparse solver for vertices that elimination in blocks leaves; None: it leaves none."""
         return None if self._rest is None else self._rest.solver
 
     @property
     def method(self) -> str:
-        """How linear systems are solved."""
+        """Name of the method that solves linear systems."""
         return "blocks" if self._rest is None else f"blocks, {self._rest.solver.method}"
 
     def _place(self, q: Floats, ground: tuple[Floats, Floats] | None) -> None:
-        """Where a step starts, q (n,), and the ground's rows at both its ends if they move."""
+        """Set the start of a step: q (n,), and the ground's rows at both ends if they move."""
         system, a = self.system, self._a
         a.y0[: system.rows] = q.reshape(-1, 3)
         if ground is not None:
@@ -326,20 +326,20 @@ class NearestVelocity(CompiledScene):
 
     @staticmethod
     def serves(system: System) -> bool:
-        """Whether the coordinates of a scene's tree are all there is to know of its velocities."""
+        """True if a scene has neither closed loops nor prescribed motion."""
         return not (system.joint_coordinates.closure.rank or system.moving)
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
-        """See the base class."""
+        """Names of the parts that are called, without those for forces."""
         return [name for name in super()._parts(weight, ends, static) if name not in NO_FORCES]
 
     def _called_laws(self) -> list[CalledLaws]:
-        """See the base class: there are no stresses."""
+        """No callbacks: a projection of velocities has no stresses."""
         return []
 
 
 class Motion(NamedTuple):
-    """What :class:`CompiledMotion` finds of one state, or of k of them.
+    """Velocities and energies of one state, or of k of them, by :class:`CompiledMotion`.
 
     Attributes
     ----------
@@ -396,10 +396,10 @@ class CompiledMotion(NearestVelocity):
 
     @property
     def _lawful(self) -> bool:
-        """Whether a section has a stored energy of its own, which need not be compiled."""
+        """True if a section has a stored energy of its own, which need not be compiled."""
         return any(group.elements.stored for group in self.system.beam_groups)
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
-        """See the base class."""
+        """Names of the parts that are called, with the energy of beams if kernels know it."""
         plain = bool(self.system.beam_groups) and not self._lawful
         return [*super()._parts(weight, ends, static), *(["beam_energy"] if plain else [])]

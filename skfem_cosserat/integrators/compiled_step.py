@@ -107,7 +107,7 @@ class Coupled:
 
     @property
     def alike(self) -> bool:
-        """Whether steps differ in nothing but the state and known forces of actuators."""
+        """True if steps differ in nothing but the state and known forces of actuators."""
         return not (self._vectors or (self._late and self._couplings.count))
 
     def turns_of(self, log: Floats) -> IndexArray:
@@ -187,7 +187,7 @@ class BlockOfSteps(NamedTuple):
 
     @property
     def steps(self) -> int:
-        """How many."""
+        """Number of steps."""
         return len(self.iterations)
 
 
@@ -257,7 +257,7 @@ class CompiledStep(CompiledScene):
         self._solve = self._entry()
 
     def _carry(self, scheme: Scheme) -> None:
-        """What is carried on from step to step, with the numbers of the scheme for it."""
+        """Bind the arrays carried on from step to step, and set the scheme's numbers for them."""
         from ..compiled import bind
 
         self._moves = bool(scheme.moved) and self.system.m > 0
@@ -321,7 +321,7 @@ class CompiledStep(CompiledScene):
         return entry("step", "solve", structure("steps", given), self._source)
 
     def resized(self, h: float) -> CompiledStep:
-        """The same for steps of another size; factors of matrices are not kept."""
+        """Take steps of another size (s) from now on; factors of matrices are not kept."""
         scheme = self.integrator.scheme(h)
         assert isinstance(scheme, Scheme)
         for name, number in self._numbers_of(scheme).items():
@@ -347,10 +347,10 @@ class CompiledStep(CompiledScene):
                 known[count:, : off.shape[1]][off] = 0.0
 
     def due(self, state: State, bound: BoundTreatment) -> bool:
-        """Whether the treatment has to choose rows that close the loops: it knows what is singular.
+        """True if the treatment, which knows what is singular, has to choose rows for the loops.
 
-        From another state than the last; or after a motion of length `clearance`, if those that
-        there are have come too close to each other, too.
+        It has to from another state than the last; or after a motion of length `clearance`, if the
+        chosen rows have come too close to each other, too.
         """
         if not np.isfinite(self._travelled):
             return True
@@ -366,16 +366,16 @@ class CompiledStep(CompiledScene):
 
     @property
     def last(self) -> Any:
-        """What the treatment keeps of the last step, see there; None before the first.
+        """Increments of the last step, as the treatment keeps them; None before the first step.
 
-        Nothing where the unknowns are others: with multipliers, or of a plane in space.
+        None, too, where the unknowns are others: with multipliers, or of a plane in space.
         """
         if self._others:
             return None
         return self._a.last.ravel()[self._numbering] if self._record[KNOWN] else None
 
     def resume(self, last: Any) -> None:
-        """See the treatment: the next step is guessed from what is known of another one."""
+        """Take the last increments of another step for the first guess; None: none are known."""
         last = None if self._others else last
         self._record[KNOWN] = self._record[GUESS] = float(last is not None)
         if last is not None:
@@ -425,11 +425,11 @@ class CompiledStep(CompiledScene):
         return loading.values(end) if self.scheme.at_end else loading.averages(time, end)
 
     def takes_blocks(self, time: float) -> bool:
-        """Whether steps from this time (s) on differ in nothing but state and known functions."""
+        """True if steps from this time (s) on can be solved in one go, several at a time."""
         return self._alike and not (self.scheme.at_end and self._varies(time))
 
     def _varies(self, time: float) -> bool:
-        """Whether loads, forces of actuators or the ground may change after this time (s)."""
+        """True if loads, forces of actuators or the ground may change after this time (s)."""
         loading = self.system.loading
         constant = loading.constant or time >= loading.constant_after
         return not (constant and self.system.couplings.constant and not self.system.moving)
@@ -564,7 +564,7 @@ class CompiledStep(CompiledScene):
         return False
 
     def _flipped(self) -> bool:
-        """Whether a frame has turned by half a turn, where the midpoint tells nothing of it."""
+        """True if a frame has turned by half a turn, with loops or with forces at the midpoint."""
         if self.looped and self._travel < SHORT_WAY:
             return False
         middle = 0.0 < self.scheme.weight < 1.0
@@ -573,7 +573,7 @@ class CompiledStep(CompiledScene):
 
     @property
     def missed(self) -> float:
-        """What rows of closed loops that depend on others gape by, against their terms."""
+        """Largest gap of the dependent rows of closed loops, relative to their terms."""
         return float(self._a.found[2])
 
     @property

@@ -37,7 +37,7 @@ from .step_balance import Evaluation, StepBalance, StepData, end_velocity
 
 
 def _lengths(rows: Array, of: Callable[..., Floats] = np.linalg.norm) -> Floats:
-    """Of the real parts: that of each row (k,), or their largest entries."""
+    """Length of the real part of each row (k,); its largest entry if ``of=np.max``."""
     return of(abs(rows.real), axis=-1)
 
 
@@ -186,7 +186,7 @@ class DecayingBalance(StepBalance):
     """The balance of energy-momentum with an extra velocity, which is no number; see above."""
 
     def evaluate(self, step: StepData, y1: Array) -> Evaluation:
-        """See the base class."""
+        """Balance at y1, with the momenta ``2 M v_m`` of :class:`Flow` instead of ``2 M dq/h``."""
         e = super().evaluate(step, y1)
         parts = separate_parts(self.system)
         flow = Flow(parts, e.dq, step.p0, step.y0[: len(e.dq)], self.h, self.scheme.decay)
@@ -195,7 +195,7 @@ class DecayingBalance(StepBalance):
         return _WithFlow(**own, flow=flow)
 
     def tangent(self, step: StepData, evaluation: Evaluation) -> list[Blocks]:
-        """See the base class."""
+        """Blocks of the tangent, with ``2 A/h`` in place of ``2/h`` for the inertia."""
         assert isinstance(evaluation, _WithFlow)
         blocks, flow = super().tangent(step, evaluation), evaluation.flow
         # 2 A/h takes the place of 2/h
@@ -210,19 +210,19 @@ class DecayingBalance(StepBalance):
         return blocks
 
     def border(self, step: StepData, evaluation: Evaluation) -> tuple[Array, Array] | None:
-        """See the base class: what all velocities have in common."""
+        """Low-rank part of the tangent, from the motion common to all velocities of a part."""
         assert isinstance(evaluation, _WithFlow)
         return evaluation.flow.update()
 
     def rates(self, step: StepData, evaluation: Evaluation) -> Floats | None:
-        """See the base class: v."""
+        """Velocity (1, rows, 3) at the end of the step, before it is moved."""
         assert isinstance(evaluation, _WithFlow)
         assert step.rates0 is not None
         v0 = step.rates0[0]
         return (2 * evaluation.flow.velocity(v0) - v0)[None]
 
     def work(self, step: StepData, evaluation: Evaluation) -> StepWork:
-        """See the base class; with what the extra velocity takes."""
+        """Work of a solved step, with the energy that the extra velocity takes."""
         assert isinstance(evaluation, _WithFlow)
         assert step.rates0 is not None
         done, flow = super().work(step, evaluation), evaluation.flow
@@ -327,7 +327,7 @@ class EnergyDecaying(EnergyMomentum):
         return f"EnergyDecaying({self._text}{more})"
 
     def scheme(self, h: float) -> Scheme:
-        """See the base class; the extra velocity is no number."""
+        """Numbers of the scheme, which do not describe the extra velocity."""
         chi = self.chi if self.rate is None else min(1.0, self.rate * h)
         own = replace(super().scheme(h), decay=chi)
         if not self.velocity:
@@ -335,10 +335,10 @@ class EnergyDecaying(EnergyMomentum):
         return replace(own, table=((2 / h, -1.0),), relative=True)
 
     def start(self, system: System, state: State, h: float) -> Floats | None:
-        """See the base class: the velocity."""
+        """Velocity that a step starts with; None: the scheme does not carry it on."""
         return end_velocity(system, state) if self.velocity or self.stabilized else None
 
     def balance(self, system: System, h: float) -> StepBalance:
-        """See the base class."""
+        """Balance of a step of size h (s), with the extra velocity if there is one."""
         kind = DecayingBalance if self.velocity else StepBalance
         return kind(system, self, h)

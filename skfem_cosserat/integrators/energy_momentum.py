@@ -59,10 +59,10 @@ class EnergyMomentum(Integrator):
         return f"EnergyMomentum({'stabilized=True' if self.stabilized else ''})"
 
     def scheme(self, h: float) -> Scheme:
-        """See the base class."""
+        """Numbers of the scheme for a step size (s); stabilized, it carries the velocity on."""
         own = Scheme(2 / h, 2.0, h, weight=0.5, rate=1 / h, carry=(1.0, -1.0, 0.0), ends=True)
         return replace(own, table=((2 / h, -1.0),), moved=(1.0,)) if self.stabilized else own
 
     def start(self, system: System, state: State, h: float) -> Floats | None:
-        """See the base class: the velocity if stabilized."""
+        """Velocity that a step starts with if the scheme is stabilized, else None."""
         return end_velocity(system, state) if self.stabilized else None

@@ -377,7 +377,7 @@ class Explicit(Integrator):
         return LimitWatch(system_of(system)).smallest
 
     def march(self, system: System, treatment: Treatment, h: float) -> Marching:
-        """See the base class."""
+        """Explicit steps of size h (s), after checks of scene, treatment and step size."""
         for what, reason in _refused(system, treatment):
             raise IncompatibleError(f"{self!r} with {what}", reason)
         check_lumped(repr(self), system)

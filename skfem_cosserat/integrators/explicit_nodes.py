@@ -80,7 +80,7 @@ class Bodies:
         y[self.rows] = x
 
     def _turn_of_axes(self, spin: Floats, dt: float) -> Floats:
-        """What turns principal axes (k, 3, 3): about the second one, the third, the second."""
+        """Rotations (k, 3, 3) of principal axes in a time dt: about the second, third, second."""
         turn, (_, rest, along) = np.eye(3), dt * self._speeds
         for axis, rates in ((1, rest), (2, along), (1, rest)):
             angles = np.outer(rates * spin[:, axis, 0], np.eye(3)[axis])
@@ -242,7 +242,7 @@ class Nodes:
         return own[:, :2]
 
     def velocities(self, y: Floats) -> Callable[[Floats], Floats]:
-        """What gives velocities of all rows of y of momenta."""
+        """Function that gives the velocities of all rows of y for momenta."""
         P, M = self.bodies.by_twists(y)
 
         def rates(m: Floats) -> Floats:

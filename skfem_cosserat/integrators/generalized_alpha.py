@@ -99,7 +99,7 @@ class GeneralizedAlpha(Integrator):
         return f"GeneralizedAlpha(rho_inf={self.rho_inf:g}{more})"
 
     def scheme(self, h: float) -> Scheme:
-        """See the base class; rates are v, a, alpha, and if stabilized v before it was moved."""
+        """Numbers of the scheme: rates are v, a, alpha, and if stabilized v before it was moved."""
         b, g, am, af = self.beta, self.gamma, self.alpha_m, self.alpha_f
         # each by dq and the rates v, a, alpha at the start
         alpha = np.array([1 / (b * h * h), -1 / (b * h), 0.0, -(0.5 - b) / b])
@@ -123,7 +123,7 @@ class GeneralizedAlpha(Integrator):
         return replace(own, moved=moved, moved_force=h * turn, found_with=3)
 
     def start(self, system: System, state: State, h: float) -> Floats:
-        """See the base class: known, or consistent accelerations."""
+        """Rates that the state carries on, for this step size; else consistent accelerations."""
         if state.rates is None:
             rates = self._rates(system, state, h)
             if self.stabilized:

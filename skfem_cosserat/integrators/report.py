@@ -1,4 +1,4 @@
-"""What is reported of a step: how it ended, the next state, and forces of constraints."""
+"""Reports of steps: how they ended, the next state, and forces of constraints."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ += ["one_sided"]
 
 
 class Code(Enum):
-    """How a step has ended."""
+    """Outcome of a step."""
 
     SOLVED = "solved"
     UNSOLVED = "no attempt was solved"
@@ -60,7 +60,7 @@ class Failure:
     residuals: Sequence[list[float]] = ()
 
     def error(self, settings: NewtonSettings) -> Diverged:
-        """What tells of it."""
+        """Exception that tells of the failure."""
         return Diverged(
             *(self.state.time, self.state.index + 1, self.residual, self.reason, self.advice),
             residuals=list(self.residuals),
@@ -71,7 +71,7 @@ class Failure:
 
 @dataclass(eq=False, repr=False)
 class StepReport:
-    """What a solved step gives beside the next state.
+    """Result of a solved step: the next state, and how it was found.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class StepReport:
 
     @property
     def steps(self) -> int:
-        """How many steps it is of: more than one for those of :meth:`Stepper.advance_block`."""
+        """Number of steps solved: more than one for those of :meth:`Stepper.advance_block`."""
         return 1
 
     @property
@@ -179,7 +179,10 @@ class StepReport:
 
     @property
     def constraint_point(self) -> Floats:
-        """Where it acts: all rows (total, 3) of y, at the node or midpoint."""
+        """Configuration at which the constraint force acts: all rows (total, 3) of y.
+
+        At a node or at the midpoint.
+        """
         y0 = self.system.extend(self.start.q, self.start.time)
         weight = 0.0 if self.by_motion else self.integrator.constraint_weight
         return y0 if weight == 0 else weight * self.y1 + (1 - weight) * y0
@@ -255,16 +258,16 @@ class BlockReport(StepReport):
 
     @property
     def steps(self) -> int:
-        """See the base class."""
+        """Number of steps that were solved in one go."""
         return self.block.steps
 
     @property
     def all_iterations(self) -> int:
-        """See the base class."""
+        """Newton iterations of all the steps."""
         return int(self.block.iterations.sum())
 
     def part(self, k: int) -> StepReport:
-        """See the base class."""
+        """Report of the k-th step as if it were alone, if the states at its ends are kept."""
         b, back = self.block, k - self.steps
         known = self.steps - len(b.q)  # without those whose start is not kept
         if not (known + 1 if known else 0) <= k < self.steps:
@@ -277,7 +280,7 @@ class BlockReport(StepReport):
         return StepReport(*solved, self.system, self.integrator, self.step, *own)
 
     def after(self, k: int) -> State:
-        """See the base class."""
+        """State at the end of the k-th step."""
         return self.state if k == self.steps - 1 else self._start(k + 1)
 
     def first(self, steps: int) -> BlockReport:
@@ -288,7 +291,7 @@ class BlockReport(StepReport):
         return self.of(block, self.times[some], self.first_start, self.origin, methods)
 
     def _start(self, k: int) -> State:
-        """Where the k-th step starts."""
+        """State that the k-th step starts from."""
         if not k:
             return self.first_start
         b, index, back = self.block, self.first_start.index + k, k - 1 - self.steps
@@ -410,7 +413,7 @@ def force_of_state(
 
 
 def force_points(integrator: Integrator, steps: Sequence[StepReport]) -> list[ForcePoint]:
-    """Those of :func:`force_point` of steps in a row; none where equations of motion give more."""
+    """Points of :func:`force_point` for steps in a row; none if equations of motion give more."""
     if not steps or steps[-1].by_motion:
         return []
     pairs = zip([None, *steps], steps, strict=False)
@@ -439,7 +442,7 @@ class StateForces:
         self.start = start
 
     def take(self, report: StepReport, wanted: bool = True) -> tuple[State, Floats] | None:
-        """What the next step tells, see :func:`force_of_state`; None: nothing, or not `wanted`."""
+        """Add the next step; gives what :func:`force_of_state` does, None if not `wanted`."""
         before, found = self._steps[-1] if self._steps else None, None
         if wanted:
             found = force_of_state(self.integrator, before, report)
@@ -474,12 +477,9 @@ class StateForces:
 
 
 def forces_of_states(integrator: Integrator, h: float, before: Floats, after: Floats) -> Floats:
-    """The same of many states between equal steps, of schemes that take no energy at midpoints.
+    """Constraint forces (N, n) of many states between equal steps, see :func:`force_of_state`.
 
-    Parameters
-    ----------
-    before, after : (N, n) arrays
-        Impulses ``h G^T lambda`` of the steps that lead to each, and of those that follow.
+    For schemes that take no energy at midpoints.
     """
     weight = integrator.constraint_weight
     if weight in (0, 1):
@@ -488,6 +488,6 @@ def forces_of_states(integrator: Integrator, h: float, before: Floats, after: Fl
 
 
 def _off(system: System, state: State) -> Floats:
-    """What a state's momentum is off the hidden constraints by (n,)."""
+    """Part (n,) of a state's momentum off the hidden constraints, ``p - Q p``."""
     y = system.extend(state.q, state.time)
     return state.p - nearest_momentum(system, y, state.p, state.time)

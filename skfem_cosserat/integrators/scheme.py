@@ -211,12 +211,12 @@ class Scheme:
 
     @property
     def at_end(self) -> bool:
-        """Whether forces act at the end of the step."""
+        """True if forces act at the end of the step."""
         return self.at == 1
 
     @property
     def carries_node_momentum(self) -> bool:
-        """Whether the momentum carried on is p_n of the node; else the next step completes it."""
+        """True if the momentum carried on is p_n of the node; else the next step completes it."""
         return self.weight != 0 or bool(self.moved)
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class StepData:
-    """What is fixed during a step of size h.
+    """Quantities that stay fixed during a step of size h.
 
     Attributes
     ----------
@@ -125,7 +125,7 @@ class Evaluation:
 
 
 class Finished(NamedTuple):
-    """What a solved step hands on.
+    """Momentum, rates, impulse and work that a solved step hands on.
 
     Attributes
     ----------
@@ -339,7 +339,10 @@ class StepBalance:
         return s.rate * e.Bs[k] + s.at * g.strain(e.velocity)[1]
 
     def border(self, step: StepData, evaluation: Evaluation) -> tuple[Array, Array] | None:
-        """What :meth:`tangent` leaves out, ``sum_k U_k (V_k . dq_1)``: U, V (k, rows, 3)."""
+        """Low-rank part that :meth:`tangent` leaves out; None: there is none.
+
+        It is ``sum_k U_k (V_k . dq_1)`` with U, V (k, rows, 3).
+        """
         return None
 
     def predicted(self, step: StepData, evaluation: Evaluation, change: Array) -> list[Array]:
@@ -362,7 +365,7 @@ class StepBalance:
     # -- finish ----------------------------------------------------------------------------------
 
     def finish(self, step: StepData, evaluation: Evaluation) -> Finished:
-        """What a solved step hands on: momentum, rates, and the work along the way."""
+        """Momentum and rates that a solved step hands on, and the work along the way."""
         s, e = self.scheme, evaluation
         p = s.carry[0] * e.inertia + s.carry[1] * step.p0 + (s.carry[2] * s.force) * e.forces
         time = step.state.time + self.h
@@ -386,7 +389,7 @@ class StepBalance:
         work: StepWork,
         time: float,
     ) -> Finished:
-        """What a step hands on, its velocities moved onto the hidden constraints if they are to be.
+        """End of a step, its velocities moved onto the hidden constraints if they are to be.
 
         Parameters
         ----------
@@ -517,14 +520,14 @@ class StepBalance:
 
 
 def decay_stress(group: BeamGroup, chi: float, change: Array) -> Array:
-    """What a scheme that is meant to lose energy adds to stresses, by the strains' change."""
+    """Stress that a scheme meant to lose energy adds for a change of the strains."""
     return (0.5 * chi) * (change @ group.elements.stiffness)
 
 
 def decay_work(
     system: System, chi: float, strains0: Sequence[Array], strains1: Sequence[Array]
 ) -> float:
-    """What it takes by that in a step (J), of the strains of all beam groups at both ends."""
+    """Energy (J) that :func:`decay_stress` takes in a step, by the strains of all beam groups."""
     lost = 0.0
     for g, eps0, eps1 in zip(system.beam_groups, strains0, strains1, strict=True):
         S = decay_stress(g, chi, eps1 - eps0)

@@ -55,7 +55,7 @@ class StepProblem:
         self._sized: tuple[Floats | None, tuple[float, float]] = None, (0.0, 0.0)
 
     def residual(self) -> float:
-        """Evaluate, see :class:`skfem_cosserat.newton.NewtonProblem`."""
+        """Evaluate at the present configuration; size of the residual against its terms."""
         y1 = self.treatment.configure()
         self.evaluation = self.balance.evaluate(self.step, y1)
         self.y1 = y1
@@ -63,7 +63,7 @@ class StepProblem:
         return self.treatment.relative(self._r, self.evaluation.size)
 
     def direction(self) -> Floats:
-        """Increment, see there."""
+        """Newton increment at the configuration evaluated last."""
         assert self.evaluation is not None
         e, _ = self._from = self.evaluation, self.y1
         if self._stresses is not None:
@@ -85,13 +85,13 @@ class StepProblem:
         return direction - np.array(columns).T @ factors
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
-        """Of an increment, see there."""
+        """Size of an increment (relative displacement or rad), and of its largest rotation."""
         if self._sized[0] is not increment:  # asked for again where it is applied
             self._sized = increment, self.treatment.sizes(increment, self._from[1])
         return self._sized[1]
 
     def apply(self, increment: Floats) -> None:
-        """Move, see there."""
+        """Move the configuration by an increment; predict stresses after a large one."""
         self._stresses = None
         if self.sizes(increment)[0] > self._mixed and self.system.beam_groups:
             change = self.treatment.displacement(increment, self._from[1])
@@ -99,7 +99,7 @@ class StepProblem:
         self.treatment.move(increment)
 
     def save(self) -> object:
-        """What :meth:`restore` takes."""
+        """Configuration that :meth:`restore` takes."""
         return self.treatment.sought
 
     def restore(self, saved: object) -> None:
@@ -120,7 +120,7 @@ ATTEMPTS = ((True, False), (False, False), (False, True), (True, True))
 
 @dataclass(eq=False)
 class _Size:
-    """What belongs to the steps of one size.
+    """Objects that belong to the steps of one size.
 
     Attributes
     ----------
@@ -278,7 +278,7 @@ class Stepper:
         self._sizes[h] = _Size(h, balance, fast)
 
     def _sized(self, h: float) -> _Size:
-        """What belongs to steps of a size (s); of a new one, in the place of the oldest."""
+        """Objects for steps of a size (s); those of a new size replace the oldest."""
         of = self._sizes.get(h)
         if of is None:
             of = self._sizes[h] = self._sizes.pop(next(iter(self._sizes)))
@@ -289,7 +289,7 @@ class Stepper:
 
     @property
     def balance(self) -> StepBalance:
-        """Of single steps of the size that is taken where no other is asked for."""
+        """Balance of single steps of the size that is taken where no other is asked for."""
         return self.integrator.single.balance(self.system, self.h)
 
     @property
@@ -310,7 +310,7 @@ class Stepper:
 
     @property
     def method(self) -> str:
-        """How linear systems are solved."""
+        """Name of the method that solves linear systems, or of what is done instead."""
         if self._march is not None:
             return self._march.method
         return self.bound.solver.method if self._fast is None else self._fast.method
@@ -479,7 +479,7 @@ class Stepper:
         return BlockReport.of(block, times[: block.steps], state, origin, methods)
 
     def _ends_block(self, t0: float, t1: float) -> bool:
-        """Whether a step has prescribed motion that jumps or fails, which :meth:`advance` tells."""
+        """True if a step has prescribed motion that jumps or fails, which :meth:`advance` tells."""
         try:
             return jump(self.system, t0, t1) is not None
         except InputError:
@@ -582,7 +582,7 @@ class Stepper:
         return Failure(code, state, best.residual, reason, advice, effort, residuals)
 
     def _left(self, problem: StepProblem, residual: float) -> bool:
-        """Whether a residual asks for more, although increments have vanished."""
+        """True if the residual asks for a further increment, although increments have vanished."""
         if residual < SOLVED:
             return False
         try:
@@ -697,7 +697,7 @@ class Stepper:
         )
 
     def _contradiction(self, state: State, h: float, y1: Array, residual: float) -> Failure | None:
-        """What becomes of a step whose prescribed motions no longer agree around a closed loop."""
+        """Failure of a step if prescribed motions no longer agree around a closed loop, or None."""
         reason = contradiction(self.system, y1, state.time + h) if self.system.moving else None
         if reason is None:
             return None

@@ -74,12 +74,12 @@ class Variational(Integrator):
         return f"Variational({'stabilized=True' if self.stabilized else ''})"
 
     def scheme(self, h: float) -> Scheme:
-        """See the base class."""
+        """Numbers of the scheme for a step size (s); stabilized, it carries an impulse on."""
         own = Scheme(1 / h, 1.0, h / 2, weight=0.0, rate=1 / h, carry=(1.0, 0.0, -1.0))
         return replace(own, table=((0.0, 0.0),), moved=(1.0,)) if self.stabilized else own
 
     def start(self, system: System, state: State, h: float) -> Floats | None:
-        """See the base class: the impulse by which the momentum was moved, if stabilized."""
+        """Impulse by which the momentum was moved, if the scheme is stabilized, else None."""
         if not self.stabilized:
             return None
         moved = np.zeros(system.n) if state.rates is None else state.rates

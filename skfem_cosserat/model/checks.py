@@ -108,9 +108,9 @@ def check_inertia(system: System, y: Floats, closure: Callable[[], Floats]) -> N
 
 
 def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -> bool:
-    """Whether all pivots are far from zero where joints are eliminated from the leaves on.
+    """True if all pivots are far from zero when joints are eliminated from the leaves on.
 
-    Each against what it would be if the joints next to it were locked.
+    Each pivot is compared with what it would be if the joints next to it were locked.
     """
     maps = kin.recursion
     S, X, used = maps.blocks(y, fixed)
@@ -119,7 +119,7 @@ def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -
     pivots, sizes = np.empty_like(S), np.empty(S.shape[:2])
 
     def pivot(v: IndexArray) -> tuple[Floats, Floats]:
-        """Of vertices, and ``I S``."""
+        """``I S`` of vertices v, and their pivots ``S^T I S``, which are stored as well."""
         U = free[v] @ S[v]
         size = np.einsum("vik,vij,vjk->vk", S[v], locked[v], S[v])
         pivots[v], sizes[v] = S[v].transpose(0, 2, 1) @ U + unused[v], size

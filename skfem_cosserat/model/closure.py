@@ -81,7 +81,7 @@ class RowsByTwists:
 
     @cached_property
     def pattern(self) -> FrozenPattern:
-        """Of the matrix (r, twists) of the entries."""
+        """Sparsity pattern of the matrix (r, twists) of the entries."""
         return FrozenPattern(self.row, self.twist, self._shape)
 
 
@@ -279,7 +279,7 @@ class Closure:
         return [self._factor(c, C, pivoted(C, c.held)[0][: c.rank]) for c, C in matrices]
 
     def again(self, chosen: Sequence[Selected], y: Array, T: Array) -> list[Selected]:
-        """The same rows at another configuration of the step."""
+        """Factors of the chosen rows at another configuration of the step."""
         matrices = zip(chosen, self.matrices(y, T), strict=True)
         return [self._factor(s.component, C, s.local) for s, C in matrices]
 
@@ -372,7 +372,7 @@ def continued(selected: Selected, before: Floats) -> Selected:
 
 
 def directed(selected: Selected, Q2: Floats) -> Selected:
-    """The same rows with other null directions (columns, free), orthonormal."""
+    """Factors of selected rows with other null directions (columns, free), orthonormal."""
     c = selected.component
     Q1 = np.linalg.qr(np.column_stack([Q2, selected.Q1]), mode="complete")[0][:, c.free :]
     R = Q1.T @ selected.Q1 @ selected.R

@@ -68,23 +68,23 @@ class Displacement(Kind):
     """``xi = pi``; the reference value is part of the neutral one."""
 
     def value(self, pi: Array) -> Array:
-        """See the base class."""
+        """``xi = pi``."""
         return pi
 
     def slope(self, pi: Array) -> Array:
-        """See the base class."""
+        """``dxi/dpi = 1``."""
         return np.ones((*pi.shape, 1))
 
     def curvature(self, pi: Array) -> Array:
-        """See the base class."""
+        """``d^2 xi/dpi^2 = 0``."""
         return np.zeros((*pi.shape, 1, 1))
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """``Psi = 1``."""
         return np.ones((*pi1.shape, 1))
 
     def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """``dPsi/dpi_1 = 0``."""
         return np.zeros((*pi1.shape, 1, 1))
 
 
@@ -92,23 +92,23 @@ class Distance(Kind):
     """``xi = sqrt(pi)``; ``Psi = 1/(xi_0 + xi_1)``."""
 
     def value(self, pi: Array) -> Array:
-        """See the base class."""
+        """``xi = sqrt(pi)``."""
         return np.sqrt(pi)
 
     def slope(self, pi: Array) -> Array:
-        """See the base class."""
+        """``dxi/dpi = 1/(2 sqrt(pi))``."""
         return 0.5 / np.sqrt(pi)[..., None]
 
     def curvature(self, pi: Array) -> Array:
-        """See the base class."""
+        """``d^2 xi/dpi^2 = -1/(4 pi sqrt(pi))``."""
         return -0.25 / (pi * np.sqrt(pi))[..., None, None]
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """``Psi = 1/(xi_0 + xi_1)``."""
         return 1 / (xi0 + xi1)[..., None]
 
     def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """``dPsi/dpi_1 = -1/(2 xi_1 (xi_0 + xi_1)^2)``."""
         return -0.5 / (xi1 * (xi0 + xi1) ** 2)[..., None, None]
 
 
@@ -123,16 +123,16 @@ class Angle(Kind):
     period = 2 * np.pi
 
     def value(self, pi: Array) -> Array:
-        """See the base class."""
+        """Angle (..., 1) of the cosine and the sine, between -pi and pi."""
         return _atan2(pi[..., 1:], pi[..., :1])
 
     def slope(self, pi: Array) -> Array:
-        """See the base class."""
+        """``(-s, c)/(c^2 + s^2)`` (..., 1, 2) for the cosine c and the sine s."""
         c, s = pi[..., 0], pi[..., 1]
         return (np.stack([-s, c], -1) / (c * c + s * s)[..., None])[..., None, :]
 
     def curvature(self, pi: Array) -> Array:
-        """See the base class."""
+        """Second derivatives (..., 1, 2, 2) of the angle by the cosine and the sine."""
         c, s = pi[..., 0], pi[..., 1]
         twice, difference = 2 * c * s, s * s - c * c
         rows = np.stack([twice, difference, difference, -twice], -1)
@@ -140,12 +140,12 @@ class Angle(Kind):
         return rows.reshape(*pi.shape[:-1], 1, 2, 2)
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """``Psi = (D/2)/sin(D/2) (-sin m, cos m)`` (..., 1, 2)."""
         mean, factor = 0.5 * (xi0 + xi1), _half_over_sine(0.5 * (xi1 - xi0))
         return factor[..., None] * np.stack([-np.sin(mean), np.cos(mean)], -1)
 
     def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """Derivative (..., 1, 2, 2) of ``Psi`` by the cosine and the sine at the second end."""
         mean, half = 0.5 * (xi0 + xi1), 0.5 * (xi1 - xi0)
         factor, rate = _half_over_sine(half), _half_over_sine_rate(half)
         sine, cosine = np.sin(mean), np.cos(mean)
@@ -166,16 +166,16 @@ class Rotation(Kind):
     invariants = 4
 
     def value(self, pi: Array) -> Array:
-        """See the base class."""
+        """Rotation vector ``phi(c) a`` (..., 3)."""
         return turn_factors(pi[..., 3] - 0.5)[0][..., None] * pi[..., :3]
 
     def slope(self, pi: Array) -> Array:
-        """See the base class."""
+        """Derivatives ``[phi I, phi' a]`` (..., 3, 4) of the rotation vector by ``pi``."""
         phi = turn_factors(pi[..., 3] - 0.5)
         return _bordered(phi[0], phi[1][..., None] * pi[..., :3])
 
     def curvature(self, pi: Array) -> Array:
-        """See the base class."""
+        """Second derivatives (..., 3, 4, 4) of the rotation vector by ``pi``."""
         phi = turn_factors(pi[..., 3] - 0.5)
         out = np.zeros((*pi.shape[:-1], 3, 4, 4), dtype=pi.dtype)
         out[..., _XYZ, _XYZ, 3] = out[..., _XYZ, 3, _XYZ] = phi[1][..., None]
@@ -183,13 +183,13 @@ class Rotation(Kind):
         return out
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """``Psi = [phi_m I, a_m (phi_1 - phi_0)/(c_1 - c_0)]`` (..., 3, 4)."""
         phi0, phi1, quotient, _ = self._ends(pi0, pi1)
         mean = 0.5 * (pi0 + pi1)[..., :3]
         return _bordered(0.5 * (phi0[0] + phi1[0]), quotient[..., None] * mean)
 
     def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """Derivative (..., 3, 4, 4) of ``Psi`` by ``pi_1``."""
         _, phi1, quotient, rate = self._ends(pi0, pi1)
         out = np.zeros((*pi1.shape[:-1], 3, 4, 4), dtype=pi1.dtype)
         out[..., _XYZ, _XYZ, 3] = 0.5 * phi1[1][..., None]
@@ -217,27 +217,27 @@ class Joined(Kind):
         self._pi = [slice(a, b) for a, b in pairwise(ends_pi)]
 
     def value(self, pi: Array) -> Array:
-        """See the base class."""
+        """Values (..., m) of all coordinates, one after the other."""
         parts = [kind.value(pi[..., p]) for kind, p in zip(self.kinds, self._pi, strict=True)]
         return np.concatenate(parts, axis=-1)
 
     def slope(self, pi: Array) -> Array:
-        """See the base class."""
+        """Block diagonal array (..., m, k) of the slopes of all coordinates."""
         return self._blocks(
             [k.slope(pi[..., p]) for k, p in zip(self.kinds, self._pi, strict=True)]
         )
 
     def curvature(self, pi: Array) -> Array:
-        """See the base class."""
+        """Block diagonal array (..., m, k, k) of the second derivatives of all coordinates."""
         parts = [k.curvature(pi[..., p]) for k, p in zip(self.kinds, self._pi, strict=True)]
         return self._blocks(parts, 2)
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """Block diagonal array (..., m, k) of ``Psi`` of all coordinates."""
         return self._blocks([k.discrete(*ends) for k, ends in self._split(pi0, xi0, pi1, xi1)])
 
     def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """See the base class."""
+        """Block diagonal array (..., m, k, k) of ``dPsi/dpi_1`` of all coordinates."""
         parts = [k.discrete_slope(*ends) for k, ends in self._split(pi0, xi0, pi1, xi1)]
         return self._blocks(parts, 2)
 
@@ -280,7 +280,7 @@ def _bordered(diagonal: Array, column: Array) -> Array:
 
 
 def _atan2(y: Array, x: Array) -> Array:
-    """Of real numbers; of complex ones with a small imaginary part to first order in it."""
+    """``atan2(y, x)``; with complex numbers to first order in their small imaginary parts."""
     out = np.arctan2(y.real, x.real)
     if np.iscomplexobj(y) or np.iscomplexobj(x):
         slope = (x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2)

@@ -52,7 +52,7 @@ class CouplingLaw(ABC):
         """Force (..., c, m) against a larger stretch: tension is positive."""
 
     def acts(self, e: Array) -> Array:
-        """Whether there is a force at stretch e, (..., c, m): a cable may be slack."""
+        """Mask (..., c, m) of the stretches e with a force: a cable may be slack."""
         return np.ones(e.shape, dtype=bool)
 
     @abstractmethod
@@ -90,17 +90,20 @@ class LinearLaw(CouplingLaw):
         self._none = np.zeros_like(self.K)
 
     def energy(self, e: Array) -> Array:
-        """See the base class."""
+        """Stored energy ``e . K e/2`` (..., c)."""
         return 0.5 * (e * apply(self.K, e)).sum(-1)
 
     def force(self, e: Array, rate: Array) -> Array:
-        """See the base class."""
+        """Force ``K e + C de/dt`` (..., c, m)."""
         return apply(self.K, e) + apply(self.C, rate)
 
     def discrete(
         self, e0: Array, e1: Array, h: float, decay: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
-        """See the base class."""
+        """Force ``K (e_0 + e_1)/2 + C (e_1 - e_0)/h``, its slope, and what is dissipated.
+
+        With `decay` the force of EnergyDecaying is added.
+        """
         change = e1 - e0
         sigma = apply(self.K, 0.5 * (e0 + e1)) + apply(self.C, change) / h
         dissipated = (apply(self._root, change) ** 2).sum(-1) / h
@@ -112,13 +115,13 @@ class LinearLaw(CouplingLaw):
         return sigma, 0.5 * (1 + decay) * self.K + self.C / h, dissipated, numerical
 
     def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
-        """See the base class."""
+        """Force ``K e + C de/dt`` with its derivatives K and C."""
         return self.force(e, rate), self.K, self.C
 
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """See the base class."""
+        """Force ``K e + C de/dt`` with its derivatives K, C and 0, and what is dissipated."""
         dissipated = h * (apply(self._root, rate) ** 2).sum(-1)
         return self.force(e, rate), self.K, self.C, self._none, dissipated
 
@@ -134,21 +137,21 @@ class SlackLaw(CouplingLaw):
         self.k, self.c = self.K[:, 0], self.C[:, 0]
 
     def energy(self, e: Array) -> Array:
-        """See the base class."""
+        """Stored energy ``k e^2/2`` (..., c) of a taut cable, 0 of a slack one."""
         return 0.5 * (self.k * _positive(e) ** 2).sum(-1)
 
     def force(self, e: Array, rate: Array) -> Array:
-        """See the base class."""
+        """Tension (..., c, m), 0 of a slack cable."""
         return np.where(e.real > 0, _positive(self.k * e + self.c * rate), 0.0)
 
     def acts(self, e: Array) -> Array:
-        """See the base class."""
+        """Mask (..., c, m) of the cables that are taut: e > 0."""
         return e.real > 0
 
     def discrete(
         self, e0: Array, e1: Array, h: float, decay: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
-        """See the base class."""
+        """Tension with the discrete derivative of the energy, its slope, what is dissipated."""
         up0, up1 = _positive(e0), _positive(e1)
         taut1 = e1.real > 0
         both = taut1 & (e0.real > 0)
@@ -168,7 +171,7 @@ class SlackLaw(CouplingLaw):
         return sigma, by_e1[..., None], lost.sum(-1), numerical
 
     def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
-        """See the base class."""
+        """Tension with its derivatives by e and by `rate`; all 0 where the cable does not pull."""
         force = self.force(e, rate)
         pulls = force.real > 0
         return force, (self.k * pulls)[..., None], (self.c * pulls)[..., None]
@@ -176,7 +179,10 @@ class SlackLaw(CouplingLaw):
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """See the base class."""
+        """Tension with its derivatives by e, by `rate` (0) and by e_1, and what is dissipated.
+
+        The damper acts by the change of the positive parts of e_0 and e_1.
+        """
         spring = self.k * _positive(e)
         damper = self.c * (_positive(e1) - _positive(e0)) / h
         pulls = (spring + damper).real > 0
@@ -681,7 +687,7 @@ class Couplings:
         return factor * np.concatenate(blocks)
 
     def work(self, start: CoupledStart, force: CoupledForce, y1: Floats) -> CouplingWork:
-        """What a solved step did."""
+        """Work of actuators, dampers, moving ground and loads in a solved step."""
         pairs = list(zip(start.groups, force.responses, strict=True))
         moved = y1[self._free :] - start.y0[self._free :]
         return CouplingWork(
@@ -788,7 +794,7 @@ class Couplings:
         return self._each(lambda time: time.average(t0, t1), t1)
 
     def values(self, t: float) -> Floats:
-        """The same at time `t` (s)."""
+        """Values of all channels at time `t` (s), and a zero for elements without a channel."""
         return self._each(lambda time: time.value(t), t)
 
     def _each(self, number: Callable[[TimeFunction], float], t: float) -> Floats:

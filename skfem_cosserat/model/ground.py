@@ -46,7 +46,7 @@ class Ground:
         self._watched: list[Place] = []
 
     def number(self, place: Place) -> int:
-        """Which frame a ground place belongs to; 0 is the one at rest.
+        """Number of the frame that a ground place belongs to; 0 is the one at rest.
 
         Raises
         ------
@@ -67,7 +67,10 @@ class Ground:
         )
 
     def confined(self, plane: Plane, drives: Sequence[Place]) -> Ground:
-        """The same frames, which must not leave a plane; those of drives are numbers only."""
+        """A copy that raises an error if a frame is out of a plane when it is evaluated.
+
+        Frames of `drives` are exempt: their rows are numbers only.
+        """
         out = Ground(self.moving)
         out._plane = plane
         out._watched = [p for p in self.moving if not any(p is drive for drive in drives)]
@@ -127,7 +130,7 @@ class Ground:
 
 
 class Placed(NamedTuple):
-    """Where the constraints of a scene are set up that has changed in a motion.
+    """Configuration, time and ground at which a scene that changed in a motion is set up.
 
     Attributes
     ----------

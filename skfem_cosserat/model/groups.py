@@ -332,15 +332,15 @@ class BeamGroup(Group):
         return beam_moduli(self.elements, eps)
 
     def discrete_stress(self, eps0: Array, S0: Array, eps1: Array) -> Array:
-        """See :func:`skfem_cosserat.kernels.beam_discrete_stress`."""
+        """Stresses whose work on ``eps1 - eps0`` is the change of the stored energy."""
         return beam_discrete_stress(self.elements, eps0, S0, eps1)
 
     def discrete_moduli(self, eps0: Array, eps1: Array) -> Array:
-        """See :func:`skfem_cosserat.kernels.beam_discrete_moduli`."""
+        """Twice the derivative of :meth:`discrete_stress` by eps1, with weights."""
         return beam_discrete_moduli(self.elements, eps0, eps1)
 
     def linear_stress(self, moduli: Array, change: Array) -> Array:
-        """What a small change (ne, ng, 6) of strains adds to the stresses, moduli with weights."""
+        """Change of the stresses by a small change (ne, ng, 6) of strains; moduli with weights."""
         e = self.elements
         if not e.stored:
             return change @ e.stiffness
@@ -369,7 +369,7 @@ class BeamGroup(Group):
 
     @property
     def viscous(self) -> bool:
-        """Whether a section has Kelvin-Voigt damping, its own or Rayleigh's."""
+        """True if a section has Kelvin-Voigt damping, its own or Rayleigh's."""
         return self.elements.viscosity is not None
 
     def strain_rate(self, B: Array, velocity: Array) -> Array:

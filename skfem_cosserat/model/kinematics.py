@@ -1,4 +1,4 @@
-"""How coordinates of the tree move the nodes."""
+"""Kinematics of the nodes by the coordinates of the tree."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ class Kinematics:
         return self.split((factors @ y.take(rows, axis=0))[:, 0])
 
     def split(self, axes: Array) -> tuple[Array, Array, Array]:
-        """Those of hinges, left and right vectors of slides, of all of them."""
+        """Split axes into those of hinges, and left and right vectors of slides."""
         b = len(self.hinges)
         c = b + len(self.tracks)
         return axes[:b], axes[b:c], axes[c:]
@@ -210,7 +210,7 @@ class Kinematics:
 
 
 class _Moved(NamedTuple):
-    """Which pairs have an axis or a point that moves with a vertex, and its twist.
+    """Pairs with an axis or a point that moves with a vertex, and the twists of that vertex.
 
     Attributes
     ----------
@@ -319,7 +319,7 @@ class TwistMap:
 
     @cached_property
     def structure(self) -> tuple[IndexArray, Array, Array]:
-        """Of :meth:`matrix`: the order of its entries, their columns, where rows begin."""
+        """Order of the entries for :meth:`matrix`, their columns, and where rows begin."""
         order = np.lexsort((self.cols, self.rows))
         indptr = np.searchsorted(self.rows[order], np.arange(self.shape[0] + 1))
         return order, self.cols[order].astype(np.int32), indptr.astype(np.int32)
@@ -360,7 +360,7 @@ class TwistMap:
         )
 
     def locate(self, y: Array, fixed: Floats) -> Located:
-        """What all functions of the tree need at configuration y."""
+        """Points and axes of the tree at configuration y."""
         rows, factors = self._combine
         both = (factors @ y.take(rows, axis=0))[:, 0]
         x, axes = both[: len(self.spots)], both[len(self.spots) :]
@@ -546,7 +546,7 @@ class Recursion:
 
     @property
     def below(self) -> NDArray[np.bool_]:
-        """Which twists are of vertices with a parent."""
+        """Mask of the twists of vertices that have a parent."""
         return np.isin(self._vertex, self.child)
 
     @cached_property
@@ -558,7 +558,7 @@ class Recursion:
 
     @cached_property
     def _pattern(self) -> FrozenPattern:
-        """Of ``1 - X`` in this order."""
+        """Sparsity pattern of ``1 - X``, with twists ordered from parents to children."""
         i, j = self.transport
         position, size = np.empty_like(self._order), self.kin.n_twist
         position[self._order] = np.arange(size)
@@ -588,7 +588,7 @@ class Recursion:
         return i, np.broadcast_to(cols[:, None, None] + xyz, shape).ravel()
 
     def moment_values(self, y1: Array, force: Array) -> Array:
-        """Of the moments of forces at the joints on parents, by the twists that move y1."""
+        """Derivatives, by the twists that move y1, of the moments of joint forces on parents."""
         on_parent, on_child = self._fulcrums
         child = self.child[self.turns]
         f = skew(force[self.kin.twist_of[child][:, None] + np.arange(3)])

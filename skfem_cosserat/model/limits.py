@@ -1,4 +1,4 @@
-"""What steps and elements can follow: turns, prescribed motion, bending and tension."""
+"""Limits of what steps and elements can follow: turns, prescribed motion, bending, tension."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FAR_TURN = 0.5
 
 
 def fastest_turn(system: System, v: Floats) -> tuple[str, float]:
-    """What turns fastest at velocities v (n,), and its angular velocity (rad/s).
+    """Item that turns fastest at velocities v (n,), and its angular velocity (rad/s).
 
     Returns
     -------
@@ -57,7 +57,7 @@ def fastest_turn(system: System, v: Floats) -> tuple[str, float]:
 
 
 def owner(system: System, row: int) -> StructuralItem:
-    """What a row of y belongs to."""
+    """Item that a row of y belongs to."""
     starts = [(system.first[id(i)][1], i) for i in system.structures if id(i) in system.first]
     return max((each for each in starts if each[0] <= row), key=lambda each: each[0])[1]
 
@@ -66,7 +66,7 @@ def owner(system: System, row: int) -> StructuralItem:
 
 
 def broken_constraint(system: System, y: Floats, tolerance: float = BROKEN) -> str | None:
-    """Which constraint does not hold at y, and by how much, or holds on another branch only.
+    """Message about a constraint that is violated at y, or on another branch; None: none is.
 
     The tolerance is relative to what motions of the scene's size change.
     """
@@ -82,7 +82,7 @@ def broken_constraint(system: System, y: Floats, tolerance: float = BROKEN) -> s
 
 
 def constraint_owner(system: System, row: int) -> str:
-    """Which item a constraint row belongs to."""
+    """Label of the item that a constraint row belongs to."""
     for jr in system.joint_rows:
         if jr.rows.start <= row < jr.rows.stop:
             return jr.joint.label
@@ -120,7 +120,7 @@ def _followed(system: System) -> tuple[Floats, dict[int, Joint | JointDrive]]:
 
 
 def jump(system: System, t0: float, t1: float) -> str | None:
-    """Which prescribed motion jumps between two instants, when and how far; None: none does.
+    """Message about prescribed motion that jumps between two instants; None: none does.
 
     The second difference of one that is continuous shrinks with the interval, however steep it is.
     """
@@ -196,7 +196,7 @@ def over_rotated(system: System, y: Floats) -> str | None:
 
 
 def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
-    """Which beam :func:`over_rotated` is about, and what it says."""
+    """Label of the beam that :func:`over_rotated` reports, and the message; None: none."""
     if not system.beams:  # a scene without beams imports no meshes
         return None
     from ..mesh.bends import gives_way
@@ -274,7 +274,7 @@ def _steps(triads: Floats) -> Floats:
 
 
 def undefined(system: System, y: Floats) -> str | None:
-    """Where a stored energy or its stresses are not finite at a configuration; None: nowhere."""
+    """Message about a stored energy, or its stresses, not finite at y; None: all are finite."""
     for group in system.beam_groups:
         strain = group.strain(y)[0]
         for ids, law in group.elements.stored:
@@ -293,7 +293,7 @@ def undefined(system: System, y: Floats) -> str | None:
 
 
 def _numbers(group: BeamGroup, item: StructuralItem) -> range:
-    """Of a beam's elements in its group; empty if it is in another one."""
+    """Numbers of a beam's elements in its group; empty if it is in another one."""
     own = group.slices.get(id(item), slice(0))
     return range(own.start or 0, own.stop)
 
@@ -353,7 +353,7 @@ def overstretched(system: System, y: Floats) -> str | None:
 def overstretched_beam(
     system: System, y: Floats, multipliers: Floats | None = None
 ) -> tuple[str, str] | None:
-    """Which beam :func:`overstretched` is about, and what it says.
+    """Label of the beam that :func:`overstretched` reports, and the message; None: none.
 
     With `multipliers` (m,) of the constraint rows the tension of inextensible beams counts, too.
     """

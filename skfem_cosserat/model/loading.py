@@ -365,7 +365,7 @@ class Push(NamedTuple):
     by_rate: float
 
     def work(self, change: Floats) -> float:
-        """Of the force along a change (total, 3) of the rows."""
+        """Work of the force along a change (total, 3) of the rows."""
         return float((self.force * self.function.points(change)).sum())
 
     def nodal(self) -> Array:
@@ -444,7 +444,7 @@ class FunctionLoad:
     def pushed(
         self, x: Array, v: Array, t: float, factor: Any, by_y: float, by_rate: float
     ) -> Push:
-        """The same at points and velocities (k, 3)."""
+        """The force at points x and velocities v (k, 3)."""
         return Push(self, factor, t, x, v, factor * self.force(x, v, t), by_y, by_rate)
 
     def force(self, x: Array, v: Array, t: float) -> Array:
@@ -484,7 +484,7 @@ class FunctionLoad:
         return by_x, by_v
 
     def _steps(self, x: Array, v: Array) -> tuple[float, float]:
-        """Of differences by x and v; far from the origin longer ones, for their rounding."""
+        """Steps of differences by x and v: longer far from the origin, where rounding is larger."""
         sizes = max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max()))
         return SMALL * sizes[0], SMALL * sizes[1]
 

@@ -137,7 +137,7 @@ def close_loops(system: System) -> None:
 
 
 def almost_redundant(system: System) -> str:
-    """Which loop has rows that are independent by next to nothing; empty if none has."""
+    """Message about a loop whose rows are only just independent; empty if there is none."""
     for c in system.closure.components:
         if c.weakest < DOUBTFUL:
             names = names_of(system, system.closure.rows[c.rows])
@@ -272,7 +272,7 @@ def _drives(system: System, rows: IndexArray) -> list[JointDrive]:
 
 
 def reached(drive: JointDrive, t: float) -> str:
-    """What a drive prescribes at a time (s), in words."""
+    """Value that a drive prescribes at a time (s), in words."""
     unit = "rad" if drive.coordinate.kind == "angle" else "m"
     return f"{drive.coordinate.name} = {drive.value(t):.6g} {unit}"
 
@@ -384,7 +384,7 @@ def _warn(system: System, before: Sequence[int], ranks: Sequence[int]) -> None:
 
 
 def _beams_alone_move(around: Sequence[Item]) -> bool:
-    """Whether a loop of these joints and beams could not move if its beams were rigid."""
+    """True if a loop of these joints and beams can only move by deforming its beams."""
     if not any(is_beam(item) and not isinstance(item.theory, TheoryRigid) for item in around):
         return False
     free = [_freedoms(joint) for joint in around if isinstance(joint, Joint)]
@@ -393,14 +393,14 @@ def _beams_alone_move(around: Sequence[Item]) -> bool:
 
 
 def _freedoms(joint: Joint) -> int:
-    """How many relative motions a joint leaves free."""
+    """Number of relative motions that a joint leaves free."""
     free = joint.freedom()
     turns = 3 if free.turns is None else len(free.turns)
     return turns + len(free.slides) + 2 * free.sphere
 
 
 def _small_move(system: System, chosen: Sequence[Selected], random: np.random.Generator) -> Floats:
-    """Of the tree's coordinates (K,), along what the rows leave free."""
+    """Random small increment (K,) of the tree's coordinates, along what the rows leave free."""
     move = np.zeros(system.kinematics.unknowns)
     for s in chosen:
         part = s.Q2 @ random.standard_normal(s.component.free)
@@ -422,7 +422,10 @@ def _moved_ground(system: System) -> Floats:
 def _regular_place(
     system: System, nodal: Reparametrisation, chosen: Sequence[Selected]
 ) -> Floats | None:
-    """Where the loops close and C has its largest rank; None if the chosen rows do it all."""
+    """Configuration in which the loops close and C has its largest rank, or None.
+
+    None if the chosen rows close the loops all by themselves, or if they do not close.
+    """
     closure, saved = system.closure, nodal.save()
     y, _ = closed(system, nodal, chosen)
     if y is not None and violated(system, y)[1] < RANK_TOLERANCE:
@@ -464,7 +467,7 @@ class Passages:
         self._inside: list[bool] = []
 
     def look(self, y: Floats, T: Floats, chosen: Sequence[Selected]) -> list[tuple[str, str]]:
-        """What is new at the configuration y with tree values T: of which loop, and what.
+        """Singular positions that are new at y with tree values T: labels of loops, and what.
 
         Let A be the rows chosen at the first of two configurations, together with the free
         directions there. Where A becomes singular on the way, an eigenvalue of ``A_0^-1 A_1``
@@ -489,7 +492,7 @@ class Passages:
 
 
 def _turned(before: Selected, now: Selected) -> bool:
-    """Whether rows lost their independence between two configurations, an even number included.
+    """True if rows lost their independence between two configurations, an even number included.
 
     The other eigenvalues, of the free directions, are one.
     """
@@ -605,7 +608,7 @@ def _rates(system: System, y: Floats, s: Selected, momentum: Floats | None) -> t
 
 @dataclass(frozen=True, eq=False)
 class DeadPoint:
-    """Where prescribed motion has taken a closed loop as far as it goes.
+    """Instant at which prescribed motion has taken a closed loop as far as it goes.
 
     Attributes
     ----------
@@ -620,7 +623,7 @@ class DeadPoint:
 
 
 def dead_point(system: System, y0: Floats, t0: float, h: float) -> DeadPoint | None:
-    """Whether a closed loop cannot follow the prescribed motion over the step from y0.
+    """Dead point of a closed loop that cannot follow prescribed motion over the step from y0.
 
     The loops are closed for a growing part of the step; None if they close at its end.
     """
@@ -649,7 +652,7 @@ def dead_point(system: System, y0: Floats, t0: float, h: float) -> DeadPoint | N
 
 
 def contradiction(system: System, y: Floats, t: float) -> str | None:
-    """Which prescribed motions contradict each other: dependent rows that do not hold at y."""
+    """Message about contradictory prescribed motions: dependent rows that do not hold at y."""
     closure = system.closure
     if not system.moving or closure.rank == len(closure.rows):
         return None

@@ -89,7 +89,7 @@ class SeparateParts:
 
 @lru_cache(maxsize=4)
 def separate_parts(system: System) -> SeparateParts:
-    """Those of a system, kept as long as no others are asked for."""
+    """Parts of a system that nothing connects, with their masses; cached."""
     found = connected_parts(system)
     ones = np.zeros(system.rows)
     ones[system.origin_rows] = 1.0
@@ -97,7 +97,7 @@ def separate_parts(system: System) -> SeparateParts:
 
 
 def connected_parts(system: System, lines: bool = True) -> Connected:
-    """Those of a system; without `lines`, springs and cables along lines connect nothing.
+    """Connected parts of a system; without `lines`, springs and cables along lines do not count.
 
     Examples
     --------

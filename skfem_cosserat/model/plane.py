@@ -146,7 +146,7 @@ class Plane:
         return np.eye(3) - 2 * nu[..., :, None] * nu[..., None, :]
 
     def off_plane(self, place: Place, t: float) -> float:
-        """How far a ground place in prescribed motion has left the plane: by the extent, or rad."""
+        """Deviation of a moving ground place from the plane: by the extent, or rad."""
         if place.motion is None:
             return 0.0
         frame = place.motion.frame(place, t)
@@ -278,7 +278,7 @@ def places(system: System) -> Iterator[tuple[str, Place]]:
 
 
 def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
-    """What leaves a plane: labels of items, and how they do it."""
+    """Items that leave a plane: their labels, and how they do it."""
     seen = set()
     for label, place in places(system):
         off = float(plane.height(place.position))
@@ -402,7 +402,7 @@ def _flip(nu: Floats) -> Floats:
 
 
 def _matrix(D: Floats, nu: Floats, what: str) -> str:
-    """What a (6, 6) matrix couples that must not be coupled; empty if nothing."""
+    """Message if a (6, 6) matrix couples motion in the plane with motion out of it; else empty."""
     J = _flip(nu)
     size = np.sqrt(abs(np.diag(D)))
     size = np.where(size > 0, size, size.max() or 1.0)
@@ -438,7 +438,7 @@ def _freedom(joint: Joint, plane: Plane) -> OutOfPlane:
 
 
 def _tilt(axis: Floats, n: Floats) -> str:
-    """How a direction lies if it is neither along n nor normal to it; else empty."""
+    """Angle of a direction, in words, if it is neither along n nor normal to it; else empty."""
     rise, run = abs(float(axis @ n)), float(np.linalg.norm(np.cross(axis, n)))
     if min(rise, run) <= TOLERANCE:
         return ""
@@ -448,7 +448,7 @@ def _tilt(axis: Floats, n: Floats) -> str:
 
 
 def _in_plane(joint: Joint, name: str, plane: Plane) -> bool:
-    """Whether a coordinate of a joint is one of motion in the plane."""
+    """True if a coordinate of a joint is one of motion in the plane."""
     n, free = plane.normal, joint.freedom()
     turns = {turn.name for turn in free.within(n).turns or ()}
     slides = {s.name for s in free.slides if abs(np.cross(s.left, s.right) @ n) < TOLERANCE}
@@ -459,7 +459,7 @@ def _in_plane(joint: Joint, name: str, plane: Plane) -> bool:
 
 
 def _stray(term: Term, value: Floats, plane: Plane) -> float:
-    """How far a value of a term leaves the plane (N, N m, N/m, m/s^2)."""
+    """Size of the part of a term's value that leaves the plane (N, N m, N/m, m/s^2)."""
     v, n = term.vectors(value), plane.normal
     if term.axial:
         return float(np.linalg.norm(v - np.outer(v @ n, n), axis=1).max())
@@ -619,7 +619,7 @@ NEARLY = 0.99
 
 @dataclass(frozen=True, eq=False)
 class Planarity:
-    """Whether a scene stays in a plane; true if it does.
+    """Result of :func:`planarity`: true if the scene stays in a plane.
 
     Attributes
     ----------

@@ -218,7 +218,7 @@ class QuadraticConstraints:
         return values.take(self.inside)
 
     def contributions(self, which: IndexArray, y: Floats) -> Floats:
-        """Those to G at ``(rows, cols)[which]`` (N, k), for a stack y (N, total, 3)."""
+        """Contributions to G at ``(rows, cols)[which]`` (N, k), for a stack y (N, total, 3)."""
         plain, count = len(self._linear_values), len(self._pk)
         out = np.empty((len(y), len(which)))
         product = which >= plain
@@ -245,7 +245,7 @@ class QuadraticConstraints:
         return out
 
     def _values(self, y: Floats, rates: Floats | None) -> Floats:
-        """The same (m, N): the states come last, as each operation is one on all of them."""
+        """``g(y)`` or ``dg/dt`` (m, N): states come last, each operation is one on all of them."""
         a = np.ascontiguousarray(y.transpose(1, 2, 0))
         v = a if rates is None else np.ascontiguousarray(rates.transpose(1, 2, 0))
         pa, pb = self._pa, self._pb
@@ -271,7 +271,7 @@ class QuadraticConstraints:
 
     @cached_property
     def _sums(self) -> list[csr_matrix]:
-        """Which products, and which linear terms, belong to which row."""
+        """Matrices that sum up products, and linear terms, in the rows they belong to."""
         rows = self._pk, self._lk
         return [
             csr_matrix((np.ones(len(k)), (k, np.arange(len(k)))), shape=(self.size, len(k)))

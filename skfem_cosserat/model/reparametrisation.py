@@ -143,7 +143,7 @@ class Reparametrisation:
         self._turning = [level for level in self._levels if len(level.child)]
 
     def _prepare_order(self) -> None:
-        """Where rotations and rows of y come from, those of children as yet from anywhere."""
+        """Set the places that rotations and rows of y are taken from; of children, placeholders."""
         kin, a = self.kin, len(self.turn_numbers) + len(self.sphere_numbers)
         b = a + len(kin.guided)
         #: by vertex: of turns, swings, hinges, then the ground's, then one

@@ -152,7 +152,10 @@ def _changed(
 
 
 def _checked(system: System) -> System:
-    """The same, if all that moves has inertia; a system out of a pickle has been checked before."""
+    """Check that all that moves has inertia, and return the system.
+
+    A system out of a pickle has been checked before.
+    """
     check_inertia(system, system.spanned, lambda: closure_rows(system))
     return system
 
@@ -181,7 +184,7 @@ def _without(system: System, joint: Joint) -> list[JointDrive]:
 
 
 def _point(system: System, place: Place, y: Floats) -> Floats:
-    """Where a place is."""
+    """Position of a place at y."""
     row = system.row_of(place)
     return y[row] if place.triad is None else y[row] + place.offset @ y[row + 1 : row + 4]
 
@@ -289,7 +292,7 @@ class Model:
         return len(self._items)
 
     def with_items(self, items: Mapping[str, StructuralItem]) -> Model:
-        """The same scene with other beams (or bodies) of some names; this one does not change.
+        """Copy of the scene with other beams (or bodies) of some names; this one does not change.
 
         Everything that refers to them (joints, loads, masses on them, springs, dampings,
         foundations) is there again and refers to the new ones, at the same material points.
@@ -322,7 +325,7 @@ class Model:
         return self.rebuilt(items)[0]
 
     def rebuilt(self, items: Mapping[str, StructuralItem]) -> tuple[Model, Replacements]:
-        """As :meth:`with_items`, with what finds the copies of sensors and the like.
+        """Copy as of :meth:`with_items`, with what finds the copies of sensors and the like.
 
         Systems of it know places of this model, too: functions of users go on to have them.
         """
@@ -406,7 +409,7 @@ class Model:
 
 @checked
 def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planarity:
-    """Whether a scene stays in a plane, which one, and if not what leaves it, by how much.
+    """Check if a scene stays in a plane; gives the plane, and what leaves it by how much.
 
     Geometry, inertia, sections, joints, loads, force elements and initial velocities are looked
     at; functions of time at a few first instants only (a run that leaves the plane later stops, or

@@ -186,7 +186,7 @@ class System:
         return Coordinates(self, tree, kinematics, rows, tied.joint_edges, tied.closure)
 
     def _lock(self) -> None:
-        """What is written to an array that others have, too, would reach a part of them only."""
+        """Make arrays read-only: a change would not reach all that share them."""
         matrices = [each for each in (self.mass, self.inertia, self.drag) if issparse(each)]
         for arrays in (self, *matrices):
             lock_arrays(arrays)
@@ -427,7 +427,7 @@ class System:
         return out
 
     def independent_rows(self, y: Floats) -> NDArray[np.bool_]:
-        """Which constraint rows (m,) to keep at a configuration: the others depend on them.
+        """Mask (m,) of the constraint rows to keep at a configuration: others depend on them.
 
         In a singular position they are fewer than elsewhere.
 
@@ -453,9 +453,10 @@ class System:
         return keep
 
     def wrong_branch(self, y: Floats) -> str | None:
-        """What fulfils its constraints at y only after a reflection or half a turn; None: nothing.
+        """Message about an item on a wrong branch of its constraints at y; None: there is none.
 
-        Quadratic rows cannot tell these, which Newton's method may run into in large steps.
+        The item is reflected, or off by half or a third of a turn. Quadratic rows cannot tell this;
+        Newton's method may run into it in large steps.
         """
         cosines = 1 + self.branch_cosines.values(y)
         if len(cosines) and cosines.min() < 0.5:  # -1 half a turn off, 0 a third

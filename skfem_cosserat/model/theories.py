@@ -61,7 +61,10 @@ class TheoryRows:
 
     @property
     def can_bend(self) -> bool:
-        """Whether rotations that the Gauss points do not see are held by bending alone."""
+        """True if no bending strain is held.
+
+        Then bending alone holds rotations that the Gauss points do not see.
+        """
         return not {3, 4} & set(self.held)
 
     @property

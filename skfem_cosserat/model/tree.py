@@ -104,7 +104,7 @@ class Edge:
 
     @cached_property
     def freedom(self) -> Freedom:
-        """What its joint leaves free in space."""
+        """Relative motions that its joint leaves free in space."""
         return self.joint.freedom()
 
     @property
@@ -137,7 +137,7 @@ class Coordinate:
 
 
 class Pairs(NamedTuple):
-    """Which coordinates move which vertices.
+    """Pairs of a vertex and a coordinate that moves it.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class Pairs(NamedTuple):
         return cls(*map(np.concatenate, zip(cls.of([]), *parts, strict=True)))
 
     def some(self, which: Array) -> Pairs:
-        """Those that are chosen by an index or a mask."""
+        """Pairs that are chosen by an index or a mask."""
         chosen = self.vertex[which], self.number[which], self.target[which]
         return Pairs(*chosen, self.rotates[which])
 
@@ -229,7 +229,10 @@ class Tree:
 
     @cached_property
     def pairs(self) -> Pairs:
-        """Of vertices with a parent, by all coordinates above: the square of a chain's length."""
+        """Pairs of vertices with a parent, by all coordinates above them.
+
+        For a chain their number is the square of its length.
+        """
         children = {edge.parent for edge in self.edges}
         moving = {}
         for v in self.free:
@@ -256,7 +259,7 @@ class Tree:
         )
 
     def relative(self, edge: Edge) -> bool:
-        """Whether a child's rotation is relative to its parent's."""
+        """True if a child's rotation is relative to its parent's."""
         return self.freedom(edge).turns is not None and self.is_frame[edge.child]
 
     def fulcrum(self, edge: Edge) -> Spot:
@@ -279,7 +282,7 @@ class Tree:
         return pairs
 
     def freedom(self, edge: Edge) -> Freedom:
-        """What a joint leaves free here."""
+        """Relative motions that a joint leaves free, in the plane if there is one."""
         plane = self.plane
         return edge.freedom if plane is None else edge.freedom.within(plane.normal)
 

@@ -29,7 +29,7 @@ SAME = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Branch:
-    """Where a path leads off: for the argument ``start`` of :func:`static`, with ArcLength().
+    """Start of a branch: the argument ``start`` of :func:`static`, with ArcLength().
 
     Attributes
     ----------
@@ -194,7 +194,7 @@ def equilibrium(
 
 
 def _check_instant(system: System, history: History, index: int, point: Point, time: float) -> None:
-    """What the path moved by functions of time is at `time` where the point has it."""
+    """Check that what the path moved by functions of time is at `time` as at the point."""
     then = float(history.instants[index])
     if time == then:
         return

@@ -91,13 +91,13 @@ class CompiledEquations(CompiledScene):
             self._all[0][CALLED_BACK] = self._called.address
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
-        """See the base class."""
+        """Names of the parts that are called, with "hold" for a plane or rows with multipliers."""
         parts = super()._parts(weight, ends, static)
         held = self._plane is not None or len(self.coordinates.left_rows)
         return [*parts, "hold"] if held else parts
 
     def complain(self) -> None:
-        """See the base class."""
+        """Raise what could not be raised when compiled code called Python."""
         super().complain()
         if self._called is not None:
             self._called.complain()
@@ -110,12 +110,12 @@ class CompiledEquations(CompiledScene):
 
     @property
     def y(self) -> Floats:
-        """See :class:`PlainEquations`, as for all below; overwritten by the next evaluation."""
+        """All rows (total, 3) evaluated last; overwritten by the next evaluation."""
         return self._a.y1
 
     @property
     def R(self) -> Floats:
-        """Overwritten as well."""
+        """Balance (rows, 3) evaluated last; overwritten by the next evaluation."""
         return self._a.R - self._a.closing if len(self._mu) else self._a.R
 
     def constraint_force(self) -> Floats:
@@ -123,7 +123,7 @@ class CompiledEquations(CompiledScene):
         return -self.R
 
     def solution(self) -> Floats:
-        """With its multipliers, which the next step begins with."""
+        """A copy of y; its multipliers are kept, and the next step begins with them."""
         y = self._a.y1.copy()
         if self._plane is not None:  # rounding has led out of it
             normal, rows = self._plane.normal, self.system.rows
@@ -132,7 +132,7 @@ class CompiledEquations(CompiledScene):
         return y
 
     def begin(self, start: Point) -> None:
-        """With the multipliers found last, or those that balance it best."""
+        """Go to an equilibrium, with the multipliers found last or those that balance it best."""
         rows, y = self.system.rows, start.y
         self._place(y[:rows].ravel(), (y[rows:], self.schedule.ground(start.t)))
         self._coupled.turn(start.turns)
@@ -184,14 +184,14 @@ class CompiledEquations(CompiledScene):
             self._called.take(amplitudes)
 
     def evaluate(self, t: float) -> float:
-        """See :class:`PlainEquations`."""
+        """Evaluate the balance at load factor t; gives its size relative to its terms."""
         self._take(t)
         if self.schedule.moving:
             self._a.ground1[:] = self.schedule.ground(t)
         return self._call("move")
 
     def solve(self, columns: Sequence[Array], mixed: bool = True) -> Floats:
-        """See :class:`PlainEquations`."""
+        """Increments (size, columns) for residuals; `mixed`: with the predicted stresses."""
         count = len(columns)
         self._residuals[:count] = columns
         regular = self._call("solve", count - 1 + 2 * int(mixed and self._mixed))
@@ -202,7 +202,7 @@ class CompiledEquations(CompiledScene):
         return out
 
     def pivots(self) -> Pivots | None:
-        """None as well where elimination in blocks is not all."""
+        """Pivots of the stiffness; None: not finite, or elimination in blocks is not all."""
         if self._rest is not None:
             return None
         regular, out = self._call("pivots"), self._pivots
@@ -215,19 +215,22 @@ class CompiledEquations(CompiledScene):
         return Pivots(int(out[0]), smallest, largest, skew, bool(out[4] < 0))
 
     def displacement(self, increment: Floats) -> Floats:
-        """Overwritten by the next one."""
+        """Change (rows, 3) of the coordinates by an increment; overwritten by the next one."""
         self._a.twist.ravel()[:] = increment[self._units.size :]
         self._call("change")
         return self._a.change
 
     def sizes(self, increment: Floats) -> tuple[float, float]:
-        """See :class:`PlainEquations`."""
+        """Size of an increment (relative to the scene, or rad), and of its largest rotation."""
         size = abs(increment[: self._units.size].reshape(-1, 6)) * self._units
         turn = size[self._turning].max(initial=0.0)
         return float(size.max(initial=0.0)), float(turn)
 
     def move(self, increment: Floats, change: Floats | None) -> None:
-        """See :class:`PlainEquations`; it moves with the next evaluation."""
+        """Move by an increment, which takes effect with the next evaluation.
+
+        With a change (rows, 3) the stresses that it leads to are predicted.
+        """
         self._mixed = change is not None and bool(self.system.beam_groups)
         if change is not None:
             self._a.change[:] = change

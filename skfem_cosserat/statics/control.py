@@ -1,4 +1,4 @@
-"""How a path is followed: by the load factor, by a displacement, or by its arc length."""
+"""Controls of a path: by the load factor, by a displacement, or by its arc length."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class Stage(ABC):
 
     @abstractmethod
     def functional(self, point: Point, length: float) -> Functional:
-        """What fixes the next point, a step `length` of the parameter further."""
+        """Condition that fixes the next point, a step `length` of the parameter further."""
 
     def trial(self) -> float:
         """The planned step, shortened to the next point that is asked for."""
@@ -120,7 +120,7 @@ class Stage(ABC):
         return False
 
     def gained(self, before: Point, after: Point, length: float) -> float:
-        """How much the parameter grows in a step to a point."""
+        """Growth of the parameter in a step to a point."""
         return length
 
     def adapt(self, iterations: int, length: float) -> None:
@@ -141,7 +141,7 @@ class Stage(ABC):
         return
 
     def finished(self, point: Point) -> bool:
-        """Whether the end of the path is reached."""
+        """True if the end of the path is reached."""
         return not self.stops
 
 
@@ -270,7 +270,7 @@ class LoadControl(_Steered):
         return f"LoadControl({self._given()})"
 
     def stage(self, system: System, point: Point) -> Stage:
-        """See the base class."""
+        """Start at a point, with steps of the load factor."""
         return _SteeredStage(self, point.t)
 
 
@@ -328,7 +328,7 @@ class DisplacementControl(_Steered):
         return f"DisplacementControl(<{self.place.label}>, {way}, {self._given()})"
 
     def stage(self, system: System, point: Point) -> Stage:
-        """See the base class."""
+        """Start at a point, with steps of the displacement of the place."""
         item = type(self).__name__
         if id(self.place.item) not in system.first:
             raise InputError(item, f"place: {self.place.label} is not in the model")
@@ -487,5 +487,5 @@ class ArcLength(Control):
         return f"ArcLength({_shown(self, **given, **sizes)})"
 
     def stage(self, system: System, point: Point, direction: Floats | None = None) -> Stage:
-        """See the base class; `direction` (rows, 3) of the first step, on a branch."""
+        """Start at a point; `direction` (rows, 3): of the first step, on a branch."""
         return _ArcStage(system, self, direction, self.sign)

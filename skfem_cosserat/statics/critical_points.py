@@ -95,7 +95,7 @@ class Stability:
 
     @property
     def neutral(self) -> bool:
-        """Whether the smallest one cannot be told from zero."""
+        """True if the smallest eigenvalue cannot be told from zero."""
         if self.firm or self.pivot > SUSPECT * self.floor:
             return False
         return self.smallest <= self.floor
@@ -133,7 +133,7 @@ class Stability:
         return Neutral(kept, LOOSE * self.floor * len(system.origin_rows))
 
     def crossed(self, later: Stability) -> bool:
-        """Whether an eigenvalue has changed its sign between two points of a path."""
+        """True if an eigenvalue has changed its sign between two points of a path."""
         change = later.unstable - self.unstable
         both = self.symmetric and later.symmetric
         if not (change if both else change % 2):
@@ -186,7 +186,7 @@ def tangent_at(
 
 
 class Pivots(NamedTuple):
-    """Of an elimination of the stiffness along the constraints, without exchange of rows.
+    """Pivots of an elimination of the stiffness along the constraints, without exchange of rows.
 
     Attributes
     ----------

@@ -80,7 +80,7 @@ Callback = Callable[[Point], object]
 
 @dataclass
 class _StepStability:
-    """What is known of the stability along a step: at its end, critical points, what is missing."""
+    """Stability along a step: at its end, critical points found, and whether one is missing."""
 
     end: Stability | None
     found: list[Critical]
@@ -267,10 +267,10 @@ class Continuation:
         warn("path", text, AccuracyWarning, solution.point.t)
 
     def _solve(self, point: Point, functional: Functional) -> tuple[Solution | None, NewtonReport]:
-        """As the solver does it; if it fails, again with the motions that nothing holds.
+        """Solve for the next point; if that fails, once more with the motions that nothing holds.
 
-        They are left alone from the first step on. Else each step would move along them by
-        rounding over rounding, and how far, or whether its iteration shows it, is luck.
+        The first solve leaves these alone. Else each step would move along them by rounding over
+        rounding, and how far, or whether its iteration shows it, is luck.
         """
         solver, neutral = self.solver, self.solver.neutral
         solution, report = solver.solve(point, functional)
@@ -301,7 +301,7 @@ class Continuation:
         return _StepStability(stability, found, last.crossed(stability))
 
     def _drawn(self, solution: Solution) -> bool:
-        """Whether elements are, or were, drawn so much that motions of the mesh are unstable."""
+        """True if elements are, or were, drawn so much that motions of the mesh are unstable."""
         point, force = solution.point, solution.constraint_force
         return self.overstretched or overstretched_at(self.system, point.y, force) is not None
 
@@ -374,7 +374,7 @@ class Continuation:
         return asked
 
     def _jumps(self, point: Point, solution: Solution) -> bool:
-        """Whether a point is much farther away than the tangents lead: on another branch."""
+        """True if a point is much farther away than the tangents lead: on another branch."""
         rows, w = self.system.rows, weights(self.system)
 
         def size(change: Floats) -> float:
@@ -499,7 +499,10 @@ class Continuation:
         )
 
     def _floating(self, point: Point, relief: Floats | None) -> str:
-        """What nothing holds where an iteration ended, or at the last point; empty if all is."""
+        """Description of motions that nothing holds at the end or at the last point; else empty.
+
+        The end is where the last iteration ended.
+        """
         y, t = self.solver.ended
         for at in (Point(y, t, point.turns), point):
             if not np.isfinite(at.y).all():
@@ -522,7 +525,7 @@ class Continuation:
         )
 
     def _leads_on(self, point: Point) -> bool:
-        """Whether steps of the arc length lead past a point, to other load factors."""
+        """True if steps of the arc length lead past a point, to other load factors."""
         solver = self.solver
         stage = ArcLength(TRIED).stage(self.system, point)
         try:

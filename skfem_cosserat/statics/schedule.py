@@ -65,7 +65,7 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Functional:
-    """What fixes the place on a path: ``gradient . (y - y_0) + by_factor (t - t_0) = value``.
+    """Condition for a point of a path: ``gradient . (y - y_0) + by_factor (t - t_0) = value``.
 
     By default the load factor of the start.
 
@@ -84,7 +84,7 @@ class Functional:
     predictor: Floats | None = None
 
     def __call__(self, point: Point, y: Array, t: float) -> float:
-        """What is missing at (y, t) from a step that starts at `point`."""
+        """Residual of the condition at (y, t), for a step that starts at `point`."""
         out = self.by_factor * (t - point.t) - self.value
         if self.gradient is not None:
             change = np.real(y[: len(self.gradient)]) - point.y[: len(self.gradient)]
@@ -92,7 +92,7 @@ class Functional:
         return out
 
     def share(self, start: Point, end: Point) -> float:
-        """What part of `value` a point between is from the start."""
+        """Share of `value` that is covered from the start to the point `end`."""
         return 1.0 + self(start, end.y, end.t) / self.value
 
 
@@ -116,7 +116,7 @@ class Neutral:
 
 @dataclass(eq=False)
 class Solution:
-    """What a solved point gives beside it.
+    """Solved point of a path, with its constraint force, report and prediction.
 
     Attributes
     ----------
@@ -232,7 +232,7 @@ class Schedule:
 
     @property
     def grows(self) -> bool:
-        """Whether anything that a held instant leaves free changes with the load factor."""
+        """True if a load, actuator or spin changes with the load factor while time is held."""
         factors = [factor for _, factor, _ in (*self._loads, *self._actuators)]
         if self.spin is not None:
             factors.append(self._given.get("spin"))
@@ -264,7 +264,7 @@ class Schedule:
         return 1.0 if steady and not (self.moving or self._actuators) else SMALL
 
     def holding(self, factors: Mapping[str, float]) -> Schedule:
-        """The same with these factors, too."""
+        """A copy of the schedule with these factors, too."""
         return Schedule(self.system, {**self._given, **factors}, self.spin, self.time)
 
     def at(self, t: float) -> Amplitudes:

@@ -76,7 +76,7 @@ class PathSolver:
 
     @property
     def method(self) -> str:
-        """How linear systems are solved."""
+        """Name of the method that solves linear systems."""
         return self.bound.solver.method if self._compiled is None else self._compiled.method
 
     @property

@@ -1,4 +1,4 @@
-"""What is checked before a path starts, and the rotations that limit its steps."""
+"""Checks before a path starts, and the rotations that limit its steps."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ def held_start(system: System, schedule: Schedule, point: Point) -> Point:
 
 
 def check_many(system: System, schedule: Schedule, point: Point, stability: Stability) -> None:
-    """As :func:`held_start` where there are too many pieces for it, by motions of no stiffness.
+    """Check as of :func:`held_start` for scenes of too many pieces, by motions without stiffness.
 
     Only where no load acts: loads may stress what then holds a motion. None is tried.
     """
@@ -252,7 +252,7 @@ def _holding(system: System, schedule: Schedule, point: Point) -> dict[str, floa
 
 
 def _acts(schedule: Schedule, point: Point) -> bool:
-    """Whether there are loads at the start."""
+    """True if loads, actuators or a spin act at the start."""
     now = schedule.at(point.t)
     turns = now.spin is not None and now.spin.velocity.any()
     return bool(turns or now.loads.any() or now.actuators.any())
@@ -295,7 +295,10 @@ def _loaded(system: System, schedule: Schedule, point: Point) -> tuple[Point | N
 
 
 def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | None:
-    """What strains nothing moves every beam and body as a rigid piece: few unknowns decide."""
+    """Rigid motions of beams and bodies that strain nothing and that no stress holds, if any.
+
+    Each beam and body is one rigid piece: few unknowns decide. None, too, for too many pieces.
+    """
     if _fixed(system):
         return None
     label, names = rigid_pieces(system)
@@ -318,7 +321,7 @@ def _free_motions(system: System, schedule: Schedule, point: Point) -> _Free | N
 
 
 def _fixed(system: System) -> bool:
-    """Whether fixed joints hold every piece to the ground, directly or by way of others."""
+    """True if fixed joints hold every piece to the ground, directly or by way of others."""
     label, names = rigid_pieces(system, joined=True)
     ends = [(j.a.vertex, j.b.vertex) for j in system.joint_rows if j.joint.type == "fixed"]
     held = {label[min(pair)] for pair in ends if max(pair) >= len(label)}
@@ -376,7 +379,7 @@ def _null_space(A: Floats) -> Floats:
 
 
 def _echelon(N: Floats) -> Floats:
-    """The same motions, as few pieces and components in each as possible."""
+    """Basis of the same motions, with as few pieces and components in each as possible."""
     _, _, order = qr(N.T, pivoting=True, mode="economic")
     chosen = order[: N.shape[1]]
     out = np.linalg.solve(N[chosen].T, N.T).T
