@@ -29,7 +29,7 @@ FAMILIES = {"R1": R1, "R2": R2, "R3": R3, "R4": R4, "R5": R5, "R6": R6, "R8": R8
 PAIRS = [(i, t) for i in ("energy-momentum", "variational") for t in ("null-space", "multipliers")]
 pairs = pytest.mark.parametrize(("integrator", "treatment"), PAIRS)
 #: errors of the quick rows relative to 1 or the size of a field, a few times those measured; that
-#: of R5 is rounding of its steps (4e-13), which extrapolation magnifies: 4e-12 and 1.1e-11 were found
+#: of R5 is rounding of its steps (4e-13), which extrapolation magnifies to 4e-12 or 1.1e-11
 QUICK = {"R1": 5e-12, "R2": 2e-11, "R3": 5e-12, "R4": 5e-12, "R5": 5e-11, "R6": 5e-13, "R8": 5e-11}
 LONG = [pytest.param(family, marks=pytest.mark.slow) for family in ("R2", "R4", "R5", "R6", "R8")]
 #: instants of a short run of each family
