@@ -8,9 +8,9 @@ two plain matrices the product is ``a.dot(b)``: for a few elements its call cost
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -88,6 +88,11 @@ class BeamElements:
             # eta = root root^T: what is dissipated is a sum of squares
             values, vectors = np.linalg.eigh(self.viscosity)
             self.viscosity_root = vectors * np.sqrt(values.clip(0))[:, None, :]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled are the arrays that it is made of: those that follow are made anew."""
+        given = (each.name for each in fields(self) if each.init)
+        return type(self), tuple(getattr(self, name) for name in given)
 
     def repeated(self, count: int) -> BeamElements:
         """Elements repeated `count` times, to evaluate many states at once."""

@@ -446,7 +446,8 @@ def _strains(
 
 def _fields(e: BeamElements, rows: IndexArray, q: Floats) -> tuple[Floats, Floats]:
     """Fields (N, ne, ng, 4, 3) of sections at Gauss points, and their slopes."""
-    nodal = q.reshape(len(q), -1, 3)[:, rows].reshape(len(q), len(rows), -1, 4, 3)
+    states = q.reshape(len(q), q.shape[1] // 3, 3)  # there may be none
+    nodal = states[:, rows].reshape(len(q), len(rows), rows.shape[1] // 4, 4, 3)
     if e.rotations is not None:
         nodal[..., 1:, :] = e.rotations @ nodal[..., 1:, :]
     x, xs = (np.einsum("ga,neaic->negic", each, nodal) for each in strain_factors(e.table))
