@@ -63,7 +63,7 @@ def independent_null_space(rows: csr_matrix) -> csr_matrix:
     The other columns follow from them; they are pivots of Gaussian elimination.
     """
     count, size = rows.shape
-    order, L, _ = lu(rows.toarray().T, p_indices=True, overwrite_a=True)
+    order, L, _ = lu(rows.toarray().T, p_indices=True)  # overwriting is wrong in scipy 1.18.1
     first, rest = L[:count], L[count:]
     part = -solve_triangular(first, rest.T, trans="T", lower=True, unit_diagonal=True)
     Z = vstack([csr_matrix(part), identity(size - count)]).tocsr()
