@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -25,7 +25,17 @@ from ..types import (
     whole,
 )
 from ..warn import Notices, counted, listed, warn
-from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, series_numbers
+from .file import (
+    BASIC,
+    ORIGINS,
+    EventRecord,
+    StoredArrays,
+    check_basic,
+    load_file,
+    plain,
+    save_file,
+    series_numbers,
+)
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -313,8 +323,6 @@ def _check_reference(
 
 # -- series that follow from what is recorded, made when somebody asks for them --------------------
 
-#: series that others follow from: not to be written to
-ORIGINS = ("t", "step", "q", "p", "carried", "constraint_force", "turns")
 #: how a history without its system gets more series
 ADVICE = "skfem_cosserat.run.derive_series(model, history) adds those that follow from the states"
 
@@ -436,13 +444,20 @@ class History:
         }
         check_basic(series, "series")
         self._length = len(np.atleast_1d(series["t"]))
-        self._series: dict[str, Array] = {}
-        for name, value in series.items():
-            self._put(name, value)
-        self._sensors: dict[str, Array] = {
-            name: series_numbers(value, f"sensor array {name!r}")
-            for name, value in ({} if sensors is None else sensors).items()
-        }
+        self._series: MutableMapping[str, Array] = {}
+        if isinstance(series, StoredArrays):
+            self._series = series
+        else:
+            for name, value in series.items():
+                self._put(name, value)
+        self._sensors: Mapping[str, Array]
+        if isinstance(sensors, StoredArrays):
+            self._sensors = sensors
+        else:
+            self._sensors = {
+                name: series_numbers(value, f"sensor array {name!r}")
+                for name, value in ({} if sensors is None else sensors).items()
+            }
         self._derivation = derivation
         self._segments: dict[int, History] = {}
 

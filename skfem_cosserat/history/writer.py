@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -81,8 +81,7 @@ class HistoryWriter:
         self._rows = 0
         self._done: list[dict[str, Array]] = []
         self._sensed: list[dict[str, Array]] = []
-        self._closed = False
-        self._head = dict(self._meta)
+        self._seen, self._closed = 0, False
         #: the file as long as it takes blocks; a full one; and what is to be said of that
         self._file: FileWriter | None = None
         self._full: Path | None = None
@@ -90,7 +89,8 @@ class HistoryWriter:
         if path is not None:
             self._file = FileWriter(path)
             try:
-                self._file.append({"kind": "head", "meta": self._meta}, self._static)
+                self._file.append("static", 0, self._static)
+                self._file.note("head", self._meta)
             except OSError as error:
                 self._file.close()
                 raise InputError(
@@ -182,7 +182,8 @@ class HistoryWriter:
         self._check_open()
         own = plain(meta, "meta")
         self._meta |= own
-        self._stored({"kind": "note", "meta": own}, {})
+        if self._file is not None:
+            self._stored(self._file.note, "note", own)
         self._say()
 
     def sense(self, arrays: Mapping[str, Any]) -> None:
@@ -203,8 +204,9 @@ class HistoryWriter:
             name: series_numbers(value, f"sensor array {name!r}").copy()
             for name, value in arrays.items()
         }
-        if not self._stored({"kind": "sensors"}, values):
+        if self._file is None or not self._stored(self._file.append, "sensors", self._seen, values):
             self._sensed.append(values)
+        self._seen += 1
         self._say()
 
     def history(self) -> History:
@@ -215,11 +217,14 @@ class HistoryWriter:
         HistoryError
             If the file was changed by someone else.
         """
-        parts, sensed = self._done, self._sensed
+        parts: list[Mapping[str, Array]] = [*self._done]
+        sensed: list[Mapping[str, Array]] = [*self._sensed]
         path = self._full if self._file is None else self._file.path
         if path is not None:
             done, sensors = self._read(path)
             written = self._rows - self._fill - sum(len(part["t"]) for part in parts)
+            if written == self._rows > 0 and not sensed:  # read when somebody asks for it
+                return History(self._meta, self._static, done, sensors)
             done = {name: array[:written] for name, array in done.items()}
             parts = [done, *parts] if len(done["t"]) else parts
             sensed = [sensors, *sensed] if sensors else sensed
@@ -262,19 +267,15 @@ class HistoryWriter:
         self._closed = True
         self._meta |= {**updates, "status": status}
         if self._file is not None:
-            try:
-                self._file.finish(self._head, self._static, status, updates, self._rows)
+            tail = {**updates, "status": status, "states": self._rows}
+            if self._stored(self._file.note, "tail", tail):
                 self._file.close()
-            except OSError as error:
-                self._give_up(error)
         self._say()
 
-    def _stored(self, header: dict[str, Any], arrays: Mapping[str, Array]) -> bool:
+    def _stored(self, write: Callable[..., None], *block: Any) -> bool:
         """Hand a block to the file; whether it is there now."""
-        if self._file is None:
-            return False
         try:
-            self._file.append(header, arrays)
+            write(*block)
         except OSError as error:
             self._give_up(error)
             return False
@@ -305,7 +306,7 @@ class HistoryWriter:
         error.history = history
         raise error from reason
 
-    def _read(self, path: Path) -> tuple[dict[str, Array], dict[str, Array]]:
+    def _read(self, path: Path) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
         """What the file has: series, and arrays of sensors."""
         try:
             # of a file that takes no more the last words may be cut off
@@ -357,7 +358,7 @@ class HistoryWriter:
             return
         part = {name: array[: self._fill] for name, array in self._buffer.items()}
         first = self._rows - self._fill
-        if not self._stored({"kind": "rows", "rows": self._fill, "first": first}, part):
+        if self._file is None or not self._stored(self._file.append, "series", first, part):
             self._done.append(part)
             if self._fill == self._block:  # the next ones are written elsewhere
                 self._block = min(self._most, self._grow * self._block)
