@@ -9,7 +9,9 @@ import os
 import re
 import sqlite3
 import zlib
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections import UserDict
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +20,7 @@ from uuid import uuid4
 import numpy as np
 
 from ..arguments import checked
-from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
+from ..errors import FULL, HistoryError, IncompleteWarning, InputError, StorageError
 from ..types import Array, FilePath, file_path, switch
 from ..warn import warn
 
@@ -151,30 +153,40 @@ def check_basic(names: Mapping[str, Any], item: str) -> None:
 
 # -- the file format: an SQLite database, which other programs read, too ---------------------------
 #
-# A run writes block after block, each in one transaction: a writer that is killed loses the block
-# that it had begun, at most. Tables:
+# A row of the table ``blocks`` is an array:
 #
-# ``notes`` (kind, value, crc): JSON objects of the metadata. ``head`` is what is known at the
-# start, ``note`` what has changed on the way, ``tail`` what is known at the end, with the status
-# and the number of states; it is missing while a run goes on, and after it was killed.
-# ``arrays`` (kind, name, first, dtype, shape, crc, data): of ``static`` arrays, of ``series`` the
-# states from number `first` on, and of ``sensors`` instants NAME/t and values NAME/x; `shape` is
-# JSON, `data` are numbers in C order, little-endian, `dtype` as numpy names it.
-# ``file`` (run, notes, arrays): a word that no other file has, and how many rows there are.
+# ``kind``  ``static`` arrays, ``series`` over the states, ``sensors`` with their instants NAME/t
+#           and values NAME/x; JSON objects as arrays of bytes, which together are the metadata, a
+#           later value in place of an earlier one: ``head`` is known at the start, a ``note`` has
+#           happened on the way, ``tail`` is known at the end and has the status. It is missing
+#           while a run goes on, and after it was killed.
+# ``name``  of the array.
+# ``first`` number of the block's first state; of sensors, number of the block; of the tail, how
+#           many states there are.
+# ``rows``  length of the first axis: states, instants, 1 for static arrays.
+# ``dtype``, ``shape``  type as numpy names it, little-endian, and shape without the first axis
+#           (JSON); ``data`` are the numbers in C order.
+# ``crc``   CRC-32 of all this, see `_crc`: a damaged row is never taken for numbers.
 #
-# `crc` is the CRC-32 of what else is in its row, see `_sum`: a row that is damaged is left out.
+# A block of states is written in one transaction: a writer that is killed loses the block that it
+# had begun. While it commits a block, and if it is killed in this moment, the file NAME-journal
+# says how the next reader takes that back. A reader keeps a writer waiting, and a writer a reader.
 
-_START, _APPLICATION, _VERSION = b"SQLite format 3\0", 0x5C055E7A, 1
-_ADVICE = "History.load(path, recover=True) leaves out what is damaged"
+_APPLICATION, _VERSION = 0x5C055E7A, 1
 _TABLES = f"""
 PRAGMA application_id = {_APPLICATION};
 PRAGMA user_version = {_VERSION};
 PRAGMA synchronous = OFF;  -- a killed process loses nothing that was handed to the system
-CREATE TABLE notes (id INTEGER PRIMARY KEY, kind TEXT, value TEXT, crc INTEGER);
-CREATE TABLE arrays (id INTEGER PRIMARY KEY, kind TEXT, name TEXT, first INTEGER, dtype TEXT,
-    shape TEXT, crc INTEGER, data BLOB);
-CREATE TABLE file (run TEXT, notes INTEGER, arrays INTEGER);
+BEGIN;
+CREATE TABLE blocks (id INTEGER PRIMARY KEY AUTOINCREMENT, kind TEXT, name TEXT, first INTEGER,
+    rows INTEGER, dtype TEXT, shape TEXT, crc INTEGER, data BLOB);
 """
+_LIST = """
+SELECT id, kind, name, first, rows, dtype, shape, crc, length(data) FROM blocks
+    WHERE id > ? ORDER BY id
+"""
+#: how long (s) readers and writers wait for each other
+_PATIENCE = 60.0
 #: `save_file` cuts long series into blocks of at most so many states, and about so many bytes:
 #: damage takes whole blocks
 _SAVE_ROWS, SAVE_BYTES = 100, 2**22
@@ -189,65 +201,14 @@ _WRONG = (
 )
 
 
-def _sum(*parts: Any, data: bytes = b"") -> int:
-    """CRC-32 of the columns of a row."""
-    return zlib.crc32(data, zlib.crc32(json.dumps(parts).encode()))
+def _crc(columns: tuple[Any, ...], data: bytes) -> int:
+    """CRC-32 of the columns of a row from `kind` to `shape`, as JSON, and of its data."""
+    return zlib.crc32(data, zlib.crc32(json.dumps(columns).encode()))
 
 
-class _Piece(NamedTuple):
-    """A row of ``arrays``, but for its data."""
-
-    id: int
-    kind: str
-    name: str
-    first: int
-    dtype: str
-    shape: str
-    crc: int
-
-    @property
-    def rows(self) -> int:
-        """Length of its first axis."""
-        return int(json.loads(self.shape)[0])
-
-    @property
-    def form(self) -> tuple[str, list[int]]:
-        """Type and shape, but for the first axis."""
-        return self.dtype, json.loads(self.shape)[1:]
-
-    def fits(self, size: int) -> bool:
-        """Whether it is as we write it, with so many bytes of data."""
-        shape = json.loads(self.shape)
-        counts = [self.first, *shape]
-        return (
-            all(type(k) is int and 0 <= k < 2**63 for k in counts)
-            and bool(shape or self.kind == "static")
-            and _DTYPE.fullmatch(self.dtype) is not None
-            and np.dtype(self.dtype).itemsize * prod(shape) == size
-        )
-
-    def array(self, db: sqlite3.Connection) -> Array:
-        """The numbers.
-
-        Raises
-        ------
-        ValueError, sqlite3.Error
-            If they are damaged.
-        """
-        ((data,),) = db.execute("SELECT data FROM arrays WHERE id = ?", [self.id])
-        if _sum(*self[1:-1], data=data) != self.crc:
-            raise ValueError("wrong checksum")
-        array = np.frombuffer(data, self.dtype).reshape(json.loads(self.shape))
-        if array.size and array.dtype.kind in "Ub":
-            unit, top = (np.uint32, 0x10FFFF) if array.dtype.kind == "U" else (np.uint8, 1)
-            if array.reshape(-1).view(unit).max() > top:
-                raise ValueError("what is no value of its type")
-        return array
-
-
-def _cannot(path: Path, error: OSError | sqlite3.Error) -> InputError:
-    reason = getattr(error, "strerror", None) or str(error)
-    return InputError(f"history file {str(path)!r}", f"cannot be written: {reason}")
+def json_array(value: Mapping[str, Any]) -> dict[str, Array]:
+    """JSON data as an array that a file takes."""
+    return {"json": np.frombuffer(json.dumps(value).encode(), np.uint8)[None]}
 
 
 class FileWriter:
@@ -257,46 +218,45 @@ class FileWriter:
     ----------
     path : path-like
         Name of the file; an older one is overwritten.
+    meta : mapping
+        JSON data that are known at the start.
+    static : mapping of str to array
+        Types as in `skfem_cosserat.history.file.KINDS`.
 
     Raises
     ------
-    InputError
-        If the file cannot be opened for writing.
+    OSError
+        If the file cannot be begun.
     """
 
-    def __init__(self, path: FilePath) -> None:
+    def __init__(
+        self, path: FilePath, meta: Mapping[str, Any], static: Mapping[str, Array]
+    ) -> None:
         self.path = file_path("argument path", path)
         new = not self.path.exists()
+        self.path.open("wb").close()
+        self._db = sqlite3.connect(self.path, timeout=_PATIENCE)
         try:
-            self.path.open("wb").close()
-            self._db = sqlite3.connect(self.path)
-        except (OSError, sqlite3.Error) as error:
-            raise _cannot(self.path, error) from error
-        try:
-            self._db.executescript(_TABLES)
-            with self._db:
-                self._db.execute("INSERT INTO file VALUES (?, 0, 0)", [uuid4().hex])
-        except sqlite3.Error as error:
+            with _os_errors():
+                self._db.executescript(_TABLES)
+            self.append("static", 0, {name: array[None] for name, array in static.items()})
+            self.append("head", 0, json_array(meta))
+        except OSError:
             self.close()
             if new:  # what was there before may be a device
                 self.path.unlink(missing_ok=True)
-            raise _cannot(self.path, error) from error
-
-    def note(self, kind: str, value: Mapping[str, Any]) -> None:
-        """Write JSON data of a kind; raises as :meth:`append`."""
-        text = json.dumps(value)
-        self._insert("notes", [(kind, text, _sum(kind, text))])
+            raise
 
     def append(self, kind: str, first: int, arrays: Mapping[str, Array]) -> None:
         """Write a block of arrays in one transaction: all of it is in the file, or nothing.
 
         Parameters
         ----------
-        kind : {"static", "series", "sensors"}
+        kind : {"static", "series", "sensors", "head", "note", "tail"}
         first : int
             Number of its first state, or of the block among those of sensors.
         arrays : mapping of str to array
-            Types as in `skfem_cosserat.history.file.KINDS`.
+            With an axis for the states before all others.
 
         Raises
         ------
@@ -305,155 +265,262 @@ class FileWriter:
         """
         rows = []
         for name, array in arrays.items():
-            own = kind, name, first, array.dtype.str, json.dumps(array.shape)
-            data = np.ascontiguousarray(array).tobytes()
-            rows.append((*own, _sum(*own, data=data), data))
-        self._insert("arrays", rows)
-
-    def _insert(self, table: str, rows: Sequence[tuple[str | int | bytes, ...]]) -> None:
-        places = ", ".join("?" * len(rows[0])) if rows else ""
-        try:
-            with self._db as db:
-                if rows:
-                    db.executemany(f"INSERT INTO {table} VALUES (NULL, {places})", rows)
-                db.execute(f"UPDATE file SET {table} = {table} + ?", [len(rows)])
-        except sqlite3.Error as error:
-            full = error.sqlite_errorname == "SQLITE_FULL"
-            raise OSError(errno.ENOSPC if full else errno.EIO, str(error)) from error
+            shape, data = json.dumps(array.shape[1:]), array.tobytes()
+            columns = (kind, name, first, len(array), array.dtype.str, shape)
+            rows.append((*columns, _crc(columns, data), data))
+        with _os_errors(), self._db as db:
+            db.executemany("INSERT INTO blocks VALUES (NULL, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
 
     def close(self) -> None:
         """Close the file; a second call does nothing."""
         self._db.close()
 
 
+@contextlib.contextmanager
+def _os_errors() -> Iterator[None]:
+    """Errors of the database as those of a system that takes no more."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
+        raise OSError(errno.EIO, str(error)) from error
+
+
 # -- reading ---------------------------------------------------------------------------------------
 
 
-class _Scan:
-    """A history file but for its arrays of numbers; `problem` is empty if all is well.
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[sqlite3.Connection]:
+    """A history file as it is now; what is not as we write it is a HistoryError."""
+    item = f"history file {str(path)!r}"
+    if not path.is_file():
+        raise HistoryError(item, "cannot be read: there is no such file")
+    if not path.stat().st_size:
+        raise HistoryError(item, "is empty")
+    # not read-only: a writer that was killed in a transaction left what takes that back
+    address = f"{path.resolve().as_uri()}?mode=rw"
+    try:
+        with contextlib.closing(sqlite3.connect(address, _PATIENCE, uri=True)) as db:
+            db.execute("BEGIN")  # a run may go on, and append blocks
+            if db.execute("PRAGMA application_id").fetchone() != (_APPLICATION,):
+                raise HistoryError(item, "is not a history, but another SQLite database")
+            ((version,),) = db.execute("PRAGMA user_version")
+            if version != _VERSION:
+                raise HistoryError(item, f"has format version {version}, not {_VERSION}")
+            yield db
+    except HistoryError:
+        raise
+    except _WRONG as error:
+        if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_NOTADB:
+            start = path.read_bytes()[:14]
+            old = " any more: version 0.2 or older wrote it" * (start == b"SKFEM-COSSERAT")
+            raise HistoryError(item, f"is not a history{old}") from error
+        advice = "History.load(path, recover=True) leaves out what is damaged"
+        raise HistoryError(item, f"damaged: {error}; {advice}") from error
 
-    `missing` are ranges of states that a damage took, the end excluded.
+
+@lru_cache
+def _state_bytes(dtype: str, shape: str) -> int:
+    """Size of an array at one state."""
+    axes = json.loads(shape)
+    if not _DTYPE.fullmatch(dtype) or any(type(length) is not int or length < 0 for length in axes):
+        raise ValueError(f"{dtype}, {shape}")
+    return np.dtype(dtype).itemsize * prod(axes)
+
+
+class _Piece(NamedTuple):
+    """An array of a block: a row of the table, but for its data."""
+
+    id: int
+    kind: str
+    name: str
+    first: int
+    rows: int
+    dtype: str
+    shape: str
+    crc: int
+
+    @property
+    def size(self) -> int:
+        """How many bytes it has."""
+        return self.rows * _state_bytes(self.dtype, self.shape)
+
+    def array(self, db: sqlite3.Connection) -> Array:
+        """The numbers; ValueError if they are damaged."""
+        (data,) = db.execute("SELECT data FROM blocks WHERE id = ?", [self.id]).fetchone() or [b""]
+        if _crc(self[1:-1], data) != self.crc:
+            where = f"{self.kind} {self.name!r} from number {self.first} on"
+            raise ValueError(f"wrong checksum of {where}, or another file by now")
+        array = np.frombuffer(data, self.dtype).reshape(self.rows, *json.loads(self.shape))
+        if array.dtype.kind == "U" and array.view(np.uint32).max(initial=0) > 0x10FFFF:
+            raise ValueError(f"no text in {self.name!r}")
+        return array
+
+
+_TYPES = [int, str, str, int, int, str, str, int]
+
+
+class _Scan:
+    """Contents of a history file, but for the numbers of its arrays.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    recover : bool
+        Read all arrays, and leave out what is damaged instead of raising an error.
+
+    Raises
+    ------
+    HistoryError
+        If the file is no history, or damaged.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path, self.problem, self.item = path, "", f"history file {str(path)!r}"
-        self.missing: list[tuple[int, int]] = []
-        self.notes: dict[str, list[dict[str, Any]]] = {"head": [], "note": [], "tail": []}
-        self.pieces: dict[str, dict[int, list[_Piece]]] = {
-            "static": {},
-            "series": {},
-            "sensors": {},
-        }
-        with self.opened() as db:
-            self.run, notes, arrays = db.execute("SELECT * FROM file").fetchone()
-            for kind, value, crc in self._listed(db, "kind, value, crc FROM notes", notes):
-                if _sum(kind, value) == crc:
-                    self.notes[kind].append(json.loads(value))
-                else:
-                    self.blame("wrong checksum in the metadata")
-            columns = "id, kind, name, first, dtype, shape, crc, length(data) FROM arrays"
-            for *row, size in self._listed(db, columns, arrays):
-                piece = _Piece(*row)
-                if piece.fits(size):
-                    self.pieces[piece.kind].setdefault(piece.first, []).append(piece)
-                else:
-                    self.blame("an array is not as it was written")
-        if not self.notes["head"]:
-            self.blame("the head is missing")
-            raise HistoryError(self.item, f"damaged: {self.problem}; nothing can be recovered")
+    def __init__(self, path: Path, recover: bool = False) -> None:
+        self.path, self._recover, self._problem = path, recover, ""
+        self._pieces: dict[int, _Piece] = {}
+        with _opened(path) as db:
+            self._list(db)
+            self.static = self._blocks("static")
+            self.series, self.sensors = self._blocks("series"), self._blocks("sensors")
+            self.states = sum(block["t"].rows for block in self.series)
+            self.meta, gaps = self._metadata(db), self._gaps()
+            if self._problem:
+                self._tell(db, gaps)
 
-    @contextlib.contextmanager
-    def opened(self) -> Iterator[sqlite3.Connection]:
-        """The database; what is not as we write it is a HistoryError."""
-        try:
-            with self.path.open("rb") as handle:
-                start = handle.read(len(_START))
-        except OSError as error:
-            raise HistoryError(self.item, f"cannot be read: {error.strerror}") from error
-        if start != _START:
-            old = start.startswith(b"SKFEM-COSSERAT")
-            why = (
-                " any more: version 0.2 and older wrote it"
-                if old
-                else f": it starts with {start!r}"
-            )
-            raise HistoryError(self.item, f"is not a history{why}" if start else "is empty")
-        # not read-only: a writer that was killed in a transaction left what takes that back
-        db = sqlite3.connect(f"{self.path.resolve().as_uri()}?mode=rw", uri=True)
-        try:
-            (application,) = db.execute("PRAGMA application_id").fetchone()
-            (version,) = db.execute("PRAGMA user_version").fetchone()
-            if application != _APPLICATION:
-                raise HistoryError(self.item, "is not a history, but another SQLite database")
-            if version != _VERSION:
-                raise HistoryError(self.item, f"has format version {version}, not {_VERSION}")
-            yield db
-        except InputError:
-            raise
-        except _WRONG as error:
-            raise HistoryError(self.item, f"damaged: {error}; {_ADVICE}") from error
-        finally:
-            db.close()
+    def _blame(self, problem: object) -> None:
+        """Take down what is wrong; of several things the first one is told."""
+        if not self._recover:
+            raise ValueError(problem)
+        self._problem = self._problem or str(problem)
 
-    def _listed(self, db: sqlite3.Connection, what: str, count: int) -> list[tuple[Any, ...]]:
-        """Rows of a table in their order, as far as they can be read."""
-        rows, at = {}, 0
-        while at < min(count, self.path.stat().st_size):
+    def _list(self, db: sqlite3.Connection) -> None:
+        """Take down all arrays, as far as they can be read."""
+        count, at = db.execute("SELECT max(seq) FROM sqlite_sequence").fetchone()[0] or 0, 0
+        limit = self.path.stat().st_size
+        while at < min(count, limit):
             try:
-                for row in db.execute(f"SELECT id, {what} WHERE id > ? ORDER BY id", [at]):
-                    at = row[0]
-                    rows[at] = row[1:]
+                for *row, size in db.execute(_LIST, [at]):
+                    at = max(at, row[0])
+                    self._take(db, _Piece(*row), size)
                 break
             except sqlite3.Error as error:  # perhaps of this row alone
-                self.blame(str(error))
+                self._blame(error)
                 at += 1
-        if len(rows) != count:
-            self.blame(f"{len(rows)} of {count} rows can be read")
-        return list(rows.values())
+        if len(self._pieces) != count:
+            self._blame(f"{len(self._pieces)} of {count} arrays can be read")
+        if sum(piece.size for piece in self._pieces.values()) > limit:
+            raise ValueError("its arrays are larger than the file")
 
-    def blame(self, problem: str) -> None:
-        """Take down what is wrong; of several things the first one is told."""
-        self.problem = self.problem or problem
+    def _take(self, db: sqlite3.Connection, piece: _Piece, size: int) -> None:
+        """Take down an array of so many bytes, if it is sound."""
+        try:
+            if [*map(type, piece)] != _TYPES or piece.size != size:
+                raise ValueError("an array is not as it was written")
+            if self._recover:
+                piece.array(db)
+        except _WRONG as error:
+            self._blame(error)
+        else:
+            self._pieces[piece.id] = piece
 
-    def blocks(self, kind: str, read: sqlite3.Connection | None = None) -> list[list[_Piece]]:
-        """Arrays of each block of a kind that is sound, as far as this is known.
+    def _blocks(self, kind: str) -> list[dict[str, _Piece]]:
+        """Arrays by name of each block of a kind that has all of them."""
+        blocks: dict[int, dict[str, _Piece]] = {}
+        for piece in self._pieces.values():
+            if piece.kind == kind:
+                blocks.setdefault(piece.first, {})[piece.name] = piece
+        forms = {
+            first: {(piece.name, piece.dtype, piece.shape) for piece in block.values()}
+            for first, block in blocks.items()
+        }
+        form = max(forms.values(), key=len, default=set())
+        for first in sorted(blocks):
+            if forms[first] != form or not (kind == "static" or _is_sound(kind, blocks[first])):
+                self._blame(f"{kind} from number {first} on")
+                del blocks[first]
+        return [block for _, block in sorted(blocks.items())]
 
-        With `read` it is known of all: their numbers are read.
-        """
-        every = self.pieces[kind]
-        names = {piece.name for block in every.values() for piece in block}
-        out: list[list[_Piece]] = []
-        at = 0
-        for first, block in sorted(every.items()):
-            lengths = {piece.rows for piece in block}
-            whole = len(block) == len(names) and names == {piece.name for piece in block}
-            whole &= not out or [p.form for p in out[0]] == [p.form for p in block]
-            if kind == "series":
-                whole &= len(lengths) == 1 and first >= at
-                if first > at:
-                    self.missing.append((at, first))
-            if whole and read is not None:
-                try:
-                    for piece in block:
-                        piece.array(read)
-                except (ValueError, sqlite3.Error):
-                    whole = False
-            at = max(at, first + max(lengths))
-            if whole:
-                out.append(block)
-                continue
-            self.blame(f"{kind} from number {first} on")
-            if kind == "series":
-                self.missing.append((first, at))
-        total = max((tail["states"] for tail in self.notes["tail"]), default=0)
-        if kind == "series" and at < total:
-            self.blame(f"states {at} to {total - 1} are missing")
-            self.missing.append((at, total))
-        return out
+    def _metadata(self, db: sqlite3.Connection) -> dict[str, Any]:
+        """Metadata of as many states as there are."""
+        meta: dict[str, Any] = {}
+        kinds = [piece.kind for piece in self._pieces.values()]
+        if "head" not in kinds:
+            text = f"damaged: {self._problem or 'the head is missing'}; nothing can be recovered"
+            raise HistoryError(f"history file {str(self.path)!r}", text)
+        for piece in self._pieces.values():
+            if piece.kind in ("head", "note", "tail"):
+                meta = {**meta, **json.loads(piece.array(db).tobytes())}
+        segments, events = meta.get("segments", [{"row": 0}]), meta.get("events", [])
+        rows = [segments[0]["row"], *(each["row"] for each in [*segments, *events])]
+        if rows[0] != 0 or any(type(row) is not int or row < 0 for row in rows):
+            raise ValueError("rows of segments and events")
+        for event in events:
+            EventRecord(**event)
+        for name, about in meta.get("sensors", {}).items():
+            if not isinstance(about["unit"], str) or about["derivative"] not in (0, 1, 2):
+                raise ValueError(f"unit and derivative of sensor {name!r}")
+        if "tail" not in kinds:  # what followed the last states in the file has not happened
+            meta["status"] = "killed"
+            for name, limit in (("segments", max(self.states, 1)), ("events", self.states - 1)):
+                if name in meta:
+                    meta[name] = [each for each in meta[name] if each["row"] < limit]
+        return meta
+
+    def _gaps(self) -> list[tuple[int, int]]:
+        """Ranges of states that are missing, the ends excluded."""
+        gaps, at = [], 0
+        spans = [(block["t"].first, block["t"].rows) for block in self.series]
+        tails = [(piece.first, 0) for piece in self._pieces.values() if piece.kind == "tail"]
+        for first, count in [*spans, *tails]:
+            if first > at:
+                gaps.append((at, first))
+                self._blame(f"states {at} to {first - 1} are missing")
+            at = first + count
+        return gaps
+
+    def _tell(self, db: sqlite3.Connection, gaps: list[tuple[int, int]]) -> None:
+        """Say what a damaged file has lost, and number rows in the metadata as they are now."""
+        pieces, lost = [block["t"] for block in self.series], []
+        t = np.concatenate([np.zeros(0), *(piece.array(db) for piece in pieces)])
+        spans = [np.arange(piece.first, piece.first + piece.rows) for piece in pieces]
+        numbers = np.concatenate([np.zeros(0), *spans])
+        for a, b in gaps:
+            before, after = np.searchsorted(numbers, (a, b))
+            where = [f"after t = {t[before - 1]:.6g}"] if before else []
+            where += [f"before t = {t[after]:.6g}"] if after < len(t) else []
+            lost.append(f"states {a} to {b - 1} ({' and '.join(where) or 'all'})")
+        if self.meta["status"] == "killed":
+            lost.append("all after the last of them")
+        text = f"damaged: {self._problem}; {len(t)} states recovered"
+        text += f", missing: {', '.join(lost)}" if lost else ""
+        warn(f"history file {str(self.path)!r}", text, IncompleteWarning)
+        if gaps:
+            self.meta["missing"] = [[a, b - 1] for a, b in gaps]
+        for segment in self.meta.get("segments", []):
+            segment["row"] = int(np.searchsorted(numbers, segment["row"]))
+        for event in self.meta.get("events", []):  # of one that is lost: the state before
+            event["row"] = max(int(np.searchsorted(numbers, event["row"] + 1)) - 1, 0)
 
 
-class StoredArrays(MutableMapping[str, Array]):
+def _is_sound(kind: str, block: Mapping[str, _Piece]) -> bool:
+    """Whether arrays have the types of states or sensors, and fit their times."""
+    for name, piece in block.items():
+        times = block[f"{name[:-1]}t" if kind == "sensors" else "t"]
+        number = np.dtype(piece.dtype).kind in "fiu" or (kind == "series" and name not in BASIC)
+        if not number or piece.rows != times.rows or times.shape != "[]":
+            return False
+    return True
+
+
+class StoredArrays(UserDict[str, Any]):
     """Arrays by name, each read from a file when it is first asked for.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    blocks : list of dict
+        Pieces by name.
 
     Raises
     ------
@@ -461,107 +528,33 @@ class StoredArrays(MutableMapping[str, Array]):
         If an array is damaged, or the file is another one by then.
     """
 
-    def __init__(self, scan: _Scan, blocks: Sequence[Sequence[_Piece]]) -> None:
-        self._scan, self._arrays = scan, dict[str, Array]()
-        self._pieces: dict[str, list[_Piece]] = {}
-        for piece in (piece for block in blocks for piece in block):
-            self._pieces.setdefault(piece.name, []).append(piece)
+    def __init__(self, path: Path, blocks: Sequence[Mapping[str, _Piece]]) -> None:
+        super().__init__()
+        self._path = path
+        for name in blocks[0] if blocks else ():
+            self.data[name] = [block[name] for block in blocks]
 
     def __getitem__(self, name: str) -> Array:
-        if name not in self._arrays:
-            pieces = self._pieces[name]
-            with self._scan.opened() as db:
-                if db.execute("SELECT run FROM file").fetchone() != (self._scan.run,):
-                    raise HistoryError(self._scan.item, "has been replaced by another history")
-                dtype, shape = pieces[0].form
-                out = np.empty((sum(piece.rows for piece in pieces), *shape), dtype)
-                done = 0
-                for piece in pieces:
-                    out[done : done + piece.rows] = piece.array(db)
-                    done += piece.rows
-            if name in ORIGINS:
-                out.flags.writeable = False
-            self._arrays[name] = out
-        return self._arrays[name]
-
-    def __setitem__(self, name: str, array: Array) -> None:
-        self._arrays[name] = array
-
-    def __delitem__(self, name: str) -> None:
-        self._arrays.pop(name, None)
-        self._pieces.pop(name, None)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(dict.fromkeys([*self._pieces, *self._arrays]))
-
-    def __len__(self) -> int:
-        return len(self._pieces.keys() | self._arrays.keys())
+        if isinstance(self.data[name], list):
+            with _opened(self._path) as db:
+                array = np.concatenate([piece.array(db) for piece in self.data[name]])
+            array.flags.writeable = name not in ORIGINS
+            self.data[name] = array
+        return self.data[name]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return dict, (dict(self),)
 
-    @property
-    def length(self) -> int:
-        """Number of states."""
-        return sum(piece.rows for piece in self._pieces["t"])
 
-
-def _metadata(scan: _Scan, states: int) -> dict[str, Any]:
-    """Meta data with all changes and the status, of a file with so many states."""
-    meta = {**scan.notes["head"][0], "status": "killed"}
-    for note in scan.notes["note"]:
-        meta |= note
-    for tail in scan.notes["tail"]:
-        meta |= {name: value for name, value in tail.items() if name != "states"}
-    for number in [about["row"] for about in meta.get("segments", [])]:
-        if type(number) is not int or number < 0:
-            raise ValueError(f"segment from row {number!r}")
-    for event in meta.get("events", []):
-        if type(EventRecord(**event).row) is not int or event["row"] < 0:
-            raise ValueError(f"event at row {event['row']!r}")
-    for name, about in meta.get("sensors", {}).items():
-        if not isinstance(about["unit"], str) or about["derivative"] not in (0, 1, 2):
-            raise ValueError(f"unit and derivative of sensor {name!r}")
-    if not scan.notes["tail"]:  # what followed the last states in the file has not happened
-        for name, least in (("segments", 1), ("events", 2)):
-            if name in meta:
-                meta[name] = [each for each in meta[name] if each["row"] <= max(states, 0) - least]
-        if "segments" in meta and not meta["segments"]:
-            del meta["segments"]
-    return meta
-
-
-def _tell(scan: _Scan, t: Array, meta: dict[str, Any]) -> None:
-    """Say what a damaged file has lost, and number rows in the meta data as they are now."""
-    lost = []
-    kept = np.ones(len(t) + sum(b - a for a, b in scan.missing), dtype=bool)
-    for a, b in scan.missing:
-        kept[a:b] = False
-        before, after = int(kept[:a].sum()), int(kept[:b].sum())
-        where = [f"after t = {t[before - 1]:.6g}"] if before else []
-        where += [f"before t = {t[after]:.6g}"] if after < len(t) else []
-        which = f"states {a} to {b - 1}" if b > a + 1 else f"state {a}"
-        lost.append(f"{which} ({' and '.join(where)})" if where else which)
-    if not scan.notes["tail"]:
-        lost.append("all after the last of them")
-    text = f"damaged: {scan.problem}; {len(t)} states recovered"
-    warn(scan.item, f"{text}, missing: {', '.join(lost)}" if lost else text, IncompleteWarning)
-    if not scan.missing:
-        return
-    meta["missing"] = [[a, b - 1] for a, b in scan.missing]
-    number = np.concatenate([[0], np.cumsum(kept)])  # of rows before
-    top = len(kept)
-    for about in meta.get("segments", []):
-        about["row"] = int(number[min(about["row"], top)])
-    for event in meta.get("events", []):  # of one that is lost: the state before
-        event["row"] = max(int(number[min(event["row"] + 1, top)]) - 1, 0)
+def empty_series() -> dict[str, Array]:
+    """Basic series of no states."""
+    none = np.zeros((0, 0))
+    return {"t": np.zeros(0), "step": np.zeros(0, np.int64), "q": none, "p": none}
 
 
 def load_file(
     path: FilePath, recover: bool = False
-) -> tuple[
-    dict[str, Any], dict[str, Array], MutableMapping[str, Array], MutableMapping[str, Array]
-]:
+) -> tuple[dict[str, Any], dict[str, Array], Mapping[str, Array], Mapping[str, Array]]:
     """Read ``meta``, static arrays, series, and arrays of sensors of a file.
 
     Series and arrays of sensors are read when they are asked for.
@@ -580,33 +573,18 @@ def load_file(
         If the file is no history, or damaged; and when a series is read that is damaged.
     """
     path, recover = file_path("argument path", path), switch("argument recover", recover)
-    scan = _Scan(path)
-    with scan.opened() as db:
-        static = {}
-        for piece in scan.pieces["static"].get(0, ()):
-            try:
-                static[piece.name] = piece.array(db).copy()
-            except (ValueError, sqlite3.Error):
-                scan.blame(f"static array {piece.name!r}")
-        blocks = scan.blocks("series", db if recover else None)
-        seen = scan.blocks("sensors", db if recover else None)
-        series, sensors = StoredArrays(scan, blocks), StoredArrays(scan, seen)
-        if not blocks:
-            empty = {"t": (0,), "step": (0,), "q": (0, 0), "p": (0, 0)}
-            for name, shape in empty.items():
-                series[name] = np.zeros(shape, np.int64 if name == "step" else np.float64)
-        meta = _metadata(scan, series.length if blocks else 0)
-        check_basic(series, "series")
-    if scan.problem:
-        if not recover:
-            raise HistoryError(scan.item, f"damaged: {scan.problem}; {_ADVICE}")
-        _tell(scan, series["t"], meta)
-    return meta, static, series, sensors
+    scan = _Scan(path, recover)
+    with _opened(path) as db:
+        static = {
+            name: piece.array(db)[0].copy() for block in scan.static for name, piece in block.items()
+        }
+    series = StoredArrays(path, scan.series) if scan.series else empty_series()
+    return scan.meta, static, series, StoredArrays(path, scan.sensors)
 
 
 @checked
 def read_meta(path: FilePath) -> dict[str, Any]:
-    """Meta data of a history file and the number of its ``states``, without reading the arrays.
+    """Metadata of a history file and the number of its ``states``, without reading the arrays.
 
     Parameters
     ----------
@@ -629,17 +607,12 @@ def read_meta(path: FilePath) -> dict[str, Any]:
     >>> import tempfile, pathlib
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder) / "run.history"
-    ...     writer = FileWriter(path)
-    ...     writer.note("head", {"step": 0.01})
-    ...     writer.close()
+    ...     FileWriter(path, {"step": 0.01}, {}).close()
     ...     read_meta(path)
     {'step': 0.01, 'status': 'killed', 'states': 0}
     """
     scan = _Scan(file_path("argument path", path))
-    states = sum(block[0].rows for block in scan.blocks("series"))
-    if scan.problem:
-        raise HistoryError(scan.item, f"damaged: {scan.problem}; {_ADVICE}")
-    return {**_metadata(scan, states), "states": states}
+    return {**scan.meta, "states": scan.states}
 
 
 def save_file(
@@ -670,47 +643,32 @@ def save_file(
         If the disk is full, say; an older file is as it was.
     """
     path = file_path("argument path", path)
-    if path.is_dir():
-        raise InputError(f"history file {str(path)!r}", "cannot be written: it is a folder")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    rows, instants = len(series["t"]), max(map(len, sensors.values()), default=0)
+    size = sum(array.nbytes for array in series.values()) // max(rows, 1)
+    stride = max(1, min(_SAVE_ROWS, SAVE_BYTES // max(size, 1)))
     try:
-        writer = FileWriter(temporary)
-    except InputError as error:
-        raise InputError(f"history file {str(path)!r}", str(error).partition(": ")[2]) from error
-    try:
-        try:
-            _save_blocks(writer, meta, static, series, sensors)
-        finally:
-            writer.close()
+        with contextlib.closing(FileWriter(temporary, meta, static)) as writer:
+            for first in range(0, max(rows, 1), stride):
+                some = slice(first, first + stride)
+                writer.append("series", first, {name: x[some] for name, x in series.items()})
+            for first in range(0, instants, _SAVE_INSTANTS):
+                some = slice(first, first + _SAVE_INSTANTS)
+                writer.append("sensors", first, {name: x[some] for name, x in sensors.items()})
+            tail = {"status": meta.get("status", "completed")}
+            writer.append("tail", rows, json_array(tail))
         with temporary.open("rb+") as handle:
             os.fsync(handle.fileno())
+        # of an older file whose writer was killed: it would be applied to this one
+        Path(f"{path}-journal").unlink(missing_ok=True)
         temporary.replace(path)
     except OSError as error:
-        time = float(series["t"][-1]) if len(series["t"]) else None
+        if error.errno not in FULL:
+            item = f"history file {str(path)!r}"
+            raise InputError(item, f"cannot be written: {error.strerror}") from error
+        time = float(series["t"][-1]) if rows else None
         advice = "; what was there before is as it was, the history is in .history of this error"
         raise StorageError(path, error, advice, time) from error
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
-
-
-def _save_blocks(
-    writer: FileWriter,
-    meta: dict[str, Any],
-    static: Mapping[str, Array],
-    series: Mapping[str, Array],
-    sensors: Mapping[str, Array],
-) -> None:
-    """All blocks of a complete file."""
-    rows, instants = len(series["t"]), max(map(len, sensors.values()), default=0)
-    size = sum(array.nbytes for array in series.values()) // max(rows, 1)
-    stride = max(1, min(_SAVE_ROWS, SAVE_BYTES // max(size, 1)))
-    writer.append("static", 0, static)
-    writer.note("head", meta)
-    for first in range(0, max(rows, 1), stride):
-        some = slice(first, first + stride)
-        writer.append("series", first, {name: array[some] for name, array in series.items()})
-    for k, first in enumerate(range(0, instants, _SAVE_INSTANTS)):
-        some = slice(first, first + _SAVE_INSTANTS)
-        writer.append("sensors", k, {name: array[some] for name, array in sensors.items()})
-    writer.note("tail", {"status": meta.get("status", "completed"), "states": rows})

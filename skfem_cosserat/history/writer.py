@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,18 @@ import numpy as np
 from ..arguments import checked
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..types import Array, FilePath
-from ..warn import Notices, warn
+from ..warn import warn
 from .container import History
-from .file import SAVE_BYTES, FileWriter, check_basic, load_file, plain, series_numbers
+from .file import (
+    SAVE_BYTES,
+    FileWriter,
+    check_basic,
+    empty_series,
+    json_array,
+    load_file,
+    plain,
+    series_numbers,
+)
 
 #: bytes of a block in memory at most: blocks grow up to that
 _LARGE = 2**28
@@ -74,29 +82,24 @@ class HistoryWriter:
             raise InputError("argument block", f"got {block}, expected at least 1")
         self._meta: dict[str, Any] = {**plain(meta, "meta"), "status": "running"}
         self._static = {k: series_numbers(v, f"static array {k!r}") for k, v in static.items()}
-        self._block = block
-        self._expected = expected
+        self._block, self._expected = block, expected
+        #: the present block and its number of states, the number of all, of blocks of sensors
         self._buffer: dict[str, Array] = {}
-        self._fill = 0
-        self._rows = 0
-        self._done: list[dict[str, Array]] = []
-        self._sensed: list[dict[str, Array]] = []
-        self._seen, self._closed = 0, False
-        #: the file as long as it takes blocks; a full one; and what is to be said of that
+        self._fill = self._rows = self._seen = 0
+        self._closed = False
+        #: blocks that are not in the file
+        self._kept: dict[str, list[dict[str, Array]]] = {"series": [], "sensors": []}
+        #: the file as long as it takes blocks, its name, and why it takes no more
         self._file: FileWriter | None = None
-        self._full: Path | None = None
+        self._path: Path | None = None
         self._failure: OSError | None = None
         if path is not None:
-            self._file = FileWriter(path)
             try:
-                self._file.append("static", 0, self._static)
-                self._file.note("head", self._meta)
+                self._file = FileWriter(path, self._meta, self._static)
             except OSError as error:
-                self._file.close()
-                raise InputError(
-                    f"history file {str(self._file.path)!r}",
-                    f"cannot be written: {error.strerror}",
-                ) from error
+                text = f"cannot be written: {error.strerror}"
+                raise InputError(f"history file {str(path)!r}", text) from error
+            self._path = self._file.path
 
     def __len__(self) -> int:
         return self._rows
@@ -134,7 +137,9 @@ class HistoryWriter:
         self._check_open()
         values = {k: series_numbers(value, f"row entry {k!r}")[None] for k, value in row.items()}
         if not self._rows:
-            self._begin(values)
+            check_basic(values, "row")
+            wanted = self._block if self._file is not None else self._expected or self._block
+            self._allocate(values, wanted)
         self.extend(values)
 
     def extend(self, rows: Mapping[str, Array]) -> None:
@@ -156,6 +161,8 @@ class HistoryWriter:
         while done < count:
             if self._fill == self._block:
                 self._flush()
+                if self._file is None:  # those states are kept where they are
+                    self._allocate(self._buffer, 2 * self._block)
             taken = min(count - done, self._block - self._fill)
             here, there = slice(self._fill, self._fill + taken), slice(done, done + taken)
             for name, values in rows.items():
@@ -163,8 +170,7 @@ class HistoryWriter:
             self._fill += taken
             self._rows += taken
             done += taken
-        if self._failure is not None:
-            self._say()
+        self._say()
 
     def note(self, **meta: Any) -> None:
         """Add to ``meta`` what has happened, in the file at once: a killed run keeps it.
@@ -183,7 +189,7 @@ class HistoryWriter:
         own = plain(meta, "meta")
         self._meta |= own
         if self._file is not None:
-            self._stored(self._file.note, "note", own)
+            self._write("note", 0, json_array(own))
         self._say()
 
     def sense(self, arrays: Mapping[str, Any]) -> None:
@@ -204,8 +210,7 @@ class HistoryWriter:
             name: series_numbers(value, f"sensor array {name!r}").copy()
             for name, value in arrays.items()
         }
-        if self._file is None or not self._stored(self._file.append, "sensors", self._seen, values):
-            self._sensed.append(values)
+        self._write("sensors", self._seen, values)
         self._seen += 1
         self._say()
 
@@ -217,34 +222,15 @@ class HistoryWriter:
         HistoryError
             If the file was changed by someone else.
         """
-        parts: list[Mapping[str, Array]] = [*self._done]
-        sensed: list[Mapping[str, Array]] = [*self._sensed]
-        path = self._full if self._file is None else self._file.path
-        if path is not None:
-            done, sensors = self._read(path)
-            written = self._rows - self._fill - sum(len(part["t"]) for part in parts)
-            if written == self._rows > 0 and not sensed:  # read when somebody asks for it
-                return History(self._meta, self._static, done, sensors)
-            done = {name: array[:written] for name, array in done.items()}
-            parts = [done, *parts] if len(done["t"]) else parts
-            sensed = [sensors, *sensed] if sensors else sensed
-        sensors = {
-            name: np.concatenate([part[name] for part in sensed])
-            for name in (sensed[0] if sensed else {})
-        }
-        if self._fill or not parts:
-            rest = {name: array[: self._fill] for name, array in self._buffer.items()}
-            if self._file is not None and not self._closed:  # the next block goes there
-                rest = {name: array.copy() for name, array in rest.items()}
-            parts = [*parts, rest]
-        if not self._rows:
-            zero = {"t": np.zeros(0), "step": np.zeros(0, np.int64)}
-            parts = [{**zero, "q": np.zeros((0, 0)), "p": np.zeros((0, 0))}]
-        if len(parts) == 1:  # rows are not written twice
-            series = {name: np.ascontiguousarray(array) for name, array in parts[0].items()}
-        else:
-            series = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        return History(self._meta, self._static, series, sensors)
+        stored, seen = self._read()
+        rest = {name: array[: self._fill] for name, array in self._buffer.items()}
+        if self._file is not None:  # the next block is written there
+            rest = {name: array.copy() for name, array in rest.items()}
+        series = [part for part in (stored, *self._kept["series"], rest) if len(part.get("t", ()))]
+        sensors = [part for part in (seen, *self._kept["sensors"]) if part]
+        return History(
+            self._meta, self._static, _joined(series) or empty_series(), _joined(sensors)
+        )
 
     def close(self, status: str = "completed", **meta_updates: Any) -> None:
         """Write what is left and the status; a second call is an error.
@@ -267,57 +253,51 @@ class HistoryWriter:
         self._closed = True
         self._meta |= {**updates, "status": status}
         if self._file is not None:
-            tail = {**updates, "status": status, "states": self._rows}
-            if self._stored(self._file.note, "tail", tail):
-                self._file.close()
+            self._write("tail", self._rows, json_array({**updates, "status": status}))
+        if self._file is not None:
+            self._file.close()
         self._say()
 
-    def _stored(self, write: Callable[..., None], *block: Any) -> bool:
-        """Hand a block to the file; whether it is there now."""
-        try:
-            write(*block)
-        except OSError as error:
-            self._give_up(error)
-            return False
-        return True
-
-    def _give_up(self, error: OSError) -> None:
-        """The file takes no more: from now on all is kept in memory."""
-        assert self._file is not None
-        self._full, self._failure = self._file.path, error
-        with contextlib.suppress(OSError):
-            self._file.close()
-        self._file = None
+    def _write(self, kind: str, first: int, arrays: dict[str, Array]) -> None:
+        """Hand a block to the file; arrays that it does not take are kept."""
+        if self._file is not None:
+            try:
+                return self._file.append(kind, first, arrays)
+            except OSError as error:  # from now on all is kept in memory
+                self._file.close()
+                self._file, self._failure = None, error
+        if kind in self._kept:
+            self._kept[kind].append(arrays)
 
     def _say(self) -> None:
         """Raise, once, that the file takes no more."""
         if self._failure is None:
             return
-        assert self._full is not None
+        assert self._path is not None
         reason, self._failure = self._failure, None
         history = self.history()
-        kept = len(history) - self._fill - sum(len(part["t"]) for part in self._done)
+        count = self._rows - self._fill - sum(len(part["t"]) for part in self._kept["series"])
         advice = (
-            f"; {kept} states are in the file, all states in .history of this error:"
+            f"; {count} states are in the file, all states in .history of this error:"
             " error.history.save(another file) keeps them"
         )
         time = float(history.times[-1]) if len(history) else None
-        error = StorageError(self._full, reason, advice, time)
+        error = StorageError(self._path, reason, advice, time)
         error.history = history
         raise error from reason
 
-    def _read(self, path: Path) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
-        """What the file has: series, and arrays of sensors."""
+    def _read(self) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
+        """Series and arrays of sensors that the file has."""
+        if self._path is None:
+            return {}, {}
         try:
-            # of a file that takes no more the last words may be cut off
-            with Notices(quiet=True, alone=True):  # what is missing there is in memory
-                return load_file(path, recover=self._full is not None)[2:]
+            return load_file(self._path)[2:]
         except HistoryError as error:
-            if self._full is None:
+            if self._file is not None or self._closed:
                 raise
             text = f"{error}; the states before those in memory are missing"
-            warn(f"history file {str(path)!r}", text, IncompleteWarning)
-            return {"t": np.zeros(0)}, {}
+            warn(f"history file {str(self._path)!r}", text, IncompleteWarning)
+            return {}, {}
 
     def _check_open(self) -> None:
         if self._closed:
@@ -338,29 +318,24 @@ class HistoryWriter:
                     f" shape {first.shape[1:]} as in the first row",
                 )
 
-    def _begin(self, values: Mapping[str, Array]) -> None:
-        """Take memory for rows like the first one."""
-        check_basic(values, "row")
-        size = max(1, sum(value.nbytes for value in values.values()))
-        most = max(1, (SAVE_BYTES if self._file is not None else _LARGE) // size)
-        wanted = self._block if self._expected is None or self._file else self._expected
-        self._block = min(wanted, most)
-        self._grow = 1 if self._file is not None or self._expected is not None else 2
-        self._most = most
-        self._allocate(values)
-
-    def _allocate(self, like: Mapping[str, Array]) -> None:
+    def _allocate(self, like: Mapping[str, Array], block: int) -> None:
+        """Take memory for the next states: for so many, if they are not too large."""
+        size = sum(array[:1].nbytes for array in like.values())
+        largest = _LARGE if self._file is None else SAVE_BYTES
+        self._block = max(1, min(block, largest // max(size, 1)))
         shapes = {name: (self._block, *array.shape[1:]) for name, array in like.items()}
         self._buffer = {name: np.empty(shapes[name], like[name].dtype) for name in like}
 
     def _flush(self) -> None:
-        if not self._fill:
-            return
-        part = {name: array[: self._fill] for name, array in self._buffer.items()}
-        first = self._rows - self._fill
-        if self._file is None or not self._stored(self._file.append, "series", first, part):
-            self._done.append(part)
-            if self._fill == self._block:  # the next ones are written elsewhere
-                self._block = min(self._most, self._grow * self._block)
-                self._allocate(self._buffer)
-        self._fill = 0
+        if self._fill:
+            part = {name: array[: self._fill] for name, array in self._buffer.items()}
+            self._write("series", self._rows - self._fill, part)
+            self._fill = 0
+
+
+def _joined(parts: Sequence[Mapping[str, Array]]) -> Mapping[str, Array]:
+    """Arrays of several blocks one after the other; of a single one they are not copied."""
+    if len(parts) == 1:
+        return parts[0]
+    names = parts[0] if parts else ()
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}
