@@ -161,8 +161,8 @@ def check_basic(names: Mapping[str, Any], item: str) -> None:
 #           happened on the way, ``tail`` is known at the end and has the status. It is missing
 #           while a run goes on, and after it was killed.
 # ``name``  of the array.
-# ``first`` number of the block's first state; of sensors, number of the block; of the tail, how
-#           many states there are.
+# ``first`` number of the block's first state; of sensors a growing number; of the tail, how many
+#           states there are.
 # ``rows``  length of the first axis: states, instants, 1 for static arrays.
 # ``dtype``, ``shape``  type as numpy names it, little-endian, and shape without the first axis
 #           (JSON); ``data`` are the numbers in C order.
@@ -254,7 +254,7 @@ class FileWriter:
         ----------
         kind : {"static", "series", "sensors", "head", "note", "tail"}
         first : int
-            Number of its first state, or of the block among those of sensors.
+            Number of its first state; of sensors a growing number.
         arrays : mapping of str to array
             With an axis for the states before all others.
 
@@ -291,7 +291,7 @@ def _os_errors() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _opened(path: Path) -> Iterator[sqlite3.Connection]:
+def _opened(path: Path, recover: bool = False) -> Iterator[sqlite3.Connection]:
     """A history file as it is now; what is not as we write it is a HistoryError."""
     item = f"history file {str(path)!r}"
     if not path.is_file():
@@ -302,6 +302,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     address = f"{path.resolve().as_uri()}?mode=rw"
     try:
         with contextlib.closing(sqlite3.connect(address, _PATIENCE, uri=True)) as db:
+            db.execute(f"PRAGMA writable_schema = {recover:d}")  # opens a file that is cut short
             db.execute("BEGIN")  # a run may go on, and append blocks
             if db.execute("PRAGMA application_id").fetchone() != (_APPLICATION,):
                 raise HistoryError(item, "is not a history, but another SQLite database")
@@ -314,7 +315,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
     except _WRONG as error:
         if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_NOTADB:
             start = path.read_bytes()[:14]
-            old = " any more: version 0.2 or older wrote it" * (start == b"SKFEM-COSSERAT")
+            old = " any more: version 0.2 and older wrote it" * (start == b"SKFEM-COSSERAT")
             raise HistoryError(item, f"is not a history{old}") from error
         advice = "History.load(path, recover=True) leaves out what is damaged"
         raise HistoryError(item, f"damaged: {error}; {advice}") from error
@@ -325,7 +326,7 @@ def _state_bytes(dtype: str, shape: str) -> int:
     """Size of an array at one state."""
     axes = json.loads(shape)
     if not _DTYPE.fullmatch(dtype) or any(type(length) is not int or length < 0 for length in axes):
-        raise ValueError(f"{dtype}, {shape}")
+        raise ValueError(f"type {dtype}, shape {shape}")
     return np.dtype(dtype).itemsize * prod(axes)
 
 
@@ -379,7 +380,7 @@ class _Scan:
     def __init__(self, path: Path, recover: bool = False) -> None:
         self.path, self._recover, self._problem = path, recover, ""
         self._pieces: dict[int, _Piece] = {}
-        with _opened(path) as db:
+        with _opened(path, recover) as db:
             self._list(db)
             self.static = self._blocks("static")
             self.series, self.sensors = self._blocks("series"), self._blocks("sensors")
@@ -416,11 +417,11 @@ class _Scan:
         """Take down an array of so many bytes, if it is sound."""
         try:
             if [*map(type, piece)] != _TYPES or piece.size != size:
-                raise ValueError("an array is not as it was written")
+                raise ValueError("of another size than it was written")
             if self._recover:
                 piece.array(db)
         except _WRONG as error:
-            self._blame(error)
+            self._blame(f"array {piece.id}: {error}")
         else:
             self._pieces[piece.id] = piece
 
@@ -504,11 +505,16 @@ class _Scan:
 
 
 def _is_sound(kind: str, block: Mapping[str, _Piece]) -> bool:
-    """Whether arrays have the types of states or sensors, and fit their times."""
+    """Whether arrays are those of states, or of sensors, and fit their times."""
+    needed = set(BASIC)
+    if kind == "sensors":
+        needed = {name[:-1] + end for name in block for end in "tx"}
+    if not needed <= block.keys():
+        return False
     for name, piece in block.items():
-        times = block[f"{name[:-1]}t" if kind == "sensors" else "t"]
-        number = np.dtype(piece.dtype).kind in "fiu" or (kind == "series" and name not in BASIC)
-        if not number or piece.rows != times.rows or times.shape != "[]":
+        times = block["t" if kind == "series" else name[:-1] + "t"]
+        odd = name in needed and np.dtype(piece.dtype).kind not in "fiu"
+        if odd or piece.rows != times.rows or times.shape != "[]":
             return False
     return True
 
@@ -519,6 +525,8 @@ class StoredArrays(UserDict[str, Any]):
     Parameters
     ----------
     path : pathlib.Path
+    recover : bool
+        Whether the file may be cut short.
     blocks : list of dict
         Pieces by name.
 
@@ -528,15 +536,17 @@ class StoredArrays(UserDict[str, Any]):
         If an array is damaged, or the file is another one by then.
     """
 
-    def __init__(self, path: Path, blocks: Sequence[Mapping[str, _Piece]]) -> None:
+    def __init__(
+        self, path: Path, recover: bool, blocks: Sequence[Mapping[str, _Piece]]
+    ) -> None:
         super().__init__()
-        self._path = path
+        self._file = path, recover
         for name in blocks[0] if blocks else ():
             self.data[name] = [block[name] for block in blocks]
 
     def __getitem__(self, name: str) -> Array:
         if isinstance(self.data[name], list):
-            with _opened(self._path) as db:
+            with _opened(*self._file) as db:
                 array = np.concatenate([piece.array(db) for piece in self.data[name]])
             array.flags.writeable = name not in ORIGINS
             self.data[name] = array
@@ -574,12 +584,12 @@ def load_file(
     """
     path, recover = file_path("argument path", path), switch("argument recover", recover)
     scan = _Scan(path, recover)
-    with _opened(path) as db:
+    with _opened(path, recover) as db:
         static = {
             name: piece.array(db)[0].copy() for block in scan.static for name, piece in block.items()
         }
-    series = StoredArrays(path, scan.series) if scan.series else empty_series()
-    return scan.meta, static, series, StoredArrays(path, scan.sensors)
+    series = StoredArrays(path, recover, scan.series) if scan.series else empty_series()
+    return scan.meta, static, series, StoredArrays(path, recover, scan.sensors)
 
 
 @checked
