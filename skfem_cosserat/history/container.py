@@ -447,17 +447,16 @@ class History:
         self._series: MutableMapping[str, Array] = {}
         if isinstance(series, StoredArrays):
             self._series = series
-        else:
-            for name, value in series.items():
-                self._put(name, value)
-        self._sensors: Mapping[str, Array]
-        if isinstance(sensors, StoredArrays):
-            self._sensors = sensors
-        else:
-            self._sensors = {
+        for name, value in () if self._series else series.items():
+            self._put(name, value)
+        self._sensors = (
+            sensors
+            if isinstance(sensors, StoredArrays)
+            else {
                 name: series_numbers(value, f"sensor array {name!r}")
-                for name, value in ({} if sensors is None else sensors).items()
+                for name, value in (sensors or {}).items()
             }
+        )
         self._derivation = derivation
         self._segments: dict[int, History] = {}
 
@@ -555,7 +554,7 @@ class History:
     def segments(self) -> list[tuple[int, int]]:
         """First row, and that after the last one, of each part with joints or loads of its own."""
         starts = [min(s["row"], len(self)) for s in self.meta.get("segments", [{"row": 0}])]
-        return list(zip(starts, [*starts[1:], len(self)], strict=True))
+        return list(zip(starts, [*starts[1:], len(self)], strict=False))
 
     def segment(self, k: int) -> History:
         """One of the segments, as a history of its own: of one system.

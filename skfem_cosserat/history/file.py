@@ -15,7 +15,6 @@ from functools import lru_cache
 from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
-from uuid import uuid4
 
 import numpy as np
 
@@ -201,6 +200,15 @@ _WRONG = (
 )
 
 
+def _item(path: FilePath) -> str:
+    return f"history file {os.fspath(path)!r}"
+
+
+def cannot_write(path: FilePath, error: OSError) -> InputError:
+    """Error for a file that cannot be begun."""
+    return InputError(_item(path), f"cannot be written: {error.strerror}")
+
+
 def _crc(columns: tuple[Any, ...], data: bytes) -> int:
     """CRC-32 of the columns of a row from `kind` to `shape`, as JSON, and of its data."""
     return zlib.crc32(data, zlib.crc32(json.dumps(columns).encode()))
@@ -293,7 +301,7 @@ def _os_errors() -> Iterator[None]:
 @contextlib.contextmanager
 def _opened(path: Path, recover: bool = False) -> Iterator[sqlite3.Connection]:
     """A history file as it is now; what is not as we write it is a HistoryError."""
-    item = f"history file {str(path)!r}"
+    item = _item(path)
     if not path.is_file():
         raise HistoryError(item, "cannot be read: there is no such file")
     if not path.stat().st_size:
@@ -304,19 +312,20 @@ def _opened(path: Path, recover: bool = False) -> Iterator[sqlite3.Connection]:
         with contextlib.closing(sqlite3.connect(address, _PATIENCE, uri=True)) as db:
             db.execute(f"PRAGMA writable_schema = {recover:d}")  # opens a file that is cut short
             db.execute("BEGIN")  # a run may go on, and append blocks
-            if db.execute("PRAGMA application_id").fetchone() != (_APPLICATION,):
-                raise HistoryError(item, "is not a history, but another SQLite database")
-            ((version,),) = db.execute("PRAGMA user_version")
-            if version != _VERSION:
-                raise HistoryError(item, f"has format version {version}, not {_VERSION}")
+            for name, own in (("application_id", _APPLICATION), ("user_version", _VERSION)):
+                ((found,),) = db.execute(f"PRAGMA {name}")
+                if found != own:
+                    text = f"is another SQLite database, or of another version: {name} {found}"
+                    raise HistoryError(item, f"{text}, not {own}")
             yield db
     except HistoryError:
         raise
     except _WRONG as error:
         if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_NOTADB:
-            start = path.read_bytes()[:14]
-            old = " any more: version 0.2 and older wrote it" * (start == b"SKFEM-COSSERAT")
-            raise HistoryError(item, f"is not a history{old}") from error
+            with path.open("rb") as file:
+                old = file.read(14) == b"SKFEM-COSSERAT"
+            text = "is not a history" + " any more: version 0.2 and older wrote it" * old
+            raise HistoryError(item, text) from error
         advice = "History.load(path, recover=True) leaves out what is damaged"
         raise HistoryError(item, f"damaged: {error}; {advice}") from error
 
@@ -378,16 +387,18 @@ class _Scan:
     """
 
     def __init__(self, path: Path, recover: bool = False) -> None:
-        self.path, self._recover, self._problem = path, recover, ""
+        self.item, self._recover, self._problem = _item(path), recover, ""
         self._pieces: dict[int, _Piece] = {}
         with _opened(path, recover) as db:
-            self._list(db)
-            self.static = self._blocks("static")
+            self._list(db, path.stat().st_size)
             self.series, self.sensors = self._blocks("series"), self._blocks("sensors")
             self.states = sum(block["t"].rows for block in self.series)
-            self.meta, gaps = self._metadata(db), self._gaps()
-            if self._problem:
-                self._tell(db, gaps)
+            self.meta = self._metadata(db)
+            self._compare(db)
+
+    def of(self, *kinds: str) -> list[_Piece]:
+        """Arrays of some kinds, as they were written."""
+        return [piece for piece in self._pieces.values() if piece.kind in kinds]
 
     def _blame(self, problem: object) -> None:
         """Take down what is wrong; of several things the first one is told."""
@@ -395,10 +406,9 @@ class _Scan:
             raise ValueError(problem)
         self._problem = self._problem or str(problem)
 
-    def _list(self, db: sqlite3.Connection) -> None:
-        """Take down all arrays, as far as they can be read."""
+    def _list(self, db: sqlite3.Connection, limit: int) -> None:
+        """Take down all arrays, as far as they can be read, of a file of so many bytes."""
         count, at = db.execute("SELECT max(seq) FROM sqlite_sequence").fetchone()[0] or 0, 0
-        limit = self.path.stat().st_size
         while at < min(count, limit):
             try:
                 for *row, size in db.execute(_LIST, [at]):
@@ -426,78 +436,63 @@ class _Scan:
             self._pieces[piece.id] = piece
 
     def _blocks(self, kind: str) -> list[dict[str, _Piece]]:
-        """Arrays by name of each block of a kind that has all of them."""
+        """Arrays by name of each block that has all of them."""
         blocks: dict[int, dict[str, _Piece]] = {}
-        for piece in self._pieces.values():
-            if piece.kind == kind:
-                blocks.setdefault(piece.first, {})[piece.name] = piece
-        forms = {
-            first: {(piece.name, piece.dtype, piece.shape) for piece in block.values()}
-            for first, block in blocks.items()
-        }
-        form = max(forms.values(), key=len, default=set())
-        for first in sorted(blocks):
-            if forms[first] != form or not (kind == "static" or _is_sound(kind, blocks[first])):
+        for piece in self.of(kind):
+            blocks.setdefault(piece.first, {})[piece.name] = piece
+        names, sound = max((block.keys() for block in blocks.values()), key=len, default=()), []
+        for first, block in sorted(blocks.items()):
+            if block.keys() == names and _is_sound(kind, block):
+                sound.append(block)
+            else:
                 self._blame(f"{kind} from number {first} on")
-                del blocks[first]
-        return [block for _, block in sorted(blocks.items())]
+        return sound
 
     def _metadata(self, db: sqlite3.Connection) -> dict[str, Any]:
         """Metadata of as many states as there are."""
         meta: dict[str, Any] = {}
-        kinds = [piece.kind for piece in self._pieces.values()]
-        if "head" not in kinds:
+        if not self.of("head"):
             text = f"damaged: {self._problem or 'the head is missing'}; nothing can be recovered"
-            raise HistoryError(f"history file {str(self.path)!r}", text)
-        for piece in self._pieces.values():
-            if piece.kind in ("head", "note", "tail"):
-                meta = {**meta, **json.loads(piece.array(db).tobytes())}
-        segments, events = meta.get("segments", [{"row": 0}]), meta.get("events", [])
-        rows = [segments[0]["row"], *(each["row"] for each in [*segments, *events])]
-        if rows[0] != 0 or any(type(row) is not int or row < 0 for row in rows):
+            raise HistoryError(self.item, text)
+        for piece in self.of("head", "note", "tail"):
+            meta = {**meta, **json.loads(piece.array(db).tobytes())}
+        segments, events = meta.get("segments", []), meta.get("events", [])
+        if any(type(each["row"]) is not int for each in [*segments, *events]):
             raise ValueError("rows of segments and events")
         for event in events:
             EventRecord(**event)
-        for name, about in meta.get("sensors", {}).items():
+        for about in meta.get("sensors", {}).values():
             if not isinstance(about["unit"], str) or about["derivative"] not in (0, 1, 2):
-                raise ValueError(f"unit and derivative of sensor {name!r}")
-        if "tail" not in kinds:  # what followed the last states in the file has not happened
+                raise ValueError("units and derivatives of sensors")
+        if not self.of("tail"):  # what followed the last states in the file has not happened
             meta["status"] = "killed"
             for name, limit in (("segments", max(self.states, 1)), ("events", self.states - 1)):
                 if name in meta:
                     meta[name] = [each for each in meta[name] if each["row"] < limit]
         return meta
 
-    def _gaps(self) -> list[tuple[int, int]]:
-        """Ranges of states that are missing, the ends excluded."""
-        gaps, at = [], 0
-        spans = [(block["t"].first, block["t"].rows) for block in self.series]
-        tails = [(piece.first, 0) for piece in self._pieces.values() if piece.kind == "tail"]
-        for first, count in [*spans, *tails]:
-            if first > at:
-                gaps.append((at, first))
-                self._blame(f"states {at} to {first - 1} are missing")
-            at = first + count
-        return gaps
-
-    def _tell(self, db: sqlite3.Connection, gaps: list[tuple[int, int]]) -> None:
-        """Say what a damaged file has lost, and number rows in the metadata as they are now."""
-        pieces, lost = [block["t"] for block in self.series], []
-        t = np.concatenate([np.zeros(0), *(piece.array(db) for piece in pieces)])
-        spans = [np.arange(piece.first, piece.first + piece.rows) for piece in pieces]
+    def _compare(self, db: sqlite3.Connection) -> None:
+        """Say which states are missing, and number rows in the metadata as they are now."""
+        times = [block["t"] for block in self.series]
+        spans = [np.arange(piece.first, piece.first + piece.rows) for piece in times]
         numbers = np.concatenate([np.zeros(0), *spans])
-        for a, b in gaps:
-            before, after = np.searchsorted(numbers, (a, b))
-            where = [f"after t = {t[before - 1]:.6g}"] if before else []
-            where += [f"before t = {t[after]:.6g}"] if after < len(t) else []
-            lost.append(f"states {a} to {b - 1} ({' and '.join(where) or 'all'})")
+        edges = np.concatenate([[-1], numbers, [piece.first for piece in self.of("tail")]])
+        gaps = np.flatnonzero(np.diff(edges) > 1)
+        missing = [[int(edges[k] + 1), int(edges[k + 1] - 1)] for k in gaps]
+        if missing:
+            self._blame(f"states {missing} are missing")
+        if not self._problem:
+            return
+        t, lost = np.concatenate([np.zeros(0), *(piece.array(db) for piece in times)]), []
+        for k, (first, last) in zip(gaps, missing, strict=True):
+            near = " and ".join(f"{time:.6g}" for time in t[max(k - 1, 0) : k + 1])
+            lost.append(f"states {first} to {last} (next to t = {near or 'none'})")
         if self.meta["status"] == "killed":
             lost.append("all after the last of them")
-        text = f"damaged: {self._problem}; {len(t)} states recovered"
-        text += f", missing: {', '.join(lost)}" if lost else ""
-        warn(f"history file {str(self.path)!r}", text, IncompleteWarning)
-        if gaps:
-            self.meta["missing"] = [[a, b - 1] for a, b in gaps]
+        text = f"damaged: {self._problem}; {len(t)} states recovered, missing: "
+        warn(self.item, text + (", ".join(lost) or "none"), IncompleteWarning)
+        if missing:
+            self.meta["missing"] = missing
         for segment in self.meta.get("segments", []):
             segment["row"] = int(np.searchsorted(numbers, segment["row"]))
         for event in self.meta.get("events", []):  # of one that is lost: the state before
@@ -505,7 +500,7 @@ class _Scan:
 
 
 def _is_sound(kind: str, block: Mapping[str, _Piece]) -> bool:
-    """Whether arrays are those of states, or of sensors, and fit their times."""
+    """Whether arrays are those of states or of sensors, and fit their times."""
     needed = set(BASIC)
     if kind == "sensors":
         needed = {name[:-1] + end for name in block for end in "tx"}
@@ -536,9 +531,7 @@ class StoredArrays(UserDict[str, Any]):
         If an array is damaged, or the file is another one by then.
     """
 
-    def __init__(
-        self, path: Path, recover: bool, blocks: Sequence[Mapping[str, _Piece]]
-    ) -> None:
+    def __init__(self, path: Path, recover: bool, blocks: Sequence[Mapping[str, _Piece]]) -> None:
         super().__init__()
         self._file = path, recover
         for name in blocks[0] if blocks else ():
@@ -585,9 +578,7 @@ def load_file(
     path, recover = file_path("argument path", path), switch("argument recover", recover)
     scan = _Scan(path, recover)
     with _opened(path, recover) as db:
-        static = {
-            name: piece.array(db)[0].copy() for block in scan.static for name, piece in block.items()
-        }
+        static = {piece.name: piece.array(db)[0].copy() for piece in scan.of("static")}
     series = StoredArrays(path, recover, scan.series) if scan.series else empty_series()
     return scan.meta, static, series, StoredArrays(path, recover, scan.sensors)
 
@@ -654,19 +645,20 @@ def save_file(
     """
     path = file_path("argument path", path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    rows, instants = len(series["t"]), max(map(len, sensors.values()), default=0)
-    size = sum(array.nbytes for array in series.values()) // max(rows, 1)
+    size = sum(array[:1].nbytes for array in series.values())
     stride = max(1, min(_SAVE_ROWS, SAVE_BYTES // max(size, 1)))
     try:
         with contextlib.closing(FileWriter(temporary, meta, static)) as writer:
-            for first in range(0, max(rows, 1), stride):
-                some = slice(first, first + stride)
-                writer.append("series", first, {name: x[some] for name, x in series.items()})
-            for first in range(0, instants, _SAVE_INSTANTS):
-                some = slice(first, first + _SAVE_INSTANTS)
-                writer.append("sensors", first, {name: x[some] for name, x in sensors.items()})
+            for kind, arrays, step in (
+                ("series", series, stride),
+                ("sensors", sensors, _SAVE_INSTANTS),
+            ):
+                longest = max(map(len, arrays.values()), default=0)
+                for first in range(0, max(longest, 1), step):
+                    block = {name: array[first : first + step] for name, array in arrays.items()}
+                    writer.append(kind, first, block)
             tail = {"status": meta.get("status", "completed")}
-            writer.append("tail", rows, json_array(tail))
+            writer.append("tail", len(series["t"]), json_array(tail))
         with temporary.open("rb+") as handle:
             os.fsync(handle.fileno())
         # of an older file whose writer was killed: it would be applied to this one
@@ -674,9 +666,8 @@ def save_file(
         temporary.replace(path)
     except OSError as error:
         if error.errno not in FULL:
-            item = f"history file {str(path)!r}"
-            raise InputError(item, f"cannot be written: {error.strerror}") from error
-        time = float(series["t"][-1]) if rows else None
+            raise cannot_write(path, error) from error
+        time = float(series["t"][-1]) if len(series["t"]) else None
         advice = "; what was there before is as it was, the history is in .history of this error"
         raise StorageError(path, error, advice, time) from error
     finally:

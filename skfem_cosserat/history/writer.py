@@ -16,6 +16,7 @@ from .container import History
 from .file import (
     SAVE_BYTES,
     FileWriter,
+    cannot_write,
     check_basic,
     empty_series,
     json_array,
@@ -97,8 +98,7 @@ class HistoryWriter:
             try:
                 self._file = FileWriter(path, self._meta, self._static)
             except OSError as error:
-                text = f"cannot be written: {error.strerror}"
-                raise InputError(f"history file {str(path)!r}", text) from error
+                raise cannot_write(path, error) from error
             self._path = self._file.path
 
     def __len__(self) -> int:
@@ -293,10 +293,10 @@ class HistoryWriter:
         try:
             return load_file(self._path)[2:]
         except HistoryError as error:
-            if self._file is not None or self._closed:
+            if self._file is not None:
                 raise
             text = f"{error}; the states before those in memory are missing"
-            warn(f"history file {str(self._path)!r}", text, IncompleteWarning)
+            warn(error.item, text, IncompleteWarning)
             return {}, {}
 
     def _check_open(self) -> None:
@@ -304,27 +304,26 @@ class HistoryWriter:
             raise InputError("history writer", "is closed already")
 
     def _check(self, rows: Mapping[str, Array]) -> None:
-        if rows.keys() != self._buffer.keys():
-            odd = sorted(rows.keys() ^ self._buffer.keys())
-            found = "is new" if odd[0] in rows else "is missing"
-            text = f"{found}; all rows have the same entries"
-            raise InputError(f"row entry {odd[0]!r}", text)
+        for name in sorted(rows.keys() ^ self._buffer.keys()):
+            found = "is new" if name in rows else "is missing"
+            raise InputError(f"row entry {name!r}", f"{found}; all rows have the same entries")
         for name, values in rows.items():
-            first = self._buffer[name]
-            if values.dtype != first.dtype or values.shape[1:] != first.shape[1:]:
-                raise InputError(
-                    f"row entry {name!r}",
-                    f"got {values.dtype} of shape {values.shape[1:]}, expected {first.dtype} of"
-                    f" shape {first.shape[1:]} as in the first row",
-                )
+            found, expected = (
+                f"{x.dtype} of shape {x.shape[1:]}" for x in (values, self._buffer[name])
+            )
+            if found != expected:
+                text = f"got {found}, expected {expected} as in the first row"
+                raise InputError(f"row entry {name!r}", text)
 
     def _allocate(self, like: Mapping[str, Array], block: int) -> None:
         """Take memory for the next states: for so many, if they are not too large."""
         size = sum(array[:1].nbytes for array in like.values())
         largest = _LARGE if self._file is None else SAVE_BYTES
         self._block = max(1, min(block, largest // max(size, 1)))
-        shapes = {name: (self._block, *array.shape[1:]) for name, array in like.items()}
-        self._buffer = {name: np.empty(shapes[name], like[name].dtype) for name in like}
+        self._buffer = {
+            name: np.empty((self._block, *array.shape[1:]), array.dtype)
+            for name, array in like.items()
+        }
 
     def _flush(self) -> None:
         if self._fill:

@@ -313,15 +313,13 @@ def test_series_are_read_when_they_are_asked_for(tmp_path, make_scene):
     loaded, other = History.load(path), History.load(path)
     assert_equal(history, pickle.loads(pickle.dumps(loaded)))
     loaded = History.load(path)
-    changed(
-        path, "UPDATE blocks SET data = zeroblob(length(data)) WHERE name = 'p' AND first > 50"
-    )
+    changed(path, "UPDATE blocks SET data = zeroblob(length(data)) WHERE name = 'p' AND first > 50")
     np.testing.assert_array_equal(loaded["q"], history["q"])
     with pytest.raises(HistoryError, match=r"run\.history.*wrong checksum.*recover=True"):
         loaded["p"]
     make_scene().history(100).save(path)
     np.testing.assert_array_equal(loaded["q"], history["q"])  # it was read before
-    with pytest.raises(HistoryError, match="wrong checksum.*or another file by now"):
+    with pytest.raises(HistoryError, match=r"wrong checksum.*or another file by now"):
         other["q"]
 
 
@@ -391,7 +389,7 @@ def test_a_transaction_that_a_kill_has_ended_is_taken_back(make_scene, tmp_path)
 def test_file_cut_short(make_scene, tmp_path):
     scene, path = make_scene(), tmp_path / "run.history"
     stream(scene, path, 25).close()
-    whole, sound, found = path.read_bytes(), scene.history(25), set()
+    whole, sound, found, lost = path.read_bytes(), scene.history(25), set(), []
     for cut in range(len(whole) - 4096, 8192, -4096):
         path.write_bytes(whole[:cut])
         with pytest.raises(HistoryError, match=r"run\.history.*damaged"):
@@ -399,12 +397,13 @@ def test_file_cut_short(make_scene, tmp_path):
         try:
             part = History.load(path, recover=True)
         except HistoryError as error:  # the head is gone
-            assert "nothing can be recovered" in str(error) and cut <= 4 * 4096
+            lost.append(str(error))
             continue
         found.add(len(part))
         for name, values in part.series.items() if len(part) else ():
             np.testing.assert_array_equal(values, sound[name][: len(part)])
     assert found == {0, 10, 20}
+    assert len(lost) == 2 and all("nothing can be recovered" in text for text in lost)
 
 
 @pytest.mark.parametrize(
@@ -435,7 +434,7 @@ def test_another_database_and_another_version(tmp_path):
         History.load(path)
     FileWriter(path, {}, {}).close()
     changed(path, "PRAGMA user_version = 7")
-    with pytest.raises(HistoryError, match="has format version 7"):
+    with pytest.raises(HistoryError, match="another version: user_version 7"):
         History.load(path)
 
 
@@ -526,7 +525,7 @@ def test_it_is_said_which_states_are_missing(tmp_path):
     with pytest.warns(IncompleteWarning) as said:
         History.load(path, recover=True)
     text = str(said[0].message)
-    assert "800 states recovered, missing: states 300 to 399 (after t = 2.99 and before t" in text
+    assert "800 states recovered, missing: states 300 to 399 (next to t = 2.99 and 4)" in text
     assert "states 600 to 699" in text
 
 
