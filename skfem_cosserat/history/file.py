@@ -368,9 +368,6 @@ class _Piece(NamedTuple):
         return array
 
 
-_TYPES = [int, str, str, int, int, str, str, int]
-
-
 class _Scan:
     """Contents of a history file, but for the numbers of its arrays.
 
@@ -426,7 +423,7 @@ class _Scan:
     def _take(self, db: sqlite3.Connection, piece: _Piece, size: int) -> None:
         """Take down an array of so many bytes, if it is sound."""
         try:
-            if [*map(type, piece)] != _TYPES or piece.size != size:
+            if piece.size != size:
                 raise ValueError("of another size than it was written")
             if self._recover:
                 piece.array(db)
@@ -452,8 +449,7 @@ class _Scan:
         """Metadata of as many states as there are."""
         meta: dict[str, Any] = {}
         if not self.of("head"):
-            text = f"damaged: {self._problem or 'the head is missing'}; nothing can be recovered"
-            raise HistoryError(self.item, text)
+            raise HistoryError(self.item, "damaged: its head is gone, nothing can be recovered")
         for piece in self.of("head", "note", "tail"):
             meta = {**meta, **json.loads(piece.array(db).tobytes())}
         segments, events = meta.get("segments", []), meta.get("events", [])
@@ -491,8 +487,7 @@ class _Scan:
             lost.append("all after the last of them")
         text = f"damaged: {self._problem}; {len(t)} states recovered, missing: "
         warn(self.item, text + (", ".join(lost) or "none"), IncompleteWarning)
-        if missing:
-            self.meta["missing"] = missing
+        self.meta["missing"] = missing
         for segment in self.meta.get("segments", []):
             segment["row"] = int(np.searchsorted(numbers, segment["row"]))
         for event in self.meta.get("events", []):  # of one that is lost: the state before
@@ -657,8 +652,8 @@ def save_file(
                 for first in range(0, max(longest, 1), step):
                     block = {name: array[first : first + step] for name, array in arrays.items()}
                     writer.append(kind, first, block)
-            tail = {"status": meta.get("status", "completed")}
-            writer.append("tail", len(series["t"]), json_array(tail))
+            status = meta.get("status", "completed")
+            writer.append("tail", len(series["t"]), json_array({"status": status}))
         with temporary.open("rb+") as handle:
             os.fsync(handle.fileno())
         # of an older file whose writer was killed: it would be applied to this one

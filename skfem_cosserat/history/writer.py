@@ -157,16 +157,15 @@ class HistoryWriter:
         """
         self._check_open()
         self._check(rows)
-        done, count = 0, len(rows["t"])
-        while done < count:
+        done = 0
+        while done < len(rows["t"]):
             if self._fill == self._block:
                 self._flush()
                 if self._file is None:  # those states are kept where they are
                     self._allocate(self._buffer, 2 * self._block)
-            taken = min(count - done, self._block - self._fill)
-            here, there = slice(self._fill, self._fill + taken), slice(done, done + taken)
+            taken = min(len(rows["t"]) - done, self._block - self._fill)
             for name, values in rows.items():
-                self._buffer[name][here] = values[there]
+                self._buffer[name][self._fill :][:taken] = values[done : done + taken]
             self._fill += taken
             self._rows += taken
             done += taken
@@ -188,8 +187,7 @@ class HistoryWriter:
         self._check_open()
         own = plain(meta, "meta")
         self._meta |= own
-        if self._file is not None:
-            self._write("note", 0, json_array(own))
+        self._write("note", 0, json_array(own))
         self._say()
 
     def sense(self, arrays: Mapping[str, Any]) -> None:
@@ -248,12 +246,11 @@ class HistoryWriter:
             If the writer is closed already, or an update is no JSON data.
         """
         self._check_open()
-        updates = plain(meta_updates, "meta")
+        updates = {**plain(meta_updates, "meta"), "status": status}
         self._flush()
         self._closed = True
-        self._meta |= {**updates, "status": status}
-        if self._file is not None:
-            self._write("tail", self._rows, json_array({**updates, "status": status}))
+        self._meta |= updates
+        self._write("tail", self._rows, json_array(updates))
         if self._file is not None:
             self._file.close()
         self._say()
@@ -305,15 +302,15 @@ class HistoryWriter:
 
     def _check(self, rows: Mapping[str, Array]) -> None:
         for name in sorted(rows.keys() ^ self._buffer.keys()):
-            found = "is new" if name in rows else "is missing"
-            raise InputError(f"row entry {name!r}", f"{found}; all rows have the same entries")
+            text = "is new" if name in rows else "is missing"
+            raise InputError(f"row entry {name!r}", f"{text}; all rows have the same entries")
         for name, values in rows.items():
-            found, expected = (
-                f"{x.dtype} of shape {x.shape[1:]}" for x in (values, self._buffer[name])
-            )
-            if found != expected:
-                text = f"got {found}, expected {expected} as in the first row"
-                raise InputError(f"row entry {name!r}", text)
+            found, first = ((each.dtype, each.shape[1:]) for each in (values, self._buffer[name]))
+            if found != first:
+                text = (
+                    f"got {found[0]} of shape {found[1]}, expected {first[0]} of shape {first[1]}"
+                )
+                raise InputError(f"row entry {name!r}", f"{text} as in the first row")
 
     def _allocate(self, like: Mapping[str, Array], block: int) -> None:
         """Take memory for the next states: for so many, if they are not too large."""
