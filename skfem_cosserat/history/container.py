@@ -867,6 +867,8 @@ class History:
     def load(cls, path: FilePath, recover: bool = False) -> History:
         """Read a history, also one whose writer was killed (status ``"killed"``).
 
+        Series are read when they are first asked for.
+
         Parameters
         ----------
         path : path-like
@@ -879,7 +881,8 @@ class History:
         Raises
         ------
         HistoryError
-            If the file is not a history, of another version, cut short or damaged.
+            If the file is not a history, of another version, cut short or damaged. The numbers of a
+            series are checked when they are read.
 
         Examples
         --------
