@@ -173,10 +173,10 @@ def check_basic(names: Mapping[str, Any], item: str) -> None:
 
 _APPLICATION, _VERSION = 0x5C055E7A, 1
 _TABLES = f"""
-PRAGMA application_id = {_APPLICATION};
-PRAGMA user_version = {_VERSION};
 PRAGMA synchronous = OFF;  -- a killed process loses nothing that was handed to the system
 BEGIN;
+PRAGMA application_id = {_APPLICATION};
+PRAGMA user_version = {_VERSION};
 CREATE TABLE blocks (id INTEGER PRIMARY KEY AUTOINCREMENT, kind TEXT, name TEXT, first INTEGER,
     rows INTEGER, dtype TEXT, shape TEXT, crc INTEGER, data BLOB);
 """
@@ -210,8 +210,8 @@ def cannot_write(path: FilePath, error: OSError) -> InputError:
 
 
 def _crc(columns: tuple[Any, ...], data: bytes) -> int:
-    """CRC-32 of the columns of a row from `kind` to `shape`, as JSON, and of its data."""
-    return zlib.crc32(data, zlib.crc32(json.dumps(columns).encode()))
+    """CRC-32 of the columns of a row from `kind` to `shape`, with spaces between, and its data."""
+    return zlib.crc32(data, zlib.crc32(" ".join(map(str, columns)).encode()))
 
 
 def json_array(value: Mapping[str, Any]) -> dict[str, Array]:
@@ -273,7 +273,7 @@ class FileWriter:
         """
         rows = []
         for name, array in arrays.items():
-            shape, data = json.dumps(array.shape[1:]), array.tobytes()
+            shape, data = str([*array.shape[1:]]), array.tobytes()
             columns = (kind, name, first, len(array), array.dtype.str, shape)
             rows.append((*columns, _crc(columns, data), data))
         with _os_errors(), self._db as db:
@@ -331,12 +331,12 @@ def _opened(path: Path, recover: bool = False) -> Iterator[sqlite3.Connection]:
 
 
 @lru_cache
-def _state_bytes(dtype: str, shape: str) -> int:
-    """Size of an array at one state."""
+def _layout(dtype: str, shape: str) -> tuple[list[int], int]:
+    """Axes of an array but for the first one, and its bytes at one state."""
     axes = json.loads(shape)
     if not _DTYPE.fullmatch(dtype) or any(type(length) is not int or length < 0 for length in axes):
         raise ValueError(f"type {dtype}, shape {shape}")
-    return np.dtype(dtype).itemsize * prod(axes)
+    return axes, np.dtype(dtype).itemsize * prod(axes)
 
 
 class _Piece(NamedTuple):
@@ -354,7 +354,7 @@ class _Piece(NamedTuple):
     @property
     def size(self) -> int:
         """How many bytes it has."""
-        return self.rows * _state_bytes(self.dtype, self.shape)
+        return self.rows * _layout(self.dtype, self.shape)[1]
 
     def array(self, db: sqlite3.Connection) -> Array:
         """The numbers; ValueError if they are damaged."""
@@ -362,7 +362,8 @@ class _Piece(NamedTuple):
         if _crc(self[1:-1], data) != self.crc:
             where = f"{self.kind} {self.name!r} from number {self.first} on"
             raise ValueError(f"wrong checksum of {where}, or another file by now")
-        array = np.frombuffer(data, self.dtype).reshape(self.rows, *json.loads(self.shape))
+        axes, _ = _layout(self.dtype, self.shape)
+        array = np.frombuffer(data, self.dtype).reshape(self.rows, *axes)
         if array.dtype.kind == "U" and array.view(np.uint32).max(initial=0) > 0x10FFFF:
             raise ValueError(f"no text in {self.name!r}")
         return array

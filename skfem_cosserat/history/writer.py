@@ -164,8 +164,9 @@ class HistoryWriter:
                 if self._file is None:  # those states are kept where they are
                     self._allocate(self._buffer, 2 * self._block)
             taken = min(len(rows["t"]) - done, self._block - self._fill)
+            there, here = slice(self._fill, self._fill + taken), slice(done, done + taken)
             for name, values in rows.items():
-                self._buffer[name][self._fill :][:taken] = values[done : done + taken]
+                self._buffer[name][there] = values[here]
             self._fill += taken
             self._rows += taken
             done += taken
@@ -305,12 +306,12 @@ class HistoryWriter:
             text = "is new" if name in rows else "is missing"
             raise InputError(f"row entry {name!r}", f"{text}; all rows have the same entries")
         for name, values in rows.items():
-            found, first = ((each.dtype, each.shape[1:]) for each in (values, self._buffer[name]))
-            if found != first:
-                text = (
-                    f"got {found[0]} of shape {found[1]}, expected {first[0]} of shape {first[1]}"
+            like = self._buffer[name]
+            if values.dtype != like.dtype or values.shape[1:] != like.shape[1:]:
+                text = f"got {values.dtype} of shape {values.shape[1:]}, expected {like.dtype} of"
+                raise InputError(
+                    f"row entry {name!r}", f"{text} shape {like.shape[1:]} as in the first row"
                 )
-                raise InputError(f"row entry {name!r}", f"{text} as in the first row")
 
     def _allocate(self, like: Mapping[str, Array], block: int) -> None:
         """Take memory for the next states: for so many, if they are not too large."""

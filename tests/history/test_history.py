@@ -544,7 +544,7 @@ def summed(path):
     with contextlib.closing(sqlite3.connect(path)) as db, db:
         columns = "id, data, kind, name, first, rows, dtype, shape"
         for key, data, *own in db.execute(f"SELECT {columns} FROM blocks").fetchall():
-            crc = zlib.crc32(data, zlib.crc32(json.dumps(own).encode()))
+            crc = zlib.crc32(data, zlib.crc32(" ".join(map(str, own)).encode()))
             db.execute("UPDATE blocks SET crc = ? WHERE id = ?", [crc, key])
         db.execute("UPDATE sqlite_sequence SET seq = (SELECT count(*) FROM blocks)")
 
