@@ -281,13 +281,22 @@ def changed(path, statement, *values):
         db.execute(statement, values)
 
 
-def test_no_pickle(tmp_path):
-    """A file that asks for objects is refused, whatever its checksums say."""
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("dtype = '|O8'", r"array 1: type \|O8"),  # no pickle
+        ("shape = '[99999999999]'", "of another size"),  # no more memory than the file has bytes
+        ("rows = 99999999999", "of another size"),
+        ("data = zeroblob(80)", "of another size"),
+    ],
+)
+def test_a_file_that_asks_for_other_arrays_is_refused(tmp_path, change, words):
     path = tmp_path / "run.history"
     FileWriter(path, {}, {"a": np.zeros(1)}).close()
-    changed(path, "UPDATE blocks SET dtype = '|O8'")
-    with pytest.raises(HistoryError, match=r"array 1: type \|O8"):
-        History.load(path)
+    changed(path, f"UPDATE blocks SET {change} WHERE id = 1")
+    for call in (read_meta, History.load):
+        with pytest.raises(HistoryError, match=words):
+            call(path)
 
 
 def test_other_programs_read_it(tmp_path, make_scene):
@@ -383,6 +392,20 @@ def test_a_transaction_that_a_kill_has_ended_is_taken_back(make_scene, tmp_path)
     history = History.load(path)
     assert (len(history), history.status) == (20, "killed")
     assert_equal(scene.history(25), history, 20)
+    journal.write_bytes(files[1])
+    scene.history(3).save(path)  # over such a file
+    assert_equal(scene.history(3), History.load(path))
+
+
+def test_a_reader_leaves_a_living_writer_its_transaction(make_scene, tmp_path):
+    scene, path = make_scene(), tmp_path / "run.history"
+    writer = stream(scene, path, 25)
+    with writer._file._db as db:
+        db.execute("UPDATE blocks SET first = first + 1")
+        assert read_meta(path)["states"] == len(History.load(path)) == 20
+        db.execute("UPDATE blocks SET first = first - 1")
+    writer.close()
+    assert_equal(scene.history(25), History.load(path))
 
 
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
