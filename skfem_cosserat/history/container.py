@@ -449,14 +449,12 @@ class History:
             self._series = series
         for name, value in () if self._series else series.items():
             self._put(name, value)
-        self._sensors = (
-            sensors
-            if isinstance(sensors, StoredArrays)
-            else {
+        self._sensors: Mapping[str, Array] = sensors or {}
+        if not isinstance(sensors, StoredArrays):
+            self._sensors = {
                 name: series_numbers(value, f"sensor array {name!r}")
-                for name, value in (sensors or {}).items()
+                for name, value in self._sensors.items()
             }
-        )
         self._derivation = derivation
         self._segments: dict[int, History] = {}
 
@@ -475,10 +473,10 @@ class History:
                 f"series {name!r}",
                 f"got shape {array.shape}, expected a first axis of {self._length} states",
             )
-        self._series[name] = array
         if name in ORIGINS:
-            self._series[name] = array.view()
-            self._series[name].flags.writeable = False
+            array = array.view()
+            array.flags.writeable = False
+        self._series[name] = array
 
     @property
     def series(self) -> Mapping[str, Array]:

@@ -310,7 +310,8 @@ def _opened(path: Path, recover: bool = False) -> Iterator[sqlite3.Connection]:
     address = f"{path.resolve().as_uri()}?mode=rw"
     try:
         with contextlib.closing(sqlite3.connect(address, _PATIENCE, uri=True)) as db:
-            db.execute(f"PRAGMA writable_schema = {recover:d}")  # opens a file that is cut short
+            # opens a file that is cut short; nothing is written
+            db.execute(f"PRAGMA writable_schema = {recover:d}")
             db.execute("BEGIN")  # a run may go on, and append blocks
             for name, own in (("application_id", _APPLICATION), ("user_version", _VERSION)):
                 ((found,),) = db.execute(f"PRAGMA {name}")
@@ -326,8 +327,9 @@ def _opened(path: Path, recover: bool = False) -> Iterator[sqlite3.Connection]:
                 old = file.read(14) == b"SKFEM-COSSERAT"
             text = "is not a history" + " any more: version 0.2 and older wrote it" * old
             raise HistoryError(item, text) from error
+        problem = "cannot be read" if isinstance(error, sqlite3.OperationalError) else "damaged"
         advice = "History.load(path, recover=True) leaves out what is damaged"
-        raise HistoryError(item, f"damaged: {error}; {advice}") from error
+        raise HistoryError(item, f"{problem}: {error}; {advice}") from error
 
 
 @lru_cache
@@ -504,8 +506,7 @@ def _is_sound(kind: str, block: Mapping[str, _Piece]) -> bool:
         return False
     for name, piece in block.items():
         times = block["t" if kind == "series" else name[:-1] + "t"]
-        odd = name in needed and np.dtype(piece.dtype).kind not in "fiu"
-        if odd or piece.rows != times.rows or times.shape != "[]":
+        if piece.rows != times.rows or times.shape != "[]" or times.dtype[1] not in "fiu":
             return False
     return True
 

@@ -83,7 +83,7 @@ class HistoryWriter:
             raise InputError("argument block", f"got {block}, expected at least 1")
         self._meta: dict[str, Any] = {**plain(meta, "meta"), "status": "running"}
         self._static = {k: series_numbers(v, f"static array {k!r}") for k, v in static.items()}
-        self._block, self._expected = block, expected
+        self._block = block if path is not None or expected is None else expected
         #: the present block and its number of states, the number of all, of blocks of sensors
         self._buffer: dict[str, Array] = {}
         self._fill = self._rows = self._seen = 0
@@ -134,12 +134,10 @@ class HistoryWriter:
         InputError
             Naming the entry that does not fit the first row, or if the writer is closed.
         """
-        self._check_open()
         values = {k: series_numbers(value, f"row entry {k!r}")[None] for k, value in row.items()}
         if not self._rows:
             check_basic(values, "row")
-            wanted = self._block if self._file is not None else self._expected or self._block
-            self._allocate(values, wanted)
+            self._allocate(values, self._block)
         self.extend(values)
 
     def extend(self, rows: Mapping[str, Array]) -> None:
@@ -161,8 +159,7 @@ class HistoryWriter:
         while done < len(rows["t"]):
             if self._fill == self._block:
                 self._flush()
-                if self._file is None:  # those states are kept where they are
-                    self._allocate(self._buffer, 2 * self._block)
+                self._allocate(self._buffer, self._block if self._file else 2 * self._block)
             taken = min(len(rows["t"]) - done, self._block - self._fill)
             there, here = slice(self._fill, self._fill + taken), slice(done, done + taken)
             for name, values in rows.items():
@@ -223,8 +220,6 @@ class HistoryWriter:
         """
         stored, seen = self._read()
         rest = {name: array[: self._fill] for name, array in self._buffer.items()}
-        if self._file is not None:  # the next block is written there
-            rest = {name: array.copy() for name, array in rest.items()}
         series = [part for part in (stored, *self._kept["series"], rest) if len(part.get("t", ()))]
         sensors = [part for part in (seen, *self._kept["sensors"]) if part]
         return History(
