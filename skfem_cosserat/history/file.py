@@ -418,6 +418,8 @@ class _Scan:
             except sqlite3.Error as error:  # perhaps of this row alone
                 self._blame(error)
                 at += 1
+        if limit % db.execute("PRAGMA page_size").fetchone()[0]:
+            self._blame("the file is cut short")
         if len(self._pieces) != count:
             self._blame(f"{len(self._pieces)} of {count} arrays can be read")
         if sum(piece.size for piece in self._pieces.values()) > limit:
