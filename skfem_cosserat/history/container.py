@@ -84,8 +84,7 @@ class Spectrum(NamedTuple):
             left, mid, right = (np.log(size[places + k]) for k in (-1, 0, 1))
         curvature = left - 2 * mid + right
         sound = np.isfinite(curvature) & (curvature < 0)
-        shift = np.zeros(len(places))
-        np.divide(left - right, 2 * curvature, out=shift, where=sound)
+        shift = np.where(sound, (left - right) / np.where(sound, 2 * curvature, 1.0), 0.0)
         return np.asarray((places + shift) * self.frequencies[1])
 
 
@@ -570,7 +569,8 @@ class History:
         if k not in self._segments:  # made once: what is derived in it is kept there
             meta = dict(self.meta)
             about = meta.pop("segments", [{}])[k]
-            meta |= {name: about[name] for name in ("fingerprint",) if name in about}
+            if "fingerprint" in about:
+                meta["fingerprint"] = about["fingerprint"]
             rows, own = slice(*segments[k]), self._derivation
             part = {name: s[rows] for name, s in self._series.items()}
             derivation = None if own is None else own.segment(k)
@@ -828,7 +828,7 @@ class History:
         cut = {name: values[:n].copy() for name, values in self._series.items()}
         end = self.times[n - 1] if n else -np.inf
         seen = {
-            name: values[self._sensors[f"{name[:-2]}/t"] <= end].copy()
+            name: values[self._sensors[f"{name[:-2]}/t"] <= end]
             for name, values in self._sensors.items()
         }
         return History(self.meta, self.static, cut, seen, self._derivation)

@@ -313,11 +313,12 @@ def _opened(path: Path, recover: bool = False) -> Iterator[sqlite3.Connection]:
             # opens a file that is cut short; nothing is written
             db.execute(f"PRAGMA writable_schema = {recover:d}")
             db.execute("BEGIN")  # a run may go on, and append blocks
-            for name, own in (("application_id", _APPLICATION), ("user_version", _VERSION)):
-                ((found,),) = db.execute(f"PRAGMA {name}")
-                if found != own:
-                    text = f"is another SQLite database, or of another version: {name} {found}"
-                    raise HistoryError(item, f"{text}, not {own}")
+            found = db.execute(
+                "SELECT * FROM pragma_application_id, pragma_user_version"
+            ).fetchone()
+            if found != (_APPLICATION, _VERSION):
+                text = f"is another SQLite database, or a history of another version: {found}"
+                raise HistoryError(item, f"{text}, not {_APPLICATION, _VERSION}")
             yield db
     except HistoryError:
         raise

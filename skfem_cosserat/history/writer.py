@@ -218,7 +218,16 @@ class HistoryWriter:
         HistoryError
             If the file was changed by someone else.
         """
-        stored, seen = self._read()
+        stored: Mapping[str, Array] = {}
+        seen: Mapping[str, Array] = {}
+        if self._path is not None:
+            try:
+                _, _, stored, seen = load_file(self._path)
+            except HistoryError as error:
+                if self._file is not None:
+                    raise
+                text = f"{error}; the states before those in memory are missing"
+                warn(error.item, text, IncompleteWarning)
         rest = {name: array[: self._fill] for name, array in self._buffer.items()}
         series = [part for part in (stored, *self._kept["series"], rest) if len(part.get("t", ()))]
         sensors = [part for part in (seen, *self._kept["sensors"]) if part]
@@ -278,19 +287,6 @@ class HistoryWriter:
         error = StorageError(self._path, reason, advice, time)
         error.history = history
         raise error from reason
-
-    def _read(self) -> tuple[Mapping[str, Array], Mapping[str, Array]]:
-        """Series and arrays of sensors that the file has."""
-        if self._path is None:
-            return {}, {}
-        try:
-            return load_file(self._path)[2:]
-        except HistoryError as error:
-            if self._file is not None:
-                raise
-            text = f"{error}; the states before those in memory are missing"
-            warn(error.item, text, IncompleteWarning)
-            return {}, {}
 
     def _check_open(self) -> None:
         if self._closed:
