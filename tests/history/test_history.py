@@ -487,7 +487,7 @@ def long_history(states, instants=20_000):
 @pytest.mark.parametrize("seed", range(3))
 def test_no_damage_gives_a_wrong_number(tmp_path, seed):
     """Single bits, runs of zeros, pages that stand elsewhere: what is read is right, or refused."""
-    path, history = tmp_path / "run.history", long_history(1030)
+    path, history = tmp_path / "run.history", long_history(1030, 9000)
     history.add_series("label", np.full(1030, "äb"))
     history.save(path)
     whole, rng = path.read_bytes(), np.random.default_rng(seed)
@@ -512,6 +512,8 @@ def test_no_damage_gives_a_wrong_number(tmp_path, seed):
                 for name in part.series if len(part) else ():
                     np.testing.assert_array_equal(part[name], history[name][part["step"]])
                 assert recover or len(part) == 1030
+                for name, array in part.static.items():
+                    assert np.array_equal(array, history.static[name])
                 seen = part.sensors.get("tip")
                 assert seen is None or np.array_equal(seen.values[:, 1], 2 * seen.times)
             except HistoryError as error:  # no other one
