@@ -168,12 +168,14 @@ def check_basic(names: Mapping[str, Any], item: str) -> None:
 # ``crc``   CRC-32 of all this, see `_crc`: a damaged row is never taken for numbers.
 #
 # A block of states is written in one transaction: a writer that is killed loses the block that it
-# had begun. While it commits a block, and if it is killed in this moment, the file NAME-journal
-# says how the next reader takes that back. A reader keeps a writer waiting, and a writer a reader.
+# had begun. While it runs, and after it was killed, there is a file NAME-journal, too: if a block was
+# half written, it says how the next reader takes that back. A reader keeps a writer waiting, and a
+# writer a reader.
 
 _APPLICATION, _VERSION = 0x5C055E7A, 1
 _TABLES = f"""
 PRAGMA synchronous = OFF;  -- a killed process loses nothing that was handed to the system
+PRAGMA journal_mode = PERSIST;  -- to make and remove a file costs as much as to write a block
 BEGIN;
 PRAGMA application_id = {_APPLICATION};
 PRAGMA user_version = {_VERSION};
@@ -281,6 +283,8 @@ class FileWriter:
 
     def close(self) -> None:
         """Close the file; a second call does nothing."""
+        with contextlib.suppress(sqlite3.Error):
+            self._db.execute("PRAGMA journal_mode = DELETE")
         self._db.close()
 
 
