@@ -174,6 +174,7 @@ def check_basic(names: Mapping[str, Any], item: str) -> None:
 
 _APPLICATION, _VERSION = 0x5C055E7A, 1
 _TABLES = f"""
+PRAGMA page_size = 8192;  -- most arrays are larger than the usual 4096 bytes
 PRAGMA synchronous = OFF;  -- a killed process loses nothing that was handed to the system
 PRAGMA journal_mode = PERSIST;  -- to make and remove a file costs as much as to write a block
 BEGIN;
