@@ -168,9 +168,9 @@ def check_basic(names: Mapping[str, Any], item: str) -> None:
 # ``crc``   CRC-32 of all this, see `_crc`: a damaged row is never taken for numbers.
 #
 # A block of states is written in one transaction: a writer that is killed loses the block that it
-# had begun. While it runs, and after it was killed, there is a file NAME-journal, too: if a block was
-# half written, it says how the next reader takes that back. A reader keeps a writer waiting, and a
-# writer a reader.
+# had begun. While it runs, and after it was killed, there is a file NAME-journal, too: if a block
+# was half written, it says how the next reader takes that back. A reader keeps a writer waiting,
+# and a writer a reader.
 
 _APPLICATION, _VERSION = 0x5C055E7A, 1
 _TABLES = f"""
@@ -361,7 +361,7 @@ class _Piece(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many bytes it has."""
+        """Number of bytes."""
         return self.rows * _layout(self.dtype, self.shape)[1]
 
     def array(self, db: sqlite3.Connection) -> Array:
@@ -506,7 +506,7 @@ class _Scan:
 
 
 def _is_sound(kind: str, block: Mapping[str, _Piece]) -> bool:
-    """Whether arrays are those of states or of sensors, and fit their times."""
+    """True if arrays are those of states or of sensors, and fit their times."""
     needed = set(BASIC)
     if kind == "sensors":
         needed = {name[:-1] + end for name in block for end in "tx"}
@@ -526,7 +526,7 @@ class StoredArrays(UserDict[str, Any]):
     ----------
     path : pathlib.Path
     recover : bool
-        Whether the file may be cut short.
+        The file may be cut short.
     blocks : list of dict
         Pieces by name.
 
@@ -538,7 +538,7 @@ class StoredArrays(UserDict[str, Any]):
 
     def __init__(self, path: Path, recover: bool, blocks: Sequence[Mapping[str, _Piece]]) -> None:
         super().__init__()
-        self._file = path, recover
+        self._file = path.absolute(), recover
         for name in blocks[0] if blocks else ():
             self.data[name] = [block[name] for block in blocks]
 

@@ -106,7 +106,7 @@ class HistoryWriter:
 
     @property
     def closed(self) -> bool:
-        """Whether `close` has been called."""
+        """True after `close`."""
         return self._closed
 
     @property
