@@ -10,14 +10,13 @@ from abc import ABC, abstractmethod
 from binascii import b2a_base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 
 from ..arguments import checked
 from ..errors import IncompleteWarning, InputError, writing
 from ..history import History
-from ..history.file import write_at
 from ..model.quadratic import TOGETHER
 from ..types import Array, ArrayLike, FilePath, Floats, IndexArray, switch, whole
 from ..warn import logger, warn
@@ -470,6 +469,14 @@ _HEAD = b'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <C
 _TAIL = b"  </Collection>\n</VTKFile>\n"
 
 
+def _write_at(handle: BinaryIO, offset: int, data: bytes) -> None:
+    """Write all of it at an offset: a full disk takes a part and says no more than how much."""
+    handle.seek(offset)
+    view = memoryview(data)
+    while view:
+        view = view[handle.write(view) :]
+
+
 class _Index:
     """A ``.pvd`` file that is complete after each frame: the closing tags are overwritten."""
 
@@ -483,9 +490,9 @@ class _Index:
         line = f'    <DataSet timestep="{float(time)!r}" part="0" file="{name}"/>\n'.encode()
         with self.path.open("r+b", buffering=0) as handle:
             try:
-                write_at(handle, self._end, line + _TAIL)
+                _write_at(handle, self._end, line + _TAIL)
             except OSError:  # a full disk: there was room for this
-                write_at(handle, self._end, _TAIL)
+                _write_at(handle, self._end, _TAIL)
                 handle.truncate()
                 raise
         self._end += len(line)

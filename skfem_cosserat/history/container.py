@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -25,7 +25,17 @@ from ..types import (
     whole,
 )
 from ..warn import Notices, counted, listed, warn
-from .file import BASIC, EventRecord, check_basic, load_file, plain, save_file, series_numbers
+from .file import (
+    BASIC,
+    ORIGINS,
+    EventRecord,
+    StoredArrays,
+    check_basic,
+    load_file,
+    plain,
+    save_file,
+    series_numbers,
+)
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -74,8 +84,7 @@ class Spectrum(NamedTuple):
             left, mid, right = (np.log(size[places + k]) for k in (-1, 0, 1))
         curvature = left - 2 * mid + right
         sound = np.isfinite(curvature) & (curvature < 0)
-        shift = np.zeros(len(places))
-        np.divide(left - right, 2 * curvature, out=shift, where=sound)
+        shift = np.where(sound, (left - right) / np.where(sound, 2 * curvature, 1.0), 0.0)
         return np.asarray((places + shift) * self.frequencies[1])
 
 
@@ -313,8 +322,6 @@ def _check_reference(
 
 # -- series that follow from what is recorded, made when somebody asks for them --------------------
 
-#: series that others follow from: not to be written to
-ORIGINS = ("t", "step", "q", "p", "carried", "constraint_force", "turns")
 #: how a history without its system gets more series
 ADVICE = "skfem_cosserat.run.derive_series(model, history) adds those that follow from the states"
 
@@ -436,13 +443,17 @@ class History:
         }
         check_basic(series, "series")
         self._length = len(np.atleast_1d(series["t"]))
-        self._series: dict[str, Array] = {}
-        for name, value in series.items():
+        self._series: MutableMapping[str, Array] = {}
+        if isinstance(series, StoredArrays):
+            self._series = series
+        for name, value in () if self._series else series.items():
             self._put(name, value)
-        self._sensors: dict[str, Array] = {
-            name: series_numbers(value, f"sensor array {name!r}")
-            for name, value in ({} if sensors is None else sensors).items()
-        }
+        self._sensors: Mapping[str, Array] = sensors or {}
+        if not isinstance(sensors, StoredArrays):
+            self._sensors = {
+                name: series_numbers(value, f"sensor array {name!r}")
+                for name, value in self._sensors.items()
+            }
         self._derivation = derivation
         self._segments: dict[int, History] = {}
 
@@ -461,10 +472,10 @@ class History:
                 f"series {name!r}",
                 f"got shape {array.shape}, expected a first axis of {self._length} states",
             )
-        self._series[name] = array
         if name in ORIGINS:
-            self._series[name] = array.view()
-            self._series[name].flags.writeable = False
+            array = array.view()
+            array.flags.writeable = False
+        self._series[name] = array
 
     @property
     def series(self) -> Mapping[str, Array]:
@@ -540,7 +551,7 @@ class History:
     def segments(self) -> list[tuple[int, int]]:
         """First row, and that after the last one, of each part with joints or loads of its own."""
         starts = [min(s["row"], len(self)) for s in self.meta.get("segments", [{"row": 0}])]
-        return list(zip(starts, [*starts[1:], len(self)], strict=True))
+        return list(zip(starts, [*starts[1:], len(self)], strict=False))
 
     def segment(self, k: int) -> History:
         """One of the segments, as a history of its own: of one system.
@@ -558,7 +569,8 @@ class History:
         if k not in self._segments:  # made once: what is derived in it is kept there
             meta = dict(self.meta)
             about = meta.pop("segments", [{}])[k]
-            meta |= {name: about[name] for name in ("fingerprint",) if name in about}
+            if "fingerprint" in about:
+                meta["fingerprint"] = about["fingerprint"]
             rows, own = slice(*segments[k]), self._derivation
             part = {name: s[rows] for name, s in self._series.items()}
             derivation = None if own is None else own.segment(k)
@@ -816,7 +828,7 @@ class History:
         cut = {name: values[:n].copy() for name, values in self._series.items()}
         end = self.times[n - 1] if n else -np.inf
         seen = {
-            name: values[self._sensors[f"{name[:-2]}/t"] <= end].copy()
+            name: values[self._sensors[f"{name[:-2]}/t"] <= end]
             for name, values in self._sensors.items()
         }
         return History(self.meta, self.static, cut, seen, self._derivation)
@@ -853,6 +865,8 @@ class History:
     def load(cls, path: FilePath, recover: bool = False) -> History:
         """Read a history, also one whose writer was killed (status ``"killed"``).
 
+        Series are read when they are first asked for.
+
         Parameters
         ----------
         path : path-like
@@ -865,7 +879,8 @@ class History:
         Raises
         ------
         HistoryError
-            If the file is not a history, of another version, cut short or damaged.
+            If the file is not a history, of another version, cut short or damaged. The numbers of a
+            series are checked when they are read.
 
         Examples
         --------

@@ -1,26 +1,27 @@
-"""Files of histories: blocks with checksums, and the plain data they take."""
+"""Files of histories: SQLite databases of blocks, and the plain data they take."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
-import mmap
 import os
 import re
+import sqlite3
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache
+from collections import UserDict
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from math import prod
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..arguments import checked
-from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
+from ..errors import FULL, HistoryError, IncompleteWarning, InputError, StorageError
 from ..types import Array, FilePath, file_path, switch
-from ..warn import logger, warn
+from ..warn import warn
 
 # -- what a history keeps of an event --------------------------------------------------------------
 
@@ -69,6 +70,8 @@ class EventRecord(NamedTuple):
 #: Kinds of numpy types a history may hold: bool, integers, floats, complex numbers, text.
 KINDS = "biufcU"
 
+#: series that others follow from: not to be written to
+ORIGINS = ("t", "step", "q", "p", "carried", "constraint_force", "turns")
 #: Series every history has, with the shape after the first axis (None: any length).
 BASIC = ("t", "step", "q", "p")
 
@@ -134,60 +137,6 @@ def series_numbers(value: Any, item: str) -> Array:
     return array
 
 
-def check_loaded(
-    meta: Mapping[str, Any],
-    static: Mapping[str, Array],
-    series: Mapping[str, Array],
-    sensors: Mapping[str, Array],
-) -> None:
-    """Check what a file says against what a history is: sums cannot tell who wrote it.
-
-    Parameters
-    ----------
-    meta, static, series, sensors : mapping
-        As read.
-
-    Raises
-    ------
-    InputError
-        If a basic series is missing.
-    TypeError, ValueError, LookupError
-        For anything else, saying what.
-    """
-    check_basic(series, "series")
-    t = series["t"]
-    if t.ndim != 1 or any(series[name].dtype.kind not in "fiu" for name in BASIC):
-        raise ValueError("shapes or types of the series t, step, q, p")
-    if any(array.ndim == 0 or len(array) != len(t) for array in series.values()):
-        raise ValueError("series of different lengths")
-    for name, array in (*static.items(), *series.items(), *sensors.items()):
-        if array.size and array.dtype.kind in "Ub":
-            unit, top = (np.uint32, 0x10FFFF) if array.dtype.kind == "U" else (np.uint8, 1)
-            if np.ascontiguousarray(array).reshape(-1).view(unit).max() > top:
-                raise ValueError(f"array {name!r} holds what is no value of its type")
-    _check_sensors(meta, sensors)
-    for number in [about["row"] for about in meta.get("segments", [])]:
-        if type(number) is not int or number < 0:
-            raise ValueError(f"segment from row {number!r}")
-    for event in meta.get("events", []):
-        record = EventRecord(**event)
-        if type(record.row) is not int or record.row < 0:
-            raise ValueError(f"event at row {record.row!r}")
-
-
-def _check_sensors(meta: Mapping[str, Any], sensors: Mapping[str, Array]) -> None:
-    for name, array in sensors.items():
-        base, _, part = name.rpartition("/")
-        other = sensors[f"{base}/{'x' if part == 't' else 't'}"]
-        if part not in ("t", "x") or not array.ndim or array.shape[:1] != other.shape[:1]:
-            raise ValueError(f"instants and values of sensor {base!r}")
-        if array.dtype.kind not in "fiu" or (part == "t" and array.ndim != 1):
-            raise ValueError(f"values of sensor {base!r}")
-    for name, about in meta.get("sensors", {}).items():
-        if not isinstance(about["unit"], str) or about["derivative"] not in (0, 1, 2):
-            raise ValueError(f"unit and derivative of sensor {name!r}")
-
-
 def check_basic(names: Mapping[str, Any], item: str) -> None:
     """Check that the basic series ``t, step, q, p`` are all there.
 
@@ -201,125 +150,76 @@ def check_basic(names: Mapping[str, Any], item: str) -> None:
         raise InputError(item, f"misses {', '.join(missing)}; got {', '.join(names) or 'nothing'}")
 
 
-# -- the file format: one file, blocks appended, each sound although the writer is killed later ----
+# -- the file format: an SQLite database, which other programs read, too ---------------------------
 #
-# Layout (all text is ASCII or UTF-8, numbers in arrays little-endian, C order)::
+# A row of the table ``blocks`` is an array:
 #
-#     SKFEM-COSSERAT HISTORY 1\n                    magic and version
-#     <bytes:020d> <crc:08x>\n                      committed length, overwritten in place
-#     BLOCK <header:010d> <payload:020d> <crc:08x> <crc:08x>\n
-#     <header: JSON>                                kind, arrays (name, dtype, shape), ...
-#     <payload: arrays one after the other>
-#     BLOCK ...
+# ``kind``  ``static`` arrays, ``series`` over the states, ``sensors`` with their instants NAME/t
+#           and values NAME/x; JSON objects as arrays of bytes, which together are the metadata, a
+#           later value in place of an earlier one: ``head`` is known at the start, a ``note`` has
+#           happened on the way, ``tail`` is known at the end and has the status. It is missing
+#           while a run goes on, and after it was killed.
+# ``name``  of the array.
+# ``first`` number of the block's first state; of sensors a growing number; of the tail, how many
+#           states there are.
+# ``rows``  length of the first axis: states, instants, 1 for static arrays.
+# ``dtype``, ``shape``  type as numpy names it, little-endian, and shape without the first axis
+#           (JSON); ``data`` are the numbers in C order.
+# ``crc``   CRC-32 of all this, see `_crc`: a damaged row is never taken for numbers.
 #
-# Kinds of blocks: ``head`` (``meta`` and the static arrays, once, first), ``rows`` (some states of
-# all series; ``first`` is the number of the first one), ``sensors`` (instants and values of
-# sensors, NAME/t and NAME/x), ``spare`` (the head again, where it is small beside the rest),
-# ``tail`` (``status``, number of ``states`` and changes of ``meta``; missing if the writer was
-# killed). A
-# block counts once the committed length includes it; that number is changed after the bytes of the
-# block were handed to the operating system. CRC-32 sums guard the committed length, the headers and
-# the payloads: a damaged block is left out, and the next one is found by its sums. Files without
-# ``first``, ``states`` and ``spare`` are older ones.
+# A block of states is written in one transaction: a writer that is killed loses the block that it
+# had begun. While it runs, and after it was killed, there is a file NAME-journal, too: if a block
+# was half written, it says how the next reader takes that back. A reader keeps a writer waiting,
+# and a writer a reader.
 
-_FAMILY = b"SKFEM-COSSERAT HISTORY "
-_MAGIC = _FAMILY + b"1\n"
-_COMMIT_BYTES = 30
-_BLOCK_BYTES = 56
+_APPLICATION, _VERSION = 0x5C055E7A, 1
+_TABLES = f"""
+PRAGMA page_size = 8192;  -- most arrays are larger than the usual 4096 bytes
+PRAGMA synchronous = OFF;  -- a killed process loses nothing that was handed to the system
+PRAGMA journal_mode = PERSIST;  -- to make and remove a file costs as much as to write a block
+BEGIN;
+PRAGMA application_id = {_APPLICATION};
+PRAGMA user_version = {_VERSION};
+CREATE TABLE blocks (id INTEGER PRIMARY KEY AUTOINCREMENT, kind TEXT, name TEXT, first INTEGER,
+    rows INTEGER, dtype TEXT, shape TEXT, crc INTEGER, data BLOB);
+"""
+_LIST = """
+SELECT id, kind, name, first, rows, dtype, shape, crc, length(data) FROM blocks
+    WHERE id > ? ORDER BY id
+"""
+#: how long (s) readers and writers wait for each other
+_PATIENCE = 60.0
 #: `save_file` cuts long series into blocks of at most so many states, and about so many bytes:
 #: damage takes whole blocks
 _SAVE_ROWS, SAVE_BYTES = 100, 2**22
 #: of sensors, which have few numbers at each instant
 _SAVE_INSTANTS = 4096
-#: the head is written again where it adds at most this part of the file
-_SPARE = 0.02
-#: types of arrays as `FileWriter` names them
+#: types of arrays
 _DTYPE = re.compile(rf"[<|][{KINDS}][1-9]\d{{0,8}}")
-#: what wrong bytes raise where they are no header of ours
+#: what a file may raise that is not as we write it
 _WRONG = (
     *(ArithmeticError, AttributeError, LookupError, MemoryError),
-    *(RecursionError, TypeError, ValueError),
+    *(RecursionError, TypeError, ValueError, sqlite3.Error),
 )
 
 
-@dataclass(frozen=True)
-class Block:
-    """Place of one block in a file."""
-
-    header: dict[str, Any]
-    start: int
-    size: int
-    crc: int
-    #: whether bytes before it are no block
-    gap: bool = False
-
-    @property
-    def kind(self) -> str:
-        """What it holds."""
-        return str(self.header["kind"])
-
-    @property
-    def rows(self) -> int:
-        """Number of states in the block."""
-        return int(self.header.get("rows", 0))
+def _item(path: FilePath) -> str:
+    return f"history file {os.fspath(path)!r}"
 
 
-@dataclass
-class Scan:
-    """What the headers of a file say; ``problem`` is empty if all is well.
-
-    ``missing`` are ranges of states that a damage took, the end excluded; an empty range stands
-    for an unknown number of them, in a file of older form.
-    """
-
-    path: Path
-    found: int
-    expected: int
-    blocks: list[Block] = field(default_factory=list)
-    problem: str = ""
-    missing: list[tuple[int, int]] = field(default_factory=list)
-
-    @property
-    def item(self) -> str:
-        """Name of the file in errors."""
-        return f"history file {str(self.path)!r}"
-
-    @property
-    def rows(self) -> int:
-        """Number of states in the blocks."""
-        return sum(block.rows for block in self.blocks)
-
-    def of(self, kind: str) -> list[Block]:
-        """Blocks of a kind."""
-        return [block for block in self.blocks if block.kind == kind]
-
-    def blame(self, problem: str) -> None:
-        """Take down what is wrong; of several things the first one is told."""
-        self.problem = self.problem or problem
+def cannot_write(path: FilePath, error: OSError) -> InputError:
+    """Error for a file that cannot be begun."""
+    return InputError(_item(path), f"cannot be written: {error.strerror}")
 
 
-def _commit_line(size: int) -> bytes:
-    digits = b"%020d" % size
-    return b"%s %08x\n" % (digits, zlib.crc32(digits))
+def _crc(columns: tuple[Any, ...], data: bytes) -> int:
+    """CRC-32 of the columns of a row from `kind` to `shape`, with spaces between, and its data."""
+    return zlib.crc32(data, zlib.crc32(" ".join(map(str, columns)).encode()))
 
 
-def _block_line(size: int, payload: int, crc: int, payload_crc: int) -> bytes:
-    return b"BLOCK %010d %020d %08x %08x\n" % (size, payload, crc, payload_crc)
-
-
-@lru_cache(maxsize=16)
-def _arrays_as_json(form: tuple[tuple[str, str, tuple[int, ...]], ...]) -> str:
-    """The arrays of a block in its header; most blocks of a file have the same form."""
-    listing = [{"name": name, "dtype": dtype, "shape": shape} for name, dtype, shape in form]
-    return json.dumps({"arrays": listing})[1:-1]
-
-
-def write_at(handle: BinaryIO, offset: int, data: bytes) -> None:
-    """Write all of it at an offset: a full disk takes a part and says no more than how much."""
-    handle.seek(offset)
-    view = memoryview(data)
-    while view:
-        view = view[handle.write(view) :]
+def json_array(value: Mapping[str, Any]) -> dict[str, Array]:
+    """JSON data as an array that a file takes."""
+    return {"json": np.frombuffer(json.dumps(value).encode(), np.uint8)[None]}
 
 
 class FileWriter:
@@ -329,400 +229,368 @@ class FileWriter:
     ----------
     path : path-like
         Name of the file; an older one is overwritten.
+    meta : mapping
+        JSON data that are known at the start.
+    static : mapping of str to array
+        Types as in `skfem_cosserat.history.file.KINDS`.
 
     Raises
     ------
-    InputError
-        If the file cannot be opened for writing.
+    OSError
+        If the file cannot be begun.
     """
 
-    def __init__(self, path: FilePath) -> None:
+    def __init__(
+        self, path: FilePath, meta: Mapping[str, Any], static: Mapping[str, Array]
+    ) -> None:
         self.path = file_path("argument path", path)
         new = not self.path.exists()
+        self.path.open("wb").close()
+        self._db = sqlite3.connect(self.path, timeout=_PATIENCE)
         try:
-            self._handle: BinaryIO = self.path.open("wb", buffering=0)
-        except OSError as error:
-            raise InputError(
-                f"history file {str(self.path)!r}", f"cannot be written: {error.strerror}"
-            ) from error
-        self._end = len(_MAGIC) + _COMMIT_BYTES
-        try:
-            self._write(0, _MAGIC + _commit_line(self._end))
-        except OSError as error:
+            with _os_errors():
+                self._db.executescript(_TABLES)
+            self.append("static", 0, {name: array[None] for name, array in static.items()})
+            self.append("head", 0, json_array(meta))
+        except OSError:
             self.close()
             if new:  # what was there before may be a device
                 self.path.unlink(missing_ok=True)
-            raise InputError(
-                f"history file {str(path)!r}", f"cannot be written: {error.strerror}"
-            ) from error
+            raise
 
-    def _write(self, offset: int, data: bytes) -> None:
-        write_at(self._handle, offset, data)
-
-    def append(self, header: dict[str, Any], arrays: Mapping[str, Array]) -> None:
-        """Write one block and commit it.
+    def append(self, kind: str, first: int, arrays: Mapping[str, Array]) -> None:
+        """Write a block of arrays in one transaction: all of it is in the file, or nothing.
 
         Parameters
         ----------
-        header : dict
-            JSON data with the entry ``kind``.
+        kind : {"static", "series", "sensors", "head", "note", "tail"}
+        first : int
+            Number of its first state; of sensors a growing number.
         arrays : mapping of str to array
-            Any shapes; types as in `skfem_cosserat.history.file.KINDS`.
+            With an axis for the states before all others.
 
         Raises
         ------
         OSError
-            If the system takes no more; the blocks before are committed and sound.
+            If the system takes no more; the blocks before are sound.
         """
-        form = tuple([(name, each.dtype.str, each.shape) for name, each in arrays.items()])
-        # a header has entries of its own, and the arrays as the last one
-        text = f"{json.dumps(header)[:-1]}, {_arrays_as_json(form)}}}".encode()
-        payload = b"".join([np.ascontiguousarray(each).data for each in arrays.values()])
-        line = _block_line(len(text), len(payload), zlib.crc32(text), zlib.crc32(payload))
-        self._write(self._end, line + text)
-        self._write(self._end + len(line + text), payload)
-        self._end += len(line + text) + len(payload)
-        self._write(len(_MAGIC), _commit_line(self._end))
-
-    def finish(
-        self,
-        head: dict[str, Any],
-        static: Mapping[str, Array],
-        status: str,
-        updates: dict[str, Any],
-        states: int,
-    ) -> None:
-        """Write what ends a file: the head again, and the tail; OSError as in `append`.
-
-        Parameters
-        ----------
-        head : dict
-            ``meta`` as the head of the file has it.
-        static : mapping of str to array
-        status : str
-        updates : dict
-            Changes of ``meta``.
-        states : int
-            How many have been written.
-        """
-        size = len(json.dumps(head)) + sum(array.nbytes for array in static.values())
-        if size <= _SPARE * self._end:
-            self.append({"kind": "spare", "meta": head}, static)
-        self.append({"kind": "tail", "status": status, "meta": updates, "states": states}, {})
-
-    def sync(self) -> None:
-        """Wait until the bytes are on the disk."""
-        os.fsync(self._handle.fileno())
+        rows = []
+        for name, array in arrays.items():
+            shape, data = str([*array.shape[1:]]), array.tobytes()
+            columns = (kind, name, first, len(array), array.dtype.str, shape)
+            rows.append((*columns, _crc(columns, data), data))
+        with _os_errors(), self._db as db:
+            db.executemany("INSERT INTO blocks VALUES (NULL, ?, ?, ?, ?, ?, ?, ?, ?)", rows)
 
     def close(self) -> None:
         """Close the file; a second call does nothing."""
-        self._handle.close()
+        with contextlib.suppress(sqlite3.Error):
+            self._db.execute("PRAGMA journal_mode = DELETE")
+        self._db.close()
 
 
-def _open(path: Path) -> BinaryIO:
+@contextlib.contextmanager
+def _os_errors() -> Iterator[None]:
+    """Errors of the database as those of a system that takes no more."""
     try:
-        return path.open("rb")
-    except OSError as error:
-        raise HistoryError(
-            f"history file {str(path)!r}", f"cannot be read: {error.strerror}"
-        ) from error
+        yield
+    except sqlite3.Error as error:
+        if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
+        raise OSError(errno.EIO, str(error)) from error
 
 
-def _start(handle: BinaryIO, path: Path) -> Scan:
-    """Read magic line and committed length."""
-    item = f"history file {str(path)!r}"
-    magic = handle.read(len(_MAGIC))
-    found = os.fstat(handle.fileno()).st_size
-    if not magic:
+# -- reading ---------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def _opened(path: Path, recover: bool = False) -> Iterator[sqlite3.Connection]:
+    """A history file as it is now; what is not as we write it is a HistoryError."""
+    item = _item(path)
+    if not path.is_file():
+        raise HistoryError(item, "cannot be read: there is no such file")
+    if not path.stat().st_size:
         raise HistoryError(item, "is empty")
-    if magic != _MAGIC:
-        if magic.startswith(_FAMILY):
-            version = magic[len(_FAMILY) :].decode("ascii", "replace").strip()
-            raise HistoryError(item, f"has format version {version!r}, expected '1'")
-        raise HistoryError(item, f"is not a history: it starts with {magic[:16]!r}")
-    line = handle.read(_COMMIT_BYTES)
-    digits = line[:20]
-    if line != b"%s %08x\n" % (digits, zlib.crc32(digits)):
-        return Scan(path, found, found, problem="the committed length is damaged")
-    scan = Scan(path, found, int(digits))
-    if found < scan.expected:
-        scan.problem = f"cut short: {found} bytes found, {scan.expected} bytes expected"
-    elif found > scan.expected:
-        logger.info("%s: %d uncommitted bytes ignored", path, found - scan.expected)
-    return scan
+    # not read-only: a writer that was killed in a transaction left what takes that back
+    address = f"{path.resolve().as_uri()}?mode=rw"
+    try:
+        with contextlib.closing(sqlite3.connect(address, _PATIENCE, uri=True)) as db:
+            # opens a file that is cut short; nothing is written
+            db.execute(f"PRAGMA writable_schema = {recover:d}")
+            db.execute("BEGIN")  # a run may go on, and append blocks
+            found = db.execute(
+                "SELECT * FROM pragma_application_id, pragma_user_version"
+            ).fetchone()
+            if found != (_APPLICATION, _VERSION):
+                text = f"is another SQLite database, or a history of another version: {found}"
+                raise HistoryError(item, f"{text}, not {_APPLICATION, _VERSION}")
+            yield db
+    except HistoryError:
+        raise
+    except _WRONG as error:
+        if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_NOTADB:
+            with path.open("rb") as file:
+                old = file.read(14) == b"SKFEM-COSSERAT"
+            text = "is not a history" + " any more: version 0.2 and older wrote it" * old
+            raise HistoryError(item, text) from error
+        problem = "cannot be read" if isinstance(error, sqlite3.OperationalError) else "damaged"
+        advice = "History.load(path, recover=True) leaves out what is damaged"
+        raise HistoryError(item, f"{problem}: {error}; {advice}") from error
 
 
-def _sizes(header: dict[str, Any]) -> list[int]:
-    """Bytes of each array of a block; an error of `_WRONG` if the header is not what we write."""
-    kind, sizes, names = header["kind"], [], set()
-    if kind == "rows" and not _counts([header["rows"], header.get("first", 0)]):
-        raise ValueError(f"rows = {header['rows']!r}")
-    if kind in ("head", "spare", "note", "tail") and not isinstance(header["meta"], dict):
-        raise ValueError("the meta data are no names and values")
-    if kind == "tail" and not (
-        isinstance(header["status"], str) and _counts([header.get("states", 0)])
-    ):
-        raise ValueError(f"status = {header['status']!r}")
-    for entry in header["arrays"]:
-        name, text, shape = entry["name"], entry["dtype"], entry["shape"]
-        if not _counts(shape) or not isinstance(name, str):
-            raise ValueError(f"array {name!r} of shape {shape}")
-        if kind == "rows" and shape[:1] != [header["rows"]]:
-            raise ValueError(f"array {name!r} does not have {header['rows']} rows")
-        sizes.append(_dtype(text).itemsize * prod(shape))
-        names.add(name)
-    if len(names) < len(sizes):
-        raise ValueError("two arrays have the same name")
-    return sizes
+@lru_cache
+def _layout(dtype: str, shape: str) -> tuple[list[int], int]:
+    """Axes of an array but for the first one, and its bytes at one state."""
+    axes = json.loads(shape)
+    if not _DTYPE.fullmatch(dtype) or any(type(length) is not int or length < 0 for length in axes):
+        raise ValueError(f"type {dtype}, shape {shape}")
+    return axes, np.dtype(dtype).itemsize * prod(axes)
 
 
-@cache
-def _dtype(text: str) -> np.dtype[Any]:
-    """A type as `FileWriter` names it."""
-    if not _DTYPE.fullmatch(text):
-        raise ValueError(f"an array of type {text!r}")
-    return np.dtype(text)
+class _Piece(NamedTuple):
+    """An array of a block: a row of the table, but for its data."""
+
+    id: int
+    kind: str
+    name: str
+    first: int
+    rows: int
+    dtype: str
+    shape: str
+    crc: int
+
+    @property
+    def size(self) -> int:
+        """Number of bytes."""
+        return self.rows * _layout(self.dtype, self.shape)[1]
+
+    def array(self, db: sqlite3.Connection) -> Array:
+        """The numbers; ValueError if they are damaged."""
+        (data,) = db.execute("SELECT data FROM blocks WHERE id = ?", [self.id]).fetchone() or [b""]
+        if _crc(self[1:-1], data) != self.crc:
+            where = f"{self.kind} {self.name!r} from number {self.first} on"
+            raise ValueError(f"wrong checksum of {where}, or another file by now")
+        axes, _ = _layout(self.dtype, self.shape)
+        array = np.frombuffer(data, self.dtype).reshape(self.rows, *axes)
+        if array.dtype.kind == "U" and array.view(np.uint32).max(initial=0) > 0x10FFFF:
+            raise ValueError(f"no text in {self.name!r}")
+        return array
 
 
-def _counts(values: Any) -> bool:
-    """Whether these are whole numbers that count something."""
-    return isinstance(values, list) and all(type(k) is int and 0 <= k < 2**63 for k in values)
+class _Scan:
+    """Contents of a history file, but for the numbers of its arrays.
 
+    Parameters
+    ----------
+    path : pathlib.Path
+    recover : bool
+        Read all arrays, and leave out what is damaged instead of raising an error.
 
-def _read_block(handle: BinaryIO, limit: int) -> Block:
-    """Read the header of the block at the current place and step over its payload.
-
-    Raises one of `_WRONG` if the bytes are not a block.
+    Raises
+    ------
+    HistoryError
+        If the file is no history, or damaged.
     """
-    line = handle.read(_BLOCK_BYTES)
-    words = line.split()
-    if len(words) != 5:
-        raise ValueError("no block header")
-    size, payload, crc, payload_crc = (*map(int, words[1:3]), *(int(w, 16) for w in words[3:]))
-    if line != _block_line(size, payload, crc, payload_crc):
-        raise ValueError("no block header")
-    start = handle.tell() + size
-    if start + payload > limit:
-        raise ValueError("the block is not complete")
-    text = handle.read(size)
-    if zlib.crc32(text) != crc:
-        raise ValueError("the header of the block is damaged")
-    if not payload and payload_crc:  # other payloads are checked when they are read
-        raise ValueError("the block is damaged")
-    header = json.loads(text)
-    if sum(_sizes(header)) != payload:
-        raise ValueError("sizes of arrays and block differ")
-    handle.seek(start + payload)
-    return Block(header, start, payload, payload_crc)
 
+    def __init__(self, path: Path, recover: bool = False) -> None:
+        self.item, self._recover, self._problem = _item(path), recover, ""
+        self._pieces: dict[int, _Piece] = {}
+        with _opened(path, recover) as db:
+            self._list(db, path.stat().st_size)
+            self.series, self.sensors = self._blocks("series"), self._blocks("sensors")
+            self.states = sum(block["t"].rows for block in self.series)
+            self.meta = self._metadata(db)
+            self._compare(db)
 
-def _next_block(handle: BinaryIO, place: int, limit: int) -> int:
-    """Next byte at or after `place` where a block may start; `limit` if there is none."""
-    with mmap.mmap(handle.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        found = data.find(b"BLOCK ", place, limit)
-    return limit if found < 0 else found
+    def of(self, *kinds: str) -> list[_Piece]:
+        """Arrays of some kinds, as they were written."""
+        return [piece for piece in self._pieces.values() if piece.kind in kinds]
 
+    def _blame(self, problem: object) -> None:
+        """Take down what is wrong; of several things the first one is told."""
+        if not self._recover:
+            raise ValueError(problem)
+        self._problem = self._problem or str(problem)
 
-def _scan(handle: BinaryIO, path: Path) -> Scan:
-    """Find all blocks, looking at headers only; what is no block is stepped over."""
-    scan = _start(handle, path)
-    limit, gap = min(scan.found, scan.expected), False
-    while (place := handle.tell()) < limit:
+    def _list(self, db: sqlite3.Connection, limit: int) -> None:
+        """Take down all arrays, as far as they can be read, of a file of so many bytes."""
+        count, at = db.execute("SELECT max(seq) FROM sqlite_sequence").fetchone()[0] or 0, 0
+        while at < min(count, limit):
+            try:
+                for *row, size in db.execute(_LIST, [at]):
+                    at = max(at, row[0])
+                    self._take(db, _Piece(*row), size)
+                break
+            except sqlite3.Error as error:  # perhaps of this row alone
+                self._blame(error)
+                at += 1
+        if limit % db.execute("PRAGMA page_size").fetchone()[0]:
+            self._blame("the file is cut short")
+        if len(self._pieces) != count:
+            self._blame(f"{len(self._pieces)} of {count} arrays can be read")
+        if sum(piece.size for piece in self._pieces.values()) > limit:
+            raise ValueError("its arrays are larger than the file")
+
+    def _take(self, db: sqlite3.Connection, piece: _Piece, size: int) -> None:
+        """Take down an array of so many bytes, if it is sound."""
         try:
-            block = _read_block(handle, limit)
-            if (block.kind == "head") != (place == len(_MAGIC) + _COMMIT_BYTES):
-                raise ValueError("unexpected block")
+            if piece.size != size:
+                raise ValueError("of another size than it was written")
+            if self._recover:
+                piece.array(db)
         except _WRONG as error:
-            scan.blame(f"damaged at byte {place}: {error}")
-            handle.seek(_next_block(handle, place + 1, limit))
-            gap = True
-            continue
-        scan.blocks.append(replace(block, gap=gap) if gap else block)
-        gap = False
-    return scan
-
-
-def _arrays(handle: BinaryIO, block: Block) -> dict[str, Array] | None:
-    """Arrays of a block (read-only views of its bytes); None if its sum is wrong."""
-    handle.seek(block.start)
-    payload = handle.read(block.size)
-    if zlib.crc32(payload) != block.crc:
-        return None
-    arrays: dict[str, Array] = {}
-    offset = 0
-    sizes = _sizes(block.header)
-    for entry, size in zip(block.header["arrays"], sizes, strict=True):
-        dtype = _dtype(entry["dtype"])
-        if size:
-            array = np.frombuffer(payload, dtype, size // dtype.itemsize, offset)
+            self._blame(f"array {piece.id}: {error}")
         else:
-            array = np.empty(0, dtype)
-        arrays[entry["name"]] = array.reshape(entry["shape"])
-        offset += size
-    return arrays
+            self._pieces[piece.id] = piece
+
+    def _blocks(self, kind: str) -> list[dict[str, _Piece]]:
+        """Arrays by name of each block that has all of them."""
+        blocks: dict[int, dict[str, _Piece]] = {}
+        for piece in self.of(kind):
+            blocks.setdefault(piece.first, {})[piece.name] = piece
+        names, sound = max((block.keys() for block in blocks.values()), key=len, default=()), []
+        for first, block in sorted(blocks.items()):
+            if block.keys() == names and _is_sound(kind, block):
+                sound.append(block)
+            else:
+                self._blame(f"{kind} from number {first} on")
+        return sound
+
+    def _metadata(self, db: sqlite3.Connection) -> dict[str, Any]:
+        """Metadata of as many states as there are."""
+        meta: dict[str, Any] = {}
+        if not self.of("head"):
+            raise HistoryError(self.item, "damaged: its head is gone, nothing can be recovered")
+        for piece in self.of("head", "note", "tail"):
+            meta = {**meta, **json.loads(piece.array(db).tobytes())}
+        segments, events = meta.get("segments", []), meta.get("events", [])
+        if any(type(each["row"]) is not int for each in [*segments, *events]):
+            raise ValueError("rows of segments and events")
+        for event in events:
+            EventRecord(**event)
+        for about in meta.get("sensors", {}).values():
+            if not isinstance(about["unit"], str) or about["derivative"] not in (0, 1, 2):
+                raise ValueError("units and derivatives of sensors")
+        if not self.of("tail"):  # what followed the last states in the file has not happened
+            meta["status"] = "killed"
+            for name, limit in (("segments", max(self.states, 1)), ("events", self.states - 1)):
+                if name in meta:
+                    meta[name] = [each for each in meta[name] if each["row"] < limit]
+        return meta
+
+    def _compare(self, db: sqlite3.Connection) -> None:
+        """Say which states are missing, and number rows in the metadata as they are now."""
+        times = [block["t"] for block in self.series]
+        spans = [np.arange(piece.first, piece.first + piece.rows) for piece in times]
+        numbers = np.concatenate([np.zeros(0), *spans])
+        edges = np.concatenate([[-1], numbers, [piece.first for piece in self.of("tail")]])
+        gaps = np.flatnonzero(np.diff(edges) > 1)
+        missing = [[int(edges[k] + 1), int(edges[k + 1] - 1)] for k in gaps]
+        if missing:
+            self._blame(f"states {missing} are missing")
+        if not self._problem:
+            return
+        t, lost = np.concatenate([np.zeros(0), *(piece.array(db) for piece in times)]), []
+        for k, (first, last) in zip(gaps, missing, strict=True):
+            near = " and ".join(f"{time:.6g}" for time in t[max(k - 1, 0) : k + 1])
+            lost.append(f"states {first} to {last} (next to t = {near or 'none'})")
+        if self.meta["status"] == "killed":
+            lost.append("all after the last of them")
+        text = f"damaged: {self._problem}; {len(t)} states recovered, missing: "
+        warn(self.item, text + (", ".join(lost) or "none"), IncompleteWarning)
+        self.meta["missing"] = missing
+        for segment in self.meta.get("segments", []):
+            segment["row"] = int(np.searchsorted(numbers, segment["row"]))
+        for event in self.meta.get("events", []):  # of one that is lost: the state before
+            event["row"] = max(int(np.searchsorted(numbers, event["row"] + 1)) - 1, 0)
 
 
-def _form(block: Block) -> dict[str, tuple[str, list[int]]]:
-    """Types and shapes, but for the first axis, of the arrays of a block."""
-    return {entry["name"]: (entry["dtype"], entry["shape"][1:]) for entry in block.header["arrays"]}
+def _is_sound(kind: str, block: Mapping[str, _Piece]) -> bool:
+    """True if arrays are those of states or of sensors, and fit their times."""
+    needed = set(BASIC)
+    if kind == "sensors":
+        needed = {name[:-1] + end for name in block for end in "tx"}
+    if not needed <= block.keys():
+        return False
+    for name, piece in block.items():
+        times = block["t" if kind == "series" else name[:-1] + "t"]
+        if piece.rows != times.rows or times.shape != "[]" or times.dtype[1] not in "fiu":
+            return False
+    return True
 
 
-def _head(handle: BinaryIO, scan: Scan) -> tuple[dict[str, Any], dict[str, Array]]:
-    """Meta data and static arrays, of the head or of its spare."""
-    for block in (*scan.of("head"), *scan.of("spare")):
-        arrays = _arrays(handle, block)
-        if arrays is not None:
-            if block.kind == "spare":
-                scan.blame("damaged in its head")
-            return block.header["meta"], {name: array.copy() for name, array in arrays.items()}
-        scan.blame("damaged: wrong checksum in the head")
-    scan.blame("the head is missing")
-    raise HistoryError(scan.item, f"{scan.problem}; nothing can be recovered")
+class StoredArrays(UserDict[str, Any]):
+    """Arrays by name, each read from a file when it is first asked for.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    recover : bool
+        The file may be cut short.
+    blocks : list of dict
+        Pieces by name.
+
+    Raises
+    ------
+    HistoryError
+        If an array is damaged, or the file is another one by then.
+    """
+
+    def __init__(self, path: Path, recover: bool, blocks: Sequence[Mapping[str, _Piece]]) -> None:
+        super().__init__()
+        self._file = path.absolute(), recover
+        for name in blocks[0] if blocks else ():
+            self.data[name] = [block[name] for block in blocks]
+
+    def __getitem__(self, name: str) -> Array:
+        if isinstance(self.data[name], list):
+            with _opened(*self._file) as db:
+                array = np.concatenate([piece.array(db) for piece in self.data[name]])
+            array.flags.writeable = name not in ORIGINS
+            self.data[name] = array
+        return self.data[name]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)
 
 
-def _series(handle: BinaryIO, scan: Scan) -> dict[str, Array]:
-    """Fill the series from all sound blocks; what is missing is taken down in the scan."""
-    series: dict[str, Array] = {}
-    form: dict[str, tuple[str, list[int]]] = {}
-    done = at = 0
-    for block in scan.of("rows"):
-        first = block.header.get("first", at)
-        if first < at:
-            scan.blame(f"damaged: states {first} to {first + block.rows - 1} come twice")
-            continue
-        if first > at or (block.gap and "first" not in block.header):
-            scan.missing.append((at, first))
-        at = first + block.rows
-        arrays = _arrays(handle, block)
-        own = _form(block)
-        if arrays is None or (form and own != form):
-            what = "wrong checksum" if arrays is None else "other series"
-            scan.blame(f"damaged: {what} in states {first} to {at - 1}")
-            scan.missing.append((first, at))
-            continue
-        if not series:
-            form = own
-            series = {
-                name: np.empty((scan.rows, *array.shape[1:]), array.dtype)
-                for name, array in arrays.items()
-            }
-        for name, array in series.items():
-            array[done : done + block.rows] = arrays[name]
-        done += block.rows
-    total = max((block.header.get("states", 0) for block in scan.of("tail")), default=0)
-    if at < total:
-        scan.blame(f"damaged: states {at} to {total - 1} are missing")
-        scan.missing.append((at, total))
-    return {name: array[:done] for name, array in series.items()}
-
-
-def _sensors(handle: BinaryIO, scan: Scan) -> dict[str, Array]:
-    """Instants and values of the sensors from all sound blocks."""
-    parts: dict[str, list[Array]] = {}
-    form: dict[str, tuple[str, list[int]]] = {}
-    for block in scan.of("sensors"):
-        arrays = _arrays(handle, block)
-        if arrays is None or (form and _form(block) != form):
-            scan.blame("damaged: wrong checksum in values of sensors")
-            continue
-        form = _form(block)
-        for name, array in arrays.items():
-            parts.setdefault(name, []).append(array)
-    return {name: np.concatenate(each) for name, each in parts.items()}
-
-
-def _finish(scan: Scan, head: dict[str, Any]) -> dict[str, Any]:
-    """Meta data with the changes of the tail and the status."""
-    meta = {**head, "status": "killed"}
-    for block in scan.of("note"):
-        meta |= block.header["meta"]
-    rows = [block.header.get("first", 0) + block.rows for block in scan.of("rows")]
-    if not scan.of("tail"):  # what followed the last states in the file has not happened
-        for name, least in (("segments", 1), ("events", 2)):
-            if name in meta:
-                top = max(rows, default=0) - least
-                meta[name] = [each for each in meta[name] if each["row"] <= top]
-        if "segments" in meta and not meta["segments"]:
-            del meta["segments"]
-    for block in scan.of("tail"):
-        meta |= {**block.header["meta"], "status": block.header["status"]}
-    return meta
-
-
-def _tell(scan: Scan, series: Mapping[str, Array], meta: dict[str, Any]) -> None:
-    """Say what a damaged file has lost, and number rows in the meta data as they are now."""
-    lost, t = [], series["t"]
-    kept = np.ones(len(t) + sum(b - a for a, b in scan.missing), dtype=bool)
-    for a, b in scan.missing:
-        kept[a:b] = False
-        before, after = int(kept[:a].sum()), int(kept[:b].sum())
-        where = [f"after t = {t[before - 1]:.6g}"] if before else []
-        where += [f"before t = {t[after]:.6g}"] if after < len(t) else []
-        which = f"states {a} to {b - 1}" if b > a + 1 else f"state {a}"
-        which = which if b > a else "an unknown number of states"
-        lost.append(f"{which} ({' and '.join(where)})" if where else which)
-    if not scan.of("tail"):
-        lost.append("all after the last of them")
-    text = f"{scan.problem}; {len(t)} states recovered"
-    warn(scan.item, f"{text}, missing: {', '.join(lost)}" if lost else text, IncompleteWarning)
-    if not scan.missing:
-        return
-    meta["missing"] = [[a, b - 1] for a, b in scan.missing]
-    number = np.concatenate([[0], np.cumsum(kept)])  # of rows before
-    top = len(kept)
-    if all(b > a for a, b in scan.missing):
-        for about in meta.get("segments", []):
-            about["row"] = int(number[min(about["row"], top)])
-        for event in meta.get("events", []):  # of one that is lost: the state before
-            event["row"] = max(int(number[min(event["row"] + 1, top)]) - 1, 0)
-    else:
-        for name in ("segments", "events"):
-            meta.pop(name, None)
+def empty_series() -> dict[str, Array]:
+    """Basic series of no states."""
+    none = np.zeros((0, 0))
+    return {"t": np.zeros(0), "step": np.zeros(0, np.int64), "q": none, "p": none}
 
 
 def load_file(
     path: FilePath, recover: bool = False
-) -> tuple[dict[str, Any], dict[str, Array], dict[str, Array], dict[str, Array]]:
+) -> tuple[dict[str, Any], dict[str, Array], Mapping[str, Array], Mapping[str, Array]]:
     """Read ``meta``, static arrays, series, and arrays of sensors of a file.
+
+    Series and arrays of sensors are read when they are asked for.
 
     Parameters
     ----------
     path : path-like
         Name of the file.
     recover : bool
-        Return all states that are sound instead of raising an error: those that are missing are
-        told by an `IncompleteWarning` and listed in ``meta["missing"]``.
+        Leave out what is damaged instead of raising an error: states that are missing are told by
+        an `IncompleteWarning` and listed in ``meta["missing"]``. All arrays are read for that.
 
     Raises
     ------
     HistoryError
-        If the file is no history, cut short or damaged (with the number of states that
-        ``recover=True`` returns), or damaged in its head, where nothing can be recovered.
+        If the file is no history, or damaged; and when a series is read that is damaged.
     """
     path, recover = file_path("argument path", path), switch("argument recover", recover)
-    with _open(path) as handle:
-        scan = _scan(handle, path)
-        head, static = _head(handle, scan)
-        series, sensors = _series(handle, scan), _sensors(handle, scan)
-    meta = _finish(scan, head)
-    empty = {"t": (0,), "step": (0,), "q": (0, 0), "p": (0, 0)}
-    for name in BASIC if not series else ():
-        series[name] = np.zeros(empty[name], np.int64 if name == "step" else np.float64)
-    try:
-        check_loaded(meta, static, series, sensors)
-    except _WRONG as error:
-        raise HistoryError(scan.item, f"is not as a history is written: {error}") from error
-    if scan.problem:
-        if not recover:
-            text = f"{scan.problem}; recover=True gives {len(series['t'])} states"
-            raise HistoryError(scan.item, text)
-        _tell(scan, series, meta)
-    return meta, static, series, sensors
+    scan = _Scan(path, recover)
+    with _opened(path, recover) as db:
+        static = {piece.name: piece.array(db)[0].copy() for piece in scan.of("static")}
+    series = StoredArrays(path, recover, scan.series) if scan.series else empty_series()
+    return scan.meta, static, series, StoredArrays(path, recover, scan.sensors)
 
 
 @checked
 def read_meta(path: FilePath) -> dict[str, Any]:
-    """Meta data of a history file and the number of its ``states``, without reading the arrays.
+    """Metadata of a history file and the number of its ``states``, without reading the arrays.
 
     Parameters
     ----------
@@ -745,18 +613,12 @@ def read_meta(path: FilePath) -> dict[str, Any]:
     >>> import tempfile, pathlib
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = pathlib.Path(folder) / "run.history"
-    ...     writer = FileWriter(path)
-    ...     writer.append({"kind": "head", "meta": {"step": 0.01}}, {})
-    ...     writer.close()
+    ...     FileWriter(path, {"step": 0.01}, {}).close()
     ...     read_meta(path)
     {'step': 0.01, 'status': 'killed', 'states': 0}
     """
-    path = file_path("argument path", path)
-    with _open(path) as handle:
-        scan = _scan(handle, path)
-    if scan.problem or not scan.blocks:
-        raise HistoryError(scan.item, scan.problem or "the head is missing")
-    return {**_finish(scan, scan.blocks[0].header["meta"]), "states": scan.rows}
+    scan = _Scan(file_path("argument path", path))
+    return {**scan.meta, "states": scan.states}
 
 
 def save_file(
@@ -787,45 +649,32 @@ def save_file(
         If the disk is full, say; an older file is as it was.
     """
     path = file_path("argument path", path)
-    if path.is_dir():
-        raise InputError(f"history file {str(path)!r}", "cannot be written: it is a folder")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    size = sum(array[:1].nbytes for array in series.values())
+    stride = max(1, min(_SAVE_ROWS, SAVE_BYTES // max(size, 1)))
     try:
-        writer = FileWriter(temporary)
-    except InputError as error:
-        raise InputError(f"history file {str(path)!r}", str(error).partition(": ")[2]) from error
-    try:
-        _save_blocks(writer, meta, static, series, sensors)
-        writer.sync()
-        writer.close()
+        with contextlib.closing(FileWriter(temporary, meta, static)) as writer:
+            for kind, arrays, step in (
+                ("series", series, stride),
+                ("sensors", sensors, _SAVE_INSTANTS),
+            ):
+                longest = max(map(len, arrays.values()), default=0)
+                for first in range(0, max(longest, 1), step):
+                    block = {name: array[first : first + step] for name, array in arrays.items()}
+                    writer.append(kind, first, block)
+            status = meta.get("status", "completed")
+            writer.append("tail", len(series["t"]), json_array({"status": status}))
+        with temporary.open("rb+") as handle:
+            os.fsync(handle.fileno())
+        # of an older file whose writer was killed: it would be applied to this one
+        Path(f"{path}-journal").unlink(missing_ok=True)
         temporary.replace(path)
     except OSError as error:
+        if error.errno not in FULL:
+            raise cannot_write(path, error) from error
         time = float(series["t"][-1]) if len(series["t"]) else None
         advice = "; what was there before is as it was, the history is in .history of this error"
         raise StorageError(path, error, advice, time) from error
     finally:
         with contextlib.suppress(OSError):
-            writer.close()
             temporary.unlink(missing_ok=True)
-
-
-def _save_blocks(
-    writer: FileWriter,
-    meta: dict[str, Any],
-    static: Mapping[str, Array],
-    series: Mapping[str, Array],
-    sensors: Mapping[str, Array],
-) -> None:
-    """All blocks of a complete file."""
-    rows = len(series["t"])
-    bytes_per_row = sum(array.nbytes for array in series.values()) // max(rows, 1)
-    stride = max(1, min(_SAVE_ROWS, SAVE_BYTES // max(bytes_per_row, 1)))
-    writer.append({"kind": "head", "meta": meta}, static)
-    for first in range(0, max(rows, 1), stride):
-        part = {name: array[first : first + stride] for name, array in series.items()}
-        writer.append({"kind": "rows", "rows": len(part["t"]), "first": first}, part)
-    instants = max((len(array) for array in sensors.values()), default=0)
-    for first in range(0, max(instants, 1) if sensors else 0, _SAVE_INSTANTS):
-        seen = {name: array[first : first + _SAVE_INSTANTS] for name, array in sensors.items()}
-        writer.append({"kind": "sensors"}, seen)
-    writer.finish(meta, static, meta.get("status", "completed"), {}, rows)

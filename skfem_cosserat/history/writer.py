@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,19 @@ import numpy as np
 from ..arguments import checked
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..types import Array, FilePath
-from ..warn import Notices, warn
+from ..warn import warn
 from .container import History
-from .file import SAVE_BYTES, FileWriter, check_basic, load_file, plain, series_numbers
+from .file import (
+    SAVE_BYTES,
+    FileWriter,
+    cannot_write,
+    check_basic,
+    empty_series,
+    json_array,
+    load_file,
+    plain,
+    series_numbers,
+)
 
 #: bytes of a block in memory at most: blocks grow up to that
 _LARGE = 2**28
@@ -74,36 +83,30 @@ class HistoryWriter:
             raise InputError("argument block", f"got {block}, expected at least 1")
         self._meta: dict[str, Any] = {**plain(meta, "meta"), "status": "running"}
         self._static = {k: series_numbers(v, f"static array {k!r}") for k, v in static.items()}
-        self._block = block
-        self._expected = expected
+        self._block = block if path is not None or expected is None else expected
+        #: the present block and its number of states, the number of all, of blocks of sensors
         self._buffer: dict[str, Array] = {}
-        self._fill = 0
-        self._rows = 0
-        self._done: list[dict[str, Array]] = []
-        self._sensed: list[dict[str, Array]] = []
+        self._fill = self._rows = self._seen = 0
         self._closed = False
-        self._head = dict(self._meta)
-        #: the file as long as it takes blocks; a full one; and what is to be said of that
+        #: blocks that are not in the file
+        self._kept: dict[str, list[dict[str, Array]]] = {"series": [], "sensors": []}
+        #: the file as long as it takes blocks, its name, and why it takes no more
         self._file: FileWriter | None = None
-        self._full: Path | None = None
+        self._path: Path | None = None
         self._failure: OSError | None = None
         if path is not None:
-            self._file = FileWriter(path)
             try:
-                self._file.append({"kind": "head", "meta": self._meta}, self._static)
+                self._file = FileWriter(path, self._meta, self._static)
             except OSError as error:
-                self._file.close()
-                raise InputError(
-                    f"history file {str(self._file.path)!r}",
-                    f"cannot be written: {error.strerror}",
-                ) from error
+                raise cannot_write(path, error) from error
+            self._path = self._file.path
 
     def __len__(self) -> int:
         return self._rows
 
     @property
     def closed(self) -> bool:
-        """Whether `close` has been called."""
+        """True after `close`."""
         return self._closed
 
     @property
@@ -131,10 +134,10 @@ class HistoryWriter:
         InputError
             Naming the entry that does not fit the first row, or if the writer is closed.
         """
-        self._check_open()
         values = {k: series_numbers(value, f"row entry {k!r}")[None] for k, value in row.items()}
         if not self._rows:
-            self._begin(values)
+            check_basic(values, "row")
+            self._allocate(values, self._block)
         self.extend(values)
 
     def extend(self, rows: Mapping[str, Array]) -> None:
@@ -152,19 +155,19 @@ class HistoryWriter:
         """
         self._check_open()
         self._check(rows)
-        done, count = 0, len(rows["t"])
-        while done < count:
+        done = 0
+        while done < len(rows["t"]):
             if self._fill == self._block:
                 self._flush()
-            taken = min(count - done, self._block - self._fill)
-            here, there = slice(self._fill, self._fill + taken), slice(done, done + taken)
+                self._allocate(self._buffer, self._block if self._file else 2 * self._block)
+            taken = min(len(rows["t"]) - done, self._block - self._fill)
+            there, here = slice(self._fill, self._fill + taken), slice(done, done + taken)
             for name, values in rows.items():
-                self._buffer[name][here] = values[there]
+                self._buffer[name][there] = values[here]
             self._fill += taken
             self._rows += taken
             done += taken
-        if self._failure is not None:
-            self._say()
+        self._say()
 
     def note(self, **meta: Any) -> None:
         """Add to ``meta`` what has happened, in the file at once: a killed run keeps it.
@@ -182,7 +185,7 @@ class HistoryWriter:
         self._check_open()
         own = plain(meta, "meta")
         self._meta |= own
-        self._stored({"kind": "note", "meta": own}, {})
+        self._write("note", 0, json_array(own))
         self._say()
 
     def sense(self, arrays: Mapping[str, Any]) -> None:
@@ -203,8 +206,8 @@ class HistoryWriter:
             name: series_numbers(value, f"sensor array {name!r}").copy()
             for name, value in arrays.items()
         }
-        if not self._stored({"kind": "sensors"}, values):
-            self._sensed.append(values)
+        self._write("sensors", self._seen, values)
+        self._seen += 1
         self._say()
 
     def history(self) -> History:
@@ -215,31 +218,22 @@ class HistoryWriter:
         HistoryError
             If the file was changed by someone else.
         """
-        parts, sensed = self._done, self._sensed
-        path = self._full if self._file is None else self._file.path
-        if path is not None:
-            done, sensors = self._read(path)
-            written = self._rows - self._fill - sum(len(part["t"]) for part in parts)
-            done = {name: array[:written] for name, array in done.items()}
-            parts = [done, *parts] if len(done["t"]) else parts
-            sensed = [sensors, *sensed] if sensors else sensed
-        sensors = {
-            name: np.concatenate([part[name] for part in sensed])
-            for name in (sensed[0] if sensed else {})
-        }
-        if self._fill or not parts:
-            rest = {name: array[: self._fill] for name, array in self._buffer.items()}
-            if self._file is not None and not self._closed:  # the next block goes there
-                rest = {name: array.copy() for name, array in rest.items()}
-            parts = [*parts, rest]
-        if not self._rows:
-            zero = {"t": np.zeros(0), "step": np.zeros(0, np.int64)}
-            parts = [{**zero, "q": np.zeros((0, 0)), "p": np.zeros((0, 0))}]
-        if len(parts) == 1:  # rows are not written twice
-            series = {name: np.ascontiguousarray(array) for name, array in parts[0].items()}
-        else:
-            series = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        return History(self._meta, self._static, series, sensors)
+        stored: Mapping[str, Array] = {}
+        seen: Mapping[str, Array] = {}
+        if self._path is not None:
+            try:
+                _, _, stored, seen = load_file(self._path)
+            except HistoryError as error:
+                if self._file is not None:
+                    raise
+                text = f"{error}; the states before those in memory are missing"
+                warn(error.item, text, IncompleteWarning)
+        rest = {name: array[: self._fill] for name, array in self._buffer.items()}
+        series = [part for part in (stored, *self._kept["series"], rest) if len(part.get("t", ()))]
+        sensors = [part for part in (seen, *self._kept["sensors"]) if part]
+        return History(
+            self._meta, self._static, _joined(series) or empty_series(), _joined(sensors)
+        )
 
     def close(self, status: str = "completed", **meta_updates: Any) -> None:
         """Write what is left and the status; a second call is an error.
@@ -257,109 +251,79 @@ class HistoryWriter:
             If the writer is closed already, or an update is no JSON data.
         """
         self._check_open()
-        updates = plain(meta_updates, "meta")
+        updates = {**plain(meta_updates, "meta"), "status": status}
         self._flush()
         self._closed = True
-        self._meta |= {**updates, "status": status}
+        self._meta |= updates
+        self._write("tail", self._rows, json_array(updates))
         if self._file is not None:
-            try:
-                self._file.finish(self._head, self._static, status, updates, self._rows)
-                self._file.close()
-            except OSError as error:
-                self._give_up(error)
+            self._file.close()
         self._say()
 
-    def _stored(self, header: dict[str, Any], arrays: Mapping[str, Array]) -> bool:
-        """Hand a block to the file; whether it is there now."""
-        if self._file is None:
-            return False
-        try:
-            self._file.append(header, arrays)
-        except OSError as error:
-            self._give_up(error)
-            return False
-        return True
-
-    def _give_up(self, error: OSError) -> None:
-        """The file takes no more: from now on all is kept in memory."""
-        assert self._file is not None
-        self._full, self._failure = self._file.path, error
-        with contextlib.suppress(OSError):
-            self._file.close()
-        self._file = None
+    def _write(self, kind: str, first: int, arrays: dict[str, Array]) -> None:
+        """Hand a block to the file; arrays that it does not take are kept."""
+        if self._file is not None:
+            try:
+                return self._file.append(kind, first, arrays)
+            except OSError as error:  # from now on all is kept in memory
+                self._file.close()
+                self._file, self._failure = None, error
+        if kind in self._kept:
+            self._kept[kind].append(arrays)
 
     def _say(self) -> None:
         """Raise, once, that the file takes no more."""
         if self._failure is None:
             return
-        assert self._full is not None
+        assert self._path is not None
         reason, self._failure = self._failure, None
         history = self.history()
-        kept = len(history) - self._fill - sum(len(part["t"]) for part in self._done)
+        count = self._rows - self._fill - sum(len(part["t"]) for part in self._kept["series"])
         advice = (
-            f"; {kept} states are in the file, all states in .history of this error:"
+            f"; {count} states are in the file, all states in .history of this error:"
             " error.history.save(another file) keeps them"
         )
         time = float(history.times[-1]) if len(history) else None
-        error = StorageError(self._full, reason, advice, time)
+        error = StorageError(self._path, reason, advice, time)
         error.history = history
         raise error from reason
-
-    def _read(self, path: Path) -> tuple[dict[str, Array], dict[str, Array]]:
-        """What the file has: series, and arrays of sensors."""
-        try:
-            # of a file that takes no more the last words may be cut off
-            with Notices(quiet=True, alone=True):  # what is missing there is in memory
-                return load_file(path, recover=self._full is not None)[2:]
-        except HistoryError as error:
-            if self._full is None:
-                raise
-            text = f"{error}; the states before those in memory are missing"
-            warn(f"history file {str(path)!r}", text, IncompleteWarning)
-            return {"t": np.zeros(0)}, {}
 
     def _check_open(self) -> None:
         if self._closed:
             raise InputError("history writer", "is closed already")
 
     def _check(self, rows: Mapping[str, Array]) -> None:
-        if rows.keys() != self._buffer.keys():
-            odd = sorted(rows.keys() ^ self._buffer.keys())
-            found = "is new" if odd[0] in rows else "is missing"
-            text = f"{found}; all rows have the same entries"
-            raise InputError(f"row entry {odd[0]!r}", text)
+        for name in sorted(rows.keys() ^ self._buffer.keys()):
+            text = "is new" if name in rows else "is missing"
+            raise InputError(f"row entry {name!r}", f"{text}; all rows have the same entries")
         for name, values in rows.items():
-            first = self._buffer[name]
-            if values.dtype != first.dtype or values.shape[1:] != first.shape[1:]:
+            like = self._buffer[name]
+            if values.dtype != like.dtype or values.shape[1:] != like.shape[1:]:
+                text = f"got {values.dtype} of shape {values.shape[1:]}, expected {like.dtype} of"
                 raise InputError(
-                    f"row entry {name!r}",
-                    f"got {values.dtype} of shape {values.shape[1:]}, expected {first.dtype} of"
-                    f" shape {first.shape[1:]} as in the first row",
+                    f"row entry {name!r}", f"{text} shape {like.shape[1:]} as in the first row"
                 )
 
-    def _begin(self, values: Mapping[str, Array]) -> None:
-        """Take memory for rows like the first one."""
-        check_basic(values, "row")
-        size = max(1, sum(value.nbytes for value in values.values()))
-        most = max(1, (SAVE_BYTES if self._file is not None else _LARGE) // size)
-        wanted = self._block if self._expected is None or self._file else self._expected
-        self._block = min(wanted, most)
-        self._grow = 1 if self._file is not None or self._expected is not None else 2
-        self._most = most
-        self._allocate(values)
-
-    def _allocate(self, like: Mapping[str, Array]) -> None:
-        shapes = {name: (self._block, *array.shape[1:]) for name, array in like.items()}
-        self._buffer = {name: np.empty(shapes[name], like[name].dtype) for name in like}
+    def _allocate(self, like: Mapping[str, Array], block: int) -> None:
+        """Take memory for the next states: for so many, if they are not too large."""
+        size = sum(array[:1].nbytes for array in like.values())
+        largest = _LARGE if self._file is None else SAVE_BYTES
+        self._block = max(1, min(block, largest // max(size, 1)))
+        self._buffer = {
+            name: np.empty((self._block, *array.shape[1:]), array.dtype)
+            for name, array in like.items()
+        }
 
     def _flush(self) -> None:
-        if not self._fill:
-            return
-        part = {name: array[: self._fill] for name, array in self._buffer.items()}
-        first = self._rows - self._fill
-        if not self._stored({"kind": "rows", "rows": self._fill, "first": first}, part):
-            self._done.append(part)
-            if self._fill == self._block:  # the next ones are written elsewhere
-                self._block = min(self._most, self._grow * self._block)
-                self._allocate(self._buffer)
-        self._fill = 0
+        if self._fill:
+            part = {name: array[: self._fill] for name, array in self._buffer.items()}
+            self._write("series", self._rows - self._fill, part)
+            self._fill = 0
+
+
+def _joined(parts: Sequence[Mapping[str, Array]]) -> Mapping[str, Array]:
+    """Arrays of several blocks one after the other; of a single one they are not copied."""
+    if len(parts) == 1:
+        return parts[0]
+    names = parts[0] if parts else ()
+    return {name: np.concatenate([part[name] for part in parts]) for name in names}

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import logging
+import contextlib
+import json
 import os
 import pickle
-import re
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 import warnings
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +20,10 @@ import pytest
 
 import skfem_cosserat as sc
 from skfem_cosserat import History, HistoryError, IncompleteWarning, InputError, StorageError
-from skfem_cosserat.history import HistoryWriter, file, read_meta
+from skfem_cosserat.history import HistoryWriter, read_meta
+from skfem_cosserat.history.file import FileWriter
 
 HERE = Path(__file__).resolve().parents[1]
-MAGIC = len(b"SKFEM-COSSERAT HISTORY 1\n")
-HEAD = MAGIC + 30
 
 
 def assert_equal(a: History, b: History, n: int | None = None):
@@ -236,7 +237,8 @@ def test_save_in_several_blocks(tmp_path, monkeypatch, make_scene):
     monkeypatch.setattr("skfem_cosserat.history.file.SAVE_BYTES", 20_000)
     history = make_scene().history(60)
     history.save(tmp_path / "run.history")
-    assert (tmp_path / "run.history").read_bytes().count(b'"kind": "rows"') > 5
+    with contextlib.closing(sqlite3.connect(tmp_path / "run.history")) as db:
+        assert len(db.execute("SELECT id FROM blocks WHERE name = 'q'").fetchall()) > 5
     assert_equal(history, History.load(tmp_path / "run.history"))
 
 
@@ -253,7 +255,7 @@ def test_nothing_is_left_of_a_failed_save(tmp_path, make_scene, monkeypatch):
     def no_space(*args):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("skfem_cosserat.history.file.FileWriter.sync", no_space)
+    monkeypatch.setattr("os.fsync", no_space)
     with pytest.raises(OSError, match="No space"):
         history.save(path)
     assert path.read_bytes() == before
@@ -273,23 +275,61 @@ def test_bad_places_are_named_before_any_work(make_scene, tmp_path):
             History.load(path)
 
 
-def test_no_pickle(tmp_path):
-    """A file that asks for objects is refused, whatever its checksums say."""
-    import zlib
+def changed(path, statement, *values):
+    """The file with an SQL statement done."""
+    with contextlib.closing(sqlite3.connect(path)) as db, db:
+        db.execute(statement, values)
 
-    from skfem_cosserat.history.file import FileWriter
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("dtype = '|O8'", r"array 1: type \|O8"),  # no pickle
+        ("shape = '[99999999999]'", "of another size"),  # no more memory than the file has bytes
+        ("rows = 99999999999", "of another size"),
+        ("data = zeroblob(80)", "of another size"),
+    ],
+)
+def test_a_file_that_asks_for_other_arrays_is_refused(tmp_path, change, words):
     path = tmp_path / "run.history"
-    writer = FileWriter(path)
-    writer.append({"kind": "head", "meta": {}}, {"a": np.zeros(1)})
-    writer.close()
-    data = path.read_bytes()
-    old = data[HEAD + 56 :]
-    text = old[:-8].replace(b'"<f8"', b'"|O8"')
-    line = b"BLOCK %010d %020d %08x %08x\n" % (len(text), 8, zlib.crc32(text), zlib.crc32(bytes(8)))
-    path.write_bytes(data[:HEAD] + line + text + bytes(8))
-    with pytest.raises(HistoryError, match=r"an array of type '.O8'"):
-        History.load(path)
+    FileWriter(path, {}, {"a": np.zeros(1)}).close()
+    changed(path, f"UPDATE blocks SET {change} WHERE id = 1")
+    for call in (read_meta, History.load):
+        with pytest.raises(HistoryError, match=words):
+            call(path)
+
+
+def test_other_programs_read_it(tmp_path, make_scene):
+    """Without this package: the recipe of the guide."""
+    history, path = make_scene().history(230), tmp_path / "run.history"
+    history.save(path)
+    with contextlib.closing(sqlite3.connect(path)) as db:
+        (head,) = db.execute("SELECT data FROM blocks WHERE kind = 'head'").fetchone()
+        q = [
+            np.frombuffer(data, dtype).reshape(-1, *json.loads(shape))
+            for dtype, shape, data in db.execute(
+                "SELECT dtype, shape, data FROM blocks WHERE name = 'q' ORDER BY first"
+            )
+        ]
+    assert json.loads(head) == history.meta
+    np.testing.assert_array_equal(np.concatenate(q), history["q"])
+
+
+def test_series_are_read_when_they_are_asked_for(tmp_path, make_scene):
+    """A file that is another one by then is refused; so is one whose array is damaged."""
+    history, path = make_scene().history(230), tmp_path / "run.history"
+    history.save(path)
+    loaded, other = History.load(path), History.load(path)
+    assert_equal(history, pickle.loads(pickle.dumps(loaded)))
+    loaded = History.load(path)
+    changed(path, "UPDATE blocks SET data = zeroblob(length(data)) WHERE name = 'p' AND first > 50")
+    np.testing.assert_array_equal(loaded["q"], history["q"])
+    with pytest.raises(HistoryError, match=r"run\.history.*wrong checksum.*recover=True"):
+        loaded["p"]
+    make_scene().history(100).save(path)
+    np.testing.assert_array_equal(loaded["q"], history["q"])  # it was read before
+    with pytest.raises(HistoryError, match=r"wrong checksum.*or another file by now"):
+        other["q"]
 
 
 RUN = """
@@ -316,7 +356,7 @@ def test_killed_run_can_be_read(make_scene, tmp_path):
     path = tmp_path / "run.history"
     process = start(RUN, str(path))
     try:
-        limit = time.monotonic() + 30.0
+        limit = time.monotonic() + 120.0
         while not path.exists() or path.stat().st_size < 200_000:
             assert process.poll() is None
             assert time.monotonic() < limit
@@ -336,60 +376,67 @@ def test_killed_run_can_be_read(make_scene, tmp_path):
             np.testing.assert_array_equal(history[name][k], value)
 
 
-def test_uncommitted_bytes_are_ignored(make_scene, tmp_path, caplog):
-    """Whatever a killed writer left behind its last committed block."""
-    scene, path = make_scene(), tmp_path / "run.history"
-    stream(scene, path, 25)._file.close()  # two blocks are committed, no tail
-    whole = path.read_bytes()
-    for rest in (b"BL", b"BLOCK 0000000100 00000000000000001000 00000000", bytes(1000)):
-        path.write_bytes(whole + rest)
-        caplog.clear()
-        with caplog.at_level(logging.INFO, "skfem_cosserat"):
-            history = History.load(path)
-        assert len(history) == 20
-        assert history.status == "killed"
-        assert f"{len(rest)} uncommitted bytes" in caplog.text
-
-
-def test_file_cut_short(make_scene, tmp_path):
+def test_a_transaction_that_a_kill_has_ended_is_taken_back(make_scene, tmp_path):
+    """What the writer began is in the journal beside the file."""
     scene, path = make_scene(), tmp_path / "run.history"
     writer = stream(scene, path, 25)
+    with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as db:
+        db.execute("PRAGMA cache_size = 1")  # pages go into the file before the end
+        db.execute("BEGIN")
+        db.execute("UPDATE blocks SET data = zeroblob(length(data))")
+        journal = tmp_path / "run.history-journal"
+        files = path.read_bytes(), journal.read_bytes()
+    writer._file.close()
+    path.write_bytes(files[0])
+    journal.write_bytes(files[1])
+    history = History.load(path)
+    assert (len(history), history.status) == (20, "killed")
+    assert_equal(scene.history(25), history, 20)
+    journal.write_bytes(files[1])
+    scene.history(3).save(path)  # over such a file
+    assert_equal(scene.history(3), History.load(path))
+
+
+def test_a_reader_leaves_a_living_writer_its_transaction(make_scene, tmp_path):
+    scene, path = make_scene(), tmp_path / "run.history"
+    writer = stream(scene, path, 25)
+    with writer._file._db as db:
+        db.execute("UPDATE blocks SET first = first + 1")
+        assert read_meta(path)["states"] == len(History.load(path)) == 20
+        db.execute("UPDATE blocks SET first = first - 1")
     writer.close()
-    whole = path.read_bytes()
-    blocks = [i for i in range(len(whole)) if whole.startswith(b"BLOCK ", i)]
-    sound = scene.history(25)
-    states = {1: 0, 2: 10, 3: 20, 4: 25}
-    for k, n in states.items():
-        for cut in (blocks[k], blocks[k] + 30):
-            path.write_bytes(whole[:cut])
-            with pytest.raises(HistoryError) as caught:
-                History.load(path)
-            message = str(caught.value)
-            for word in (str(path), f"{cut} bytes found", f"{len(whole)} bytes expected"):
-                assert word in message
-            assert f"recover=True gives {n} states" in message
-            with pytest.warns(IncompleteWarning, match=f"{n} states recovered"):
-                history = History.load(path, recover=True)
-            assert (len(history), history.status) == (n, "killed")
-            assert f"{n} states recovered" in history.meta["warnings"][0]["text"]
-            if n:
-                assert_equal(sound, history, n)
-            with pytest.raises(HistoryError, match="cut short"):
-                read_meta(path)
-    path.write_bytes(whole[: blocks[1] - 1])  # not even the head
-    for recover in (False, True):
-        with pytest.raises(HistoryError, match=r"cut short.*nothing can be recovered"):
-            History.load(path, recover=recover)
+    assert_equal(scene.history(25), History.load(path))
+
+
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
+def test_file_cut_short(make_scene, tmp_path):
+    scene, path = make_scene(), tmp_path / "run.history"
+    stream(scene, path, 25).close()
+    whole, sound, found, lost = path.read_bytes(), scene.history(25), set(), []
+    for cut in range(len(whole) - 8192, 2 * 8192, -8192):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(HistoryError, match=r"run\.history.*damaged"):
+            History.load(path)
+        try:
+            part = History.load(path, recover=True)
+        except HistoryError as error:  # the head is gone
+            lost.append(str(error))
+            continue
+        found.add(len(part))
+        for name, values in part.series.items() if len(part) else ():
+            np.testing.assert_array_equal(values, sound[name][: len(part)])
+    assert found == {0, 10, 20}
+    assert lost and all("nothing can be recovered" in text for text in lost)
 
 
 @pytest.mark.parametrize(
     ("data", "words"),
     [
         (b"", "is empty"),
-        (b"SKFEM", "not a history"),
+        (b"SKFE", "not a history"),
         (b"PK\x03\x04" + bytes(100), "not a history"),
-        (b"SKFEM-COSSERAT HISTORY 2\n" + bytes(100), "version '2'"),
-        (b"SKFEM-COSSERAT HISTORY 1\n", "nothing can be recovered"),
+        (b"SKFEM-COSSERAT HISTORY 1\n" + bytes(100), "version 0.2 and older wrote it"),
+        (b"SQLite format 3\0" + bytes(100), "run.history"),
     ],
 )
 @pytest.mark.parametrize("recover", [False, True])
@@ -403,35 +450,15 @@ def test_not_our_file(tmp_path, data, words, recover):
         History.load(tmp_path / "missing")
 
 
-# each damaged file gives a warning of its own
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
-def test_every_flipped_byte_is_noticed(tmp_path):
-    """And costs no more than the block it is in."""
+def test_another_database_and_another_version(tmp_path):
     path = tmp_path / "run.history"
-    with HistoryWriter({"step": 0.1}, {"a": np.arange(2.0)}, path, block=1) as writer:
-        for k in range(3):
-            writer.append({"t": 0.1 * k, "step": k, "q": np.zeros(1), "p": np.ones(1)})
-    whole = path.read_bytes()
-    blocks = [i for i in range(len(whole)) if whole.startswith(b"BLOCK ", i)]
-    for i in range(len(whole)):
-        for bit in (1, 128):
-            path.write_bytes(whole[:i] + bytes([whole[i] ^ bit]) + whole[i + 1 :])
-            with pytest.raises(HistoryError, match=r"run\.history"):
-                History.load(path)
-            if i < MAGIC or HEAD <= i < blocks[1]:
-                continue
-            with pytest.warns(IncompleteWarning, match="states recovered"):
-                part = History.load(path, recover=True)
-            lost = [k for k in range(3) if blocks[k + 1] <= i < blocks[k + 2]]
-            assert part["step"].tolist() == [k for k in range(3) if k not in lost]
-            assert part.meta.get("missing", []) == [[k, k] for k in lost]
-            assert part.status == ("completed" if i < blocks[4] else "killed")
-
-
-def flipped(path, place):
-    data = bytearray(path.read_bytes())
-    data[place] ^= 4
-    path.write_bytes(data)
+    changed(path, "CREATE TABLE a (b)")
+    with pytest.raises(HistoryError, match="another SQLite database"):
+        History.load(path)
+    FileWriter(path, {}, {}).close()
+    changed(path, "PRAGMA user_version = 7")
+    with pytest.raises(HistoryError, match=r"another version: \(\d+, 7\), not \(\d+, 1\)"):
+        History.load(path)
 
 
 def long_history(states, instants=20_000):
@@ -455,85 +482,76 @@ def long_history(states, instants=20_000):
     return History(meta, static, series, sensors)
 
 
-def test_a_flipped_bit_takes_at_most_a_hundred_states(tmp_path):
+# each damaged file gives a warning of its own
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
+@pytest.mark.parametrize("seed", range(3))
+def test_no_damage_gives_a_wrong_number(tmp_path, seed):
+    """Single bits, runs of zeros, pages that stand elsewhere: what is read is right, or refused."""
+    path, history = tmp_path / "run.history", long_history(1030, 9000)
+    history.add_series("label", np.full(1030, "äb"))
+    history.save(path)
+    whole, rng = path.read_bytes(), np.random.default_rng(seed)
+    refused = 0
+    for _ in range(170):
+        data, place = bytearray(whole), int(rng.integers(len(whole)))
+        kind = rng.integers(4)
+        if kind == 0:
+            data[place] ^= 1 << rng.integers(8)
+        elif kind == 1:
+            data[place : place + 600] = bytes(len(data[place : place + 600]))
+        elif kind == 2:
+            other = 4096 * int(rng.integers(len(whole) // 4096))
+            page = place // 4096 * 4096
+            data[page : page + 4096] = whole[other : other + 4096]
+        else:
+            del data[place:]
+        path.write_bytes(data)
+        for recover in (False, True):
+            try:
+                part = History.load(path, recover)
+                for name in part.series if len(part) else ():
+                    np.testing.assert_array_equal(part[name], history[name][part["step"]])
+                assert recover or len(part) == 1030
+                for name, array in part.static.items():
+                    assert np.array_equal(array, history.static[name])
+                seen = part.sensors.get("tip")
+                assert seen is None or np.array_equal(seen.values[:, 1], 2 * seen.times)
+            except HistoryError as error:  # no other one
+                refused += not recover and "run.history" in str(error)
+    assert refused > 100
+
+
+def test_damage_takes_at_most_a_hundred_states(tmp_path):
     path, history = tmp_path / "run.history", long_history(1030)
     history.save(path)
-    whole = path.read_bytes()
-    assert_equal(history, History.load(path))
-    for place in range(60, len(whole), len(whole) // 23):
-        path.write_bytes(whole)
-        flipped(path, place)
-        with pytest.raises(HistoryError, match=r"recover=True gives (9|10)\d\d states"):
-            History.load(path)
-        with pytest.warns(IncompleteWarning, match=r"run\.history.*states recovered"):
-            part = History.load(path, recover=True)
-        assert 930 <= len(part) <= 1030
-        kept = part["step"]
-        assert np.array_equal(part["q"], history["q"][kept])
-        lost = sorted(set(range(1030)) - set(kept.tolist()))
-        ranges = part.meta.get("missing", [])
-        assert [k for a, b in ranges for k in range(a, b + 1)] == lost
-        (second,) = [start for start, _ in part.segments if start]
-        assert part["step"][second] == max(650, 700 * (650 in lost))
-        assert part["step"][part.events[0].row] == (649 if 649 not in lost else 599)
-        seen = part.sensors["tip"]
-        assert len(seen.times) >= 20_000 - 4096
-        assert np.array_equal(seen.values[:, 1], 2 * seen.times)
-        assert part.static["outline"].tolist() == list(range(8))
+    changed(
+        path, "UPDATE blocks SET data = zeroblob(length(data)) WHERE first = 600 AND name = 'q'"
+    )
+    for name in ("x", "t"):
+        changed(path, f"UPDATE blocks SET crc = 1 WHERE first = 8192 AND name = 'tip/{name}'")
+    with pytest.warns(IncompleteWarning, match=r"run\.history.*930 states recovered"):
+        part = History.load(path, recover=True)
+    assert np.array_equal(part["step"], [*range(600), *range(700, 1030)])
+    assert part.meta["missing"] == [[600, 699]]
+    (second,) = [start for start, _ in part.segments if start]
+    assert part["step"][second] == 700
+    assert part["step"][part.events[0].row] == 599
+    seen = part.sensors["tip"]
+    assert len(seen.times) == 20_000 - 4096
+    assert np.array_equal(seen.values[:, 1], 2 * seen.times)
+    assert part.static["outline"].tolist() == list(range(8))
 
 
 def test_it_is_said_which_states_are_missing(tmp_path):
     path = tmp_path / "run.history"
     long_history(1000).save(path)
-    data = path.read_bytes()
-    blocks = [i for i in range(len(data)) if data.startswith(b"BLOCK ", i)]
-    flipped(path, blocks[4] + 8)  # in the header of the fourth block of states
-    flipped(path, blocks[8] - 8)  # in the numbers of the seventh
+    changed(path, "UPDATE blocks SET shape = '[' WHERE first = 300 AND name = 'p'")
+    changed(path, "DELETE FROM blocks WHERE first = 600")
     with pytest.warns(IncompleteWarning) as said:
         History.load(path, recover=True)
     text = str(said[0].message)
-    assert "800 states recovered, missing: states 300 to 399 (after t = 2.99 and before t" in text
+    assert "800 states recovered, missing: states 300 to 399 (next to t = 2.99 and 4)" in text
     assert "states 600 to 699" in text
-
-
-def test_files_of_the_first_version_still_load(tmp_path):
-    """Their blocks do not say which states they hold."""
-    from skfem_cosserat.history.file import FileWriter
-
-    path, rows = tmp_path / "run.history", np.arange(30)
-    writer = FileWriter(path)
-    writer.append({"kind": "head", "meta": {"status": "running"}}, {})
-    for part in np.split(rows, 3):
-        values = {"t": part * 0.1, "step": part, "q": np.ones((10, 2)), "p": np.ones((10, 2))}
-        writer.append({"kind": "rows", "rows": 10}, values)
-    writer.append({"kind": "tail", "status": "completed", "meta": {"steps": 29}}, {})
-    writer.close()
-    history = History.load(path)
-    assert history["step"].tolist() == rows.tolist()
-    assert (history.status, history.meta["steps"]) == ("completed", 29)
-    data = path.read_bytes()
-    blocks = [i for i in range(len(data)) if data.startswith(b"BLOCK ", i)]
-    flipped(path, blocks[2] + 80)
-    with pytest.warns(IncompleteWarning, match=r"an unknown number of states \(after t = 0.9 and"):
-        part = History.load(path, recover=True)
-    assert part["step"].tolist() == [*range(10), *range(20, 30)]
-
-
-def rewritten(path, data, k, change):
-    """Block `k` of a file with its header and payload changed, and sums that fit."""
-    import zlib
-
-    blocks = [i for i in range(len(data)) if data.startswith(b"BLOCK ", i)] + [len(data)]
-    line = data[blocks[k] : blocks[k] + 56].split()
-    size = int(line[1])
-    text, payload = change(
-        data[blocks[k] + 56 : blocks[k] + 56 + size], data[blocks[k] + 56 + size : blocks[k + 1]]
-    )
-    sums = len(text), len(payload), zlib.crc32(text), zlib.crc32(payload)
-    block = b"BLOCK %010d %020d %08x %08x\n" % sums + text + payload
-    out = data[: blocks[k]] + block + data[blocks[k + 1] :]
-    digits = b"%020d" % len(out)
-    path.write_bytes(out[:MAGIC] + b"%s %08x\n" % (digits, zlib.crc32(digits)) + out[HEAD:])
 
 
 def looked_at(history):
@@ -546,42 +564,45 @@ def looked_at(history):
     return len(history.segments), len(history.events), repr(history), history.meta
 
 
+def summed(path):
+    """Sums of a file anew, as whoever changed it may compute them."""
+    with contextlib.closing(sqlite3.connect(path)) as db, db:
+        columns = "id, data, kind, name, first, rows, dtype, shape"
+        for key, data, *own in db.execute(f"SELECT {columns} FROM blocks").fetchall():
+            crc = zlib.crc32(data, zlib.crc32(" ".join(map(str, own)).encode()))
+            db.execute("UPDATE blocks SET crc = ? WHERE id = ?", [crc, key])
+        db.execute("UPDATE sqlite_sequence SET seq = (SELECT count(*) FROM blocks)")
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_damage_with_right_sums_gives_one_kind_of_error(tmp_path, seed):
-    """Bits, bytes, words and values of headers, by whoever computed the sums anew."""
+    """Values of another kind in any column, bytes in numbers and in JSON, rows left out."""
     rng = np.random.default_rng(seed)
     path, history = tmp_path / "run.history", long_history(110, 9)
     history.add_series("label", np.full(110, "äb"))
     history.add_series("flag", np.arange(110) % 2 == 0)
     history.save(path)
-    data = path.read_bytes()
-    words = [b"null", b"-1", b"1e400", b"[]", b"{}", b'"x"', b"true", b"9" * 400, b"[" * 3000]
-
-    def change(text, payload):
-        kind = rng.integers(5)
-        if kind == 0 and payload:
-            bad = bytearray(payload)
-            for _ in range(20):
-                bad[rng.integers(len(bad))] = rng.integers(256)
-            return text, bytes(bad)
-        if kind == 1:
-            bad = bytearray(text)
-            bad[rng.integers(len(bad))] ^= 1 << rng.integers(8)
-            return bytes(bad), payload
-        tokens = re.findall(rb'"[^"]*"|[\w.+-]+|\W', text)
-        places = [k for k, token in enumerate(tokens) if re.match(rb'["\w-]', token)]
-        one, two = rng.choice(places, 2)
-        if kind == 2:
-            tokens[one], tokens[two] = tokens[two], tokens[one]
-        elif kind == 3:
-            tokens[one] = words[rng.integers(len(words))]
-        else:
-            del tokens[one : one + rng.integers(1, 4)]
-        return b"".join(tokens), payload
-
-    refused = 0
+    whole, refused = path.read_bytes(), 0
+    odd = [None, -1, 2**62, 1e300, "", "[]", "null", "[-1]", "[99999999999]", "<f4", "{}", b"x"]
+    columns = ("kind", "name", "first", "rows", "dtype", "shape", "data")
     for _ in range(120):
-        rewritten(path, data, rng.integers(data.count(b"BLOCK ")), change)
+        path.write_bytes(whole)
+        column = columns[rng.integers(7)]
+        key = int(rng.integers(1, 18))
+        if rng.random() < 0.5:
+            value = odd[rng.integers(12)]
+            changed(path, f"UPDATE blocks SET {column} = ? WHERE id = {key}", value)
+        elif column == "data":
+            with contextlib.closing(sqlite3.connect(path)) as db:
+                (old,) = db.execute(f"SELECT data FROM blocks WHERE id = {key}").fetchone()
+            bad = bytearray(old)
+            for _ in range(3):
+                bad[rng.integers(len(bad))] = rng.integers(32, 127)
+            changed(path, f"UPDATE blocks SET data = ? WHERE id = {key}", bytes(bad))
+        else:
+            changed(path, f"DELETE FROM blocks WHERE id = {key}")
+        with contextlib.suppress(TypeError):
+            summed(path)
         for recover in (False, True):
             try:
                 with warnings.catch_warnings():
@@ -598,18 +619,20 @@ def test_damage_with_right_sums_gives_one_kind_of_error(tmp_path, seed):
 @pytest.fixture
 def disk(monkeypatch):
     """A disk that takes so many more bytes; ``disk(None)`` takes all."""
-    from skfem_cosserat.history.file import FileWriter
+    append, left = FileWriter.append, [np.inf]
 
-    write, left = FileWriter._write, [np.inf]
+    def limited(self, *block):
+        if left[0] < 8192:
+            raise OSError(28, os.strerror(28))
+        (pages,) = self._db.execute("PRAGMA page_count").fetchone()
+        pages *= block[0] != "static"  # a new file
+        self._db.execute(f"PRAGMA max_page_count = {pages + int(min(left[0], 2**40)) // 8192}")
+        try:
+            append(self, *block)
+        finally:
+            left[0] -= 8192 * (self._db.execute("PRAGMA page_count").fetchone()[0] - pages)
 
-    def limited(self, offset, data):
-        fits = int(min(left[0], len(data)))
-        write(self, offset, data[:fits])  # part of it is written, as in truth
-        left[0] -= fits
-        if fits < len(data):
-            raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(FileWriter, "_write", limited)
+    monkeypatch.setattr(FileWriter, "append", limited)
     return lambda size: left.__setitem__(0, np.inf if size is None else size)
 
 
@@ -701,7 +724,7 @@ def falling():
     return model.freeze(), {"place": sc.SensorPosition(ball.place())}
 
 
-@pytest.mark.parametrize("part", [0.3, 0.6, 0.999, 1.5])
+@pytest.mark.parametrize("part", [0.5, 0.9, 0.999, 1.5])
 def test_a_run_on_a_full_disk_keeps_its_history(tmp_path, disk, part):
     """In a step, at the end, and when all is written again with energies."""
     system, sensors = falling()
@@ -709,11 +732,11 @@ def test_a_run_on_a_full_disk_keeps_its_history(tmp_path, disk, part):
 
     def run(**more):
         return sc.simulate(
-            system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 2.0, sensors=sensors, **more
+            system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 2.4, sensors=sensors, **more
         )
 
-    truth = run(path=path, derive=False)
-    disk(int(part * path.stat().st_size))
+    truth = run(path=path.with_name("truth.history"), derive=False)
+    disk(int(part * (tmp_path / "truth.history").stat().st_size))
     with pytest.raises(StorageError, match="No space left on device") as caught:
         run(path=path)
     history = caught.value.history
@@ -722,8 +745,8 @@ def test_a_run_on_a_full_disk_keeps_its_history(tmp_path, disk, part):
         disk(None)
         kept = len(sc.History.load(path))
         assert f"; {kept} states are in the file, all states" in str(caught.value)
-    whole = len(history) == 201
-    assert whole == (part > 0.9) and "energy" in history
+    whole = len(history) == 241
+    assert whole == (part > 0.8) and "energy" in history
     assert history.status == ("completed" if whole else "failed")
     assert len(history) > 50
     assert np.array_equal(history["q"], truth["q"][: len(history)])
@@ -737,7 +760,7 @@ def test_a_path_on_a_full_disk_keeps_its_points(tmp_path, disk):
     box = model.add("box", sc.RigidBody.box(1.0, (1, 1, 1)))
     model.add("bed", sc.Bushing(sc.ground((0, 0, 0)), box.at((0, 0, 0)), 100 * np.eye(6)))
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    disk(8_000)
+    disk(45_000)
     with pytest.raises(StorageError) as caught:
         sc.static(model.freeze(), sc.NullSpace(), path=tmp_path / "path.history")
     assert caught.value.history["load_factor"][-1] == 1.0
@@ -748,8 +771,8 @@ def test_a_file_that_cannot_be_begun_leaves_what_was_there(tmp_path, disk):
     old, new = tmp_path / "old.history", tmp_path / "new.history"
     old.touch()  # or a device, such as /dev/full
     for path in (old, new):
-        with pytest.raises(InputError, match="cannot be written"):
-            file.FileWriter(path)
+        with pytest.raises(InputError, match="cannot be written: No space left"):
+            HistoryWriter({}, {}, path)
     assert old.exists() and not new.exists()
 
 
@@ -778,24 +801,13 @@ def test_a_limit_of_the_system(make_scene, tmp_path):
 
     scene, path = make_scene(), tmp_path / "run.history"
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (90_000, limits[1]))
     try:
-        with pytest.raises(StorageError, match=r"run\.history.*at t = 2\.?.*: File too large"):
+        with pytest.raises(StorageError, match=r"run\.history.*at t = 2.*: disk I/O error"):
             stream(scene, path, 40).close()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert len(History.load(path)) == 10
-
-
-def test_each_block_of_a_long_history_is_read_once(tmp_path, monkeypatch):
-    read, times = file._arrays, []
-    monkeypatch.setattr(file, "_arrays", lambda *a: times.append(a[1].start) or read(*a))
-    with HistoryWriter({}, {}, tmp_path / "run.history") as writer:
-        q = np.zeros(250)
-        for k in range(5000):
-            writer.append({"t": 0.1 * k, "step": k, "q": q, "p": q})
-    assert len(History.load(tmp_path / "run.history")) == 5000
-    assert len(set(times)) == len(times) >= 50
 
 
 @pytest.mark.parametrize(
@@ -814,28 +826,3 @@ def test_runs_of_huge_numbers_are_refused_at_once(change, words):
         sc.simulate(
             system, sc.EnergyMomentum(), sc.NullSpace(), **{"step": 0.1, "until": 0.5} | change
         )
-
-
-def test_a_history_of_version_0_1_is_read_and_gone_on_with():
-    """data/run_of_0.1.history: the scene below, five steps, written by the last commit of 0.1."""
-    model = sc.Model()
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
-    section = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.3, inertia=(2e-3, 3e-3))
-    rod = model.add("rod", sc.Beam(mesh, section, director=(0, 0, 1)))
-    pin = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
-    model.add("pin", pin)
-    model.add("gravity", sc.LoadGravity((0.3, -9.81, 0)))
-    system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace(), 1e-2)
-    old = History.load(Path(__file__).parents[1] / "data" / "run_of_0.1.history")
-    assert old.meta["versions"]["skfem_cosserat"] == "0.1.0" and len(old) == 6
-    new = sc.simulate(system, *scheme, 0.05, kernels="numpy")
-    before = [name for name in old.series if name != "constraint_point"]  # forces at midpoints
-    since = ("at_jump", "doubtful_step")
-    assert [name for name in new.series if name not in since] == before
-    assert np.allclose(new["q"], old["q"], rtol=0, atol=1e-12)
-    end = rod.node("rod.end")
-    assert np.allclose(new.position(end), old.position(end), rtol=0, atol=1e-12)
-    start = sc.restart(system, old, *scheme[::2])
-    on = sc.simulate(system, *scheme, 0.1, start=start, kernels="numpy")
-    whole = sc.simulate(system, *scheme, 0.1, kernels="numpy")
-    assert np.allclose(on["q"][-1], whole["q"][-1], rtol=0, atol=1e-11)
