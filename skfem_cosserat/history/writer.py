@@ -133,12 +133,10 @@ class HistoryWriter:
         """
         self._check_open()
         values = {k: series_numbers(value, f"row entry {k!r}")[None] for k, value in row.items()}
-        if not self._rows:
-            self._begin(values)
         self.extend(values)
 
     def extend(self, rows: Mapping[str, Array]) -> None:
-        """Record several states, after a first one (copied).
+        """Record several states (copied).
 
         Parameters
         ----------
@@ -151,6 +149,8 @@ class HistoryWriter:
             Naming the entry that does not fit the first row, or if the writer is closed.
         """
         self._check_open()
+        if not self._rows:
+            self._begin(rows)
         self._check(rows)
         done, count = 0, len(rows["t"])
         while done < count:
