@@ -152,7 +152,6 @@ class Block(Sequence["StepReport"]):
         """Block of a single step from a state to another one."""
         assert state.made_by is not None
         none = np.zeros(0, dtype=np.int64)
-        numbers = (np.array([each]) for each in (iterations, attempts, residual))
         return cls(
             system,
             integrator,
@@ -166,15 +165,17 @@ class Block(Sequence["StepReport"]):
             (none if state.turns is None else state.turns)[None],
             ground[None],
             impulse.reshape(1, -1),
-            *numbers,
+            np.array([iterations]),
+            np.array([attempts]),
+            np.array([residual]),
             np.array([work]),
-            by_motion=by_motion,
+            by_motion,
         )
 
     @classmethod
     def joined(cls, blocks: Sequence[Block]) -> Block:
         """One block of all steps of some blocks that follow each other."""
-        arrays = {
+        arrays: dict[str, Any] = {
             name: np.concatenate([getattr(block, name) for block in blocks])
             for name in blocks[0]._arrays
         }
@@ -234,7 +235,7 @@ class Block(Sequence["StepReport"]):
         """Block of the steps from number `first` up to that before number `last`."""
         if (first, last) == (0, len(self)):
             return self
-        arrays = {name: getattr(self, name)[first:last] for name in self._arrays}
+        arrays: dict[str, Any] = {name: getattr(self, name)[first:last] for name in self._arrays}
         stages = self.stages
         if stages is not None:
             each = len(stages) // len(self)

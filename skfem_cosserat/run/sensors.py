@@ -725,7 +725,7 @@ class SensorBank:
 
     def _values(self, name: str, sensor: Sensor, window: Window) -> Floats:
         """What a sensor sees; NaN where its joint has been released."""
-        here = {each.name for each in self.system.joints}
+        here = {each.name for each in window.system.joints}
         gone = [
             each for each in sensor.items() if isinstance(each, Joint) and each.name not in here
         ]

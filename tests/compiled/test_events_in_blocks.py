@@ -169,52 +169,19 @@ def test_loads_that_change_are_those_of_steps_that_are_solved_anew(blocks, integ
 
 
 @pytest.mark.parametrize("name", ["nothing", CHANGING])
-def test_the_first_block_of_all_is_taken_back(name):
-    """With its loads, which were unknown before."""
+def test_a_stepper_goes_on_from_within_a_block(name):
+    """As one that has not solved the steps behind, but for what Newton's method begins with."""
     system = scene(MORE[name][0])
     own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
     one, many = (Stepper(*own, kernels="numba") for _ in range(2))
     alone = start = sc.initial_state(system)
-    report = many.advance_block(start, 20, every=True, mark=True)
-    state = report.part(6).state
-    many.rewind(report, 7)
+    state = many.advance_block(start, 20)[6].state
     for k in range(12):
         alone = one.advance(alone).state
         if k >= 7:
             state = many.advance(state).state
-    np.testing.assert_array_equal(state.q, alone.q)
-    np.testing.assert_array_equal(state.p, alone.p)
-
-
-def test_the_last_marked_steps_alone_are_taken_back():
-    """An older report began elsewhere; at least one of its steps stays."""
-    system = scene(MORE["nothing"][0])
-    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, kernels="numba")
-    old = stepper.advance_block(sc.initial_state(system), 10, every=True, mark=True)
-    new = stepper.advance_block(old.state, 10, every=True, mark=True)
-    with pytest.raises(sc.InputError, match="others have been solved since"):
-        stepper.rewind(old, 5)
-    for steps in (0, 11, 1.5):
-        with pytest.raises(sc.InputError, match="argument steps"):
-            stepper.rewind(new, steps)
-    stepper.rewind(new, 5)
-
-
-@pytest.mark.slow
-def test_a_stored_energy_is_taken_back_with_what_it_knows():
-    system = rod_of(compiled_law())
-    own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
-    one, many = (Stepper(*own, kernels="numba") for _ in range(2))
-    alone = state = sc.initial_state(system)
-    for _ in range(3):
-        report = many.advance_block(state, 9, every=True, mark=True)
-        assert report.steps > 4
-        state = report.part(3).state
-        many.rewind(report, 4)
-    for _ in range(12):
-        alone = one.advance(alone).state
-    np.testing.assert_array_equal(state.q, alone.q)
-    np.testing.assert_array_equal(many.advance(state).state.q, one.advance(alone).state.q)
+    np.testing.assert_allclose(state.q, alone.q, atol=1e-10)
+    np.testing.assert_allclose(state.p, alone.p, atol=1e-10 * abs(alone.p).max() / 1e-3)
 
 
 def compiled_law():
@@ -264,35 +231,6 @@ def test_a_copy_of_a_view_does_without_kernels():
         *(system, sc.EnergyMomentum(), sc.NullSpace(), H, 20 * H), kernels="numba", events=events
     )
     assert len(found) > 10 and all(found)
-
-
-def test_an_error_in_a_block_that_is_taken_back_is_not_forgotten():
-    failures = []
-
-    def force(t):
-        if t > 0.0182 and not failures:
-            failures.append(t)
-            raise ConnectionError("no wind today")
-        return t
-
-    def add(model, rod, pin, end):
-        model.add("f", sc.LoadForce(end, (0, 0.1, 0), force))
-
-    system = scene(add)
-    own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
-    one, many = (Stepper(*own, kernels="numba") for _ in range(2))
-    alone = sc.initial_state(system)
-    report = many.advance_block(alone, 30, every=True, mark=True)
-    assert report.steps == 18 and failures
-    many.rewind(report, 12)
-    state = report.part(11).state
-    for _ in range(18):
-        alone = one.advance(alone).state
-    while state.index < 18:
-        state = many.advance_block(state, 20, time=lambda n: 1e-3 * n).state
-    np.testing.assert_allclose(state.q, alone.q, atol=1e-12)
-    with pytest.raises(sc.InputError, match="no wind today"):
-        many.advance(state)
 
 
 def test_a_number_that_only_dips_below_zero(blocks):
@@ -479,31 +417,6 @@ def test_numbers_that_come_near_to_zero():
     assert comes_near(1.0, 0.1, 1.0)
 
 
-@treatments
-@integrators
-def test_steps_are_taken_back(integrator, treatment):
-    """A stepper goes on as one that has not solved the steps behind; without it, it does not."""
-    system, _ = swinging_rod()
-    given = system, INTEGRATORS[integrator], TREATMENTS[treatment], H
-    steppers = [Stepper(*given, kernels="numba") for _ in range(3)]
-    states = [s.own(sc.initial_state(system)) for s in steppers]
-    for _ in range(5):
-        states = [s.advance(state).state for s, state in zip(steppers, states, strict=True)]
-    for _ in range(4):
-        states[0] = steppers[0].advance(states[0]).state
-    reports = [s.advance_block(states[1], 20, every=True, mark=True) for s in steppers[1:]]
-    assert reports[0].steps == 20
-    first = reports[0].first(4)
-    assert first.steps == 4 and first.state.index == 9
-    np.testing.assert_array_equal(first.state.q, states[0].q)
-    steppers[1].rewind(reports[0], 4)
-    assert steppers[0].factorisations == steppers[1].factorisations
-    one, back, not_back = (s.advance(states[0]) for s in steppers)
-    for name in ("momentum", "constraint_force", "residual", "iterations"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(back, name))
-    assert not np.array_equal(one.constraint_force, not_back.constraint_force)
-
-
 @pytest.mark.parametrize("at", [0.0711, 0.15])
 def test_what_was_before_an_error_is_kept(blocks, at):
     """Of a function of a user, in a block: the history up to the state before it."""
@@ -525,17 +438,3 @@ def test_what_was_before_an_error_is_kept(blocks, at):
     np.testing.assert_array_equal(one.times, many.times)
     for name in ("q", "carried", "work_loads"):
         np.testing.assert_array_equal(one[name], many[name])
-
-
-def test_only_the_last_steps_are_taken_back():
-    """In words where they were not marked, or others came after them; one step is all there is."""
-    system, _ = swinging_rod()
-    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), H, kernels="numba")
-    report = stepper.advance(stepper.own(sc.initial_state(system)))
-    stepper.rewind(report, 1)
-    marked = stepper.advance_block(report.state, 10, every=True, mark=True)
-    after = stepper.advance(marked.state)
-    plain = stepper.advance_block(after.state, 10, every=True)
-    for each in (marked, plain):
-        with pytest.raises(sc.InputError, match="not taken with mark=True, or others have been"):
-            stepper.rewind(each, 5)

@@ -20,7 +20,7 @@ from test_tangents import TOLERANCE, Step, worst
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper, diagnostics
 from skfem_cosserat.integrators import StepOrigin
-from skfem_cosserat.integrators.report import Code, Failure
+from skfem_cosserat.integrators.block import Code, Failure
 
 SCHEMES = {
     "alpha": sc.GeneralizedAlpha(0.7, stabilized=False),
