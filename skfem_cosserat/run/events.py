@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import inf, isfinite
+from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,31 +36,12 @@ from .sensors import View, Window
 LOCATED = 1e-10
 #: steps that are tried to find the lowest point of a number within a step
 TRIALS = 12
-#: of the step: lowest points that are closer are the same
-SAME = 1e-5
-#: of the lowest value known: what is not predicted to be below this part of it is not tried
-FLAT = 0.99
 #: how far a parabola may be wrong, of its second difference over a step and of the step: as much
 #: if the third derivative, times the step, is as large as the second one
 WRONG, ASIDE = 0.15, 0.2
 
 #: number at the end of a step of this size (s), and the step
 Trial = Callable[[float], tuple[float, Block]]
-
-
-class TimedValue(NamedTuple):
-    """A number at a time after the start of a step (s), before it if negative."""
-
-    t: float
-    f: float
-
-
-class Vertex(NamedTuple):
-    """Lowest point of a parabola, and half its second derivative."""
-
-    t: float
-    f: float
-    second: float
 
 
 class Bracket(NamedTuple):
@@ -70,84 +51,63 @@ class Bracket(NamedTuple):
     ----------
     side : int
         Sign of the number before it.
-    a, b : TimedValue
-        Before and after it, positive before it: times `side`.
+    a, b : (float, float)
+        Time (s) after the start of the step, and number times `side`, before and after it.
     best : Block
         The step to `b`.
     """
 
     side: int
-    a: TimedValue
-    b: TimedValue
+    a: tuple[float, float]
+    b: tuple[float, float]
     best: Block
 
 
 def located(bracket: Bracket, trial: Trial, width: float) -> Block:
     """The step to the first state known to be past a zero, to a width (s)."""
-    _, (a, fa), (b, fb), best = bracket
-    kept = 0
-    while b - a > width:
-        # false position, with a bisection where it gets stuck on one side
-        c = 0.5 * (a + b) if kept > 2 else b - fb * (b - a) / (fb - fa)
-        c = min(max(c, a + 0.5 * width), b - 0.5 * width)
-        found, report = trial(c)
-        if found > 0:
-            kept = kept + 1 if kept > 0 else 1
-            a, fa = c, found
-            fb = fb / 2 if kept > 1 else fb  # the Illinois rule
-        else:
-            kept = kept - 1 if kept < 0 else -1
-            b, fb, best = c, found, report
-            fa = fa / 2 if kept < -1 else fa
-        kept = 3 if abs(kept) > 3 else kept
-    return best
+    from scipy.optimize import brentq  # slow to import, seldom needed
+
+    known, passed = dict([bracket.a, bracket.b]), {bracket.b[0]: bracket.best}
+
+    def number(size: float) -> float:
+        if size not in known:
+            known[size], block = trial(size)
+            if known[size] <= 0:
+                passed[size] = block
+        return known[size]
+
+    if bracket.b[1] < 0:
+        brentq(number, bracket.a[0], bracket.b[0], xtol=width / 2, rtol=4 * np.finfo(float).eps)
+    return passed[min(passed)]
 
 
-def dip(
-    trial: Trial, start: TimedValue, end: TimedValue, before: TimedValue | None
-) -> tuple[TimedValue, Block] | None:
-    """Where a number that is positive at both ends of a step is negative; None: nowhere.
+class _Below(Exception):
+    """A number is negative inside a step: the time, the number and the step there."""
 
-    The parabola through its values says where it is lowest. Only if it reaches zero there, or may
-    by what it is wrong, steps are tried: at the lowest points of parabolas through values nearby.
 
-    Parameters
-    ----------
-    trial : Trial
-    start, end : Point
-        Of the step.
-    before : Point or None
-        An earlier one. None: the middle of the step is tried instead.
+def dip(trial: Trial, h: float) -> tuple[tuple[float, float], Block] | None:
+    """Size and number where one is negative that is positive at both ends, and the step to there.
+
+    None: nowhere, as far as some steps tell that look for its lowest point.
     """
-    known = [start, end] if before is None else [before, start, end]
-    if before is None:
-        middle, report = _tried(trial, 0.5 * (start.t + end.t))
-        if middle.f < 0:
-            return middle, report
-        known.append(middle)
-    guess, low = _first(known, start, end), min(start, end, key=_height)
-    for _ in range(TRIALS):
-        if guess is None or not start.t < guess.t < end.t:
-            return None
-        if min(abs(guess.t - point.t) for point in known) < SAME * (end.t - start.t):
-            return None
-        point, report = _tried(trial, guess.t)
-        if point.f < 0:
-            return point, report
-        known.append(point)
-        inside = [each for each in known if start.t <= each.t <= end.t]
-        low = min(inside, key=_height)
-        if low in (start, end):  # it falls behind the start, or before the end, if at all
-            guess = _vertex(sorted(known, key=lambda each: abs(each.t - low.t))[:3])
-        else:
-            guess = _vertex(sorted(inside, key=_height)[:3])
-        if guess is not None and guess.f > FLAT * low.f:
-            return None
+    from scipy.optimize import minimize_scalar  # slow to import, seldom needed
+
+    def number(size: float) -> float:
+        found, block = trial(float(size))
+        if found < 0:
+            raise _Below((float(size), found), block)
+        return found
+
+    try:
+        minimize_scalar(number, bounds=(0.0, h), method="bounded", options={"maxiter": TRIALS})
+    except _Below as below:
+        point, block = below.args
+        return point, block
     return None
 
 
 def comes_near(before: Any, start: Any, end: Any, ratio: float = 1.0) -> Any:
-    """Whether a parabola may come so near to zero in a step that :func:`dip` tries parts of it.
+    """True if a parabola through three numbers may come so near to zero in a step that it is tried.
 
     It is ``start - second t^2`` at its lowest point t, which has to be in the step or beside it, by
     at most :data:`ASIDE` of it; there it must be less than :data:`WRONG` of its ``second``. So it
@@ -160,44 +120,12 @@ def comes_near(before: Any, start: Any, end: Any, ratio: float = 1.0) -> Any:
     ratio : float
         Of the size of the step before to this one.
     """
-    return start < 2 * (end - start - (start - before) / ratio) / (1 + ratio)
-
-
-def _first(known: list[TimedValue], start: TimedValue, end: TimedValue) -> Vertex | None:
-    """Where to look first; None: what is known of the step does not come near to zero."""
-    guess, h = _vertex(known), end.t - start.t
-    if guess is None or not guess.f < WRONG * guess.second * h**2:
-        return None
-    at = (guess.t - start.t) / h
-    if not -ASIDE < at < 1 + ASIDE:
-        return None
-    if not 0 < at < 1:
-        at = min(max(at, ASIDE), 1 - ASIDE)
-    return guess._replace(t=start.t + at * h)
+    second = (end - start - (start - before) / ratio) / (1 + ratio)
+    return start < ((1 + ASIDE) ** 2 + WRONG) * second
 
 
 def _sign(value: float) -> int:
     return (value > 0) - (value < 0)
-
-
-def _height(point: TimedValue) -> float:
-    return point.f
-
-
-def _tried(trial: Trial, size: float) -> tuple[TimedValue, Block]:
-    f, report = trial(size)
-    return TimedValue(size, f), report
-
-
-def _vertex(points: list[TimedValue]) -> Vertex | None:
-    """Lowest point of the parabola through three points; None: it has none."""
-    (t0, f0), (t1, f1), (t2, f2) = sorted(points)
-    slope = (f1 - f0) / (t1 - t0)
-    second = ((f2 - f1) / (t2 - t1) - slope) / (t2 - t0)
-    if not 0 < second < inf:
-        return None
-    t = 0.5 * (t0 + t1) - slope / (2 * second)
-    return Vertex(t, f0 + slope * (t - t0) + second * (t - t0) * (t - t1), second)
 
 
 # -- events: what happens when a condition is met, and how it is found in time ---------------------
@@ -572,7 +500,7 @@ class EventMonitor:
         for event in self.events:
             value, side = event.value(view), self._sides[event.name]
             bracket = brackets.get(event.name)
-            if bracket is not None and size > bracket.a.t:
+            if bracket is not None and size > bracket.a[0]:
                 side = bracket.side
             if self._met(event, value, side):
                 self._sides[event.name] = side
@@ -596,20 +524,23 @@ class EventMonitor:
     def _bracket(self, event: Event, trials: _Trials, value: float) -> Bracket | None:
         """Where its number passes through zero in the step to this value; None: nowhere."""
         side, start = self._sides[event.name], self._now[event.name]
-        a, b = TimedValue(0.0, max(start * side, 1e-300)), TimedValue(trials.h, value * side)
+        a, b = (0.0, max(start * side, 1e-300)), (trials.h, value * side)
         if self._met(event, value, side):
             return Bracket(side, a, b, trials.step)
-        if not b.f > 0 or event.condition.monotonic or self._jumps(event, value):
+        if not b[1] > 0 or event.condition.monotonic or self._jumps(event, value):
             return None
-        before = None
-        if len(self._looks) > 1:
-            time, earlier = self._looks[0]
-            c = earlier[event.name]
-            before = TimedValue(time - trials.state.time, side * c)
-            if not comes_near(before.f, a.f, b.f, -before.t / trials.h) or self._jumps(event, c):
-                return None
+        trial = trials.of(event, side)
         try:
-            found = dip(trials.of(event, side), a, b, before)
+            if len(self._looks) > 1:
+                time, earlier = self._looks[0]
+                before, ratio = earlier[event.name], (trials.state.time - time) / trials.h
+                if self._jumps(event, before):
+                    return None
+                near = comes_near(side * before, a[1], b[1], ratio)
+            else:  # the middle stands for the step before
+                middle = trial(trials.h / 2)[0]
+                near = comes_near(a[1], middle, b[1]) or comes_near(b[1], middle, a[1])
+            found = dip(trial, trials.h) if near else None
         except Diverged as error:  # the run itself has got over it
             logger.debug("%s: a part of the step cannot be solved: %s", event.label, error)
             return None
@@ -617,7 +548,7 @@ class EventMonitor:
             return None
         inside, there = found
         if event.direction == side:  # the way back is asked for
-            a, b = (TimedValue(t, -f) for t, f in (inside, b))
+            a, b = ((t, -f) for t, f in (inside, b))
             return Bracket(-side, a, b, trials.step)
         return Bracket(side, a, inside, there)
 
