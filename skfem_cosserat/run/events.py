@@ -34,8 +34,9 @@ from .sensors import View, Window
 
 #: what a time is located to, of the step
 LOCATED = 1e-10
-#: steps that are tried to find the lowest point of a number within a step
-TRIALS = 12
+#: most steps that are tried to find the lowest point of a number within a step, and how close, of
+#: the step, two of them are to each other
+TRIALS, SAME = 16, 1e-5
 #: how far a parabola may be wrong, of its second difference over a step and of the step: as much
 #: if the third derivative, times the step, is as large as the second one
 WRONG, ASIDE = 0.15, 0.2
@@ -99,7 +100,12 @@ def dip(trial: Trial, h: float) -> tuple[tuple[float, float], Block] | None:
         return found
 
     try:
-        minimize_scalar(number, bounds=(0.0, h), method="bounded", options={"maxiter": TRIALS})
+        minimize_scalar(
+            number,
+            bounds=(0.0, h),
+            method="bounded",
+            options={"maxiter": TRIALS, "xatol": SAME * h},
+        )
     except _Below as below:
         point, block = below.args
         return point, block

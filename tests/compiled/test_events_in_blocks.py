@@ -32,13 +32,6 @@ __all__ = ["blocks"]
 H = 2e-3
 
 
-@pytest.fixture(autouse=True)
-def _small(monkeypatch):
-    """Blocks that begin after few steps, however near events are to each other."""
-    monkeypatch.setattr(step_size, "ALONE", 3)
-    monkeypatch.setattr(step_size, "APART", 0)
-
-
 def alone(*given, **options):
     """The same run, of which a callback gets each step."""
     return run(*given, callbacks=[lambda report: None], **options)
