@@ -137,9 +137,9 @@ def advance(stepper: Stepper, state: Any, steps: int) -> Run:
     iterations, done, before = 0, 0, stepper.factorisations
     begun = time.process_time()
     while done < steps:
-        report = stepper.advance_block(state, steps - done)
-        state, done = report.state, done + report.steps
-        iterations += report.all_iterations
+        block = stepper.advance_block(state, steps - done)
+        state, done = block.state, done + len(block)
+        iterations += int(block.iterations.sum())
     seconds = time.process_time() - begun
     return Run(seconds, iterations, stepper.factorisations - before, state)
 

@@ -687,7 +687,7 @@ def bound_carried(
     rates: tuple[int, int, int] = (0, 0, 0),
     nearest: Sequence[Any] | None = None,
     normal: Floats | None = None,
-    most: tuple[int, int] = (3, 1),
+    most: int = 1,
     viscous: Floats | None = None,
 ) -> tuple[Any, dict[str, Any]]:
     """Structure of the arrays that are carried from step to step, and these arrays by name.
@@ -703,8 +703,8 @@ def bound_carried(
         momentum (rows, 3) that it takes, the velocity (rows, 3) that it gives.
     normal : (3,) array, optional
         Of the plane in which all stays.
-    most : (int, int)
-        Steps whose states are kept, and most steps in one go.
+    most : int
+        Most steps in one go.
     viscous : (k, numbers) array, optional
         Numbers of groups of viscous elements.
     """
@@ -735,10 +735,10 @@ def bound_carried(
         # where the iteration has impulses of constraint rows in R
         "closing": arrays["closing"] if len(coordinates.left_rows) else none,
         "moved_force": np.zeros(1),
-        **{f"log_{name}": np.empty((most[0], rows, 3)) for name in ("q", "p", "impulse")},
-        "log_rates": np.empty((most[0], count * rows, 3)),
-        "log_turns": np.empty((most[0], len(arrays["coupled"]))),
-        "log_numbers": np.empty((most[1], len(LOGGED))),
+        **{f"log_{name}": np.empty((most, rows, 3)) for name in ("q", "p", "impulse")},
+        "log_rates": np.empty((most, count * rows, 3)),
+        "log_turns": np.empty((most, len(arrays["coupled"]))),
+        "log_numbers": np.empty((most, len(LOGGED))),
         "viscous": np.zeros((0, len(NUMBERS))) if viscous is None else viscous,
     }
     return structures.structure("carried", fields), fields

@@ -24,18 +24,18 @@ SHARE, WORTH, ENDS, REACH, VISCOUS_WORK = range(18, 23)
 #: extrapolated (0, 1, 2), and how many are known; work of the loads (J). Of several steps in one
 #: go: how many are asked for and done, and matrices factored in all; how far coordinates of closed
 #: loops may go before their rows are looked at, and how far they went since. Energy that moved
-#: velocities took in a step (J), and whether velocities are still to be moved; of how many steps,
-#: the last ones, states and impulses are kept; whether each step has loads of its own. Works (J) of
-#: actuators, lost, and of the ground through force elements; the part of the scheme in what is lost
+#: velocities took in a step (J), and whether velocities are still to be moved; whether each step
+#: has loads of its own. Works (J) of actuators, lost, and of the ground through force elements; the
+#: part of the scheme in what is lost
 RECORD = (
     *LOOP,
     *("start", "known", "work", "asked", "done", "all_factored"),
-    *("clearance", "travelled", "taken", "unmoved", "states", "varying"),
+    *("clearance", "travelled", "taken", "unmoved", "varying"),
     *("actuators", "dissipated", "ground", "numerical"),
 )
 GUESS, KNOWN, WORK, ASKED, DONE, ALL_FACTORED = range(9, 15)
-CLEARANCE, TRAVELLED, TAKEN, UNMOVED, STATES, VARYING = range(15, 21)
-ACTUATORS, DISSIPATED, BY_GROUND, BY_SCHEME = range(21, 25)
+CLEARANCE, TRAVELLED, TAKEN, UNMOVED, VARYING = range(15, 20)
+ACTUATORS, DISSIPATED, BY_GROUND, BY_SCHEME = range(20, 24)
 #: what is kept of these numbers for each of the steps in one go; works as in `StepWork`
 LOGGED = ITERATIONS, RESIDUAL, WORK, ACTUATORS, DISSIPATED, BY_GROUND, BY_SCHEME
 

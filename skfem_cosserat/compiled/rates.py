@@ -161,7 +161,6 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
     k, early, moved = int(record[n.DONE]) - 1, numbers[n.WEIGHT] == 0.0, len(o.moved) > 0
     for i in range(len(n.LOGGED)):
         o.log_numbers[k, i] = record[n.LOGGED[i]]
-    k %= int(record[n.STATES])
     for c in range(coupled.shape[0]):
         o.log_turns[k, c] = coupled[c, n.TURNED]
     R, closing, change, rates, after = o.R, o.closing, o.change, o.rates, o.after

@@ -135,13 +135,10 @@ class HistoryWriter:
             Naming the entry that does not fit the first row, or if the writer is closed.
         """
         values = {k: series_numbers(value, f"row entry {k!r}")[None] for k, value in row.items()}
-        if not self._rows:
-            check_basic(values, "row")
-            self._allocate(values, self._block)
         self.extend(values)
 
     def extend(self, rows: Mapping[str, Array]) -> None:
-        """Record several states, after a first one (copied).
+        """Record several states (copied).
 
         Parameters
         ----------
@@ -154,6 +151,9 @@ class HistoryWriter:
             Naming the entry that does not fit the first row, or if the writer is closed.
         """
         self._check_open()
+        if not self._rows:
+            check_basic(rows, "row")
+            self._allocate(rows, self._block)
         self._check(rows)
         done = 0
         while done < len(rows["t"]):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +31,6 @@ from ..compiled.numbers import (
     SHORT,
     SHORT_WAY,
     START,
-    STATES,
     STEP,
     TRAVELLED,
     TURNED,
@@ -45,7 +43,6 @@ from ..compiled.plan import Plan
 from ..compiled.structures import STEPS, structure
 from ..constraints import Multipliers, Treatment
 from ..constraints.base import BoundTreatment, half_turn
-from ..errors import InputError
 from ..linear import Solver
 from ..model import System
 from ..model.force_elements import Couplings, warn_of_jump
@@ -53,12 +50,13 @@ from ..model.system import Coordinates
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray, largest
 from .base import Integrator
+from .block import Block
 from .called_back import Called, CalledBack
 from .compiled_scene import (
     CompiledScene,
     NearestVelocity,
 )
-from .scheme import Scheme, State, StepWork
+from .scheme import Scheme, State, StepOrigin, StepWork
 from .step_balance import decay_work
 
 # -- force elements in compiled steps: what goes in and comes out, one row for each ----------------
@@ -141,54 +139,9 @@ class Coupled:
 # -- steps: the same iteration as that of the stepper, in a few compiled calls ---------------------
 
 
-#: most steps in one go, and most unknowns moved in all of them together: for less than a second,
-#: as Ctrl-C waits for them; fewer where every state is kept
-STRIDE, MOVED = 256, 10**6
-#: states of a block that are kept at least, beside one that may be taken back: starts and ends of
-#: three steps, from which the last constraint force follows where no step comes after it
-LAST = 4
-#: what steps change beside arrays, see :meth:`CompiledStep.rewind`
-MARKED = "factorisations", "_travelled", "_travel", "_farthest", "_factors", "_loaded"
-
-
-class BlockOfSteps(NamedTuple):
-    """Steps that were solved in one go, one after the other; the next ones overwrite its arrays.
-
-    Of `kept` steps, the last ones, there are states and impulses.
-
-    Attributes
-    ----------
-    stuck : bool
-        Whether the step after them was tried, and not solved.
-    q, p, rates : (kept, n), (kept, n), (kept, k, n) arrays
-        States at their ends; k = 0 where no rates are carried.
-    impulse : (kept, rows, 3) array
-        ``h G^T lambda``.
-    turns : (kept, angles) array
-        Full turns of the angles of force elements.
-    ground : (kept, g, 3) array
-        Rows of the ground.
-    iterations, residual : (steps,) arrays
-        Newton iterations, scaled residual.
-    works : (steps, 5) array
-        Works (J), as in :class:`.scheme.StepWork`.
-    """
-
-    stuck: bool
-    q: Floats
-    p: Floats
-    rates: Floats
-    impulse: Floats
-    turns: IndexArray
-    ground: Floats
-    iterations: IndexArray
-    residual: Floats
-    works: Floats
-
-    @property
-    def steps(self) -> int:
-        """Number of steps."""
-        return len(self.iterations)
+#: most steps in one go, and most numbers of states in all of them together: for less than a
+#: second, as Ctrl-C waits for them
+STRIDE, NUMBERS_KEPT = 128, 10**5
 
 
 class CompiledStep(CompiledScene):
@@ -225,8 +178,6 @@ class CompiledStep(CompiledScene):
         self._others = system.plane is not None or others
         self._record = np.zeros(len(RECORD))
         self._failed: tuple[float, Exception] | None = None  # a load that steps have not come to
-        #: what there was before the last block of steps that may be taken back, and where it began
-        self._marked: tuple[dict[str, Any], list[Floats], State] | None = None
         self._nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system):
             self._nearest = NearestVelocity(system, settings, source)
@@ -262,11 +213,10 @@ class CompiledStep(CompiledScene):
 
         self._moves = bool(scheme.moved) and self.system.m > 0
         counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
-        n = max(1, self.system.n)
-        self._kept = max(LAST + 1, min(STRIDE // 2, MOVED // (10 * n)))
-        self._most = max(LAST + 1, min(STRIDE, MOVED // n))
+        #: most steps in one go
+        self.most = max(1, min(STRIDE, NUMBERS_KEPT // max(1, self.system.n)))
         nearest = None if self._nearest is None else self._nearest.bound
-        own = counts, nearest, self._normal, (self._kept, self._most)
+        own = counts, nearest, self._normal, self.most
         viscous = self._viscous[0]["all_numbers"] if self._viscous else None
         self._carried, arrays = bind.bound_carried(self.coordinates, self._arrays, *own, viscous)
         self._o = SimpleNamespace(**arrays)
@@ -329,7 +279,7 @@ class CompiledStep(CompiledScene):
         self._a.last *= h / self.h  # to begin with: impulses of rows, too
         known = min(self._record[KNOWN], 1.0)
         self._record[[KNOWN, GUESS, KEPT]] = known, known, 0.0
-        self.h, self.scheme, self._factors, self._marked = h, scheme, None, None
+        self.h, self.scheme, self._factors = h, scheme, None
         self._set_rates(scheme)
         self._coupled.resize(scheme, h)
         self._resist(h)
@@ -434,55 +384,48 @@ class CompiledStep(CompiledScene):
         constant = loading.constant or time >= loading.constant_after
         return not (constant and self.system.couplings.constant and not self.system.moving)
 
-    def most(self, time: float, every: bool) -> int:
-        """Most steps in one go from this time (s) on."""
-        return self._kept if every or self._varies(time) else self._most
+    def advance(self, state: State, times: Floats, origin: StepOrigin) -> Block | None:
+        """Steps that end at these times (s), solved in one go; None if the first is not solved.
 
-    def advance(
-        self, state: State, times: Floats, every: bool = True, mark: bool = False
-    ) -> BlockOfSteps:
-        """Solve steps that end at these times (s) in one go; keep `every` state, or the last.
-
-        Every state is kept where the ground moves, as it does work by the force of each step.
-        Fewer, where something has to be looked at; one, where no more are taken. `mark`: some of
-        them may be taken back by :meth:`rewind`.
+        Fewer, where something has to be looked at; one, where no more are taken.
         """
-        self._marked = None
-        if mark:
-            own = {name: getattr(self, name) for name in MARKED}
-            self._marked = own, [array.copy() for array in self._lasting], state
-        every = every or bool(self.system.moving)
         record, self._times = self._record, [state.time, *times.tolist()]
-        record[STATES] = self._kept if every else LAST + 1
         record[VARYING] = varies = self._varies(state.time)
         solved = self._solved(state, len(times))
         done, n = int(record[DONE]), self.system.n
+        if not done:
+            return None
         a, o = self._a, self._o
         logged = o.log_numbers[:done]
-        kept: Any = slice(done) if every else np.arange(max(0, done - LAST), done) % (LAST + 1)
-        count = done if every else len(kept)
-        block = BlockOfSteps(
-            not solved,
-            o.log_q[kept].reshape(count, n),
-            o.log_p[kept].reshape(count, n),
-            o.log_rates[kept].reshape(count, len(o.table), n),
-            o.log_impulse[kept],
-            self._coupled.turns_of(o.log_turns[kept]),
-            np.array(self._grounds[:count]) if self._grounds else a.ground1[None].repeat(count, 0),
+        moving = bool(self._grounds)
+        block = Block(
+            self.system,
+            self.integrator,
+            state,
+            origin,
+            times[:done],
+            np.full(done, self.h),
+            o.log_q[:done].reshape(done, n).copy(),
+            o.log_p[:done].reshape(done, n).copy(),
+            o.log_rates[:done].reshape(done, len(o.table), n).copy(),
+            self._coupled.turns_of(o.log_turns[:done]),
+            np.array(self._grounds[:done]) if moving else a.ground1[None].repeat(done, 0),
+            o.log_impulse[:done].reshape(done, n).copy(),
             logged[:, 0].astype(np.int64),
+            np.ones(done, dtype=np.int64),
             logged[:, 1].copy(),
             logged[:, 2:].copy(),
+            stuck=not solved,
         )
         plain = self._alike and not (varies and self.scheme.at_end)
-        return self._completed(block, state, plain) if done else block
+        if not plain or record[UNMOVED]:
+            self._complete(block, state, plain)
+        return block
 
-    def _completed(self, block: BlockOfSteps, state: State, plain: bool) -> BlockOfSteps:
-        """The block with what kernels leave of its last step: works, unless `plain`, and moves."""
-        moved = bool(self._record[UNMOVED])
-        if plain and not moved:
-            return block
-        rows, a = self.system.rows, self._a
-        self._coupled.look(self._times[block.steps])
+    def _complete(self, block: Block, state: State, plain: bool) -> None:
+        """Add what kernels leave of the last step: works, unless `plain`, and velocities."""
+        rows, a, moved = self.system.rows, self._a, bool(self._record[UNMOVED])
+        self._coupled.look(float(block.times[-1]))
         y1, dq = a.y1.copy(), (a.y1 - a.y0)[:rows]
         work = StepWork(*block.works[-1].tolist())
         if not plain:
@@ -491,45 +434,14 @@ class CompiledStep(CompiledScene):
             p, rates = block.p[-1].reshape(rows, 3), block.rates[-1].reshape(-1, rows, 3)
             rates0 = self._o.rates.reshape(rates.shape).copy()
             balance = self.integrator.balance(self.system, self.h)
-            instant = self._times[block.steps - 1] + self.h  # as plain numpy has it
+            instant = self._times[len(block) - 1] + self.h  # as plain numpy has it
             done = balance.handed_on(y1, dq, p, rates0, rates, work, instant)
             assert done.rates is not None
             block.p[-1], block.rates[-1] = done.momentum.ravel(), done.rates.reshape(len(rates), -1)
             if done.impulse is not None:
-                block.impulse[-1] += done.impulse
+                block.impulse[-1] += done.impulse.ravel()
             work = done.work
         block.works[-1] = work
-        return block
-
-    @cached_property
-    def _lasting(self) -> list[Floats]:
-        """Arrays in which steps leave something to the next ones, and others; no tables."""
-        found = {}
-        tables = [self._arrays, self._tree, *self._beams, vars(self._o)]
-        for fields in tables:
-            for name, array in fields.items():
-                if isinstance(array, dict):  # of laws
-                    tables.append(array)
-                elif isinstance(array, np.ndarray) and array.flags.writeable and array.size:
-                    numbers = array.dtype.kind in "fc" or name == "known"
-                    if numbers and not name.startswith(("log_", "all_")):
-                        found[id(array)] = array
-        return [*found.values(), self._record]
-
-    def rewind(self, state: State, times: Floats) -> None:
-        """Take back the last block of steps, which began at a state, and solve the first ones anew.
-
-        They end at these times (s). All is then as if only these had been solved, to the last bit.
-        The block has to be a marked one, of which every state is kept.
-        """
-        if self._marked is None or self._marked[2].q.tobytes() != state.q.tobytes():
-            text = "its steps were not taken with mark=True, or others have been solved since"
-            raise InputError("argument report", text)
-        own, arrays, _ = self._marked
-        vars(self).update(own)
-        for array, before in zip(self._lasting, arrays, strict=True):
-            array[...] = before
-        self.advance(state, times)
 
     def _solved(self, state: State, steps: int) -> bool:
         """Solve up to so many steps; whether the last one tried was solved."""

@@ -23,9 +23,9 @@ from ..newton import NewtonReport, NewtonSettings, newton
 from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator
+from .block import Block, Code, Failure, StepReport, composed
 from .choice import FACTOR, built, choose_kernels
-from .compiled_step import BlockOfSteps, CompiledStep, kernel_coordinates
-from .report import BlockReport, Code, Failure, StepReport, composed
+from .compiled_step import CompiledStep, kernel_coordinates
 from .scheme import State, StepOrigin, carried_rates
 from .step_balance import Evaluation, StepBalance, StepData
 
@@ -342,22 +342,10 @@ class Stepper:
             a line search. If prescribed motion has reached a dead point of a closed loop, or
             contradicts another one around it, the reason says so.
         """
-        state, size, allowed = self.own(state, h is not None), self.h, "a time (s) other than zero"
-        if h is not None:
-            size = real("argument h", "h", h, allowed)
-            if not (size and isfinite(size)):
-                raise InputError("argument h", f"h = {h}, expected {allowed}")
-        end = state.time + size if time is None else time
-        try:
-            if listening():  # to a run, which keeps what is said
-                return self._step(state, end, size)
-            with self.notices:
-                return self._step(state, end, size)
-        except Diverged as error:
-            self.notices.tell(error)
-            raise
+        report: StepReport = self.advance_block(state, 1, time, h)[0]
+        return report
 
-    def _step(self, state: State, time: float, h: float) -> StepReport:
+    def _step(self, state: State, time: float, h: float) -> Block:
         origin = StepOrigin(self.integrator.name, h)
         if self.system.moving and (reason := jump(self.system, state.time, time)):
             advice = (
@@ -371,10 +359,9 @@ class Stepper:
                     f"{self.integrator!r} with another step", "its steps are fixed"
                 )
             new, iterations, residual, work = self._march.advance(state, time)
-            new, system = replace(new, made_by=origin), self.system
-            own = system, self.integrator, h, state, system.extend(new.q, new.time)
-            none = np.zeros((system.rows, 3))
-            return StepReport(new, iterations, 1, residual, work, *own, none, by_motion=True)
+            new, impulse = replace(new, made_by=origin), np.zeros(self.system.n)
+            steps = self.system, self.integrator, state, new, h, self.system.ground(time), impulse
+            return Block.of_one(*steps, work, iterations, 1, residual, by_motion=True)
         step = self._compose if self.integrator.shares else self.attempts
         outcome = step(state, time, h, origin)
         if isinstance(outcome, Failure):
@@ -393,12 +380,10 @@ class Stepper:
         self,
         state: State,
         steps: int,
-        time: Callable[[Any], Any] | None = None,
-        every: bool = False,
+        time: float | Callable[[Any], Any] | None = None,
         h: float | None = None,
-        mark: bool = False,
-    ) -> StepReport:
-        """Solve up to so many steps in one go, at least one: the same ones, for less.
+    ) -> Block:
+        """Solve up to so many steps, at least one: several in one go where kernels take them.
 
         Parameters
         ----------
@@ -406,27 +391,23 @@ class Stepper:
             As for :meth:`advance`.
         steps : int
             How many at most; fewer are taken where something has to be looked at.
-        time : callable, optional
-            Times (s) of states by their indices, one or an array; default: that of `state` and as
-            many steps, whose last digit may differ from that of steps added one by one.
-        every : bool
-            Whether every state is kept, for ``report.part(k)``; False: the last ones only.
+        time : float or callable, optional
+            Time (s) of the first new state; or times of states by their indices, one or an array.
+            Default: those of `state` and as many steps, whose last digit may differ from that of
+            steps added one by one.
         h : float, optional
             Another step size (s), as for :meth:`advance`.
-        mark : bool
-            Whether the last ones of them may be taken back by :meth:`rewind`; with `every`.
 
         Returns
         -------
-        StepReport
-            Of the last of them; ``report.steps`` is how many there were, ``report.work`` that of
-            all.
+        Block
+            Of these steps; ``block.state`` is the last state.
 
         Raises
         ------
         InputError
-            If `steps` is no positive integer.
-        Diverged
+            If `steps` is no positive integer, or `h` is zero or not finite.
+        IncompatibleError, Diverged
             As :meth:`advance`, if the first one fails.
 
         Examples
@@ -445,38 +426,43 @@ class Stepper:
         [0.5, 0.0, 0.0]
         """
         whole("argument steps", steps, 1)
-        state = self.own(state, h is not None)
-        next_time = None if time is None else time(state.index + 1)
-        if steps < 2 or not self.takes_blocks(state) or state.plain:
-            return self.advance(state, next_time, h)
-        size = self.h if h is None else h
-        fast = self._sized(size).fast
-        assert fast is not None
-        if (fast.looped and fast.due(state, self.bound)) or not self.bound.regular:
-            return self.advance(state, next_time, h)
-        if mark and fast.calls_laws:  # of users, which may fail at states that do not come
-            return self.advance(state, next_time, h)
-        after = np.arange(1, min(steps, fast.most(state.time, every)) + 1)
-        ends = state.time + size * after if time is None else time(state.index + after)
-        times = np.asarray(ends, dtype=float)
-        if self.system.moving:
-            pairs = enumerate(pairwise([state.time, *times.tolist()]))
-            times = times[: next((k for k, pair in pairs if self._ends_block(*pair)), None)]
-            if not len(times):
-                return self.advance(state, next_time, h)
-        block = fast.advance(state, times, every, mark)
-        if not block.steps:
-            return self.advance(replace(state, plain=True), next_time, h)
-        origin = StepOrigin(self.integrator.name, size)
-        return self._taken(block, state, times, size, origin)
+        state, size, allowed = self.own(state, h is not None), self.h, "a time (s) other than zero"
+        if h is not None:
+            size = real("argument h", "h", h, allowed)
+            if not (size and isfinite(size)):
+                raise InputError("argument h", f"h = {h}, expected {allowed}")
 
-    def _taken(
-        self, block: BlockOfSteps, state: State, times: Floats, h: float, origin: StepOrigin
-    ) -> BlockReport:
-        """Report of steps of size h that compiled kernels have solved from a state on."""
-        self._first, self._left_in_a_row = False, 0
-        methods = self.system, self.integrator.single, h
-        return BlockReport.of(block, times[: block.steps], state, origin, methods)
+        def ends(index: Any) -> Any:
+            if callable(time):
+                return time(index)
+            return state.time + size * (index - state.index) if time is None else time
+
+        try:
+            if listening():  # to a run, which keeps what is said
+                return self._several(state, steps, ends, size)
+            with self.notices:
+                return self._several(state, steps, ends, size)
+        except Diverged as error:
+            self.notices.tell(error)
+            raise
+
+    def _several(self, state: State, steps: int, ends: Callable[[Any], Any], h: float) -> Block:
+        """Steps in one go as far as kernels take them, else one."""
+        fast = self._sized(h).fast if steps > 1 and self.takes_blocks(state) else None
+        due = fast is not None and fast.looped and fast.due(state, self.bound)
+        if fast is not None and not (due or state.plain) and self.bound.regular:
+            most = min(steps, fast.most)
+            times = np.asarray(ends(state.index + np.arange(1, most + 1)), dtype=float)
+            if self.system.moving:
+                pairs = enumerate(pairwise([state.time, *times.tolist()]))
+                times = times[: next((k for k, pair in pairs if self._ends_block(*pair)), None)]
+            if len(times):
+                block = fast.advance(state, times, StepOrigin(self.integrator.name, h))
+                if block is not None:
+                    self._first, self._left_in_a_row = False, 0
+                    return block
+                state = replace(state, plain=True)
+        return self._step(state, float(ends(state.index + 1)), h)
 
     def _ends_block(self, t0: float, t1: float) -> bool:
         """True if a step has prescribed motion that jumps or fails, which :meth:`advance` tells."""
@@ -484,24 +470,6 @@ class Stepper:
             return jump(self.system, t0, t1) is not None
         except InputError:
             return True
-
-    def rewind(self, report: StepReport, steps: int) -> None:
-        """Take back what was solved after the first so many steps of the last report.
-
-        The stepper goes on as if it had not been solved, to the last bit.
-
-        Raises
-        ------
-        InputError
-            If it is of several steps that were not taken with ``mark=True``, or others were taken
-            after it; if it has less steps, or `steps` is no positive integer.
-        """
-        if whole("argument steps", steps, 1) > report.steps:
-            raise InputError("argument steps", f"{steps}, but the report is of {report.steps}")
-        if isinstance(report, BlockReport) and (steps < report.steps or report.block.stuck):
-            fast = self._sized(report.step).fast
-            assert fast is not None
-            fast.rewind(report.part(0).start, report.times[:steps])
 
     def own(self, state: State, varying: bool = False) -> State:
         """The state, if this scheme and step made it; else a start from its q and p.
@@ -526,9 +494,7 @@ class Stepper:
         rows = self.system.closure.rows
         return rows[self.system.independent_rows(y0)[rows]]
 
-    def attempts(
-        self, state: State, time: float, h: float, origin: StepOrigin
-    ) -> StepReport | Failure:
+    def attempts(self, state: State, time: float, h: float, origin: StepOrigin) -> Block | Failure:
         """Try a step of size h to a time (s), in several ways: all that is tried is here.
 
         Compiled kernels come first. Where they do not converge, or a singular position is near, the
@@ -541,13 +507,14 @@ class Stepper:
                 step = self._begin(state, of, time)
                 fast.close(self._closing(step.y0))
             if self.bound.regular and not state.plain:
-                block = fast.advance(state, np.array([time]))
-                if block.steps:
+                block = fast.advance(state, np.array([time]), origin)
+                if block is not None:
                     # by their terms: far below what is broken by the size of the joints
                     missed, residual = fast.missed > 1e-4 * BROKEN, float(block.residual[0])
                     if missed and (wrong := self._contradiction(state, h, fast.y1, residual)):
                         return wrong
-                    return self._taken(block, state, np.array([time]), h, origin)
+                    self._first, self._left_in_a_row = False, 0
+                    return block
             # the general way tries again from there
             of.last = None if fast.last is None else (h, fast.last)
         step = self._begin(state, of, time) if step is None else step
@@ -590,11 +557,9 @@ class Stepper:
         except SingularMatrixError:
             return True  # no increment of its matrix can tell
 
-    def _compose(
-        self, state: State, time: float, h: float, origin: StepOrigin
-    ) -> StepReport | Failure:
+    def _compose(self, state: State, time: float, h: float, origin: StepOrigin) -> Block | Failure:
         """One step after the other, and what they give together."""
-        reports = []
+        blocks = []
         now, done, shares = state, 0.0, self.integrator.shares
         for k, share in enumerate(shares, 1):
             done += share
@@ -604,10 +569,9 @@ class Stepper:
             if isinstance(outcome, Failure):  # what is valid is the start of the whole step
                 part = f"its part {k} of {len(shares)}, from t = {outcome.state.time:.9g} s: "
                 return replace(outcome, state=state, reason=part + outcome.reason)
-            reports.append(outcome)
+            blocks.append(outcome)
             now = replace(outcome.state, index=state.index)
-        works = [report.work for report in reports]
-        lost = [work.dissipated for work in works]
+        lost = [float(block.works[0, 2]) for block in blocks]
         if sum(lost) < -1e-6 * sum(map(abs, lost)) and not self._warned:
             self._warned = True
             warn(
@@ -617,7 +581,7 @@ class Stepper:
                 AccuracyWarning,
                 state.time,
             )
-        return composed(reports, replace(now, index=state.index + 1))
+        return composed(blocks, replace(now, index=state.index + 1))
 
     def start_force(self, state: State, h: float | None = None) -> Floats | None:
         """Constraint force (n,) at a state a run starts from; None: that of the step after it.
@@ -713,7 +677,7 @@ class Stepper:
         iterations: int,
         attempts: int,
         report: NewtonReport,
-    ) -> StepReport:
+    ) -> Block:
         step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
         assert evaluation is not None
         finished, state = of.balance.finish(step, evaluation), step.state
@@ -738,8 +702,9 @@ class Stepper:
             made_by=origin,
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
-        solved = new, iterations, attempts, report.residual, finished.work
-        return StepReport(*solved, self.system, self.integrator.single, of.h, state, y1, impulse)
+        steps = self.system, self.integrator.single, state, new, of.h
+        ground, counts = y1[self.system.rows :], (iterations, attempts, report.residual)
+        return Block.of_one(*steps, ground, impulse, finished.work, *counts)
 
     def _count_left(self, state: State) -> None:
         """A step is left to plain numpy: say it where that costs much."""

@@ -22,6 +22,7 @@ from .conditions import (
 from .describe import derive_series, describe
 from .events import Event, after_events
 from .loop import simulate, steps
+from .plan import StepControl
 from .sensors import (
     Sensor,
     SensorAcceleration,
@@ -35,7 +36,6 @@ from .sensors import (
     Window,
 )
 from .start import initial_state, project, restart
-from .step_size import StepControl
 
 __all__ = [
     "Action",

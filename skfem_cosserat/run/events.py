@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property, partial
-from math import inf, isfinite
+from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,10 +11,9 @@ import numpy as np
 from ..errors import CosseratError, Diverged, IncompatibleError, InputError
 from ..frozen import Attached
 from ..history import History
-from ..integrators import Integrator, State, Stepper, StepReport
+from ..integrators import Block, Integrator, State, Stepper
 from ..integrators.choice import motion_by_kernels
 from ..integrators.compiled_scene import CompiledMotion, Motion
-from ..integrators.report import OF_USERS, BlockReport, ForcePoint, force_points
 from ..model import System, takes_scene
 from ..types import Floats, IndexArray, positive, switch
 from ..warn import logger
@@ -27,8 +25,8 @@ from .conditions import (
     ConditionFunction,
     OfStates,
 )
+from .plan import StepperFactory
 from .sensors import View, Window
-from .step_size import StepperFactory
 
 # -- zeros of a number within a step: located, and found where it passes through zero and back -----
 #
@@ -36,33 +34,15 @@ from .step_size import StepperFactory
 
 #: what a time is located to, of the step
 LOCATED = 1e-10
-#: steps that are tried to find the lowest point of a number within a step
-TRIALS = 12
-#: of the step: lowest points that are closer are the same
-SAME = 1e-5
-#: of the lowest value known: what is not predicted to be below this part of it is not tried
-FLAT = 0.99
+#: most steps that are tried to find the lowest point of a number within a step, and how close, of
+#: the step, two of them are to each other
+TRIALS, SAME = 16, 1e-5
 #: how far a parabola may be wrong, of its second difference over a step and of the step: as much
 #: if the third derivative, times the step, is as large as the second one
 WRONG, ASIDE = 0.15, 0.2
 
 #: number at the end of a step of this size (s), and the step
-Trial = Callable[[float], tuple[float, StepReport]]
-
-
-class TimedValue(NamedTuple):
-    """A number at a time after the start of a step (s), before it if negative."""
-
-    t: float
-    f: float
-
-
-class Vertex(NamedTuple):
-    """Lowest point of a parabola, and half its second derivative."""
-
-    t: float
-    f: float
-    second: float
+Trial = Callable[[float], tuple[float, Block]]
 
 
 class Bracket(NamedTuple):
@@ -72,84 +52,68 @@ class Bracket(NamedTuple):
     ----------
     side : int
         Sign of the number before it.
-    a, b : TimedValue
-        Before and after it, positive before it: times `side`.
-    best : StepReport
+    a, b : (float, float)
+        Time (s) after the start of the step, and number times `side`, before and after it.
+    best : Block
         The step to `b`.
     """
 
     side: int
-    a: TimedValue
-    b: TimedValue
-    best: StepReport
+    a: tuple[float, float]
+    b: tuple[float, float]
+    best: Block
 
 
-def located(bracket: Bracket, trial: Trial, width: float) -> StepReport:
+def located(bracket: Bracket, trial: Trial, width: float) -> Block:
     """The step to the first state known to be past a zero, to a width (s)."""
-    _, (a, fa), (b, fb), best = bracket
-    kept = 0
-    while b - a > width:
-        # false position, with a bisection where it gets stuck on one side
-        c = 0.5 * (a + b) if kept > 2 else b - fb * (b - a) / (fb - fa)
-        c = min(max(c, a + 0.5 * width), b - 0.5 * width)
-        found, report = trial(c)
-        if found > 0:
-            kept = kept + 1 if kept > 0 else 1
-            a, fa = c, found
-            fb = fb / 2 if kept > 1 else fb  # the Illinois rule
-        else:
-            kept = kept - 1 if kept < 0 else -1
-            b, fb, best = c, found, report
-            fa = fa / 2 if kept < -1 else fa
-        kept = 3 if abs(kept) > 3 else kept
-    return best
+    from scipy.optimize import brentq  # slow to import, seldom needed
+
+    known, passed = dict([bracket.a, bracket.b]), {bracket.b[0]: bracket.best}
+
+    def number(size: float) -> float:
+        if size not in known:
+            known[size], block = trial(size)
+            if known[size] <= 0:
+                passed[size] = block
+        return known[size]
+
+    if bracket.b[1] < 0:
+        brentq(number, bracket.a[0], bracket.b[0], xtol=width / 2, rtol=4 * np.finfo(float).eps)
+    return passed[min(passed)]
 
 
-def dip(
-    trial: Trial, start: TimedValue, end: TimedValue, before: TimedValue | None
-) -> tuple[TimedValue, StepReport] | None:
-    """Where a number that is positive at both ends of a step is negative; None: nowhere.
+class _Below(Exception):
+    """A number is negative inside a step: the time, the number and the step there."""
 
-    The parabola through its values says where it is lowest. Only if it reaches zero there, or may
-    by what it is wrong, steps are tried: at the lowest points of parabolas through values nearby.
 
-    Parameters
-    ----------
-    trial : Trial
-    start, end : Point
-        Of the step.
-    before : Point or None
-        An earlier one. None: the middle of the step is tried instead.
+def dip(trial: Trial, h: float) -> tuple[tuple[float, float], Block] | None:
+    """Size and number where one is negative that is positive at both ends, and the step to there.
+
+    None: nowhere, as far as some steps tell that look for its lowest point.
     """
-    known = [start, end] if before is None else [before, start, end]
-    if before is None:
-        middle, report = _tried(trial, 0.5 * (start.t + end.t))
-        if middle.f < 0:
-            return middle, report
-        known.append(middle)
-    guess, low = _first(known, start, end), min(start, end, key=_height)
-    for _ in range(TRIALS):
-        if guess is None or not start.t < guess.t < end.t:
-            return None
-        if min(abs(guess.t - point.t) for point in known) < SAME * (end.t - start.t):
-            return None
-        point, report = _tried(trial, guess.t)
-        if point.f < 0:
-            return point, report
-        known.append(point)
-        inside = [each for each in known if start.t <= each.t <= end.t]
-        low = min(inside, key=_height)
-        if low in (start, end):  # it falls behind the start, or before the end, if at all
-            guess = _vertex(sorted(known, key=lambda each: abs(each.t - low.t))[:3])
-        else:
-            guess = _vertex(sorted(inside, key=_height)[:3])
-        if guess is not None and guess.f > FLAT * low.f:
-            return None
+    from scipy.optimize import minimize_scalar  # slow to import, seldom needed
+
+    def number(size: float) -> float:
+        found, block = trial(float(size))
+        if found < 0:
+            raise _Below((float(size), found), block)
+        return found
+
+    try:
+        minimize_scalar(
+            number,
+            bounds=(0.0, h),
+            method="bounded",
+            options={"maxiter": TRIALS, "xatol": SAME * h},
+        )
+    except _Below as below:
+        point, block = below.args
+        return point, block
     return None
 
 
 def comes_near(before: Any, start: Any, end: Any, ratio: float = 1.0) -> Any:
-    """Whether a parabola may come so near to zero in a step that :func:`dip` tries parts of it.
+    """True if a parabola through three numbers may come so near to zero in a step that it is tried.
 
     It is ``start - second t^2`` at its lowest point t, which has to be in the step or beside it, by
     at most :data:`ASIDE` of it; there it must be less than :data:`WRONG` of its ``second``. So it
@@ -162,44 +126,12 @@ def comes_near(before: Any, start: Any, end: Any, ratio: float = 1.0) -> Any:
     ratio : float
         Of the size of the step before to this one.
     """
-    return start < 2 * (end - start - (start - before) / ratio) / (1 + ratio)
-
-
-def _first(known: list[TimedValue], start: TimedValue, end: TimedValue) -> Vertex | None:
-    """Where to look first; None: what is known of the step does not come near to zero."""
-    guess, h = _vertex(known), end.t - start.t
-    if guess is None or not guess.f < WRONG * guess.second * h**2:
-        return None
-    at = (guess.t - start.t) / h
-    if not -ASIDE < at < 1 + ASIDE:
-        return None
-    if not 0 < at < 1:
-        at = min(max(at, ASIDE), 1 - ASIDE)
-    return guess._replace(t=start.t + at * h)
+    second = (end - start - (start - before) / ratio) / (1 + ratio)
+    return start < ((1 + ASIDE) ** 2 + WRONG) * second
 
 
 def _sign(value: float) -> int:
     return (value > 0) - (value < 0)
-
-
-def _height(point: TimedValue) -> float:
-    return point.f
-
-
-def _tried(trial: Trial, size: float) -> tuple[TimedValue, StepReport]:
-    f, report = trial(size)
-    return TimedValue(size, f), report
-
-
-def _vertex(points: list[TimedValue]) -> Vertex | None:
-    """Lowest point of the parabola through three points; None: it has none."""
-    (t0, f0), (t1, f1), (t2, f2) = sorted(points)
-    slope = (f1 - f0) / (t1 - t0)
-    second = ((f2 - f1) / (t2 - t1) - slope) / (t2 - t0)
-    if not 0 < second < inf:
-        return None
-    t = 0.5 * (t0 + t1) - slope / (2 * second)
-    return Vertex(t, f0 + slope * (t - t0) + second * (t - t0) * (t - t1), second)
 
 
 # -- events: what happens when a condition is met, and how it is found in time ---------------------
@@ -363,47 +295,38 @@ class Found(NamedTuple):
 
     Attributes
     ----------
-    report : StepReport
-        Of the step that ends there.
+    steps : Block or None
+        Steps before the one in which they happen; None: there are none.
+    last : Block
+        The step that ends where they happen.
     events : list of (Event, float)
         With the values of their conditions.
     view : View
         Of the state there.
-    steps : int
-        How many steps of those looked at there are up to them, with the one in which they are.
-    before : StepReport or None
-        Of the steps before that one which were solved in one go with it.
     """
 
-    report: StepReport
+    steps: Block | None
+    last: Block
     events: list[tuple[Event, float]]
     view: View
-    steps: int = 1
-    before: StepReport | None = None
 
 
 class _Trials:
-    """Steps of other sizes in place of the k-th of a report, each of them solved once."""
+    """Steps of other sizes in place of step k of a block, each of them solved once."""
 
-    def __init__(self, watch: EventMonitor, reports: StepReport, k: int, end: float) -> None:
-        self.watch, self.state = watch, watch._now.view.state
-        self.h = end - self.state.time
-        self._reports, self._k = reports, k
-        self._known: dict[float, StepReport] = {}
-
-    @cached_property
-    def report(self) -> StepReport:
-        """Of the step itself."""
-        return self._reports.part(self._k)
+    def __init__(self, watch: EventMonitor, block: Block, k: int) -> None:
+        self.watch, self.state, self.step = watch, block.state_after(k - 1), block.part(k, k + 1)
+        self.h = float(block.times[k]) - self.state.time
+        self._known: dict[float, Block] = {}
 
     def of(self, event: Event, side: int) -> Trial:
         """The number of an event at their ends, times a sign."""
 
-        def trial(size: float) -> tuple[float, StepReport]:
+        def trial(size: float) -> tuple[float, Block]:
             if size not in self._known:
-                self._known[size] = self.watch.step(self.state, size, self.report.step)
-            report = self._known[size]
-            return side * event.value(self.watch.seen(self._reports, self._k, report)), report
+                self._known[size] = self.watch.step(self.state, size, self.step.sizes[0])
+            block = self._known[size]
+            return side * event.value(self.watch.seen(block.state)), block
 
         return trial
 
@@ -430,30 +353,18 @@ class _Motions:
         return None if self._made is None else self._made(q, p)
 
 
-class _Look:
-    """Numbers of events at a state, found when they are asked for."""
-
-    def __init__(self, events: list[Event], view: View) -> None:
-        self.view, self._events = view, events
-
-    @cached_property
-    def values(self) -> dict[str, float]:
-        """By the names of the events."""
-        return {event.name: event.value(self.view) for event in self._events}
-
-
 #: numbers below this share of the largest one, of states that are looked at together, are looked at
 #: alone: far above what rounding may change
 NEAR = 1e-9
 
 
 class EventMonitor:
-    """Looks for events after each step of a run.
+    """Looks for events in the steps of a run.
 
-    Steps in one go are looked at together where all conditions can be (:class:`OfStates`):
-    those that come near to an event, or may, are then looked at one by one as others are, so it is
-    found in the same way. Functions of users are called at state after state, and never at one that
-    is later than an event.
+    Numbers of a block's states are found together where all conditions can be (:class:`OfStates`):
+    steps in which one comes near to zero, or may, are then looked at one by one, as others are.
+    Functions of users are called at state after state, and never at one that is later than an
+    event.
 
     Parameters
     ----------
@@ -463,19 +374,19 @@ class EventMonitor:
     system : System
     state : State
         Start of the run.
-    h : float
-        Size of its steps, or of the first one (s).
 
     Attributes
     ----------
     passed : int
-        How many steps of a report have been looked at, in which nothing has happened.
+        Number of steps of the last block in which nothing has happened.
     """
 
+    passed = 0
+
     def __init__(
-        self, events: list[Event], factory: StepperFactory, system: System, state: State, h: float
+        self, events: list[Event], factory: StepperFactory, system: System, state: State
     ) -> None:
-        self.events, self.factory, self.passed, self._h = list(events), factory, 0, h
+        self.events, self.factory = list(events), factory
         self._sides: dict[str, int] = {}
         self._times: dict[str, list[float]] = {event.name: [] for event in events}
         self._stepper: Stepper | None = None
@@ -489,123 +400,103 @@ class EventMonitor:
             self.events = [e for e in self.events if not (e.once and e in done)]
         if self._stepper is not None and self._stepper.system is not system:
             self._stepper = None
-        self.system, self.view = system, View(system, state)
-        self.view._states._motions = _Motions(self.factory, system)
-        self.view._points = partial(self._points, state, [])
-        #: the last two steps since then
-        self._behind: list[StepReport] = []
-        self._now = _Look(self.events, self.view)
-        #: at the start of the step before
-        self._earlier: _Look | None = None
-        sides = {name: _sign(value) for name, value in self._now.values.items()}
+        self.system, self._motions = system, _Motions(self.factory, system)
+        self.view = self.seen(state)
+        #: times of the last two states, and the numbers there
+        self._looks = [(state.time, {e.name: e.value(self.view) for e in self.events})]
+        sides = {name: _sign(value) for name, value in self._now.items()}
         # what is at zero there has passed it
         before = self._sides | ({} if found is None else after)
         for event, value in () if found is None else found.events:
-            if self._now.values.get(event.name) == value:
+            if self._now.get(event.name) == value:
                 sides[event.name] = after[event.name]
         self._sides = {name: side or before.get(name, 0) for name, side in sides.items()}
 
-    def look(self, report: StepReport) -> Found | None:
-        """The first events of a step, or of several in one go; None: there were none."""
-        self.passed = 0
-        if not isinstance(report, BlockReport):
-            return self._look(report, 0)
-        sides = self._together(report)
-        for k in np.flatnonzero(~sides.all(axis=1)).tolist():
-            self._pass(report, sides[:k])
-            found = self._look(report, k)
+    @property
+    def _now(self) -> dict[str, float]:
+        """Numbers at the last state."""
+        return self._looks[-1][1]
+
+    def seen(self, state: State) -> View:
+        """View of a state of the run."""
+        view = View(self.system, state)
+        view._states._motions = self._motions
+        return view
+
+    def look(self, block: Block) -> Found | None:
+        """The first events of some steps; None: there are none."""
+        times = np.array([*(time for time, _ in self._looks), *block.times])
+        values = self._together(block)
+        alone = np.arange(len(block)) if values is None else self._near(values)
+        for k in alone.tolist():
+            self._go_by(times, values, k)
+            self.passed = k
+            found = self._look(block, k)
             if found is not None:
-                before = report.first(k) if k else None
-                return found._replace(steps=k + 1, before=before)
-            self.passed = k + 1
-        self._pass(report, sides)
+                return found
+        self._go_by(times, values, len(block))
         return None
 
-    def _together(self, report: BlockReport) -> IndexArray:
-        """Signs (steps, events) of numbers after steps in which nothing can have happened; zeros.
-
-        These are the signs of numbers that keep theirs, and whose parabola is far from zero.
-        """
-        alone = np.zeros((report.steps, len(self.events)), dtype=np.int64)
-        if self._earlier is None:
-            return alone
-        block, looks = report.block, (self._earlier, self._now)
-        given = report.times, block.q, block.p, block.turns, self.view._states._motions
+    def _together(self, block: Block) -> Floats | None:
+        """Numbers (2 + k, events) of the last two states and of a block's; None: not together."""
+        if len(self._looks) < 2 or len(block) == 1:
+            return None
+        given = block.times, block.q, block.p, block.turns, self._motions
         states = Window(self.system, *given)
         columns = [event.values(states) for event in self.events]
-        if any(column is None for column in columns):
-            return alone
-        earlier = [[look.values[event.name] for look in looks] for event in self.events]
-        values = np.c_[
-            np.array(earlier).reshape(-1, 2), np.array(columns).reshape(-1, len(alone))
-        ].T
-        side, near = np.sign(values[2:]), NEAR * abs(values).max(axis=0)
-        before, start, end = (side * values[k : k + report.steps] for k in range(3))
+        known = [column for column in columns if column is not None]
+        if len(known) < len(columns) or not known:
+            return None
+        earlier = [[look[event.name] for event in self.events] for _, look in self._looks]
+        return np.concatenate([np.array(earlier), np.array(known).T])
+
+    @staticmethod
+    def _near(values: Floats) -> IndexArray:
+        """Steps in which a number may come near to zero, which are looked at alone."""
+        near, side = NEAR * abs(values).max(axis=0), np.sign(values[2:])
+        before, start, end = side * values[:-2], side * values[1:-1], side * values[2:]
         apart = (start > near) & (end > near) & ~comes_near(before, start, end)
-        return np.where(apart.all(axis=1, keepdims=True), side, 0).astype(np.int64)
+        return np.flatnonzero(~apart.all(axis=1))
 
-    def _pass(self, report: StepReport, sides: IndexArray) -> None:
-        """Go on behind steps in which nothing has happened, with these signs after each of them."""
-        for k in range(max(self.passed, len(sides) - 2), len(sides)):
-            self._keep(_Look(self.events, self.view._at(report.after(k))))
-        if len(sides) > self.passed:
-            names = (event.name for event in self.events)
-            self._sides = dict(zip(names, sides[-1].tolist(), strict=True))
-            self.passed = len(sides)
+    def _go_by(self, times: Floats, values: Floats | None, k: int) -> None:
+        """Go on behind the first k steps, in which nothing has happened."""
+        if values is None or not k:
+            return
+        names = [event.name for event in self.events]
+        self._looks = [
+            (float(times[i]), dict(zip(names, values[i].tolist(), strict=True))) for i in (k, k + 1)
+        ]
+        self._pass()
 
-    def _look(self, reports: StepReport, k: int) -> Found | None:
-        """The first events of the k-th of some steps; None: there were none."""
-        look = _Look(self.events, self.seen(reports, k))
-        values, trials = look.values, _Trials(self, reports, k, look.view.time)
-        brackets: dict[str, Bracket] = {}
+    def _pass(self) -> None:
+        """Take the signs of the numbers at the last state."""
+        for name, value in self._now.items():
+            self._sides[name] = _sign(value) or self._sides[name]
+
+    def _look(self, block: Block, k: int) -> Found | None:
+        """The first events of step k; None: there were none."""
+        view = self.seen(block.state_after(k))
+        values = {event.name: event.value(view) for event in self.events}
+        trials, brackets = _Trials(self, block, k), dict[str, Bracket]()
         for event in self.events:
             bracket = self._bracket(event, trials, values[event.name])
             if bracket is not None:
                 brackets[event.name] = bracket
         if not brackets:
-            self._keep(look)
-            self._behind = [*self._steps_before(reports, k), reports.part(k)][-2:]
-            for name, value in values.items():
-                self._sides[name] = _sign(value) or self._sides[name]
+            self._looks = [self._looks[-1], (view.time, values)]
+            self._pass()
             return None
-        report = trials.report
         where = [
-            located(found, trials.of(event, found.side), self._width(event, report, trials.h))
+            located(found, trials.of(event, found.side), self._width(event, trials))
             for event in self.events
             if (found := brackets.get(event.name))
         ]
-        first = min(where, key=lambda each: each.state.time)
-        view = self.seen(reports, k, first)
-        events = self._there(view, first.state.time - trials.state.time, brackets)
+        last = min(where, key=lambda each: each.state.time)
+        view = self.seen(last.state)
+        events = self._there(view, last.state.time - trials.state.time, brackets)
         for event, _ in events:
-            self._often(event, first.state, report.step)
-        return Found(first, events, view)
-
-    def _steps_before(self, reports: StepReport, k: int) -> list[StepReport]:
-        """Up to two steps before the k-th of a report, since the run began or went on."""
-        return [*self._behind, *(reports.part(j) for j in range(max(0, k - 2), k))][-2:]
-
-    def seen(self, reports: StepReport, k: int, report: StepReport | None = None) -> View:
-        """The state after the k-th step of a report, or after another one in its place."""
-
-        def points() -> Sequence[ForcePoint]:
-            own = reports.part(k) if report is None else report
-            return self._points(own.state, [*self._steps_before(reports, k), own])
-
-        return self.view._at(reports.after(k) if report is None else report.state, points)
-
-    def _points(self, state: State, steps: list[StepReport]) -> Sequence[ForcePoint]:
-        """Constraint forces of steps up to a state; of the next ones, too, where these are few."""
-        integrator = self.factory.integrator
-        points = force_points(integrator, steps)
-        few = 2 if integrator.constraint_weight < 1 else 0  # else a start has its own
-        while len(points) < few and len(steps) < 3:
-            try:
-                steps = [*steps, self.step(state, self._h, self._h)]
-            except (CosseratError, *OF_USERS):  # equations of motion are taken
-                return []
-            state, points = steps[-1].state, force_points(integrator, steps)
-        return points
+            self._often(event, last.state, float(trials.step.sizes[0]))
+        return Found(block.part(0, k) if k else None, last, events, view)
 
     def _there(
         self, view: View, size: float, brackets: dict[str, Bracket]
@@ -615,46 +506,47 @@ class EventMonitor:
         for event in self.events:
             value, side = event.value(view), self._sides[event.name]
             bracket = brackets.get(event.name)
-            if bracket is not None and size > bracket.a.t:
+            if bracket is not None and size > bracket.a[0]:
                 side = bracket.side
             if self._met(event, value, side):
                 self._sides[event.name] = side
                 events.append((event, value))
         return events
 
-    def _keep(self, look: _Look) -> None:
-        self._earlier, self._now = self._now, look
-
     def _met(self, event: Event, value: float, before: int) -> bool:
-        """Whether its number has passed through zero, in the direction asked for."""
+        """True if its number has passed through zero, in the direction asked for."""
         if before in (0, event.direction):
             return False
         # just before it, as well: a step of rounding size would have no velocity
-        if before * value > LOCATED * max(before * (self._now.values[event.name] - value), 0.0):
+        if before * value > LOCATED * max(before * (self._now[event.name] - value), 0.0):
             return False
         return not self._jumps(event, value)
 
     def _jumps(self, event: Event, value: float) -> bool:
-        """Whether an angle has passed the point half a turn from its level, where it jumps."""
+        """True if an angle has passed the point half a turn from its level, where it jumps."""
         period = event.condition.period
-        return period is not None and abs(value - self._now.values[event.name]) >= period / 2
+        return period is not None and abs(value - self._now[event.name]) >= period / 2
 
     def _bracket(self, event: Event, trials: _Trials, value: float) -> Bracket | None:
         """Where its number passes through zero in the step to this value; None: nowhere."""
-        side, start = self._sides[event.name], self._now.values[event.name]
-        a, b = TimedValue(0.0, max(start * side, 1e-300)), TimedValue(trials.h, value * side)
+        side, start = self._sides[event.name], self._now[event.name]
+        a, b = (0.0, max(start * side, 1e-300)), (trials.h, value * side)
         if self._met(event, value, side):
-            return Bracket(side, a, b, trials.report)
-        if not b.f > 0 or event.condition.monotonic or self._jumps(event, value):
+            return Bracket(side, a, b, trials.step)
+        if not b[1] > 0 or event.condition.monotonic or self._jumps(event, value):
             return None
-        before = None
-        if self._earlier is not None:
-            c, time = self._earlier.values[event.name], self._earlier.view.time
-            before = TimedValue(time - trials.state.time, side * c)
-            if not comes_near(before.f, a.f, b.f, -before.t / trials.h) or self._jumps(event, c):
-                return None
+        trial = trials.of(event, side)
         try:
-            found = dip(trials.of(event, side), a, b, before)
+            if len(self._looks) > 1:
+                time, earlier = self._looks[0]
+                before, ratio = earlier[event.name], (trials.state.time - time) / trials.h
+                if self._jumps(event, before):
+                    return None
+                near = comes_near(side * before, a[1], b[1], ratio)
+            else:  # the middle stands for the step before
+                middle = trial(trials.h / 2)[0]
+                near = comes_near(a[1], middle, b[1]) or comes_near(b[1], middle, a[1])
+            found = dip(trial, trials.h) if near else None
         except Diverged as error:  # the run itself has got over it
             logger.debug("%s: a part of the step cannot be solved: %s", event.label, error)
             return None
@@ -662,20 +554,20 @@ class EventMonitor:
             return None
         inside, there = found
         if event.direction == side:  # the way back is asked for
-            a, b = (TimedValue(t, -f) for t, f in (inside, b))
-            return Bracket(-side, a, b, trials.report)
+            a, b = ((t, -f) for t, f in (inside, b))
+            return Bracket(-side, a, b, trials.step)
         return Bracket(side, a, inside, there)
 
-    def _width(self, event: Event, report: StepReport, h: float) -> float:
-        """What the time of an event is located to (s)."""
-        width = LOCATED * h if event.tolerance is None else event.tolerance
-        return max(width, 4 * float(np.spacing(abs(report.state.time))))
+    def _width(self, event: Event, trials: _Trials) -> float:
+        """Time (s) to which an event is located."""
+        width = LOCATED * trials.h if event.tolerance is None else event.tolerance
+        return max(width, 4 * float(np.spacing(abs(trials.step.state.time))))
 
-    def step(self, state: State, size: float, like: float) -> StepReport:
+    def step(self, state: State, size: float, like: float) -> Block:
         """A step of any size (s) from a state; `like`: the size of those of the run."""
         if self._stepper is None:
             self._stepper = self.factory(self.system, like)
-        return self._stepper.advance(state, state.time + size, size)
+        return self._stepper.advance_block(state, 1, state.time + size, size)
 
     def _often(self, event: Event, state: State, step: float) -> None:
         """Raise Diverged if an event repeats without end."""

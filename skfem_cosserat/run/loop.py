@@ -21,8 +21,7 @@ from ..diagnostics.resolution import MOST_OFF
 from ..diagnostics.stacked import all_rows
 from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
 from ..history import EventRecord, History
-from ..integrators import Integrator, State, Stepper, StepReport
-from ..integrators.report import BlockReport
+from ..integrators import Block, Integrator, State, Stepper, StepReport
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
 from ..model.limits import (
@@ -39,11 +38,11 @@ from ..warn import Notices, logger, warn
 from .conditions import ActionOutcome
 from .describe import checked_asked, finish, run_formulas
 from .events import Event, EventMonitor, Found, checked_events
+from .plan import ControlledSteps, FixedSteps, Plan, StepControl, StepperFactory
 from .progress import Interrupt, Progress
-from .recorder import Numbered, Recorder, Wanted, energy, timed
+from .record import Record, Wanted, energy, numbered, timed
 from .sensors import Sensor, View
 from .start import consistent_start, initial_state
-from .step_size import ControlledSteps, FixedSteps, StepControl, StepperFactory, SteppingPlan
 
 # -- the loop of a run: steps, events and what they change, until the end --------------------------
 
@@ -52,24 +51,24 @@ Callback = Callable[[StepReport], object]
 
 @dataclass
 class RunLoop:
-    """A run and its parts.
+    """Run and its parts.
 
     Attributes
     ----------
     factory : StepperFactory
-    plan : SteppingPlan
-    recorder : Recorder
+    plan : Plan
+    record : Record
     callbacks : sequence of callable
     show : callable
-        Gets the time after each step.
+        Gets the time after each block of steps.
     interrupt : Interrupt
     watch : EventMonitor or None
         None: there are no events.
     """
 
     factory: StepperFactory
-    plan: SteppingPlan
-    recorder: Recorder
+    plan: Plan
+    record: Record
     callbacks: Sequence[Callback]
     show: Callable[[float], object]
     interrupt: Interrupt
@@ -79,32 +78,29 @@ class RunLoop:
         """Go on from a state to the end; the status, and why a step could not be solved."""
         self.state, status = state, "completed"
         try:
-            while status == "completed" and (reports := self.plan.advance(self.state)):
-                for report in reports:
-                    found = None if self.watch is None else self._look(self.watch, report)
-                    if found is None:
-                        status = self._take(report)
-                    else:
-                        if found.before is not None:
-                            self._take(found.before)
-                        status = self._take(found.report)
-                        self.plan.stepper.rewind(report, found.steps)
-                        status = "stopped" if self._act(found) else status
-                    if found is not None or status != "completed":
-                        break
+            while status == "completed" and (block := self.plan.advance(self.state)) is not None:
+                found = None if self.watch is None else self._look(self.watch, block)
+                if found is None:
+                    status = self._take(block)
+                    continue
+                if found.steps is not None:
+                    self._take(found.steps)
+                status = self._take(found.last)
+                status = "stopped" if self._act(found) else status
         except KeyboardInterrupt:  # raised by a callback, or a second Ctrl-C
             return "interrupted", None
         except Diverged as error:
             return "diverged", error
         return status, None
 
-    def _look(self, watch: EventMonitor, report: StepReport) -> Found | None:
+    def _look(self, watch: EventMonitor, block: Block) -> Found | None:
         """Look for events; if that fails, steps before in the same block are done all the same."""
+        watch.passed = 0
         try:
-            return watch.look(report)
+            return watch.look(block)
         except BaseException:
-            if watch.passed and isinstance(report, BlockReport):
-                self._take(report.first(watch.passed))
+            if watch.passed:
+                self._take(block.part(0, watch.passed))
             raise
 
     def numbers(self, h: float | None) -> StepNumbers:
@@ -112,18 +108,19 @@ class RunLoop:
 
         Events shorten steps: those of the size h (s) that was asked for count, if one was.
         """
-        recorder, plan = self.recorder, self.plan
-        recorder.h = h or plan.h
-        out = StepNumbers(recorder.segments[-1].system, self.factory.integrator, recorder.h)
-        recorder.more = plan.summary() | {"steps": out.numbers}
+        record, plan = self.record, self.plan
+        record.h = h or plan.h
+        out = StepNumbers(record.segments[-1].system, self.factory.integrator, record.h)
+        record.more = plan.summary() | {"steps": out.numbers}
         return out
 
-    def _take(self, report: StepReport) -> str:
-        """A step is done: the status of the run."""
-        self.recorder.take(report)
-        self.state = report.state
+    def _take(self, block: Block) -> str:
+        """Record solved steps, and call what looks at them; the status of the run."""
+        self.record.add(block)
+        self.state = block.state
         self.show(self.state.time)
-        answers = [callback(report) for callback in self.callbacks]  # all are called
+        # all are called
+        answers = [callback(report) for report in block for callback in self.callbacks]
         if self.interrupt.asked:
             return "interrupted"
         asked = any(isinstance(answer, bool | np.bool_) and answer for answer in answers)
@@ -142,20 +139,20 @@ class RunLoop:
                 text = f"at t = {start.time:.9g} s: {error}"
                 raise type(error)(event.label, text) from error
             system, state, loss = self._outcome(system, outcome)
-            row = self.recorder.row_of_event()
+            row = self.record.row_of_event()
             record = EventRecord(
                 *(start.time, event.name, value, row, start.index, loss, repr(event.action))
             )
-            self.recorder.events.append(record)
+            self.record.events.append(record)
             logger.info("%s", record)
             self.state, losses, stop = state, losses + loss, stop or outcome.stop
         stepper = self.plan.stepper
         if self.state is not start:
             if system is not before:
                 stepper = self.factory(system, self.plan.h)
-            self.recorder.switch(system, stepper, self.state, self.plan.h, losses)
+            self.record.switch(stepper, self.state, self.plan.h, losses)
         else:
-            self.recorder.note()
+            self.record.note()
         if not stop:
             self.watch.go_on(system, self.state, found)
         self.plan.begin(stepper, self.state)
@@ -381,19 +378,17 @@ def simulate(
         state = stepper.own(state, varying)
         _check_run(callbacks, path, state)
         found = checked_events(events, integrator, system)
-        watch = EventMonitor(found, factory, system, state, first) if found else None
+        watch = EventMonitor(found, factory, system, state) if found else None
         looked = bool(callbacks or callable(progress))
-        extent = state, until, count, every, at, eventful, looked, bool(sensors)
+        extent = state, until, count, every, at, eventful, looked
         plan, wanted = _planned(step, factory, stepper, *extent)
-        expected = wanted.rows if isinstance(wanted, Numbered) else None
-        about = path, sensors, varying, notices, expected
-        recorder = Recorder(system, stepper, state, wanted, *about)
-        with recorder, Interrupt() as interrupt:
+        record = Record(stepper, state, wanted, path, sensors, varying, notices)
+        with record, Interrupt() as interrupt:
             run = RunLoop(
-                factory, plan, recorder, callbacks, lambda t: show(t, until), interrupt, watch
+                factory, plan, record, callbacks, lambda t: show(t, until), interrupt, watch
             )
             equal = h is not None
-            recorder.look_back = lambda found: _warn_of_motion(
+            record.look_back = lambda found: _warn_of_motion(
                 run.numbers(h), found, equal, eventful, None
             )
             with show:
@@ -404,14 +399,14 @@ def simulate(
             if failure is not None:
                 notices.tell(failure)  # from here on no warning takes its place
             try:
-                _warn_of_motion(why, recorder.complete(), equal, eventful, failure)
+                _warn_of_motion(why, record.complete(), equal, eventful, failure)
             finally:  # a warning may be an error: the file is whole all the same
-                history = recorder.close(status, failure, why.alternation)
+                history = record.close(status, failure, why.alternation)
             if failure is not None:
                 notices.tell(failure)  # now with the balance of energy
                 failure.history = history
             interrupt.at_once()  # nothing is lost any more
-            finish(history, [segment.system for segment in recorder.segments], derive, path)
+            finish(history, [segment.system for segment in record.segments], derive, path)
         logger.info("%s: %d states up to t = %.6g s", status, len(history), history.times[-1])
         if failure is not None:
             notices.tell(failure)
@@ -479,21 +474,19 @@ def _planned(
     at: Sequence[float] | None,
     eventful: bool,
     looked: bool,
-    seen: bool,
-) -> tuple[SteppingPlan, Wanted]:
-    """How a run goes on in time, and which of its states are recorded.
+) -> tuple[Plan, Wanted]:
+    """Plan of a run in time, and which of its states are recorded.
 
-    Steps are taken in one go, unless something looks at each (`looked`). Sensors see every state
-    (`seen`), many at a time.
+    Steps are taken in one go, unless something looks at each (`looked`).
     """
     if isinstance(step, StepControl):
         wanted = timed(state, until, every, at, exact=True)
         return ControlledSteps(step, factory, stepper, state, until, at or ()), wanted
     if eventful:
         wanted = timed(state, until, every, at, exact=False)
-        return FixedSteps(stepper, state, count, until, alone=looked), wanted
-    numbered = Numbered(state, stepper.h, count, every, at, seen)
-    return FixedSteps(stepper, state, count, None, None if looked else numbered.ahead), numbered
+        return FixedSteps(stepper, state, count, until, looked), wanted
+    wanted = numbered(state, stepper.h, count, every, at)
+    return FixedSteps(stepper, state, count, None, looked), wanted
 
 
 def _warn_of_rest(start: State, end: State, step: float | None, until: float) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from .. import diagnostics
 from ..arguments import checked
-from ..constraints.saddle import accelerations
 from ..diagnostics import multipliers, reactions
 from ..diagnostics.error import SectionPlaces
 from ..diagnostics.joint_motion import Reading, reading_of
@@ -20,9 +19,8 @@ from ..errors import InputError, failed
 from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
-from ..integrators import State, StepReport
+from ..integrators import State
 from ..integrators.compiled_scene import Motion
-from ..integrators.report import BlockReport, ForcePoint, StateForces, one_sided
 from ..joint import Joint
 from ..model import Model, System, system_of
 from ..model.scene import joint_of
@@ -36,9 +34,6 @@ if TYPE_CHECKING:
 Motions = Callable[[Floats, Floats], Motion | None]
 
 # -- states of a run and what is read from them: by conditions of events, and by sensors -----------
-
-#: instants, all rows, and constraint forces
-_Forces = Sequence[tuple[float, Floats, Floats]]
 
 
 class Window:
@@ -57,12 +52,8 @@ class Window:
         Momentum of each state.
     turns : (k, angles) int array or None
         Full turns of the angles of force elements, of each state.
-    step_t : (j,) array
-        Instants (s) of the states whose constraint forces are known.
-    points : (j, total, 3) array
-        All rows of these states; only for sensors that ask for forces.
-    force : (j, n) array
-        Constraint forces of these states; only for sensors that ask for them.
+    force : (k, n) array or None
+        Constraint force of each state; only for sensors of a run, and None elsewhere.
     """
 
     def __init__(
@@ -73,16 +64,13 @@ class Window:
         p: Floats,
         turns: IndexArray | None = None,
         motions: Motions | None = None,
-        steps: _Forces = (),
+        force: Floats | None = None,
     ) -> None:
-        self.system, self.t, self.turns = system, t, turns
+        self.system, self.t, self.turns, self.force = system, t, turns, force
         self.q, self.p = q.view(), p.view()
         for states in (self.q, self.p):  # an own sensor may try to write there
             states.flags.writeable = False
         self._motions = motions
-        self.step_t = np.array([t for t, _, _ in steps])
-        self.points = np.array([y for _, y, _ in steps]).reshape(-1, system.total, 3)
-        self.force = np.array([f for _, _, f in steps]).reshape(-1, system.n)
 
     @classmethod
     def at(cls, system: System, state: State, motions: Motions | None = None) -> Window:
@@ -165,15 +153,16 @@ class Window:
         return self.kinetic_energy() + self.stored_energy()
 
     def reaction(self, joint: Joint | str) -> tuple[Floats, Floats]:
-        """Force and moment (j, 3) of a joint on its side b, at the instants `step_t` (N, N m)."""
+        """Force and moment (k, 3) of a joint on its side b (N, N m)."""
         joint = joint if isinstance(joint, Joint) else joint_of(self.system, joint)
-        if not len(self.step_t):
-            raise InputError(joint.label, "its force is known to sensors with forces = True alone")
-        return reactions(self.system, self.points, self._multipliers)[joint.name or ""]
+        return reactions(self.system, self.y, self._multipliers)[joint.name or ""]
 
     @cached_property
     def _multipliers(self) -> Floats:
-        return multipliers(self.system, self.points, self.force)
+        if self.force is not None:
+            return multipliers(self.system, self.y, self.force)
+        given = self.system, self.q, self.v, self.t, self.turns
+        return diagnostics.accelerations(*given)[1]
 
     def sensor(self, sensor: Sensor) -> Floats:
         """Values (k, ...) of a sensor without forces."""
@@ -222,27 +211,14 @@ class View:
     9.0
     """
 
-    #: gives constraint forces at instants beside the state, those of a run's steps
-    _points: Callable[[], Sequence[ForcePoint]] = staticmethod(tuple)
-
     def __init__(self, system: Model | System, state: State) -> None:
         system = system_of(system)
         check_kind("argument state", state, State, ", see initial_state")
         if np.shape(state.q) != (system.n,):
             given = f"q has shape {np.shape(state.q)}, expected ({system.n},)"
             raise InputError("argument state", given)
-        self._look_at(system, state)
-
-    def _look_at(self, system: System, state: State, motions: Motions | None = None) -> None:
         self.system, self.state, self.time, self.q = system, state, state.time, state.q
-        self._states = Window.at(system, state, motions)
-
-    def _at(self, state: State, points: Callable[[], Sequence[ForcePoint]] = tuple) -> View:
-        """The view of another state of the same system, which takes velocities from the same."""
-        out = View.__new__(View)
-        out._look_at(self.system, state, self._states._motions)
-        out._points = points
-        return out
+        self._states = Window.at(system, state)
 
     def __repr__(self) -> str:
         return f"<View: t = {self.time:g} s, step {self.state.index}, n = {self.system.n}>"
@@ -286,18 +262,11 @@ class View:
     def reaction(self, joint: Joint | str) -> tuple[Floats, Floats]:
         """Force and moment (N, N m) of a joint on its side b.
 
-        In events of a run they follow from the steps up to here, or from the next ones at a start,
-        and are smooth where vibrations are not resolved; of second order. Else, and with composed
-        steps, they are those of the equations of motion here.
+        By the equations of motion at this state. Where steps do not resolve a vibration, it is in
+        these forces as it is in the state; the history of a run and its sensors have the forces
+        of the steps around each state.
         """
-        name = joint_of(self.system, joint).name or ""
-        t, turns, y = self.time, self.state.turns, self._states.y
-        found = one_sided(t, self._points())
-        if found is None:
-            lam = accelerations(self.system, self.q, self.v, t, turns)[1][None]
-        else:
-            lam = multipliers(self.system, y, found[None])
-        force, moment = diagnostics.reactions(self.system, y, lam)[name]
+        force, moment = self._states.reaction(joint)
         return force[0], moment[0]
 
     def kinetic_energy(self) -> float:
@@ -347,9 +316,8 @@ class Sensor(Attached, ABC):
     derivative : int
         How often the record is differentiated in time, by differences of second order.
     forces : bool
-        Whether it needs constraint forces. Its instants are then those of ``step_t`` of a
-        :class:`Window`. Where an event changes the scene there are two of one time, the end of the
-        steps before and the start of those after.
+        True if it needs constraint forces, ``window.force``. Where an event changes the scene it
+        has two values of one time, of the end of the steps before and the start of those after.
 
     Examples
     --------
@@ -393,7 +361,7 @@ class Sensor(Attached, ABC):
 
     @abstractmethod
     def values(self, system: System, window: Window) -> Floats:
-        """Values (k, ...) at the window's states; with `forces`, (j, ...) where these are known."""
+        """Values (k, ...) at the window's states."""
 
 
 class SensorPosition(Sensor):
@@ -719,83 +687,45 @@ class SensorBank:
 
     def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter) -> None:
         self.sensors, self.writer = sensors, writer
-        self.system: System
-        #: whether constraint forces of every state are asked for
-        self.forces = any(sensor.forces for sensor in sensors.values())
-        self._seen: list[tuple[Any, ...]] = []
+        self._system: System | None = None
+        self._rows: list[Mapping[str, Any]] = []
         self._shapes: dict[str, Floats] = {}
-        self._steps: list[tuple[float, Floats, Floats]] = []
-        self._own: StateForces | None = None
-        #: where the start goes among the states with forces; None: it is there, or not asked for
-        self._place: int | None = None
+        self._last = np.nan
 
-    def go_on(self, own: StateForces) -> None:
-        """Begin, or go on, at a state; what sensors saw before in another scene is written."""
-        if self._own is not None and own.system is not self.system:
-            self.flush()
-        self.system, self._own = own.system, own
-        self._place = len(self._steps) if self.forces else None
-
-    def begin(self, state: State) -> None:
-        """The state a run starts from."""
-        if self.sensors:
-            turns = state.turns
-            if turns is None:
-                turns = np.zeros(len(self.system.couplings.angles), dtype=np.int64)
-            self._seen.append((np.array([state.time]), state.q[None], state.p[None], turns[None]))
-
-    def take(self, report: StepReport) -> None:
-        """Steps are done, one or several; of these every state is kept."""
+    def take(self, system: System, rows: Mapping[str, Any]) -> None:
+        """Look at more states of a run, whose rows are complete; a sensor may raise."""
         if not self.sensors:
             return
-        if isinstance(report, BlockReport):
-            block = report.block
-            kept = (each.copy() for each in (block.q, block.p, block.turns))
-            self._seen.append((report.times, *kept))
-        else:
-            self.begin(report.state)
+        if system is not self._system:
+            self.flush()
+            self._system = system
+        self._rows.append(rows)
+        if sum(len(each["t"]) for each in self._rows) >= BLOCK:
+            self.flush()
 
-    def note(self, found: tuple[State, Floats] | None) -> None:
-        """A state and its constraint force are known, or that of the start."""
-        own = self._own
-        if own is None or not self.forces:
+    def flush(self) -> None:
+        """Write what has been looked at; a sensor may raise."""
+        rows, self._rows = self._rows, []
+        if not rows or self._system is None:
             return
-        if self._place is not None and own.start is not None:
-            self._note(own.state, own.start, self._place)
-            self._place = None
-        if found is not None and found[0] is not own.state:
-            self._note(*found, len(self._steps))
 
-    def _note(self, state: State, force: Floats, place: int) -> None:
-        y = self.system.extend(state.q, state.time)
-        self._steps.insert(place, (state.time, y, force))
+        def of(name: str) -> Any:
+            return np.concatenate([each[name] for each in rows]) if name in rows[0] else None
 
-    def flush(self, least: int = 0) -> None:
-        """Write what has been collected, if it is so many states at least; a sensor may raise."""
-        if least and self._place is not None:
-            return
-        if not (self._seen or self._steps) or sum(len(each[0]) for each in self._seen) < least:
-            return
-        none = np.zeros((0, self.system.n))
-        angles = np.zeros((0, len(self.system.couplings.angles)), dtype=np.int64)
-        states = zip((np.zeros(0), none, none, angles), *self._seen, strict=True)
-        t, q, p, turns = map(np.concatenate, states)
-        window = Window(self.system, t, q, p, turns, steps=self._steps)
-        arrays = {}
+        t, states = of("t"), (of("q"), of("carried"), of("turns"))
+        window = Window(self._system, t, *states, force=of("constraint_force"))
+        # a state after an event is where that before it is
+        apart = np.diff(t, prepend=self._last) != 0
+        self._last, arrays = t[-1], {}
         for name, sensor in self.sensors.items():
-            times, known = window.step_t if sensor.forces else window.t, self._shapes.get(name)
-            arrays[f"{name}/t"] = times
-            if len(times) or known is None:
-                arrays[f"{name}/x"] = self._values(name, sensor, window)
-            else:  # the last force comes when no states are left
-                arrays[f"{name}/x"] = known[:0]
-        self._seen.clear()
-        self._steps.clear()
+            some = slice(None) if sensor.forces else apart
+            arrays[f"{name}/t"] = t[some]
+            arrays[f"{name}/x"] = self._values(name, sensor, window)[some]
         self.writer.sense(arrays)
 
     def _values(self, name: str, sensor: Sensor, window: Window) -> Floats:
         """What a sensor sees; NaN where its joint has been released."""
-        here = {each.name for each in self.system.joints}
+        here = {each.name for each in window.system.joints}
         gone = [
             each for each in sensor.items() if isinstance(each, Joint) and each.name not in here
         ]
@@ -806,14 +736,13 @@ class SensorBank:
                 text = f"gives values {values.shape[1:]}, and {before.shape[1:]} before"
                 raise InputError(f"sensor {name!r}", f"{text}, up to t = {window.t[-1]:.9g} s")
             return values
-        count = len(window.step_t if sensor.forces else window.t)
         known = self._shapes.get(name)
-        return np.full((count, *((6,) if known is None else known.shape[1:])), np.nan)
+        return np.full((len(window.t), *((6,) if known is None else known.shape[1:])), np.nan)
 
 
 def seen(name: str, sensor: Sensor, window: Window) -> Floats:
     """What a sensor sees in a window: real numbers, for each of its instants."""
-    item, times = f"sensor {name!r}", window.step_t if sensor.forces else window.t
+    item, times = f"sensor {name!r}", window.t
     try:
         values = numbers(item, "values", sensor.values(window.system, window))
     except InputError:

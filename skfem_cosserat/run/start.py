@@ -25,7 +25,7 @@ from ..time_function import Constant
 from ..types import ArrayLike, Floats, check_kind, finite, largest, numbers, positive, shown
 from ..warn import warn
 from .describe import other_model, recorded_turns
-from .step_size import StepControl
+from .plan import StepControl
 
 # -- velocities from rates of joint coordinates: initial conditions in reduced form ----------------
 

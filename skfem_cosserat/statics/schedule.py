@@ -17,7 +17,7 @@ from ..model import System
 from ..model.balance import Amplitudes, Spin
 from ..newton import NewtonReport
 from ..run.describe import describe
-from ..run.recorder import take_along
+from ..run.record import take_along
 from ..time_function import (
     Amplitude,
     Constant,

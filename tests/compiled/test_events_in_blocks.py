@@ -21,8 +21,7 @@ from test_events import looking, swinging_rod
 
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper
-from skfem_cosserat.run import step_size
-from skfem_cosserat.run.events import TimedValue, comes_near, dip
+from skfem_cosserat.run.events import comes_near
 from skfem_cosserat.run.sensors import Window
 
 from helpers_kernels import INTEGRATORS, TREATMENTS  # isort: skip
@@ -31,13 +30,6 @@ pytest.importorskip("numba")
 
 __all__ = ["blocks"]
 H = 2e-3
-
-
-@pytest.fixture(autouse=True)
-def _small(monkeypatch):
-    """Blocks that begin after few steps, however near events are to each other."""
-    monkeypatch.setattr(step_size, "ALONE", 3)
-    monkeypatch.setattr(step_size, "APART", 0)
 
 
 def alone(*given, **options):
@@ -106,10 +98,8 @@ def test_at_every_place_of_a_block(blocks, integrator):
     assert {3, 6} <= set(blocks)
 
 
-def test_few_steps_are_solved_in_vain(blocks, monkeypatch):
-    """None where events follow each other in equal times."""
-    monkeypatch.setattr(step_size, "ALONE", 16)
-    monkeypatch.setattr(step_size, "APART", 64)
+def test_few_steps_are_solved_in_vain(blocks):
+    """No more than there are."""
     system, _ = swinging_rod()
     given = system, sc.EnergyMomentum(), sc.NullSpace(), H, 200 * H
 
@@ -122,7 +112,7 @@ def test_few_steps_are_solved_in_vain(blocks, monkeypatch):
         history, _ = run(*given, events=ticks(period))
         assert len(history.events) == 200 // period
         counts.append(sum(blocks))
-    assert counts[0] == 0 and counts[1] <= 2 * 25 and counts[2] > 100
+    assert max(counts) <= 2 * 200
 
 
 @integrators
@@ -169,52 +159,19 @@ def test_loads_that_change_are_those_of_steps_that_are_solved_anew(blocks, integ
 
 
 @pytest.mark.parametrize("name", ["nothing", CHANGING])
-def test_the_first_block_of_all_is_taken_back(name):
-    """With its loads, which were unknown before."""
+def test_a_stepper_goes_on_from_within_a_block(name):
+    """As one that has not solved the steps behind, but for what Newton's method begins with."""
     system = scene(MORE[name][0])
     own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
     one, many = (Stepper(*own, kernels="numba") for _ in range(2))
     alone = start = sc.initial_state(system)
-    report = many.advance_block(start, 20, every=True, mark=True)
-    state = report.part(6).state
-    many.rewind(report, 7)
+    state = many.advance_block(start, 20)[6].state
     for k in range(12):
         alone = one.advance(alone).state
         if k >= 7:
             state = many.advance(state).state
-    np.testing.assert_array_equal(state.q, alone.q)
-    np.testing.assert_array_equal(state.p, alone.p)
-
-
-def test_the_last_marked_steps_alone_are_taken_back():
-    """An older report began elsewhere; at least one of its steps stays."""
-    system = scene(MORE["nothing"][0])
-    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, kernels="numba")
-    old = stepper.advance_block(sc.initial_state(system), 10, every=True, mark=True)
-    new = stepper.advance_block(old.state, 10, every=True, mark=True)
-    with pytest.raises(sc.InputError, match="others have been solved since"):
-        stepper.rewind(old, 5)
-    for steps in (0, 11, 1.5):
-        with pytest.raises(sc.InputError, match="argument steps"):
-            stepper.rewind(new, steps)
-    stepper.rewind(new, 5)
-
-
-@pytest.mark.slow
-def test_a_stored_energy_is_taken_back_with_what_it_knows():
-    system = rod_of(compiled_law())
-    own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
-    one, many = (Stepper(*own, kernels="numba") for _ in range(2))
-    alone = state = sc.initial_state(system)
-    for _ in range(3):
-        report = many.advance_block(state, 9, every=True, mark=True)
-        assert report.steps > 4
-        state = report.part(3).state
-        many.rewind(report, 4)
-    for _ in range(12):
-        alone = one.advance(alone).state
-    np.testing.assert_array_equal(state.q, alone.q)
-    np.testing.assert_array_equal(many.advance(state).state.q, one.advance(alone).state.q)
+    np.testing.assert_allclose(state.q, alone.q, atol=1e-10)
+    np.testing.assert_allclose(state.p, alone.p, atol=1e-10 * abs(alone.p).max() / 1e-3)
 
 
 def compiled_law():
@@ -264,35 +221,6 @@ def test_a_copy_of_a_view_does_without_kernels():
         *(system, sc.EnergyMomentum(), sc.NullSpace(), H, 20 * H), kernels="numba", events=events
     )
     assert len(found) > 10 and all(found)
-
-
-def test_an_error_in_a_block_that_is_taken_back_is_not_forgotten():
-    failures = []
-
-    def force(t):
-        if t > 0.0182 and not failures:
-            failures.append(t)
-            raise ConnectionError("no wind today")
-        return t
-
-    def add(model, rod, pin, end):
-        model.add("f", sc.LoadForce(end, (0, 0.1, 0), force))
-
-    system = scene(add)
-    own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
-    one, many = (Stepper(*own, kernels="numba") for _ in range(2))
-    alone = sc.initial_state(system)
-    report = many.advance_block(alone, 30, every=True, mark=True)
-    assert report.steps == 18 and failures
-    many.rewind(report, 12)
-    state = report.part(11).state
-    for _ in range(18):
-        alone = one.advance(alone).state
-    while state.index < 18:
-        state = many.advance_block(state, 20, time=lambda n: 1e-3 * n).state
-    np.testing.assert_allclose(state.q, alone.q, atol=1e-12)
-    with pytest.raises(sc.InputError, match="no wind today"):
-        many.advance(state)
 
 
 def test_a_number_that_only_dips_below_zero(blocks):
@@ -456,52 +384,14 @@ def test_conditions_see_the_same_together(kernels, sprung):
     assert sc.Event(Late(1.0)).values(states) is None
 
 
-def test_numbers_that_come_near_to_zero():
-    """Else no step is tried: whatever the values are, and the sizes of both steps."""
-    rng, tried = np.random.default_rng(4), 0
-    for _ in range(4000):
-        ratio = 10 ** rng.uniform(-1, 1)
-        before, start, end = 10 ** rng.uniform(-3, 3, 3) * rng.choice([-1, 1], 3)
-        start, end = abs(start), abs(end)
-        trials = []
-
-        def trial(size, trials=trials):
-            trials.append(size)
-            return 1.0, None
-
-        points = TimedValue(0.0, start), TimedValue(1.0, end), TimedValue(-ratio, before)
-        dip(trial, *points)
-        assert not trials or comes_near(before, start, end, ratio)
-        tried += bool(trials)
-    assert tried > 100
-    # most are told apart
+def test_parabolas_that_pass_below_zero_come_near():
+    """Whatever the sizes of both steps; most others are told apart."""
+    rng = np.random.default_rng(4)
+    ratio, roots = 10 ** rng.uniform(-1, 1, 4000), rng.uniform(0, 1, (2, 4000))
+    before, start, end = (np.prod([t - root for root in roots], axis=0) for t in (-ratio, 0, 1))
+    assert comes_near(before, start, end, ratio).all()
     assert not comes_near(1.0, 1.0, 1.0) and not comes_near(3.0, 2.0, 1.0)
     assert comes_near(1.0, 0.1, 1.0)
-
-
-@treatments
-@integrators
-def test_steps_are_taken_back(integrator, treatment):
-    """A stepper goes on as one that has not solved the steps behind; without it, it does not."""
-    system, _ = swinging_rod()
-    given = system, INTEGRATORS[integrator], TREATMENTS[treatment], H
-    steppers = [Stepper(*given, kernels="numba") for _ in range(3)]
-    states = [s.own(sc.initial_state(system)) for s in steppers]
-    for _ in range(5):
-        states = [s.advance(state).state for s, state in zip(steppers, states, strict=True)]
-    for _ in range(4):
-        states[0] = steppers[0].advance(states[0]).state
-    reports = [s.advance_block(states[1], 20, every=True, mark=True) for s in steppers[1:]]
-    assert reports[0].steps == 20
-    first = reports[0].first(4)
-    assert first.steps == 4 and first.state.index == 9
-    np.testing.assert_array_equal(first.state.q, states[0].q)
-    steppers[1].rewind(reports[0], 4)
-    assert steppers[0].factorisations == steppers[1].factorisations
-    one, back, not_back = (s.advance(states[0]) for s in steppers)
-    for name in ("momentum", "constraint_force", "residual", "iterations"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(back, name))
-    assert not np.array_equal(one.constraint_force, not_back.constraint_force)
 
 
 @pytest.mark.parametrize("at", [0.0711, 0.15])
@@ -525,17 +415,3 @@ def test_what_was_before_an_error_is_kept(blocks, at):
     np.testing.assert_array_equal(one.times, many.times)
     for name in ("q", "carried", "work_loads"):
         np.testing.assert_array_equal(one[name], many[name])
-
-
-def test_only_the_last_steps_are_taken_back():
-    """In words where they were not marked, or others came after them; one step is all there is."""
-    system, _ = swinging_rod()
-    stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), H, kernels="numba")
-    report = stepper.advance(stepper.own(sc.initial_state(system)))
-    stepper.rewind(report, 1)
-    marked = stepper.advance_block(report.state, 10, every=True, mark=True)
-    after = stepper.advance(marked.state)
-    plain = stepper.advance_block(after.state, 10, every=True)
-    for each in (marked, plain):
-        with pytest.raises(sc.InputError, match="not taken with mark=True, or others have been"):
-            stepper.rewind(each, 5)

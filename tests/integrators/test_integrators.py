@@ -21,7 +21,7 @@ import skfem_cosserat as sc
 from skfem_cosserat import Stepper, diagnostics
 from skfem_cosserat.constraints.saddle import accelerations, nearest_velocity
 from skfem_cosserat.integrators import StepOrigin
-from skfem_cosserat.integrators.report import Code, Failure
+from skfem_cosserat.integrators.block import Code, Failure
 
 SCHEMES = {
     "alpha": sc.GeneralizedAlpha(0.7, stabilized=False),

@@ -20,7 +20,7 @@ from skfem_cosserat.integrators import compiled_scene
 from skfem_cosserat.integrators.compiled_scene import CompiledMotion
 from skfem_cosserat.model import force_elements
 from skfem_cosserat.run import sensors
-from skfem_cosserat.run.events import EventMonitor, TimedValue, dip
+from skfem_cosserat.run.events import EventMonitor, dip
 
 G = 10.0
 SLOW = pytest.mark.slow
@@ -634,11 +634,10 @@ def test_passages_are_looked_for_only_where_they_may_be(monkeypatch):
     far = sc.ConditionSensor(height, 0.051, component=2)  # the highest point is at 0.05 m
     several = [sc.Event(far, name="far"), sc.Event(lambda t, view: 1.0, name="never")]
     sc.simulate(*run, events=several, derive=False)
-    assert sizes == [0.01]
+    assert set(sizes) == {0.01}
 
 
-@pytest.mark.parametrize("middle", [False, True])
-def test_lowest_point_of_a_function(middle):
+def test_lowest_point_of_a_function():
     """Below zero by 1e-9 of its height, with a third derivative; and by as much above it."""
     for shift in (0.1, 0.3, 0.5, 0.7, 0.9):
         for depth in (1e-9, -1e-9):
@@ -646,14 +645,11 @@ def test_lowest_point_of_a_function(middle):
             def f(x, shift=shift, depth=depth):
                 return np.expm1(x - shift) - (x - shift) - depth
 
-            def trial(x, f=f):
-                return f(x), x
-
-            before = None if middle else TimedValue(-1.0, f(-1.0))
-            found = dip(trial, TimedValue(0.0, f(0.0)), TimedValue(1.0, f(1.0)), before)
+            found = dip(lambda x, f=f: (f(x), x), 1.0)
             assert (found is None) is (depth < 0)
             if found is not None:
-                assert found[0].f < 0 and found[0].t == pytest.approx(shift, abs=1e-4)
+                (place, value), step = found
+                assert value < 0 and place == step == pytest.approx(shift, abs=1e-4)
 
 
 # -- what is refused -------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from scipy.special import ellipj, ellipk
 
 import skfem_cosserat as sc
 from skfem_cosserat.history import SensorRecord
-from skfem_cosserat.run.step_size import size
+from skfem_cosserat.run.plan import size
 
 G = 10.0
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}

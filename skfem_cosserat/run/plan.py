@@ -1,4 +1,4 @@
-"""Steps of one size, and steps whose size follows from a tolerance."""
+"""Plans of a run: steps of one size, and steps whose size follows from a tolerance."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from ..constraints import Treatment
 from ..errors import Diverged, IncompatibleError, InputError
 from ..frozen import Frozen
-from ..integrators import Integrator, State, Stepper, StepReport
+from ..integrators import Block, Integrator, State, Stepper
 from ..integrators.choice import Choice
 from ..linear import Solver
 from ..model import System
@@ -51,39 +51,34 @@ class StepperFactory:
         return stepper
 
 
-class SteppingPlan(ABC):
-    """Steps of a run, a few at a time.
+class Plan(ABC):
+    """Steps of a run, a block at a time.
 
     Attributes
     ----------
     stepper : Stepper
         Of the steps that go on.
     h : float
-        Their size (s), of the last one or the next.
+        Size (s) of the last step or the next.
     """
 
     stepper: Stepper
     h: float
 
     @abstractmethod
-    def advance(self, state: State) -> list[StepReport]:
-        """The steps after a state; none at the end of the run."""
+    def advance(self, state: State) -> Block | None:
+        """Steps after a state; None at the end of the run."""
 
     @abstractmethod
     def begin(self, stepper: Stepper, state: State) -> None:
         """Go on from a state between its steps."""
 
     def summary(self) -> dict[str, Any]:
-        """What the history is to tell of it."""
+        """Metadata for the history."""
         return {}
 
 
-#: steps taken alone before some are taken in one go, between events: fewer cost more together; and
-#: steps between two events from which on it pays to take some that may be in vain
-ALONE, APART = 16, 64
-
-
-class FixedSteps(SteppingPlan):
+class FixedSteps(Plan):
     """Steps of one size, as many as were asked for.
 
     Parameters
@@ -94,12 +89,10 @@ class FixedSteps(SteppingPlan):
     count : int
         Number of steps.
     until : float, optional
-        Equal steps to this end instead, of the stepper's size or less, with events between them.
-    ahead : callable, optional
-        From a state, how many steps may be taken in one go, and whether every state of them is
-        recorded, or some are; by default one step.
+        Equal steps to this end instead, of the stepper's size or less, with events between them:
+        as many in one go as there have been since the last event, so that few are solved in vain.
     alone : bool
-        Whether each step between events is taken alone.
+        Whether each step is taken alone.
     """
 
     def __init__(
@@ -108,47 +101,33 @@ class FixedSteps(SteppingPlan):
         state: State,
         count: int,
         until: float | None = None,
-        ahead: Callable[[State], tuple[int, bool]] | None = None,
         alone: bool = False,
     ) -> None:
-        if until is not None and not alone:
-            ahead = self._between_events
-        self.stepper, self._ahead = stepper, ahead
+        self.stepper, self._alone, self._end = stepper, alone, until
         self.h = self._size = stepper.h
         self._origin, self._first, self._count = state.time, state.index, count
-        self._end = until
         if until is not None:
             self.begin(stepper, state)
 
-    def advance(self, state: State) -> list[StepReport]:
-        """See the base class: one step, or what follows in one go."""
-        k = state.index + 1 - self._first
-        if k > self._count:
-            return []
-        ahead, every = (1, False) if self._ahead is None else self._ahead(state)
-        h, eventful = (None, False) if self._end is None else (self.h, True)
-        if ahead > 1 and self.stepper.takes_blocks(state):
-            return [self.stepper.advance_block(state, ahead, self._time, every, h, eventful)]
-        return [self.stepper.advance(state, self._time(state.index + 1), h)]
-
-    def _between_events(self, state: State) -> tuple[int, bool]:
-        """As many steps in one go as there have been since the start or the last event.
-
-        So few are solved in vain. The first ones, which complete the row of the start, are taken
-        alone; so are those up to the next event, if events follow each other in equal times.
-        """
-        k = state.index - self._first
-        return (min(k, self._count - k) if k >= self._alone else 1), True
+    def advance(self, state: State) -> Block | None:
+        """Steps as far as they are taken in one go."""
+        done = state.index - self._first
+        left = self._count - done
+        if left <= 0:
+            return None
+        most = 1 if self._alone else left if self._end is None else max(1, min(done, left))
+        return self.stepper.advance_block(
+            state, most, self._time, None if self._end is None else self.h
+        )
 
     def _time(self, index: Any) -> Any:
         """Of states with these indices: t_n = t_0 + n h, no rounding adds up over many steps."""
         return self._origin + (index - self._first) * self.h
 
     def begin(self, stepper: Stepper, state: State) -> None:
-        """See the base class: equal steps to the same end, of the size asked for or less."""
+        """Equal steps to the same end, of the size asked for or less."""
         assert self._end is not None
-        left, since = self._end - state.time, state.index - self._first
-        self._alone = since + since // 4 if ALONE < since < APART else ALONE
+        left = self._end - state.time
         self.stepper, self._origin, self._first = stepper, state.time, state.index
         self._count = int(np.ceil(left / self._size - 1e-9)) if left > 1e-9 * self._size else 0
         if self._count:
@@ -341,7 +320,7 @@ class StepControl(Frozen):
         return max(smallest, min(first, largest)), smallest, largest
 
 
-class ControlledSteps(SteppingPlan):
+class ControlledSteps(Plan):
     """Pairs of steps under control.
 
     Parameters
@@ -380,22 +359,22 @@ class ControlledSteps(SteppingPlan):
         self.begin(stepper, state)
 
     def begin(self, stepper: Stepper, state: State) -> None:
-        """See the base class."""
+        """Pairs of steps of this stepper, of the size there was."""
         self.stepper = stepper
         self._coarse = self.factory(stepper.system, 2 * self.h)
         self._held = False
         self._estimate.begin()
 
-    def advance(self, state: State) -> list[StepReport]:
-        """See the base class: a pair of steps."""
+    def advance(self, state: State) -> Block | None:
+        """A pair of steps."""
         while self._targets and self._targets[0] - state.time <= 1e-12 * self.span:
             self._targets.pop(0)
         if not self._targets:
-            return []
+            return None
         while True:
             pair, end = self._pair(state.time)
             try:
-                reports, error = self._try(state, pair, end)
+                block, error = self._try(state, pair, end)
             except Diverged as failure:
                 self._counts["unsolved"] += 1
                 if pair <= 2 * self.smallest:
@@ -407,7 +386,7 @@ class ControlledSteps(SteppingPlan):
             ratio = error / allowed
             if ratio <= 1:
                 self._accept(pair, ratio)
-                return reports
+                return block
             self._reject(state, pair, ratio)
 
     def _pair(self, time: float) -> tuple[float, float]:
@@ -418,17 +397,17 @@ class ControlledSteps(SteppingPlan):
         pair = min(2 * self._wanted, left / 2)
         return pair, time + pair
 
-    def _try(self, state: State, pair: float, end: float) -> tuple[list[StepReport], float]:
+    def _try(self, state: State, pair: float, end: float) -> tuple[Block, float]:
         """Two steps and one of twice the size; what the two are wrong by."""
         whole = self._coarse.advance(state, end, pair)
         self.h = pair / 2
-        first = self.stepper.advance(state, state.time + self.h, self.h)
-        second = self.stepper.advance(first.state, end, self.h)
-        self._counts["iterations"] += whole.iterations + first.iterations + second.iterations
-        halves = state.q, first.state.q, second.state.q
+        first = self.stepper.advance_block(state, 1, state.time + self.h, self.h)
+        second = self.stepper.advance_block(first.state, 1, end, self.h)
+        block = Block.joined([first, second])
+        self._counts["iterations"] += whole.iterations + int(block.iterations.sum())
+        halves = state.q, *block.q
         chosen = self.stepper.system, state.time, pair, whole.state.q, halves
-        error = self._estimate.error(*chosen)
-        return [first, second], error
+        return block, self._estimate.error(*chosen)
 
     def _accept(self, pair: float, ratio: float) -> None:
         self._counts["accepted"] += 2
@@ -460,7 +439,7 @@ class ControlledSteps(SteppingPlan):
         self._wanted, self._held = max(change * pair / 2, self.smallest), True
 
     def summary(self) -> dict[str, Any]:
-        """See the base class."""
+        """Sizes and numbers of the steps taken, and of those rejected."""
         used = self._used or [self._wanted]
         sizes = {"smallest": min(used), "largest": max(used)}
         counts = {"tolerance": self.control.tolerance, **self._counts, **sizes}

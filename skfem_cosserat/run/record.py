@@ -1,0 +1,726 @@
+"""Record of a run: rows of its states, with the works since its start, and what sensors see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..diagnostics import Projection, kinetic_energy
+from ..errors import (
+    AccuracyWarning,
+    CosseratError,
+    Diverged,
+    IncompleteWarning,
+    InputError,
+    StorageError,
+)
+from ..history import EventRecord, History, HistoryWriter
+from ..integrators import Block, Integrator, State, Stepper, StepReport
+from ..integrators.block import OF_USERS, force_at, forces_between
+from ..model import System
+from ..types import FilePath, Floats, IndexArray, largest, numbers, spread
+from ..warn import Notices, logger, warn
+from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
+from .sensors import Sensor, SensorBank, Window, checked_sensors
+
+# -- work done since the start of a run, and the balance of energy at its end ----------------------
+
+#: share of the scale that energies and works may be out of balance, and that a scheme may lose
+#: which is meant to lose; energies of symplectic schemes swing by (h omega)^2 / 8, 3 % of a
+#: vibration of 13 steps a period, whose motion is right to a few per cent
+OFF, LOST = 0.03, 0.1
+
+#: energies below this share of ``|G^T lambda| . |q|`` are rounding of what holds a scene at rest
+NOISE = 1e-9
+#: share of the extent in the duration of a run: energies of slower motions are those of rest
+REST = 1e-8
+
+
+class EnergyBalance(NamedTuple):
+    """Energies and works of a run (J), as ``history.meta["energy_balance"]`` has them.
+
+    What the scheme takes is `lost`. In the series of the same history it is damping: there
+    ``"dissipated"`` holds it, and ``"energy_balance"`` is the rest. Energies here are of the
+    momenta that the scheme carries on; those of the series are of the momenta at the recorded
+    instants.
+
+    Attributes
+    ----------
+    start, end : float
+        Kinetic and stored energy, see :func:`energy`.
+    loads, actuators, drives : float
+        Work done since the start.
+    dissipated : float
+        By dampers, viscous sections and drag, and what events took; not what the scheme takes.
+    lost : float
+        ``start + loads + actuators + drives - dissipated - end``: what the scheme has lost, or
+        gained where it is negative.
+    scale : float
+        The largest of both energies and of all works at any time: a pendulum that has come back to
+        rest has none of them left.
+    """
+
+    start: float
+    end: float
+    loads: float
+    actuators: float
+    drives: float
+    dissipated: float
+    lost: float
+    scale: float
+
+    def check(
+        self,
+        integrator: Integrator,
+        h: float,
+        time: float,
+        between: Between,
+        hint: Callable[[], str],
+    ) -> None:
+        """Warn if it is off by more than the scheme is allowed to, at the end or in between.
+
+        Parameters
+        ----------
+        h, time : float
+            Step size, and end of the run (s).
+        between : Between
+            What was lost up to recorded states: the worst of them counts if the end is in order.
+        hint : callable
+            Gives what else is known about the step.
+        """
+        if not self.scale > 0:
+            return
+        allowed = LOST if integrator.loses else OFF
+        lost, scale, amount = self.lost, self.scale, ""
+        if -OFF <= lost / scale <= allowed:
+            scale = max(scale, between.largest)
+            over = np.maximum(between.lost / allowed, -between.lost / OFF) / scale
+            if not over.max(initial=0.0) > 1:
+                return
+            k = int(over.argmax())
+            time, lost = float(between.times[k]), float(between.lost[k])
+            amount = f" up to then ({self.lost:.2g} J at the end)"
+        verb = "gained" if lost < 0 else "lost"
+        most = f"{scale:.3g} J, the largest of its energies and works"
+        share = 100 * abs(lost) / scale
+        amount = f"the run {verb} {abs(lost):.3g} J{amount}, {share:.3g} % of {most}"
+        if not np.isfinite(share):
+            amount = f"the energy went from {self.start:.3g} J to {self.end} J"
+        warn(
+            "balance of energy",
+            f"{amount}; no load, drive, damper or event explains this, {integrator!r} does not"
+            f" follow the motion in steps of {h:.3g} s: take smaller ones{integrator.keeping}"
+            + (f"; {more}" if (more := hint()) else ""),
+            AccuracyWarning,
+            time=time,
+        )
+
+
+class Between(NamedTuple):
+    """What was lost up to recorded states.
+
+    Attributes
+    ----------
+    times : (N,) array
+        (s)
+    lost : (N,) array
+        As in :class:`EnergyBalance` (J), finite.
+    largest : float
+        Largest energy of these states (J).
+    """
+
+    times: Floats
+    lost: Floats
+    largest: float
+
+
+def energies(integrator: Integrator, states: Window) -> Floats:
+    """Kinetic and stored energy (J) of some states of a run.
+
+    Kinetic energy is that of the momentum in terms of which a scheme has its balance. With the
+    variational scheme this is the one on the hidden constraints: a part along ``G^T``, which what
+    it carries has to first order in the step, moves nothing and only changes the next multipliers
+    (the motion is that of ``stabilized=True``). Others carry the momentum of the node.
+    """
+    if integrator.carries_node_momentum:
+        return kinetic_energy(states.system, states.p) + states.stored_energy()
+    return states.energy()
+
+
+def energy(system: System, integrator: Integrator, state: State) -> float:
+    """Kinetic and stored energy (J) of a single one."""
+    return float(energies(integrator, Window.at(system, state))[0])
+
+
+class Works:
+    """Sums of the works of all steps (J).
+
+    Prescribed motion and drives work through the constraint forces: ``-(G^T lambda) . dq``. Where
+    these act at the nodes, a step takes half of the force at its start and half of that at its
+    end, one of which belongs to the step after it (or before it, where they act at its end).
+
+    Attributes
+    ----------
+    sums : (4,) array
+        Of loads and of actuators, what is dissipated, and the scheme's part of that.
+    drives : float
+        Of drives, as far as it is known.
+    largest : float
+        The largest of these at any time.
+    """
+
+    def __init__(self) -> None:
+        self.sums, self.drives, self.largest = np.zeros(4), 0.0, 0.0
+
+    def begin(self, stepper: Stepper, state: State, loss: float = 0.0) -> None:
+        """Start, or go on with another state or system at the expense of an energy."""
+        weight = stepper.integrator.constraint_weight
+        #: share of a step's own force, of that of the step after it and of that before it
+        self._shares = (1.0, 0.0, 0.0) if weight == 0.5 else (0.5, (1 - weight) / 2, weight / 2)
+        self._driven = bool(stepper.system.moving)
+        self._q = state.q
+        #: size, force and change of the last step, whose work the next force ends
+        self._h = 0.0 if state.fresh or state.made_by is None else state.made_by.step
+        self._change = np.zeros_like(state.q)
+        self._force = self._change
+        if self._driven and self._shares[2]:
+            force = stepper.start_force(state)
+            self._force = self._change if force is None else force
+        self.sums[2] += loss
+
+    def add(self, block: Block) -> tuple[Floats, Floats]:
+        """Add the works of some steps.
+
+        Returns
+        -------
+        (k, 4) array
+            Sums after each of them.
+        (k,) array
+            Work of drives up to the start of each of them, which is known with it.
+        """
+        sums = self.sums + np.cumsum(block.works[:, [0, 1, 2, 4]], axis=0)
+        self.sums = sums[-1]
+        starts = np.full(len(block), self.drives)
+        if self._driven:
+            starts = self._drive(block.single)[:: len(block.single) // len(block)]
+        self.largest = max(self.largest, largest(sums[:, :3]), largest(starts))
+        return sums, starts
+
+    def _drive(self, steps: Block) -> Floats:
+        """Work of drives (k,) up to the start of each of some single steps."""
+        own, after, before = self._shares
+        changes = np.diff(steps.q, axis=0, prepend=self._q[None])
+        sizes = np.append(self._h, steps.sizes)
+        if steps.by_motion:
+            forces = np.array([step.constraint_force for step in steps])
+        elif after:  # an impulse at a node is over half of the step before it, too
+            forces = 2 * steps.impulse / (sizes[1:] + sizes[:-1])[:, None]
+        else:
+            forces = steps.impulse / steps.sizes[:, None]
+        earlier = np.concatenate([self._force[None], forces[:-1]])
+        known = (
+            steps.works[:, 3] - own * _along(forces, changes) - before * _along(earlier, changes)
+        )
+        behind = np.concatenate([self._change[None], changes[:-1]])
+        ended = after * _along(forces, behind)
+        starts = self.drives + np.cumsum(np.append(0.0, known[:-1]) - ended)
+        self._h, self._force, self._change, self._q = (
+            sizes[-1],
+            forces[-1],
+            changes[-1],
+            steps.q[-1],
+        )
+        self.drives = float(starts[-1] + known[-1])
+        return np.asarray(starts)
+
+    def finish(self, force: Floats | None = None) -> None:
+        """End the work of the last step by the force of its end; by default its own force."""
+        if self._driven:
+            force = self._force if force is None else force
+            self.drives -= self._shares[1] * float(_along(force, self._change))
+            self._change = np.zeros_like(self._change)
+
+    def balance(self, start: float, end: float, held: float, rest: float) -> EnergyBalance:
+        """Balance of the run so far.
+
+        Parameters
+        ----------
+        start, end : float
+            Energies (J) of its first and its last state.
+        held : float
+            ``|G^T lambda| . |q|`` of one of its states: a small share of it is rounding.
+        rest : float
+            Energy of a scene that is at rest.
+        """
+        loads, actuators, dissipated, numerical = self.sums.tolist()
+        lost = dissipated - numerical
+        scale = max(abs(start), abs(end), self.largest)
+        if scale <= max(NOISE * held, rest):
+            scale = 0.0
+        off = start + loads + actuators + self.drives - lost - end
+        return EnergyBalance(start, end, loads, actuators, self.drives, lost, off, scale)
+
+
+def _of_rest(system: System, duration: float) -> float:
+    """Energy (J) of a scene that moves so little in a time (s) that it is at rest."""
+    mass = float(system.mass.diagonal()[system.origin_rows].sum())
+    return mass * (REST * system.length / duration) ** 2 if duration > 0 else np.inf
+
+
+def _along(force: Floats, change: Floats) -> Floats:
+    """Work of forces; the sum does not depend, as of BLAS, on where in memory they begin."""
+    return (force * change).sum(axis=-1)
+
+
+# -- which states are recorded, and when a row of the history is complete --------------------------
+
+#: recorded states, evenly spread, at which the balance of energy is looked at
+BETWEEN = 100
+
+#: whether states are to be recorded, by their indices, their times and the sizes of the steps that
+#: led to them
+Wanted = Callable[[IndexArray, Floats, Floats], Any]
+
+
+class Segment(NamedTuple):
+    """Rows of a history from `row` on that belong to a system."""
+
+    row: int
+    system: System
+
+
+def take_along(
+    error: BaseException, so_far: Callable[[], History], systems: Sequence[System]
+) -> None:
+    """Give an error of the user's own code, or of a full disk, the history as ``error.history``.
+
+    `so_far` closes what is still open, which may meet a full disk in its turn; series follow from
+    the `systems`.
+    """
+    history: History
+    try:
+        with Notices(quiet=True):  # the error is said, its history has the warnings
+            history = so_far()
+    except StorageError as full:
+        history = full.history
+        if full is not error:
+            error.add_note(str(full))
+    history.derive_by(SystemSeries(systems, kind_of(history)))
+    error.history = history  # type: ignore[attr-defined]
+    if not isinstance(error, StorageError):
+        error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
+
+
+class Record:
+    """States of a run, one after the other, and their rows in its history.
+
+    A row is written when it is complete, with the step after it: that tells the constraint force
+    and the momentum at the state, and the work of drives up to it.
+    """
+
+    def __init__(
+        self,
+        stepper: Stepper,
+        state: State,
+        wanted: Wanted,
+        path: FilePath | None,
+        sensors: Mapping[str, Sensor] | None,
+        varying: bool,
+        notices: Notices,
+    ) -> None:
+        self.system, self.stepper, self.notices = stepper.system, stepper, notices
+        self.wanted = wanted
+        #: size of the steps now (s)
+        self.h = stepper.h
+        #: steps may differ in size: it is recorded
+        self.varying = varying
+        self.segments, self.events = [Segment(0, self.system)], list[EventRecord]()
+        #: metadata of the history beside what is recorded
+        self.more: dict[str, Any] = {}
+        meta, static = describe(self.system)
+        meta |= {
+            "integrator": stepper.integrator.name,
+            "treatment": stepper.treatment.name,
+            "step": stepper.h,
+            "shares": list(stepper.integrator.shares),
+            "solver": stepper.method,
+            "unknowns": stepper.bound.unknowns,
+            "kernels": stepper.choice.name,
+            "kernels_why": stepper.choice.why,
+        }
+        checked = checked_sensors(sensors, self.system, state)
+        if checked:
+            meta["sensors"] = {
+                name: {"unit": sensor.unit, "derivative": sensor.derivative}
+                for name, sensor in checked.items()
+            }
+        self.writer = HistoryWriter(meta, static, path)
+        self.bank = SensorBank(checked, self.writer)
+        self.works, self.iterations = Works(), 0
+        self._complete: History | None = None
+        self.closed: History | None = None
+        #: called with the history so far when an error of the user's own code ends the run
+        self.look_back: Callable[[History], object] | None = None
+        #: rows so far, with those that wait
+        self._rows = 0
+        #: part of the scheme in what is dissipated, up to each row
+        self._taken: list[float] = []
+        #: first and last state, and the system and force of the last one
+        self._ends = [(self.system, state)] * 2
+        self._held: Floats | None = None
+        self._begin(state)
+
+    def _begin(self, state: State, loss: float = 0.0) -> None:
+        """Start with a state that no step led to, which is recorded."""
+        system, integrator = self.system, self.stepper.integrator
+        self.works.begin(self.stepper, state, loss)
+        self._start, self._at_end = state, integrator.constraint_weight == 1
+        #: the first and the last three steps since then
+        self._early: list[StepReport] = []
+        self._late: list[StepReport] = []
+        turns = len(system.couplings.angles)
+        none = np.full((integrator.remembered, system.n), np.nan)
+        size = np.nan if state.made_by is None else state.made_by.step
+        self._ends[1] = system, state
+        #: rows of states that wait for the force of the start, and the present state
+        self._waiting: list[dict[str, Any]] = []
+        self._state = self._row(
+            np.array([state.time]),
+            np.array([state.index]),
+            state.q[None],
+            state.p[None],
+            (np.zeros(turns, dtype=np.int64) if state.turns is None else state.turns)[None],
+            (none if state.rates is None else state.rates)[None],
+            np.array([size]),
+            np.array([[0, 1]]),
+            np.zeros(1),
+            self.works.sums[None],
+        )
+        self._state["fresh"][0] = float(state.fresh)
+        self._state["wanted"][0] = True
+
+    def _row(
+        self,
+        times: Floats,
+        index: IndexArray,
+        q: Floats,
+        p: Floats,
+        turns: IndexArray,
+        rates: Floats,
+        sizes: Floats,
+        counts: IndexArray,
+        residual: Floats,
+        sums: Floats,
+    ) -> dict[str, Any]:
+        """Rows of some states, as far as they are known without the step after each."""
+        rows = {
+            "t": times,
+            "step": index,
+            "q": q,
+            "p": p,
+            "carried": p,
+            "fresh": np.zeros(len(times)),
+            "constraint_force": np.full(q.shape, np.nan),
+            "newton_iterations": counts[:, 0],
+            "attempts": counts[:, 1],
+            "residual": residual,
+            "work_loads": sums[:, 0],
+            "work_actuators": sums[:, 1],
+            "work_drives": np.full(len(times), np.nan),
+            "dissipated": sums[:, 2],
+            "taken": sums[:, 3],
+            "wanted": np.broadcast_to(self.wanted(index, times, sizes), len(times)).copy(),
+        }
+        if self.system.couplings.turning:
+            rows["turns"] = turns
+        if self.varying:
+            rows["step_size"] = sizes
+        if self.stepper.integrator.remembered:
+            rows["rates"] = rates
+        return rows
+
+    def add(self, block: Block) -> None:
+        """Add solved steps: rows are complete up to the start of the last one."""
+        sums, drives = self.works.add(block)
+        ends = self._row(
+            block.times,
+            block.start.index + 1 + np.arange(len(block)),
+            block.q,
+            block.p,
+            block.turns,
+            block.rates,
+            block.sizes,
+            np.column_stack([block.iterations, block.attempts]),
+            block.residual,
+            sums,
+        )
+        done = {
+            name: np.concatenate([values, ends[name][:-1]]) for name, values in self._state.items()
+        }
+        self._state = {name: values[-1:] for name, values in ends.items()}
+        done["work_drives"] = drives
+        # that of a start is found when its rows are written
+        done["constraint_force"] = forces_between(self._late[-1] if self._late else block[0], block)
+        if not self.stepper.integrator.carries_node_momentum:
+            if block.by_motion:
+                done["p"] = np.array([step.momentum for step in block])
+            else:
+                whole = done["fresh"][:, None] > 0  # a given momentum is that of the node
+                done["p"] = np.where(whole, done["carried"], done["carried"] - 0.5 * block.impulse)
+        last = [block[k] for k in range(max(0, len(block) - 3), len(block))]
+        if len(self._early) < 3:
+            self._early += [block[k] for k in range(min(3 - len(self._early), len(block)))]
+        self._late = [*self._late, *last][-3:]
+        self.iterations += int(block.iterations.sum())
+        self._ends[1] = self.system, block.state
+        self._rows += int(done["wanted"].sum())
+        self._waiting.append(done)
+        if len(self._early) == 3:
+            self._write()
+
+    def _write(self) -> None:
+        """Write rows that wait; the force of the start is known by now."""
+        waiting, self._waiting = self._waiting, []
+        for rows in waiting:
+            if rows["step"][0] == self._start.index:
+                rows["constraint_force"][0] = self._start_force()
+            self.bank.take(self.system, rows)
+            wanted = rows.pop("wanted")
+            rows = {name: values[wanted] for name, values in rows.items()}
+            self._taken.extend(rows.pop("taken").tolist())
+            if len(rows["t"]):
+                self._held = rows["constraint_force"][-1]
+                self.writer.extend(rows)
+
+    def _start_force(self) -> Floats:
+        """Constraint force of the state that the steps started from."""
+        own = self.stepper.start_force(self._start, self.h)
+        if own is not None:
+            return own
+        return force_at(self._start, self.stepper.integrator.single, self.system, self._early)
+
+    def _finish(self) -> None:
+        """Complete the row of the present state, which no step follows, and write all."""
+        row, state = self._state, self._ends[1][1]
+        if self._late:
+            force = force_at(state, self.stepper.integrator.single, self.system, self._late)
+        else:
+            force = self._start_force()
+        row["constraint_force"][0] = force
+        if not self._at_end:
+            self.works.finish(force if np.isfinite(force).all() else None)
+        row["work_drives"][0] = self.works.drives
+        row["wanted"][0] = True
+        if not (state.fresh or self.stepper.integrator.carries_node_momentum):
+            try:
+                row["p"] = Projection(self.system)(state.q, state.p, state.time)[1][None]
+            except CosseratError as error:  # a singular configuration
+                row["p"] = np.full_like(row["p"], np.nan)
+                text = f"its momentum could not be projected: {error}"
+                warn("last state", text, IncompleteWarning, state.time)
+        self._rows += 1
+        self._waiting.append(row)
+        self._write()
+
+    def __enter__(self) -> Record:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
+    ) -> None:
+        """An error of the user's own code takes the history so far along as ``error.history``."""
+        if error is not None:
+            take_along(error, self._so_far, [segment.system for segment in self.segments])
+        self.look_back = None  # it may refer to what has this
+
+    def _so_far(self) -> History:
+        if self.closed is not None:
+            return self.closed
+        if not self.writer.closed:
+            try:
+                self._look_back()
+                return self.close("failed", None)
+            except StorageError:
+                raise
+            except Exception as other:  # noqa: BLE001, of a user's own class: what is there is kept
+                logger.info("the last state is not completed: %s", other)
+                if not self.writer.closed:
+                    self.writer.close("failed")
+        return self.writer.history()
+
+    def _look_back(self) -> None:
+        history = self.complete()
+        try:
+            if self.look_back is not None:
+                self.look_back(history)
+        except Exception as other:  # noqa: BLE001, as above: the history is closed all the same
+            logger.info("what its states show is not known: %s", other)
+
+    def row_of_event(self) -> int:
+        """Number of the row of the present state, which is recorded."""
+        self._state["wanted"][0] = True
+        return self._rows
+
+    def switch(self, stepper: Stepper, state: State, h: float, loss: float) -> None:
+        """Go on with another state, and perhaps another system, by steps of a size (s)."""
+        self._finish()
+        if stepper.system is not self.system:
+            self.segments.append(Segment(self._rows, stepper.system))
+        self.note()
+        self.system, self.stepper, self.h = stepper.system, stepper, h
+        self._begin(state, loss)
+
+    def note(self) -> None:
+        """Write events and warnings so far into the file at once."""
+        self.writer.note(**self._happened(), warnings=self.notices.kept())
+
+    def _happened(self) -> dict[str, Any]:
+        """Events so far, and the systems that rows belong to, as meta data."""
+        meta: dict[str, Any] = {}
+        if self.varying:
+            meta["events"] = [event._asdict() for event in self.events]
+        if len(self.segments) > 1:
+            meta["segments"] = [
+                {
+                    "row": segment.row,
+                    "fingerprint": fingerprint(segment.system),
+                    "joints": [joint.label for joint in segment.system.joints],
+                }
+                for segment in self.segments
+            ]
+        return meta
+
+    def complete(self) -> History:
+        """All rows, the last one with all that can be known of it; the file is not closed."""
+        if self._complete is None:
+            self._finish()
+            try:
+                self.bank.flush()
+            except StorageError:
+                raise
+            except (CosseratError, *OF_USERS) as error:  # a user's function: the history is kept
+                warn("sensors", f"their last values are missing: {error}", IncompleteWarning)
+            self._complete = self.writer.history()
+        return self._complete
+
+    def _energies(self, history: History) -> tuple[IndexArray, Floats]:
+        """Rows of recorded states, the first and the last one among them, and their energies (J).
+
+        These are NaN where one of them cannot be had.
+        """
+        rows = spread(self._rows, BETWEEN)
+        integrator, starts = self.stepper.integrator, [segment.row for segment in self.segments]
+        owner = np.searchsorted(starts, rows, side="right") - 1
+        found = np.full(len(rows), np.nan)
+        try:
+            with np.errstate(all="ignore"):
+                for k in np.unique(owner):
+                    some = rows[owner == k]
+                    q, p, t = history["q"][some], history["carried"][some], history.times[some]
+                    turns = history["turns"][some] if "turns" in history else None
+                    states = Window(self.segments[k].system, t, q, p, turns)
+                    found[owner == k] = energies(integrator, states)
+        except (CosseratError, ArithmeticError) as error:
+            logger.info("no balance of energy in between: %s", error)
+            found[:] = np.nan
+        return rows, found
+
+    def _between_ends(self, history: History, rows: IndexArray, found: Floats) -> Between:
+        """What was lost up to recorded states, of rows and their energies."""
+        with np.errstate(all="ignore"):
+            works = sum(history[name][rows] for name in WORKS)
+            left = history["dissipated"][rows] - np.array(self._taken)[rows]
+            lost = found[0] + works - left - found
+        rest = _of_rest(self.system, float(history.times[-1] - history.times[0]))
+        sound = np.isfinite(lost)
+        lost = np.where(abs(lost) > rest, lost, 0.0)
+        return Between(history.times[rows][sound], lost[sound], largest(found[sound]))
+
+    def close(
+        self, status: str, failure: Diverged | None, hint: Callable[[History], str] | None = None
+    ) -> History:
+        """Close the file and give the history; `hint` tells more where energy is out of balance."""
+        history = self.complete()
+        extra: dict[str, Any] = {
+            "factorisations": self.stepper.factorisations,
+            "newton_iterations": self.iterations,
+        }
+        if failure is not None:
+            extra["failure"] = str(failure)
+        extra |= self._happened() | self.more
+        try:
+            looked = self._energies(history)
+            balance = self._balance(looked[1][[0, -1]])
+            if balance is not None:
+                extra["energy_balance"] = balance._asdict()
+                run = self.stepper.integrator, self.h, self._ends[1][1].time
+                more = partial(hint, history) if hint is not None else str
+                balance.check(*run, self._between_ends(history, *looked), more)
+        finally:  # a warning is an error, if the user wants it so
+            self.writer.close(status, **extra, warnings=self.notices.kept())
+            history.meta = self.writer.meta
+            self.closed = history
+        return self.closed
+
+    def _balance(self, ends: Floats) -> EnergyBalance | None:
+        """Balance of energy of the run; None where there is nothing to compare."""
+        (_, start), (system, end) = self._ends
+        if end is start:
+            return None
+        integrator = self.stepper.integrator
+        try:
+            with np.errstate(all="ignore"):
+                if not np.isfinite(ends).all():
+                    ends = np.array([energy(each, integrator, at) for each, at in self._ends])
+        except CosseratError as error:
+            warn("balance of energy", f"it cannot be had: {error}", IncompleteWarning)
+            return None
+        held = 0.0 if self._held is None else float(np.nansum(abs(self._held * end.q)))
+        rest = _of_rest(system, end.time - start.time)
+        return self.works.balance(float(ends[0]), float(ends[1]), held, rest)
+
+
+# -- which states are wanted -----------------------------------------------------------------------
+
+
+def numbered(state: State, h: float, count: int, every: int, at: Sequence[float] | None) -> Wanted:
+    """States of a run with equal steps (s): every k-th, or those nearest to given times."""
+    if at is None:
+        return lambda index, time, sizes: (
+            ((index - state.index) % every == 0) | (index - state.index == count)
+        )
+    ends = state.time - 0.5 * h, state.time + (count + 0.5) * h
+    places = np.rint((_asked(at, every, *ends) - state.time) / h).astype(np.int64)
+    return lambda index, time, sizes: np.isin(index - state.index, places)
+
+
+def timed(
+    state: State, until: float, every: int, at: Sequence[float] | None, exact: bool
+) -> Wanted:
+    """States of a run whose steps may differ; with `exact` steps end at the given times."""
+    if at is None:
+        return lambda index, time, sizes: (index - state.index) % every == 0
+    times = np.sort(_asked(at, every, state.time, until))
+
+    def wanted(index: IndexArray, time: Floats, sizes: Floats) -> Any:
+        half = (1e-9 if exact else 0.5) * sizes
+        upto = np.searchsorted(times, time + half, "right")
+        return upto > np.searchsorted(times, time - half, "right")
+
+    return wanted
+
+
+def _asked(at: Sequence[float], every: int, start: float, end: float) -> Floats:
+    """Times asked for, which are within a run."""
+    if every != 1:
+        raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
+    times = numbers("argument at", "at", at)
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise InputError("argument at", f"{at!r}, expected a list of times")
+    outside = times[(times < start) | (times > end)]
+    if len(outside):
+        raise InputError("argument at", f"time {float(outside[0])!r} s is outside of the run")
+    return times
