@@ -34,7 +34,7 @@ from ..diagnostics import (
 )
 from ..diagnostics.energy import potential, resultants
 from ..diagnostics.joint_motion import relative_names, relative_series
-from ..diagnostics.jumps import at_jumps
+from ..diagnostics.inputs import at_jumps
 from ..errors import HistoryError, IncompleteWarning, InputError
 from ..frames import is_beam
 from ..history import History
