@@ -567,9 +567,7 @@ class StepNumbers:
         Of composed steps the parts count.
         """
         found = resolution(self.system, history)
-        rough = found is None or found.error > ROUGH or found.turn > ROUGH
-        most = max(MORE, len(history) // EACH) if rough else HARDEST
-        doubtful = doubtful_steps(self.system, history, most)
+        doubtful = doubtful_steps(self.system, history)
         if found is not None:
             self.numbers |= {"off": found.error, "turn": found.turn * self.longest}
         if found is not None or doubtful.any():  # else none was looked at
