@@ -107,9 +107,10 @@ def resolution(system: System, history: History) -> Resolution | None:
         traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
         turns = np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1).max(0, initial=0.0)
     else:  # a vibration moves by the angle times its size
-        moved, share, times = _moved(system, history, apart), 0.5, history.times[-1:]
+        moved, times = _moved(system, history, apart), history.times[-1:]
         ways = np.linalg.norm(moved.take(system.origin_rows, axis=1), axis=-1)
         angle = np.sqrt(2 * (ways**2).mean(axis=0, keepdims=True)) / (extent / 2)
+        share = np.full(angle.shape, 0.5)
         spins = moved.take(system.kinematics.director_rows, axis=1)
         turns = np.median(np.sqrt(0.5 * (spins**2).sum((-1, -2))), axis=0)
     parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
@@ -251,10 +252,10 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
 def _held(system: System) -> NDArray[np.bool_]:
     """Rows (rows,) of frames and points that cannot move while drives and ground are at rest."""
     P = abs(null_space_matrix(system, system.extend(system.q0, 0.0)))
-    moves = np.asarray(P.sum(axis=1)).reshape(-1, 3).any(axis=1)
+    moves: NDArray[np.bool_] = np.ravel(P.sum(axis=1)).reshape(-1, 3).any(axis=1)
     axes = system.kinematics.director_rows
     moves[axes] = moves[axes].any(1, keepdims=True)
-    return ~moves
+    return np.logical_not(moves)
 
 
 def _extents(system: System, y: Floats) -> Floats:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagnostics import Projection, kinetic_energy
+from .. import checks
+from ..diagnostics import Projection
 from ..errors import (
-    AccuracyWarning,
     CosseratError,
     Diverged,
     IncompleteWarning,
@@ -26,138 +25,13 @@ from ..integrators.report import (
     forces_of_states,
 )
 from ..model import System
-from ..types import FilePath, Floats, IndexArray, largest, numbers, spread
+from ..model.fingerprint import fingerprint
+from ..types import FilePath, Floats, IndexArray, numbers
 from ..warn import Notices, logger, warn
-from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
-from .sensors import BLOCK, Sensor, SensorBank, Window, checked_sensors
+from .describe import SystemSeries, describe, kind_of
+from .sensors import BLOCK, Sensor, SensorBank, checked_sensors
 
-# -- work done since the start of a run, and the balance of energy at its end ----------------------
-
-#: share of the scale that energies and works may be out of balance, and that a scheme may lose
-#: which is meant to lose; energies of symplectic schemes swing by (h omega)^2 / 8, 3 % of a
-#: vibration of 13 steps a period, whose motion is right to a few per cent
-OFF, LOST = 0.03, 0.1
-
-#: energies below this share of ``|G^T lambda| . |q|`` are rounding of what holds a scene at rest
-NOISE = 1e-9
-#: share of the extent in the duration of a run: energies of slower motions are those of rest
-REST = 1e-8
-
-
-class EnergyBalance(NamedTuple):
-    """Energies and works of a run (J), as ``history.meta["energy_balance"]`` has them.
-
-    What the scheme takes is `lost`. In the series of the same history it is damping: there
-    ``"dissipated"`` holds it, and ``"energy_balance"`` is the rest. Energies here are of the
-    momenta that the scheme carries on; those of the series are of the momenta at the recorded
-    instants.
-
-    Attributes
-    ----------
-    start, end : float
-        Kinetic and stored energy, see :func:`energy`.
-    loads, actuators, drives : float
-        Work done since the start.
-    dissipated : float
-        By dampers, viscous sections and drag, and what events took; not what the scheme takes.
-    lost : float
-        ``start + loads + actuators + drives - dissipated - end``: what the scheme has lost, or
-        gained where it is negative.
-    scale : float
-        The largest of both energies and of all works at any time: a pendulum that has come back to
-        rest has none of them left.
-    """
-
-    start: float
-    end: float
-    loads: float
-    actuators: float
-    drives: float
-    dissipated: float
-    lost: float
-    scale: float
-
-    def check(
-        self,
-        integrator: Integrator,
-        h: float,
-        time: float,
-        between: Between,
-        hint: Callable[[], str],
-    ) -> None:
-        """Warn if it is off by more than the scheme is allowed to, at the end or in between.
-
-        Parameters
-        ----------
-        h, time : float
-            Step size, and end of the run (s).
-        between : Between
-            What was lost up to recorded states: the worst of them counts if the end is in order.
-        hint : callable
-            Gives what else is known about the step.
-        """
-        if not self.scale > 0:
-            return
-        allowed = LOST if integrator.loses else OFF
-        lost, scale, amount = self.lost, self.scale, ""
-        if -OFF <= lost / scale <= allowed:
-            scale = max(scale, between.largest)
-            over = np.maximum(between.lost / allowed, -between.lost / OFF) / scale
-            if not over.max(initial=0.0) > 1:
-                return
-            k = int(over.argmax())
-            time, lost = float(between.times[k]), float(between.lost[k])
-            amount = f" up to then ({self.lost:.2g} J at the end)"
-        verb = "gained" if lost < 0 else "lost"
-        most = f"{scale:.3g} J, the largest of its energies and works"
-        share = 100 * abs(lost) / scale
-        amount = f"the run {verb} {abs(lost):.3g} J{amount}, {share:.3g} % of {most}"
-        if not np.isfinite(share):
-            amount = f"the energy went from {self.start:.3g} J to {self.end} J"
-        warn(
-            "balance of energy",
-            f"{amount}; no load, drive, damper or event explains this, {integrator!r} does not"
-            f" follow the motion in steps of {h:.3g} s: take smaller ones{integrator.keeping}"
-            + (f"; {more}" if (more := hint()) else ""),
-            AccuracyWarning,
-            time=time,
-        )
-
-
-class Between(NamedTuple):
-    """What was lost up to recorded states.
-
-    Attributes
-    ----------
-    times : (N,) array
-        (s)
-    lost : (N,) array
-        As in :class:`EnergyBalance` (J), finite.
-    largest : float
-        Largest energy of these states (J).
-    """
-
-    times: Floats
-    lost: Floats
-    largest: float
-
-
-def energies(integrator: Integrator, states: Window) -> Floats:
-    """Kinetic and stored energy (J) of some states of a run.
-
-    Kinetic energy is that of the momentum in terms of which a scheme has its balance. With the
-    variational scheme this is the one on the hidden constraints: a part along ``G^T``, which what
-    it carries has to first order in the step, moves nothing and only changes the next multipliers
-    (the motion is that of ``stabilized=True``). Others carry the momentum of the node.
-    """
-    if integrator.carries_node_momentum:
-        return kinetic_energy(states.system, states.p) + states.stored_energy()
-    return states.energy()
-
-
-def energy(system: System, integrator: Integrator, state: State) -> float:
-    """Kinetic and stored energy (J) of a single one."""
-    return float(energies(integrator, Window.at(system, state))[0])
+# -- work done since the start of a run -----------------------------------------------------------
 
 
 class Works:
@@ -173,7 +47,6 @@ class Works:
         self.loads = self.actuators = self.dissipated = self.drives = 0.0
         #: what the scheme took of what was dissipated (J)
         self.numerical = 0.0
-        self._start, self._largest = self._now, 0.0
 
     def _begin(self, system: System, integrator: Integrator, state: State, h: float) -> None:
         self._driven = bool(system.moving)
@@ -186,7 +59,6 @@ class Works:
         wanted = self._driven and self._before > 0
         self._last = one.balance(system, h).start_force(state) if wanted else None
         self._waiting: Floats | None = None
-        self._now = system, integrator, state
 
     def go_on(
         self, integrator: Integrator, system: System, state: State, h: float, loss: float
@@ -204,9 +76,6 @@ class Works:
                 self.finish(force)
             self._add(stage, force)
             before = stage
-        self._now = self._now[0], self._now[1], report.state
-        sums = abs(self.loads), abs(self.actuators), abs(self.drives), abs(self.dissipated)
-        self._largest = max(self._largest, *sums)
 
     def add_block(self, report: BlockReport) -> Floats:
         """Steps in one go are done; :meth:`finish` has had the report of the first one before.
@@ -222,9 +91,8 @@ class Works:
         added = np.c_[begun, (loads, actuators, dissipated, numerical)]
         sums: Floats = np.cumsum(added, axis=1)[:, 1:]
         self.loads, self.actuators, self.dissipated, self.numerical = sums[:, -1].tolist()
-        self._largest = max(self._largest, largest(sums[:3]))
         drives = self._drives_along(report) if self._driven else [self.drives] * report.steps
-        self._q, self._now = report.state.q, (*self._now[:2], report.state)
+        self._q = report.state.q
         return np.insert(sums, 2, drives, axis=0)
 
     def _drives_along(self, report: BlockReport) -> list[float]:
@@ -238,7 +106,6 @@ class Works:
                 self.finish(force)
                 out.append(self.drives)
             self._add_drives(float(block.works[k, 3]), force, change)
-            self._largest = max(self._largest, abs(self.drives))
         return [*out, self.drives]
 
     def _force(self, report: StepReport, before: StepReport | None) -> Floats:
@@ -264,7 +131,7 @@ class Works:
         if self._last is not None:
             self.drives -= self._before * _along(self._last, change)
             self._last = force
-        self._waiting, self._ending = (change if self._next else None), force
+        self._waiting = change if self._next else None
 
     def finish(self, force: Floats | None) -> None:
         """The constraint force of the step that follows ends the work of the last one."""
@@ -272,50 +139,10 @@ class Works:
             self.drives -= self._next * _along(force, self._waiting)
             self._waiting = None
 
-    def balance(self, force: Floats | None, ends: Floats) -> EnergyBalance | None:
-        """Of the run so far; None where there is nothing to compare.
-
-        Work of drives that is not known yet is taken with the constraint force that is.
-
-        Parameters
-        ----------
-        force : (n,) array, optional
-            Constraint force of one of its states.
-        ends : (2,) array
-            Energies (J) of its first and its last state; computed here where they are not finite.
-        """
-        state = self._now[-1]
-        if state is self._start[-1]:
-            return None
-        try:
-            with np.errstate(all="ignore"):
-                known = np.isfinite(ends).all()
-                start, end = ends if known else (energy(*self._start), energy(*self._now))
-        except CosseratError as error:
-            warn("balance of energy", f"it cannot be had: {error}", IncompleteWarning)
-            return None
-        drives, lost = self.drives, self.dissipated - self.numerical
-        if self._waiting is not None:
-            drives -= self._next * _along(self._ending, self._waiting)
-        works = self.loads, self.actuators, drives, lost
-        scale = max(abs(start), abs(end), self._largest)
-        held = 0.0 if force is None else float(np.nansum(abs(force * state.q)))
-        duration = state.time - self._start[-1].time
-        if scale <= max(NOISE * held, _of_rest(self._now[0], duration)):
-            scale = 0.0
-        off = start + self.loads + self.actuators + drives - lost - end
-        return EnergyBalance(float(start), float(end), *works, float(off), float(scale))
-
     @property
     def known_drives(self) -> float:
         """Work of drives (J); NaN while a part of it is unknown."""
         return self.drives if self._waiting is None else np.nan
-
-
-def _of_rest(system: System, duration: float) -> float:
-    """Energy (J) of a scene that moves so little in a time (s) that it is at rest."""
-    mass = float(system.mass.diagonal()[system.origin_rows].sum())
-    return mass * (REST * system.length / duration) ** 2 if duration > 0 else np.inf
 
 
 def _along(force: Floats, change: Floats) -> float:
@@ -325,8 +152,6 @@ def _along(force: Floats, change: Floats) -> float:
 
 # -- which states are recorded, and when a row of the history is complete --------------------------
 
-#: recorded states, evenly spread, at which the balance of energy is looked at
-BETWEEN = 100
 #: recorded states after which what sensors saw is written, so that a killed run keeps it, too
 SEEN = 50
 
@@ -387,7 +212,7 @@ class Recorder:
         self.varying = varying
         self.segments, self.events = [Segment(0, system)], list[EventRecord]()
         #: what the metadata of the history are to say beside what is recorded
-        self.more: dict[str, Any] = {}
+        self.more: Callable[[], dict[str, Any]] = dict
         self._angles = system.couplings.turning
         meta, static = describe(system)
         meta |= {
@@ -395,6 +220,7 @@ class Recorder:
             "treatment": stepper.treatment.name,
             "step": stepper.h,
             "shares": list(stepper.integrator.shares),
+            "scheme": checks.motion.facts(stepper.integrator),
             "solver": stepper.method,
             "unknowns": stepper.bound.unknowns,
             "kernels": stepper.choice.name,
@@ -411,16 +237,10 @@ class Recorder:
         self.iterations = 0
         self._complete: History | None = None
         self.closed: History | None = None
-        #: tells what the states of a run show that an error of the user's own code ends
-        self.look_back: Callable[[History], object] | None = None
         self.bank = SensorBank(bank, self.writer)
         self._rows = 0
         #: rows that wait for the force of the state the run started from
         self._held: list[dict[str, Any]] = []
-        #: what the scheme took up to each row
-        self._taken: list[float] = []
-        #: constraint force of a recent state
-        self._force: Floats | None = None
         self._start(state)
         self.bank.begin(state)
 
@@ -450,14 +270,13 @@ class Recorder:
         """An error of the user's own code takes the history so far along as ``error.history``."""
         if error is not None:
             take_along(error, self._so_far, [segment.system for segment in self.segments])
-        self.look_back = None  # it may refer to what has this
+        self.more = dict  # it may refer to what has this
 
     def _so_far(self) -> History:
         if self.closed is not None:
             return self.closed
         if not self.writer.closed:
             try:
-                self._look_back()
                 return self.close("failed", None)
             except StorageError:
                 raise
@@ -466,14 +285,6 @@ class Recorder:
                 if not self.writer.closed:
                     self.writer.close("failed")
         return self.writer.history()
-
-    def _look_back(self) -> None:
-        history = self.complete()
-        try:
-            if self.look_back is not None:
-                self.look_back(history)
-        except Exception as other:  # noqa: BLE001, as above: the history is closed all the same
-            logger.info("what its states show is not known: %s", other)
 
     def _row_of(
         self,
@@ -500,6 +311,7 @@ class Recorder:
             "work_actuators": works.actuators,
             "work_drives": works.known_drives,
             "dissipated": works.dissipated,
+            "dissipated_by_scheme": works.numerical,
         }
         if self._angles:
             none = np.zeros(len(self._angles), dtype=np.int64)
@@ -509,7 +321,6 @@ class Recorder:
         if self._remembered:
             none = np.full((self._remembered, self.system.n), np.nan)
             row["rates"] = none if state.rates is None else state.rates
-        self._numerical = works.numerical
         return row
 
     def _append_last(self, force: Floats) -> None:
@@ -518,7 +329,7 @@ class Recorder:
         self._first["constraint_force"] = self._forces.start
         if row:
             self._finish_row(row, force)
-        self._record(row, self._numerical, kept=True)
+        self._record(row, kept=True)
 
     def _end(self) -> Floats:
         """The force of the present state, which sensors see, too; steps come no more."""
@@ -528,7 +339,6 @@ class Recorder:
 
     def _finish_row(self, row: dict[str, Any], force: Floats) -> None:
         """Force, momentum and work of the last state, as far as a step after it would tell them."""
-        self._force = force
         if not self._at_end:
             row["constraint_force"] = force
             self.works.finish(force)
@@ -540,9 +350,8 @@ class Recorder:
                 text = f"its momentum could not be projected: {error}"
                 warn("last state", text, IncompleteWarning, row["t"])
 
-    def _record(self, row: dict[str, Any], numerical: float, kept: bool) -> None:
+    def _record(self, row: dict[str, Any], kept: bool) -> None:
         if row and kept:
-            self._taken.append(numerical)
             self._rows += 1
             self._held.append(row)
         if self._forces.start is None or not self._held:
@@ -560,7 +369,7 @@ class Recorder:
         found = self._forces.take(report, wanted or self.bank.forces)
         self.bank.note(found)
         if found is not None and wanted:
-            row["constraint_force"] = self._force = found[1]
+            row["constraint_force"] = found[1]
         if self._forces.start is not None:
             self._first["constraint_force"] = self._forces.start
         if wanted:
@@ -573,7 +382,7 @@ class Recorder:
         block = report if isinstance(report, BlockReport) else None
         every = block is not None and len(block.block.q) == block.steps
         self._complete_row(report.part(0) if every else report)
-        start, between = (self._row, self._numerical, self._kept), None
+        start, between = (self._row, self._kept), None
         if block is not None:
             last = range(max(1, block.steps - 3), block.steps)
             if self.bank.forces:
@@ -590,12 +399,11 @@ class Recorder:
         state = self._before = report.state
         force = None
         if self._at_end:
-            force = self._force = report.constraint_force
+            force = report.constraint_force
         self._row = self._row_of(state, report.iterations, report.attempts, report.residual, force)
         self._kept = bool(self.wanted(state.index, state.time, report.step))
         self._record(*start)
         if between is not None:
-            self._taken.extend(between.pop("taken").tolist())
             self._rows += len(between["t"])
             self.writer.extend(between)
         self.bank.flush(BLOCK)  # at last, as an own sensor may raise
@@ -635,7 +443,7 @@ class Recorder:
             "work_actuators": sums[1, own],
             "work_drives": sums[2, own],
             "dissipated": sums[3, own],
-            "taken": sums[4, own],
+            "dissipated_by_scheme": sums[4, own],
         }
         if self._angles:
             rows["turns"] = block.turns[own]
@@ -695,64 +503,28 @@ class Recorder:
         self._complete = self.writer.history()
         return self._complete
 
-    def _energies(self, history: History) -> tuple[IndexArray, Floats]:
-        """Rows of recorded states, the first and the last one among them, and their energies (J).
-
-        These are NaN where one of them cannot be had.
-        """
-        rows = spread(self._rows, BETWEEN)
-        integrator, starts = self.stepper.integrator, [segment.row for segment in self.segments]
-        owner = np.searchsorted(starts, rows, side="right") - 1
-        found = np.full(len(rows), np.nan)
-        try:
-            with np.errstate(all="ignore"):
-                for k in np.unique(owner):
-                    some = rows[owner == k]
-                    q, p, t = history["q"][some], history["carried"][some], history.times[some]
-                    turns = history["turns"][some] if "turns" in history else None
-                    states = Window(self.segments[k].system, t, q, p, turns)
-                    found[owner == k] = energies(integrator, states)
-        except (CosseratError, ArithmeticError) as error:
-            logger.info("no balance of energy in between: %s", error)
-            found[:] = np.nan
-        return rows, found
-
-    def _between_ends(self, history: History, rows: IndexArray, found: Floats) -> Between:
-        """What was lost up to recorded states, of rows and their energies."""
-        with np.errstate(all="ignore"):
-            works = sum(history[name][rows] for name in WORKS)
-            left = history["dissipated"][rows] - np.array(self._taken)[rows]
-            lost = found[0] + works - left - found
-        rest = _of_rest(self.system, float(history.times[-1] - history.times[0]))
-        sound = np.isfinite(lost)
-        lost = np.where(abs(lost) > rest, lost, 0.0)
-        return Between(history.times[rows][sound], lost[sound], largest(found[sound]))
-
-    def close(
-        self, status: str, failure: Diverged | None, hint: Callable[[History], str] | None = None
-    ) -> History:
-        """Close the file and give the history; `hint` tells more where energy is out of balance."""
+    def close(self, status: str, failure: Diverged | None) -> History:
+        """Close the file and give the history, with warnings of all that is doubtful about it."""
         history = self.complete()
         extra: dict[str, Any] = {
             "factorisations": self.stepper.factorisations,
             "newton_iterations": self.iterations,
+            **self._happened(),
+            **self.more(),
         }
+        history.meta |= {**extra, "status": status}
+        run = checks.Run([segment.system for segment in self.segments], history)
+        extra |= run.numbers()
         if failure is not None:
+            failure.hint = run.hint
             extra["failure"] = str(failure)
-        extra |= self._happened() | self.more
         try:
-            looked = self._energies(history)
-            balance = self.works.balance(self._force, looked[1][[0, -1]])
-            if balance is not None:
-                extra["energy_balance"] = balance._asdict()
-                run = self.stepper.integrator, self.h, self._before.time
-                more = partial(hint, history) if hint is not None else str
-                balance.check(*run, self._between_ends(history, *looked), more)
+            checks.apply(run)
         finally:  # a warning is an error, if the user wants it so
             self.writer.close(status, **extra, warnings=self.notices.kept())
             history.meta = self.writer.meta
             self.closed = history
-        return self.closed
+        return history
 
 
 #: of so many steps one state is recorded, where it costs more to keep those in between
