@@ -252,7 +252,7 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
 def _held(system: System) -> NDArray[np.bool_]:
     """Rows (rows,) of frames and points that cannot move while drives and ground are at rest."""
     P = abs(null_space_matrix(system, system.extend(system.q0, 0.0)))
-    moves: NDArray[np.bool_] = np.ravel(P.sum(axis=1)).reshape(-1, 3).any(axis=1)
+    moves = np.ravel(P.sum(axis=1)).reshape(-1, 3).max(axis=1) > 0
     axes = system.kinematics.director_rows
     moves[axes] = moves[axes].any(1, keepdims=True)
     return np.logical_not(moves)

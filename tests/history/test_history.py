@@ -830,7 +830,7 @@ def test_a_history_of_version_0_1_is_read_and_gone_on_with():
     assert old.meta["versions"]["skfem_cosserat"] == "0.1.0" and len(old) == 6
     new = sc.simulate(system, *scheme, 0.05, kernels="numpy")
     before = [name for name in old.series if name != "constraint_point"]  # forces at midpoints
-    since = ("at_jump", "doubtful_step")
+    since = ("at_jump", "doubtful_step", "dissipated_by_scheme")
     assert [name for name in new.series if name not in since] == before
     assert np.allclose(new["q"], old["q"], rtol=0, atol=1e-12)
     end = rod.node("rod.end")
