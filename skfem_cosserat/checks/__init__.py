@@ -6,7 +6,8 @@ module of its subject, and name it in :data:`CHECKS`, from which the guide's lis
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from ..arguments import checked
@@ -35,7 +36,7 @@ class Check(NamedTuple):
     Attributes
     ----------
     finds : callable
-        Yields the doubts about a result.
+        Gives the doubts about a result.
     of : type
         Kind of results that it looks at.
     about, says, remedy : str
@@ -47,7 +48,7 @@ class Check(NamedTuple):
         Whether it looks at runs that failed, too. Others would say what the failure says.
     """
 
-    finds: Callable[[Any], Iterator[Doubt]]
+    finds: Callable[[Any], Iterable[Doubt]]
     of: type
     about: str
     says: str
@@ -100,14 +101,14 @@ CHECKS: tuple[Check, ...] = (
         SMALLER,
     ),
     Check(
-        elements.bends,
+        attrgetter("bent"),
         Recorded,
         "a beam",
         "the relative rotation of two nodes is beyond what an element can be bent by",
         "refine the mesh there",
     ),
     Check(
-        elements.tension,
+        attrgetter("drawn"),
         Recorded,
         "a beam",
         "the tension is above a multiple of EI/h²",

@@ -22,16 +22,6 @@ if TYPE_CHECKING:
 LACKING = 0.1
 
 
-def bends(result: Recorded) -> Iterator[Doubt]:
-    """Elements that are bent so far that they give way."""
-    yield from result.bent
-
-
-def tension(result: Recorded) -> Iterator[Doubt]:
-    """Elements that are drawn so much that node rotations their Gauss points do not see grow."""
-    yield from result.drawn
-
-
 def inside_out(result: Recorded) -> Iterator[Doubt]:
     """Elements that are pressed to no length or less, as no real bar can be."""
     system, history = result.system, result.history

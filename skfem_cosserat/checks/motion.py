@@ -27,7 +27,7 @@ from ..integrators import Integrator
 from ..linear import SingularMatrixError
 from ..model import System
 from ..model.limits import FAR_TURN, fastest_turn
-from ..types import Floats, IndexArray, largest, spread
+from ..types import Floats, IndexArray, spread
 from .result import Doubt, Recorded
 
 #: share of the scale that energies and works may be out of balance, and that a scheme may lose
@@ -62,21 +62,18 @@ class Balance(NamedTuple):
         ``history.meta["energy_balance"]`` (J): ``start`` and ``end``, the kinetic and stored
         energy; ``loads``, ``actuators`` and ``drives``, their works; ``dissipated`` by dampers,
         viscous sections, drag and events; ``lost``, what the scheme has taken (gained where it is
-        negative); ``scale``, the largest of both energies and of all works at any recorded state.
-        What the scheme takes is damping in the series of the history: ``"dissipated"`` has it, and
-        ``"energy_balance"`` is the rest. Energies are those of the momenta that the scheme carries.
-    row : int
-        The recorded state up to which too much was lost or gained; -1: none.
-    lost : float
-        Up to there (J).
-    share : float
-        Of the largest energy or work; not finite where the energy is not.
+        negative); ``scale``, the largest of these energies and of all works on the way. What the
+        scheme takes is damping in the series of the history: ``"dissipated"`` has it, and
+        ``"energy_balance"`` is the rest. Energies are those of the momenta that it carries.
+    time, lost, scale : float
+        When (s) more was lost or gained (J) than the scheme may, at the end or before, and the
+        largest energy or work up to the end; zero: at no time.
     """
 
     numbers: dict[str, float]
-    row: int
+    time: float
     lost: float
-    share: float
+    scale: float
 
 
 class Run(Recorded):
@@ -171,7 +168,7 @@ class Run(Recorded):
             out["doubtful"] = 1.0
         with np.errstate(all="ignore" if self.failed else None):  # it may have blown up
             out["elements"] = float(bool(self.bent or self.drawn))
-        unbalanced = isinstance(balance, Balance) and balance.row >= 0
+        unbalanced = isinstance(balance, Balance) and balance.scale > 0
         if (self.failed or unbalanced) and self.alternation is not None:
             out["h_omega_c"] = self.alternation.ratio
         if self.failed and out.get("turn", 0.0) < (turn := self._turn_at_end()) < np.pi:
@@ -276,67 +273,51 @@ def energies(
     return 0.5 * (v * own).sum(axis=1) + stored
 
 
-def _energies(run: Run, rows: IndexArray) -> Floats:
-    """Energies (J) of some recorded states, each of its own system."""
-    history, found = run.history, np.empty(len(rows))
-    for system, (start, stop) in zip(run.systems, history.segments, strict=True):
-        own = (start <= rows) & (rows < stop)
-        k = rows[own]
-        states = history["q"][k], history["carried"][k], history.times[k]
-        turns = history["turns"][k] if "turns" in history else None
-        found[own] = energies(system, run.scheme["node_momentum"], *states, turns)
-    return found
-
-
 def _balance(run: Run) -> Balance:
     history, system, rows = run.history, run.system, spread(len(run.history), 100)
-    found = _energies(run, rows)
-    works = np.array([history[f"work_{name}"] for name in ("loads", "actuators", "drives")])
-    dissipated = history["dissipated"] - history["dissipated_by_scheme"]
-    lost = found[0] + (works.sum(axis=0) - dissipated)[rows] - found
-    sizes = *found[[0, -1]], largest(works), largest(history["dissipated"])
-    scale = float(np.nanmax(np.abs(sizes)))
+    found = np.empty(len(rows))
+    for own, (start, stop) in zip(run.systems, history.segments, strict=True):
+        some = (start <= rows) & (rows < stop)
+        q, p, t = (history[name][rows[some]] for name in ("q", "carried", "t"))
+        turns = history["turns"][rows[some]] if "turns" in history else None
+        found[some] = energies(own, run.scheme["node_momentum"], q, p, t, turns)
+    works = [history[f"work_{name}"][rows] for name in ("loads", "actuators", "drives")]
+    taken = (history["dissipated"] - history["dissipated_by_scheme"])[rows]
+    lost = found[0] + sum(works) - taken - found
+    scale = float(np.nanmax(np.abs([*found[[0, -1]], *np.ravel([*works, taken])])))
     mass = float(system.mass.diagonal()[system.origin_rows].sum())
-    rest = NOISE**2 * mass * (system.length / np.ptp(history.times)) ** 2
     held = float(np.nansum(abs(history["constraint_force"][-1] * history["q"][-1])))
+    rest = mass * (NOISE * system.length / np.ptp(history.times)) ** 2
     scale = scale if scale > max(NOISE * held, rest) else 0.0
-    ends = found[0], found[-1], *works[:, -1], dissipated[-1], lost[-1], scale
     names = "start", "end", "loads", "actuators", "drives", "dissipated", "lost", "scale"
-    numbers = dict(zip(names, map(float, ends), strict=True))
-    if scale == 0:
-        return Balance(numbers, -1, 0.0, 0.0)
-    over = np.maximum(lost / (LOST if run.scheme["loses"] else OFF), -lost / OFF)
-    k = -1
+    ends = found[0], found[-1], *(work[-1] for work in works), taken[-1], lost[-1], scale
+    over, k = np.maximum(lost / (LOST if run.scheme["loses"] else OFF), -lost / OFF), -1
+    size = scale
     if over[-1] <= scale:  # in order at the end, but perhaps not before
-        scale = max(scale, float(np.nanmax(np.where(np.isfinite(found), found, 0.0))))
-        over = np.where(np.isfinite(over) & (abs(lost) > rest), over, 0.0)
-        k = int(over.argmax())
-        if over[k] <= scale:
-            return Balance(numbers, -1, 0.0, 0.0)
-    return Balance(numbers, int(rows[k]), float(lost[k]), float(abs(lost[k]) / scale))
+        k, size = int(over.argmax()), max(scale, float(np.nanmax(found)))
+    off = scale > 0 and not over[k] <= size
+    numbers = dict(zip(names, map(float, ends), strict=True))
+    return Balance(numbers, float(history.times[rows[k]]), float(lost[k]), size if off else 0.0)
 
 
 def unbalanced(run: Run) -> Iterator[Doubt]:
     """Energy that no load, drive, damper or event explains, at the end or in between."""
-    found, history = run.balance, run.history
-    if not isinstance(found, Balance) or found.row < 0:
+    found = run.balance
+    if not isinstance(found, Balance) or found.scale == 0:
         return
-    numbers, lost = found.numbers, found.lost
-    between = ""
-    if found.row < len(history) - 1:
-        between = f" up to then ({numbers['lost']:.2g} J at the end)"
+    numbers, scale = found.numbers, found.scale
     amount = (
-        f"the run {'gained' if lost < 0 else 'lost'} {abs(lost):.3g} J{between},"
-        f" {100 * found.share:.3g} % of {abs(lost) / found.share:.3g} J, the largest of its"
-        " energies and works"
+        f"the run {'gained' if found.lost < 0 else 'lost'} {abs(found.lost):.3g} J,"
+        f" {100 * abs(found.lost) / scale:.3g} % of {scale:.3g} J, the largest of its energies and"
+        " works"
     )
-    if not np.isfinite(found.share):
+    if not np.isfinite(found.lost):
         amount = f"the energy went from {numbers['start']:.3g} J to {numbers['end']} J"
     yield Doubt(
         "balance of energy",
         f"{amount}; no load, drive, damper or event explains this, {run.scheme['name']} does not"
         f" follow the motion in steps of {run.h:.3g} s",
-        float(history.times[found.row]),
+        found.time,
         f"take smaller ones{run.scheme['keeping']}" + (f"; {run.hint}" if run.hint else ""),
     )
 

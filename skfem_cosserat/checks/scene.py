@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.sparse import identity
 from scipy.sparse.linalg import splu
 
 from ..diagnostics.stacked import all_rows, reduced_tangent
@@ -17,8 +18,8 @@ from .motion import Run
 from .result import Doubt, Path, recorded_amplitudes
 
 #: stiffness of a motion, against the terms that it is made of, below which nothing holds it: of
-#: free motions it was below 5e-16, of a soft beam on a stiff one above 3e-11 (measured)
-FREE = 1e-13
+#: free motions it was below 5e-16, of a soft beam on a stiff one above 1.6e-13 (measured)
+FREE = 1e-14
 
 
 def falls(run: Run) -> Iterator[Doubt]:
@@ -61,15 +62,15 @@ def free_end(path: Path) -> Iterator[Doubt]:
     y, amplitudes = system.extend(history["q"][-1], instant), recorded_amplitudes(history)
     turns = history["turns"][-1] if "turns" in history else None
     tangent = reduced_tangent(system, y, amplitudes, balance(system, y, amplitudes, turns=turns))
-    K, metric = tangent.K, tangent.metric
-    if not K.nnz:
+    K, size = tangent.K, abs(tangent.K)
+    if not system.unknowns:
         return
+    factors = splu((K + (SAME * size.max() or 1.0) * identity(K.shape[0])).tocsc())
     motion = np.random.default_rng(0).standard_normal(K.shape[0])
-    factors = splu((K + SAME * abs(K).max() / metric.diagonal().max() * metric).tocsc())
     for _ in range(5):  # inverse iteration: what nothing holds is all that is left
-        motion = factors.solve(metric @ motion)
+        motion = factors.solve(motion)
         motion /= abs(motion).max()
-    if abs(motion @ (K @ motion)) < FREE * (abs(motion) @ (abs(K) @ abs(motion))):
+    if abs(motion @ (K @ motion)) <= FREE * (abs(motion) @ (size @ abs(motion))):
         moved = (tangent.P @ motion).reshape(-1, 3)
         moved[system.origin_rows] /= system.length
         row = int(np.linalg.norm(moved, axis=1).argmax())

@@ -22,7 +22,7 @@ from ..joint import JointDrive
 from ..model import System
 from ..model.limits import where_it_stays
 from ..time_function import Constant
-from ..types import ArrayLike, Floats, spread
+from ..types import ArrayLike, Floats, largest, spread
 from .resolution import ENOUGH
 
 #: instants of a step, and of the steps that are looked at together, at which functions are asked
@@ -169,20 +169,17 @@ def _missed(entering: _Input, ends: Floats) -> float:
     def values(times: Floats) -> Floats:
         return np.array([np.ravel(entering.value(t)) for t in times.tolist()])
 
-    within = [kink for kink in entering.kinks if ends[0] < kink < ends[-1]]
+    kinks = [kink for kink in entering.kinks if ends[0] < kink < ends[-1]]
     at_ends = values(ends)
     bends = np.linalg.norm(np.diff(at_ends, 2, axis=0), axis=1)
     some = spread(len(ends) - 1, LOOKS // INSIDE)
-    steps = np.unique([*some, *np.searchsorted(ends, within) - 1, *bends.argsort()[-ENOUGH:]])
+    steps = np.unique([*some, *np.searchsorted(ends, kinks) - 1, *bends.argsort()[-ENOUGH:]])
     inside = max(INSIDE, LOOKS // len(steps))
-    knots = ends[steps, None] + np.diff(ends)[steps, None] * np.linspace(0, 1, inside + 1)
-    grid = np.union1d(knots, within)
-    t, width = (grid[1:] + grid[:-1]) / 2, np.diff(grid)
-    looked = np.isin(np.searchsorted(ends, t) - 1, steps)
-    t, width = t[looked], width[looked]
+    width = np.repeat(np.diff(ends)[steps] / inside, inside)
+    t = np.repeat(ends[steps], inside) + width * np.tile(np.arange(inside) + 0.5, len(steps))
     f, farthest = values(t), 0.0
     if entering.average is not None:
-        means = [entering.average(*pair) for pair in zip(ends[steps], ends[steps + 1], strict=True)]
+        means = [entering.average(*ends[k : k + 2]) for k in steps]
         missed = width @ abs(f[:, 0]) - np.diff(ends)[steps] @ np.abs(means)
     else:
         off = np.linalg.norm(f - np.stack([np.interp(t, ends, x) for x in at_ends.T], 1), axis=1)
@@ -236,40 +233,42 @@ def jumps(system: System, history: History) -> Floats:
         return np.zeros(0)
     h, (start, end) = _step(history), history.times[[0, -1]]
     times = np.linspace(start, end, 1 + min(LOOKS // INSIDE, max(1, int((end - start) / h))))
-    found, width = [], SHORT[0] * h
-    for loads in (system.loading, system.couplings):
-        kinks = [t for time in loads.times for t in getattr(time, "kinks", ()) if start < t < end]
-        found += _jumps(loads.values, times, width, 0.0, kinks)
-    for order, short in enumerate(SHORT, 1) if system.moving else ():
-        d = short * h
-        rounding = 1e-14 * abs(system.ground(end)).max() / d**order
-        later = np.maximum(times, start + 3 * d)
-        found += _jumps(partial(_rate, system, order, d), later, 10 * d, rounding)
+    width, found = SHORT[0] * h, list[float]()
+    for each in _entering(system, True):
+        if not each.moves:
+            kinks = [t for t in each.kinks if start < t < end]
+            found += _jumps(each.value, times, width, 0.0, kinks)
+            continue
+        for order, short in enumerate(SHORT, 1):
+            d = short * h
+            rounding = 1e-14 * largest(np.asarray(each.value(end))) / d**order
+            later = np.maximum(times, start + 3 * d)
+            found += _jumps(partial(_rate, each.value, order, d), later, 10 * d, rounding)
     instants = np.unique(found)
     return instants[np.diff(instants, prepend=-np.inf) > 2 * width]  # several may find the same
 
 
-def _rate(system: System, order: int, d: float, t: float) -> Floats:
-    """Derivative of the ground's rows by differences to instants before."""
-    rows = [system.ground(t - k * d).ravel() for k in range(order, -1, -1)]
-    return np.diff(rows, order, axis=0)[0] / d**order
+def _rate(value: Callable[[float], ArrayLike], order: int, d: float, t: float) -> Floats:
+    """Derivative of a motion by differences to instants before."""
+    before = [np.ravel(value(t - k * d)) for k in range(order, -1, -1)]
+    return np.diff(before, order, axis=0)[0] / d**order
 
 
 def _jumps(
-    function: Callable[[float], Floats],
+    function: Callable[[float], ArrayLike],
     times: Floats,
     width: float,
     rounding: float,
     kinks: Sequence[float] = (),
 ) -> list[float]:
-    """Times, to a width (s), at which a component of a function (k,) jumps."""
+    """Times, to a width (s), at which a component of a function jumps."""
     at: Any = cache(function)
-    values = np.array([at(t) for t in times.tolist()])
+    values = np.array([np.ravel(at(t)) for t in times.tolist()])
     least = np.maximum(SMALL * np.ptp(values, axis=0), 1e-12 * abs(values).max(axis=0))
     least = np.maximum(least, rounding or 1e-200)
 
     def bend(a: float, b: float) -> float:
-        return float((abs(at(a) - 2 * at((a + b) / 2) + at(b)) / least).max(initial=0.0))
+        return float((abs(np.ravel(at(a) - 2 * np.asarray(at((a + b) / 2)) + at(b))) / least).max())
 
     between = [*pairwise(times.tolist()), *((t - width, t + width) for t in kinks)]
     within = [where_it_stays(bend, a, b, width) for a, b in between]

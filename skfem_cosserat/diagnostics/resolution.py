@@ -100,19 +100,20 @@ def resolution(system: System, history: History) -> Resolution | None:
     y = _beside(system, history["q"][seen].reshape(len(seen), -1, 3), history.times[seen])
     extent = _extents(system, y)
     if len(rows):
-        y = y.reshape(*rows.shape, -1, 3)
+        y, times = y.reshape(*rows.shape, -1, 3), history.times[rows[:, -1]]
+        moved = np.diff(y, axis=1)
         size, angle = _vibrations(y.take(system.origin_rows, axis=2))
-        share, times = size / extent, history.times[rows[:, -1]]
-        triads = y.take(system.kinematics.director_rows, axis=2)
-        traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
-        turns = np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1).max(0, initial=0.0)
+        share = size / extent
     else:  # a vibration moves by the angle times its size
-        moved, times = _moved(system, history, apart), history.times[-1:]
-        ways = np.linalg.norm(moved.take(system.origin_rows, axis=1), axis=-1)
-        angle = np.sqrt(2 * (ways**2).mean(axis=0, keepdims=True)) / (extent / 2)
+        moved, times = _moved(system, history, apart)[None], history.times[-1:]
+        ways = np.square(moved.take(system.origin_rows, axis=2)).sum(axis=-1)
+        angle = np.sqrt(2 * ways.mean(axis=1)) / (extent / 2)
         share = np.full(angle.shape, 0.5)
-        spins = moved.take(system.kinematics.director_rows, axis=1)
-        turns = np.median(np.sqrt(0.5 * (spins**2).sum((-1, -2))), axis=0)
+    # directors are orthonormal: each component of the rotation moves two of them
+    chords = np.sqrt(
+        np.square(moved.take(system.kinematics.director_rows, axis=2)).sum((-1, -2)) / 8
+    )
+    turns = 2 * np.arcsin(np.minimum(chords, 1.0)).mean(axis=1).max(axis=0, initial=0.0)
     parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
     lost = min(STEPS, np.ptp(history["step"])) * abs(angle - 2 * np.arctan(parts / 2).sum(axis=0))
     off = np.minimum(share * np.minimum(lost, 2.0), lost / 2)  # of what vibrates few cover less
