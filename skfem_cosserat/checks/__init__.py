@@ -75,7 +75,7 @@ CHECKS: tuple[Check, ...] = (
         Run,
         "argument until",
         "the run ends before `until`, which is no multiple of the step",
-        "give the end, or the step, that it names",
+        "give the step that the warning names",
     ),
     Check(
         motion.several_solutions,

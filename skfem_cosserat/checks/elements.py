@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..diagnostics.energy import group_stretches, kinetic_energy
 from ..diagnostics.forces import multipliers
 from ..diagnostics.stacked import all_rows
-from ..types import spread
+from ..model import System
+from ..model.limits import beam_of
+from ..types import Floats, spread
 from .coarseness import energies, held_stresses
 from .result import Doubt, Path, Recorded, Shapes, recorded_amplitudes
-
-if TYPE_CHECKING:
-    from ..beam import Beam
 
 #: energy that elements lack, against all there is, above which a result is doubtful: frequencies
 #: are off by five percent then
@@ -30,11 +28,10 @@ def inside_out(result: Recorded) -> Iterator[Doubt]:
         rows = np.flatnonzero((stretch <= 0).any(axis=1))
         for row in rows[:1]:
             worst = int(stretch[row].argmin())
-            own = [(group.slices.get(id(beam), slice(0, 0)), beam) for beam in system.beams]
-            first, beam = next((e.start, beam) for e, beam in own if e.start <= worst < e.stop)
+            beam, e = beam_of(system, group, worst)
             yield Doubt(
                 beam.label,
-                f"element {worst - first} is pressed inside out: its axial strain is"
+                f"element {e} is pressed inside out: its axial strain is"
                 f" {stretch[row, worst] - 1:.3g}, at or below -1 nothing is left of its length",
                 float(history.instants[row]),
             )
@@ -50,10 +47,8 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
     seen = np.array([at_rest or beam.basis.order == 1 for beam in beams])
     rows = spread(len(history), 5)
     states = all_rows(system, history["q"][rows], history.instants[rows])
-    if not seen.any() or not np.isfinite(states).all():
-        return
-    if result.bent:
-        return  # told of already, and nothing follows from how they are bent
+    if result.bent or not seen.any() or not np.isfinite(states).all():
+        return  # of how they are bent too far nothing follows
     lams = np.zeros((len(rows), system.m))
     if system.theory_rows:
         lams = multipliers(system, states, history["constraint_force"][rows])
@@ -73,13 +68,8 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
     if not at_rest:
         energy = max(energy, 2 * np.nansum(kinetic_energy(system, history["p"][rows])))
     if abs(lacking) > LACKING * energy:
-        beam = beams[int(abs(total[:, 0]).argmax())]
-        yield Doubt(
-            beam.label,
-            "its elements are too coarse for this bending: by the balance of forces what the scene"
-            f" gives way is off by some {100 * abs(lacking) / energy:.0f} %",
-            remedy=_finer(beam),
-        )
+        off = abs(lacking) / energy
+        yield _coarse(system, "this bending", "what the scene gives way", total, off)
 
 
 def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
@@ -89,17 +79,18 @@ def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
     share = abs(lacking) / energy
     found, worst = np.flatnonzero(share > LACKING), int(share.argmax())
     if len(found):
-        beam = result.system.beams[int(abs(result.energies[worst, :, 0]).argmax())]
+        of, told = f"mode {', '.join(map(str, found))}", f"the {result.told} of mode {worst}"
         off = (1 + share[worst]) ** (1 / result.power) - 1
-        yield Doubt(
-            beam.label,
-            f"its elements are too coarse for mode {', '.join(map(str, found))}: by the balance of"
-            f" forces the {result.told} of mode {worst} is off by some {100 * off:.0f} %",
-            remedy=_finer(beam),
-        )
+        yield _coarse(result.system, of, told, result.energies[worst], off)
 
 
-def _finer(beam: Beam) -> str:
-    """Advice to raise the order of a beam or to refine its mesh."""
+def _coarse(system: System, of: str, told: str, energies: Floats, off: float) -> Doubt:
+    """About the beam that lacks most of some energies (beams, 2)."""
+    beam = system.beams[int(abs(energies[:, 0]).argmax())]
     order = beam.basis.order
-    return f"give it order=3, which is {order}" if order < 3 else "take more elements"
+    return Doubt(
+        beam.label,
+        f"its elements are too coarse for {of}: by the balance of forces {told} is off by some"
+        f" {100 * off:.0f} %",
+        remedy=f"give it order=3, which is {order}" if order < 3 else "take more elements",
+    )

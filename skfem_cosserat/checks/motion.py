@@ -105,18 +105,23 @@ class Run(Recorded):
         """Whether a step could not be solved."""
         return self.history.status == "diverged"
 
+    @property
+    def comparable(self) -> bool:
+        """Whether steps are alike; explicit schemes have others within them."""
+        return self.equal and self.scheme["solves"]
+
     @cached_property
     def resolution(self) -> Resolution | None:
-        """None where states do not tell it: explicit schemes have steps within steps."""
-        equal = self.equal and self.scheme["solves"]
-        return resolution(self.system, self.history) if equal else None
+        """None where states do not tell it."""
+        return resolution(self.system, self.history) if self.comparable else None
 
     @cached_property
     def doubtful(self) -> NDArray[np.bool_]:
         """States (N,) to which a step led that may have several solutions."""
-        if not (self.equal and self.scheme["solves"]):
-            return np.zeros(len(self.history), dtype=bool)
-        return doubtful_steps(self.system, self.history)
+        history = self.history
+        if self.comparable:
+            return doubtful_steps(self.system, history)
+        return np.zeros(len(history), dtype=bool)
 
     @cached_property
     def alternation(self) -> Alternation | None:
@@ -160,14 +165,13 @@ class Run(Recorded):
         are bent or drawn too far in a recorded state; ``h_omega_c``, see
         :class:`skfem_cosserat.diagnostics.Alternation`.
         """
-        out, found, balance = dict[str, float](), self.resolution, self.balance
-        if found is not None:
-            out = {"off": found.error, "turn": found.turn * self.longest}
-            out["doubtful"] = 0.0
-        if self.doubtful.any():
-            out["doubtful"] = 1.0
+        found, balance = self.resolution, self.balance
         with np.errstate(all="ignore" if self.failed else None):  # it may have blown up
-            out["elements"] = float(bool(self.bent or self.drawn))
+            out = {"elements": float(bool(self.bent or self.drawn))}
+        if self.comparable:
+            out["doubtful"] = float(self.doubtful.any())
+        if found is not None:
+            out |= {"off": found.error, "turn": found.turn * self.longest}
         unbalanced = isinstance(balance, Balance) and balance.scale > 0
         if (self.failed or unbalanced) and self.alternation is not None:
             out["h_omega_c"] = self.alternation.ratio
@@ -235,16 +239,13 @@ def early_end(run: Run) -> Iterator[Doubt]:
     history, until = run.history, run.history.meta["until"]
     start, end = history.times[[0, -1]]
     rest = until - end
-    if history.status != "completed" or not run.equal or history.meta["eventful"]:
-        return
-    if rest > 1e-6 * run.h + 1e-8 * (until - start):
+    if history.status == "completed" and run.equal and rest > 1e-6 * run.h:
         count = int(np.ptp(history["step"])) + 1
         yield Doubt(
             "argument until",
             f"the run ends at t = {end:.9g} s, {rest:.3g} s before until = {until:.9g} s, which is"
             f" no multiple of the step of {run.h:.9g} s",
-            remedy=f"give until = {end:.9g}, or step = {(until - start) / count:.9g}, which makes"
-            f" {count} steps",
+            remedy=f"give step = {(until - start) / count:.9g}, which makes {count} steps",
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import identity
 from scipy.sparse.linalg import splu
 
-from ..diagnostics.stacked import all_rows, reduced_tangent
+from ..diagnostics.stacked import reduced_tangent
 from ..model.balance import balance
 from ..model.limits import broken_constraint, owner
 from ..model.parts import separate_parts
@@ -36,15 +36,14 @@ def falls(run: Run) -> Iterator[Doubt]:
 
 
 def open_constraints(run: Run) -> Iterator[Doubt]:
-    """Constraints that recorded states do not fulfil to rounding; the worst of some states."""
+    """Constraints that recorded states do not fulfil to rounding; the first of some states."""
     system, history = run.system, run.history
     first, end = history.segments[-1]  # those of this system
-    rows = first + spread(end - first)
-    states = all_rows(system, history["q"][rows], history.instants[rows])
-    worst = int(abs(system.constraints.stacked_values(states)).max(axis=1, initial=0.0).argmax())
-    if wrong := broken_constraint(system, states[worst]):
-        when = float(history.instants[rows[worst]])
-        yield Doubt("argument settings", f"a recorded state {wrong}, above rounding", when)
+    for k in (first + spread(end - first)).tolist():
+        t = float(history.times[k])
+        if wrong := broken_constraint(system, system.extend(history["q"][k], t)):
+            yield Doubt("argument settings", f"a recorded state {wrong}, above rounding", t)
+            return
 
 
 def off_plane(run: Run) -> Iterator[Doubt]:

@@ -291,7 +291,7 @@ def undefined(system: System, y: Floats) -> str | None:
             bad = np.flatnonzero(~np.isfinite(found).all(1) & np.isfinite(eps).all(1))
             if len(bad):
                 e = np.arange(len(strain))[ids][bad[0] // strain.shape[1]]
-                beam = next(s for s in system.structures if e in _numbers(group, s))
+                beam, _ = beam_of(system, group, int(e))
                 values = ", ".join(f"{x:.6g}" for x in eps[bad[0]])
                 return (
                     f"the stored energy of {beam.label} is {found[bad[0], 0]:.6g}, its stresses"
@@ -300,10 +300,10 @@ def undefined(system: System, y: Floats) -> str | None:
     return None
 
 
-def _numbers(group: BeamGroup, item: StructuralItem) -> range:
-    """Numbers of a beam's elements in its group; empty if it is in another one."""
-    own = group.slices.get(id(item), slice(0))
-    return range(own.start or 0, own.stop)
+def beam_of(system: System, group: BeamGroup, element: int) -> tuple[Beam, int]:
+    """The beam that an element of a group belongs to, and its number there."""
+    own = [(beam, group.slices.get(id(beam), slice(0, 0))) for beam in system.beams]
+    return next((beam, element - e.start) for beam, e in own if e.start <= element < e.stop)
 
 
 def overstretched(system: System, y: Floats) -> str | None:
