@@ -183,7 +183,7 @@ def apply(result: Recorded | Shapes) -> None:
         if isinstance(result, each.of) and (each.failed or not failed):
             for doubt in each.finds(result):
                 remedy = each.remedy if doubt.remedy is None else doubt.remedy
-                text = "; ".join(filter(None, (doubt.cause, remedy)))
+                text = ": ".join(filter(None, (doubt.cause, remedy)))
                 warn(doubt.item, text, each.category, doubt.time)
 
 

@@ -258,7 +258,7 @@ def test_a_time_that_is_no_multiple_of_the_step():
         history = sc.simulate(system, *scheme, 0.3, until=1.0)
     assert str(given[0].message) == (
         "argument until: the run ends at t = 0.9 s, 0.1 s before until = 1 s, which is no multiple"
-        " of the step of 0.3 s; give step = 0.25, which makes 4 steps"
+        " of the step of 0.3 s: give step = 0.25, which makes 4 steps"
     )
     assert len(history.meta["warnings"]) == 1
     # not where the difference is rounding, steps follow from a tolerance, or events end the run
