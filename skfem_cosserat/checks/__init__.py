@@ -178,7 +178,7 @@ CHECKS: tuple[Check, ...] = (
 
 def apply(result: Recorded | Shapes) -> None:
     """Warn of all that is doubtful about a finished result."""
-    failed = isinstance(result, Run) and result.failed
+    failed = isinstance(result, Recorded) and result.failed
     for each in CHECKS:
         if isinstance(result, each.of) and (each.failed or not failed):
             for doubt in each.finds(result):
@@ -189,7 +189,7 @@ def apply(result: Recorded | Shapes) -> None:
 
 @checked
 def check(history: History, model: Model | System | None = None) -> list[Notice]:
-    """All that is doubtful about a run or a path of equilibria, at any time after it.
+    """Doubts about a run or a path of equilibria, at any time after it.
 
     The run has warned of this at its end. What it met on its way, as a closed loop in a singular
     position, is in ``history.meta["warnings"]`` only.

@@ -85,7 +85,7 @@ def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
 
 
 def _coarse(system: System, of: str, told: str, energies: Floats, off: float) -> Doubt:
-    """About the beam that lacks most of some energies (beams, 2)."""
+    """Doubt about the beam that lacks most of some energies (beams, 2)."""
     beam = system.beams[int(abs(energies[:, 0]).argmax())]
     order = beam.basis.order
     return Doubt(

@@ -40,7 +40,7 @@ NOISE = 1e-9
 
 
 def facts(integrator: Integrator) -> dict[str, Any]:
-    """What checks ask of the integrator of a run: ``history.meta["scheme"]``."""
+    """Facts about the integrator of a run that checks ask for: ``history.meta["scheme"]``."""
     single = integrator.single.scheme(1.0)
     return {
         "name": repr(integrator),
@@ -81,7 +81,7 @@ class Run(Recorded):
 
     @property
     def scheme(self) -> dict[str, Any]:
-        """By :func:`facts`."""
+        """Facts about the integrator, by :func:`facts`."""
         return self.history.meta["scheme"]
 
     @property
@@ -91,7 +91,7 @@ class Run(Recorded):
 
     @property
     def equal(self) -> bool:
-        """Whether steps are of the size that was asked for (but those that end at events)."""
+        """True if steps are of the size that was asked for (but those that end at events)."""
         return "step_control" not in self.history.meta
 
     @property
@@ -101,18 +101,13 @@ class Run(Recorded):
         return float(meta["step"] if self.equal else self.history["step_size"][-1])
 
     @property
-    def failed(self) -> bool:
-        """Whether a step could not be solved."""
-        return self.history.status == "diverged"
-
-    @property
     def comparable(self) -> bool:
-        """Whether steps are alike; explicit schemes have others within them."""
+        """True if steps are alike; explicit schemes have others within them."""
         return self.equal and self.scheme["solves"]
 
     @cached_property
     def resolution(self) -> Resolution | None:
-        """None where states do not tell it."""
+        """Resolution of the motion; None where states do not tell it."""
         return resolution(self.system, self.history) if self.comparable else None
 
     @cached_property
@@ -135,7 +130,7 @@ class Run(Recorded):
 
     @property
     def hint(self) -> str:
-        """Why a variational run fails, or gains energy, if it is by alternating rotations."""
+        """Reason why a variational run fails, or gains energy, if it is by alternating rotations."""
         found = self.alternation
         if found is None:
             return ""
@@ -147,7 +142,7 @@ class Run(Recorded):
 
     @cached_property
     def balance(self) -> Balance | CosseratError | None:
-        """None where there is nothing to compare; an error where energies cannot be had."""
+        """Balance of energy, None where nothing is to be compared, or why it cannot be had."""
         if len(self.history) < 2:
             return None
         try:
@@ -181,7 +176,7 @@ class Run(Recorded):
         return {"steps": out, **energies}
 
     def _turn_at_end(self) -> float:
-        """How far a frame turns in the step that failed, by its velocity at the start (rad)."""
+        """Rotation (rad) of a frame in the step that failed, by the velocity at its start."""
         history = self.history
         try:
             last = history["q"][-1], history["carried"][-1], history.times[-1]
@@ -239,7 +234,7 @@ def early_end(run: Run) -> Iterator[Doubt]:
     history, until = run.history, run.history.meta["until"]
     start, end = history.times[[0, -1]]
     rest = until - end
-    if history.status == "completed" and run.equal and rest > 1e-6 * run.h:
+    if history.status == "completed" and run.equal and 1e-6 * run.h < rest < run.h:
         count = int(np.ptp(history["step"])) + 1
         yield Doubt(
             "argument until",
@@ -284,7 +279,8 @@ def _balance(run: Run) -> Balance:
         found[some] = energies(own, run.scheme["node_momentum"], q, p, t, turns)
     works = [history[f"work_{name}"][rows] for name in ("loads", "actuators", "drives")]
     taken = (history["dissipated"] - history["dissipated_by_scheme"])[rows]
-    lost = found[0] + sum(works) - taken - found
+    lost = sum(works) - taken - found  # up to a constant
+    lost = lost - lost[0]
     scale = float(np.nanmax(np.abs([*found[[0, -1]], *np.ravel([*works, taken])])))
     mass = float(system.mass.diagonal()[system.origin_rows].sum())
     held = float(np.nansum(abs(history["constraint_force"][-1] * history["q"][-1])))

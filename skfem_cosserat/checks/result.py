@@ -54,8 +54,13 @@ class Recorded:
 
     @property
     def system(self) -> System:
-        """That of the last segment."""
+        """System of the last segment."""
         return self.systems[-1]
+
+    @property
+    def failed(self) -> bool:
+        """True if a step or a point could not be solved."""
+        return self.history.status == "diverged"
 
     @cached_property
     def bent(self) -> list[Doubt]:
