@@ -191,8 +191,9 @@ def apply(result: Recorded | Shapes) -> None:
 def check(history: History, model: Model | System | None = None) -> list[Notice]:
     """Doubts about a run or a path of equilibria, at any time after it.
 
-    The run has warned of this at its end. What it met on its way, as a closed loop in a singular
-    position, is in ``history.meta["warnings"]`` only.
+    A run or path has warned of this at its end, the scene, as of loose parts, when it was frozen.
+    What a run met on its way, as a closed loop in a singular position, is in
+    ``history.meta["warnings"]`` only.
 
     Parameters
     ----------
@@ -234,6 +235,6 @@ def check(history: History, model: Model | System | None = None) -> list[Notice]
     if not path and "scheme" not in history.meta:
         raise InputError("argument history", "is neither of simulate nor of static")
     clock, kind = (CLOCK_OF_PATHS, Path) if path else (CLOCK_OF_RUNS, Run)
-    with Notices(clock=clock, quiet=True, alone=True) as notices:
+    with Notices(systems[-1].warnings, clock, quiet=True, alone=True) as notices:
         apply(kind(systems, history))
     return notices.kept()

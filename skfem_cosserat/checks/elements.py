@@ -33,7 +33,7 @@ def inside_out(result: Recorded) -> Iterator[Doubt]:
                 beam.label,
                 f"element {e} is pressed inside out: its axial strain is"
                 f" {stretch[row, worst] - 1:.3g}, at or below -1 nothing is left of its length",
-                float(history.instants[row]),
+                history.instants[row],
             )
 
 

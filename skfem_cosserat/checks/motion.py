@@ -130,7 +130,7 @@ class Run(Recorded):
 
     @property
     def hint(self) -> str:
-        """Reason why a variational run fails, or gains energy, if it is by alternating rotations."""
+        """Cause of a failure, or of energy gained, of variational runs: alternating rotations."""
         found = self.alternation
         if found is None:
             return ""
@@ -197,7 +197,7 @@ def several_solutions(run: Run) -> Iterator[Doubt]:
             f"a step of {run.h:.3g} s may have several solutions: the one that was found took many"
             " iterations, and the steps around it do not lead there"
             ' (history["doubtful_step"] marks all of them)',
-            float(run.history.times[run.doubtful.argmax()]),
+            run.history.times[run.doubtful.argmax()],
         )
 
 
@@ -294,7 +294,7 @@ def _balance(run: Run) -> Balance:
         k, size = int(over.argmax()), max(scale, float(np.nanmax(found)))
     off = scale > 0 and not over[k] <= size
     numbers = dict(zip(names, map(float, ends), strict=True))
-    return Balance(numbers, float(history.times[rows[k]]), float(lost[k]), size if off else 0.0)
+    return Balance(numbers, history.times[rows[k]], lost[k], size if off else 0.0)
 
 
 def unbalanced(run: Run) -> Iterator[Doubt]:

@@ -78,7 +78,7 @@ class Recorded:
         for k in spread(len(history)) if system.beam_groups else ():
             y = system.extend(history["q"][k], float(history.instants[k]))
             if found := overstretched_at(system, y, history["constraint_force"][k]):
-                return [Doubt(*found, float(history.instants[k]), "")]
+                return [Doubt(*found, history.instants[k], "")]
         return []
 
 

@@ -164,6 +164,7 @@ def test_what_a_scene_is_warned_of_goes_with_its_runs():
     for each in (system, again):
         history = sc.simulate(each, *RUN, 2e-3, **QUICK)
         assert history.meta["warnings"] == system.warnings == list(beam.warnings) != []
+        assert sc.check(history) == system.warnings
         stepper = sc.Stepper(each, *RUN, kernels="numpy")
         assert stepper.notices.found == system.warnings
 
