@@ -21,6 +21,9 @@ from .body import (
     MassPoint as MassPoint,
     RigidBody as RigidBody,
 )
+from .checks import (
+    check as check,
+)
 from .constraints import (
     Multipliers as Multipliers,
     NullSpace as NullSpace,

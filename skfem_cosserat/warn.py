@@ -41,8 +41,8 @@ logger.addHandler(logging.NullHandler())
 #: a warning as it is kept: "category", "item", "text", "time" (s, or load factor; None without)
 #: and "when", the same in words
 Notice = dict[str, Any]
-#: how a load factor is put into words
-CLOCK_OF_PATHS = "load factor {:.6g}"
+#: how a time, and a load factor, is put into words
+CLOCK_OF_RUNS, CLOCK_OF_PATHS = "t = {:.6g} s", "load factor {:.6g}"
 
 #: of several kinds the first one is the gravest
 GRAVE: tuple[type[CosseratWarning], ...] = (
@@ -90,7 +90,7 @@ class Notices:
     def __init__(
         self,
         known: Iterable[Notice] = (),
-        clock: str = "t = {:.6g} s",
+        clock: str = CLOCK_OF_RUNS,
         quiet: bool = False,
         alone: bool = False,
     ) -> None:
@@ -146,7 +146,7 @@ def warn(item: str, text: str, category: type[CosseratWarning], time: float | No
         When (s), or at which load factor.
     """
     listeners = _open.get()
-    clock = listeners[-1].clock if listeners else "t = {:.6g} s"
+    clock = listeners[-1].clock if listeners else CLOCK_OF_RUNS
     notice = {
         "category": category.__name__,
         "item": item,

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..diagnostics import forces_along
-from ..diagnostics.jumps import jumps
+from ..diagnostics.inputs import jumps
 from ..errors import CosseratError, InputError
 from ..frames import Place
 from ..frozen import Attached, Replacements

@@ -1,15 +1,17 @@
-"""Inputs of a run, compared with its steps: they do not see all that happens between their ends.
+"""Inputs of a run: what its steps do not see of loads, drives and moving ground, and their jumps.
 
 Prescribed motion acts at the ends of steps, and so do loads of some schemes. Others take the exact
-mean of a load over a step: a short pulse is whole, but what vibrates cancels.
+mean of a load over a step: a short pulse is whole, but what vibrates cancels. Where inputs jump,
+constraint forces of the states beside mix both sides.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
-from typing import Literal, cast
+from functools import cache, partial
+from itertools import pairwise
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -18,25 +20,50 @@ from ..frames import Motion
 from ..history import History
 from ..joint import JointDrive
 from ..model import System
-from ..time_function import Constant, FunctionOfTime
-from ..types import ArrayLike, Floats, spread
+from ..model.limits import where_it_stays
+from ..time_function import Constant
+from ..types import ArrayLike, Floats, largest, spread
 from .resolution import ENOUGH
 
-#: pieces of a step that are looked at, and steps at most
-INSIDE, LOOKS = 16, 1000
-#: instants of a whole motion at which functions of users are looked at before it
-WHOLE = 4096
-#: part of what a function does that steps may miss, and the part of its size that is rounding
-MISSED, ROUNDING = 0.1, 1e-9
-#: how a function of time acts: by its means over steps or at their ends, or it moves what is held
-_Acts = Literal["means", "ends", "moves"]
+#: instants of a step, and of the steps that are looked at together, at which functions are asked
+INSIDE, LOOKS = 16, 4096
+#: part of what a function does that steps may miss: that of vibrations of less than six steps
+MISSED = 0.1
+#: part of a function's range up to which it does not jump
+SMALL = 1e-2
+#: parts of a step over which motions are differentiated once and twice
+SHORT = 1e-3, 2e-2
+
+
+class _Input(NamedTuple):
+    """A function of time that drives a scene.
+
+    Attributes
+    ----------
+    item : str
+        Label of the load, drive or ground.
+    value : callable
+        At a time (s).
+    average : callable or None
+        Mean between two times that acts in place of the values; None: those at the ends act.
+    moves : bool
+        Whether it is a motion.
+    kinks : sequence of float
+        Known ones (s).
+    """
+
+    item: str
+    value: Callable[[float], ArrayLike]
+    average: Callable[[float, float], float] | None
+    moves: bool
+    kinks: Sequence[float] = ()
 
 
 def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] | None:
     """Label of the load, drive or moving ground of which steps miss most, and what is said of it.
 
-    None if the steps of the run see what enters it, or are fewer than six. Up to a thousand of them
-    are looked at, recorded or not, and those in which a load has a declared kink.
+    None if the steps of the run see what enters it, or are fewer than six. Some hundred of them are
+    looked at, recorded or not, and those in which a load has a declared kink.
 
     Parameters
     ----------
@@ -59,16 +86,14 @@ def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] |
     """
     steps = history["step"]
     ends = np.interp(np.arange(steps[0], steps[-1] + 1), steps, history.times)
-    if len(ends) <= ENOUGH:
-        return None
-    found = _most_missed(system, ends, at_ends)
+    found = None if len(ends) <= ENOUGH else _most_missed(system, ends, at_ends)
     if found is None:
         return None
-    share, item, acts = found
-    what = "cancels in their means" if acts == "means" else "is between their ends"
-    return item, (
+    share, each = found
+    what = "is between their ends" if each.average is None else "cancels in their means"
+    return each.item, (
         f"steps of {np.diff(ends).max():.3g} s do not see what it does:"
-        f" {100 * min(share, 1.0):.0f} % of it {what}, which act; take smaller steps, and compare"
+        f" {100 * min(share, 1.0):.0f} % of it {what}, which act"
     )
 
 
@@ -99,109 +124,172 @@ def steps_that_see(
     """
     item = ""
     for count in counts:
-        ends = np.linspace(begun, end, count + 1)
-        found = _most_missed(system, ends, at_ends, WHOLE // count)
+        found = _most_missed(system, np.linspace(begun, end, count + 1), at_ends)
         if found is None:
             return count, ""
-        item = found[1]
+        item = found[1].item
     return counts[-1], item
 
 
-def _most_missed(
-    system: System, ends: Floats, at_ends: bool, pieces: int = 0
-) -> tuple[float, str, _Acts] | None:
-    """Part that is missed of what steps miss most, its item, and how it acts; None: all see enough.
+def _most_missed(system: System, ends: Floats, at_ends: bool) -> tuple[float, _Input] | None:
+    """Part that is missed of what steps miss most; None: all see enough.
 
-    With a number of pieces means of functions of users, which ask for few values in each step, are
-    compared with as many.
+    So it is where a function of the user's is not known at all times.
     """
-    worst: tuple[float, str, _Acts] = MISSED, "", "means"
-    inside = max(INSIDE, pieces)
-    for item, function, kinks, acts in _entering(system, at_ends):
-        time = getattr(function, "__self__", None)  # one of users asks for few values in a step
-        users = time if isinstance(time, FunctionOfTime) else None
-        looks = inside if users and acts == "ends" else INSIDE
-        try:
-            share = _missed(function, kinks, acts, ends, looks)
-            if users and acts == "means" and pieces:
-                share = max(share, _overlooked(users, ends, inside))
-        except InputError:  # one of the user's that is not known at all times
-            return None
-        worst = max(worst, (share, item, acts), key=lambda each: each[0])
-    return worst if worst[1] else None
+    try:
+        shares = [(_missed(each, ends), each) for each in _entering(system, at_ends)]
+    except InputError:
+        return None
+    worst = max(shares, key=lambda each: each[0], default=None)
+    return worst if worst is not None and worst[0] > MISSED else None
 
 
-def _overlooked(time: FunctionOfTime, ends: Floats, pieces: int) -> float:
-    """Part of a function in steps that find the same value wherever they look."""
-    inside = ends[:-1, None] + np.diff(ends)[:, None] * np.arange(pieces + 1) / pieces
-    f = np.array([time.value(t) for t in inside.ravel().tolist()]).reshape(inside.shape)
-    few = f[:, :: max(pieces // INSIDE, 1)]
-    flat = (few == few[:, :1]).all(axis=1)
-    whole = abs(f).sum()
-    return float(abs(f - few[:, :1])[flat].sum() / whole) if whole else 0.0
-
-
-#: item, function of time, its declared kinks, and how it acts
-_Entering = tuple[str, Callable[[float], ArrayLike], Sequence[float], _Acts]
-
-
-def _entering(system: System, at_ends: bool) -> Iterator[_Entering]:
+def _entering(system: System, at_ends: bool) -> Iterator[_Input]:
     for loads in (system.loading, system.couplings):
         for time, owner in zip(loads.times, loads.owners, strict=True):
             if not isinstance(time, Constant):
                 kinks = getattr(time, "times", getattr(time, "kinks", ()))
-                yield owner.label, time.value, kinks, "ends" if at_ends else "means"
+                average = None if at_ends else time.average
+                yield _Input(owner.label, time.value, average, False, kinks)
     for drive in system.drives:
         angle = drive.coordinate.kind == "angle"
-        yield drive.label, partial(_turned, drive) if angle else drive.value, (), "moves"
+        yield _Input(drive.label, partial(_turned, drive) if angle else drive.value, None, True)
     drives = {id(drive.place) for drive in system.drives}
     for place in {id(p.motion): p for p in system.moving if id(p) not in drives}.values():
-        yield place.label, partial(cast(Motion, place.motion).frame, place), (), "moves"
+        yield _Input(place.label, partial(cast(Motion, place.motion).frame, place), None, True)
 
 
 def _turned(drive: JointDrive, t: float) -> tuple[float, float]:
     return math.cos(drive.value(t)), math.sin(drive.value(t))
 
 
-def _missed(
-    function: Callable[[float], ArrayLike],
-    kinks: Sequence[float],
-    acts: _Acts,
-    ends: Floats,
-    inside: int,
-) -> float:
-    """Part of a function that steps between these instants miss, looked at so often in a step."""
+def _missed(entering: _Input, ends: Floats) -> float:
+    """Part of a function that steps between these instants miss."""
 
     def values(times: Floats) -> Floats:
-        return np.array([np.ravel(function(t)) for t in times.tolist()])
+        return np.array([np.ravel(entering.value(t)) for t in times.tolist()])
 
-    within = [kink for kink in kinks if ends[0] < kink < ends[-1]]
-    steps = np.union1d(
-        spread(len(ends) - 1, LOOKS), np.searchsorted(ends, within, side="right") - 1
-    )
-    if acts == "moves":  # a short one may be in a step between those
-        bends = np.linalg.norm(np.diff(values(ends), 2, axis=0), axis=1)
-        steps = np.union1d(steps, bends.argsort()[-ENOUGH:])
-    knots = ends[steps, None] + np.diff(ends)[steps, None] * np.linspace(0, 1, inside + 1)
-    grid = np.union1d(knots, within)
-    width, t = np.diff(grid), (grid[1:] + grid[:-1]) / 2
-    own = np.searchsorted(ends, t) - 1
-    looked = np.isin(own, steps)
-    width, t, own = width[looked], t[looked], own[looked]
-    knots = np.union1d(ends[steps], ends[steps + 1])
-    f, at_knots = values(t), values(knots)
-    size, farthest = np.linalg.norm(np.ptp(f, axis=0)), 0.0
-    if acts == "means":
-        missed = width @ abs(f[:, 0]) - abs(np.bincount(own, width * f[:, 0])).sum()
+    kinks = [kink for kink in entering.kinks if ends[0] < kink < ends[-1]]
+    at_ends = values(ends)
+    bends = np.linalg.norm(np.diff(at_ends, 2, axis=0), axis=1)
+    some = spread(len(ends) - 1, LOOKS // INSIDE)
+    steps = np.unique([*some, *np.searchsorted(ends, kinks) - 1, *bends.argsort()[-ENOUGH:]])
+    inside = max(INSIDE, LOOKS // len(steps))
+    width = np.repeat(np.diff(ends)[steps] / inside, inside)
+    t = np.repeat(ends[steps], inside) + width * np.tile(np.arange(inside) + 0.5, len(steps))
+    f, farthest = values(t), 0.0
+    if entering.average is not None:
+        means = [entering.average(*ends[k : k + 2]) for k in steps]
+        missed = width @ abs(f[:, 0]) - np.diff(ends)[steps] @ np.abs(means)
     else:
-        chords = np.stack([np.interp(t, knots, each) for each in at_knots.T], axis=1)
-        off = np.linalg.norm(f - chords, axis=1)
+        off = np.linalg.norm(f - np.stack([np.interp(t, ends, x) for x in at_ends.T], 1), axis=1)
         missed = width @ off
-        if acts == "moves":  # one short move counts by how far it goes, a short force by how long
-            farthest = off.max()
+        if entering.moves:  # one short move counts by how far it goes, a short force by how long
+            farthest = off.max() / (np.linalg.norm(np.ptp(f, axis=0)) or 1.0)
         line = np.vander(t - t.mean(), 2)  # what is constant, or moves evenly, moves nothing
         f = f - line @ np.linalg.lstsq(line, f, rcond=None)[0]
     whole = width @ np.linalg.norm(f, axis=1)
-    if whole <= ROUNDING * width.sum() * abs(at_knots).max():
-        return 0.0
-    return float(max(missed / whole, farthest and farthest / size))
+    rounding = 1e-9 * width.sum() * abs(at_ends).max()
+    return float(max(missed / whole, farthest)) if whole > rounding else 0.0
+
+
+# -- jumps -----------------------------------------------------------------------------------------
+
+
+def jumps(system: System, history: History) -> Floats:
+    """Times (s) at which a load, or velocity or acceleration of prescribed motion, jumps in a run.
+
+    Loads are all functions of time that drive the scene: those of actuators, and the amplitudes of
+    loads that are functions of the motion. Second differences between some instants of the run are
+    followed into ever smaller parts of a step: that of a jump stays as it is. A jump of a load that
+    does not stick out like this is found if it is declared, see
+    :class:`skfem_cosserat.FunctionOfTime`. Jumps below a hundredth of a function's range are none.
+    What jumps within the function of a :class:`skfem_cosserat.TermFunction` is not seen.
+
+    Parameters
+    ----------
+    system : System
+        The scene.
+    history : History
+        Its run.
+
+    Returns
+    -------
+    (k,) array
+        Times of the jumps (s), ascending.
+
+    Examples
+    --------
+    >>> import skfem_cosserat as sc
+    >>> model = sc.Model()
+    >>> ball = model.add("ball", sc.MassPoint(1.0))
+    >>> push = lambda t: 1.0 if t < 0.25 else 0.0
+    >>> load = model.add("push", sc.LoadForce(ball.place(), (1.0, 0, 0), push))
+    >>> run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.1, until=1.0)
+    >>> jumps(model.freeze(), run).round(4).tolist()
+    [0.25]
+    """
+    if len(history) < 2:
+        return np.zeros(0)
+    h, (start, end) = _step(history), history.times[[0, -1]]
+    times = np.linspace(start, end, 1 + min(LOOKS // INSIDE, max(1, int((end - start) / h))))
+    width, found = SHORT[0] * h, list[float]()
+    for each in _entering(system, True):
+        if not each.moves:
+            kinks = [t for t in each.kinks if start < t < end]
+            found += _jumps(each.value, times, width, 0.0, kinks)
+            continue
+        for order, short in enumerate(SHORT, 1):
+            d = short * h
+            rounding = 1e-14 * largest(np.asarray(each.value(end))) / d**order
+            later = np.maximum(times, start + 3 * d)
+            found += _jumps(partial(_rate, each.value, order, d), later, 10 * d, rounding)
+    instants = np.unique(found)
+    return instants[np.diff(instants, prepend=-np.inf) > 2 * width]  # several may find the same
+
+
+def _rate(value: Callable[[float], ArrayLike], order: int, d: float, t: float) -> Floats:
+    """Derivative of a motion by differences to instants before."""
+    before = [np.ravel(value(t - k * d)) for k in range(order, -1, -1)]
+    return np.diff(before, order, axis=0)[0] / d**order
+
+
+def _jumps(
+    function: Callable[[float], ArrayLike],
+    times: Floats,
+    width: float,
+    rounding: float,
+    kinks: Sequence[float] = (),
+) -> list[float]:
+    """Times, to a width (s), at which a component of a function jumps."""
+    at: Any = cache(function)
+    values = np.array([np.ravel(at(t)) for t in times.tolist()])
+    least = np.maximum(SMALL * np.ptp(values, axis=0), 1e-12 * abs(values).max(axis=0))
+    least = np.maximum(least, rounding or 1e-200)
+
+    def bend(a: float, b: float) -> float:
+        return float((abs(np.ravel(at(a) - 2 * np.asarray(at((a + b) / 2)) + at(b))) / least).max())
+
+    between = [*pairwise(times.tolist()), *((t - width, t + width) for t in kinks)]
+    within = [where_it_stays(bend, a, b, width) for a, b in between]
+    return [(pair[0] + pair[1]) / 2 for pair in within if pair is not None]
+
+
+def at_jumps(system: System, history: History) -> Floats:
+    """One for each recorded state within a step of a jump, zero for all others (N,).
+
+    The forces of the start and the end follow from the two steps after and before them, that of a
+    given momentum from those after the next state.
+    """
+    reach = np.full(len(history), _step(history) * (1 + SHORT[0]))
+    reach[:1] *= 3 if history["fresh"][0] else 2
+    reach[-1:] *= 2
+    apart = abs(history.times[:, None] - jumps(system, history))
+    return (apart <= reach[:, None]).any(axis=1).astype(float)
+
+
+def _step(history: History) -> float:
+    """Longest step (s)."""
+    if "step_size" in history and np.isfinite(history["step_size"]).any():
+        return float(np.nanmax(history["step_size"]))
+    return float(history.meta["step"])

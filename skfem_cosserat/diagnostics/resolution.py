@@ -9,39 +9,34 @@ where it ought to be: then the error is twice its amplitude. Neighbouring states
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ..arguments import checked
-from ..constraints.saddle import nearest_velocity
 from ..history import History
 from ..model import System
-from ..model.limits import fastest_turn, owner
-from ..model.parts import Connected, connected_parts
+from ..model.limits import owner
+from ..model.loops import null_space_matrix
+from ..model.parts import separate_parts
 from ..types import SAME, Floats, IndexArray, largest, spread
 from .momenta import Projection
 from .stacked import driven_alternation
 
-#: steps over which errors add up
-STEPS = 50
-#: error that these make, relative to the way that the scene covers, above which a run is doubtful
-MOST_OFF = 0.08
-#: windows of neighbouring states that are looked at at most, evenly spread, one for so many
-#: recorded states, and the states of each
-WINDOWS, APART, STATES = 10, 100, 12
-#: states that tell of an error (those of fifth differences), and the part of a scene that is no
-#: motion
-ENOUGH, NOISE = 6, 1e-7
-#: difference of two steps, relative, that is none
-EVEN = 1e-6
+#: steps over which errors add up, and the error that these make, relative to the way that the scene
+#: covers, above which a run is doubtful: set on one half of sixty random scenes
+STEPS, MOST_OFF = 50, 0.08
+#: neighbouring states of a window that is looked at, and the least that tell of an error (fifth
+#: differences)
+STATES, ENOUGH = 12, 6
+#: part of a scene's length that is no motion
+NOISE = 1e-7
 #: Newton iterations of a step that is looked at for other solutions (most take two to five, some
 #: with kept factors up to eight), those that each other part of a composed step takes, and how far
 #: off (rad, or relative to the range of its motion) is what neighbouring steps lead to
 MANY, USUAL, FAR = 6, 4, 0.25
-#: states, evenly spread, that tell the range of a motion; the part of a step that tells a velocity
-SPREAD, SMALL = 50, 1e-3
 #: step times the frequency with which compression drives rotations that alternate from step to
 #: step, above which these grow
 ALTERNATES = 2.0
@@ -98,70 +93,58 @@ def resolution(system: System, history: History) -> Resolution | None:
     -------
     Resolution or None
     """
-    rows = _windows(history)
-    if rows.shape[1] < 2:
-        return _by_velocities(system, history) if len(history) >= ENOUGH else None
-    told = rows.shape[1] >= ENOUGH
-    steps = min(STEPS, int(np.ptp(history["step"])))
-    y = _beside(system, history["q"].reshape(len(history), -1, 3)[rows], history.times[rows])
-    places, turns = y.take(system.origin_rows, axis=2), _turns(system, y)
-    part, extent = _extents(system, places)
-    size, angle = _vibrations(places)
-    lost = steps * _lost(history, angle)
-    off = size * np.minimum(lost, 2.0)
-    # a few steps do not tell how far a motion goes, and one of rounding goes nowhere
-    moves = told & (extent > NOISE * system.length)
-    off = np.where(moves[part], off / np.where(moves, extent, 1.0)[part], 0.0)
-    off = np.minimum(off, lost / 2)  # of what vibrates it covers less in a few
+    rows, apart = _windows(history), spread(len(history), STEPS)
+    if not len(rows) and len(history) < ENOUGH:
+        return None
+    seen = rows.ravel() if len(rows) else apart
+    y = _beside(system, history["q"][seen].reshape(len(seen), -1, 3), history.times[seen])
+    extent = _extents(system, y)
+    if len(rows):
+        y, times = y.reshape(*rows.shape, -1, 3), history.times[rows[:, -1]]
+        moved = np.diff(y, axis=1)
+        size, angle = _vibrations(y.take(system.origin_rows, axis=2))
+        share = size / extent
+    else:  # a vibration moves by the angle times its size
+        moved, times = _moved(system, history, apart)[None], history.times[-1:]
+        ways = np.square(moved.take(system.origin_rows, axis=2)).sum(axis=-1)
+        angle = np.sqrt(2 * ways.mean(axis=1)) / (extent / 2)
+        share = np.full(angle.shape, 0.5)
+    # directors are orthonormal: each component of the rotation moves two of them
+    chords = np.sqrt(
+        np.square(moved.take(system.kinematics.director_rows, axis=2)).sum((-1, -2)) / 8
+    )
+    turns = 2 * np.arcsin(np.minimum(chords, 1.0)).mean(axis=1).max(axis=0, initial=0.0)
+    parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
+    lost = min(STEPS, np.ptp(history["step"])) * abs(angle - 2 * np.arctan(parts / 2).sum(axis=0))
+    off = np.minimum(share * np.minimum(lost, 2.0), lost / 2)  # of what vibrates few cover less
     w, v = np.unravel_index(int(off.argmax()), off.shape)
-    turn, turning = float(turns.max(initial=0.0)), ""
+    turning = ""
     if turns.size:
-        frame = system.kinematics.frames[int(turns.argmax()) % turns.shape[1]]
-        turning = system.owner[frame].label
+        turning = system.owner[system.kinematics.frames[int(turns.argmax())]].label
     return Resolution(
         float(off[w, v]),
-        turn,
+        largest(turns),
         float(2 * np.pi / angle[w, v]) if angle[w, v] > 0 else np.inf,
         system.owner[v].label,
         turning,
-        float(history.times[rows[w, -1]]),
+        float(times[w]),
     )
 
 
-def _lost(history: History, angle: Floats) -> Floats:
-    """Angle that a step of a run lacks of the one that a vibration ought to advance by."""
-    parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
-    return abs(angle - 2 * np.arctan(parts / 2).sum(axis=0))
-
-
-def _by_velocities(system: System, history: History) -> Resolution:
-    """Resolution of states some steps apart, from their velocities.
-
-    A vibration moves by ``h omega`` of its size in a step.
-    """
-    k, count = spread(len(history), SPREAD), int(np.ptp(history["step"]))
-    h, t, q = float(np.ptp(history.times)) / count, history.times[k], history["q"][k]
-    v = Projection(system).velocities(q, history["p"][k], t)
-    both = np.stack([q, q + SMALL * h * v], axis=1).reshape(len(k), 2, -1, 3)
-    y = _beside(system, both, np.stack([t, t + SMALL * h], axis=1))
-    fastest = sorted(
-        (turn, item) for item, turn in map(partial(fastest_turn, system), y[:, 1] - y[:, 0])
-    )
-    turn, turning = fastest[len(k) // 2]
-    places = y.take(system.origin_rows, axis=2)
-    part, extent = _extents(system, places[:, 0])
-    size = np.where(extent > NOISE * system.length, extent, np.inf)[part] / 2
-    ways = np.nan_to_num(np.linalg.norm(places[:, 1] - places[:, 0], axis=-1) / SMALL / size)
-    angles = np.sqrt(2 * (ways**2).mean(0))  # a vibration's, and less of what moves once
-    vertex = int(angles.argmax())
-    angle = max(float(angles[vertex]), SAME)
-    off = min(min(STEPS, count) * float(_lost(history, np.array(angle))) / 2, 1.0)
-    item, time = system.owner[vertex].label, float(t[ways[:, vertex].argmax()])
-    return Resolution(off, turn / SMALL, 2 * np.pi / angle, item, turning, time)
+def _moved(system: System, history: History, rows: IndexArray) -> Floats:
+    """Changes (k, rows, 3) in a step of some states that their velocities make."""
+    q, t, short = history["q"][rows], history.times[rows], 1e-3
+    h = float(np.ptp(history.times) / np.ptp(history["step"]))
+    way = h * Projection(system).velocities(q, history["p"][rows], t)
+    ends = [
+        _beside(system, (q + part * way).reshape(len(rows), -1, 3), t + part * h)
+        for part in (0.0, short)
+    ]
+    return (ends[1] - ends[0]) / short
 
 
 @checked
-def doubtful_steps(system: System, history: History, most: int | None = None) -> NDArray[np.bool_]:
+def doubtful_steps(system: System, history: History) -> NDArray[np.bool_]:
     """True for states whose step may have found one of several solutions of its equations.
 
     A step that is too long for its motion may have several solutions, each with its energy in
@@ -176,8 +159,6 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     system : System
     history : History
         With the series "newton_iterations" and "attempts" of a run.
-    most : int, optional
-        Look only at so many steps, those with the most iterations.
 
     Returns
     -------
@@ -194,29 +175,23 @@ def doubtful_steps(system: System, history: History, most: int | None = None) ->
     """
     out = np.zeros(len(history), dtype=bool)
     shares = np.abs(history.meta.get("shares") or (1.0,))
-    iterations = history["newton_iterations"]
-    hard = iterations >= MANY + USUAL * (len(shares) - 1)
+    hard = history["newton_iterations"] >= MANY + USUAL * (len(shares) - 1)
     steps = np.flatnonzero(hard | (history["attempts"] > 1))
-    steps = steps[np.argsort(-iterations[steps], kind="stable")[:most]]
     # of four states, those in which a step is the first, second or third one
     starts = np.unique(steps[:, None] - np.arange(1, 4))
     starts = starts[(starts >= 0) & (starts < len(history) - 3)]
-    next_to = _neighbours(history)
-    starts = starts[next_to[starts[:, None] + np.arange(3)].all(1)]
+    starts = starts[_neighbours(history)[starts[:, None] + np.arange(3)].all(1)]
     if not len(starts):
         return out
     q, times = history["q"].reshape(len(history), -1, 3), history.times
-    some = slice(None, None, -(-len(q) // SPREAD))
-    places = _beside(system, q[some], times[some]).take(system.origin_rows, axis=1)
-    part, extent = _extents(system, places)
-    moves = extent > NOISE * system.length
+    some = spread(len(q), STEPS)
     scale = np.full(system.rows, shares.max() ** 3 / FAR)
-    scale[system.origin_rows] *= np.where(moves, 1 / np.where(moves, extent, 1.0), 0.0)[part]
+    scale[system.origin_rows] /= _extents(system, _beside(system, q[some], times[some]))
     far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
-    for k in starts.tolist():
-        four = _beside(system, q[k : k + 4], times[k : k + 4])
-        third = np.linalg.norm(np.diff(four, 3, axis=0)[0], axis=1)
-        far[k + 3] = (scale * third > 1).any()
+    for some in np.array_split(starts, len(starts) // 100 + 1):
+        four = some[:, None] + np.arange(4)
+        third = np.diff(_beside(system, q[four], times[four]), 3, axis=1)[:, 0]
+        far[some + 3] = (scale * np.linalg.norm(third, axis=-1) > 1).any(axis=1)
     out[steps] = far[steps[:, None] + np.arange(3)].any(1)
     return out
 
@@ -275,29 +250,22 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
 
 
 @lru_cache(maxsize=4)
-def _connected(system: System) -> Connected:
-    return connected_parts(system)
-
-
-@lru_cache(maxsize=4)
-def _free(system: System) -> NDArray[np.bool_]:
-    """Rows (rows,) that can move while drives and ground are at rest, or others of their frame."""
-    p = system.mass @ np.random.default_rng(0).standard_normal((system.rows, 3))
-    y0 = system.extend(system.q0, 0.0)
-    v = nearest_velocity(system, y0, p.ravel(), None)
-    out = np.linalg.norm(v.reshape(-1, 3), axis=1) > NOISE
+def _held(system: System) -> NDArray[np.bool_]:
+    """Rows (rows,) of frames and points that cannot move while drives and ground are at rest."""
+    P = abs(null_space_matrix(system, system.extend(system.q0, 0.0)))
+    moves = np.ravel(P.sum(axis=1)).reshape(-1, 3).max(axis=1) > 0
     axes = system.kinematics.director_rows
-    out[axes] = out[axes].any(1, keepdims=True)
-    return out
+    moves[axes] = moves[axes].any(1, keepdims=True)
+    return np.logical_not(moves)
 
 
-def _extents(system: System, places: Floats) -> tuple[IndexArray, Floats]:
-    """The separate part that each vertex is of, and of each part the way of what moves most."""
-    part = _connected(system).part[system.origin_rows]
+def _extents(system: System, y: Floats) -> Floats:
+    """The way of what moves most in the separate part that each vertex is of; no motion: inf."""
+    ways = np.linalg.norm(np.ptp(y.take(system.origin_rows, axis=1), axis=0), axis=-1)
+    part = separate_parts(system).part[system.origin_rows]
     extent = np.zeros(part.max(initial=0) + 1)
-    flat = places.reshape(-1, 3 * len(part))
-    np.maximum.at(extent, part, np.linalg.norm(np.ptp(flat, axis=0).reshape(-1, 3), axis=-1))
-    return part, extent
+    np.maximum.at(extent, part, ways)
+    return np.where(extent > NOISE * system.length, extent, np.inf)[part]
 
 
 def _vibrations(places: Floats) -> tuple[Floats, Floats]:
@@ -306,8 +274,10 @@ def _vibrations(places: Floats) -> tuple[Floats, Floats]:
     A vibration that advances by an angle x in a step has differences ``(2 sin(x/2))^k`` times its
     amplitude: the third and the fifth tell both, whatever slow motion it is on.
     """
-    differences = np.diff(places, 3, axis=1)
-    third, fifth = _largest(differences), _largest(np.diff(differences, 2, axis=1))
+    third, fifth = (
+        np.linalg.norm(np.diff(places, order, axis=1), axis=-1).max(axis=1, initial=0.0)
+        for order in (3, 5)
+    )
     some = third > SAME * largest(places)
     with np.errstate(all="ignore"):
         chord = np.where(some, np.minimum(np.sqrt(fifth / third), 2.0), 0.0)
@@ -322,48 +292,31 @@ def _beside(system: System, y: Floats, times: Floats) -> Floats:
     if not system.moving:
         return y
     out, drives = y.copy(), {system.row_of(drive.place) - system.rows for drive in system.drives}
-    own = [k for k in range(4, system.grounds.rows, 4) if k not in drives]
-    if own:
-        ground = np.array([system.ground(t) for t in times.ravel().tolist()])
-        frames = ground.reshape(*times.shape, -1, 3)
-        tied = ~_connected(system).free[_connected(system).part]
-        places = system.origin_rows[tied[system.origin_rows]]
-        out[..., places, :] -= frames[..., own, :].mean(-2)[..., None, :]
-        axes = frames[..., own[0] + 1 : own[0] + 4, :].swapaxes(-1, -2)
-        out[..., tied, :] = out[..., tied, :] @ axes
-    held = ~_free(system)
+    for k in [k for k in range(4, system.grounds.rows, 4) if k not in drives][:1]:
+        ground = np.array([system.ground(t)[k : k + 4] for t in times.ravel().tolist()])
+        frames, parts = ground.reshape(*times.shape, 4, 3), separate_parts(system)
+        tied = parts.free[parts.part] == 0
+        out[..., system.origin_rows[tied[system.origin_rows]], :] -= frames[..., :1, :]
+        out[..., tied, :] = out[..., tied, :] @ frames[..., 1:, :].swapaxes(-1, -2)
+    held = _held(system)
     out[..., held, :] = system.q0.reshape(-1, 3)[held]
     return out
-
-
-def _largest(differences: Floats) -> Floats:
-    """The longest of a window, of each vertex."""
-    squares = np.einsum("...c,...c->...", differences, differences)
-    return np.sqrt(squares.max(1, initial=0.0))
 
 
 def _neighbours(history: History) -> NDArray[np.bool_]:
     """True for pairs of successive states one whole step apart: steps to events are shorter."""
     ways, next_to = np.diff(history.times), np.diff(history["step"]) == 1
-    if next_to.any() and not np.ptp(ways) < EVEN * ways.min():  # most runs have equal steps
-        next_to &= abs(ways - np.median(ways[next_to])) < EVEN * abs(ways)
-    return next_to
+    usual = np.median(ways[next_to]) if next_to.any() else np.nan
+    return next_to & np.isclose(ways, usual, atol=0.0)
 
 
 def _windows(history: History) -> IndexArray:
     """States (windows, states) that are one step apart in each window; none if there are none."""
     next_to = _neighbours(history)
-    breaks = np.flatnonzero(~next_to)
-    longest = int(np.diff(np.concatenate([[-1], breaks, [len(next_to)]])).max())
-    width = min(STATES, longest)
-    passed = np.concatenate([[0], np.cumsum(next_to)])
-    starts = np.flatnonzero(passed[width - 1 :] - passed[: len(passed) - width + 1] == width - 1)
-    chosen = starts[spread(len(starts), min(WINDOWS, 2 + len(starts) // APART))]
-    return chosen[:, None] + np.arange(width)
-
-
-def _turns(system: System, y: Floats) -> Floats:
-    """Rotations (w, frames) in a step (rad), means of windows of configurations (w, s, rows, 3)."""
-    triads = y.take(system.kinematics.director_rows, axis=2)
-    traces = np.einsum("wsvic,wsvic->wsv", triads[:, :-1], triads[:, 1:])
-    return np.arccos(np.clip((traces - 1) / 2, -1, 1)).mean(1)
+    for width in (STATES, ENOUGH, 2):
+        if len(next_to) < width - 1:
+            continue
+        starts = np.flatnonzero(sliding_window_view(next_to, width - 1).all(axis=1))
+        if len(starts):
+            return starts[spread(len(starts))][:, None] + np.arange(width)
+    return np.zeros((0, 2), dtype=np.int64)

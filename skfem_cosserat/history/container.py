@@ -349,6 +349,10 @@ class Derivation(Protocol):
             Where it cannot be made.
         """
 
+    @property
+    def systems(self) -> Sequence[Any]:
+        """Systems of the history's segments."""
+
     def segment(self, k: int) -> Derivation:
         """That of one of the history's segments."""
 
@@ -491,6 +495,11 @@ class History:
         """Have what is not recorded derived like this; None: there are no other series."""
         self._derivation = derivation
         self._segments.clear()
+
+    @property
+    def systems(self) -> Sequence[Any]:
+        """Systems of its segments; none where they are not known, as of a file."""
+        return () if self._derivation is None else self._derivation.systems
 
     def derive(self, names: Sequence[str] | None = None) -> None:
         """Derive series now, not when they are first asked for; what fails is a warning.

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from .. import checks
 from ..arguments import checked
-from ..diagnostics.coarseness import energies_of_motion
+from ..checks.coarseness import energies_of_motion
 from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, InputError
 from ..history import History

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
+from ..checks.result import recorded_amplitudes
 from ..diagnostics.stacked import ReducedTangent, reduced_tangent
 from ..errors import AccuracyWarning, IncompatibleError, InputError
 from ..history import History
@@ -17,10 +18,10 @@ from ..integrators import State
 from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance, predicted
 from ..model.closure import SINGULAR
+from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint, overstretched_beam
 from ..model.loops import names_of
-from ..run.describe import other_model
-from ..statics.schedule import Schedule, recorded_amplitudes
+from ..statics.schedule import Schedule
 from ..types import Array, ArrayLike, Floats, IndexArray, finite, whole
 from ..warn import warn
 

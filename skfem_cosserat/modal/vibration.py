@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import checks
 from ..arguments import checked
-from ..diagnostics.coarseness import energies_of_motion
+from ..checks.coarseness import energies_of_motion
 from ..errors import InputError
 from ..history import History
 from ..model import System, takes_scene

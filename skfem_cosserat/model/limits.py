@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
@@ -95,9 +96,24 @@ def constraint_owner(system: System, row: int) -> str:
 
 # -- prescribed motion that jumps ----------------------------------------------------------------
 
-#: second difference of prescribed motion (rad, relative to the extent) that may be a jump; the part
-#: that stays in half the interval if it is one; interval, against time, that tells
-JUMP, STAYS, STEEPEST = 1e-6, 0.6, 1e-14
+#: second difference of prescribed motion (rad, relative to the extent) above which it jumps, if it
+#: stays that large in intervals as short as rounding allows
+JUMP = 1e-6
+
+
+def where_it_stays(
+    bend: Callable[[float, float], float], a: float, b: float, width: float
+) -> tuple[float, float] | None:
+    """Interval, within another and as short as `width`, in which a bend stays above 1, or None.
+
+    The second difference of what is continuous shrinks with the interval, however steep it is.
+    """
+    while bend(a, b) > 1:
+        if b - a <= width:
+            return a, b
+        middle = (a + b) / 2
+        a, b = max((a, middle), (middle, b), key=lambda half: bend(*half))
+    return None
 
 
 @lru_cache(maxsize=4)
@@ -120,27 +136,19 @@ def _followed(system: System) -> tuple[Floats, dict[int, Joint | JointDrive]]:
 
 
 def jump(system: System, t0: float, t1: float) -> str | None:
-    """Message about prescribed motion that jumps between two instants; None: none does.
-
-    The second difference of one that is continuous shrinks with the interval, however steep it is.
-    """
+    """Message about prescribed motion that jumps between two instants; None: none does."""
     weights, owners = _followed(system)
     ground, (a, b) = cache(system.ground), sorted((t0, t1))
 
-    def bend(a: float, b: float) -> Floats:
-        return weights * abs(ground(a) - 2 * ground((a + b) / 2) + ground(b))
+    def bends(a: float, b: float) -> Floats:
+        return weights / JUMP * abs(ground(a) - 2 * ground((a + b) / 2) + ground(b))
 
-    now, shortest = bend(a, b), STEEPEST * max(abs(a), abs(b))
-    while now.max() > JUMP and b - a > shortest:
-        found = []
-        for half in ((a, (a + b) / 2), ((a + b) / 2, b)):
-            later = bend(*half)
-            found.append((np.where(later > STAYS * now, later, 0.0), half))
-        now, (a, b) = max(found, key=lambda each: each[0].max())
-        weights = weights * (now > 0)
-    if now.max() <= JUMP:
+    shortest = 1e-14 * max(abs(a), abs(b))
+    found = where_it_stays(lambda a, b: float(bends(a, b).max()), a, b, shortest)
+    if found is None:
         return None
-    frame = int(now.max(axis=1).argmax()) // 4
+    a, b = found
+    frame = int(bends(a, b).max(axis=1).argmax()) // 4
     item, when = owners[frame], f"jumps at t = {b:.6g} s"
     if isinstance(item, JointDrive):
         return f"the {item.label} {when}: {reached(item, a)}, then {reached(item, b)}"
@@ -283,7 +291,7 @@ def undefined(system: System, y: Floats) -> str | None:
             bad = np.flatnonzero(~np.isfinite(found).all(1) & np.isfinite(eps).all(1))
             if len(bad):
                 e = np.arange(len(strain))[ids][bad[0] // strain.shape[1]]
-                beam = next(s for s in system.structures if e in _numbers(group, s))
+                beam, _ = beam_of(system, group, int(e))
                 values = ", ".join(f"{x:.6g}" for x in eps[bad[0]])
                 return (
                     f"the stored energy of {beam.label} is {found[bad[0], 0]:.6g}, its stresses"
@@ -292,10 +300,10 @@ def undefined(system: System, y: Floats) -> str | None:
     return None
 
 
-def _numbers(group: BeamGroup, item: StructuralItem) -> range:
-    """Numbers of a beam's elements in its group; empty if it is in another one."""
-    own = group.slices.get(id(item), slice(0))
-    return range(own.start or 0, own.stop)
+def beam_of(system: System, group: BeamGroup, element: int) -> tuple[Beam, int]:
+    """The beam that an element of a group belongs to, and its number there."""
+    own = [(beam, group.slices.get(id(beam), slice(0, 0))) for beam in system.beams]
+    return next((beam, element - e.start) for beam, e in own if e.start <= element < e.stop)
 
 
 def overstretched(system: System, y: Floats) -> str | None:

@@ -33,14 +33,14 @@ from ..diagnostics import (
     strain_energy,
 )
 from ..diagnostics.energy import potential, resultants
+from ..diagnostics.inputs import at_jumps
 from ..diagnostics.joint_motion import relative_names, relative_series
-from ..diagnostics.jumps import at_jumps
 from ..errors import HistoryError, IncompleteWarning, InputError
 from ..frames import is_beam
 from ..history import History
 from ..model import System, takes_scene
+from ..model.fingerprint import fingerprint, other_model
 from ..model.groups import lumped
-from ..model.plane import PROBE
 from ..model.theories import theory_of
 from ..time_function import of_the_user
 from ..types import FilePath, Floats, IndexArray, names_known
@@ -53,45 +53,6 @@ if TYPE_CHECKING:
 
 #: version of a package, whose metadata it takes a millisecond to read
 _installed = cache(version)
-
-
-def fingerprint(system: System) -> dict[str, Any]:
-    """What makes a history belong to a system: names, and sums that any change of numbers moves."""
-    y = system.extend(system.q0, 0.0)
-    stiffness = [g.elements.stiffness.ravel() for g in system.beam_groups]
-    numbers = {
-        "reference": system.q0,
-        "mass": system.mass.tocoo().data,
-        "stiffness": np.concatenate([*stiffness, np.zeros(0)]),
-        "gauss": np.concatenate([*(g.elements.points for g in system.beam_groups), np.zeros(0)]),
-        "constraints": system.constraints.jacobian_values(y),
-    }
-    stored = [
-        law.energy(PROBE * law.scale) for g in system.beam_groups for _, law in g.elements.stored
-    ]
-    if stored:
-        numbers["stored energy"] = np.concatenate(stored)
-    # weights without a pattern, so that nothing cancels or trades places
-    sums = {k: float(v @ np.cos(1 + np.arange(len(v)) ** 1.5)) for k, v in numbers.items()}
-    return {
-        "items": [s.label for s in system.structures],
-        "joints": [j.label for j in system.joints],
-        "counts": [system.n, system.m],
-        "numbers": sums,
-    }
-
-
-def other_model(system: System, found: dict[str, Any]) -> str | None:
-    """How a fingerprint differs from that of the system, or None."""
-    own = fingerprint(system)
-    for name in ("items", "joints", "counts"):
-        if found.get(name) != own[name]:
-            return f"{name} {found.get(name)}, expected {own[name]}"
-    for name, value in own["numbers"].items():
-        other = found.get("numbers", {}).get(name, np.nan)
-        if not np.isclose(other, value, rtol=1e-9, atol=1e-12):
-            return f"{name} differs (weighted sum {other!r}, expected {value!r})"
-    return None
 
 
 def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
@@ -296,6 +257,11 @@ class SystemSeries:
         """See :class:`skfem_cosserat.history.Derivation`."""
         items = ("beam/", "joint/", "coupling/")
         return [name for name in self.names if name in SAVED or name.startswith(items)]
+
+    @property
+    def systems(self) -> Sequence[System]:
+        """See :class:`skfem_cosserat.history.Derivation`."""
+        return self._systems if self._formulas else ()
 
     @property
     def _formulas(self) -> list[Formulas]:

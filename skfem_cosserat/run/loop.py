@@ -8,39 +8,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .. import checks
+from ..checks.motion import energies
 from ..constraints import Treatment
 from ..diagnostics import (
     Projection,
-    alternation,
-    doubtful_steps,
-    multipliers,
-    resolution,
 )
-from ..diagnostics.resolution import MOST_OFF
-from ..diagnostics.stacked import all_rows
-from ..errors import AccuracyWarning, CosseratError, Diverged, InputError
+from ..errors import Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Block, Integrator, State, Stepper, StepReport
-from ..linear import SingularMatrixError, Solver
+from ..linear import Solver
 from ..model import System, takes_scene
-from ..model.limits import (
-    FAR_TURN,
-    fastest_turn,
-    first_over_rotated,
-    over_rotated_beam,
-    overstretched_beam,
-)
-from ..model.plane import functions_off_plane
 from ..newton import NewtonSettings
-from ..types import MOST, FilePath, real, spread, whole
-from ..warn import Notices, logger, warn
+from ..types import MOST, FilePath, real, whole
+from ..warn import Notices, logger
 from .conditions import ActionOutcome
 from .describe import checked_asked, finish, run_formulas
 from .events import Event, EventMonitor, Found, checked_events
 from .plan import ControlledSteps, FixedSteps, Plan, StepControl, StepperFactory
 from .progress import Interrupt, Progress
-from .record import Record, Wanted, energy, numbered, timed
+from .record import Record, Wanted, numbered, timed
 from .sensors import Sensor, View
 from .start import consistent_start, initial_state
 
@@ -103,17 +89,6 @@ class RunLoop:
                 self._take(block.part(0, watch.passed))
             raise
 
-    def numbers(self, h: float | None) -> StepNumbers:
-        """Numbers of its steps, to be found at its end: the metadata of its history take them.
-
-        Events shorten steps: those of the size h (s) that was asked for count, if one was.
-        """
-        record, plan = self.record, self.plan
-        record.h = h or plan.h
-        out = StepNumbers(record.segments[-1].system, self.factory.integrator, record.h)
-        record.more = plan.summary() | {"steps": out.numbers}
-        return out
-
     def _take(self, block: Block) -> str:
         """Record solved steps, and call what looks at them; the status of the run."""
         self.record.add(block)
@@ -166,24 +141,24 @@ class RunLoop:
         new = system if outcome.system is None else outcome.system
         own = Projection(system)(state.q, state.p, state.time)[1]
         integrator = self.factory.integrator
-        before = energy(system, integrator, state)
+        before = _energy(system, integrator, state)
         if outcome.state is None:
             p = Projection(new)(state.q, own, state.time)[1]
             after = State(state.time, state.index, state.q, p, turns=state.turns)
         else:
             given = replace(outcome.state, fresh=True, load_factor=None)
             after = replace(given, time=state.time, index=state.index)
-        return new, after, before - energy(new, integrator, after)
+        return new, after, before - _energy(new, integrator, after)
+
+
+def _energy(system: System, integrator: Integrator, state: State) -> float:
+    """Kinetic and stored energy (J) of a state."""
+    turns = None if state.turns is None else state.turns[None]
+    own = state.q[None], state.p[None], np.array([state.time]), turns
+    return float(energies(system, integrator.carries_node_momentum, *own)[0])
 
 
 # -- the loop in time: a generator of steps, and a simulation with a history on top of it ----------
-
-#: steps, those with the most iterations, that are looked at for other solutions
-HARDEST = 20
-#: error of fifty steps, or rotation in one (rad), above which it is this many, or one of so many
-ROUGH, MORE, EACH = 0.02, 50, 40
-#: parts of a step, and of a run, by which it may end before its time
-REST, ROUNDING = 1e-6, 1e-8
 
 
 @takes_scene
@@ -387,23 +362,14 @@ def simulate(
             run = RunLoop(
                 factory, plan, record, callbacks, lambda t: show(t, until), interrupt, watch
             )
-            equal = h is not None
-            record.look_back = lambda found: _warn_of_motion(
-                run.numbers(h), found, equal, eventful, None
-            )
+            record.more = lambda: plan.summary() | {"until": float(until), "eventful": eventful}
             with show:
                 status, failure = run.go(state)
-            why = run.numbers(h)
-            if failure is None and status == "completed":
-                _warn_of_rest(state, run.state, None if eventful else h, until)
             if failure is not None:
                 notices.tell(failure)  # from here on no warning takes its place
-            try:
-                _warn_of_motion(why, record.complete(), equal, eventful, failure)
-            finally:  # a warning may be an error: the file is whole all the same
-                history = record.close(status, failure, why.alternation)
+            history = record.close(status, failure)
             if failure is not None:
-                notices.tell(failure)  # now with the balance of energy
+                notices.tell(failure)  # now with what the checks have found
                 failure.history = history
             interrupt.at_once()  # nothing is lost any more
             finish(history, [segment.system for segment in record.segments], derive, path)
@@ -412,30 +378,6 @@ def simulate(
             notices.tell(failure)
             raise failure
         return history
-
-
-def _warn_of_motion(
-    why: StepNumbers, recorded: History, equal: bool, eventful: bool, failure: Diverged | None
-) -> None:
-    """Warn of what the states of a run show, `equal`: one step apart; a failure has its own text.
-
-    Explicit integrators have steps within steps.
-    """
-    if equal and why.integrator.solves:
-        why.warn(recorded)
-    with np.errstate(all="ignore" if failure is not None else None):  # it may have blown up
-        strained = _strained_elements(why.system, recorded)
-    why.numbers["elements"] = float(bool(strained))
-    if failure is not None:
-        failure.hint = why.alternation(recorded)
-        why.turn_at_end(recorded)
-        return
-    for (item, text), time in strained:
-        warn(item, text, AccuracyWarning, time)
-    _warn_of_functions(why.system, recorded)
-    single = why.integrator.single.scheme(why.h)
-    at_end = single is not None and single.at_end
-    checks.apply(checks.Run(why.system, recorded, at_end, eventful))
 
 
 def _intended(step: float, until: float, start: State | None) -> int | None:
@@ -487,155 +429,6 @@ def _planned(
         return FixedSteps(stepper, state, count, until, looked), wanted
     wanted = numbered(state, stepper.h, count, every, at)
     return FixedSteps(stepper, state, count, None, looked), wanted
-
-
-def _warn_of_rest(start: State, end: State, step: float | None, until: float) -> None:
-    """Say that a run whose time is no multiple of its step ended before the time asked for."""
-    rest = until - end.time
-    if step is None or rest <= REST * step + ROUNDING * (until - start.time):
-        return
-    count = end.index - start.index + 1
-    warn(
-        "argument until",
-        f"the run ends at t = {end.time:.9g} s, {rest:.3g} s before until = {until:.9g} s, which"
-        f" is no multiple of the step of {step:.9g} s: give until = {end.time:.9g}, or"
-        f" step = {(until - start.time) / count:.9g}, which makes {count} steps",
-        AccuracyWarning,
-    )
-
-
-def _strained_elements(system: System, history: History) -> list[tuple[tuple[str, str], float]]:
-    """What elements are bent too far, or drawn too much: item and text, and since when (s).
-
-    What is drawn too much folds up: of the end nothing may be seen any more.
-    """
-    found: list[tuple[tuple[str, str], float]] = []
-    if not system.beam_groups:
-        return found
-    states = history["q"].reshape(len(history), -1, 3)
-    first = first_over_rotated(system, states)
-    if first is not None and (bent := over_rotated_beam(system, states[first])):
-        found.append((bent, float(history.times[first])))
-    looks = spread(len(states))
-    if any(2 in theory.held for theory in system.theory_rows):
-        points = all_rows(system, history["q"][looks], history.instants[looks])
-        lams = multipliers(system, points, history["constraint_force"][looks])
-        tension = [lam if np.isfinite(lam).all() else None for lam in lams]
-    else:
-        tension = [None] * len(looks)
-    for k, lam in zip(looks, tension, strict=True):
-        if drawn := overstretched_beam(system, states[k], lam):
-            return [*found, (drawn, float(history.times[k]))]
-    return found
-
-
-class StepNumbers:
-    """What the steps of a run do to its motion, as ``history.meta["steps"]`` tells; and warnings.
-
-    Parameters
-    ----------
-    system : System
-    integrator : Integrator
-    h : float
-        Step (s).
-
-    Attributes
-    ----------
-    numbers : dict
-        What is known of ``off`` and ``turn``, the error and the rotation in a step (in the longest
-        part of a composed one) of :class:`skfem_cosserat.diagnostics.Resolution`, or in a step that
-        failed; ``doubtful``, whether a step may have several solutions; ``elements``, whether
-        some are bent or drawn too far in a recorded state; ``h_omega_c``, see
-        :class:`skfem_cosserat.diagnostics.Alternation`.
-    """
-
-    def __init__(self, system: System, integrator: Integrator, h: float) -> None:
-        self.system, self.integrator, self.h = system, integrator, h
-        self.longest = max(map(abs, integrator.shares), default=1.0)
-        self.numbers: dict[str, float] = {}
-
-    def warn(self, history: History) -> None:
-        """Say that steps are too long: the motion may be bounded, balanced in energy, and wrong.
-
-        Of composed steps the parts count.
-        """
-        found = resolution(self.system, history)
-        rough = found is None or found.error > ROUGH or found.turn > ROUGH
-        most = max(MORE, len(history) // EACH) if rough else HARDEST
-        doubtful = doubtful_steps(self.system, history, most)
-        if found is not None:
-            self.numbers |= {"off": found.error, "turn": found.turn * self.longest}
-        if found is not None or doubtful.any():  # else none was looked at
-            self.numbers["doubtful"] = float(doubtful.any())
-        if doubtful.any():
-            warn(
-                "argument step",
-                f"a step of {self.h:.3g} s may have several solutions: the one that was found took"
-                " many iterations, and the steps around it do not lead there"
-                ' (history["doubtful_step"] marks all of them); take smaller steps, and compare',
-                AccuracyWarning,
-                float(history.times[doubtful.argmax()]),
-            )
-        if found is None:
-            return
-        turn = self.numbers["turn"]
-        if found.error > MOST_OFF:
-            warn(
-                "argument step",
-                f"steps of {self.h:.3g} s do not resolve the motion: they put the"
-                f" {found.item} off by some {100 * min(found.error, 1.0):.0f} % of the range of its"
-                f" motion, as a period of what moves it has {found.period:.2g} steps; take smaller"
-                " ones, and compare",
-                AccuracyWarning,
-                found.time,
-            )
-        elif turn > FAR_TURN:
-            what = "part of a step" if self.integrator.shares else "step"
-            warn(
-                "argument step",
-                f"the {found.turning} turns by {turn:.2g} rad in each {what}: above {FAR_TURN:g}"
-                " rad the motion stays bounded, but is not accurate; take smaller steps, and"
-                " compare",
-                AccuracyWarning,
-                found.time,
-            )
-
-    def turn_at_end(self, history: History) -> None:
-        """Count how far a frame turns in the step that failed, by its velocity at the start."""
-        try:
-            v = Projection(self.system)(history["q"][-1], history["carried"][-1], history.times[-1])
-        except (CosseratError, ArithmeticError, ValueError):
-            return
-        turn = fastest_turn(self.system, v[0])[1] * self.longest * self.h
-        if self.numbers.get("turn", 0.0) < turn < np.pi:  # more is of a run that has blown up
-            self.numbers["turn"] = turn
-
-    def alternation(self, history: History) -> str:
-        """Why a variational run fails, or gains energy, if it is by alternating rotations."""
-        if self.integrator.frequency_limit is None:
-            return ""
-        try:
-            found = alternation(self.system, history, self.longest * self.h)
-        except SingularMatrixError:  # not found: nothing is claimed
-            return ""
-        if found is None:
-            return ""
-        self.numbers["h_omega_c"] = found.ratio
-        return (
-            f"compression drives node rotations of {found.item} that alternate from step to step:"
-            f" at t = {found.time:.6g} s the step times their frequency is {found.ratio:.3g}, and"
-            " they grow above 2"
-        )
-
-
-def _warn_of_functions(system: System, history: History) -> None:
-    """Say which function of the motion pushed out of the plane of the scene at recorded states."""
-    if system.plane is None or not system.couplings.functions:
-        return
-    k = spread(len(history))
-    if found := functions_off_plane(system, history.times[k], history["q"][k]):
-        label, text, time = found
-        warn(label, text, AccuracyWarning, time)
 
 
 def _check_run(callbacks: Sequence[Callback], path: FilePath | None, state: State) -> None:

@@ -3,156 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..diagnostics import Projection, kinetic_energy
-from ..errors import (
-    AccuracyWarning,
-    CosseratError,
-    Diverged,
-    IncompleteWarning,
-    InputError,
-    StorageError,
-)
+from .. import checks
+from ..diagnostics import Projection
+from ..errors import CosseratError, Diverged, IncompleteWarning, InputError, StorageError
 from ..history import EventRecord, History, HistoryWriter
-from ..integrators import Block, Integrator, State, Stepper, StepReport
+from ..integrators import Block, State, Stepper, StepReport
 from ..integrators.block import OF_USERS, force_at, forces_between
 from ..model import System
-from ..types import FilePath, Floats, IndexArray, largest, numbers, spread
+from ..model.fingerprint import fingerprint
+from ..types import FilePath, Floats, IndexArray, numbers
 from ..warn import Notices, logger, warn
-from .describe import WORKS, SystemSeries, describe, fingerprint, kind_of
-from .sensors import Sensor, SensorBank, Window, checked_sensors
+from .describe import SystemSeries, describe, kind_of
+from .sensors import Sensor, SensorBank, checked_sensors
 
-# -- work done since the start of a run, and the balance of energy at its end ----------------------
-
-#: share of the scale that energies and works may be out of balance, and that a scheme may lose
-#: which is meant to lose; energies of symplectic schemes swing by (h omega)^2 / 8, 3 % of a
-#: vibration of 13 steps a period, whose motion is right to a few per cent
-OFF, LOST = 0.03, 0.1
-
-#: energies below this share of ``|G^T lambda| . |q|`` are rounding of what holds a scene at rest
-NOISE = 1e-9
-#: share of the extent in the duration of a run: energies of slower motions are those of rest
-REST = 1e-8
-
-
-class EnergyBalance(NamedTuple):
-    """Energies and works of a run (J), as ``history.meta["energy_balance"]`` has them.
-
-    What the scheme takes is `lost`. In the series of the same history it is damping: there
-    ``"dissipated"`` holds it, and ``"energy_balance"`` is the rest. Energies here are of the
-    momenta that the scheme carries on; those of the series are of the momenta at the recorded
-    instants.
-
-    Attributes
-    ----------
-    start, end : float
-        Kinetic and stored energy, see :func:`energy`.
-    loads, actuators, drives : float
-        Work done since the start.
-    dissipated : float
-        By dampers, viscous sections and drag, and what events took; not what the scheme takes.
-    lost : float
-        ``start + loads + actuators + drives - dissipated - end``: what the scheme has lost, or
-        gained where it is negative.
-    scale : float
-        The largest of both energies and of all works at any time: a pendulum that has come back to
-        rest has none of them left.
-    """
-
-    start: float
-    end: float
-    loads: float
-    actuators: float
-    drives: float
-    dissipated: float
-    lost: float
-    scale: float
-
-    def check(
-        self,
-        integrator: Integrator,
-        h: float,
-        time: float,
-        between: Between,
-        hint: Callable[[], str],
-    ) -> None:
-        """Warn if it is off by more than the scheme is allowed to, at the end or in between.
-
-        Parameters
-        ----------
-        h, time : float
-            Step size, and end of the run (s).
-        between : Between
-            What was lost up to recorded states: the worst of them counts if the end is in order.
-        hint : callable
-            Gives what else is known about the step.
-        """
-        if not self.scale > 0:
-            return
-        allowed = LOST if integrator.loses else OFF
-        lost, scale, amount = self.lost, self.scale, ""
-        if -OFF <= lost / scale <= allowed:
-            scale = max(scale, between.largest)
-            over = np.maximum(between.lost / allowed, -between.lost / OFF) / scale
-            if not over.max(initial=0.0) > 1:
-                return
-            k = int(over.argmax())
-            time, lost = float(between.times[k]), float(between.lost[k])
-            amount = f" up to then ({self.lost:.2g} J at the end)"
-        verb = "gained" if lost < 0 else "lost"
-        most = f"{scale:.3g} J, the largest of its energies and works"
-        share = 100 * abs(lost) / scale
-        amount = f"the run {verb} {abs(lost):.3g} J{amount}, {share:.3g} % of {most}"
-        if not np.isfinite(share):
-            amount = f"the energy went from {self.start:.3g} J to {self.end} J"
-        warn(
-            "balance of energy",
-            f"{amount}; no load, drive, damper or event explains this, {integrator!r} does not"
-            f" follow the motion in steps of {h:.3g} s: take smaller ones{integrator.keeping}"
-            + (f"; {more}" if (more := hint()) else ""),
-            AccuracyWarning,
-            time=time,
-        )
-
-
-class Between(NamedTuple):
-    """What was lost up to recorded states.
-
-    Attributes
-    ----------
-    times : (N,) array
-        (s)
-    lost : (N,) array
-        As in :class:`EnergyBalance` (J), finite.
-    largest : float
-        Largest energy of these states (J).
-    """
-
-    times: Floats
-    lost: Floats
-    largest: float
-
-
-def energies(integrator: Integrator, states: Window) -> Floats:
-    """Kinetic and stored energy (J) of some states of a run.
-
-    Kinetic energy is that of the momentum in terms of which a scheme has its balance. With the
-    variational scheme this is the one on the hidden constraints: a part along ``G^T``, which what
-    it carries has to first order in the step, moves nothing and only changes the next multipliers
-    (the motion is that of ``stabilized=True``). Others carry the momentum of the node.
-    """
-    if integrator.carries_node_momentum:
-        return kinetic_energy(states.system, states.p) + states.stored_energy()
-    return states.energy()
-
-
-def energy(system: System, integrator: Integrator, state: State) -> float:
-    """Kinetic and stored energy (J) of a single one."""
-    return float(energies(integrator, Window.at(system, state))[0])
+# -- work done since the start of a run ------------------------------------------------------------
 
 
 class Works:
@@ -168,12 +36,10 @@ class Works:
         Of loads and of actuators, what is dissipated, and the scheme's part of that.
     drives : float
         Of drives, as far as it is known.
-    largest : float
-        The largest of these at any time.
     """
 
     def __init__(self) -> None:
-        self.sums, self.drives, self.largest = np.zeros(4), 0.0, 0.0
+        self.sums, self.drives = np.zeros(4), 0.0
 
     def begin(self, stepper: Stepper, state: State, loss: float = 0.0) -> None:
         """Start, or go on with another state or system at the expense of an energy."""
@@ -206,7 +72,6 @@ class Works:
         starts = np.full(len(block), self.drives)
         if self._driven:
             starts = self._drive(block.single)[:: len(block.single) // len(block)]
-        self.largest = max(self.largest, largest(sums[:, :3]), largest(starts))
         return sums, starts
 
     def _drive(self, steps: Block) -> Floats:
@@ -243,32 +108,6 @@ class Works:
             self.drives -= self._shares[1] * float(_along(force, self._change))
             self._change = np.zeros_like(self._change)
 
-    def balance(self, start: float, end: float, held: float, rest: float) -> EnergyBalance:
-        """Balance of the run so far.
-
-        Parameters
-        ----------
-        start, end : float
-            Energies (J) of its first and its last state.
-        held : float
-            ``|G^T lambda| . |q|`` of one of its states: a small share of it is rounding.
-        rest : float
-            Energy of a scene that is at rest.
-        """
-        loads, actuators, dissipated, numerical = self.sums.tolist()
-        lost = dissipated - numerical
-        scale = max(abs(start), abs(end), self.largest)
-        if scale <= max(NOISE * held, rest):
-            scale = 0.0
-        off = start + loads + actuators + self.drives - lost - end
-        return EnergyBalance(start, end, loads, actuators, self.drives, lost, off, scale)
-
-
-def _of_rest(system: System, duration: float) -> float:
-    """Energy (J) of a scene that moves so little in a time (s) that it is at rest."""
-    mass = float(system.mass.diagonal()[system.origin_rows].sum())
-    return mass * (REST * system.length / duration) ** 2 if duration > 0 else np.inf
-
 
 def _along(force: Floats, change: Floats) -> Floats:
     """Work of forces; the sum does not depend, as of BLAS, on where in memory they begin."""
@@ -276,9 +115,6 @@ def _along(force: Floats, change: Floats) -> Floats:
 
 
 # -- which states are recorded, and when a row of the history is complete --------------------------
-
-#: recorded states, evenly spread, at which the balance of energy is looked at
-BETWEEN = 100
 
 #: whether states are to be recorded, by their indices, their times and the sizes of the steps that
 #: led to them
@@ -339,13 +175,14 @@ class Record:
         self.varying = varying
         self.segments, self.events = [Segment(0, self.system)], list[EventRecord]()
         #: metadata of the history beside what is recorded
-        self.more: dict[str, Any] = {}
+        self.more: Callable[[], dict[str, Any]] = dict
         meta, static = describe(self.system)
         meta |= {
             "integrator": stepper.integrator.name,
             "treatment": stepper.treatment.name,
             "step": stepper.h,
             "shares": list(stepper.integrator.shares),
+            "scheme": checks.motion.facts(stepper.integrator),
             "solver": stepper.method,
             "unknowns": stepper.bound.unknowns,
             "kernels": stepper.choice.name,
@@ -362,15 +199,8 @@ class Record:
         self.works, self.iterations = Works(), 0
         self._complete: History | None = None
         self.closed: History | None = None
-        #: called with the history so far when an error of the user's own code ends the run
-        self.look_back: Callable[[History], object] | None = None
         #: rows so far, with those that wait
         self._rows = 0
-        #: part of the scheme in what is dissipated, up to each row
-        self._taken: list[float] = []
-        #: first and last state, and the system and force of the last one
-        self._ends = [(self.system, state)] * 2
-        self._held: Floats | None = None
         self._begin(state)
 
     def _begin(self, state: State, loss: float = 0.0) -> None:
@@ -384,7 +214,7 @@ class Record:
         turns = len(system.couplings.angles)
         none = np.full((integrator.remembered, system.n), np.nan)
         size = np.nan if state.made_by is None else state.made_by.step
-        self._ends[1] = system, state
+        self._end = state
         #: rows of states that wait for the force of the start, and the present state
         self._waiting: list[dict[str, Any]] = []
         self._state = self._row(
@@ -431,7 +261,7 @@ class Record:
             "work_actuators": sums[:, 1],
             "work_drives": np.full(len(times), np.nan),
             "dissipated": sums[:, 2],
-            "taken": sums[:, 3],
+            "dissipated_by_scheme": sums[:, 3],
             "wanted": np.broadcast_to(self.wanted(index, times, sizes), len(times)).copy(),
         }
         if self.system.couplings.turning:
@@ -475,7 +305,7 @@ class Record:
             self._early += [block[k] for k in range(min(3 - len(self._early), len(block)))]
         self._late = [*self._late, *last][-3:]
         self.iterations += int(block.iterations.sum())
-        self._ends[1] = self.system, block.state
+        self._end = block.state
         self._rows += int(done["wanted"].sum())
         self._waiting.append(done)
         if len(self._early) == 3:
@@ -490,9 +320,7 @@ class Record:
             self.bank.take(self.system, rows)
             wanted = rows.pop("wanted")
             rows = {name: values[wanted] for name, values in rows.items()}
-            self._taken.extend(rows.pop("taken").tolist())
             if len(rows["t"]):
-                self._held = rows["constraint_force"][-1]
                 self.writer.extend(rows)
 
     def _start_force(self) -> Floats:
@@ -504,7 +332,7 @@ class Record:
 
     def _finish(self) -> None:
         """Complete the row of the present state, which no step follows, and write all."""
-        row, state = self._state, self._ends[1][1]
+        row, state = self._state, self._end
         if self._late:
             force = force_at(state, self.stepper.integrator.single, self.system, self._late)
         else:
@@ -534,14 +362,13 @@ class Record:
         """An error of the user's own code takes the history so far along as ``error.history``."""
         if error is not None:
             take_along(error, self._so_far, [segment.system for segment in self.segments])
-        self.look_back = None  # it may refer to what has this
+        self.more = dict  # it may refer to what has this
 
     def _so_far(self) -> History:
         if self.closed is not None:
             return self.closed
         if not self.writer.closed:
             try:
-                self._look_back()
                 return self.close("failed", None)
             except StorageError:
                 raise
@@ -550,14 +377,6 @@ class Record:
                 if not self.writer.closed:
                     self.writer.close("failed")
         return self.writer.history()
-
-    def _look_back(self) -> None:
-        history = self.complete()
-        try:
-            if self.look_back is not None:
-                self.look_back(history)
-        except Exception as other:  # noqa: BLE001, as above: the history is closed all the same
-            logger.info("what its states show is not known: %s", other)
 
     def row_of_event(self) -> int:
         """Number of the row of the present state, which is recorded."""
@@ -606,81 +425,28 @@ class Record:
             self._complete = self.writer.history()
         return self._complete
 
-    def _energies(self, history: History) -> tuple[IndexArray, Floats]:
-        """Rows of recorded states, the first and the last one among them, and their energies (J).
-
-        These are NaN where one of them cannot be had.
-        """
-        rows = spread(self._rows, BETWEEN)
-        integrator, starts = self.stepper.integrator, [segment.row for segment in self.segments]
-        owner = np.searchsorted(starts, rows, side="right") - 1
-        found = np.full(len(rows), np.nan)
-        try:
-            with np.errstate(all="ignore"):
-                for k in np.unique(owner):
-                    some = rows[owner == k]
-                    q, p, t = history["q"][some], history["carried"][some], history.times[some]
-                    turns = history["turns"][some] if "turns" in history else None
-                    states = Window(self.segments[k].system, t, q, p, turns)
-                    found[owner == k] = energies(integrator, states)
-        except (CosseratError, ArithmeticError) as error:
-            logger.info("no balance of energy in between: %s", error)
-            found[:] = np.nan
-        return rows, found
-
-    def _between_ends(self, history: History, rows: IndexArray, found: Floats) -> Between:
-        """What was lost up to recorded states, of rows and their energies."""
-        with np.errstate(all="ignore"):
-            works = sum(history[name][rows] for name in WORKS)
-            left = history["dissipated"][rows] - np.array(self._taken)[rows]
-            lost = found[0] + works - left - found
-        rest = _of_rest(self.system, float(history.times[-1] - history.times[0]))
-        sound = np.isfinite(lost)
-        lost = np.where(abs(lost) > rest, lost, 0.0)
-        return Between(history.times[rows][sound], lost[sound], largest(found[sound]))
-
-    def close(
-        self, status: str, failure: Diverged | None, hint: Callable[[History], str] | None = None
-    ) -> History:
-        """Close the file and give the history; `hint` tells more where energy is out of balance."""
+    def close(self, status: str, failure: Diverged | None) -> History:
+        """Close the file and give the history, with warnings of all that is doubtful about it."""
         history = self.complete()
         extra: dict[str, Any] = {
             "factorisations": self.stepper.factorisations,
             "newton_iterations": self.iterations,
+            **self._happened(),
+            **self.more(),
         }
+        history.meta |= {**extra, "status": status}
+        run = checks.Run([segment.system for segment in self.segments], history)
+        extra |= run.numbers()
         if failure is not None:
+            failure.hint = run.hint
             extra["failure"] = str(failure)
-        extra |= self._happened() | self.more
         try:
-            looked = self._energies(history)
-            balance = self._balance(looked[1][[0, -1]])
-            if balance is not None:
-                extra["energy_balance"] = balance._asdict()
-                run = self.stepper.integrator, self.h, self._ends[1][1].time
-                more = partial(hint, history) if hint is not None else str
-                balance.check(*run, self._between_ends(history, *looked), more)
+            checks.apply(run)
         finally:  # a warning is an error, if the user wants it so
             self.writer.close(status, **extra, warnings=self.notices.kept())
             history.meta = self.writer.meta
             self.closed = history
-        return self.closed
-
-    def _balance(self, ends: Floats) -> EnergyBalance | None:
-        """Balance of energy of the run; None where there is nothing to compare."""
-        (_, start), (system, end) = self._ends
-        if end is start:
-            return None
-        integrator = self.stepper.integrator
-        try:
-            with np.errstate(all="ignore"):
-                if not np.isfinite(ends).all():
-                    ends = np.array([energy(each, integrator, at) for each, at in self._ends])
-        except CosseratError as error:
-            warn("balance of energy", f"it cannot be had: {error}", IncompleteWarning)
-            return None
-        held = 0.0 if self._held is None else float(np.nansum(abs(self._held * end.q)))
-        rest = _of_rest(system, end.time - start.time)
-        return self.works.balance(float(ends[0]), float(ends[1]), held, rest)
+        return history
 
 
 # -- which states are wanted -----------------------------------------------------------------------

@@ -20,11 +20,12 @@ from ..history import History
 from ..integrators import Integrator, State, StepOrigin
 from ..model import System, takes_scene
 from ..model.closure import RANK_TOLERANCE
+from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint, constraint_owner, owner
 from ..time_function import Constant
 from ..types import ArrayLike, Floats, check_kind, finite, largest, numbers, positive, shown
 from ..warn import warn
-from .describe import other_model, recorded_turns
+from .describe import recorded_turns
 from .plan import StepControl
 
 # -- velocities from rates of joint coordinates: initial conditions in reduced form ----------------

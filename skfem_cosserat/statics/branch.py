@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arguments import checked
+from ..checks.result import recorded_amplitudes
 from ..diagnostics import Projection
 from ..diagnostics.stacked import null_space_matrix
 from ..errors import HistoryError, InputError
@@ -15,13 +16,13 @@ from ..history import History
 from ..integrators import State
 from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, Balance, Spin, amplitudes_at, balance
+from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint
-from ..run.describe import other_model
 from ..time_function import Amplitude
 from ..types import Floats, finite, is_whole, largest
 from .control import ArcLength, Control, DisplacementControl, Stage
 from .critical_points import inspect
-from .schedule import CODES, Point, Schedule, recorded_amplitudes
+from .schedule import CODES, Point, Schedule
 
 #: relative difference below which loads and supports are where a path left them
 SAME = 1e-6

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,7 +38,6 @@ from .schedule import (
     Point,
     Schedule,
     Solution,
-    recorded_amplitudes,
     weights,
 )
 from .solver import PathSolver
@@ -742,8 +740,7 @@ def static(
                 )
             if failure is None:
                 so_far = recorder.writer.history()
-                factors_of = partial(recorded_amplitudes, so_far)
-                checks.apply(checks.Path(system, so_far, factors_of))
+                checks.apply(checks.Path([system], so_far))
             else:
                 notices.tell(failure)
             history = recorder.close(

@@ -404,12 +404,3 @@ class PathRecorder:
         self.writer.close(status, **extra, warnings=self.notices.kept())
         self.closed = self.writer.history()
         return self.closed
-
-
-def recorded_amplitudes(history: History, index: int = -1) -> Amplitudes:
-    """Factors of loads and actuators, and the spin, at a point of a path."""
-    loads, actuators, spin = (
-        np.array(history[f"amplitudes/{name}"][index]) for name in ("loads", "actuators", "spin")
-    )
-    time = float(history.instants[index])
-    return Amplitudes(loads, actuators, Spin(*spin) if spin[0].any() else None, time)

@@ -27,7 +27,7 @@ from test_examples import load
 import skfem_cosserat as sc
 from skfem_cosserat.accuracy import run
 from skfem_cosserat.linear import SingularMatrixError
-from skfem_cosserat.run.describe import fingerprint
+from skfem_cosserat.model.fingerprint import fingerprint
 from skfem_cosserat.warn import warn
 
 # the batch has a pendulum in large steps of the variational scheme

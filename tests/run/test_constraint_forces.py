@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import skfem_cosserat as sc
-from skfem_cosserat.diagnostics.jumps import jumps
+from skfem_cosserat.diagnostics.inputs import jumps
 from skfem_cosserat.integrators import report
 
 NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()

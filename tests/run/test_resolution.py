@@ -250,7 +250,6 @@ def test_only_hard_steps_are_doubted_and_none_that_are_prescribed():
     model = spinning(1.0)
     history = with_iterations(run(model, 1.0, 10), 9)
     assert doubtful_steps(model.freeze(), history)[1:].all()
-    assert doubtful_steps(model.freeze(), history, 4).sum() == 4
     assert not doubtful_steps(model.freeze(), with_iterations(history, 5)).any()
     place = sc.ground((0, 0, 0)), model["wheel"].at((0, 0, 0))
     model.add("axle", sc.JointRevolute(*place, axis=(0, 0, 1)))
@@ -267,7 +266,7 @@ def test_numbers_are_those_of_each_state_alone():
     model.add("box", sc.RigidBody(1.0, (1.0, 2.0, 2.5), position=(5, 0, 0), angular_velocity=spin))
     history = run(model, 0.5, 30)
     found, y = resolution(model.freeze(), history), history["q"].reshape(31, -1, 3)
-    starts, frames = (0, 19), {"wheel": 0, "box": 5}  # of two windows of twelve states
+    starts, frames = range(20), {"wheel": 0, "box": 5}  # windows of twelve states
     turns = {
         name: max(
             np.mean(

@@ -16,6 +16,7 @@ import pytest
 
 import skfem_cosserat as sc
 from skfem_cosserat.accuracy.run import run_sent
+from skfem_cosserat.checks import CHECKS
 from skfem_cosserat.warn import Notices, in_words, repeat, sum_up, warn
 
 SOFT = sc.Section([1e4, 1e4, 1e4, 1e-3, 1e-3, 1e-3], mass=1.0, inertia=(1e-3, 1e-3))
@@ -79,6 +80,42 @@ def test_streamed_files_have_them(tmp_path, derive):
     assert sc.History.load(path).meta["warnings"] == history.meta["warnings"] != []
 
 
+@pytest.mark.filterwarnings("ignore:.*(tension|several solutions|turns by|do not resolve)")
+def test_a_history_is_checked_at_any_time(tmp_path):
+    """As at its end; one from a file with its scene."""
+    top = sc.Model()
+    top.add("top", sc.RigidBody.box(1.0, (1, 1, 1), angular_velocity=(0, 0, 1.0)))
+    run = sc.simulate(top, *RUN[:2], 1.0, 20.0)
+    for model, found in ((top, run), (wire(), sc.static(wire(), watch=False))):
+        assert sc.check(found) == found.meta["warnings"] != []
+        found.save(tmp_path / "file.history")
+        loaded = sc.History.load(tmp_path / "file.history")
+        assert sc.check(loaded, model) == found.meta["warnings"]
+        with pytest.raises(sc.InputError, match="does not know its scene"):
+            sc.check(loaded)
+        with pytest.raises(sc.HistoryError, match="another model"):
+            sc.check(loaded, wire(names=("other",)))
+
+
+def test_the_guide_lists_all_checks():
+    page = Path(__file__).parents[2] / "examples" / "guide" / "05_trust.md"
+    text = page.read_text(encoding="utf-8")
+    for each in CHECKS:
+        assert f"| {each.about} | {each.says} | {each.remedy} |" in text
+
+
+def test_an_equilibrium_that_can_move_freely_at_its_end_is_told():
+    """A weight that is lifted from its cable: any place within its length is one."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, position=(0, 0, -1.0)))
+    model.add("cable", sc.Cable(sc.ground((0, 0, 0)), ball.place(), stiffness=1e3, length=1.0))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    for end in (0.5, 0.0):
+        with Notices(quiet=True) as notices:
+            sc.static(model, factors={"weight": lambda x, end=end: 1 - (1 - end) * x})
+        assert ["mass point 'ball'"] * (end == 0) == [each["item"] for each in notices.found]
+
+
 def test_a_warning_that_is_made_an_error_keeps_the_history():
     with warnings.catch_warnings():
         warnings.simplefilter("error", sc.CosseratWarning)
@@ -127,6 +164,7 @@ def test_what_a_scene_is_warned_of_goes_with_its_runs():
     for each in (system, again):
         history = sc.simulate(each, *RUN, 2e-3, **QUICK)
         assert history.meta["warnings"] == system.warnings == list(beam.warnings) != []
+        assert sc.check(history) == system.warnings
         stepper = sc.Stepper(each, *RUN, kernels="numpy")
         assert stepper.notices.found == system.warnings
 
@@ -221,7 +259,7 @@ def test_a_time_that_is_no_multiple_of_the_step():
         history = sc.simulate(system, *scheme, 0.3, until=1.0)
     assert str(given[0].message) == (
         "argument until: the run ends at t = 0.9 s, 0.1 s before until = 1 s, which is no multiple"
-        " of the step of 0.3 s: give until = 0.9, or step = 0.25, which makes 4 steps"
+        " of the step of 0.3 s: give step = 0.25, which makes 4 steps"
     )
     assert len(history.meta["warnings"]) == 1
     # not where the difference is rounding, steps follow from a tolerance, or events end the run

@@ -10,9 +10,9 @@ from scipy.sparse import csr_matrix
 from test_statics import column, truss
 
 import skfem_cosserat as sc
+from skfem_cosserat.checks.result import recorded_amplitudes
 from skfem_cosserat.diagnostics.stacked import reduced_tangent
 from skfem_cosserat.statics import critical_points
-from skfem_cosserat.statics.schedule import recorded_amplitudes
 
 # -- pivots of single matrices ---------------------------------------------------------------------
 

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..diagnostics.energy import group_of
+from ..diagnostics.forces import Statics, components, integrals, spread_over
+from ..diagnostics.stacked import balancing_multipliers, curvature_matrix
 from ..kernels import cross
 from ..law import STEP
 from ..model import System
 from ..model.balance import Amplitudes
 from ..model.groups import BeamGroup
 from ..types import Array, Floats
-from .energy import group_of
-from .forces import Statics, components, integrals, spread_over
-from .stacked import balancing_multipliers, curvature_matrix
 
 if TYPE_CHECKING:
     from ..element import Interpolation
