@@ -71,9 +71,12 @@ class Path(Recorded):
     ----------
     amplitudes : callable
         Factors of loads and actuators at a row of the history.
+    free : str
+        A motion that nothing holds at the end, in words; empty: there is none.
     """
 
     amplitudes: Callable[[int], Amplitudes]
+    free: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +209,20 @@ def open_constraints(result: Run) -> Iterator[Doubt]:
         )
 
 
+# -- ends of paths that nothing holds --------------------------------------------------------------
+
+
+def free_end(result: Path) -> Iterator[Doubt]:
+    """An equilibrium at the end of a path that can move freely, as where a cable is slack."""
+    if result.free:
+        yield Doubt(
+            "path",
+            f"where it ends a {result.free}, is free: it may as well end elsewhere, with the other"
+            " treatment or with other steps; hold it with joints or springs",
+            float(result.history["load_factor"][-1]),
+        )
+
+
 # -- elements without length -----------------------------------------------------------------------
 
 
@@ -306,6 +323,7 @@ CHECKS: tuple[Check, ...] = (
     Check("falls", (Run,), ModelWarning, falls),
     Check("unseen inputs", (Run,), AccuracyWarning, unseen_inputs),
     Check("open constraints", (Run,), AccuracyWarning, open_constraints),
+    Check("free end", (Path,), AccuracyWarning, free_end),
     Check("inside out", (Recorded,), AccuracyWarning, inside_out),
     Check("coarse mesh", (Recorded,), AccuracyWarning, coarse_history),
     Check("coarse modes", (Shapes,), AccuracyWarning, coarse_shapes),

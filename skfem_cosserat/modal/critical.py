@@ -20,7 +20,7 @@ from ..law import STEP
 from ..linear import EIGENVALUES
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
-from ..statics.critical_points import Factorised
+from ..statics.critical import Factorised
 from ..types import SAME, Floats, finite
 from ..warn import Notices, counted
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil

@@ -24,7 +24,7 @@ from ..kernels import skew
 from ..linear import EIGENVALUES
 from ..model import System
 from ..model.balance import balance_tangent
-from ..statics.critical_points import Factorised
+from ..statics.critical import Factorised
 from ..types import SAME, Array, Floats
 from ..warn import warn
 from .state import Equilibrium

@@ -20,7 +20,8 @@ from ..model.closure import SINGULAR
 from ..model.limits import broken_constraint, overstretched_beam
 from ..model.loops import names_of
 from ..run.describe import other_model
-from ..statics.schedule import Schedule, recorded_amplitudes
+from ..statics.branch import recorded_amplitudes
+from ..statics.problem import Schedule
 from ..types import Array, ArrayLike, Floats, IndexArray, finite, whole
 from ..warn import warn
 

@@ -19,10 +19,12 @@ from ..model.limits import broken_constraint
 from ..run.describe import other_model
 from ..time_function import Amplitude
 from ..types import Floats, finite, is_whole, largest
-from .control import ArcLength, Control, DisplacementControl, Stage
-from .critical_points import inspect
-from .schedule import CODES, Point, Schedule, recorded_amplitudes
+from .control import ArcLength, Control, DisplacementControl, Point, Stage
+from .critical import inspect
+from .problem import Schedule
 
+#: number of a point in the series "critical"
+CODES = {"regular": 0, "limit": 1, "bifurcation": 2}
 #: relative difference below which loads and supports are where a path left them
 SAME = 1e-6
 
@@ -275,6 +277,15 @@ def _point(system: System, history: History, k: int) -> Point:
     t, time = float(history["load_factor"][k]), float(history.instants[k])
     turns = np.array(history["turns"][k]) if "turns" in history else None
     return Point(system.extend(np.array(history["q"][k]), time), t, turns)
+
+
+def recorded_amplitudes(history: History, index: int = -1) -> Amplitudes:
+    """Factors of loads and actuators, and the spin, at a point of a path."""
+    loads, actuators, spin = (
+        np.array(history[f"amplitudes/{name}"][index]) for name in ("loads", "actuators", "spin")
+    )
+    time = float(history.instants[index])
+    return Amplitudes(loads, actuators, Spin(*spin) if spin[0].any() else None, time)
 
 
 def branch_stage(

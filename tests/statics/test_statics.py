@@ -24,11 +24,10 @@ import skfem_cosserat as sc
 from skfem_cosserat import Spin, equilibrium, write_paraview
 from skfem_cosserat.diagnostics.stacked import blocks_matrix
 from skfem_cosserat.model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
-from skfem_cosserat.statics.critical_points import inspect
+from skfem_cosserat.statics.control import Functional, Point
+from skfem_cosserat.statics.critical import inspect
 from skfem_cosserat.statics.path import STATIC
-from skfem_cosserat.statics.problem import Problem
-from skfem_cosserat.statics.schedule import Functional, Point, Schedule
-from skfem_cosserat.statics.solver import PathSolver
+from skfem_cosserat.statics.problem import PathSolver, Problem, Schedule
 
 EPS = 1e-40
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}

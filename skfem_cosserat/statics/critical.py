@@ -1,4 +1,4 @@
-"""Stability of equilibria and critical points of a path."""
+"""Stability of equilibria, motions that nothing holds, and critical points of a path."""
 
 from __future__ import annotations
 
@@ -6,24 +6,22 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import eig, eigh
-from scipy.sparse import coo_matrix, csr_matrix, identity
+from scipy.linalg import eig, eigh, qr
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
+from scipy.sparse.linalg import ArpackError, eigs, eigsh, lsqr, splu
 
-from ..diagnostics.stacked import ReducedTangent, reduced_tangent
+from ..diagnostics.nearest import rigid_motions, rigid_pieces
+from ..diagnostics.stacked import ReducedTangent, blocks_matrix, reduced_tangent
 from ..kernels import nearest_rotations
 from ..linear import EIGENVALUES
 from ..model import System
 from ..model.balance import Amplitudes, balance
 from ..types import Array, Floats, IndexArray, largest
-from .schedule import Functional, Neutral, Point, Schedule, weights
-
-if TYPE_CHECKING:
-    from .solver import PathSolver
+from .control import Functional, Point, weights
+from .problem import Neutral, PathSolver, Pivots, Schedule
 
 # -- stability of an equilibrium: eigenvalues of its stiffness, or the pivots of an elimination ----
 
@@ -175,57 +173,22 @@ def _start(n: int) -> Floats:
     return np.random.default_rng(0).standard_normal(n)
 
 
-def tangent_at(
-    system: System, point: Point, amplitudes: Amplitudes, relief: Floats | None = None
-) -> ReducedTangent:
-    """Stiffness and metric at an equilibrium, see :func:`inspect`."""
+def _tangent(system: System, point: Point, amplitudes: Amplitudes) -> ReducedTangent:
+    """Stiffness and metric at an equilibrium."""
     at = balance(system, point.y, amplitudes, turns=point.turns)
-    if relief is not None:
-        at.R = at.R - relief
     return reduced_tangent(system, point.y, amplitudes, at)
 
 
-class Pivots(NamedTuple):
-    """Pivots of an elimination of the stiffness along the constraints, without exchange of rows.
-
-    Attributes
-    ----------
-    negative : int
-        How many, of the symmetric part.
-    smallest, largest : float
-        In magnitude; the largest may be that of an entry.
-    skew : float
-        Largest difference of entries, or of those of blocks left, and their mirror images.
-    odd : bool
-        Whether the determinant is negative.
-    """
-
-    negative: int
-    smallest: float
-    largest: float
-    skew: float
-    odd: bool
-
-
 def inspect(
-    system: System,
-    point: Point,
-    amplitudes: Amplitudes,
-    relief: Floats | None = None,
-    pivots: Pivots | None = None,
+    system: System, point: Point, amplitudes: Amplitudes, pivots: Pivots | None = None
 ) -> Stability:
     """Stability of an equilibrium.
 
     Pivots of its stiffness, if they are known, do where they tell: the smallest one is not small
     enough to be that of a neutral motion, and forces are conservative, or certainly not.
-
-    Parameters
-    ----------
-    relief : (rows, 3) array, optional
-        Forces left out of the balance.
     """
     dead = system.loading.dead_only
-    assemble = partial(tangent_at, system, point, amplitudes, relief)
+    assemble = partial(_tangent, system, point, amplitudes)
     firm = pivots is not None and pivots.smallest > SUSPECT * NEUTRAL * pivots.largest
     if pivots is not None and firm and (dead or pivots.skew > SKEW * pivots.largest):
         unstable = pivots.negative if dead else int(pivots.odd)
@@ -297,6 +260,89 @@ def _negative(K: csr_matrix) -> tuple[int, float]:
     return int((values < 0).sum()), float(abs(values).min())
 
 
+# -- motions of beams and bodies as rigid pieces that nothing holds --------------------------------
+
+#: part of a motion without stiffness that is no motion of rigid pieces, up to which it is one
+RIGID = 1e-6
+
+
+@dataclass(eq=False)
+class Free:
+    """Motions of rigid pieces that strain nothing and that no stress holds.
+
+    Attributes
+    ----------
+    twists : (6 pieces, k) array
+        Of as few pieces and components each as possible.
+    rates : (n, k) array
+        Of the coordinates.
+    text : str
+        The first one in words, and how many they are.
+    """
+
+    twists: Floats
+    rates: Floats
+    text: str
+
+
+def free_motions(system: System, stability: Stability) -> Free | None:
+    """Motions in the null space of the stiffness that move beams and bodies as rigid pieces.
+
+    None if there are none. In large scenes some of them.
+    """
+    if stability.firm or stability.pivot > SUSPECT * stability.floor:
+        return None
+    K, P, y = stability.tangent.K, stability.tangent.P, stability.point.y
+    count = K.shape[0] if K.shape[0] <= EIGENVALUES else MOST_NEUTRAL
+    modes = stability.nearest(count)[1]
+    own = (abs(modes) * (abs(K) @ abs(modes))).sum(0)
+    none = OWN * own + NEUTRAL * largest(K.diagonal() / stability.tangent.metric.diagonal())
+    soft = abs((modes * (K @ modes)).sum(0)) <= none
+    if system.couplings.count:  # what springs hold is critical, not free
+        springs = [*system.mass_tangent(0.0), system.couplings.stiffness(y)]
+        rates = P @ modes
+        soft &= abs((rates * (blocks_matrix(system, springs) @ rates)).sum(0)) <= none
+    modes = modes[:, soft]
+    label, names = rigid_pieces(system)
+    E, centres = rigid_motions(system, y, label, len(names))
+    size = diags(np.sqrt(weights(system)).ravel().repeat(3))
+    moved, weighted = size @ P @ modes, size @ E
+    twists = np.zeros((E.shape[1], modes.shape[1]))
+    for k, motion in enumerate(moved.T):
+        twists[:, k] = lsqr(weighted, motion, atol=1e-14, btol=1e-14)[0]
+    _, strained, mix = np.linalg.svd(moved - weighted @ twists, full_matrices=False)
+    lengths = np.linalg.norm(moved, axis=0).max(initial=0.0)
+    twists = twists @ mix[strained <= RIGID * lengths].T
+    if not twists.shape[1]:
+        return None
+    # as few pieces and components in each as possible
+    chosen = qr(twists.T, pivoting=True, mode="economic")[2][: twists.shape[1]]
+    twists = np.linalg.solve(twists[chosen].T, twists.T).T
+    twists = np.where(abs(twists) < 1e-7, 0.0, twists)
+    text = _described(twists[:, 0].reshape(-1, 6), names, centres, system.length)
+    found = twists.shape[1]
+    more = "or more" if found == count < K.shape[0] else "in all"
+    return Free(twists, E @ twists, f"{text}, {found} such motion(s) {more}")
+
+
+def _described(twists: Floats, names: Sequence[str], centres: Floats, length: float) -> str:
+    """A motion of pieces in words; unit translations are those by `length`."""
+    sizes = np.linalg.norm(twists, axis=1)
+    moving = np.flatnonzero(sizes)
+    k = int(sizes.argmax())
+    v, w = twists[k, :3], twists[k, 3:]
+    who = " and ".join(names[i] for i in moving[:3]) + " and others" * (len(moving) > 3)
+    turn = float(np.linalg.norm(w))
+    if not turn:
+        return f"translation of {who} along {_triple(v / sizes[k])}"
+    through = centres[k] + length * np.cross(w, v) / turn**2
+    return f"rotation of {who}: {names[k]} about {_triple(w / turn)} through {_triple(through)}"
+
+
+def _triple(v: Floats) -> str:
+    return "(" + ", ".join(f"{x + 0.0:.3g}" for x in np.where(abs(v) < 1e-9, 0.0, v)) + ")"
+
+
 # -- limit and bifurcation points of a path: where stiffness is lost, and in which motion ----------
 
 #: critical points sought within one step
@@ -311,7 +357,7 @@ VANISHED = 1e-3
 #: how exactly a change of the number of unstable motions is found, as a share of the step
 ROOT = 1e-9
 #: weight of the load factor against motions: it leads where nothing moves
-RIGID = 1e-12
+LEADING = 1e-12
 
 
 @dataclass(eq=False)
@@ -346,7 +392,7 @@ class _Between:
         start, end = first.point, last.point
         dy, dt = (end.y - start.y)[: self.system.rows], end.t - start.t
         W = weights(self.system)
-        share = RIGID / max(abs(start.t), abs(end.t)) ** 2
+        share = LEADING / max(abs(start.t), abs(end.t)) ** 2
         self._secant = W * dy, share * dt, float((W * dy**2).sum()) + share * dt**2
         self._found = {0.0: first, 1.0: last}
         self._forces: dict[float, Floats] = {}
