@@ -50,7 +50,7 @@ from .control import (
     Stage,
     size_of,
 )
-from .critical import Critical, Stability, free_motions, inspect, locate_all
+from .critical import Critical, Free, Stability, free_motions, inspect, locate_all
 from .problem import UNMOVED, Neutral, PathSolver, Schedule, Solution, load_force
 
 # -- where a path starts ---------------------------------------------------------------------------
@@ -354,15 +354,17 @@ class Continuation:
     def _started(self, first: Point) -> Point:
         """The equilibrium near a start, in which no motion is free."""
         system, solver, point, where = self.system, self.solver, first, "at the start"
-        report = None
+        report, free = None, self._free(first)
         if not solver.balanced(first):
-            solution, report = solver.relaxed(first, Functional())
+            solution, report = None, None
+            if free is None:
+                solution, report = solver.settled(first)
+            if solution is None:
+                solution, report = solver.relaxed(first, Functional())
             if solution is not None:
                 report, point = None, solution.point
                 where = "in the equilibrium to which the loads of the start lead"
-        solver.look(point)
-        self._stability = self._inspected(point) if system.unknowns else None
-        free = None if self._stability is None else free_motions(system, self._stability)
+                free = self._free(point)
         if free is not None:
             grown, now = (solver.schedule.at(point.t + each) for each in (1.0, 0.0))
             force = load_force(system, point.y, grown).ravel()
@@ -379,10 +381,21 @@ class Continuation:
             raise self._failure(first, report, "the start is no equilibrium")
         return point
 
+    def _free(self, point: Point) -> Free | None:
+        """Motions that nothing holds at an equilibrium."""
+        if not self.system.unknowns:
+            return None
+        if self._stability is None or self._stability.point is not point:
+            self.solver.look(point)
+            self._stability = self._inspected(point)
+        return free_motions(self.system, self._stability)
+
     def _inspected(self, point: Point) -> Stability:
         """Stability of an equilibrium, by the pivots of its stiffness if they tell."""
         amplitudes = self.solver.schedule.at(point.t)
-        return inspect(self.system, point, amplitudes, self.solver.pivots(point))
+        found = inspect(self.system, point, amplitudes, self.solver.pivots(point))
+        found.unstable = found.firmly_unstable
+        return found
 
     def _begin(self, point: Point, stage: Stage, direction: Floats | None) -> None:
         solver = self.solver
@@ -484,7 +497,6 @@ class Continuation:
         if not self.watch or step.relaxed:
             return  # what is critical there is looked for in the next step
         step.end = stability = self._inspected(point)
-        stability.unstable = stability.firmly_unstable
         if before is None or stability.unstable == before.unstable:
             return
         force = step.solution.constraint_force
@@ -644,9 +656,7 @@ class Continuation:
 
     def free_end(self) -> str:
         """A motion that nothing holds at the last point in words; empty: there is none."""
-        if self.point is None or not self.system.unknowns:
-            return ""
-        free = free_motions(self.system, self._inspected(self.point))
+        free = None if self.point is None else self._free(self.point)
         return "" if free is None else free.text
 
     def _failure(

@@ -364,11 +364,14 @@ class PlainEquations:
         Motions to leave alone.
     hold : float
         Stiffness, in the metric of :func:`weights`, of springs that hold all nodes at the start.
+    relief : (rows, 3) array or float
+        Forces left out of the balance.
     """
 
     def __init__(self, bound: BoundTreatment, schedule: Schedule) -> None:
         self.bound, self.schedule, self.system = bound, schedule, bound.system
         self.neutral, self.hold = Neutral(), 0.0
+        self.relief: Floats | float = 0.0
         self._stresses: list[Array] | None = None
 
     @property
@@ -407,9 +410,8 @@ class PlainEquations:
             bound.ground1 = self.schedule.ground(t)
         y, self._amplitudes = bound.configure(), self.schedule.at(t)
         self.at = balance(self.system, y, self._amplitudes, start.y, start.turns)
-        if self.hold:
-            rows = self.system.rows
-            self.at.R = self.at.R + self.hold * weights(self.system) * (y - start.y)[:rows]
+        springs = self.hold * weights(self.system) * (y - start.y)[: self.system.rows]
+        self.at.R = self.at.R + springs - self.relief
         self.residual = bound.reduce(self.at.R, y)
         return bound.relative(self.residual, self.at.size)
 
@@ -725,8 +727,11 @@ class CompiledEquations(CompiledScene):
 
 #: residual, relative to its terms, below which a configuration counts as an equilibrium
 BALANCED = 1e-9
-#: motion that springs allow at first, relative to the scene, and how often they are tried at most
-GIVE, ROUNDS = 0.1, 50
+#: smallest share of the missing forces that fades away at once
+SLOWEST = 1e-4
+#: motion that springs allow at first, relative to the scene, how much softer they get in a round,
+#: and how many rounds there are at most
+GIVE, SOFTER, ROUNDS = 0.1, 10.0, 50
 
 
 class PathSolver:
@@ -795,7 +800,11 @@ class PathSolver:
         return self._begin(point, Functional(), plain=True).residual() <= BALANCED
 
     def solve(
-        self, start: Point, target: Functional, hold: float = 0.0
+        self,
+        start: Point,
+        target: Functional,
+        hold: float = 0.0,
+        relief: Floats | float = 0.0,
     ) -> tuple[Solution | None, NewtonReport]:
         """The point that fulfils `target`, from the equilibrium `start`; None: not found.
 
@@ -803,9 +812,13 @@ class PathSolver:
         ----------
         hold : float, optional
             Stiffness of springs that hold all nodes where they are at the start.
+        relief : (rows, 3) array, optional
+            Forces left out of the balance.
         """
-        special = target.predictor is not None or bool(self.neutral.motions) or hold > 0
-        problem = self._begin(start, target, special, hold)
+        special = target.predictor is not None or bool(
+            self.neutral.motions or hold or np.any(relief)
+        )
+        problem = self._begin(start, target, special, hold, relief)
         if target.predictor is not None:
             # a load factor that is given is reached at once: the stiffness may be singular here
             problem.residual()
@@ -836,6 +849,22 @@ class PathSolver:
             point.turns = couplings.turns(counted, point.y)
         return Solution(point, force, report, problem.predicted), report
 
+    def settled(self, start: Point) -> tuple[Solution | None, NewtonReport]:
+        """The equilibrium near a start that is none: the missing forces fade away."""
+        self.balanced(start)
+        missing, point, left, step = self.plain.R.copy(), start, 1.0, 1.0
+        while True:
+            step = min(step, left)
+            solution, report = self.solve(point, Functional(), relief=(left - step) * missing)
+            if solution is None:
+                step /= 2
+                if step < SLOWEST:
+                    return None, report
+                continue
+            point, left, step = solution.point, left - step, 2 * step
+            if left == 0:
+                return solution, report
+
     def relaxed(self, start: Point, target: Functional) -> tuple[Solution | None, NewtonReport]:
         """An equilibrium near, whether the stiffness is regular there or not; None: not found.
 
@@ -844,27 +873,32 @@ class PathSolver:
         """
         self._begin(start, target, plain=True)
         self.plain.evaluate(start.t + target.value)
-        missing = self.plain.R / weights(self.system)
-        hold, found, at, aim = size_of(self.system, missing) / GIVE or 1.0, None, start, target
+        hold = size_of(self.system, self.plain.R / weights(self.system)) / GIVE
+        found, at, aim = None, start, target
         for _ in range(ROUNDS):
             solution, report = self.solve(at, aim, hold)
             if solution is None:
-                hold *= 10
+                hold *= SOFTER
                 continue
             moved = size_of(self.system, (solution.point.y - at.y)[: self.system.rows])
-            found, at, aim, hold = solution, solution.point, Functional(), hold / 10
+            found, at, aim, hold = solution, solution.point, Functional(), hold / SOFTER
             if moved <= SAME:
                 break
         return (found if found is not None and self.balanced(at) else None), report
 
     def _begin(
-        self, start: Point, target: Functional, plain: bool = False, hold: float = 0.0
+        self,
+        start: Point,
+        target: Functional,
+        plain: bool = False,
+        hold: float = 0.0,
+        relief: Floats | float = 0.0,
     ) -> Problem:
         """The problem of a point, at its start."""
         equations: PlainEquations | CompiledEquations = self.plain
         if self._compiled is not None and not plain:
             equations = self._compiled
-        self.plain.hold, self.plain.neutral = hold, self.neutral
+        self.plain.hold, self.plain.relief, self.plain.neutral = hold, relief, self.neutral
         equations.begin(start)
         self._problem = Problem(equations, self.schedule, self.settings, start, target)
         return self._problem

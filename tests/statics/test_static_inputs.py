@@ -129,7 +129,7 @@ FREE = {
     screw: (r"rigid body 'block'.*\(0, 0, 1\)", 2, False),
     point_in_space: ("translation of mass point 'ball'", 3, False),
     point_on_a_spring: ("translation of mass point 'ball'", 2, False),
-    several_pieces: ("beam '(rod|other)'", 15, False),
+    several_pieces: ("beam '(rod|other)'|'ball'", 15, False),
     four_bar: (r"rotation of .*'crank'.*\(0, 0, 1\)", 1, False),
     hanging_without_weight: ("translation of mass point 'ball'", 2, True),
 }
@@ -148,7 +148,7 @@ def test_free_motions_are_named(build, treatment):
 @pytest.mark.slow
 def test_free_motions_of_a_long_chain_are_named():
     """It ended in an error of a sparse factorisation."""
-    with pytest.raises(sc.InputError, match=r"rotation of .*link.* is free, 6 such .* or more"):
+    with pytest.raises(sc.InputError, match=r"rotation of .*link.*, 6 such .* or more, is free"):
         sc.static(hanging_chain(links=401))
 
 
