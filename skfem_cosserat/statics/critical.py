@@ -272,15 +272,12 @@ class Free:
 
     Attributes
     ----------
-    twists : (6 pieces, k) array
-        Of as few pieces and components each as possible.
     rates : (n, k) array
-        Of the coordinates.
+        Of the coordinates, each of as few pieces and components as possible.
     text : str
         The first one in words, and how many they are.
     """
 
-    twists: Floats
     rates: Floats
     text: str
 
@@ -322,7 +319,7 @@ def free_motions(system: System, stability: Stability) -> Free | None:
     text = _described(twists[:, 0].reshape(-1, 6), names, centres, system.length)
     found = twists.shape[1]
     more = "or more" if found == count < K.shape[0] else "in all"
-    return Free(twists, E @ twists, f"{text}, {found} such motion(s) {more}")
+    return Free(E @ twists, f"{text}, {found} such motion(s) {more}")
 
 
 def _described(twists: Floats, names: Sequence[str], centres: Floats, length: float) -> str:
@@ -394,68 +391,38 @@ class _Between:
         W = weights(self.system)
         share = LEADING / max(abs(start.t), abs(end.t)) ** 2
         self._secant = W * dy, share * dt, float((W * dy**2).sum()) + share * dt**2
-        self._found = {0.0: first, 1.0: last}
-        self._forces: dict[float, Floats] = {}
+        #: stability and constraint force of points that were solved for
+        self._found: dict[float, tuple[Stability, Floats]] = {}
 
-    def at(self, s: float) -> Stability:
-        """Raises _LostError."""
+    def at(self, s: float) -> tuple[Stability, Floats]:
+        """Stability of a point and its constraint force (n,). Raises _LostError."""
         if s not in self._found:
-            self._found[s] = self.stability(self._solved(self.first.point, s, s))
+            gradient, by_factor, size = self._secant
+            target = Functional(gradient, by_factor, s * size)
+            solution, _ = self.solver.solve(self.first.point, target)
+            if solution is None:
+                raise _LostError(s)
+            self._found[s] = self.stability(solution.point), solution.constraint_force
         return self._found[s]
-
-    def _solved(self, start: Point, way: float, s: float) -> Point:
-        """The point at s, which is a way further than the start; its force is kept."""
-        gradient, by_factor, size = self._secant
-        solution, _ = self.solver.solve(start, Functional(gradient, by_factor, way * size))
-        if solution is None:
-            raise _LostError(s)
-        self._forces[s] = solution.constraint_force
-        return solution.point
 
     def stability(self, point: Point) -> Stability:
         """Stability of a point, without what its solution tells."""
         return inspect(self.system, point, self.solver.schedule.at(point.t))
 
-    def force(self, s: float) -> Floats:
-        """Constraint force (n,); that of an end is solved for there. Raises _LostError."""
-        if s not in self._forces:
-            self._solved(self._found[s].point, 0.0, s)
-        return self._forces[s]
-
     def value(self, s: float) -> float:
         """The eigenvalue nearest to zero, signed by the number of unstable motions."""
-        stability = self.at(s)
+        stability = {0.0: self.first, 1.0: self.last}.get(s) or self.at(s)[0]
         return (
             -stability.smallest if stability.unstable != self.first.unstable else stability.smallest
         )
 
-    def around(self, guess: float, closer: float) -> tuple[Floats, list[Stability], Floats]:
-        """Points on both sides of a guess: shares, stabilities, and what vanishes between them.
-
-        That is the mean of the eigenvalues that change their sign.
-        """
-        shares = guess + closer * np.array([*(-np.array(AROUND[::-1])), *AROUND])
-        found = []
-        for s in shares.tolist():
+    def around(self, s: float, closer: float) -> dict[float, tuple[Stability, Floats]]:
+        """Points on both sides that are found, by their shares."""
+        found = {}
+        for share in (s + closer * np.array([*(-np.array(AROUND[::-1])), *AROUND])).tolist():
             with suppress(_LostError):
-                found.append((s, self.at(s)))
-        later = [k.unstable for s, k in found if s > guess and k.unstable != self.first.unstable]
-        counts = self.first.unstable, *later[:1]
-        change = counts[-1] - counts[0]
-
-        def mean(stability: Stability, sign: int) -> float:
-            values = stability.nearest(abs(change) + 2)[0]
-            # of others that are near the sign is another one
-            own = values[values * sign > 0] if stability.symmetric else sign * abs(values)
-            return float(own[: max(1, abs(change))].mean()) if len(own) else 0.0
-
-        out = []
-        for s, stability in found:
-            value = mean(stability, int(np.sign(change if s < guess else -change)))
-            if value and stability.unstable == counts[-1 if s > guess else 0]:
-                out.append((s, stability, value))
-        each = [*zip(*out, strict=True)] or [(), (), ()]
-        return np.array(each[0]), [*each[1]], np.array(each[2])
+                found[share] = self.at(share)
+        return found
 
 
 def locate(solver: PathSolver, first: Stability, last: Stability) -> Critical | None:
@@ -464,31 +431,31 @@ def locate(solver: PathSolver, first: Stability, last: Stability) -> Critical | 
     The eigenvalue nearest to zero, signed by that number, is a continuous function along the
     secant; Brent's method finds its root, as pivots tell the number to more digits than it has. If
     several lie between, it is the first of them or, of several pairs, one of them. The matrix is
-    singular there: the point is interpolated between some around it, with eigenvalues that go
-    smoothly through zero; and so is the root where Newton's method does not come near enough.
+    singular there: the point is interpolated between some around it, and so is the root where
+    Newton's method does not come near enough.
     """
     if not first.crossed(last):
         return None
     from scipy.optimize import brentq  # slow to import, seldom needed
 
-    between = _Between(solver, first, last)
+    between, lost = _Between(solver, first, last), False
     try:
-        guess, counted = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT)), True
-    except _LostError as lost:
-        guess, counted = lost.s, False
+        s = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT))
+    except _LostError as error:
+        s, lost = error.s, True
     for closer in CLOSER:
-        shares, samples, values = between.around(guess, closer)
-        before = int((shares < guess).sum())
-        root = guess + 1.0
-        if min(before, len(shares) - before) >= 2:
-            scaled = _polynomial(shares, values / abs(values).max(), guess)
-            root = guess + np.ptp(shares) * _nearest_root(scaled)
-        if abs(root - guess) < closer * AROUND[0] / 4:
-            found = _classified(between, guess if counted else root, shares, samples)
-            if found is not None:
-                return found
-        if abs(root - guess) <= AROUND[-1]:
-            guess, counted = root, False
+        samples = between.around(s, closer)
+        shares = np.array([*samples])
+        before = int((shares < s).sum())
+        if min(before, len(shares) - before) < 2:
+            continue
+        if lost:
+            values = np.array([between.value(share) for share in shares.tolist()])
+            root = np.ptp(shares) * _nearest_root(_polynomial(shares, values, s))
+            s += root if abs(root) < AROUND[0] else 0.0
+        found = _classified(between, s, samples)
+        if found is not None:
+            return found
     return None
 
 
@@ -505,15 +472,17 @@ def _nearest_root(polynomial: Array) -> float:
 
 
 def _classified(
-    between: _Between, s: float, shares: Floats, samples: list[Stability]
+    between: _Between, s: float, samples: dict[float, tuple[Stability, Floats]]
 ) -> Critical | None:
-    """The point at s by the polynomial through the samples.
+    """The point at s by the polynomial through the samples; its triads are orthonormal.
 
     A limit point is where the load factor is level: that has no rounding of the stiffest parts,
     as eigenvalues have.
     """
-    before, after = (samples[int((shares < s).sum()) + k] for k in (-1, 0))
-    times, width = np.array([each.point.t for each in samples]), float(np.ptp(shares))
+    shares, schedule = np.array([*samples]), between.solver.schedule
+    each, forces = zip(*samples.values(), strict=True)
+    before, after = (each[int((shares < s).sum()) + k] for k in (-1, 0))
+    times, width = np.array([stability.point.t for stability in each]), float(np.ptp(shares))
     slopes = np.polyder(_polynomial(shares, times - times.mean(), s)) / width
     middle = 0.5 * (before.point.t + after.point.t)
     scale = max(abs(middle - between.first.point.t), abs(between.last.point.t - middle))
@@ -522,31 +491,19 @@ def _classified(
     crest = s + width * _nearest_root(slopes) if level else np.inf
     if certain := abs(crest - s) < AROUND[0]:
         s = crest
-    points = [stability.point for stability in samples]
-    forces = [between.force(k) for k in shares.tolist()]
-    point, force = interpolated(between.solver.schedule, s, shares, points, forces)
-    stability = between.stability(point)
+    others = [np.delete(shares, k) for k in range(len(shares))]
+    factors = np.array([np.prod((s - x) / (a - x)) for a, x in zip(shares, others, strict=True)])
+    y = np.tensordot(factors, [stability.point.y for stability in each], 1)
+    t = float(factors @ times)
+    rows = between.system.kinematics.director_rows
+    y[rows] = nearest_rotations(y[rows])
+    y[between.system.rows :] = schedule.ground(t)
+    stability = between.stability(Point(y, t, before.point.turns))
     small = VANISHED * max(between.first.smallest, between.last.smallest)
     if not certain and stability.smallest > small:
         return None
-    return Critical("limit" if level else "bifurcation", stability, force, multiplicity, after)
-
-
-def interpolated(
-    schedule: Schedule, s: float, shares: Floats, points: Sequence[Point], forces: Sequence[Floats]
-) -> tuple[Point, Floats]:
-    """Point and constraint force at s by the polynomial through those at other shares.
-
-    Its triads are orthonormal to rounding.
-    """
-    others = [np.delete(shares, k) for k in range(len(shares))]
-    factors = np.array([np.prod((s - x) / (a - x)) for a, x in zip(shares, others, strict=True)])
-    y = np.tensordot(factors, [point.y for point in points], 1)
-    t = float(factors @ np.array([point.t for point in points]))
-    rows = schedule.system.kinematics.director_rows
-    y[rows] = nearest_rotations(y[rows])
-    y[schedule.system.rows :] = schedule.ground(t)
-    return Point(y, t, points[0].turns), np.tensordot(factors, forces, 1)
+    kind = "limit" if level else "bifurcation"
+    return Critical(kind, stability, np.tensordot(factors, forces, 1), multiplicity, after)
 
 
 def locate_all(solver: PathSolver, first: Stability, last: Stability) -> list[Critical]:
