@@ -21,7 +21,7 @@ from ..model import System
 from ..model.balance import Amplitudes, balance
 from ..types import Array, Floats, IndexArray, largest
 from .control import Functional, Point, weights
-from .problem import Neutral, PathSolver, Pivots, Schedule
+from .problem import Neutral, PathSolver, Pivots
 
 # -- stability of an equilibrium: eigenvalues of its stiffness, or the pivots of an elimination ----
 

@@ -116,12 +116,14 @@ class Schedule:
                     "argument factors", f"{name!r}: {factor!r}, expected a number or function"
                 )
         self._given = {k: time_function(f"argument factors, {k!r}", v) for k, v in given.items()}
-        self._loads = self._factors(loading.owners, loading.times)
-        self._actuators = self._factors(couplings.owners, couplings.times)
+        self._loads = self._channels(loading.owners, loading.times)
+        self._actuators = self._channels(couplings.owners, couplings.times)
+        turning = (Constant(1.0), self._given.get("spin"), "spin")
+        self._spin: list[_Channel] = [] if spin is None else [turning]
         #: the load factor that was asked for last, and what is there: each iteration asks again
         self._known: tuple[float, Amplitudes] | None = None
 
-    def _factors(
+    def _channels(
         self, owners: Sequence[Coupling | Load], times: Sequence[TimeFunction]
     ) -> list[_Channel]:
         """(own time, factor, name) of each channel; None: the load factor itself."""
@@ -142,10 +144,8 @@ class Schedule:
     @property
     def grows(self) -> bool:
         """True if a load, actuator or spin changes with the load factor while time is held."""
-        factors = [factor for _, factor, _ in (*self._loads, *self._actuators)]
-        if self.spin is not None:
-            factors.append(self._given.get("spin"))
-        return any(not isinstance(factor, Constant) for factor in factors)
+        channels = *self._loads, *self._actuators, *self._spin
+        return any(not isinstance(factor, Constant) for _, factor, _ in channels)
 
     @property
     def difference(self) -> float:
@@ -153,7 +153,7 @@ class Schedule:
 
         They are exact over any, where all grow in proportion to it, or to its square as by a spin.
         """
-        functions = [self._given.get("spin"), *(factor for _, factor, _ in self._loads)]
+        functions = [factor for _, factor, _ in (*self._loads, *self._spin)]
         if self.time is None:
             functions += [time for time, _, _ in self._loads]
         steady = all(each is None or isinstance(each, Constant) for each in functions)
@@ -162,25 +162,19 @@ class Schedule:
     def at(self, t: float) -> Amplitudes:
         """Amplitudes at load factor t."""
         if self._known is None or self._known[0] != t:
-            self._known = t, self._at(t)
+            now, spin = self.instant(t), self.spin
+            loads, actuators, turning = (
+                [
+                    _value(time, now, owner) * (t if factor is None else _value(factor, t, owner))
+                    for time, factor, owner in channels
+                ]
+                for channels in (self._loads, self._actuators, self._spin)
+            )
+            if spin is not None:
+                spin = Spin(turning[0] * spin.velocity, spin.point)
+            checked = self.system.loading.checked(np.array(loads), t)
+            self._known = t, Amplitudes(checked, np.array([*actuators, 0.0]), spin, now)
         return self._known[1]
-
-    def _at(self, t: float) -> Amplitudes:
-        now = self.instant(t)
-
-        def numbers(channels: list[_Channel]) -> list[float]:
-            return [
-                _value(time, now, owner) * (t if factor is None else _value(factor, t, owner))
-                for time, factor, owner in channels
-            ]
-
-        spin = self.spin
-        if spin is not None:
-            factor = self._given.get("spin")
-            share = t if factor is None else _value(factor, t, "spin")
-            spin = Spin(share * spin.velocity, spin.point)
-        loads = self.system.loading.checked(np.array(numbers(self._loads)), t)
-        return Amplitudes(loads, np.array([*numbers(self._actuators), 0.0]), spin, now)
 
 
 def load_force(system: System, y: Floats, amplitudes: Amplitudes) -> Floats:
@@ -242,8 +236,6 @@ class Problem:
     Parameters
     ----------
     equations : PlainEquations or CompiledEquations
-        At the start.
-    schedule : Schedule
     settings : NewtonSettings
     start : Point
     target : Functional
@@ -259,18 +251,17 @@ class Problem:
     def __init__(
         self,
         equations: PlainEquations | CompiledEquations,
-        schedule: Schedule,
         settings: NewtonSettings,
         start: Point,
         target: Functional,
     ) -> None:
-        self.equations, self.schedule, self.settings = equations, schedule, settings
+        self.equations, self.settings = equations, settings
         self.start, self.target = start, target
         self.t = start.t
+        equations.begin(start)
         self.predicted: Array | None = None
         #: derivatives of residual and coordinates by t; None: a given load factor is reached
         self._rates: tuple[Array, Array] | None = None
-        self._missing = 0.0
         self._mixed = False
 
     def residual(self) -> float:
@@ -283,15 +274,13 @@ class Problem:
             or t != t - target(self.start, self.start.y, t) / target.by_factor
         ):
             self._rates = self.derivative()
-        size = self.equations.evaluate(t)
-        self._missing = target(self.start, self.equations.y, t)
-        return size
+        return self.equations.evaluate(t)
 
     def derivative(self) -> tuple[Array, Array]:
         """Derivatives of the residual and of the coordinates by t at fixed unknowns."""
-        equations, t = self.equations, self.t
-        step = self.schedule.difference * (max(abs(t), abs(self.start.t)) or 1.0)
-        first = t - step if t >= step or not self.schedule.moving else t
+        equations, t, schedule = self.equations, self.t, self.equations.schedule
+        step = schedule.difference * (max(abs(t), abs(self.start.t)) or 1.0)
+        first = t - step if t >= step or not schedule.moving else t
         found = []
         for end in (first, t + step):
             equations.evaluate(end)
@@ -306,7 +295,8 @@ class Problem:
             return np.append(equations.solve([equations.residual]), 0.0)
         r_t, by_t = self._rates
         both = equations.solve([equations.residual, r_t])
-        along, slope, terms = self._missing, self.target.by_factor, 0.0
+        along = self.target(self.start, equations.y, self.t)
+        slope, terms = self.target.by_factor, 0.0
         if gradient is not None:
             along += float((gradient * equations.displacement(both[:, 0])).sum())
             rates = gradient * (equations.displacement(both[:, 1]) + by_t)
@@ -822,7 +812,7 @@ class PathSolver:
         if target.predictor is not None:
             # a load factor that is given is reached at once: the stiffness may be singular here
             problem.residual()
-            given = -problem._missing / target.by_factor if target.gradient is None else 0.0
+            given = target.value / target.by_factor if target.gradient is None else 0.0
             increment = np.append(self.plain.nearest(target.predictor), given)
             problem.sizes(increment)
             problem.apply(increment)
@@ -899,8 +889,7 @@ class PathSolver:
         if self._compiled is not None and not plain:
             equations = self._compiled
         self.plain.hold, self.plain.relief, self.plain.neutral = hold, relief, self.neutral
-        equations.begin(start)
-        self._problem = Problem(equations, self.schedule, self.settings, start, target)
+        self._problem = Problem(equations, self.settings, start, target)
         return self._problem
 
     def look(self, point: Point) -> Floats:

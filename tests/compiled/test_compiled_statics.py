@@ -58,11 +58,9 @@ def test_residual_and_increments_at_a_random_state(make, spin):
     bound = sc.NullSpace().bind(system, 1.0)
     rest = CompiledEquations(schedule, sc.NullSpace(), STATIC)
     plain, compiled = (
-        Problem(equations, schedule, STATIC, start, target)
+        Problem(equations, STATIC, start, target)
         for equations in (PlainEquations(bound, schedule), rest)
     )
-    for problem in (plain, compiled):
-        problem.equations.begin(start)
     guess = 0.1 * rng.standard_normal(system.unknowns)
     bound.move(guess)
     rest._a.x.ravel()[rest._numbering] = guess

@@ -604,8 +604,7 @@ def test_derivative_by_the_load_factor(scene, treatment):
     point = Point(y, t)
     gradient = np.random.default_rng(4).standard_normal((system.rows, 3))
     target = Functional(gradient, 0.3, 0.1)
-    problem = Problem(solver.plain, schedule, STATIC, point, target)
-    solver.plain.begin(point)
+    problem = Problem(solver.plain, STATIC, point, target)
     problem.residual()
     found, by_t = problem.derivative()
     total, moved = 0.0, 0.0
