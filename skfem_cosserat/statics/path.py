@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -30,14 +29,14 @@ from ..integrators.compiled_step import kernel_coordinates
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
 from ..model.balance import Spin
-from ..model.limits import broken_constraint, first_over_rotated, limp, over_rotated_beam
+from ..model.limits import broken_constraint, limp, over_rotated_beam
 from ..newton import NewtonReport, NewtonSettings
 from ..run.describe import checked_asked, describe, finish, path_formulas
 from ..run.progress import Interrupt, Progress
 from ..run.recorder import take_along
 from ..run.start import checked_start
 from ..time_function import Amplitude, Constant
-from ..types import FilePath, Floats, finite, switch
+from ..types import FilePath, Floats, check_kind, file_path, finite, switch
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import CODES, Branch, branch_stage, recorded_amplitudes
 from .control import (
@@ -92,14 +91,15 @@ def first_point(
     y = system.extend(q, schedule.instant(t))
     wrong = None if start is None and held is None else broken_constraint(system, y, 1e-6)
     if wrong is not None:
-        where = f"load factor {t:g}" if held is None else f"the instant time = {held:g} s"
-        what = "it" if start is not None else "the reference"
-        remedy = (
-            ": start from a state that fulfils it there, as the end of a path that moves the"
-            " supports with the loads held at zero (factors) to this load factor, by"
-            " equilibrium(model, path, time=...)"
-        )
-        raise InputError(item, f"at {where} {what} {wrong}{remedy if held is not None else ''}")
+        text = f"at load factor {t:g} it {wrong}"
+        if held is not None:
+            what = "the reference" if start is None else "it"
+            text = (
+                f"at the instant time = {held:g} s {what} {wrong}: start from a state that fulfils"
+                " it there, as the end of a path that moves the supports with the loads held at"
+                " zero (factors) to this load factor, by equilibrium(model, path, time=...)"
+            )
+        raise InputError(item, text)
     return Point(y, t, turns), None
 
 
@@ -145,18 +145,12 @@ class PathRecorder:
     """Writes the points of a path."""
 
     def __init__(
-        self,
-        system: System,
-        schedule: Schedule,
-        meta: dict[str, Any],
-        path: FilePath | None,
-        notices: Notices,
+        self, solver: PathSolver, meta: dict[str, Any], path: FilePath | None, notices: Notices
     ) -> None:
-        if path is not None and not isinstance(path, str | os.PathLike):
-            raise InputError("argument path", f"{path!r}, expected the name of a file")
-        self.system, self.schedule = system, schedule
+        self.solver, system = solver, solver.system
         described, static = describe(system)
-        described |= {"integrator": "static", "step": 0.0, "time": schedule.time, **meta}
+        held = solver.schedule.time
+        described |= {"integrator": "static", "step": 0.0, "time": held, **meta}
         #: of each factor whose it is, and whether it is a function of time
         described["loads"] = {
             name: [
@@ -168,39 +162,29 @@ class PathRecorder:
         self.writer = HistoryWriter(described, static, path)
         self.notices = notices
         self.count = 0
-        self.closed: History | None = None
         self._work = 0.0
+        self._spent = np.zeros(2, dtype=np.int64)
         self._before: tuple[Floats, Floats] | None = None
-
-    def __enter__(self) -> PathRecorder:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: object
-    ) -> None:
-        """An error of the user's own code takes the path so far along as ``error.history``."""
-        if error is not None and self.count:
-            take_along(error, self._so_far, [self.system])
-
-    def _so_far(self) -> History:
-        if self.closed is not None:
-            return self.closed
-        return self.writer.history() if self.writer.closed else self.close("failed")
 
     def take(
         self,
         point: Point,
         parameter: float,
         force: Floats,
-        effort: Sequence[int],
         residual: float,
-        unstable: int,
-        kind: str,
+        stability: Stability | None,
+        kind: str = "regular",
+        later: tuple[int, int] = (0, 0),
     ) -> None:
-        """Record a point, with the iterations and solves since the last one."""
-        system = self.system
+        """Record a point, with the iterations and solves since the last one, failed ones too.
+
+        Not with `later` ones, which are of the next point.
+        """
+        solver, system = self.solver, self.solver.system
+        effort = np.array([solver.iterations, solver.attempts]) - self._spent - later
+        self._spent += effort
         q = point.y[: system.rows].reshape(-1)
-        amplitudes, zero = self.schedule.at(point.t), np.zeros(system.n)
+        amplitudes, zero = solver.schedule.at(point.t), np.zeros(system.n)
         loads = load_force(system, point.y, amplitudes).reshape(-1)
         if self._before is not None:  # work by the trapezoidal rule between the points
             q0, before = self._before
@@ -216,10 +200,10 @@ class PathRecorder:
             "fresh": 1.0,
             "constraint_force": np.asarray(force, dtype=float),
             "load_factor": float(point.t),
-            "unstable": unstable,
+            "unstable": -1 if stability is None else stability.unstable,
             "critical": CODES[kind],
-            "newton_iterations": effort[0],
-            "attempts": effort[1],
+            "newton_iterations": int(effort[0]),
+            "attempts": int(effort[1]),
             "residual": residual,
             "work_loads": self._work,
             "amplitudes/loads": amplitudes.loads,
@@ -235,8 +219,11 @@ class PathRecorder:
     def close(self, status: str, **extra: Any) -> History:
         """Close the file and give the history."""
         self.writer.close(status, **extra, warnings=self.notices.kept())
-        self.closed = self.writer.history()
-        return self.closed
+        return self.writer.history()
+
+    def so_far(self) -> History:
+        """Points so far, where an error of the user's own code has ended the path."""
+        return self.writer.history() if self.writer.closed else self.close("failed")
 
 
 # -- point after point of a path: steps, what limits them, critical points on the way --------------
@@ -399,7 +386,6 @@ class Continuation:
 
     def _begin(self, point: Point, stage: Stage, direction: Floats | None) -> None:
         solver = self.solver
-        self._spent = np.zeros(2, dtype=np.int64)
         force = solver.look(point)
         stability = self._stability if direction is None else self._inspected(point)
         if stability is not None and (self.watch or direction is not None):
@@ -408,7 +394,7 @@ class Continuation:
         self._stability = stability if self.watch and direction is None else None
         self._first = self._stability
         self._warn_of_elements(point, force)
-        self._record(point, stage.parameter, force, 0.0)
+        self.recorder.take(point, stage.parameter, force, 0.0, self._stability)
         if direction is None and isinstance(self.control, ArcLength):
             try:
                 stage.aim(solver.rate(point))
@@ -530,15 +516,15 @@ class Continuation:
         """Accept a point, after the critical ones that were passed; says whether it was asked."""
         start, solution, parameter = step.start, step.solution, stage.parameter
         gained = stage.gained(start, solution.point, step.length)
-        own = np.array([solution.report.iterations, 1])
-        self._spent += own  # of the end of the step
+        own = solution.report.iterations, 1
         for found in step.critical:
-            point, self._stability = found.stability.point, found.stability
+            point = found.stability.point
             at = parameter + gained * step.functional.share(start, point)
             entry = {"kind": found.kind, "load_factor": point.t, "state": self.recorder.count}
             self.critical.append({**entry, "multiplicity": found.multiplicity})
             logger.info("%s point at load factor %.9g", found.kind, point.t)
-            self._record(point, at, found.constraint_force, 0.0, found.kind)
+            force, kind = found.constraint_force, found.kind
+            self.recorder.take(point, at, force, 0.0, found.stability, kind, own)
             if found.kind == "limit" and isinstance(self.control, LoadControl) and not stage.fixed:
                 reason = (
                     f"the load factor has a limit point, {point.t:.9g}: beyond it there is no"
@@ -546,7 +532,6 @@ class Continuation:
                 )
                 where = f"load factor {point.t:.9g}"
                 raise Diverged(point.t, self.recorder.count, 0.0, reason, BEYOND, at=where)
-        self._spent -= own
         if step.end is not None:
             self._stability = step.end
             self.solver.neutral = step.end.neutral_motions(self.system)
@@ -556,7 +541,7 @@ class Continuation:
         asked = stage.accept(start, solution.point, step.length)
         if asked or self.control.all_points:
             force, residual = solution.constraint_force, solution.report.residual
-            self._record(solution.point, stage.parameter, force, residual)
+            self.recorder.take(solution.point, stage.parameter, force, residual, self._stability)
         stage.adapt(solution.report.iterations, step.length)
         return asked
 
@@ -592,20 +577,6 @@ class Continuation:
                 break
             length /= 2
         return length
-
-    def _record(
-        self,
-        point: Point,
-        parameter: float,
-        force: Floats,
-        residual: float,
-        kind: str = "regular",
-    ) -> None:
-        """Record a point, with the iterations and solves since the last one, failed ones too."""
-        effort = np.array([self.solver.iterations, self.solver.attempts]) - self._spent
-        self._spent += effort
-        unstable = -1 if self._stability is None else self._stability.unstable
-        self.recorder.take(point, parameter, force, effort.tolist(), residual, unstable, kind)
 
     # -- what is told of a path --------------------------------------------------------------------
 
@@ -645,14 +616,13 @@ class Continuation:
 
     def _warn_of_elements(self, point: Point, force: Floats) -> None:
         """Say once that elements are bent or drawn farther than they can be on their own."""
-        bent = not self.over_rotated and first_over_rotated(self.system, point.y[None]) is not None
-        if bent and (found := over_rotated_beam(self.system, point.y)) is not None:
-            self.over_rotated = True
-            warn(*found, AccuracyWarning, point.t)
+        bent = None if self.over_rotated else over_rotated_beam(self.system, point.y)
         drawn = None if self.overstretched else overstretched_at(self.system, point.y, force)
-        if drawn is not None:
-            self.overstretched = True
-            warn(*drawn, AccuracyWarning, point.t)
+        self.over_rotated |= bent is not None
+        self.overstretched |= drawn is not None
+        for found in (bent, drawn):
+            if found is not None:
+                warn(*found, AccuracyWarning, point.t)
 
     def free_end(self) -> str:
         """A motion that nothing holds at the last point in words; empty: there is none."""
@@ -830,11 +800,11 @@ def static(
         control = LoadControl() if control is None else control
         settings = STATIC if settings is None else settings
         switch("argument watch", watch)
-        kinds = {"treatment": Treatment, "control": Control, "settings": NewtonSettings}
-        for value, (name, kind) in zip((treatment, control, settings), kinds.items(), strict=True):
-            if not isinstance(value, kind):
-                text = f"{value!r}, expected an object of type {kind.__name__}"
-                raise InputError(f"argument {name}", text)
+        check_kind("argument treatment", treatment, Treatment)
+        check_kind("argument control", control, Control)
+        check_kind("argument settings", settings, NewtonSettings)
+        if path is not None:
+            file_path("argument path", path)
         if not isinstance(callbacks, Sequence) or not all(callable(c) for c in callbacks):
             text = f"{callbacks!r}, expected a list of functions"
             raise InputError("argument callbacks", text)
@@ -850,29 +820,34 @@ def static(
         about: dict[str, Any] = {"treatment": treatment.name, "parameter": control.parameter}
         about |= {"solver": points.method, "unknowns": points.bound.unknowns}
         about |= {"kernels": points.choice.name, "kernels_why": points.choice.why}
-        recorder = PathRecorder(system, schedule, about, path, notices)
-        with recorder, Interrupt() as interrupt:
-            with show:
-                status, failure = continuation.run(
-                    first, direction, recorder, callbacks, show, interrupt
+        recorder = PathRecorder(points, about, path, notices)
+        try:
+            with Interrupt() as interrupt:
+                with show:
+                    status, failure = continuation.run(
+                        first, direction, recorder, callbacks, show, interrupt
+                    )
+                if failure is None:
+                    so_far = recorder.writer.history()
+                    factors_of = partial(recorded_amplitudes, so_far)
+                    checks.apply(checks.Path(system, so_far, factors_of, continuation.free_end()))
+                else:
+                    notices.tell(failure)
+                history = recorder.close(
+                    status,
+                    factorisations=points.factorisations,
+                    newton_iterations=points.iterations,
+                    attempts=points.attempts,
+                    rejected=continuation.rejected,
+                    critical=continuation.critical,
+                    **({} if failure is None else {"failure": str(failure)}),
                 )
-            if failure is None:
-                so_far = recorder.writer.history()
-                factors_of = partial(recorded_amplitudes, so_far)
-                checks.apply(checks.Path(system, so_far, factors_of, continuation.free_end()))
-            else:
-                notices.tell(failure)
-            history = recorder.close(
-                status,
-                factorisations=points.factorisations,
-                newton_iterations=points.iterations,
-                attempts=points.attempts,
-                rejected=continuation.rejected,
-                critical=continuation.critical,
-                **({} if failure is None else {"failure": str(failure)}),
-            )
-            interrupt.at_once()  # nothing is lost any more
-            finish(history, [system], derive, path)
+                interrupt.at_once()  # nothing is lost any more
+                finish(history, [system], derive, path)
+        except BaseException as error:
+            if recorder.count:
+                take_along(error, recorder.so_far, [system])
+            raise
         if failure is not None:
             failure.history = history
             raise failure

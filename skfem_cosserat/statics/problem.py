@@ -39,7 +39,7 @@ from ..model.limits import over_rotated, undefined
 from ..model.reparametrisation import Reparametrisation
 from ..newton import NewtonReport, NewtonSettings, newton
 from ..time_function import Amplitude, Constant, TimeFunction, time_function
-from ..types import SAME, Array, Floats, IndexArray, finite, names_known
+from ..types import SAME, Array, Floats, IndexArray, check_kind, finite, names_known
 from .control import Functional, Point, size_of, weights
 
 # -- which share of each load acts where on a path -------------------------------------------------
@@ -94,12 +94,11 @@ class Schedule:
         spin: Spin | None = None,
         time: float | None = None,
     ) -> None:
-        if spin is not None and not isinstance(spin, Spin):
-            raise InputError("argument spin", f"{spin!r}, expected a Spin")
-        if factors is not None and not isinstance(factors, Mapping):
-            raise InputError("argument factors", f"{factors!r}, expected a mapping of names")
-        if spin is not None and system.plane is not None:
-            system.plane.check_spin(spin.velocity)
+        check_kind("argument factors", {} if factors is None else factors, Mapping)
+        if spin is not None:
+            check_kind("argument spin", spin, Spin)
+            if system.plane is not None:
+                system.plane.check_spin(spin.velocity)
         self.system, self.spin = system, spin
         self.time = None if time is None else finite("argument time", "its value", time)
         self.moving = bool(system.moving) and time is None
