@@ -114,8 +114,7 @@ class Functional:
 def _listed(item: str, at: Sequence[float]) -> Floats:
     """Values of the parameter to hit."""
     values = numbers(item, "at", at)
-    plain = np.asarray(at).dtype.kind in "iufO"  # no text that reads as numbers
-    if not plain or values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+    if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
         raise InputError(item, f"at = {at!r}, expected a list of numbers")
     return values
 
@@ -176,10 +175,6 @@ class Stage(ABC):
             self.parameter = self.stops.pop(0)
             return True
         return False
-
-    def gained(self, before: Point, after: Point, length: float) -> float:
-        """Growth of the parameter in a step to a point."""
-        return length
 
     def adapt(self, iterations: int, length: float) -> None:
         """Plan the next step after one of `length` that took so many iterations."""
@@ -440,20 +435,16 @@ class _ArcStage(Stage):
             self.length = min(self.length * size, self._control.length, self.longest)
             self.shortest = 1e-7 * self.length
 
-    def gained(self, before: Point, after: Point, length: float) -> float:
-        moved = size_of(self._system, after.y[: self._system.rows] - before.y[: self._system.rows])
-        # rigid so far: the load factor
-        return moved if moved > STILL or self._secant is not None else abs(after.t - before.t)
-
     def accept(self, before: Point, after: Point, length: float) -> bool:
-        change = after.y[: self._system.rows] - before.y[: self._system.rows]
-        gained = self.gained(before, after, length)
+        change = (after.y - before.y)[: self._system.rows]
+        moved = size_of(self._system, change)
         self._regular = self._secant is not None and self._count > 0
         if self._secant is not None:
             self._secant = change
-        elif size_of(self._system, change) > STILL:
-            self._secant, self.length, self.shortest = change, gained, 1e-7 * gained
-        self.parameter += gained
+        elif moved > STILL:
+            self._secant, self.length, self.shortest = change, moved, 1e-7 * moved
+        # rigid so far: the load factor
+        self.parameter += abs(after.t - before.t) if self._secant is None else moved
         self._count += 1
         until = self._control.until
         if until is not None:

@@ -9,8 +9,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import eig, eigh, qr
-from scipy.sparse import coo_matrix, csr_matrix, diags, identity
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_matrix, diags, identity
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, lsqr, splu
 
 from ..diagnostics.nearest import rigid_motions, rigid_pieces
@@ -19,7 +18,7 @@ from ..kernels import nearest_rotations
 from ..linear import EIGENVALUES
 from ..model import System
 from ..model.balance import Amplitudes, balance
-from ..types import Array, Floats, IndexArray, largest
+from ..types import Array, Floats, largest
 from .control import Functional, Point, weights
 from .problem import Neutral, PathSolver, Pivots
 
@@ -119,13 +118,12 @@ class Stability:
         modes = modes[:, abs(values) <= np.minimum(self.floor, OWN * own)]
         if not modes.shape[1]:
             return Neutral()
-        motions = [(W * (self.tangent.P @ m).reshape(-1, 3)).ravel() for m in modes.T]
+        moved = W.repeat(3)[:, None] * (self.tangent.P @ modes)
         if beside is not None:
-            motions = [(W * beside).ravel(), *motions]
-        Q, R = np.linalg.qr(np.column_stack(motions))
+            moved = np.column_stack([(W * beside).ravel(), moved])
+        Q, R = np.linalg.qr(moved)
         keep = abs(np.diag(R)) > 1e-6 * abs(R).max()
-        if beside is not None:
-            keep[0] = False
+        keep[: beside is not None] = False
         kept = [q.reshape(-1, 3) / W for q in Q[:, keep].T]
         # the metric here is a sum over the nodes, there a mean
         return Neutral(kept, LOOSE * self.floor * len(system.origin_rows))
@@ -197,27 +195,9 @@ def inspect(
     K = tangent.K
     size = largest(K.data)
     symmetric = dead or bool(abs((K - K.T).data).max(initial=0.0) <= SYMMETRIC * size)
-    unstable, pivot = _negative(0.5 * (K + K.T)) if symmetric else _determinant(K)
-    return Stability(point, unstable, symmetric, pivot, lambda: tangent)
-
-
-def _determinant(K: csr_matrix) -> tuple[int, float]:
-    """1 if the determinant is negative, else 0, and the smallest pivot."""
-    try:
-        factors = splu(K.tocsc())
-    except RuntimeError:  # a pivot vanishes
-        return 0, 0.0
-    pivots = factors.U.diagonal()
-    sign = float(np.prod(np.sign(pivots))) * _parity(factors.perm_r) * _parity(factors.perm_c)
-    return int(sign < 0), float(abs(pivots).min(initial=np.inf))
-
-
-def _parity(order: IndexArray) -> int:
-    """Sign of a permutation, from the number of its cycles."""
-    n = len(order)
-    steps = coo_matrix((np.ones(n), (np.arange(n), order)), shape=(n, n))
-    cycles, _ = connected_components(steps, directed=False)
-    return 1 if (n - cycles) % 2 == 0 else -1
+    unstable, pivot = _negative(0.5 * (K + K.T) if symmetric else K)
+    count = unstable if symmetric else unstable % 2
+    return Stability(point, count, symmetric, pivot, lambda: tangent)
 
 
 class Factorised:
@@ -246,7 +226,10 @@ class Factorised:
 
 
 def _negative(K: csr_matrix) -> tuple[int, float]:
-    """Negative and smallest pivots of an elimination without exchange of rows."""
+    """Negative and smallest pivots of an elimination without exchange of rows.
+
+    Of what is not symmetric the number is odd where the determinant is negative.
+    """
     if K.shape[0] == 0:
         return 0, np.inf
     none = NEUTRAL * largest(K.data) or 1.0
@@ -256,8 +239,8 @@ def _negative(K: csr_matrix) -> tuple[int, float]:
             factors = Factorised(K + shift * identity(K.shape[0]))
             if factors.negative >= 0:
                 return factors.negative, 0.0 if shift else factors.smallest
-    values = np.linalg.eigvalsh(K.toarray())
-    return int((values < 0).sum()), float(abs(values).min())
+    values = np.linalg.eigvals(K.toarray())  # complex ones come in pairs
+    return int((values.real < 0).sum()), float(abs(values).min())
 
 
 # -- motions of beams and bodies as rigid pieces that nothing holds --------------------------------

@@ -515,7 +515,8 @@ class Continuation:
     def _accept(self, step: _Step, stage: Stage) -> bool:
         """Accept a point, after the critical ones that were passed; says whether it was asked."""
         start, solution, parameter = step.start, step.solution, stage.parameter
-        gained = stage.gained(start, solution.point, step.length)
+        asked = stage.accept(start, solution.point, step.length)
+        gained = stage.parameter - parameter
         own = solution.report.iterations, 1
         for found in step.critical:
             point = found.stability.point
@@ -538,7 +539,6 @@ class Continuation:
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - start.y[:rows]) / step.length
         self._warn_of_elements(solution.point, solution.constraint_force)
-        asked = stage.accept(start, solution.point, step.length)
         if asked or self.control.all_points:
             force, residual = solution.constraint_force, solution.report.residual
             self.recorder.take(solution.point, stage.parameter, force, residual, self._stability)
