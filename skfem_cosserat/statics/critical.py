@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.linalg import eig, eigh, qr
 from scipy.sparse import csr_matrix, diags, identity
-from scipy.sparse.linalg import ArpackError, eigs, eigsh, lsqr, splu
+from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
 
 from ..diagnostics.nearest import rigid_motions, rigid_pieces
 from ..diagnostics.stacked import ReducedTangent, blocks_matrix, reduced_tangent
@@ -18,7 +18,7 @@ from ..kernels import nearest_rotations
 from ..linear import EIGENVALUES
 from ..model import System
 from ..model.balance import Amplitudes, balance
-from ..types import Array, Floats, largest
+from ..types import SAME, Array, Floats, largest
 from .control import Functional, Point, weights
 from .problem import Neutral, PathSolver, Pivots
 
@@ -287,9 +287,9 @@ def free_motions(system: System, stability: Stability) -> Free | None:
     E, centres = rigid_motions(system, y, label, len(names))
     size = diags(np.sqrt(weights(system)).ravel().repeat(3))
     moved, weighted = size @ P @ modes, size @ E
-    twists = np.zeros((E.shape[1], modes.shape[1]))
-    for k, motion in enumerate(moved.T):
-        twists[:, k] = lsqr(weighted, motion, atol=1e-14, btol=1e-14)[0]
+    gram = (weighted.T @ weighted).tocsc()  # mass points have no rotations
+    gram += SAME * largest(gram.data) * identity(gram.shape[0], format="csc")
+    twists = splu(gram).solve(weighted.T @ moved)
     _, strained, mix = np.linalg.svd(moved - weighted @ twists, full_matrices=False)
     lengths = np.linalg.norm(moved, axis=0).max(initial=0.0)
     twists = twists @ mix[strained <= RIGID * lengths].T

@@ -297,7 +297,6 @@ class Continuation:
     critical: list[dict[str, Any]] = field(default_factory=list)
     over_rotated: bool = False
     overstretched: bool = False
-    point: Point | None = None
     _stability: Stability | None = None
     _first: Stability | None = None
     _rate: Floats | None = None
@@ -312,7 +311,7 @@ class Continuation:
         interrupt: Interrupt,
     ) -> tuple[str, Diverged | None]:
         """Follow the path; gives the status it ended with."""
-        self.recorder = recorder
+        self.recorder, self.point = recorder, first
         try:
             point = self._started(first) if direction is None else first
             held = not self.solver.schedule.moving
@@ -341,7 +340,7 @@ class Continuation:
     def _started(self, first: Point) -> Point:
         """The equilibrium near a start, in which no motion is free."""
         system, solver, point, where = self.system, self.solver, first, "at the start"
-        report, free = None, self._free(first)
+        report, free = None, self.free(first)
         if not solver.balanced(first):
             solution, report = None, None
             if free is None:
@@ -351,7 +350,7 @@ class Continuation:
             if solution is not None:
                 report, point = None, solution.point
                 where = "in the equilibrium to which the loads of the start lead"
-                free = self._free(point)
+                free = self.free(point)
         if free is not None:
             grown, now = (solver.schedule.at(point.t + each) for each in (1.0, 0.0))
             force = load_force(system, point.y, grown).ravel()
@@ -368,7 +367,7 @@ class Continuation:
             raise self._failure(first, report, "the start is no equilibrium")
         return point
 
-    def _free(self, point: Point) -> Free | None:
+    def free(self, point: Point) -> Free | None:
         """Motions that nothing holds at an equilibrium."""
         if not self.system.unknowns:
             return None
@@ -624,11 +623,6 @@ class Continuation:
             if found is not None:
                 warn(*found, AccuracyWarning, point.t)
 
-    def free_end(self) -> str:
-        """A motion that nothing holds at the last point in words; empty: there is none."""
-        free = None if self.point is None else self._free(self.point)
-        return "" if free is None else free.text
-
     def _failure(
         self,
         point: Point,
@@ -828,9 +822,10 @@ def static(
                         first, direction, recorder, callbacks, show, interrupt
                     )
                 if failure is None:
+                    free = continuation.free(continuation.point)
                     so_far = recorder.writer.history()
                     factors_of = partial(recorded_amplitudes, so_far)
-                    checks.apply(checks.Path(system, so_far, factors_of, continuation.free_end()))
+                    checks.apply(checks.Path(system, so_far, factors_of, free.text if free else ""))
                 else:
                     notices.tell(failure)
                 history = recorder.close(

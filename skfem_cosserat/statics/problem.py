@@ -146,18 +146,6 @@ class Schedule:
         channels = *self._loads, *self._actuators, *self._spin
         return any(not isinstance(factor, Constant) for _, factor, _ in channels)
 
-    @property
-    def difference(self) -> float:
-        """Change of the load factor, relative to it, for difference quotients to both sides.
-
-        They are exact over any, where all grow in proportion to it, or to its square as by a spin.
-        """
-        functions = [factor for _, factor, _ in (*self._loads, *self._spin)]
-        if self.time is None:
-            functions += [time for time, _, _ in self._loads]
-        steady = all(each is None or isinstance(each, Constant) for each in functions)
-        return 1.0 if steady and not (self.moving or self._actuators) else SMALL
-
     def at(self, t: float) -> Amplitudes:
         """Amplitudes at load factor t."""
         if self._known is None or self._known[0] != t:
@@ -278,7 +266,7 @@ class Problem:
     def derivative(self) -> tuple[Array, Array]:
         """Derivatives of the residual and of the coordinates by t at fixed unknowns."""
         equations, t, schedule = self.equations, self.t, self.equations.schedule
-        step = schedule.difference * (max(abs(t), abs(self.start.t)) or 1.0)
+        step = SMALL * (max(abs(t), abs(self.start.t)) or 1.0)
         first = t - step if t >= step or not schedule.moving else t
         found = []
         for end in (first, t + step):

@@ -126,7 +126,7 @@ FREE = {
     beam_on_a_hinge: (r"rotation of beam 'rod'.*about \(0, 0, 1\)", 1, True),
     beam_between_balls: (r"rotation of beam 'rod'.*about \(1, 0, 0\)", 1, False),
     slider: (r"translation of rigid body 'block' along \(0, 1, 0\)", 1, True),
-    screw: (r"rigid body 'block'.*\(0, 0, 1\)", 2, False),
+    screw: (r"rigid body 'block'.*\(0, 0, -?1\)", 2, False),
     point_in_space: ("translation of mass point 'ball'", 3, False),
     point_on_a_spring: ("translation of mass point 'ball'", 2, False),
     several_pieces: ("beam '(rod|other)'|'ball'", 15, False),
