@@ -462,6 +462,19 @@ def test_a_start_whose_cable_does_not_stay_taut():
         sc.static(model)
 
 
+@treatments
+def test_an_end_that_can_move_freely_is_told(treatment):
+    """A lift takes the load off a cable: the ball may be anywhere within its length."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -1)))
+    model.add("cable", sc.Cable(sc.ground((0, 0, 0)), ball.place(), 1e3, length=0.99))
+    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
+    model.add("lift", sc.LoadForce(ball.place(), (0, 0, 9.81)))
+    with pytest.warns(sc.AccuracyWarning, match="where it ends a translation of mass point 'ball'"):
+        path = sc.static(model, treatment, factors={"weight": 1.0})
+    assert path.status == "completed" and abs(path["energy"][-1]) < 1e-12
+
+
 def _along_x():
     return sc.triad((1, 0, 0))
 
