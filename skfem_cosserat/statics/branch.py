@@ -110,8 +110,7 @@ def branch(
     system = system_of(model, "argument model")
     _check_path(system, history)
     rows = np.flatnonzero(history["critical"] != CODES["regular"])
-    if not is_whole(which) or not -len(rows) <= which < len(rows):
-        raise InputError("argument which", f"{which!r}: the path has {len(rows)} critical point(s)")
+    _check_number("argument which", which, len(rows), "critical point(s)")
     if finite("argument sign", "sign", sign, "1 or -1") == 0:
         raise InputError("argument sign", f"{sign!r}, expected 1 or -1")
     if not is_whole(mode) or mode < 0:
@@ -184,8 +183,7 @@ def equilibrium(
     """
     system = system_of(model, "argument model")
     _check_path(system, history)
-    if not is_whole(index) or not -len(history) <= index < len(history):
-        raise InputError("argument index", f"{index!r}: the path has {len(history)} points")
+    _check_number("argument index", index, len(history), "points")
     time, point = finite("argument time", "time", time), _point(system, history, index)
     _check_instant(system, history, index, point, time)
     q = point.y[: system.rows].reshape(-1)
@@ -254,6 +252,11 @@ def _moved(
 
 def _same(a: Floats, b: Floats) -> bool:
     return bool(abs(a - b).max() <= SAME * max(abs(a).max(), abs(b).max()))
+
+
+def _check_number(item: str, value: int, count: int, what: str) -> None:
+    if not is_whole(value) or not -count <= value < count:
+        raise InputError(item, f"{value!r}: the path has {count} {what}")
 
 
 def _check_path(system: System, history: History) -> None:

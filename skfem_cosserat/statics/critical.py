@@ -9,13 +9,13 @@ from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import eig, eigh, qr
-from scipy.sparse import csr_matrix, diags, identity
+from scipy.sparse import diags, identity
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
 
 from ..diagnostics.nearest import rigid_motions, rigid_pieces
 from ..diagnostics.stacked import ReducedTangent, blocks_matrix, reduced_tangent
 from ..kernels import nearest_rotations
-from ..linear import EIGENVALUES
+from ..linear import EIGENVALUES, NEUTRAL, negative_pivots
 from ..model import System
 from ..model.balance import Amplitudes, balance
 from ..types import SAME, Array, Floats, largest
@@ -30,9 +30,6 @@ SYMMETRIC = 1e-14
 #: relative difference of a block left in an elimination and its transpose above which forces are
 #: certainly not conservative: rounding was below 1e-13 (measured)
 SKEW = 1e-8
-#: eigenvalue, relative to the largest entry of K, below which a motion counts as neutral: of a
-#: section bent in one of its equivalent directions it was below 0.6 units of rounding (measured)
-NEUTRAL = 1e-15
 #: smallest pivot, against that eigenvalue, above which none is looked for: where a motion is small
 #: at the last unknown, the pivot is larger than the eigenvalue by its square; the largest entry may
 #: be larger than the largest pivot of an elimination in blocks
@@ -103,7 +100,7 @@ class Stability:
         if not (self.symmetric and self.unstable and self.neutral):
             return self.unstable
         K, metric = self.tangent.K, self.tangent.metric
-        return _negative(0.5 * (K + K.T) + 2 * self.floor * metric)[0]
+        return negative_pivots(0.5 * (K + K.T) + 2 * self.floor * metric)[0]
 
     def neutral_motions(self, system: System, beside: Floats | None = None) -> Neutral:
         """Motions that nothing holds, normal to the one (rows, 3) that a branch sets off along.
@@ -195,52 +192,9 @@ def inspect(
     K = tangent.K
     size = largest(K.data)
     symmetric = dead or bool(abs((K - K.T).data).max(initial=0.0) <= SYMMETRIC * size)
-    unstable, pivot = _negative(0.5 * (K + K.T) if symmetric else K)
+    unstable, pivot = negative_pivots(0.5 * (K + K.T) if symmetric else K)
     count = unstable if symmetric else unstable % 2
     return Stability(point, count, symmetric, pivot, lambda: tangent)
-
-
-class Factorised:
-    """A symmetric matrix factorised without exchange of rows, so that pivots can be counted.
-
-    Raises RuntimeError if a pivot vanishes.
-
-    Attributes
-    ----------
-    negative : int
-        Negative eigenvalues, by Sylvester's law of inertia; -1 if rows were exchanged.
-    smallest : float
-        Smallest pivot.
-    solve : callable
-        Solution for a right-hand side.
-    """
-
-    def __init__(self, A: csr_matrix) -> None:
-        options = {"SymmetricMode": True}
-        lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-        pivots = lu.U.diagonal()
-        straight = bool((lu.perm_r == lu.perm_c).all())
-        self.negative = int((pivots < 0).sum()) if straight else -1
-        self.smallest = float(abs(pivots).min())
-        self.solve: Callable[[Array], Array] = lu.solve
-
-
-def _negative(K: csr_matrix) -> tuple[int, float]:
-    """Negative and smallest pivots of an elimination without exchange of rows.
-
-    Of what is not symmetric the number is odd where the determinant is negative.
-    """
-    if K.shape[0] == 0:
-        return 0, np.inf
-    none = NEUTRAL * largest(K.data) or 1.0
-    # a large one that is exactly singular: motions without stiffness get one that counts as none
-    for shift in (0.0, none) if K.shape[0] > EIGENVALUES else (0.0,):
-        with suppress(RuntimeError):  # a pivot vanishes
-            factors = Factorised(K + shift * identity(K.shape[0]))
-            if factors.negative >= 0:
-                return factors.negative, 0.0 if shift else factors.smallest
-    values = np.linalg.eigvals(K.toarray())  # complex ones come in pairs
-    return int((values.real < 0).sum()), float(abs(values).min())
 
 
 # -- motions of beams and bodies as rigid pieces that nothing holds --------------------------------

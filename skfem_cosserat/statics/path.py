@@ -317,6 +317,7 @@ class Continuation:
             held = not self.solver.schedule.moving
             self.point = point
             stage = branch_stage(self.system, self.control, point, direction, held)
+            self.limit = None if stage.fixed else self.control.turn
             self._begin(point, stage, direction)
             while not stage.finished(point):
                 asked, point = self._advance(point, stage)
@@ -404,9 +405,8 @@ class Continuation:
 
     def _advance(self, point: Point, stage: Stage) -> tuple[bool, Point]:
         """Whether the next point is one that was asked for, and that point."""
-        limit = None if stage.fixed else self.control.turn
+        limit, losses = self.limit, 0
         residuals: list[list[float]] = []
-        losses = 0
         while True:
             length = self._prescribed(point, stage.trial())
             step, report = self._tried(point, stage, length, residuals)
@@ -426,7 +426,7 @@ class Continuation:
             if abs(stage.length) < stage.shortest:
                 raise self._failure(point, report, "the path cannot be continued", residuals)
         self._end_at_crossing(step)
-        self._warn_of_step(step, limit)
+        self._warn_of_step(step)
         asked = self._accept(step, stage)
         if limit is not None and step.turn > 0:
             # a step that would turn too far is not tried
@@ -525,7 +525,8 @@ class Continuation:
             logger.info("%s point at load factor %.9g", found.kind, point.t)
             force, kind = found.constraint_force, found.kind
             self.recorder.take(point, at, force, 0.0, found.stability, kind, own)
-            if found.kind == "limit" and isinstance(self.control, LoadControl) and not stage.fixed:
+            loaded = isinstance(self.control, LoadControl) and self.limit is not None
+            if found.kind == "limit" and loaded:
                 reason = (
                     f"the load factor has a limit point, {point.t:.9g}: beyond it there is no"
                     " equilibrium near"
@@ -579,7 +580,7 @@ class Continuation:
 
     # -- what is told of a path --------------------------------------------------------------------
 
-    def _warn_of_step(self, step: _Step, limit: float | None) -> None:
+    def _warn_of_step(self, step: _Step) -> None:
         """Say what is doubtful about a step."""
         start, end = step.start.t, step.solution.point.t
         between = f"between the load factors {start:.6g} and {end:.6g}"
@@ -597,12 +598,12 @@ class Continuation:
                 " drawn so much that node rotations of this mesh are unstable as well; refine",
             ),
             (
-                limit is None and bool(limits) and isinstance(self.control, LoadControl),
+                self.limit is None and bool(limits) and isinstance(self.control, LoadControl),
                 AccuracyWarning,
                 "there is a limit point: the path jumps to another branch",
             ),
             (
-                limit is None and step.jumps and not step.critical,
+                self.limit is None and step.jumps and not step.critical,
                 AccuracyWarning,
                 f"from load factor {start:.6g} on the point is much farther away than the tangents"
                 " at both ends lead: the step may have passed a limit point and jumped to another"

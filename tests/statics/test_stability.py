@@ -11,6 +11,7 @@ from test_statics import column, truss
 
 import skfem_cosserat as sc
 from skfem_cosserat.diagnostics.stacked import reduced_tangent
+from skfem_cosserat.linear import negative_pivots
 from skfem_cosserat.statics import critical
 from skfem_cosserat.statics.branch import recorded_amplitudes
 
@@ -38,7 +39,7 @@ def banded(shape: str, negative: int, skew: float = 0.0):
 def test_pivots_have_the_signs_of_eigenvalues(shape, negative):
     A = banded(shape, negative)
     assert (np.linalg.eigvalsh(A) < 0).sum() == negative
-    found, smallest = critical._negative(csr_matrix(A))
+    found, smallest = negative_pivots(csr_matrix(A))
     assert found == negative
     if not negative:  # the last unknown of any order has its share of the smallest eigenvalue
         assert np.linalg.eigvalsh(A)[0] <= smallest <= A.diagonal().max()
@@ -48,14 +49,14 @@ def test_pivots_have_the_signs_of_eigenvalues(shape, negative):
 @pytest.mark.parametrize("negative", [0, 1, 2])
 def test_what_is_not_symmetric_has_the_sign_of_its_determinant(shape, negative):
     A = banded(shape, negative, skew=0.1)
-    found, _ = critical._negative(csr_matrix(A))
+    found, _ = negative_pivots(csr_matrix(A))
     assert found % 2 == (np.linalg.slogdet(A)[0] < 0)
 
 
 def test_a_singular_matrix_has_no_pivot_to_rely_on():
     A = banded("narrow", 0)
     A[:, 0] = A[0] = 0
-    assert critical._negative(csr_matrix(A))[1] <= 1e-12 * abs(A).max()
+    assert negative_pivots(csr_matrix(A))[1] <= 1e-12 * abs(A).max()
 
 
 # -- counts along paths ----------------------------------------------------------------------------
