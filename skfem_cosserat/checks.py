@@ -217,8 +217,8 @@ def free_end(result: Path) -> Iterator[Doubt]:
     if result.free:
         yield Doubt(
             "path",
-            f"where it ends a {result.free}, is free: it may as well end elsewhere, with the other"
-            " treatment or with other steps; hold it with joints or springs",
+            f"at its end {result.free}: it may as well end elsewhere, with the other treatment or"
+            " with other steps; hold it with joints or springs",
             float(result.history["load_factor"][-1]),
         )
 

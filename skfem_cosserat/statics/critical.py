@@ -256,7 +256,7 @@ def free_motions(system: System, stability: Stability) -> Free | None:
     text = _described(twists[:, 0].reshape(-1, 6), names, centres, system.length)
     found = twists.shape[1]
     more = "or more" if found == count < K.shape[0] else "in all"
-    return Free(E @ twists, f"{text}, {found} such motion(s) {more}")
+    return Free(E @ twists, f"{text} is free, {found} such motion(s) {more}")
 
 
 def _described(twists: Floats, names: Sequence[str], centres: Floats, length: float) -> str:
@@ -264,9 +264,10 @@ def _described(twists: Floats, names: Sequence[str], centres: Floats, length: fl
     sizes = np.linalg.norm(twists, axis=1)
     moving = np.flatnonzero(sizes)
     k = int(sizes.argmax())
-    v, w = twists[k, :3], twists[k, 3:]
     who = " and ".join(names[i] for i in moving[:3]) + " and others" * (len(moving) > 3)
-    turn = float(np.linalg.norm(w))
+    turn = float(np.linalg.norm(twists[k, 3:]))
+    main = twists[k, 3:] if turn else twists[k, :3]
+    v, w = np.sign(main[abs(main).argmax()]) * twists[k].reshape(2, 3)
     if not turn:
         return f"translation of {who} along {_triple(v / sizes[k])}"
     through = centres[k] + length * np.cross(w, v) / turn**2

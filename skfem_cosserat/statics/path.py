@@ -360,7 +360,7 @@ class Continuation:
             loads = "with loads that act from the start (factors={name: 1.0}), "
             raise InputError(
                 "static",
-                f"{free.text}, is free {where}{', and the loads do work on it' * works}: hold it"
+                f"{free.text}, {where}{', and the loads do work on it' * works}: hold it"
                 f" with joints or springs, {loads * (not now.loads.any())}or start from a state"
                 " whose stresses do (a guess of it, start=initial_state(system, q))",
             )
@@ -646,7 +646,7 @@ class Continuation:
             near = firm and last.smallest <= LIMP * first.smallest
         found, advice = report.reason, "try shorter steps, then a finer mesh"
         if free is not None:
-            found = f"nothing holds a {free.text}. Newton's method: {found}"
+            found = f"{free.text}. Newton's method: {found}"
             advice = "hold it with joints or springs"
         elif self.overstretched:
             advice = "refine the beam whose elements are drawn too much"

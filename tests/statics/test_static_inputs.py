@@ -126,7 +126,7 @@ FREE = {
     beam_on_a_hinge: (r"rotation of beam 'rod'.*about \(0, 0, 1\)", 1, True),
     beam_between_balls: (r"rotation of beam 'rod'.*about \(1, 0, 0\)", 1, False),
     slider: (r"translation of rigid body 'block' along \(0, 1, 0\)", 1, True),
-    screw: (r"rigid body 'block'.*\(0, 0, -?1\)", 2, False),
+    screw: (r"rigid body 'block'.*\(0, 0, 1\)", 2, False),
     point_in_space: ("translation of mass point 'ball'", 3, False),
     point_on_a_spring: ("translation of mass point 'ball'", 2, False),
     several_pieces: ("beam '(rod|other)'|'ball'", 15, False),
@@ -148,7 +148,7 @@ def test_free_motions_are_named(build, treatment):
 @pytest.mark.slow
 def test_free_motions_of_a_long_chain_are_named():
     """It ended in an error of a sparse factorisation."""
-    with pytest.raises(sc.InputError, match=r"rotation of .*link.*, 6 such .* or more, is free"):
+    with pytest.raises(sc.InputError, match=r"rotation of .*link.* is free, 6 such .* or more"):
         sc.static(hanging_chain(links=401))
 
 
@@ -442,7 +442,7 @@ def slack_stay(slide, fits=True):
 def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
     """It leads to no larger load either; what is known is said."""
     model, loads = slack_stay(slide), {"weight": 1.0}
-    words = "holds a translation of rigid body 'boom'" if slide else "tension .* cable 'stay'. Hold"
+    words = "of rigid body 'boom' .* is free" if slide else "tension .* cable 'stay'. Hold"
     with pytest.raises(sc.Diverged, match=words) as caught:
         sc.static(model, treatment, factors=loads)
     assert caught.value.time == pytest.approx(0.5, abs=1e-5)
@@ -470,7 +470,7 @@ def test_an_end_that_can_move_freely_is_told(treatment):
     model.add("cable", sc.Cable(sc.ground((0, 0, 0)), ball.place(), 1e3, length=0.99))
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
     model.add("lift", sc.LoadForce(ball.place(), (0, 0, 9.81)))
-    with pytest.warns(sc.AccuracyWarning, match="where it ends a translation of mass point 'ball'"):
+    with pytest.warns(sc.AccuracyWarning, match="its end translation of mass point 'ball'"):
         path = sc.static(model, treatment, factors={"weight": 1.0})
     assert path.status == "completed" and abs(path["energy"][-1]) < 1e-12
 
