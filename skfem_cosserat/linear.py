@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import weakref
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_matrix, csr_matrix, identity
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import splu
 
 from .errors import CosseratError, InputError, PerformanceWarning
 from .frozen import Frozen
 from .pattern import FrozenPattern
-from .types import SAME, Array, Floats, IndexArray, switch
+from .types import SAME, Array, Floats, IndexArray, largest, switch
 from .warn import logger, warn
 
 # -- what a back end is: a choice (:class:`Solver`), and its factors of one pattern ----------------
@@ -339,9 +341,60 @@ class _Pardiso(Factors):
         return self._library.solve(self._matrix, rhs)
 
 
+# -- eigenvalues of one sign, counted by pivots ----------------------------------------------------
+
+#: unknowns up to which eigenvalues are computed dense
+EIGENVALUES = 300
+#: eigenvalue, relative to the largest entry of K, below which a motion counts as neutral: of a
+#: section bent in one of its equivalent directions it was below 0.6 units of rounding (measured)
+NEUTRAL = 1e-15
+
+
+class Factorised:
+    """A symmetric matrix factorised without exchange of rows, so that pivots can be counted.
+
+    Raises RuntimeError if a pivot vanishes.
+
+    Attributes
+    ----------
+    negative : int
+        Negative eigenvalues, by Sylvester's law of inertia; -1 if rows were exchanged.
+    smallest : float
+        Smallest pivot.
+    solve : callable
+        Solution for a right-hand side.
+    """
+
+    def __init__(self, A: csr_matrix) -> None:
+        options = {"SymmetricMode": True}
+        lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        pivots = lu.U.diagonal()
+        straight = bool((lu.perm_r == lu.perm_c).all())
+        self.negative = int((pivots < 0).sum()) if straight else -1
+        self.smallest = float(abs(pivots).min())
+        self.solve: Callable[[Array], Array] = lu.solve
+
+
+def negative_pivots(K: csr_matrix) -> tuple[int, float]:
+    """Negative and smallest pivots of an elimination without exchange of rows.
+
+    Of what is not symmetric the number is odd where the determinant is negative.
+    """
+    if K.shape[0] == 0:
+        return 0, np.inf
+    none = NEUTRAL * largest(K.data) or 1.0
+    # a large one that is exactly singular: motions without stiffness get one that counts as none
+    for shift in (0.0, none) if K.shape[0] > EIGENVALUES else (0.0,):
+        with suppress(RuntimeError):  # a pivot vanishes
+            factors = Factorised(K + shift * identity(K.shape[0]))
+            if factors.negative >= 0:
+                return factors.negative, 0.0 if shift else factors.smallest
+    values = np.linalg.eigvals(K.toarray())  # complex ones come in pairs
+    return int((values.real < 0).sum()), float(abs(values).min())
+
+
 # -- the one place where a linear solver is chosen, checked and replaced where it fails ------------
 
-EIGENVALUES = 300  # unknowns up to which eigenvalues are computed dense
 FULL = 0.3  # share of entries from which a dense factorisation is fastest
 BAND = 110  # lower plus upper bandwidth up to which a banded one is faster than a sparse one
 OPTIONAL = 2000  # unknowns from which the solver of another package pays

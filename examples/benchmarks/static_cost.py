@@ -27,9 +27,9 @@ import numpy as np
 
 import skfem_cosserat as sc
 from skfem_cosserat.integrators.choice import choose
+from skfem_cosserat.statics.control import Functional, Point
 from skfem_cosserat.statics.path import STATIC
-from skfem_cosserat.statics.schedule import Functional, Point, Schedule
-from skfem_cosserat.statics.solver import PathSolver
+from skfem_cosserat.statics.problem import PathSolver, Schedule
 
 #: xara's iteration with 100 elements (ms), at that speed of a matrix product (GF/s), and the share
 #: of it that is wanted
@@ -78,7 +78,6 @@ def points(system: sc.System, kernels: str) -> tuple[float, int, PathSolver]:
         solution, report = solver.solve(point, Functional(None, 1.0, 1.0 / STEPS))
         if solution is None:
             raise RuntimeError(report.reason)
-        solver.accept()
         point = solution.point
     return time.process_time() - begun, solver.iterations, solver
 

@@ -17,10 +17,9 @@ from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruen
 from ..errors import CosseratError, InputError
 from ..history import History
 from ..law import STEP
-from ..linear import EIGENVALUES
+from ..linear import EIGENVALUES, Factorised
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
-from ..statics.critical_points import Factorised
 from ..types import SAME, Floats, finite
 from ..warn import Notices, counted
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil

@@ -21,10 +21,9 @@ from scipy.sparse.linalg import (
 from ..diagnostics.stacked import blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, IncompleteWarning, InputError
 from ..kernels import skew
-from ..linear import EIGENVALUES
+from ..linear import EIGENVALUES, Factorised
 from ..model import System
 from ..model.balance import balance_tangent
-from ..statics.critical_points import Factorised
 from ..types import SAME, Array, Floats
 from ..warn import warn
 from .state import Equilibrium

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
 from ..checks.result import recorded_amplitudes
@@ -21,8 +20,8 @@ from ..model.closure import SINGULAR
 from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint, overstretched_beam
 from ..model.loops import names_of
-from ..statics.schedule import Schedule
-from ..types import Array, ArrayLike, Floats, IndexArray, finite, whole
+from ..statics.problem import Schedule
+from ..types import Array, ArrayLike, Floats, IndexArray, finite, largest, whole
 from ..warn import warn
 
 #: what may be given as a state
@@ -218,12 +217,12 @@ def _at_rest(
 
     Far from the origin, where coordinates are rounded, stresses are those of the exact equilibrium.
     """
-    root = np.sqrt(tangent.metric.diagonal())
+    at, metric = tangent.balance, tangent.metric.diagonal()
+    root = np.sqrt(metric)
     residual = abs(tangent.residual) / root
-    forces, rounding = _sizes(system, tangent)
-    size = float((_arms(system, tangent.P, forces) / root).max(initial=0.0))
-    floor = float((abs(tangent.P).T @ rounding.ravel() / root).max(initial=0.0))
-    floor += ROUNDING * size
+    terms = abs(at.external) + abs(at.R + at.external)
+    size = float((abs(tangent.P).T @ terms.ravel() / root).max(initial=0.0))
+    floor = ROUNDING * (size + largest(tangent.K.diagonal() / metric))
     error = float(residual.max(initial=0.0))
     if error > tolerance * size + floor:
         exact = _unrounded(system, tangent, amplitudes)
@@ -255,34 +254,6 @@ def _unrounded(
     more = [new - old for new, old in zip(stresses, at.stresses, strict=True)]
     exact = replace(at, R=at.R + system.internal_force(at.Bs, more), stresses=stresses)
     return reduced_tangent(system, at.y, amplitudes, exact)
-
-
-def _arms(system: System, P: csr_matrix, forces: Floats) -> Floats:
-    """Generalised force that forces as large as these (rows, 3) could have on each unknown."""
-    turning = np.ones(system.rows, dtype=bool)
-    turning[system.origin_rows] = False
-    out = np.zeros(P.shape[1])
-    for rows in (turning, ~turning):
-        part = abs(P.tocsr()[np.repeat(rows, 3)])
-        largest = np.asarray(part.max(axis=0).todense()).ravel() if part.shape[0] else 0.0
-        out += largest * forces[rows].max(initial=0.0)
-    return out
-
-
-def _sizes(system: System, tangent: ReducedTangent) -> tuple[Array, Array]:
-    """Forces on the rows (rows, 3) that balance each other, and what rounding makes of them."""
-    at = tangent.balance
-    forces, rounding = abs(at.external), np.zeros_like(at.external)
-    beams = zip(system.beam_groups, at.Bs, at.strains, at.stresses, strict=True)
-    for group, B, eps, stress in beams:
-        weights = np.broadcast_to(group.elements.measure, stress.shape)
-        size = abs(group.moduli(eps)).sum(3)
-        for out, value in ((forces, abs(stress) * weights), (rounding, ROUNDING * size)):
-            nodal = value.reshape(len(B), 1, -1) @ abs(B)
-            np.add.at(out, group.rows, nodal.reshape(*group.rows.shape, 3))
-    if at.coupled is not None:
-        forces = forces + abs(at.coupled.force[: system.rows])
-    return forces, rounding
 
 
 def _where(system: System, tangent: ReducedTangent) -> str:

@@ -1,9 +1,8 @@
 """Equilibria: load paths, limit and bifurcation points, branches."""
 
 from .branch import Branch, branch, equilibrium
-from .control import ArcLength, Control, DisplacementControl, LoadControl
+from .control import ArcLength, Control, DisplacementControl, LoadControl, Point
 from .path import static
-from .schedule import Point
 
 __all__ = [
     "ArcLength",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,15 +15,17 @@ from ..errors import HistoryError, InputError
 from ..history import History
 from ..integrators import State
 from ..model import Model, System, system_of
-from ..model.balance import Amplitudes, Balance, Spin, amplitudes_at, balance
+from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
 from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint
 from ..time_function import Amplitude
 from ..types import Floats, finite, is_whole, largest
-from .control import ArcLength, Control, DisplacementControl, Stage
-from .critical_points import inspect
-from .schedule import CODES, Point, Schedule
+from .control import ArcLength, Control, DisplacementControl, Point, Stage
+from .critical import inspect
+from .problem import Schedule
 
+#: number of a point in the series "critical"
+CODES = {"regular": 0, "limit": 1, "bifurcation": 2}
 #: relative difference below which loads and supports are where a path left them
 SAME = 1e-6
 
@@ -109,8 +111,7 @@ def branch(
     system = system_of(model, "argument model")
     _check_path(system, history)
     rows = np.flatnonzero(history["critical"] != CODES["regular"])
-    if not is_whole(which) or not -len(rows) <= which < len(rows):
-        raise InputError("argument which", f"{which!r}: the path has {len(rows)} critical point(s)")
+    _check_number("argument which", which, len(rows), "critical point(s)")
     if finite("argument sign", "sign", sign, "1 or -1") == 0:
         raise InputError("argument sign", f"{sign!r}, expected 1 or -1")
     if not is_whole(mode) or mode < 0:
@@ -183,8 +184,7 @@ def equilibrium(
     """
     system = system_of(model, "argument model")
     _check_path(system, history)
-    if not is_whole(index) or not -len(history) <= index < len(history):
-        raise InputError("argument index", f"{index!r}: the path has {len(history)} points")
+    _check_number("argument index", index, len(history), "points")
     time, point = finite("argument time", "time", time), _point(system, history, index)
     _check_instant(system, history, index, point, time)
     q = point.y[: system.rows].reshape(-1)
@@ -206,62 +206,58 @@ def _check_instant(system: System, history: History, index: int, point: Point, t
     if wrong is not None:
         raise InputError("argument time", f"at {time!r} s the state {wrong}: {hint}")
 
-    def compare(what: str, now: Balance, before: Balance) -> None:
-        size = max(largest(at.R) for at in (now, before))
-        P = null_space_matrix(system, y)
-        missing = largest(P.T @ (now.R - before.R).ravel())
-        if missing > SAME * size:
-            raise InputError(
-                "argument time",
-                f"at {time!r} s {what} is out of balance by {missing:.4g} N (N m): {hint}",
-            )
-
-    def forces(y: Floats, amplitudes: Amplitudes) -> Balance:
-        return balance(system, y, amplitudes, turns=point.turns)
-
-    for owner, now, before in _moved(system, history, index, then, time):
-        compare(f"the {owner}", forces(y, now), forces(y, before))
+    labels, *both = _moved(system, history, index, then, time)
     if system.moving and system.couplings.count:
-        none = np.zeros(len(system.loading.times)), np.zeros(len(system.couplings.times) + 1)
-        ends = (forces(rows, Amplitudes(*none)) for rows in (y, point.y))
-        compare("what springs hold on moving ground", *ends)
+        labels.append("what springs hold on moving ground")
+    at, before = (
+        balance(system, rows, amplitudes, turns=point.turns).R
+        for rows, amplitudes in zip((y, point.y), both, strict=True)
+    )
+    missing = largest(null_space_matrix(system, y).T @ (at - before).ravel())
+    if missing > SAME * largest(at, before):
+        raise InputError(
+            "argument time",
+            f"at {time!r} s {' and '.join(labels)} is out of balance by {missing:.4g} N (N m):"
+            f" {hint}",
+        )
 
 
 def _moved(
     system: System, history: History, index: int, then: float, time: float
-) -> Iterator[tuple[str, Amplitudes, Amplitudes]]:
-    """Loads and actuators that a path moved by functions of time: label, factors now and then.
+) -> tuple[list[str], Amplitudes, Amplitudes]:
+    """Loads and actuators that a path moved by functions of time, and their factors now and then.
 
     Not those of other models, and those that the path left out.
     """
-    both = amplitudes_at(system, time), amplitudes_at(system, then)
     recorded = recorded_amplitudes(history, index)
+    both = amplitudes_at(system, time), amplitudes_at(system, then)
+    alone = [Amplitudes(0.0 * each.loads, 0.0 * each.actuators, time=each.time) for each in both]
+    labels = []
     for kind, channels in (("loads", system.loading), ("actuators", system.couplings)):
         names = history.meta.get("loads", {}).get(kind, [])
-        taken = getattr(recorded, kind)[: len(names)]
         for owner in dict.fromkeys(channels.owners):
             own = [k for k, other in enumerate(channels.owners) if other is owner]
             known = [k for k, entry in enumerate(names) if entry == [str(owner.name), True]]
             if len(known) != len(own):
                 continue
-            factors = [getattr(each, kind)[own] for each in both]
-            if _same(factors[0], taken[known]) or (factors[1].any() and not taken[known].any()):
+            now, before = (getattr(each, kind)[own] for each in both)
+            taken = getattr(recorded, kind)[known]
+            left_out = before.any() and not taken.any()
+            if left_out or _same(now, taken) or _same(now, before):
                 continue
-            if not _same(*factors):
-                now, before = (_alone(each, kind, own) for each in both)
-                yield owner.label, now, before
+            labels.append(f"the {owner.label}")
+            for each, factors in zip(alone, (now, before), strict=True):
+                getattr(each, kind)[own] = factors
+    return labels, alone[0], alone[1]
 
 
 def _same(a: Floats, b: Floats) -> bool:
     return bool(abs(a - b).max() <= SAME * max(abs(a).max(), abs(b).max()))
 
 
-def _alone(amplitudes: Amplitudes, kind: str, channels: list[int]) -> Amplitudes:
-    """These factors, and zero for all others."""
-    loads, actuators = np.zeros_like(amplitudes.loads), np.zeros_like(amplitudes.actuators)
-    out = {"loads": loads, "actuators": actuators}
-    out[kind][channels] = getattr(amplitudes, kind)[channels]
-    return Amplitudes(loads, actuators, time=amplitudes.time)
+def _check_number(item: str, value: int, count: int, what: str) -> None:
+    if not is_whole(value) or not -count <= value < count:
+        raise InputError(item, f"{value!r}: the path has {count} {what}")
 
 
 def _check_path(system: System, history: History) -> None:

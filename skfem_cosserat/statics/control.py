@@ -1,10 +1,10 @@
-"""Controls of a path: by the load factor, by a displacement, or by its arc length."""
+"""Points of a path and what fixes them: the load factor, a displacement, or the arc length."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from inspect import signature
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,65 +13,122 @@ from ..errors import InputError
 from ..frames import Place, vector
 from ..frozen import Attached
 from ..model import System
-from ..types import MOST, SAME, Floats, VectorLike, finite, largest, numbers, positive, whole
-from ..types import shown as cut
-from .schedule import Functional, Point, weights
+from ..types import (
+    MOST,
+    SAME,
+    Array,
+    Floats,
+    IndexArray,
+    VectorLike,
+    finite,
+    largest,
+    numbers,
+    positive,
+    shown,
+    whole,
+)
 
 #: iterations at which the step is kept; it grows below and shrinks above
 WANTED = 6
-#: motion in a step (see :func:`weights`) below which nothing moves
+#: motion in a step (see :func:`size_of`) below which nothing moves
 STILL = 1e-9
 
 
-# -- arguments of controls: checked, and shown -----------------------------------------------------
+# -- points of a path, and what fixes them ---------------------------------------------------------
 
 
-def _ends(
-    item: str, until: float, steps: int | None, at: Sequence[float] | None, start: float
-) -> list[float]:
-    """Values of the parameter that are hit exactly, of a path from `start`."""
-    if at is not None:
-        values = _listed(item, at)
-        if values[0] == start:
-            values = values[1:]  # it is recorded anyway
-        if not len(values):
-            raise InputError(item, f"at = {list(at)!r} is where the path starts")
-        change = np.diff(np.concatenate([[start], values]))
-        if not ((change > 0).all() or (change < 0).all()):
-            raise InputError(
-                item, f"at = {values.tolist()} does not lead one way from the start at {start:g}"
-            )
-        return [float(v) for v in values]
-    if until == start:
-        raise InputError(item, f"until = {until!r} is where the path starts")
-    count = 1 if steps is None else steps
-    return [start + (until - start) * (k / count) for k in range(1, count)] + [until]
+def weights(system: System) -> Floats:
+    """Weights (rows, 1) that make the square of a motion free of units, a mean over all nodes.
+
+    ``1/length^2`` for positions and 1/2 for directors: a turn by a small angle counts as the angle.
+    """
+    out = np.full((system.rows, 1), 0.5)
+    out[system.origin_rows] = 1 / system.length**2
+    return out / len(system.origin_rows)
+
+
+def size_of(system: System, motion: Floats) -> float:
+    """Size of a motion (rows, 3) by :func:`weights`: relative to the scene, or rad."""
+    return float(np.sqrt((weights(system) * np.square(motion)).sum()))
+
+
+@dataclass(eq=False, repr=False)
+class Point:
+    """An equilibrium on a path.
+
+    Attributes
+    ----------
+    y : (total, 3) array
+        All rows.
+    t : float
+        Load factor.
+    turns : (k,) int array or None
+        Full turns of the angles of springs, as in a state.
+    """
+
+    y: Floats
+    t: float
+    turns: IndexArray | None = None
+
+    def __repr__(self) -> str:
+        """Without the arrays."""
+        return f"Point(t={self.t!r}, rows={len(self.y)})"
+
+
+@dataclass(frozen=True, eq=False)
+class Functional:
+    """Condition for a point of a path: ``gradient . (y - y_0) + by_factor (t - t_0) = value``.
+
+    By default the load factor of the start.
+
+    Attributes
+    ----------
+    gradient : (rows, 3) array or None
+        None: zero.
+    by_factor, value : float
+    predictor : (rows, 3) array or None
+        Change of the coordinates to start from, where the tangent at the start gives none.
+    """
+
+    gradient: Floats | None = None
+    by_factor: float = 1.0
+    value: float = 0.0
+    predictor: Floats | None = None
+
+    def __call__(self, point: Point, y: Array, t: float) -> float:
+        """Residual of the condition at (y, t), for a step that starts at `point`."""
+        out = self.by_factor * (t - point.t) - self.value
+        if self.gradient is not None:
+            change = np.real(y[: len(self.gradient)]) - point.y[: len(self.gradient)]
+            out += float((self.gradient * change).sum())
+        return out
+
+    def share(self, start: Point, end: Point) -> float:
+        """Share of `value` that is covered from the start to the point `end`."""
+        return 1.0 + self(start, end.y, end.t) / self.value
+
+
+# -- arguments of controls -------------------------------------------------------------------------
 
 
 def _listed(item: str, at: Sequence[float]) -> Floats:
     """Values of the parameter to hit."""
     values = numbers(item, "at", at)
-    plain = np.asarray(at).dtype.kind in "iufO"  # no text that reads as numbers
-    if not plain or values.ndim != 1 or not len(values) or not np.isfinite(values).all():
+    if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
         raise InputError(item, f"at = {at!r}, expected a list of numbers")
     return values
+
+
+def _whole(item: str, name: str, value: int) -> int:
+    """Check a positive integer."""
+    if whole(item, value, 1, name) > MOST:
+        raise InputError(item, f"{name} = {shown(value)}, expected at most {MOST:.0e}")
+    return int(value)
 
 
 def _turned(item: str, turn: float | None) -> float | None:
     """A rotation that limits steps, or none."""
     return None if turn is None else positive(item, "turn", turn, " of rad")
-
-
-def _shown(item: object, **values: object) -> str:
-    """Arguments of an object as in a call, without those that have their default."""
-    parameters = signature(type(item)).parameters
-    return ", ".join(f"{k}={v!r}" for k, v in values.items() if v != parameters[k].default)
-
-
-def _whole(item: str, name: str, value: int) -> None:
-    """Check a positive integer."""
-    if whole(item, value, 1, name) > MOST:
-        raise InputError(item, f"{name} = {cut(value)}, expected at most {MOST:.0e}")
 
 
 # -- a control at work -----------------------------------------------------------------------------
@@ -119,10 +176,6 @@ class Stage(ABC):
             return True
         return False
 
-    def gained(self, before: Point, after: Point, length: float) -> float:
-        """Growth of the parameter in a step to a point."""
-        return length
-
     def adapt(self, iterations: int, length: float) -> None:
         """Plan the next step after one of `length` that took so many iterations."""
         if self.fixed:
@@ -153,7 +206,8 @@ class Control(Attached, ABC):
     parameter : str
         What the times of the path's history are.
     turn : float or None
-        Largest rotation (rad) of a node in a step; a step that turns more is repeated shorter.
+        Largest rotation (rad) of a node in an automatic step; one that turns more is repeated
+        shorter.
     """
 
     parameter: str
@@ -180,38 +234,45 @@ class _Steered(Control):
         item = type(self).__name__
         if steps is not None:
             _whole(item, "steps", steps)
-        if at is None:
-            self.until, self.at = finite(item, "until", until), None
-        else:
-            for name, value in {"until": until, "steps": steps}.items():
-                if value is not None:
-                    both = f"{name} = {value!r} and at = {at!r}"
-                    raise InputError(item, f"{both}, expected one of them")
-            self.at = tuple(_listed(item, at).tolist())
-            self.until = self.at[-1]
+        for name, value in {"until": until, "steps": steps}.items():
+            if at is not None and value is not None:
+                both = f"{name} = {value!r} and at = {at!r}"
+                raise InputError(item, f"{both}, expected one of them")
+        self.at = None if at is None else tuple(_listed(item, at).tolist())
+        self.until = finite(item, "until", until) if at is None else None
         self.longest = positive(item, "longest", longest)
         self.first = min(positive(item, "first", first), self.longest)
-        turn = _turned(item, turn)
-        self.steps, self.turn = steps, turn if steps is None else None
+        self.steps, self.turn = steps, _turned(item, turn)
         self.all_points = steps is None and at is None
-
-    def _given(self) -> str:
-        ends = {"until": self.until} if self.at is None else {"at": list(self.at)}
-        steps = {"turn": self.turn} if self.steps is None else {"steps": self.steps}
-        return _shown(self, **ends, **steps, first=self.first, longest=self.longest)
 
 
 class _SteeredStage(Stage):
     """Steps of a parameter: of what has this gradient (rows, 3), or of the load factor."""
 
     def __init__(self, control: _Steered, start: float, gradient: Floats | None = None) -> None:
-        steps, self._gradient, self.parameter = control.steps, gradient, start
-        self.stops = _ends(type(control).__name__, control.until, steps, control.at, start)
+        self._gradient, self.parameter = gradient, start
+        self.stops = self._ends(control, start)
         way = self.stops[-1] - start
-        self.fixed = steps is not None
+        self.fixed = control.steps is not None
         self.length = way if self.fixed else control.first * way
         self.longest = abs(way) * (1.0 if self.fixed else control.longest)
         self.shortest = 1e-7 * abs(way)
+
+    @staticmethod
+    def _ends(control: _Steered, start: float) -> list[float]:
+        """Values of the parameter that are hit exactly, of a path from `start`."""
+        item, until, count = type(control).__name__, control.until, control.steps or 1
+        ends = [*(control.at or ())]
+        if until is not None:
+            ends = [start + (until - start) * (k / count) for k in range(1, count)] + [until]
+        if ends[0] == start:
+            ends = ends[1:]  # it is recorded anyway
+        change = np.diff([start, *ends])
+        if not ends or until == start:
+            raise InputError(item, f"{start:g} is where the path starts, expected another end")
+        if not ((change > 0).all() or (change < 0).all()):
+            raise InputError(item, f"at = {ends} does not lead one way from the start at {start:g}")
+        return ends
 
     def functional(self, point: Point, length: float) -> Functional:
         return Functional(self._gradient, float(self._gradient is None), length)
@@ -248,7 +309,7 @@ class LoadControl(_Steered):
     >>> LoadControl(steps=6).parameter
     'load factor'
     >>> LoadControl(until=60)
-    LoadControl(until=60.0)
+    LoadControl(until=60)
     """
 
     parameter = "load factor"
@@ -265,9 +326,6 @@ class LoadControl(_Steered):
     ) -> None:
         until = 1.0 if until is None and at is None else until
         super().__init__(until, steps, at, first, longest, turn)
-
-    def __repr__(self) -> str:
-        return f"LoadControl({self._given()})"
 
     def stage(self, system: System, point: Point) -> Stage:
         """Start at a point, with steps of the load factor."""
@@ -323,10 +381,6 @@ class DisplacementControl(_Steered):
         super().__init__(until, steps, at, first, longest, turn)
         self.place, self.direction = place, n / np.linalg.norm(n)
 
-    def __repr__(self) -> str:
-        way = tuple(self.direction.tolist())
-        return f"DisplacementControl(<{self.place.label}>, {way}, {self._given()})"
-
     def stage(self, system: System, point: Point) -> Stage:
         """Start at a point, with steps of the displacement of the place."""
         item = type(self).__name__
@@ -352,64 +406,49 @@ class DisplacementControl(_Steered):
 
 
 class _ArcStage(Stage):
-    """Pseudo arc length: the next point lies in a plane normal to the last secant."""
+    """Pseudo arc length: the next point lies in a plane normal to the last secant.
 
-    def __init__(
-        self, system: System, control: ArcLength, direction: Floats | None, sign: float
-    ) -> None:
-        self._weights, self._control = weights(system), control
-        self._secant, self._sign = direction, sign
+    Steps of a path without a direction are of the load factor until something moves.
+    """
+
+    def __init__(self, system: System, control: ArcLength, direction: Floats | None) -> None:
+        self._system, self._control, self._secant = system, control, direction
         self.parameter, self.stops, self._count = 0.0, [], 0
-        self.crossed = False
-        self.length, self.longest = control.length, control.longest
-        # steps of a path without a direction are of the load factor until something moves
-        self._by_load, self._branches = direction is None, direction is not None
-        self._regular = False
-        if self._by_load:
-            self.length = control.first
-        self.shortest = 1e-7 * self.length
+        self._branches, self._crossed, self._regular = direction is not None, False, False
+        self.length = control.length if self._branches else abs(control.first)
+        self.longest, self.shortest = control.longest, 1e-7 * self.length
 
     def functional(self, point: Point, length: float) -> Functional:
         if self._secant is None:
-            return Functional(None, 1.0, self._sign * length)
-        unit = self._secant / float(np.sqrt((self._weights * self._secant**2).sum()))
+            return Functional(None, 1.0, np.sign(self._control.first) * length)
+        unit = self._secant / size_of(self._system, self._secant)
         # at the start of a branch the tangent leads along the path it leaves
         predictor = length * unit if self._branches and self._count == 0 else None
-        return Functional(self._weights * unit, 0.0, length, predictor)
-
-    def _motion(self, before: Point, after: Point) -> tuple[Floats, float]:
-        change = after.y[: len(self._weights)] - before.y[: len(self._weights)]
-        return change, float(np.sqrt((self._weights * change**2).sum()))
+        return Functional(weights(self._system) * unit, 0.0, length, predictor)
 
     def aim(self, rate: Floats) -> None:
         # not by a step of the load factor: next to a limit point it may lead to another branch
-        size = float(np.sqrt((self._weights * rate**2).sum()))
-        if self._by_load and size > STILL:
-            self._by_load = False
-            self._secant = self._sign * rate
+        size = size_of(self._system, rate)
+        if self._secant is None and size > STILL:
+            self._secant = np.sign(self._control.first) * rate
             # nor far: the tangent may be that of a path about to turn
             self.length = min(self.length * size, self._control.length, self.longest)
             self.shortest = 1e-7 * self.length
 
-    def gained(self, before: Point, after: Point, length: float) -> float:
-        moved = self._motion(before, after)[1]
-        # rigid so far: the load factor
-        return moved if moved > STILL or not self._by_load else abs(after.t - before.t)
-
     def accept(self, before: Point, after: Point, length: float) -> bool:
-        change, moved = self._motion(before, after)
-        self._regular = not self._by_load and self._count > 0
-        if moved > STILL or not self._by_load:
+        change = (after.y - before.y)[: self._system.rows]
+        moved = size_of(self._system, change)
+        self._regular = self._secant is not None and self._count > 0
+        if self._secant is not None:
             self._secant = change
-        moved = self.gained(before, after, length)
-        if self._by_load and self._secant is not None:
-            self._by_load = False
-            self.length, self.shortest = moved, 1e-7 * moved
-        self.parameter += moved
+        elif moved > STILL:
+            self._secant, self.length, self.shortest = change, moved, 1e-7 * moved
+        # rigid so far: the load factor
+        self.parameter += abs(after.t - before.t) if self._secant is None else moved
         self._count += 1
         until = self._control.until
         if until is not None:
-            self.crossed = before.t != until and (before.t - until) * (after.t - until) <= 0
+            self._crossed = before.t != until and (before.t - until) * (after.t - until) <= 0
         return True
 
     def adapt(self, iterations: int, length: float) -> None:
@@ -417,7 +456,7 @@ class _ArcStage(Stage):
             super().adapt(iterations, length)
 
     def finished(self, point: Point) -> bool:
-        return self.crossed or self._count >= self._control.points
+        return self._crossed or self._count >= self._control.points
 
 
 class ArcLength(Control):
@@ -472,20 +511,13 @@ class ArcLength(Control):
         item = "ArcLength"
         self.until = None if until is None else finite(item, "until", until)
         self.turn = _turned(item, turn)
-        _whole(item, "points", points)
-        number = finite(item, "first", first, "a number that is not zero")
-        if number == 0:
+        self.points = _whole(item, "points", points)
+        self.first = finite(item, "first", first, "a number that is not zero")
+        if self.first == 0:
             raise InputError(item, f"first = {first!r}, expected a number that is not zero")
-        self.sign, self.first = float(np.sign(number)), abs(number)
         self.length = positive(item, "length", length)
         self.longest = positive(item, "longest", longest)
-        self.points = int(points)
-
-    def __repr__(self) -> str:
-        given = {"points": self.points, "until": self.until, "first": self.sign * self.first}
-        sizes = {"length": self.length, "longest": self.longest, "turn": self.turn}
-        return f"ArcLength({_shown(self, **given, **sizes)})"
 
     def stage(self, system: System, point: Point, direction: Floats | None = None) -> Stage:
         """Start at a point; `direction` (rows, 3): of the first step, on a branch."""
-        return _ArcStage(system, self, direction, self.sign)
+        return _ArcStage(system, self, direction)

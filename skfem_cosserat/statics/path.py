@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,46 +12,218 @@ import numpy as np
 from .. import checks
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
-from ..errors import AccuracyWarning, CosseratError, Diverged, IncompleteWarning
+from ..diagnostics.inputs import INSIDE
+from ..errors import (
+    AccuracyWarning,
+    CosseratError,
+    Diverged,
+    IncompleteWarning,
+    InputError,
+)
 from ..frames import is_beam
-from ..history import History
+from ..history import History, HistoryWriter
 from ..integrators import State
 from ..integrators.choice import choose, static_refusal
 from ..integrators.compiled_step import kernel_coordinates
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
 from ..model.balance import Spin
-from ..model.limits import first_over_rotated, limp, over_rotated_beam
+from ..model.limits import broken_constraint, limp, over_rotated_beam
 from ..newton import NewtonReport, NewtonSettings
-from ..run.describe import checked_asked, finish, path_formulas
+from ..run.describe import checked_asked, describe, finish, path_formulas
 from ..run.progress import Interrupt, Progress
-from ..time_function import Amplitude
-from ..types import FilePath, Floats, switch
+from ..run.record import take_along
+from ..run.start import checked_start
+from ..time_function import Amplitude, Constant
+from ..types import FilePath, Floats, check_kind, file_path, finite, switch
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
-from .branch import Branch, branch_stage
-from .control import STILL, ArcLength, Control, DisplacementControl, LoadControl, Stage
-from .critical_points import AROUND, Critical, Stability, inspect, interpolated, locate_all
-from .problem import UNMOVED
-from .schedule import (
+from .branch import CODES, Branch, branch_stage
+from .control import (
+    ArcLength,
+    Control,
+    DisplacementControl,
     Functional,
-    Neutral,
-    PathRecorder,
+    LoadControl,
     Point,
-    Schedule,
-    Solution,
-    weights,
+    Stage,
+    size_of,
 )
-from .solver import PathSolver
-from .static_checks import (
-    check_growth,
-    check_many,
-    check_run,
-    described,
-    first_point,
-    held_start,
-    prescribed_turn,
-    rotation,
-)
+from .critical import Critical, Free, Stability, free_motions, inspect, locate_all
+from .problem import UNMOVED, Neutral, PathSolver, Schedule, Solution, load_force
+
+# -- where a path starts ---------------------------------------------------------------------------
+
+
+def first_point(
+    system: System, schedule: Schedule, start: State | Branch | None
+) -> tuple[Point, Floats | None]:
+    """First point, and the direction in which a branch leads off.
+
+    Raises
+    ------
+    InputError
+        If the start is none of this system, at another instant than the path, or off constraints.
+    """
+    held = schedule.time
+    if isinstance(start, Branch):
+        if start.time != held:
+            raise InputError(
+                "argument time", f"{held!r}, the Branch is of a path with {start.time!r}"
+            )
+        return start.point, start.direction
+    q, turns, t, item = system.q0, None, 0.0, "argument start"
+    if start is not None:
+        q, turns = checked_start(system, start).q, start.turns
+        time = finite(item, "time", start.time)
+        if held is not None and time != held:
+            text = (
+                f"its time is {time!r} s, that of the path time = {held!r} s: expected the same"
+                " instant, see initial_state(time=...) and equilibrium(time=...)"
+            )
+            raise InputError(item, text)
+        t = time if held is None else 0.0
+        if start.load_factor is not None:
+            t = finite(item, "load_factor", start.load_factor)
+        count = len(system.couplings.angles)
+        if turns is not None and np.shape(turns) != (count,):
+            raise InputError(item, f"turns = {turns!r}, expected {count} whole numbers")
+    y = system.extend(q, schedule.instant(t))
+    wrong = None if start is None and held is None else broken_constraint(system, y, 1e-6)
+    if wrong is not None:
+        text = f"at load factor {t:g} it {wrong}"
+        if held is not None:
+            what = "the reference" if start is None else "it"
+            text = (
+                f"at the instant time = {held:g} s {what} {wrong}: start from a state that fulfils"
+                " it there, as the end of a path that moves the supports with the loads held at"
+                " zero (factors) to this load factor, by equilibrium(model, path, time=...)"
+            )
+        raise InputError(item, text)
+    return Point(y, t, turns), None
+
+
+def check_growth(schedule: Schedule, control: Control) -> None:
+    """Raise InputError if nothing is left that a control by displacements could let grow."""
+    held = schedule.time is not None and not schedule.grows
+    if held and isinstance(control, ArcLength | DisplacementControl):
+        raise InputError(
+            "argument time",
+            f"{schedule.time!r} s holds all there is, nothing grows with the load factor: give"
+            f" factors that grow, or LoadControl() instead of {control!r}",
+        )
+
+
+def rotation(system: System, before: Floats, after: Floats) -> float:
+    """Largest rotation (rad) of a frame between two configurations."""
+    kin = system.kinematics
+    if not len(kin.frames):
+        return 0.0
+    trace = (kin.directors(before) * kin.directors(after)).sum((1, 2))
+    return float(np.arccos(np.clip((trace.min() - 1) / 2, -1, 1)))
+
+
+def prescribed_turn(system: System, t0: float, t1: float) -> float:
+    """Rotation (rad) of the ground's frames and of driven angles between two load factors."""
+    times = np.linspace(t0, t1, INSIDE + 1).tolist()
+    moved = np.diff([system.ground(t).reshape(-1, 4, 3) for t in times], axis=0)
+    turns = np.sqrt(np.square(moved[:, :, 1:]).sum((2, 3)) / 2)
+    # a drive's frame holds (cos, sin, value)
+    drives = [
+        system.spot(d.place).vertex - len(system.origin_rows)
+        for d in system.drives
+        if d.coordinate.kind == "angle"
+    ]
+    turns[:, drives] = np.linalg.norm(moved[:, drives, 0, :2], axis=2)
+    return float(turns.sum(0).max())
+
+
+# -- A path as a history: points with their load factor, stability and constraint forces -----------
+
+
+class PathRecorder:
+    """Writes the points of a path."""
+
+    def __init__(
+        self, solver: PathSolver, meta: dict[str, Any], path: FilePath | None, notices: Notices
+    ) -> None:
+        self.solver, system = solver, solver.system
+        described, static = describe(system)
+        held = solver.schedule.time
+        described |= {"integrator": "static", "step": 0.0, "time": held, **meta}
+        #: of each factor whose it is, and whether it is a function of time
+        described["loads"] = {
+            name: [
+                [str(owner.name), not isinstance(time, Constant)]
+                for owner, time in zip(channels.owners, channels.times, strict=True)
+            ]
+            for name, channels in (("loads", system.loading), ("actuators", system.couplings))
+        }
+        self.writer = HistoryWriter(described, static, path)
+        self.notices = notices
+        self.count = 0
+        self._work = 0.0
+        self._spent = np.zeros(2, dtype=np.int64)
+        self._before: tuple[Floats, Floats] | None = None
+
+    def take(
+        self,
+        point: Point,
+        parameter: float,
+        force: Floats,
+        residual: float,
+        stability: Stability | None,
+        kind: str = "regular",
+        later: tuple[int, int] = (0, 0),
+    ) -> None:
+        """Record a point, with the iterations and solves since the last one, failed ones too.
+
+        Not with `later` ones, which are of the next point.
+        """
+        solver, system = self.solver, self.solver.system
+        effort = np.array([solver.iterations, solver.attempts]) - self._spent - later
+        self._spent += effort
+        q = point.y[: system.rows].reshape(-1)
+        amplitudes, zero = solver.schedule.at(point.t), np.zeros(system.n)
+        loads = load_force(system, point.y, amplitudes).reshape(-1)
+        if self._before is not None:  # work by the trapezoidal rule between the points
+            q0, before = self._before
+            self._work += float((before + loads) @ (q - q0)) / 2
+        self._before, spin = (q, loads), amplitudes.spin
+        turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
+        row = {
+            "t": float(parameter),
+            "step": self.count,
+            "q": q,
+            "p": zero,
+            "carried": zero,
+            "fresh": 1.0,
+            "constraint_force": np.asarray(force, dtype=float),
+            "load_factor": float(point.t),
+            "unstable": -1 if stability is None else stability.unstable,
+            "critical": CODES[kind],
+            "newton_iterations": int(effort[0]),
+            "attempts": int(effort[1]),
+            "residual": residual,
+            "work_loads": self._work,
+            "amplitudes/loads": amplitudes.loads,
+            "amplitudes/actuators": amplitudes.actuators,
+            "amplitudes/spin": turning,
+        }
+        if system.couplings.angles:
+            none = np.zeros(len(system.couplings.angles), dtype=np.int64)
+            row["turns"] = none if point.turns is None else point.turns
+        self.writer.append(row)
+        self.count += 1
+
+    def close(self, status: str, **extra: Any) -> History:
+        """Close the file and give the history."""
+        self.writer.close(status, **extra, warnings=self.notices.kept())
+        return self.writer.history()
+
+    def so_far(self) -> History:
+        """Points so far, where an error of the user's own code has ended the path."""
+        return self.writer.history() if self.writer.closed else self.close("failed")
+
 
 # -- point after point of a path: steps, what limits them, critical points on the way --------------
 
@@ -64,26 +237,50 @@ NEAR = 1e-6
 LIMP = 0.05
 #: part of a step from a point without stiffness, in which less than half of the motion is due
 SHORT = 0.1
-#: what to do about limit points
-BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
-#: what is raised where nothing can be found out about a path that has ended
-UNKNOWN = CosseratError, ArithmeticError, ValueError, RuntimeError
-#: points sought by arc length before that is advised, and how many first steps they have to lead on
-TRIED, ONWARD = 20, 3.0
 #: how often a step is halved to locate the critical points in it
 LOSSES = 6
+#: what is raised where nothing can be found out about the end of a path
+UNKNOWN = CosseratError, ArithmeticError, ValueError, RuntimeError
+#: what to do about limit points
+BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
 
 Callback = Callable[[Point], object]
 
 
 @dataclass
-class _StepStability:
-    """Stability along a step: at its end, critical points found, and whether one is missing."""
+class _Step:
+    """A step along a path to a point that was solved for.
 
-    end: Stability | None
-    found: list[Critical]
+    Attributes
+    ----------
+    start : Point
+    solution : Solution
+    functional : Functional
+    length : float
+        Of the control's parameter.
+    turn : float
+        Largest rotation of a node (rad).
+    jumps : bool
+        Whether the point is much farther away than the tangents lead.
+    relaxed : bool
+        Whether it was found in spite of a singular stiffness there.
+    end : Stability or None
+    critical : list of Critical
+        Found on the way.
+    lost, unsought : bool
+        Whether a critical point is missing; whether none was looked for.
+    """
+
+    start: Point
+    solution: Solution
+    functional: Functional
+    length: float
+    turn: float
+    jumps: bool
+    relaxed: bool = False
+    end: Stability | None = None
+    critical: list[Critical] = field(default_factory=list)
     lost: bool = False
-    #: critical points were not searched for: they may be those of the mesh
     unsought: bool = False
 
 
@@ -113,18 +310,21 @@ class Continuation:
         interrupt: Interrupt,
     ) -> tuple[str, Diverged | None]:
         """Follow the path; gives the status it ended with."""
-        self.recorder = recorder
+        self.recorder, self.point = recorder, first
         try:
-            point = self._settle(first) if direction is None else first
+            point = self._started(first) if direction is None else first
             held = not self.solver.schedule.moving
+            self.point = point
             stage = branch_stage(self.system, self.control, point, direction, held)
+            self.limit = None if stage.fixed else self.control.turn
             self._begin(point, stage, direction)
             while not stage.finished(point):
-                found, asked, point = self._advance(point, stage)
-                show(stage.parameter, found.t)
+                asked, point = self._advance(point, stage)
+                self.point = point
+                show(stage.parameter, point.t)
                 if not asked and not self.control.all_points and not interrupt.asked:
                     continue
-                answers = [callback(found) for callback in callbacks]  # all are called
+                answers = [callback(point) for callback in callbacks]  # all are called
                 if interrupt.asked:
                     return "interrupted", None
                 if any(isinstance(answer, bool | np.bool_) and answer for answer in answers):
@@ -137,132 +337,129 @@ class Continuation:
 
     # -- start -------------------------------------------------------------------------------------
 
+    def _started(self, first: Point) -> Point:
+        """The equilibrium near a start, in which no motion is free."""
+        system, solver, point, where = self.system, self.solver, first, "at the start"
+        report, free = None, self.free(first)
+        if not solver.balanced(first):
+            solution, report = None, None
+            if free is None:
+                solution, report = solver.settled(first)
+            if solution is None:
+                solution, report = solver.relaxed(first, Functional())
+            if solution is not None:
+                report, point = None, solution.point
+                where = "in the equilibrium to which the loads of the start lead"
+                free = self.free(point)
+        if free is not None:
+            grown, now = (solver.schedule.at(point.t + each) for each in (1.0, 0.0))
+            force = load_force(system, point.y, grown).ravel()
+            sizes = np.linalg.norm(force) * np.linalg.norm(free.rates, axis=0)
+            works = bool((abs(free.rates.T @ force) > 1e-9 * sizes).any())
+            loads = "with loads that act from the start (factors={name: 1.0}), "
+            raise InputError(
+                "static",
+                f"{free.text}, {where}{', and the loads do work on it' * works}: hold it"
+                f" with joints or springs, {loads * (not now.loads.any())}or start from a state"
+                " whose stresses do (a guess of it, start=initial_state(system, q))",
+            )
+        if report is not None:
+            raise self._failure(first, report, "the start is no equilibrium")
+        return point
+
+    def free(self, point: Point) -> Free | None:
+        """Motions that nothing holds at an equilibrium."""
+        if not self.system.unknowns:
+            return None
+        if self._stability is None or self._stability.point is not point:
+            self.solver.look(point)
+            self._stability = self._inspected(point)
+        return free_motions(self.system, self._stability)
+
+    def _inspected(self, point: Point) -> Stability:
+        """Stability of an equilibrium, by the pivots of its stiffness if they tell."""
+        amplitudes = self.solver.schedule.at(point.t)
+        found = inspect(self.system, point, amplitudes, self.solver.pivots(point))
+        found.unstable = found.firmly_unstable
+        return found
+
     def _begin(self, point: Point, stage: Stage, direction: Floats | None) -> None:
         solver = self.solver
-        self._spent = np.zeros(2, dtype=np.int64)
         force = solver.look(point)
-        stability = solver.inspect(point) if self.watch or direction is not None else None
-        if stability is not None:
+        stability = self._stability if direction is None else self._inspected(point)
+        if stability is not None and (self.watch or direction is not None):
             solver.neutral = stability.neutral_motions(self.system, direction)
-            if direction is None:
-                check_many(self.system, solver.schedule, point, stability)
         # at a critical point the number of unstable motions is one or the other
-        self._stability = stability if direction is None else None
+        self._stability = stability if self.watch and direction is None else None
         self._first = self._stability
         self._warn_of_elements(point, force)
-        self._record(point, stage.parameter, force, 0.0)
+        self.recorder.take(point, stage.parameter, force, 0.0, self._stability)
         if direction is None and isinstance(self.control, ArcLength):
             try:
-                stage.aim(solver.rate_at(point))
+                stage.aim(solver.rate(point))
             except SingularMatrixError:  # at a critical point a step of the load factor has to do
                 logger.debug("no tangent at the start")
 
-    def _settle(self, first: Point) -> Point:
-        """The equilibrium near a start that is none: the missing forces fade away."""
-        solver = self.solver
-        missing = solver.missing(first)
-        if missing is None:
-            return first
-        point, left, step = first, 1.0, 1.0
-        while left > 0:
-            step = min(step, left)
-            solution, report = solver.solve(point, Functional(), (left - step) * missing)
-            if solution is None:
-                self.rejected += 1
-                step /= 2
-                if step < 1e-4:
-                    what = "the start is no equilibrium"
-                    raise self._failure(point, report, what, relief=left * missing)
-                continue
-            point, left, step = solution.point, left - step, 2 * step
-            left = left if left > 1e-12 else 0.0
-        return point
-
     # -- a step ------------------------------------------------------------------------------------
 
-    def _advance(self, point: Point, stage: Stage) -> tuple[Point, bool, Point]:
-        """The next point, whether it is one that was asked for, and where the path goes on."""
-        limit = self.control.turn
-        residuals = []
-        losses = 0
-        beyond = None
+    def _advance(self, point: Point, stage: Stage) -> tuple[bool, Point]:
+        """Whether the next point is one that was asked for, and that point."""
+        limit, losses = self.limit, 0
+        residuals: list[list[float]] = []
         while True:
             length = self._prescribed(point, stage.trial())
-            functional = stage.functional(point, length)
-            solution, report = self._solve(point, functional)
-            residuals.append(report.residuals)
-            if solution is None and functional.predictor is None:
-                # at a critical point the tangent does not say where to go: on as before
-                rate = np.zeros((self.system.rows, 3)) if self._rate is None else self._rate
-                functional = replace(functional, predictor=length * rate)
-                solution, report = self._solve(point, functional)
-                residuals.append(report.residuals)
-            if solution is None and (both := self._around(point, stage, length)):
-                solution, beyond = both
-                turn, jumps = rotation(self.system, point.y, solution.point.y), False
-                along = self._stability_along(point, beyond)
-                break
+            step, report = self._tried(point, stage, length, residuals)
             shorter = 0.5
-            if solution is not None:
-                turn = rotation(self.system, point.y, solution.point.y)
-                jumps = self._jumps(point, solution)
-                if limit is None or (not jumps and turn <= limit):
-                    if isinstance(self.control, ArcLength) and self._crosses(point, solution.point):
-                        solution = self._at_end(solution.point)
-                    along = self._stability_along(point, solution)
-                    if not along.lost or limit is None or losses == LOSSES:
+            if step is not None:
+                if limit is None or (not step.jumps and step.turn <= limit):
+                    self._look(step)
+                    if not step.lost or limit is None or losses == LOSSES:
                         break
                     # it may have landed on another branch: a shorter step shows
                     losses += 1
-                elif not jumps and limit is not None:
-                    shorter = max(0.5, 0.8 * limit / turn)
+                elif not step.jumps:
+                    shorter = max(0.5, 0.8 * limit / step.turn)
                 report.reason = "in the shortest step it jumps to a point far away"
             self.rejected += 1
             stage.length = shorter * length
             if abs(stage.length) < stage.shortest:
                 raise self._failure(point, report, "the path cannot be continued", residuals)
-        solution = self._before_crest(point, solution, along)
-        asked = self._accept(point, solution, stage, functional, length, turn, along)
-        if jumps and limit is None and not along.found:
-            self._warn_of_jump(point, solution)
-        if beyond is None:
-            return solution.point, asked, solution.point
-        stage.parameter = beyond.point.t
-        return solution.point, asked, beyond.point
+        self._end_at_crossing(step)
+        self._warn_of_step(step)
+        asked = self._accept(step, stage)
+        if limit is not None and step.turn > 0:
+            # a step that would turn too far is not tried
+            most = 0.95 * limit / step.turn * abs(length)
+            stage.length = float(np.sign(stage.length)) * min(abs(stage.length), most)
+        return asked, step.solution.point
 
-    def _around(
-        self, point: Point, stage: Stage, length: float
-    ) -> tuple[Solution, Solution] | None:
-        """A point asked for at which the stiffness is singular, from others around it; the last.
-
-        None if they are not on one path through an equilibrium there.
-        """
-        if not isinstance(self.control, LoadControl) or length != stage.stops[0] - stage.parameter:
-            return None
-        target, *later = stage.stops
-        width = min(abs(t - target) for t in (point.t, *later))
-        ends = target + np.sign(length) * width * np.array([-k for k in AROUND[::-1]] + [*AROUND])
-        samples = []
-        for t in ends.tolist():
-            found, _ = self._solve(point, Functional(value=t - point.t))
-            if found is None or self._jumps(point, found):
-                return None
-            samples.append(found)
-        points = [each.point for each in samples]
-        forces = [each.constraint_force for each in samples]
-        at, force = interpolated(self.solver.schedule, target, ends, points, forces)
-        if self.solver.missing(at) is not None:
-            return None
-        return replace(samples[-1], point=at, constraint_force=force), samples[-1]
-
-    def _warn_of_jump(self, point: Point, solution: Solution) -> None:
-        """Say that a step of a size that was given may have left out a limit point."""
-        text = (
-            f"from load factor {point.t:.6g} on the point is much farther away than the tangents at"
-            " both ends lead: the step may have passed a limit point and jumped to another branch;"
-            " take shorter steps, or ArcLength() or DisplacementControl()"
-        )
-        warn("path", text, AccuracyWarning, solution.point.t)
+    def _tried(
+        self, point: Point, stage: Stage, length: float, residuals: list[list[float]]
+    ) -> tuple[_Step | None, NewtonReport]:
+        """A step of this length to a point, by what else there is where Newton's method fails."""
+        functional = stage.functional(point, length)
+        solution, report = self._solve(point, functional)
+        residuals.append(report.residuals)
+        rate = np.zeros((self.system.rows, 3)) if self._rate is None else self._rate
+        if solution is None and functional.predictor is None:
+            # at a critical point the tangent does not say where to go: on as before
+            functional = replace(functional, predictor=length * rate)
+            solution, report = self._solve(point, functional)
+            residuals.append(report.residuals)
+        given = functional.gradient is None and stage.stops
+        relaxed = bool(solution is None and given and length == stage.stops[0] - stage.parameter)
+        if relaxed:
+            # a point that is asked for may be a critical one
+            solution, other = self.solver.relaxed(point, Functional(value=length))
+            if solution is None or self._moved(point, solution) > max(
+                NEAR, JUMP * size_of(self.system, length * rate)
+            ):
+                return None, report
+            report = other
+        if solution is None:
+            return None, report
+        turn, jumps = rotation(self.system, point.y, solution.point.y), self._jumps(point, solution)
+        return _Step(point, solution, functional, length, turn, jumps, relaxed), report
 
     def _solve(self, point: Point, functional: Functional) -> tuple[Solution | None, NewtonReport]:
         """Solve for the next point; if that fails, once more with the motions that nothing holds.
@@ -272,146 +469,103 @@ class Continuation:
         """
         solver, neutral = self.solver, self.solver.neutral
         solution, report = solver.solve(point, functional)
-        if solution is not None or not neutral.motions:
-            return solution, report
-        solver.neutral = Neutral()
-        solution, report = solver.solve(point, functional)
-        solver.neutral = neutral
+        if solution is None and neutral.motions:
+            solver.neutral = Neutral()
+            solution, report = solver.solve(point, functional)
+            solver.neutral = neutral
         return solution, report
 
-    def _stability_along(self, point: Point, solution: Solution) -> _StepStability:
-        """Stability at a point found, and the critical points on the way to it."""
-        if not self.watch:
-            return _StepStability(None, [])
-        before = self._stability
-        stability = self.solver.inspect(solution.point)
-        stability.unstable = stability.firmly_unstable
+    def _look(self, step: _Step) -> None:
+        """Look at the stability of a step's end, and for critical points on the way to it."""
+        point, before = step.solution.point, self._stability
+        if not self.watch or step.relaxed:
+            return  # what is critical there is looked for in the next step
+        step.end = stability = self._inspected(point)
         if before is None or stability.unstable == before.unstable:
-            return _StepStability(stability, [])
-        if self._drawn(solution):
-            return _StepStability(stability, [], unsought=True)
+            return
+        force = step.solution.constraint_force
+        step.unsought = self.overstretched or bool(overstretched_at(self.system, point.y, force))
+        if step.unsought:  # motions of the mesh are unstable
+            return
         found = locate_all(self.solver, before, stability)
         if isinstance(self.control, LoadControl):
             # others belong to parts of the path that were passed before, or to other branches
-            low, high = sorted((point.t, solution.point.t))
+            low, high = sorted((before.point.t, point.t))
             found = [c for c in found if low <= c.stability.point.t <= high or c.kind == "limit"]
-        last = found[-1].after if found else before
-        return _StepStability(stability, found, last.crossed(stability))
+        step.critical = found
+        step.lost = (found[-1].after if found else before).crossed(stability)
 
-    def _drawn(self, solution: Solution) -> bool:
-        """True if elements are, or were, drawn so much that motions of the mesh are unstable."""
-        point, force = solution.point, solution.constraint_force
-        return self.overstretched or overstretched_at(self.system, point.y, force) is not None
-
-    def _before_crest(self, point: Point, solution: Solution, along: _StepStability) -> Solution:
-        """The end of an arc length path, if it is crossed on the way to a critical point."""
-        if not isinstance(self.control, ArcLength) or self.control.until is None:
-            return solution
-        until = self.control.until
-        for k, critical in enumerate(along.found):
-            if until == critical.stability.point.t or not self._crosses(
-                point, critical.stability.point
-            ):
+    def _end_at_crossing(self, step: _Step) -> None:
+        """Cut a step of the arc length at the load factor where the path ends, if it is crossed."""
+        until = self.control.until if isinstance(self.control, ArcLength) else None
+        ends = [*(each.stability.point for each in step.critical), step.solution.point]
+        for k, end in enumerate(ends):
+            if until is None or (step.start.t - until) * (end.t - until) >= 0:
                 continue
-            exact = self._at_end(point)
-            del along.found[k:]
-            along.end = inspect(self.system, exact.point, self.solver.schedule.at(until))
-            return exact
-        return solution
+            start = step.start if k < len(step.critical) else end
+            exact, report = self.solver.solve(start, Functional(value=until - start.t))
+            if exact is None:
+                raise self._failure(start, report, "the end of the path was not found")
+            step.solution, step.critical = exact, step.critical[:k]
+            step.end = self._inspected(exact.point) if self.watch else None
+            return
 
-    def _accept(
-        self,
-        point: Point,
-        solution: Solution,
-        stage: Stage,
-        functional: Functional,
-        length: float,
-        turn: float,
-        along: _StepStability,
-    ) -> bool:
+    def _accept(self, step: _Step, stage: Stage) -> bool:
         """Accept a point, after the critical ones that were passed; says whether it was asked."""
-        solver, parameter = self.solver, stage.parameter
-        gained = stage.gained(point, solution.point, length)
-        own = np.array([solution.report.iterations, 1])
-        self._spent += own  # of the end of the step
-        for critical in along.found:
-            share = functional.share(point, critical.stability.point)
-            self._record_critical(critical, parameter + share * gained)
-            self._check_turning(critical)
-        self._spent -= own
-        if along.lost:
-            text = (
-                f"a critical point between the load factors {point.t:.6g} and"
-                f" {solution.point.t:.6g} was not located"
-            )
-            warn("path", text, IncompleteWarning, solution.point.t)
-        if along.unsought:
-            text = (
-                f"critical points are not looked for from load factor {point.t:.6g} on: elements"
-                " are drawn so much that node rotations of this mesh are unstable as well; refine"
-            )
-            warn("path", text, IncompleteWarning, solution.point.t)
-        self._stability = along.end
-        if along.end is None:
-            solver.accept()
-        else:
-            solver.neutral = along.end.neutral_motions(self.system)
+        start, solution, parameter = step.start, step.solution, stage.parameter
+        asked = stage.accept(start, solution.point, step.length)
+        gained = stage.parameter - parameter
+        own = solution.report.iterations, 1
+        for found in step.critical:
+            point = found.stability.point
+            at = parameter + gained * step.functional.share(start, point)
+            entry = {"kind": found.kind, "load_factor": point.t, "state": self.recorder.count}
+            self.critical.append({**entry, "multiplicity": found.multiplicity})
+            logger.info("%s point at load factor %.9g", found.kind, point.t)
+            force, kind = found.constraint_force, found.kind
+            self.recorder.take(point, at, force, 0.0, found.stability, kind, own)
+            loaded = isinstance(self.control, LoadControl) and self.limit is not None
+            if found.kind == "limit" and loaded:
+                reason = (
+                    f"the load factor has a limit point, {point.t:.9g}: beyond it there is no"
+                    " equilibrium near"
+                )
+                where = f"load factor {point.t:.9g}"
+                raise Diverged(point.t, self.recorder.count, 0.0, reason, BEYOND, at=where)
+        if step.end is not None:
+            self._stability = step.end
+            self.solver.neutral = step.end.neutral_motions(self.system)
         rows = self.system.rows
-        self._rate = (solution.point.y[:rows] - point.y[:rows]) / length
+        self._rate = (solution.point.y[:rows] - start.y[:rows]) / step.length
         self._warn_of_elements(solution.point, solution.constraint_force)
-        asked = stage.accept(point, solution.point, length)
         if asked or self.control.all_points:
-            force, report = solution.constraint_force, solution.report
-            self._record(solution.point, stage.parameter, force, report.residual)
-        stage.adapt(solution.report.iterations, length)
-        limit = self.control.turn
-        if limit is not None and turn > 0:
-            # a step that would turn too far is not tried
-            most = 0.95 * limit / turn * abs(length)
-            stage.length = float(np.sign(stage.length)) * min(abs(stage.length), most)
+            force, residual = solution.constraint_force, solution.report.residual
+            self.recorder.take(solution.point, stage.parameter, force, residual, self._stability)
+        stage.adapt(solution.report.iterations, step.length)
         return asked
+
+    def _moved(self, point: Point, solution: Solution) -> float:
+        """Size of the motion to a solution."""
+        return size_of(self.system, (solution.point.y - point.y)[: self.system.rows])
 
     def _jumps(self, point: Point, solution: Solution) -> bool:
         """True if a point is much farther away than the tangents lead: on another branch."""
-        rows, w = self.system.rows, weights(self.system)
-
-        def size(change: Floats) -> float:
-            return float(np.sqrt((w * change**2).sum()))
-
-        after = solution.point
-        motion = size(after.y[:rows] - point.y[:rows])
+        change, motion = solution.point.t - point.t, self._moved(point, solution)
         first, last = self._first, self._stability
         if first is not None and last is not None and last.pivot <= CRITICAL * first.pivot:
             # tangents of a limit point lead anywhere, what goes on from there moves less at once
-            near, _ = self._solve(point, Functional(value=SHORT * (after.t - point.t)))
-            self._solve(point, Functional(value=after.t - point.t))  # is the last one again
-            if motion > NEAR and (
-                near is None or size(near.point.y[:rows] - point.y[:rows]) > motion / 2
-            ):
+            near, _ = self._solve(point, Functional(value=SHORT * change))
+            self._solve(point, Functional(value=change))  # is the last one again
+            if motion > NEAR and (near is None or self._moved(point, near) > motion / 2):
                 return True
-        if motion <= max(NEAR, JUMP * size(solution.predicted)):
+        if motion <= max(NEAR, JUMP * size_of(self.system, solution.predicted)):
             return False
         try:
             rate = self.solver.rate()
         except SingularMatrixError:
             return False
         # loads that set in slowly move nothing at first
-        return motion > JUMP * abs(after.t - point.t) * size(rate)
-
-    def _crosses(self, point: Point, after: Point) -> bool:
-        until = self.control.until if isinstance(self.control, ArcLength) else None
-        return (
-            until is not None and after.t != point.t and (point.t - until) * (after.t - until) < 0
-        )
-
-    def _at_end(self, point: Point) -> Solution:
-        """The point at the load factor at which an arc length path ends, from one next to it."""
-        assert isinstance(self.control, ArcLength)
-        target = Functional(value=(self.control.until or 0.0) - point.t)
-        exact, report = self.solver.solve(point, target)
-        if exact is None:
-            raise self._failure(point, report, "the end of the path was not found")
-        return exact
+        return motion > JUMP * abs(change) * size_of(self.system, rate)
 
     def _prescribed(self, point: Point, length: float) -> float:
         """A step in which prescribed motion turns no farther than its rotation can be told."""
@@ -423,128 +577,51 @@ class Continuation:
             length /= 2
         return length
 
-    # -- what is kept ------------------------------------------------------------------------------
+    # -- what is told of a path --------------------------------------------------------------------
 
-    def _record(
-        self,
-        point: Point,
-        parameter: float,
-        force: Floats,
-        residual: float,
-        kind: str = "regular",
-    ) -> None:
-        """Record a point, with the iterations and solves since the last one, failed ones too."""
-        effort = np.array([self.solver.iterations, self.solver.attempts]) - self._spent
-        self._spent += effort
-        iterations, attempts = effort.tolist()
-        unstable = -1 if self._stability is None else self._stability.unstable
-        self.recorder.take(point, parameter, force, iterations, attempts, residual, unstable, kind)
-
-    def _record_critical(self, found: Critical, parameter: float) -> None:
-        point = found.stability.point
-        self._stability = found.stability
-        entry = {
-            "kind": found.kind,
-            "load_factor": point.t,
-            "state": self.recorder.count,
-            "multiplicity": found.multiplicity,
-        }
-        self.critical.append(entry)
-        logger.info("%s point at load factor %.9g", found.kind, point.t)
-        self._record(point, parameter, found.constraint_force, 0.0, found.kind)
+    def _warn_of_step(self, step: _Step) -> None:
+        """Say what is doubtful about a step."""
+        start, end = step.start.t, step.solution.point.t
+        between = f"between the load factors {start:.6g} and {end:.6g}"
+        limits = [each for each in step.critical if each.kind == "limit"]
+        doubts = (
+            (
+                step.lost,
+                IncompleteWarning,
+                f"a critical point {between} was not located",
+            ),
+            (
+                step.unsought,
+                IncompleteWarning,
+                f"critical points are not looked for from load factor {start:.6g} on: elements are"
+                " drawn so much that node rotations of this mesh are unstable as well; refine",
+            ),
+            (
+                self.limit is None and bool(limits) and isinstance(self.control, LoadControl),
+                AccuracyWarning,
+                "there is a limit point: the path jumps to another branch",
+            ),
+            (
+                self.limit is None and step.jumps and not step.critical,
+                AccuracyWarning,
+                f"from load factor {start:.6g} on the point is much farther away than the tangents"
+                " at both ends lead: the step may have passed a limit point and jumped to another"
+                " branch; take shorter steps, or ArcLength() or DisplacementControl()",
+            ),
+        )
+        for found, category, text in doubts:
+            if found:
+                warn("path", text, category, end)
 
     def _warn_of_elements(self, point: Point, force: Floats) -> None:
         """Say once that elements are bent or drawn farther than they can be on their own."""
-        bent = not self.over_rotated and first_over_rotated(self.system, point.y[None]) is not None
-        if bent and (found := over_rotated_beam(self.system, point.y)) is not None:
-            self.over_rotated = True
-            warn(*found, AccuracyWarning, point.t)
+        bent = None if self.over_rotated else over_rotated_beam(self.system, point.y)
         drawn = None if self.overstretched else overstretched_at(self.system, point.y, force)
-        if drawn is not None:
-            self.overstretched = True
-            warn(*drawn, AccuracyWarning, point.t)
-
-    def _check_turning(self, found: Critical) -> None:
-        """Steps of the load factor end where it does not grow any more."""
-        if found.kind != "limit" or not isinstance(self.control, LoadControl):
-            return
-        t = found.stability.point.t
-        if self.control.turn is None:
-            text = "there is a limit point: the path jumps to another branch"
-            warn("path", text, AccuracyWarning, t)
-            return
-        reason = (
-            f"the load factor has a limit point, {t:.9g}: beyond it there is no equilibrium near"
-        )
-        advice = BEYOND
-        raise Diverged(t, self.recorder.count, 0.0, reason, advice, at=f"load factor {t:.9g}")
-
-    def _limit_near(self) -> str:
-        """That the stiffness is nearly lost at the last point, as far as it was looked at."""
-        first, last = self._first, self._stability
-        if first is None or last is None or first is last:
-            return ""
-        try:
-            known = first.symmetric and last.symmetric and first.smallest > first.floor
-            share = last.smallest / first.smallest if known else 1.0
-        except ValueError:  # its stiffness is not finite
-            return ""
-        if share > LIMP:
-            return ""
-        return (
-            "a limit point is near, as the smallest eigenvalue of the stiffness has fallen to"
-            f" {100 * share:.2g} % of that at the start"
-        )
-
-    def _floating(self, point: Point, relief: Floats | None) -> str:
-        """Description of motions that nothing holds at the end or at the last point; else empty.
-
-        The end is where the last iteration ended.
-        """
-        y, t = self.solver.ended
-        for at in (Point(y, t, point.turns), point):
-            if not np.isfinite(at.y).all():
-                continue
-            try:
-                stability = inspect(self.system, at, self.solver.schedule.at(at.t), relief)
-                motions = stability.neutral_motions(self.system).motions
-            except UNKNOWN:
-                continue  # its stiffness is not finite or singular: nothing is known of it
-            if motions:
-                return described(self.system, at.y, motions)
-        return ""
-
-    def _slack(self) -> str:
-        """Cables without tension where an iteration ended; empty if there are none."""
-        y = self.solver.ended[0]
-        forces = self.system.couplings.forces(y, np.zeros_like(y)) if np.isfinite(y).all() else []
-        return " and ".join(
-            item.label for item, _, force in forces if item.slack and not force.any()
-        )
-
-    def _leads_on(self, point: Point) -> bool:
-        """True if steps of the arc length lead past a point, to other load factors."""
-        solver = self.solver
-        stage = ArcLength(TRIED).stage(self.system, point)
-        try:
-            stage.aim(solver.rate_at(point))
-            enough = ONWARD * stage.length
-            for _ in range(TRIED):
-                length = stage.length
-                solution, report = solver.solve(point, stage.functional(point, length))
-                if solution is None or self._jumps(point, solution):
-                    stage.length /= 2
-                    continue
-                solver.accept()
-                stage.accept(point, solution.point, length)
-                stage.adapt(report.iterations, length)
-                before, point = point.t, solution.point
-                if stage.parameter >= enough:
-                    # what moves without any change of the load factor is held by nothing
-                    return abs(point.t - before) > STILL * max(abs(point.t), abs(before))
-        except UNKNOWN:  # as where a function of the user's has no value at another load factor
-            pass
-        return False
+        self.over_rotated |= bent is not None
+        self.overstretched |= drawn is not None
+        for found in (bent, drawn):
+            if found is not None:
+                warn(*found, AccuracyWarning, point.t)
 
     def _failure(
         self,
@@ -552,43 +629,44 @@ class Continuation:
         report: NewtonReport,
         what: str,
         residuals: list[list[float]] | None = None,
-        relief: Floats | None = None,
     ) -> Diverged:
-        """Why the path ends, and what to try."""
-        near = self._limit_near() if isinstance(self.control, LoadControl) else ""
-        slack, first = self._slack(), self._first
-        # what something holds at the start, and no cable, is lost at a critical point
-        held = first is not None and not (first.neutral or slack)
-        floating = "" if held else self._floating(point, relief)
-        reason = f"{what}: {report.reason}"
-        if floating:
+        """Why the path ends, and what to do: the first cause that is found."""
+        system, control, first, last = self.system, self.control, self._first, self._stability
+        ended, free, near = self.solver.ended, None, False
+        slack = []
+        if np.isfinite(ended.y).all():
+            forces = system.couplings.forces(ended.y, np.zeros_like(ended.y))
+            slack = [item.label for item, _, force in forces if item.slack and not force.any()]
+        if slack and self.recorder.count:
+            with suppress(*UNKNOWN):
+                free = free_motions(system, self._inspected(ended))
+        elif first is not None and last is not None and first is not last:
+            firm = first.symmetric and last.symmetric and first.smallest > first.floor
+            near = firm and last.smallest <= LIMP * first.smallest
+        found, advice = report.reason, "try shorter steps, then a finer mesh"
+        if free is not None:
+            found = f"{free.text}. Newton's method: {found}"
             advice = "hold it with joints or springs"
-            reason = f"{what}: nothing holds {floating}. Newton's method: {report.reason}"
         elif self.overstretched:
             advice = "refine the beam whose elements are drawn too much"
-        elif isinstance(self.control, DisplacementControl) and UNMOVED in report.reason:
-            place, way = self.control.place.label, self.control.direction.round(6).tolist()
+        elif isinstance(control, DisplacementControl) and UNMOVED in found:
+            place, way = control.place.label, control.direction.round(6).tolist()
             advice = f"the loads do not move {place} along {way}: choose what they move"
-        elif relief is not None:
+        elif not self.recorder.count:
             advice = "start nearer to an equilibrium"
-        elif isinstance(self.control, ArcLength):
-            advice = "try a shorter first step, then a finer mesh"
-        elif self._leads_on(point):
-            advice = BEYOND
-        else:
-            advice = "ArcLength() does not lead on from there either"
-            advice += "; try a finer mesh" * bool(self.system.beam_groups and not slack)
-        if near and not floating:
-            reason = f"{what}: {near}. Newton's method: {report.reason}"
-        if slack:
-            reason += f"; without tension where that ended: {slack}"
-        for beam in filter(is_beam, self.system.structures):
-            advice += limp(beam) * (limp(beam) not in reason)
+        elif slack:
+            advice = "hold by something else what a cable held"
+        elif isinstance(control, LoadControl):
+            advice = f"{BEYOND}; else try a finer mesh" if not near else BEYOND
+            found = near * f"a limit point is near. Newton's method: {found}" or found
+        found += f"; without tension where that ended: {' and '.join(slack)}" * bool(slack)
+        for beam in filter(is_beam, system.structures):
+            advice += limp(beam) * (limp(beam) not in found)
         return Diverged(
             point.t,
             max(1, self.recorder.count),
             report.residual,
-            reason,
+            f"{what}: {found}",
             advice,
             residuals,
             at=f"load factor {point.t:.9g}",
@@ -716,14 +794,18 @@ def static(
         control = LoadControl() if control is None else control
         settings = STATIC if settings is None else settings
         switch("argument watch", watch)
-        check_run(system, treatment, control, settings, callbacks)
+        check_kind("argument treatment", treatment, Treatment)
+        check_kind("argument control", control, Control)
+        check_kind("argument settings", settings, NewtonSettings)
+        if path is not None:
+            file_path("argument path", path)
+        if not isinstance(callbacks, Sequence) or not all(callable(c) for c in callbacks):
+            text = f"{callbacks!r}, expected a list of functions"
+            raise InputError("argument callbacks", text)
         derive = checked_asked(derive, system, path_formulas)
         schedule = Schedule(system, factors, spin, time)
         check_growth(schedule, control)
         first, direction = first_point(system, schedule, start)
-        if direction is None:
-            first = held_start(system, schedule, first)
-
         refused = static_refusal(system, treatment)
         choice = choose(kernels, kernel_coordinates(system, treatment), refused, solver=solver)
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
@@ -732,28 +814,32 @@ def static(
         about: dict[str, Any] = {"treatment": treatment.name, "parameter": control.parameter}
         about |= {"solver": points.method, "unknowns": points.bound.unknowns}
         about |= {"kernels": points.choice.name, "kernels_why": points.choice.why}
-        recorder = PathRecorder(system, schedule, about, path, notices)
-        with recorder, Interrupt() as interrupt:
-            with show:
-                status, failure = continuation.run(
-                    first, direction, recorder, callbacks, show, interrupt
+        recorder = PathRecorder(points, about, path, notices)
+        try:
+            with Interrupt() as interrupt:
+                with show:
+                    status, failure = continuation.run(
+                        first, direction, recorder, callbacks, show, interrupt
+                    )
+                if failure is None:
+                    checks.apply(checks.Path([system], recorder.writer.history()))
+                else:
+                    notices.tell(failure)
+                history = recorder.close(
+                    status,
+                    factorisations=points.factorisations,
+                    newton_iterations=points.iterations,
+                    attempts=points.attempts,
+                    rejected=continuation.rejected,
+                    critical=continuation.critical,
+                    **({} if failure is None else {"failure": str(failure)}),
                 )
-            if failure is None:
-                so_far = recorder.writer.history()
-                checks.apply(checks.Path([system], so_far))
-            else:
-                notices.tell(failure)
-            history = recorder.close(
-                status,
-                factorisations=points.factorisations,
-                newton_iterations=points.iterations,
-                attempts=points.attempts,
-                rejected=continuation.rejected,
-                critical=continuation.critical,
-                **({} if failure is None else {"failure": str(failure)}),
-            )
-            interrupt.at_once()  # nothing is lost any more
-            finish(history, [system], derive, path)
+                interrupt.at_once()  # nothing is lost any more
+                finish(history, [system], derive, path)
+        except BaseException as error:
+            if recorder.count:
+                take_along(error, recorder.so_far, [system])
+            raise
         if failure is not None:
             failure.history = history
             raise failure

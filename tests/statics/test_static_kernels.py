@@ -16,7 +16,7 @@ from test_statics import SPIN, assembly, braced, linkage, ring
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import plan
-from skfem_cosserat.statics import solver
+from skfem_cosserat.statics import problem as solver
 
 orders = pytest.mark.parametrize(
     "order", [1, *(pytest.param(order, marks=pytest.mark.slow) for order in (2, 3, 4))]

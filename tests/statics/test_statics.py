@@ -24,11 +24,10 @@ import skfem_cosserat as sc
 from skfem_cosserat import Spin, equilibrium, write_paraview
 from skfem_cosserat.diagnostics.stacked import blocks_matrix
 from skfem_cosserat.model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
-from skfem_cosserat.statics.critical_points import inspect
+from skfem_cosserat.statics.control import Functional, Point
+from skfem_cosserat.statics.critical import inspect
 from skfem_cosserat.statics.path import STATIC
-from skfem_cosserat.statics.problem import Problem
-from skfem_cosserat.statics.schedule import Functional, Point, Schedule
-from skfem_cosserat.statics.solver import PathSolver
+from skfem_cosserat.statics.problem import PathSolver, Problem, Schedule
 
 EPS = 1e-40
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
@@ -605,8 +604,7 @@ def test_derivative_by_the_load_factor(scene, treatment):
     point = Point(y, t)
     gradient = np.random.default_rng(4).standard_normal((system.rows, 3))
     target = Functional(gradient, 0.3, 0.1)
-    problem = Problem(solver.plain, schedule, STATIC, point, target)
-    solver.plain.begin(point)
+    problem = Problem(solver.plain, STATIC, point, target)
     problem.residual()
     found, by_t = problem.derivative()
     total, moved = 0.0, 0.0

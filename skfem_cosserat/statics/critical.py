@@ -1,4 +1,4 @@
-"""Stability of equilibria and critical points of a path."""
+"""Stability of equilibria, motions that nothing holds, and critical points of a path."""
 
 from __future__ import annotations
 
@@ -6,24 +6,21 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.linalg import eig, eigh
-from scipy.sparse import coo_matrix, csr_matrix, identity
-from scipy.sparse.csgraph import connected_components
+from scipy.linalg import eig, eigh, qr
+from scipy.sparse import diags, identity
 from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
 
-from ..diagnostics.stacked import ReducedTangent, reduced_tangent
+from ..diagnostics.nearest import rigid_motions, rigid_pieces
+from ..diagnostics.stacked import ReducedTangent, blocks_matrix, reduced_tangent
 from ..kernels import nearest_rotations
-from ..linear import EIGENVALUES
+from ..linear import EIGENVALUES, NEUTRAL, negative_pivots
 from ..model import System
 from ..model.balance import Amplitudes, balance
-from ..types import Array, Floats, IndexArray, largest
-from .schedule import Functional, Neutral, Point, Schedule, weights
-
-if TYPE_CHECKING:
-    from .solver import PathSolver
+from ..types import SAME, Array, Floats, largest
+from .control import Functional, Point, weights
+from .problem import Neutral, PathSolver, Pivots
 
 # -- stability of an equilibrium: eigenvalues of its stiffness, or the pivots of an elimination ----
 
@@ -33,9 +30,6 @@ SYMMETRIC = 1e-14
 #: relative difference of a block left in an elimination and its transpose above which forces are
 #: certainly not conservative: rounding was below 1e-13 (measured)
 SKEW = 1e-8
-#: eigenvalue, relative to the largest entry of K, below which a motion counts as neutral: of a
-#: section bent in one of its equivalent directions it was below 0.6 units of rounding (measured)
-NEUTRAL = 1e-15
 #: smallest pivot, against that eigenvalue, above which none is looked for: where a motion is small
 #: at the last unknown, the pivot is larger than the eigenvalue by its square; the largest entry may
 #: be larger than the largest pivot of an elimination in blocks
@@ -106,7 +100,7 @@ class Stability:
         if not (self.symmetric and self.unstable and self.neutral):
             return self.unstable
         K, metric = self.tangent.K, self.tangent.metric
-        return _negative(0.5 * (K + K.T) + 2 * self.floor * metric)[0]
+        return negative_pivots(0.5 * (K + K.T) + 2 * self.floor * metric)[0]
 
     def neutral_motions(self, system: System, beside: Floats | None = None) -> Neutral:
         """Motions that nothing holds, normal to the one (rows, 3) that a branch sets off along.
@@ -121,13 +115,12 @@ class Stability:
         modes = modes[:, abs(values) <= np.minimum(self.floor, OWN * own)]
         if not modes.shape[1]:
             return Neutral()
-        motions = [(W * (self.tangent.P @ m).reshape(-1, 3)).ravel() for m in modes.T]
+        moved = W.repeat(3)[:, None] * (self.tangent.P @ modes)
         if beside is not None:
-            motions = [(W * beside).ravel(), *motions]
-        Q, R = np.linalg.qr(np.column_stack(motions))
+            moved = np.column_stack([(W * beside).ravel(), moved])
+        Q, R = np.linalg.qr(moved)
         keep = abs(np.diag(R)) > 1e-6 * abs(R).max()
-        if beside is not None:
-            keep[0] = False
+        keep[: beside is not None] = False
         kept = [q.reshape(-1, 3) / W for q in Q[:, keep].T]
         # the metric here is a sum over the nodes, there a mean
         return Neutral(kept, LOOSE * self.floor * len(system.origin_rows))
@@ -175,57 +168,22 @@ def _start(n: int) -> Floats:
     return np.random.default_rng(0).standard_normal(n)
 
 
-def tangent_at(
-    system: System, point: Point, amplitudes: Amplitudes, relief: Floats | None = None
-) -> ReducedTangent:
-    """Stiffness and metric at an equilibrium, see :func:`inspect`."""
+def _tangent(system: System, point: Point, amplitudes: Amplitudes) -> ReducedTangent:
+    """Stiffness and metric at an equilibrium."""
     at = balance(system, point.y, amplitudes, turns=point.turns)
-    if relief is not None:
-        at.R = at.R - relief
     return reduced_tangent(system, point.y, amplitudes, at)
 
 
-class Pivots(NamedTuple):
-    """Pivots of an elimination of the stiffness along the constraints, without exchange of rows.
-
-    Attributes
-    ----------
-    negative : int
-        How many, of the symmetric part.
-    smallest, largest : float
-        In magnitude; the largest may be that of an entry.
-    skew : float
-        Largest difference of entries, or of those of blocks left, and their mirror images.
-    odd : bool
-        Whether the determinant is negative.
-    """
-
-    negative: int
-    smallest: float
-    largest: float
-    skew: float
-    odd: bool
-
-
 def inspect(
-    system: System,
-    point: Point,
-    amplitudes: Amplitudes,
-    relief: Floats | None = None,
-    pivots: Pivots | None = None,
+    system: System, point: Point, amplitudes: Amplitudes, pivots: Pivots | None = None
 ) -> Stability:
     """Stability of an equilibrium.
 
     Pivots of its stiffness, if they are known, do where they tell: the smallest one is not small
     enough to be that of a neutral motion, and forces are conservative, or certainly not.
-
-    Parameters
-    ----------
-    relief : (rows, 3) array, optional
-        Forces left out of the balance.
     """
     dead = system.loading.dead_only
-    assemble = partial(tangent_at, system, point, amplitudes, relief)
+    assemble = partial(_tangent, system, point, amplitudes)
     firm = pivots is not None and pivots.smallest > SUSPECT * NEUTRAL * pivots.largest
     if pivots is not None and firm and (dead or pivots.skew > SKEW * pivots.largest):
         unstable = pivots.negative if dead else int(pivots.odd)
@@ -234,67 +192,90 @@ def inspect(
     K = tangent.K
     size = largest(K.data)
     symmetric = dead or bool(abs((K - K.T).data).max(initial=0.0) <= SYMMETRIC * size)
-    unstable, pivot = _negative(0.5 * (K + K.T)) if symmetric else _determinant(K)
-    return Stability(point, unstable, symmetric, pivot, lambda: tangent)
+    unstable, pivot = negative_pivots(0.5 * (K + K.T) if symmetric else K)
+    count = unstable if symmetric else unstable % 2
+    return Stability(point, count, symmetric, pivot, lambda: tangent)
 
 
-def _determinant(K: csr_matrix) -> tuple[int, float]:
-    """1 if the determinant is negative, else 0, and the smallest pivot."""
-    try:
-        factors = splu(K.tocsc())
-    except RuntimeError:  # a pivot vanishes
-        return 0, 0.0
-    pivots = factors.U.diagonal()
-    sign = float(np.prod(np.sign(pivots))) * _parity(factors.perm_r) * _parity(factors.perm_c)
-    return int(sign < 0), float(abs(pivots).min(initial=np.inf))
+# -- motions of beams and bodies as rigid pieces that nothing holds --------------------------------
+
+#: part of a motion without stiffness that is no motion of rigid pieces, up to which it is one
+RIGID = 1e-6
 
 
-def _parity(order: IndexArray) -> int:
-    """Sign of a permutation, from the number of its cycles."""
-    n = len(order)
-    steps = coo_matrix((np.ones(n), (np.arange(n), order)), shape=(n, n))
-    cycles, _ = connected_components(steps, directed=False)
-    return 1 if (n - cycles) % 2 == 0 else -1
-
-
-class Factorised:
-    """A symmetric matrix factorised without exchange of rows, so that pivots can be counted.
-
-    Raises RuntimeError if a pivot vanishes.
+@dataclass(eq=False)
+class Free:
+    """Motions of rigid pieces that strain nothing and that no stress holds.
 
     Attributes
     ----------
-    negative : int
-        Negative eigenvalues, by Sylvester's law of inertia; -1 if rows were exchanged.
-    smallest : float
-        Smallest pivot.
-    solve : callable
-        Solution for a right-hand side.
+    rates : (n, k) array
+        Of the coordinates, each of as few pieces and components as possible.
+    text : str
+        The first one in words, and how many they are.
     """
 
-    def __init__(self, A: csr_matrix) -> None:
-        options = {"SymmetricMode": True}
-        lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-        pivots = lu.U.diagonal()
-        straight = bool((lu.perm_r == lu.perm_c).all())
-        self.negative = int((pivots < 0).sum()) if straight else -1
-        self.smallest = float(abs(pivots).min())
-        self.solve: Callable[[Array], Array] = lu.solve
+    rates: Floats
+    text: str
 
 
-def _negative(K: csr_matrix) -> tuple[int, float]:
-    """Negative and smallest pivots of an elimination without exchange of rows."""
-    if K.shape[0] == 0:
-        return 0, np.inf
-    none = NEUTRAL * largest(K.data) or 1.0
-    # a large one that is exactly singular: motions without stiffness get one that counts as none
-    for shift in (0.0, none) if K.shape[0] > EIGENVALUES else (0.0,):
-        with suppress(RuntimeError):  # a pivot vanishes
-            factors = Factorised(K + shift * identity(K.shape[0]))
-            if factors.negative >= 0:
-                return factors.negative, 0.0 if shift else factors.smallest
-    values = np.linalg.eigvalsh(K.toarray())
-    return int((values < 0).sum()), float(abs(values).min())
+def free_motions(system: System, stability: Stability) -> Free | None:
+    """Motions in the null space of the stiffness that move beams and bodies as rigid pieces.
+
+    None if there are none. In large scenes some of them.
+    """
+    if stability.firm or stability.pivot > SUSPECT * stability.floor:
+        return None
+    K, P, y = stability.tangent.K, stability.tangent.P, stability.point.y
+    count = K.shape[0] if K.shape[0] <= EIGENVALUES else MOST_NEUTRAL
+    modes = stability.nearest(count)[1]
+    own = (abs(modes) * (abs(K) @ abs(modes))).sum(0)
+    none = OWN * own + NEUTRAL * largest(K.diagonal() / stability.tangent.metric.diagonal())
+    soft = abs((modes * (K @ modes)).sum(0)) <= none
+    if system.couplings.count:  # what springs hold is critical, not free
+        springs = [*system.mass_tangent(0.0), system.couplings.stiffness(y)]
+        rates = P @ modes
+        soft &= abs((rates * (blocks_matrix(system, springs) @ rates)).sum(0)) <= none
+    modes = modes[:, soft]
+    label, names = rigid_pieces(system)
+    E, centres = rigid_motions(system, y, label, len(names))
+    size = diags(np.sqrt(weights(system)).ravel().repeat(3))
+    moved, weighted = size @ P @ modes, size @ E
+    gram = (weighted.T @ weighted).tocsc()  # mass points have no rotations
+    gram += SAME * largest(gram.data) * identity(gram.shape[0], format="csc")
+    twists = splu(gram).solve(weighted.T @ moved)
+    _, strained, mix = np.linalg.svd(moved - weighted @ twists, full_matrices=False)
+    lengths = np.linalg.norm(moved, axis=0).max(initial=0.0)
+    twists = twists @ mix[strained <= RIGID * lengths].T
+    if not twists.shape[1]:
+        return None
+    # as few pieces and components in each as possible
+    chosen = qr(twists.T, pivoting=True, mode="economic")[2][: twists.shape[1]]
+    twists = np.linalg.solve(twists[chosen].T, twists.T).T
+    twists = np.where(abs(twists) < 1e-7, 0.0, twists)
+    text = _described(twists[:, 0].reshape(-1, 6), names, centres, system.length)
+    found = twists.shape[1]
+    more = "or more" if found == count < K.shape[0] else "in all"
+    return Free(E @ twists, f"{text} is free, {found} such motion(s) {more}")
+
+
+def _described(twists: Floats, names: Sequence[str], centres: Floats, length: float) -> str:
+    """A motion of pieces in words; unit translations are those by `length`."""
+    sizes = np.linalg.norm(twists, axis=1)
+    moving = np.flatnonzero(sizes)
+    k = int(sizes.argmax())
+    who = " and ".join(names[i] for i in moving[:3]) + " and others" * (len(moving) > 3)
+    turn = float(np.linalg.norm(twists[k, 3:]))
+    main = twists[k, 3:] if turn else twists[k, :3]
+    v, w = np.sign(main[abs(main).argmax()]) * twists[k].reshape(2, 3)
+    if not turn:
+        return f"translation of {who} along {_triple(v / sizes[k])}"
+    through = centres[k] + length * np.cross(w, v) / turn**2
+    return f"rotation of {who}: {names[k]} about {_triple(w / turn)} through {_triple(through)}"
+
+
+def _triple(v: Floats) -> str:
+    return "(" + ", ".join(f"{x + 0.0:.3g}" for x in np.where(abs(v) < 1e-9, 0.0, v)) + ")"
 
 
 # -- limit and bifurcation points of a path: where stiffness is lost, and in which motion ----------
@@ -311,7 +292,7 @@ VANISHED = 1e-3
 #: how exactly a change of the number of unstable motions is found, as a share of the step
 ROOT = 1e-9
 #: weight of the load factor against motions: it leads where nothing moves
-RIGID = 1e-12
+LEADING = 1e-12
 
 
 @dataclass(eq=False)
@@ -346,70 +327,40 @@ class _Between:
         start, end = first.point, last.point
         dy, dt = (end.y - start.y)[: self.system.rows], end.t - start.t
         W = weights(self.system)
-        share = RIGID / max(abs(start.t), abs(end.t)) ** 2
+        share = LEADING / max(abs(start.t), abs(end.t)) ** 2
         self._secant = W * dy, share * dt, float((W * dy**2).sum()) + share * dt**2
-        self._found = {0.0: first, 1.0: last}
-        self._forces: dict[float, Floats] = {}
+        #: stability and constraint force of points that were solved for
+        self._found: dict[float, tuple[Stability, Floats]] = {}
 
-    def at(self, s: float) -> Stability:
-        """Raises _LostError."""
+    def at(self, s: float) -> tuple[Stability, Floats]:
+        """Stability of a point and its constraint force (n,). Raises _LostError."""
         if s not in self._found:
-            self._found[s] = self.stability(self._solved(self.first.point, s, s))
+            gradient, by_factor, size = self._secant
+            target = Functional(gradient, by_factor, s * size)
+            solution, _ = self.solver.solve(self.first.point, target)
+            if solution is None:
+                raise _LostError(s)
+            self._found[s] = self.stability(solution.point), solution.constraint_force
         return self._found[s]
-
-    def _solved(self, start: Point, way: float, s: float) -> Point:
-        """The point at s, which is a way further than the start; its force is kept."""
-        gradient, by_factor, size = self._secant
-        solution, _ = self.solver.solve(start, Functional(gradient, by_factor, way * size))
-        if solution is None:
-            raise _LostError(s)
-        self._forces[s] = solution.constraint_force
-        return solution.point
 
     def stability(self, point: Point) -> Stability:
         """Stability of a point, without what its solution tells."""
         return inspect(self.system, point, self.solver.schedule.at(point.t))
 
-    def force(self, s: float) -> Floats:
-        """Constraint force (n,); that of an end is solved for there. Raises _LostError."""
-        if s not in self._forces:
-            self._solved(self._found[s].point, 0.0, s)
-        return self._forces[s]
-
     def value(self, s: float) -> float:
         """The eigenvalue nearest to zero, signed by the number of unstable motions."""
-        stability = self.at(s)
+        stability = {0.0: self.first, 1.0: self.last}.get(s) or self.at(s)[0]
         return (
             -stability.smallest if stability.unstable != self.first.unstable else stability.smallest
         )
 
-    def around(self, guess: float, closer: float) -> tuple[Floats, list[Stability], Floats]:
-        """Points on both sides of a guess: shares, stabilities, and what vanishes between them.
-
-        That is the mean of the eigenvalues that change their sign.
-        """
-        shares = guess + closer * np.array([*(-np.array(AROUND[::-1])), *AROUND])
-        found = []
-        for s in shares.tolist():
+    def around(self, s: float, closer: float) -> dict[float, tuple[Stability, Floats]]:
+        """Points on both sides that are found, by their shares."""
+        found = {}
+        for share in (s + closer * np.array([*(-np.array(AROUND[::-1])), *AROUND])).tolist():
             with suppress(_LostError):
-                found.append((s, self.at(s)))
-        later = [k.unstable for s, k in found if s > guess and k.unstable != self.first.unstable]
-        counts = self.first.unstable, *later[:1]
-        change = counts[-1] - counts[0]
-
-        def mean(stability: Stability, sign: int) -> float:
-            values = stability.nearest(abs(change) + 2)[0]
-            # of others that are near the sign is another one
-            own = values[values * sign > 0] if stability.symmetric else sign * abs(values)
-            return float(own[: max(1, abs(change))].mean()) if len(own) else 0.0
-
-        out = []
-        for s, stability in found:
-            value = mean(stability, int(np.sign(change if s < guess else -change)))
-            if value and stability.unstable == counts[-1 if s > guess else 0]:
-                out.append((s, stability, value))
-        each = [*zip(*out, strict=True)] or [(), (), ()]
-        return np.array(each[0]), [*each[1]], np.array(each[2])
+                found[share] = self.at(share)
+        return found
 
 
 def locate(solver: PathSolver, first: Stability, last: Stability) -> Critical | None:
@@ -418,31 +369,31 @@ def locate(solver: PathSolver, first: Stability, last: Stability) -> Critical | 
     The eigenvalue nearest to zero, signed by that number, is a continuous function along the
     secant; Brent's method finds its root, as pivots tell the number to more digits than it has. If
     several lie between, it is the first of them or, of several pairs, one of them. The matrix is
-    singular there: the point is interpolated between some around it, with eigenvalues that go
-    smoothly through zero; and so is the root where Newton's method does not come near enough.
+    singular there: the point is interpolated between some around it, and so is the root where
+    Newton's method does not come near enough.
     """
     if not first.crossed(last):
         return None
     from scipy.optimize import brentq  # slow to import, seldom needed
 
-    between = _Between(solver, first, last)
+    between, lost = _Between(solver, first, last), False
     try:
-        guess, counted = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT)), True
-    except _LostError as lost:
-        guess, counted = lost.s, False
+        s = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT))
+    except _LostError as error:
+        s, lost = error.s, True
     for closer in CLOSER:
-        shares, samples, values = between.around(guess, closer)
-        before = int((shares < guess).sum())
-        root = guess + 1.0
-        if min(before, len(shares) - before) >= 2:
-            scaled = _polynomial(shares, values / abs(values).max(), guess)
-            root = guess + np.ptp(shares) * _nearest_root(scaled)
-        if abs(root - guess) < closer * AROUND[0] / 4:
-            found = _classified(between, guess if counted else root, shares, samples)
-            if found is not None:
-                return found
-        if abs(root - guess) <= AROUND[-1]:
-            guess, counted = root, False
+        samples = between.around(s, closer)
+        shares = np.array([*samples])
+        before = int((shares < s).sum())
+        if min(before, len(shares) - before) < 2:
+            continue
+        if lost:
+            values = np.array([between.value(share) for share in shares.tolist()])
+            root = np.ptp(shares) * _nearest_root(_polynomial(shares, values, s))
+            s += root if abs(root) < AROUND[0] else 0.0
+        found = _classified(between, s, samples)
+        if found is not None:
+            return found
     return None
 
 
@@ -459,15 +410,17 @@ def _nearest_root(polynomial: Array) -> float:
 
 
 def _classified(
-    between: _Between, s: float, shares: Floats, samples: list[Stability]
+    between: _Between, s: float, samples: dict[float, tuple[Stability, Floats]]
 ) -> Critical | None:
-    """The point at s by the polynomial through the samples.
+    """The point at s by the polynomial through the samples; its triads are orthonormal.
 
     A limit point is where the load factor is level: that has no rounding of the stiffest parts,
     as eigenvalues have.
     """
-    before, after = (samples[int((shares < s).sum()) + k] for k in (-1, 0))
-    times, width = np.array([each.point.t for each in samples]), float(np.ptp(shares))
+    shares, schedule = np.array([*samples]), between.solver.schedule
+    each, forces = zip(*samples.values(), strict=True)
+    before, after = (each[int((shares < s).sum()) + k] for k in (-1, 0))
+    times, width = np.array([stability.point.t for stability in each]), float(np.ptp(shares))
     slopes = np.polyder(_polynomial(shares, times - times.mean(), s)) / width
     middle = 0.5 * (before.point.t + after.point.t)
     scale = max(abs(middle - between.first.point.t), abs(between.last.point.t - middle))
@@ -476,31 +429,19 @@ def _classified(
     crest = s + width * _nearest_root(slopes) if level else np.inf
     if certain := abs(crest - s) < AROUND[0]:
         s = crest
-    points = [stability.point for stability in samples]
-    forces = [between.force(k) for k in shares.tolist()]
-    point, force = interpolated(between.solver.schedule, s, shares, points, forces)
-    stability = between.stability(point)
+    others = [np.delete(shares, k) for k in range(len(shares))]
+    factors = np.array([np.prod((s - x) / (a - x)) for a, x in zip(shares, others, strict=True)])
+    y = np.tensordot(factors, [stability.point.y for stability in each], 1)
+    t = float(factors @ times)
+    rows = between.system.kinematics.director_rows
+    y[rows] = nearest_rotations(y[rows])
+    y[between.system.rows :] = schedule.ground(t)
+    stability = between.stability(Point(y, t, before.point.turns))
     small = VANISHED * max(between.first.smallest, between.last.smallest)
     if not certain and stability.smallest > small:
         return None
-    return Critical("limit" if level else "bifurcation", stability, force, multiplicity, after)
-
-
-def interpolated(
-    schedule: Schedule, s: float, shares: Floats, points: Sequence[Point], forces: Sequence[Floats]
-) -> tuple[Point, Floats]:
-    """Point and constraint force at s by the polynomial through those at other shares.
-
-    Its triads are orthonormal to rounding.
-    """
-    others = [np.delete(shares, k) for k in range(len(shares))]
-    factors = np.array([np.prod((s - x) / (a - x)) for a, x in zip(shares, others, strict=True)])
-    y = np.tensordot(factors, [point.y for point in points], 1)
-    t = float(factors @ np.array([point.t for point in points]))
-    rows = schedule.system.kinematics.director_rows
-    y[rows] = nearest_rotations(y[rows])
-    y[schedule.system.rows :] = schedule.ground(t)
-    return Point(y, t, points[0].turns), np.tensordot(factors, forces, 1)
+    kind = "limit" if level else "bifurcation"
+    return Critical(kind, stability, np.tensordot(factors, forces, 1), multiplicity, after)
 
 
 def locate_all(solver: PathSolver, first: Stability, last: Stability) -> list[Critical]:
