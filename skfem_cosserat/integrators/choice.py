@@ -73,8 +73,8 @@ MadeT = TypeVar("MadeT")
 #: on one, and as many steps of a small scene take as long with plain ones
 LONG_RUN = 10_000
 #: how much faster a step is with compiled kernels, for the warning where numba is missing: what
-#: was measured for 20 and for 2000 elements lies on both sides
-FACTOR = 15
+#: was measured for 20 and for 200 elements lies on both sides
+FACTOR = 50
 #: oldest version of numba that compiles the kernels
 NUMBA = (0, 63)
 SWITCHED_OFF = "numba does not compile: NUMBA_DISABLE_JIT is set"
