@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 
 import skfem_cosserat as sc
 from skfem_cosserat.diagnostics.inputs import jumps
-from skfem_cosserat.integrators import report
+from skfem_cosserat.integrators import block
 
 NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
 WEIGHT = (0, 0, -10.0)
@@ -162,7 +162,7 @@ def test_second_order_where_steps_change_in_size(monkeypatch):
     """Events in the midst of steps; without what alternates of the momentum it is first order."""
     right = at_events(60), at_events(240)
     assert abs(np.log2(right[0].max() / right[1].max()) / 2 - 2) < 0.3
-    monkeypatch.setattr(report, "nearest_momentum", lambda system, y, p, t: p)
+    monkeypatch.setattr(block, "nearest_momentum", lambda system, y, p, t: p)
     assert at_events(240).max() > 5 * right[1].max()
 
 

@@ -20,7 +20,7 @@ from skfem_cosserat.integrators import compiled_scene
 from skfem_cosserat.integrators.compiled_scene import CompiledMotion
 from skfem_cosserat.model import force_elements
 from skfem_cosserat.run import sensors
-from skfem_cosserat.run.events import EventMonitor, dip
+from skfem_cosserat.run.events import dip
 
 G = 10.0
 SLOW = pytest.mark.slow
@@ -615,26 +615,6 @@ def test_what_is_fast_for_less_than_the_first_step(what):
         assert [event.name for event in found] == names
         assert 0 < found[-1].time < h / 2
         events.append(sc.Event(sc.ConditionTime(1e-4), name="before"))
-
-
-def test_passages_are_looked_for_only_where_they_may_be(monkeypatch):
-    """One step of another size, the first one's half, where the level is far; none for a time."""
-    sizes = []
-    solved = EventMonitor.step
-
-    def step(self, state, size, like):
-        sizes.append(size)
-        return solved(self, state, size, like)
-
-    monkeypatch.setattr(EventMonitor, "step", step)
-    system, height = thrown(0.1)
-    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.02, 0.2
-    sc.simulate(*run, events=[sc.Event(sc.ConditionTime(0.3))], derive=False)
-    assert sizes == []
-    far = sc.ConditionSensor(height, 0.051, component=2)  # the highest point is at 0.05 m
-    several = [sc.Event(far, name="far"), sc.Event(lambda t, view: 1.0, name="never")]
-    sc.simulate(*run, events=several, derive=False)
-    assert set(sizes) == {0.01}
 
 
 def test_lowest_point_of_a_function():
