@@ -234,7 +234,11 @@ def early_end(run: Run) -> Iterator[Doubt]:
     history, until = run.history, run.history.meta["until"]
     start, end = history.times[[0, -1]]
     rest = until - end
-    if history.status == "completed" and run.equal and 1e-6 * run.h < rest < run.h:
+    if (
+        history.status == "completed"
+        and run.equal
+        and 1e-6 * run.h + 1e-8 * (until - start) < rest < run.h
+    ):
         count = int(np.ptp(history["step"])) + 1
         yield Doubt(
             "argument until",

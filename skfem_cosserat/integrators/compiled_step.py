@@ -177,7 +177,7 @@ class CompiledStep(CompiledScene):
         others = coordinates is not system.joint_coordinates or len(system.held_rows) > 0
         self._others = system.plane is not None or others
         self._record = np.zeros(len(RECORD))
-        self._failed: tuple[float, Exception] | None = None  # a load that steps have not come to
+        self._failed: tuple[float, Exception] | None = None  # a function, in a step to come
         self._nearest: NearestVelocity | None = None
         if scheme.moved and system.m and NearestVelocity.serves(system):
             self._nearest = NearestVelocity(system, settings, source)
@@ -358,6 +358,9 @@ class CompiledStep(CompiledScene):
     def _load_at(self, time: float, end: float) -> None:
         """Loads, actuators and the ground in a step between two times (s)."""
         loading, rows, a = self.system.loading, self.system.rows, self._a
+        if self._failed is not None and self._failed[0] == time:
+            error, self._failed = self._failed[1], None
+            raise error
         if not (self._loaded and loading.constant):
             self.load(self._factors_at(time))
             self._loaded = True
@@ -368,9 +371,6 @@ class CompiledStep(CompiledScene):
 
     def _factors_at(self, time: float) -> Floats:
         """Factors of all loads' channels in a step that starts at a time (s)."""
-        if self._failed is not None and self._failed[0] == time:
-            error, self._failed = self._failed[1], None
-            raise error
         loading, end = self.system.loading, time + self.h
         return loading.values(end) if self.scheme.at_end else loading.averages(time, end)
 
@@ -451,13 +451,15 @@ class CompiledStep(CompiledScene):
         known = self.looped and record[KNOWN] > 0.0
         solved = self._solve() != 0.0
         self.factorisations += int(record[ALL_FACTORED])
-        self.complain()
-        if isinstance(self._next.error, Exception):  # it is kept for the step itself
-            self._failed = self._times[int(record[DONE])], self._next.error
-            self._next.error = None
-        for called in (self._next, self._called_back):
-            if called is not None:
-                called.complain()
+        try:
+            for called in (self, self._next, self._called_back):
+                if called is not None:
+                    called.complain()
+        except Exception as error:
+            if not record[DONE]:
+                raise
+            # kept for the step itself: an event may end the run before
+            self._failed, solved = (self._times[int(record[DONE])], error), False
         if self.looped:
             self._farthest, self._travel, _ = a.found.tolist()
             self._travelled = float(record[TRAVELLED])

@@ -67,7 +67,8 @@ class Works:
         (k,) array
             Work of drives up to the start of each of them, which is known with it.
         """
-        sums = self.sums + np.cumsum(block.works[:, [0, 1, 2, 4]], axis=0)
+        # one after the other, whatever the length of blocks
+        sums = np.cumsum([self.sums, *block.works[:, [0, 1, 2, 4]]], axis=0)[1:]
         self.sums = sums[-1]
         starts = np.full(len(block), self.drives)
         if self._driven:
@@ -91,15 +92,17 @@ class Works:
         )
         behind = np.concatenate([self._change[None], changes[:-1]])
         ended = after * _along(forces, behind)
-        starts = self.drives + np.cumsum(np.append(0.0, known[:-1]) - ended)
+        # one after the other, whatever the length of blocks
+        parts = np.column_stack([-ended, known]).ravel()
+        sums = np.cumsum([self.drives, *parts])[1:]
+        self.drives = float(sums[-1])
         self._h, self._force, self._change, self._q = (
             sizes[-1],
             forces[-1],
             changes[-1],
             steps.q[-1],
         )
-        self.drives = float(starts[-1] + known[-1])
-        return np.asarray(starts)
+        return np.asarray(sums[::2])
 
     def finish(self, force: Floats | None = None) -> None:
         """End the work of the last step by the force of its end; by default its own force."""
@@ -317,11 +320,11 @@ class Record:
         for rows in waiting:
             if rows["step"][0] == self._start.index:
                 rows["constraint_force"][0] = self._start_force()
+            wanted = rows["wanted"]
+            kept = {name: values[wanted] for name, values in rows.items() if name != "wanted"}
+            if len(kept["t"]):
+                self.writer.extend(kept)
             self.bank.take(self.system, rows)
-            wanted = rows.pop("wanted")
-            rows = {name: values[wanted] for name, values in rows.items()}
-            if len(rows["t"]):
-                self.writer.extend(rows)
 
     def _start_force(self) -> Floats:
         """Constraint force of the state that the steps started from."""

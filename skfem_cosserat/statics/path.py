@@ -641,8 +641,9 @@ class Continuation:
             with suppress(*UNKNOWN):
                 free = free_motions(system, self._inspected(ended))
         elif first is not None and last is not None and first is not last:
-            firm = first.symmetric and last.symmetric and first.smallest > first.floor
-            near = firm and last.smallest <= LIMP * first.smallest
+            with suppress(*UNKNOWN):
+                firm = first.symmetric and last.symmetric and first.smallest > first.floor
+                near = firm and last.smallest <= LIMP * first.smallest
         found, advice = report.reason, "try shorter steps, then a finer mesh"
         if free is not None:
             found = f"{free.text}. Newton's method: {found}"

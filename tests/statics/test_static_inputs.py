@@ -470,7 +470,7 @@ def test_an_end_that_can_move_freely_is_told(treatment):
     model.add("cable", sc.Cable(sc.ground((0, 0, 0)), ball.place(), 1e3, length=0.99))
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
     model.add("lift", sc.LoadForce(ball.place(), (0, 0, 9.81)))
-    with pytest.warns(sc.AccuracyWarning, match="its end translation of mass point 'ball'"):
+    with pytest.warns(sc.AccuracyWarning, match="mass point 'ball'.*can move freely"):
         path = sc.static(model, treatment, factors={"weight": 1.0})
     assert path.status == "completed" and abs(path["energy"][-1]) < 1e-12
 
