@@ -459,7 +459,7 @@ class CompiledStep(CompiledScene):
             if not record[DONE]:
                 raise
             # kept for the step itself: an event may end the run before
-            self._failed, solved = (self._times[int(record[DONE])], error), False
+            self._failed, solved = (self._times[int(record[DONE])], error), True
         if self.looped:
             self._farthest, self._travel, _ = a.found.tolist()
             self._travelled = float(record[TRAVELLED])

@@ -44,7 +44,7 @@ def assert_the_same_events(blocks, *given, least=1, **options):
     assert not blocks
     many, other = run(*given, **options)
     # the steps tried around an event begin with what was kept of others: they differ by rounding
-    assert_the_same(one, many, rel=1e-9)
+    assert_the_same(one, many, rel=1e-8)
     for found, expected in zip(many.events, one.events, strict=True):
         assert found.time == pytest.approx(expected.time, rel=1e-11, abs=1e-12)
         assert found.loss == pytest.approx(expected.loss, rel=1e-9, abs=1e-12)
@@ -418,6 +418,6 @@ def test_what_was_before_an_error_is_kept(blocks, at):
         histories.append(caught.value.history)
     one, many = histories
     assert blocks and one.times[-1] > at - H
-    np.testing.assert_array_equal(one.times, many.times)
+    np.testing.assert_allclose(one.times, many.times, rtol=1e-11)
     for name in ("q", "carried", "work_loads"):
-        np.testing.assert_allclose(one[name], many[name], rtol=1e-12)
+        np.testing.assert_allclose(one[name], many[name], rtol=1e-9, atol=1e-12)
