@@ -1,4 +1,4 @@
-"""The map of stability behind a picture of the README: small runs."""
+"""The map of stability behind a chart of the guide: small runs."""
 
 from __future__ import annotations
 

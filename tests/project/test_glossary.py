@@ -82,7 +82,7 @@ def test_what_does_not_exist_is_found_out(objects):
 
 
 @pytest.mark.parametrize(
-    "name", [n for row in ROWS for n in names(row.get("version 0.1", "")) if n.startswith("sc.")]
+    "name", [n for row in ROWS for n in names(row.get("older name", "")) if n.startswith("sc.")]
 )
 def test_old_names_are_gone(name):
     owner, _, attribute = name.rpartition(".")

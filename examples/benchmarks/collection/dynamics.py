@@ -132,8 +132,7 @@ class Problem:
                     return key
             except (TypeError, ValueError):
                 break
-        known = list(self.keys())
-        raise sc.InputError("case", f"{case!r} is unknown, expected one of {known}")
+        raise sc.InputError("case", f"{case!r} is unknown, expected one of {list(self.keys())}")
 
     def answer(self, case: Any = None, *arguments: Any) -> dict[str, Any]:
         """``main`` of a family whose cases are instants."""
