@@ -1,4 +1,4 @@
-"""What a history says about the system it belongs to: names, constant arrays, derived series."""
+"""Description of a system in a history: names, constant arrays, derived series."""
 
 from __future__ import annotations
 
@@ -243,29 +243,29 @@ class SystemSeries:
 
     @cached_property
     def _made(self) -> list[Formulas]:
-        """Of each system, when a series is first asked for: many runs are not."""
+        """Formulas of each system, made when a series is first asked for: many runs are not."""
         return [self._kind(system) for system in self._systems]
 
     @cached_property
     def names(self) -> Sequence[str]:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """Names of all series, in their order."""
         every = [name for made in self._made for together in made for name in together]
         return list(dict.fromkeys(every))
 
     @property
     def saved(self) -> Sequence[str]:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """Names of the series that a file has in any case."""
         items = ("beam/", "joint/", "coupling/")
         return [name for name in self.names if name in SAVED or name.startswith(items)]
 
     @property
     def systems(self) -> Sequence[System]:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """Systems of the segments."""
         return self._systems if self._formulas else ()
 
     @property
     def _formulas(self) -> list[Formulas]:
-        """Of each system; out of a pickle they are frozen again here."""
+        """Formulas of each system; out of a pickle they are frozen again here."""
         packed = self._packed
         if packed:
             try:
@@ -279,7 +279,7 @@ class SystemSeries:
         return self._made
 
     def derive(self, history: History, name: str) -> dict[str, Floats]:
-        """See :class:`skfem_cosserat.history.Derivation`.
+        """A series of a history, with those that come with it.
 
         A series that a segment does not have, of a joint that is gone say, is NaN there.
         Multipliers are in the order of their own system's rows, behind them NaN.
@@ -301,11 +301,11 @@ class SystemSeries:
         return {name: out}
 
     def segment(self, k: int) -> SystemSeries:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """The derivation of one segment."""
         return SystemSeries([self._systems[k]], self._kind) if len(self._formulas) > 1 else self
 
     def packed(self) -> SystemSeries | None:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """Itself as it goes into a pickle; None if its systems cannot go there."""
         _ = self.names  # they are known where the systems are not read yet
         out = copy(self)
         out._systems, out._made = [], []
@@ -365,7 +365,7 @@ def finish(
 
 
 def _moved_by_the_user(system: System) -> bool:
-    """Whether functions of the user's own move the ground: what they give later nobody knows."""
+    """True if functions of the user's own move the ground: nobody knows what they give later."""
     driven = {id(drive.place) for drive in system.drives}
     places = [place for place in system.moving if id(place) not in driven]
     own = [value for p in places for value in vars(p.motion).values() if callable(value)]
@@ -373,7 +373,7 @@ def _moved_by_the_user(system: System) -> bool:
 
 
 def kind_of(history: History) -> Kind:
-    """Which series follow from a history: of a run, of a path of equilibria, or of a mode."""
+    """Formulas that fit a history: of a run, of a path of equilibria, or of a mode."""
     if "load_factor" in history:
         return path_formulas
     if "instant" in history.meta:
@@ -382,7 +382,7 @@ def kind_of(history: History) -> Kind:
 
 
 def run_formulas(system: System) -> Formulas:
-    """Of a run, which has recorded works."""
+    """Formulas of a run, which has recorded works."""
     own = _momenta_formulas(system) | {
         (BALANCE,): _balance,
         ("at_jump",): lambda h: [at_jumps(system, h)],
@@ -392,12 +392,12 @@ def run_formulas(system: System) -> Formulas:
 
 
 def state_formulas(system: System) -> Formulas:
-    """What follows from configurations, momenta and constraint forces."""
+    """Formulas that take configurations, momenta and constraint forces."""
     return _momenta_formulas(system) | configuration_formulas(system)
 
 
 def _momenta_formulas(system: System) -> Formulas:
-    """What follows from configurations and momenta."""
+    """Formulas that take configurations and momenta."""
     return {
         ("v",): lambda h: [Projection(system).velocities(h["q"], h["p"], h.times)],
         ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
@@ -417,7 +417,7 @@ def _momenta_formulas(system: System) -> Formulas:
 
 
 def path_formulas(system: System) -> Formulas:
-    """Of the equilibria along a path."""
+    """Formulas of the equilibria along a path."""
     return {
         ("v",): lambda h: [np.zeros_like(h["q"])],
         ("strain_energy",): lambda h: [strain_energy(system, h["q"])],
@@ -429,7 +429,7 @@ def path_formulas(system: System) -> Formulas:
 
 
 def configuration_formulas(system: System) -> Formulas:
-    """What follows from configurations, constraint forces and the velocities "v"."""
+    """Formulas that take configurations, constraint forces and the velocities "v"."""
     items = [jr.joint for jr in system.joint_rows]
     couplings = system.couplings.items
 
@@ -477,7 +477,7 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
 
 
 def _coupling_energy(system: System) -> Formula:
-    """Of all springs together."""
+    """Formula of the energy of all springs together."""
     return lambda h: [coupling_energy(system, h["q"], h.instants, h.series.get("turns"))]
 
 

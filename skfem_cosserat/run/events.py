@@ -220,7 +220,7 @@ class Event(Attached):
 
     @property
     def label(self) -> str:
-        """How errors call it."""
+        """Name in errors."""
         return f"event {self.name!r}"
 
     def values(self, states: Window) -> Floats | None:
@@ -344,7 +344,7 @@ class _Motions:
         return type(None), ()
 
     def __call__(self, q: Floats, p: Floats) -> Motion | None:
-        """Of one or several states; None if there are no kernels for it."""
+        """Motion of one or several states; None if there are no kernels for it."""
         choice = self._factory.choice
         if not self._tried and choice is not None:
             self._tried = True
@@ -528,7 +528,7 @@ class EventMonitor:
         return period is not None and abs(value - self._now[event.name]) >= period / 2
 
     def _bracket(self, event: Event, trials: _Trials, value: float) -> Bracket | None:
-        """Where its number passes through zero in the step to this value; None: nowhere."""
+        """Bracket of a zero of its number in the step to this value; None: there is none."""
         side, start = self._sides[event.name], self._now[event.name]
         a, b = (0.0, max(start * side, 1e-300)), (trials.h, value * side)
         if self._met(event, value, side):

@@ -102,7 +102,7 @@ class RunLoop:
         return "stopped" if asked else "completed"
 
     def _act(self, found: Found) -> bool:
-        """What events do; whether the run ends with them."""
+        """Carry out what events do; true if the run ends with them."""
         assert self.watch is not None
         start, system, stop = self.state, self.watch.system, False
         before, losses = system, 0.0
@@ -453,7 +453,7 @@ def _extent(
     every: int,
     exact: bool = False,
 ) -> tuple[State, int]:
-    """Where a run starts, and the number of its steps; zero if a tolerance decides on them.
+    """Start of a run, and the number of its steps; zero if a tolerance decides on them.
 
     With `exact` they are shortened to end at `until`.
     """

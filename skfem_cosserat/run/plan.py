@@ -121,7 +121,7 @@ class FixedSteps(Plan):
         )
 
     def _time(self, index: Any) -> Any:
-        """Of states with these indices: t_n = t_0 + n h, no rounding adds up over many steps."""
+        """Times of states with these indices: t_n = t_0 + n h, no rounding adds up over steps."""
         return self._origin + (index - self._first) * self.h
 
     def begin(self, stepper: Stepper, state: State) -> None:
@@ -172,7 +172,7 @@ class Estimate:
         self._now: tuple[float, Floats] | None = None
 
     def begin(self) -> None:
-        """What comes is no continuation of what has been."""
+        """Begin anew: the next pair is no continuation of the last one."""
         self._before = None
 
     def error(

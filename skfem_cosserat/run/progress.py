@@ -1,4 +1,4 @@
-"""How far a run is, and Ctrl-C."""
+"""Progress of a run, and Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is looked at in states: by functions of a view, and by sensors at every step."""
+"""Readings of states: by functions of a view, and by sensors at every step."""
 
 from __future__ import annotations
 
@@ -352,12 +352,12 @@ class Sensor(Attached, ABC):
 
     @property
     def _of_the_user(self) -> bool:
-        """Whether functions of users say what it sees."""
+        """True if functions of users say what it sees."""
         return type(self).values.__module__ != __name__
 
     @abstractmethod
     def items(self) -> list[Item]:
-        """Those that have to be in the model."""
+        """Items that have to be in the model."""
 
     @abstractmethod
     def values(self, system: System, window: Window) -> Floats:
@@ -420,7 +420,7 @@ class SensorPosition(Sensor):
             yield "frame", self.frame
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class."""
+        """Copy for other items."""
         other = super().with_replacements(replacements)
         if (
             self.frame is not None
@@ -431,12 +431,12 @@ class SensorPosition(Sensor):
         return other
 
     def items(self) -> list[Item]:
-        """See the base class."""
+        """The items it needs."""
         frame = [] if self.frame is None or self.frame.item is None else [self.frame.item]
         return [*self._point.items(), *frame]
 
     def values(self, system: System, window: Window) -> Floats:
-        """See the base class."""
+        """Values (k, ...) at the window's states."""
         x = self._point.positions(window)
         if self.frame is None:
             return x
@@ -496,18 +496,18 @@ class SensorStrain(Sensor):
         return self._point._parts()
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """See the base class; there must still be a beam."""
+        """Copy for other items; there must still be a beam."""
         other = super().with_replacements(replacements)
         if not is_beam(other.beam):
             raise InputError("sensor", f"the {self.beam.label} is a rigid body: it has no strains")
         return other
 
     def items(self) -> list[Item]:
-        """See the base class."""
+        """The items it needs."""
         return self._point.items()
 
     def values(self, system: System, window: Window) -> Floats:
-        """See the base class."""
+        """Values (k, ...) at the window's states."""
         return self._point.section.values(system, window.q).strain[:, 0]
 
 
@@ -527,7 +527,7 @@ class SensorForce(SensorStrain):
     unit = "N, N m"
 
     def values(self, system: System, window: Window) -> Floats:
-        """See the base class."""
+        """Values (k, ...) at the window's states."""
         q, v, t = window.q, window.v, window.t
         at = diagnostics.accelerations(system, q, v, t, window.turns)
         return self._point.section.resultants(system, q, t, None, v, *at)[:, 0]
@@ -555,11 +555,11 @@ class SensorReaction(Sensor):
         self.joint = joint
 
     def items(self) -> list[Item]:
-        """See the base class."""
+        """The items it needs."""
         return [self.joint]
 
     def values(self, system: System, window: Window) -> Floats:
-        """See the base class."""
+        """Values (k, ...) at the window's states."""
         return np.concatenate(window.reaction(self.joint), axis=1)
 
 
@@ -588,15 +588,15 @@ class SensorQuantity(Sensor):
 
     @property
     def _of_the_user(self) -> bool:
-        """See the base class."""
+        """True: its function is."""
         return True
 
     def items(self) -> list[Item]:
-        """See the base class."""
+        """The items it needs."""
         return []
 
     def values(self, system: System, window: Window) -> Floats:
-        """See the base class."""
+        """Values (k, ...) at the window's states."""
         own = window.q.copy(), window.t.copy()  # it may write there
         out = numbers("sensor", "values", self.function(system, *own))
         if out.shape[:1] != window.t.shape or not np.isfinite(out).all():
@@ -724,7 +724,7 @@ class SensorBank:
         self.writer.sense(arrays)
 
     def _values(self, name: str, sensor: Sensor, window: Window) -> Floats:
-        """What a sensor sees; NaN where its joint has been released."""
+        """Values of a sensor; NaN where its joint has been released."""
         here = {each.name for each in window.system.joints}
         gone = [
             each for each in sensor.items() if isinstance(each, Joint) and each.name not in here
@@ -741,7 +741,7 @@ class SensorBank:
 
 
 def seen(name: str, sensor: Sensor, window: Window) -> Floats:
-    """What a sensor sees in a window: real numbers, for each of its instants."""
+    """Values of a sensor in a window: real numbers, for each of its instants."""
     item, times = f"sensor {name!r}", window.t
     try:
         values = numbers(item, "values", sensor.values(window.system, window))

@@ -1,4 +1,4 @@
-"""Where a run starts: checked configurations and velocities, also from rates of joints."""
+"""Start states of a run: checked configurations and velocities, also from rates of joints."""
 
 from __future__ import annotations
 
@@ -361,7 +361,7 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
 def broken_momentum(
     system: System, q: Floats, p: Floats, time: float, tolerance: float
 ) -> str | None:
-    """How far p is off the hidden constraints, and what to do; None: not by more than relative."""
+    """Words on how far p is off the hidden constraints; None: not by more than the tolerance."""
     miss = abs(nearest_momentum(system, system.extend(q, time), p, time) - p)
     allowed = max(tolerance * largest(p), 1e-13)
     if system.moving:  # as far as rates of the ground are known
