@@ -3,8 +3,8 @@
 ``sizes.csv`` holds the CPU time of each test, and of each fixture that several tests share, as
 measured by ``--measure FILE`` (then ``python tests/sizes.py FILE`` brings the table up to date). A
 test is slow if it costs more than `QUICK`, unless it is the cheapest case of its function and
-costs no more than `CASE`, or is marked ``quick``; it is long above `LONG`. A test may say itself
-that it is slow or long. What is not in the table is quick.
+costs no more than `CASE`, or is marked ``quick``; it is long above `LONG`, the cheapest case of its
+function above twice that. A test may say itself that it is slow or long. What is not in the table is quick.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def give_sizes(items: Sequence[pytest.Item]) -> None:
             awaited = sum(cost.get(name, 0.0) for name in shared(item))
             if item.get_closest_marker("quick"):
                 continue
-            if seconds(item) + awaited > LONG:
+            if seconds(item) > (2 * LONG if item is first else LONG):
                 item.own_markers[:] = [mark for mark in item.own_markers if mark.name != "slow"]
                 item.add_marker("long")
             elif seconds(item) > most or awaited > CASE:
