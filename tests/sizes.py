@@ -4,8 +4,8 @@
 measured by ``--measure FILE`` (then ``python tests/sizes.py FILE`` brings the table up to date). A
 test is slow if it costs more than `QUICK`, unless it is the cheapest case of its function and
 costs no more than `CASE`, or is marked ``quick``; it is long above `LONG`, the cheapest case of its
-function above twice that. A test may say itself that it is slow or long. What is not in the table is
-quick.
+function above twice that. A test may say itself that it is slow or long. What is not in the table
+is quick.
 """
 
 from __future__ import annotations

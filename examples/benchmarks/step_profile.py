@@ -26,6 +26,7 @@ from measuring import INTEGRATORS
 
 import skfem_cosserat as sc
 from skfem_cosserat.integrators import Stepper
+from skfem_cosserat.integrators.scheme import StepOrigin
 
 STEP = 1e-3
 WARM, STEPS = 20, 100
@@ -101,7 +102,8 @@ def profile(elements: int, integrator: str) -> list[dict[str, Any]]:
 
     fast = stepper._fast  # the parts are no interface of the package
     assert fast is not None
-    fast.advance(run.state, np.array([run.state.time + STEP]))
+    times = np.array([run.state.time + STEP])
+    fast.advance(run.state, times, StepOrigin(fast.integrator.name, STEP))
     places, s, m, w, g, numbers = fast._all
     tree, beam, factor = caller(beam=False), caller(beam=True), factors()
     for name in ("clear", "beam_tangent", "nodal_mass_matrix", "node_matrix"):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import identity
 from scipy.sparse.linalg import splu
 
-from ..diagnostics.stacked import reduced_tangent
+from ..diagnostics.stacked import blocks_matrix, material_stiffness, reduced_tangent
 from ..model.balance import balance
 from ..model.limits import broken_constraint, owner
 from ..model.parts import separate_parts
@@ -69,8 +69,15 @@ def free_end(path: Path) -> Iterator[Doubt]:
     for _ in range(5):  # inverse iteration: what nothing holds is all that is left
         motion = factors.solve(motion)
         motion /= abs(motion).max()
-    if abs(motion @ (K @ motion)) <= FREE * (abs(motion) @ (size @ abs(motion))):
-        moved = (tangent.P @ motion).reshape(-1, 3)
+    moved = tangent.P @ motion
+    springs = [*system.mass_tangent(0.0), system.couplings.stiffness(y)]
+    # what loads just take the stiffness from is critical, not free
+    held = material_stiffness(system, y) + blocks_matrix(system, springs)
+    if all(
+        abs(x @ (A @ x)) <= FREE * (abs(x) @ (abs(A) @ abs(x)))
+        for x, A in ((motion, K), (moved, held))
+    ):
+        moved = moved.reshape(-1, 3)
         moved[system.origin_rows] /= system.length
         row = int(np.linalg.norm(moved, axis=1).argmax())
         yield Doubt(

@@ -448,7 +448,7 @@ def test_a_path_that_ends_at_a_limit_point_names_it():
     with pytest.raises(sc.Diverged) as caught:
         sc.static(model, control=sc.LoadControl(until=20.0))
     text = str(caught.value)
-    assert "a limit point is near, as the smallest eigenvalue of the stiffness has fallen" in text
+    assert "a limit point is near" in text
     assert "ArcLength() or DisplacementControl()" in text
 
 

@@ -51,7 +51,7 @@ def test_plain_newton_needs_many_load_steps():
     assert ends[0].meta["rejected"] == 0 and ends[0].meta["newton_iterations"] <= 9
     for steps in (1, 2, 6):
         ends.append(path(steps, plain))
-        assert ends[-1].meta["rejected"] >= 2
+        assert ends[-1].meta["rejected"] >= 1
     ends.append(path(9, plain))
     assert ends[-1].meta["rejected"] == 0
     for each in ends[1:]:
