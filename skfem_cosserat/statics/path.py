@@ -349,11 +349,8 @@ class Continuation:
                 solution, report = solver.relaxed(first, Functional())
             if solution is not None:
                 report, point = None, solution.point
-                there, found = self.free(point), self._stability
-                # a round beam that has bent may still turn about its axis, which strains it
-                if there is not None or free is None or found is None or not found.neutral:
-                    where = "in the equilibrium to which the loads of the start lead"
-                    free = there
+                where = "in the equilibrium to which the loads of the start lead"
+                free = self.free(point)
         if free is not None:
             grown, now = (solver.schedule.at(point.t + each) for each in (1.0, 0.0))
             force = load_force(system, point.y, grown).ravel()

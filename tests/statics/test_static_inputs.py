@@ -247,13 +247,6 @@ def beam_with_its_weight():
     return model
 
 
-def beam_between_balls_with_its_weight():
-    """Bent, it may still turn about its curved axis: no rigid motion any more."""
-    model = beam_between_balls()
-    model.add("weight", sc.LoadGravity((0, 0, -0.1)))
-    return model
-
-
 def beam_on_springs_with_its_weight():
     model = sc.Model()
     beam = rod(model, ends=((0, 0, -1), (1, 0, -1)))
@@ -281,7 +274,6 @@ def point_drawn_along_two_springs():
         rod_with_its_weight_along_the_hinge,
         slider_with_its_weight_across,
         beam_with_its_weight,
-        beam_between_balls_with_its_weight,
         beam_on_springs_with_its_weight,
     ],
 )
