@@ -859,8 +859,8 @@ class PathSolver:
                 continue
             moved = size_of(self.system, (solution.point.y - at.y)[: self.system.rows])
             found, at, aim, hold = solution, solution.point, Functional(), hold / SOFTER
-            if moved <= SAME:
-                break
+            if moved <= SAME:  # the springs pull at nothing
+                return found, report
         return (found if found is not None and self.balanced(at) else None), report
 
     def _begin(
