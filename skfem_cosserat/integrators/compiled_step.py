@@ -376,7 +376,9 @@ class CompiledStep(CompiledScene):
 
     def takes_blocks(self, time: float) -> bool:
         """True if steps from this time (s) on can be solved in one go, several at a time."""
-        return self._alike and not (self.scheme.at_end and self._varies(time))
+        changing = self.scheme.at_end and self._varies(time)
+        # laws of users may fail at states that do not come
+        return self._alike and not (changing or self.calls_laws)
 
     def _varies(self, time: float) -> bool:
         """True if loads, forces of actuators or the ground may change after this time (s)."""
@@ -451,15 +453,13 @@ class CompiledStep(CompiledScene):
         known = self.looped and record[KNOWN] > 0.0
         solved = self._solve() != 0.0
         self.factorisations += int(record[ALL_FACTORED])
-        try:
-            for called in (self, self._next, self._called_back):
-                if called is not None:
-                    called.complain()
-        except Exception as error:
-            if not record[DONE]:
-                raise
-            # kept for the step itself: an event may end the run before
-            self._failed, solved = (self._times[int(record[DONE])], error), True
+        self.complain()
+        if isinstance(self._next.error, Exception):  # kept for the step itself
+            self._failed, solved = (self._times[int(record[DONE])], self._next.error), True
+            self._next.error = None
+        for called in (self._next, self._called_back):
+            if called is not None:
+                called.complain()
         if self.looped:
             self._farthest, self._travel, _ = a.found.tolist()
             self._travelled = float(record[TRAVELLED])

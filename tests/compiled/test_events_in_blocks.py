@@ -46,7 +46,7 @@ def assert_the_same_events(blocks, *given, least=1, **options):
     # the steps tried around an event begin with what was kept of others: they differ by rounding
     assert_the_same(one, many, rel=1e-8)
     for found, expected in zip(many.events, one.events, strict=True):
-        assert found.time == pytest.approx(expected.time, rel=1e-11, abs=1e-12)
+        assert found.time == pytest.approx(expected.time, abs=1e-11)
         assert found.loss == pytest.approx(expected.loss, rel=1e-9, abs=1e-12)
         assert (
             found[3:5] + found[6:] == expected[3:5] + expected[6:] and found.name == expected.name
@@ -101,7 +101,6 @@ def test_at_every_place_of_a_block(blocks, integrator):
         events = [sc.Event(sc.ConditionTime(t), name=f"at {t}") for t in times]
         history = assert_the_same_events(blocks, *given, events=events, least=2)
         assert [event.time for event in history.events] == pytest.approx(times, abs=1e-12)
-    assert {3, 6} <= set(blocks)
 
 
 def test_few_steps_are_solved_in_vain(blocks):
@@ -313,7 +312,7 @@ def test_functions_of_users_see_no_later_state(blocks):
 
 
 def test_a_law_of_a_user_is_not_asked_beyond_an_event(blocks):
-    """It may fail at states that follow."""
+    """Where kernels call Python, steps are taken one by one: it may fail at states that follow."""
     most = [np.inf]
 
     def energy(strain):
@@ -333,7 +332,7 @@ def test_a_law_of_a_user_is_not_asked_beyond_an_event(blocks):
         run(*given, 0.03)
     bent = sc.ConditionSensor(sc.SensorStrain(rod, 0.25), 0.03)
     history, _ = run(*given, 0.03, events=[sc.Event(bent, sc.ActionStop())])
-    assert history.status == "stopped" and len(history) > 15
+    assert history.status == "stopped" and len(history) > 15 and not blocks
 
 
 def test_a_class_of_its_own_counts_by_its_own_value(blocks):
