@@ -322,9 +322,11 @@ class Record:
                 rows["constraint_force"][0] = self._start_force()
             wanted = rows["wanted"]
             kept = {name: values[wanted] for name, values in rows.items() if name != "wanted"}
-            if len(kept["t"]):
-                self.writer.extend(kept)
-            self.bank.take(self.system, rows)
+            try:
+                self.bank.take(self.system, rows)
+            finally:  # rows are kept where a sensor raises
+                if len(kept["t"]):
+                    self.writer.extend(kept)
 
     def _start_force(self) -> Floats:
         """Constraint force of the state that the steps started from."""
