@@ -201,6 +201,7 @@ class Record:
         self.bank = SensorBank(checked, self.writer)
         self.works, self.iterations = Works(), 0
         self._complete: History | None = None
+        self._finished: Mapping[str, Any] = {}
         self.closed: History | None = None
         #: rows so far, with those that wait
         self._rows = 0
@@ -324,9 +325,11 @@ class Record:
             kept = {name: values[wanted] for name, values in rows.items() if name != "wanted"}
             try:
                 self.bank.take(self.system, rows)
-            finally:  # rows are kept where a sensor raises
-                if len(kept["t"]):
-                    self.writer.extend(kept)
+            except InputError:  # of a sensor: the states are kept
+                self.writer.extend(kept)
+                raise
+            if len(kept["t"]):
+                self.writer.extend(kept)
 
     def _start_force(self) -> Floats:
         """Constraint force of the state that the steps started from."""
@@ -338,6 +341,9 @@ class Record:
     def _finish(self) -> None:
         """Complete the row of the present state, which no step follows, and write all."""
         row, state = self._state, self._end
+        if row is self._finished:  # and could not be written
+            return
+        self._finished = row
         if self._late:
             force = force_at(state, self.stepper.integrator.single, self.system, self._late)
         else:
