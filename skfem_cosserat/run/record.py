@@ -43,7 +43,7 @@ class Works:
 
     def begin(self, stepper: Stepper, state: State, loss: float = 0.0) -> None:
         """Start, or go on with another state or system at the expense of an energy."""
-        weight = stepper.integrator.constraint_weight
+        weight = stepper.integrator.single.constraint_weight
         #: share of a step's own force, of that of the step after it and of that before it
         self._shares = (1.0, 0.0, 0.0) if weight == 0.5 else (0.5, (1 - weight) / 2, weight / 2)
         self._driven = bool(stepper.system.moving)
