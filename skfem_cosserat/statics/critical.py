@@ -354,13 +354,35 @@ class _Between:
             -stability.smallest if stability.unstable != self.first.unstable else stability.smallest
         )
 
-    def around(self, s: float, closer: float) -> dict[float, tuple[Stability, Floats]]:
-        """Points on both sides that are found, by their shares."""
+    def around(
+        self, guess: float, closer: float
+    ) -> tuple[dict[float, tuple[Stability, Floats]], Floats]:
+        """Points on both sides of a guess by their shares, and what vanishes between them.
+
+        That is the mean of the eigenvalues that change their sign.
+        """
         found = {}
-        for share in (s + closer * np.array([*(-np.array(AROUND[::-1])), *AROUND])).tolist():
+        for share in (guess + closer * np.array([*(-np.array(AROUND[::-1])), *AROUND])).tolist():
             with suppress(_LostError):
                 found[share] = self.at(share)
-        return found
+        start = self.first.unstable
+        later = [k.unstable for s, (k, _) in found.items() if s > guess and k.unstable != start]
+        counts = start, *later[:1]
+        change = counts[-1] - counts[0]
+
+        def mean(stability: Stability, sign: int) -> float:
+            values = stability.nearest(abs(change) + 2)[0]
+            # of others that are near the sign is another one
+            own = values[values * sign > 0] if stability.symmetric else sign * abs(values)
+            return float(own[: max(1, abs(change))].mean()) if len(own) else 0.0
+
+        values = {
+            s: mean(stability, int(np.sign(change if s < guess else -change)))
+            for s, (stability, _) in found.items()
+            if stability.unstable == counts[-1 if s > guess else 0]
+        }
+        kept = {s: value for s, value in values.items() if value}
+        return {s: found[s] for s in kept}, np.array([*kept.values()])
 
 
 def locate(solver: PathSolver, first: Stability, last: Stability) -> Critical | None:
@@ -382,18 +404,18 @@ def locate(solver: PathSolver, first: Stability, last: Stability) -> Critical | 
     except _LostError as error:
         s, lost = error.s, True
     for closer in CLOSER:
-        samples = between.around(s, closer)
-        shares = np.array([*samples])
+        samples, values = between.around(s, closer)
+        shares, root = np.array([*samples]), np.inf
         before = int((shares < s).sum())
-        if min(before, len(shares) - before) < 2:
-            continue
-        if lost:
-            values = np.array([between.value(share) for share in shares.tolist()])
-            root = np.ptp(shares) * _nearest_root(_polynomial(shares, values, s))
-            s += root if abs(root) < AROUND[0] else 0.0
-        found = _classified(between, s, samples)
-        if found is not None:
-            return found
+        if min(before, len(shares) - before) >= 2:
+            scaled = _polynomial(shares, values / abs(values).max(), s)
+            root = np.ptp(shares) * _nearest_root(scaled)
+        if abs(root) < closer * AROUND[0] / 4:
+            found = _classified(between, s + root if lost else s, samples)
+            if found is not None:
+                return found
+        if abs(root) <= AROUND[-1]:
+            s, lost = s + root, True
     return None
 
 

@@ -393,6 +393,26 @@ def pushed_down(z):
     return 400 * (np.hypot(1, 0.3) / np.hypot(1, z) - 1) * z
 
 
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # of few elements
+def test_critical_points_do_not_hang_on_the_steps():
+    """Two bifurcations of a flat arch, which lie in one step where the steps are long."""
+    points = [(x, 0.3 * (1 - x * x), 0) for x in np.linspace(-1, 1, 7)]
+    mesh, model = sc.MeshCurve.init_polyline(points, 1, name="rod"), sc.Model()
+    beam = model.add("arch", sc.Beam(mesh, stiff(EI=(1.0, 2.0)), director=(0, 0, 1)))
+    for end in ("start", "end"):
+        node = beam.node(f"rod.{end}")
+        model.add(end, sc.JointRevolute(sc.ground(node.position), node, axis=(0, 0, 1)))
+    top = beam.node((0, 0.3, 0))
+    model.add("push", sc.LoadForce(top, (0.0, -1.0, 0)))
+    found = []
+    for steps in (4, 5, 24):
+        path = sc.static(model, control=sc.DisplacementControl(top, (0, -1, 0), 0.1, steps=steps))
+        found.append(loads_of(path))
+    assert len(found[0]) > 1
+    for loads in found:
+        assert loads == pytest.approx(found[-1], rel=1e-8)
+
+
 def test_paths_are_equal_in_both_treatments():
     """Steps of equal arc length: point by point; and both lie on the curve."""
     found = []
