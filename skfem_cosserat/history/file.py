@@ -314,7 +314,7 @@ def _opened(path: Path, recover: bool = False) -> Iterator[sqlite3.Connection]:
     # not read-only: a writer that was killed in a transaction left what takes that back
     address = f"{path.resolve().as_uri()}?mode=rw"
     try:
-        with contextlib.closing(sqlite3.connect(address, _PATIENCE, uri=True)) as db:
+        with contextlib.closing(sqlite3.connect(address, timeout=_PATIENCE, uri=True)) as db:
             # opens a file that is cut short; nothing is written
             db.execute(f"PRAGMA writable_schema = {recover:d}")
             db.execute("BEGIN")  # a run may go on, and append blocks
