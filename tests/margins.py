@@ -237,6 +237,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n", 1)[0])
     parser.add_argument("files", nargs="*", metavar="FILE")
     parser.add_argument("--features", action="store_true", help="print what numpy may do without")
+    parser.add_argument("--tests", action="store_true", help="print the tests that compare")
     parser.add_argument("--csv", metavar="TABLE", help="largest ratio of each file of tests")
     options = parser.parse_args(arguments)
     if options.features:
@@ -247,6 +248,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if not run:
             sys.stdout.write(f"{path}: no comparisons\n")
             return 1
+    if options.tests:
+        sys.stdout.writelines(sorted({f"{test}\n" for run in runs for test, *_ in run}))
+        return 0
     if len(runs) > 1 and not any(map(_differing, runs[1:], [runs[0]] * len(runs))):
         sys.stdout.write("no run differs from the first one: they rounded alike\n")
         return 1

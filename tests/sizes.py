@@ -4,7 +4,7 @@
 measured by ``--measure FILE`` (then ``python tests/sizes.py FILE`` brings the table up to date). A
 test is slow if it costs more than `QUICK`, unless it is the cheapest case of its function and
 costs no more than `CASE`, or is marked ``quick``; it is long above `LONG`, the cheapest case of its
-function above twice that. A test may say itself that it is slow or long. What is not in the table
+function above `LONG_CASE`. A test may say itself that it is slow or long. What is not in the table
 is quick.
 """
 
@@ -32,7 +32,7 @@ TABLE = Path(__file__).resolve().parent / "sizes.csv"
 #: of the long tests: which was run when
 RECORD = TABLE.with_name("long_runs.csv")
 #: CPU seconds, see above
-QUICK, CASE, LONG = 0.1, 0.3, 15.0
+QUICK, CASE, LONG, LONG_CASE = 0.1, 0.3, 5.0, 30.0
 #: cheaper ones are not in the table
 LEAST = 0.08
 
@@ -74,7 +74,7 @@ def give_sizes(items: Sequence[pytest.Item]) -> None:
             awaited = sum(cost.get(name, 0.0) for name in shared(item))
             if item.get_closest_marker("quick"):
                 continue
-            if seconds(item) > (2 * LONG if item is first else LONG):
+            if seconds(item) > (LONG_CASE if item is first else LONG):
                 item.own_markers[:] = [mark for mark in item.own_markers if mark.name != "slow"]
                 item.add_marker("long")
             elif seconds(item) > most or awaited > CASE:
