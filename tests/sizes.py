@@ -32,7 +32,7 @@ TABLE = Path(__file__).resolve().parent / "sizes.csv"
 #: of the long tests: which was run when
 RECORD = TABLE.with_name("long_runs.csv")
 #: CPU seconds, see above
-QUICK, CASE, LONG, LONG_CASE = 0.1, 0.3, 5.0, 30.0
+QUICK, CASE, LONG, LONG_CASE = 0.1, 0.3, 3.0, 20.0
 #: cheaper ones are not in the table
 LEAST = 0.08
 
