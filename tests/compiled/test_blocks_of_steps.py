@@ -56,7 +56,7 @@ def assert_the_same(a, b, rel=0.0):
     """All that was recorded, to the last bit; or to a share of the largest, without iterations."""
     assert sorted(a) == sorted(b) and {"q", "constraint_force", "work_loads", "fresh"} < set(a)
     for name in set(a) - ({"newton_iterations", "attempts", "residual"} if rel else set()):
-        close = {"rtol": 0, "atol": rel * np.nanmax(abs(a[name]), initial=1e-3), "err_msg": name}
+        close = {"rtol": 0, "atol": rel * np.nanmax(abs(a[name]), initial=1.0), "err_msg": name}
         np.testing.assert_allclose(a[name], b[name], **close)
         assert a[name].dtype == b[name].dtype, name
     np.testing.assert_allclose(a.times, b.times, rtol=rel)

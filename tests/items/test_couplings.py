@@ -829,8 +829,8 @@ def test_free_scenes_keep_their_momenta(integrator, treatment, kernels):
     # compared with the sizes of the terms: in a random motion they nearly cancel
     y, momenta = history["q"][0].reshape(-1, 3), history["p"][0].reshape(-1, 3)
     size = np.linalg.norm(np.cross(y, momenta), axis=1).sum()
-    assert abs(L - L[0]).max() < 1e-12 * size
-    assert abs(p - p[0]).max() < 1e-12 * np.linalg.norm(momenta[system.origin_rows], axis=1).sum()
+    assert abs(L - L[0]).max() < 1e-11 * size  # 50 steps, and room for other processors
+    assert abs(p - p[0]).max() < 1e-11 * np.linalg.norm(momenta[system.origin_rows], axis=1).sum()
     assert np.linalg.norm(L[0]) > 0.01 * size
     assert np.ptp(history["energy"]) > 0.05 * history["energy"][0]
 

@@ -395,7 +395,7 @@ def test_several_turns(treatment):
     history = sc.simulate(system, sc.EnergyMomentum(), TREATMENTS[treatment], 0.02, 1.0)
     assert abs(history["joint/axle/angle"] + 15 * history.times**2).max() < 1e-12
     L = history["angular_momentum"]
-    assert abs(L - L[0]).max() < 1e-12 * abs(L[0]).max()  # the motor is an internal force
+    assert abs(L - L[0]).max() < 1e-11 * abs(L[0]).max()  # the motor is an internal force
 
 
 # such steps are much too large
