@@ -326,7 +326,8 @@ class Record:
             try:
                 self.bank.take(self.system, rows)
             except InputError:  # of a sensor: the states are kept
-                self.writer.extend(kept)
+                if len(kept["t"]):
+                    self.writer.extend(kept)
                 raise
             if len(kept["t"]):
                 self.writer.extend(kept)
