@@ -10,11 +10,10 @@ import numpy as np
 from ..element import gauss_rule
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
-from ..types import ArrayLike, Floats, VectorLike, finite, numbers, shown, switch
+from ..types import SAME, ArrayLike, Floats, VectorLike, finite, numbers, shown, switch
 
 #: Gauss rule used to measure splines, on [0, 1].
 _GAUSS_X, _GAUSS_W = gauss_rule(16)
-_ROUND = 64 * np.finfo(float).eps
 
 
 @runtime_checkable
@@ -166,7 +165,7 @@ class CurveArc(Frozen):
         self.radius = _positive(radius, "arc radius")
         self.angle = _positive(angle, "arc angle")
         self.length = float(radius * angle)
-        if angle > 2 * np.pi * (1 + _ROUND):
+        if angle > 2 * np.pi * (1 + SAME):
             raise MeshError("arc angle", f"got {angle} rad, expected at most 2 pi")
 
     @property

@@ -317,10 +317,6 @@ def _check_names(mesh: MeshCurve) -> None:
 # -- lines that cross without a common vertex ------------------------------------------------------
 
 
-#: elements of which all pairs are looked at
-FEW = 200
-
-
 def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     """Elements (2, k) that meet between the vertices of one of them at least, and where (k, 3).
 
@@ -329,7 +325,7 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     ends = mesh.p.T[mesh.t]
     along = ends[1] - ends[0]
     size, middle = np.linalg.norm(along, axis=1), ends.mean(axis=0)
-    if len(size) <= FEW:
+    if len(size) <= 200:
         e, f = np.triu_indices(len(size), 1)
     else:
         from scipy.spatial import cKDTree  # slow to import

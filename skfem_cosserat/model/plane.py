@@ -253,8 +253,6 @@ OutOfPlane = Iterator[tuple[str, str]]
 INSTANTS = (0.0, 1e-3, 1e-2, 0.04, 0.1)
 #: share of a load that may leave the plane later, where functions of time are evaluated
 SHARE = 1e-6
-#: angle (degrees) to the nearest director that is worth saying
-TILTED = 1e-6
 RESULTANTS = ("N_1", "N_2", "N_3", "M_1", "M_2", "M_3")
 #: strains, relative to an axial strain of one, at which stored energies are compared
 PROBE = 1e-2 * np.array([np.cos(k * np.arange(6)) for k in range(1, 5)])
@@ -413,7 +411,7 @@ def _matrix(D: Floats, nu: Floats, what: str) -> str:
         return ""
     axis = float(np.degrees(np.arccos(min(1.0, float(abs(nu).max())))))
     turned = f"the plane's normal is {axis:.6g} degrees off d1 and d2 of the section, "
-    turned = turned if axis > TILTED else ""
+    turned = turned if axis > SHARE else ""
     names = f"{RESULTANTS[i]} with {RESULTANTS[j]}" if i != j else f"{RESULTANTS[i]}"
     return (
         f"the {what} couples motion in the plane with motion out of it: {turned}entry {names}"
@@ -613,9 +611,6 @@ def _ground(system: System, plane: Plane) -> OutOfPlane:
 
 # -- whether a scene stays in a plane, which one, and what leaves it by how much -------------------
 
-#: cosine above which an axis of space may be what is meant by a normal
-NEARLY = 0.99
-
 
 @dataclass(frozen=True, eq=False)
 class Planarity:
@@ -696,7 +691,8 @@ def _candidates(system: System) -> list[Floats]:
     sizes = np.append(sizes, np.zeros(3))[:3] / np.sqrt(len(x))
     if sizes[1] > 1e-6:
         axis = np.eye(3)[np.argmax(abs(V[2]))]
-        return [V[2], axis] if abs(axis @ V[2]) > NEARLY else [V[2]]
+        # an axis of space may be what is meant
+        return [V[2], axis] if abs(axis @ V[2]) > 0.99 else [V[2]]
     line = V[:1] if sizes[0] > 1e-6 else np.zeros((0, 3))
     along, about = [*np.zeros((0, 3))], [*np.eye(3)]
     for item in system.structures:
