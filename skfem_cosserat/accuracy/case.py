@@ -28,8 +28,6 @@ from .asked import Asked, Run, attached
 
 #: highest order of elements
 HIGHEST = 4
-#: states of a run that are recorded, and where functions look at them
-RECORDED, LOOKED_AT = 128, 1024
 
 
 class Case(NamedTuple):
@@ -218,7 +216,8 @@ class Scene:
         model, system, copies = self.built(case) if built is None else built
         if self.moves:
             state = self.begin(system, nudge)
-            rows = LOOKED_AT if self.asked.needs_states else RECORDED
+            # functions look at recorded states: more of them
+            rows = 1024 if self.asked.needs_states else 128
             history = simulate(
                 system,
                 self.integrator,

@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 
 Row = Mapping[str, Any]
-#: where crosses of what failed stand, as a part of the height
-FOOT, TOP = 0.04, 0.97
 
 
 # -- what several charts share ---------------------------------------------------------------------
@@ -120,7 +118,7 @@ def _draw(axis: Any, line: Line, style: Style) -> None:
     sure = {"linestyle": "-"} if _sure(line) else {"linestyle": "--", "markerfacecolor": "none"}
     x, y = found.sizes[shown], found.errors[shown]
     axis.plot(x, y, label=label, **{**style._asdict(), **sure})
-    _crosses(axis, found.sizes[~line.solved], FOOT, color=color, clip_on=False)
+    _crosses(axis, found.sizes[~line.solved], 0.04, color=color, clip_on=False)
     if found.rounding > 0 and (found.errors[shown] < 100 * found.rounding).any():
         axis.axhline(100 * found.rounding, color=color, linestyle=":", linewidth=0.8)
     if found.asymptotic:
@@ -255,7 +253,7 @@ def precision_chart(
                 bad = [r for r in drawn.rows if r["status"] != "ok" and drawn.kind(r) == line]
                 colour = shown[line].color if line in shown else "0.6"
                 times = [row["spent_s"] for row in bad if 0 < row["spent_s"] < np.inf]
-                _crosses(axis, times, TOP, color=colour, markersize=5)
+                _crosses(axis, times, 0.97, color=colour, markersize=5)
         limit = drawn.limits[name]
         if isfinite(limit) and limit > 0:
             bottom = min(axis.get_ylim()[0], limit / 2)
@@ -330,8 +328,6 @@ STATUSES = {
 }
 #: for the words of a judge of the user's own
 OTHERS = (("#457b9d", "xx"), ("#9b5de5", "\\\\"), ("#f15bb5", "++"), ("#00bbf9", "oo"))
-#: panels in a row
-ABREAST = 4
 
 
 def stability_chart(
@@ -373,7 +369,7 @@ def stability_chart(
     shape = (len(values), *status.shape[-2:])
     cells = status.reshape(shape)
     kinds = _kinds(status, words)
-    across = min(len(values), ABREAST)
+    across = min(len(values), 4)
     down = -(-len(values) // across)
     size = (6.5, 4.2) if across == 1 else (PAGE, 0.9 + 0.95 * PAGE / across * down)
     figure, shown = panels(*size, down, across, len(values), sharex=True, sharey=True)

@@ -22,18 +22,11 @@ LEVELS = 4
 #: largest change of the order between the last pairs of levels, as if each level halved the size;
 #: relative to order 2 for higher ones
 CHANGE = 0.1
-#: largest change before that, in units of CHANGE: the order may still have been settling
-SETTLING = 4.0
-#: the order may be off by so many times its last change: changes that halve from pair to pair add
-#: up to one more
-DOUBT = 2.0
 #: cosine between errors (or differences) of neighbouring levels that point the same way
 ALIGNED = 0.9
 #: what falls less than this from level to level, below STALLED_SIZE of the quantity, is rounding
 STALLED, STALLED_SIZE = 0.7, 1e-8
 COUNTS = {4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight", 9: "nine", 10: "ten"}
-#: range of orders that are looked for
-LOWEST, HIGHEST = -6.0, 30.0
 
 Norm = Callable[[Array], float]
 
@@ -284,7 +277,8 @@ class _Trend:
         changes = (abs(np.diff(pairs)) / np.minimum(halvings, 1.0))[2 - LEVELS :]
         order = pairs[-1]
         allowed = CHANGE * max(1.0, order / 2)
-        if order < 3 * allowed or changes[-1] > allowed or changes.max() > SETTLING * allowed:
+        # before the last pair the order may still have been settling
+        if order < 3 * allowed or changes[-1] > allowed or changes.max() > 4 * allowed:
             return wandering
         if self.vectors[0].size == 1 and self.cosine < 0:
             return f"{wandering}; the sign of the error changes"
@@ -292,7 +286,8 @@ class _Trend:
             turning = "differences between levels do not point the same way"
             return f"{wandering}; {turning}, which takes five levels"
         noise = self.floor / self.sizes[self.used - 1] / np.log(self.h[-2] / self.h[-1])
-        self.order, self.spread = float(order), float(DOUBT * changes[-1] + noise)
+        # changes that halve from pair to pair add up to one more
+        self.order, self.spread = float(order), float(2 * changes[-1] + noise)
         some = "" if self.used == len(self.sizes) else f", {self.counted}"
         return (
             f"order {order:.2f} +- {max(self.spread, 0.005):.2f}"
@@ -311,9 +306,10 @@ def _order(e: Floats, h: Floats, g: Floats) -> float:
         powers = p * np.log(g) + np.log(logs * exprel(p * logs))  # log((h^p - g^p)/p)
         return powers[0] - powers[1] - ratio
 
-    if excess(LOWEST) * excess(HIGHEST) > 0:
-        return np.copysign(np.inf, -excess(LOWEST))
-    return brentq(excess, LOWEST, HIGHEST, xtol=1e-12)
+    lowest, highest = -6.0, 30.0
+    if excess(lowest) * excess(highest) > 0:
+        return np.copysign(np.inf, -excess(lowest))
+    return brentq(excess, lowest, highest, xtol=1e-12)
 
 
 def _cosine(a: Array, b: Array) -> float:

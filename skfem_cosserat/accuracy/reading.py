@@ -14,13 +14,10 @@ from scipy.interpolate import CubicSpline
 from ..arguments import checked
 from ..errors import InputError
 from ..history import History
-from ..types import Array, Floats, check_kind, names_known, numbers
+from ..types import TOLERANCE, Array, Floats, check_kind, names_known, numbers
 from .orders import ROUNDING, Norm, euclidean
 
 # -- how a quantity that depends on time is compared: at instants that all levels have recorded ----
-
-#: instants that agree to this part of the time covered are the same
-SAME = 1e-9
 
 
 class OverTime(ABC):
@@ -128,7 +125,7 @@ def common_instants(times: Sequence[Floats]) -> Floats:
     shared = times[0]
     for other in times[1:]:
         near = abs(shared - other[rows_at(other, shared)])
-        shared = shared[near <= SAME * max(np.ptp(other), np.ptp(shared))]
+        shared = shared[near <= TOLERANCE * max(np.ptp(other), np.ptp(shared))]
     return shared
 
 
@@ -211,7 +208,7 @@ class Reading(NamedTuple):
         times, first = np.unique(self.times, return_index=True)
         values = np.asarray(self.values)[first]
         nearest = rows_at(times, t)
-        if abs(times[nearest] - t).max(initial=0.0) <= SAME * abs(times).max():
+        if abs(times[nearest] - t).max(initial=0.0) <= TOLERANCE * abs(times).max():
             return np.asarray(values[nearest])
         return np.asarray(CubicSpline(times, values)(t))
 

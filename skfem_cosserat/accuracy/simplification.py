@@ -30,8 +30,6 @@ from .table import ResultTable, provenance
 
 #: energy that may be left out, as a part of what it is compared with, for a trial to be worth it
 SLIGHT = 0.01
-#: equilibria along the time of a run
-POINTS = 16
 #: kinds of strain by their numbers
 KINDS = {"shear": (0, 1), "extension": (2,), "bending": (3, 4), "torsion": (5,)}
 
@@ -270,7 +268,8 @@ def _at_rest(scene: Scene, run: Run, built: Any) -> Run:
         if isinstance(item, Load) and all(isinstance(term.time, Constant) for term in item.made_of):
             held[name] = 1.0
     end = len(run.history) - 1
-    at = run.history.times[np.unique(np.linspace(0, end, POINTS + 1).round().astype(int))[1:]]
+    # 16 equilibria along the time of the run
+    at = run.history.times[np.unique(np.linspace(0, end, 17).round().astype(int))[1:]]
     control = LoadControl(at=at.tolist())
     path = static(system, NullSpace(), control, factors=held, watch=False)
     return scene.read(Run(model, system, path), copies, begun)

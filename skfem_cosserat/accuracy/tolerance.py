@@ -19,19 +19,15 @@ from ..integrators import Integrator, State
 from ..model import Model, System, model_of
 from ..run.progress import Interrupt, Progress
 from ..statics import Control
-from ..types import Array, Floats, positive
+from ..types import TOLERANCE, Array, Floats, positive
 from ..warn import Notices, counted, repeat
 from .asked import Asked, NotHere, Run
 from .case import Case, Scene
 from .orders import left
 from .simplification import Simpler, simplified
 
-#: steps of the first run; its companions have half and twice as many
-FIRST = 64
 #: a run has no more steps, and no beam is divided more often
 MOST_STEPS, MOST_PARTS = 2**18, 64
-#: part of the scene's size by which a start is moved to see whether runs part
-NUDGE = 1e-9
 
 
 class Band(float):
@@ -354,11 +350,11 @@ class _Search:
 
     def motion(self) -> str:
         """Motions: a shorter step or a richer mesh, or both where both matter."""
-        counts = [FIRST * 2**k for k in range(9)]  # what needs more is hardly meant
+        counts = [64 * 2**k for k in range(9)]  # what needs more is hardly meant
         begun = time.process_time()
         count, unseen = self.scene.steps_that_see(counts)
         self.spent += time.process_time() - begun
-        case, failures = Case(1, 2, FIRST if unseen else count), 0
+        case, failures = Case(1, 2, counts[0] if unseen else count), 0
         while case.steps <= MOST_STEPS and case.parts <= MOST_PARTS:
             coarse = self.tried(case)
             fine = None if coarse is None else self.tried(case.shorter)
@@ -433,7 +429,7 @@ class _Search:
         falls = [later < 2 * before / 3 for before, later in pairwise(self.seen.values())]
         if not falls or falls[-1]:
             return ""
-        moved = NUDGE * self.scene.system.length
+        moved = TOLERANCE * self.scene.system.length
         nudged = self.made(case.shorter, moved)
         if nudged is not None:
             parted = self.within(fine.distances(nudged))

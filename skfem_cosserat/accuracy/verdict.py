@@ -14,7 +14,7 @@ from ..errors import Diverged, InputError
 from ..history import History
 from ..model.limits import FAR_TURN
 from ..newton import NewtonSettings
-from ..types import Floats, IndexArray, positive
+from ..types import TOLERANCE, Floats, IndexArray, positive
 from .run import LATE, in_words
 
 #: With these settings a step that fails has had the full protocol: from an extrapolated and from a
@@ -26,8 +26,6 @@ ATTEMPTS = 4
 FAILED = ("blowup", "drift", "newton", "error")
 #: series that the energy is made of, unless a judge is told otherwise
 DERIVED = {"energy", "external"}
-#: an energy that is so small beside the work of loads is zero by the choice of a height
-NOTHING = 1e-9
 
 
 #: mechanisms of failures, the surest one first: the number of a run that tells each, and above
@@ -38,8 +36,6 @@ MECHANISMS: Mapping[str, tuple[str, float]] = {
     "branch": ("doubtful", 0.0),
     "unresolved": ("off", MOST_OFF),
 }
-#: shares of the largest energy or work of a run: gained, it has grown tenfold; lost, it has drifted
-GREW, DAMPED = 0.9, 0.01
 
 
 def mechanism(status: str, numbers: Mapping[str, float]) -> str:
@@ -69,11 +65,12 @@ def mechanism(status: str, numbers: Mapping[str, float]) -> str:
         if numbers.get(number, 0.0) > limit:
             return name
     lost = numbers.get("lost", 0.0)
-    if status == "blowup" or lost < -GREW:
+    # a share of the largest energy or work of a run: it has grown tenfold
+    if status == "blowup" or lost < -0.9:
         return "energy"
     if numbers.get("elements", 0.0) > 0:
         return "elements"
-    return "damping" if status == "drift" and lost > DAMPED else ""
+    return "damping" if status == "drift" and lost > 0.01 else ""
 
 
 @dataclass(frozen=True)
@@ -259,7 +256,8 @@ class JudgeEnergy:
             potential = history["external"][after]
             change = abs(potential - potential[0])
             work = float(change[np.isfinite(change)].max(initial=0.0))
-            if abs(start) <= NOTHING * work:
+            # beside the work of loads it is zero by the choice of a height
+            if abs(start) <= TOLERANCE * work:
                 return work
         return abs(start)
 

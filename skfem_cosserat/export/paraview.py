@@ -32,7 +32,7 @@ _STRAIN = ("Gamma", "K")
 _RESULTANT = ("N", "M")
 
 #: VTK's numbers of the kinds of cells
-_VERTEX, _LINE, _TRIANGLE, _QUAD, _QUADRATIC = 1, 3, 5, 9, 21
+_VTK = {"vertex": 1, "line": 3, "triangle": 5, "quad": 9, "quadratic line": 21}
 
 States = Mapping[str, Array]
 Fields = dict[str, Array]
@@ -193,7 +193,7 @@ class BeamLayer(Layer):
         self._sizes = [len(shape.node_id) for shape in self._shapes]
         starts = np.cumsum([0, *self._sizes[:-1]])
         blocks = [
-            (_QUADRATIC if shape.order == 2 else _LINE, start + shape.cells)
+            (_VTK["quadratic line" if shape.order == 2 else "line"], start + shape.cells)
             for start, shape in zip(starts, self._shapes, strict=True)
         ]
         ids = np.concatenate([shape.node_id for shape in self._shapes])
@@ -237,7 +237,7 @@ class SurfaceLayer(Layer):
             start + surface.quads for start, surface in zip(starts, self._surfaces, strict=True)
         ]
         labels = _labels(self._shapes, [surface.element for surface in self._surfaces])
-        self._cells = Cells([(_QUAD, np.concatenate(quads))], at_cells=labels)
+        self._cells = Cells([(_VTK["quad"], np.concatenate(quads))], at_cells=labels)
 
     def grid(self, states: States, reference: Floats) -> Grid:
         """Grid of some states, see `Layer.grid`."""
@@ -264,9 +264,9 @@ class BodyLayer(Layer):
         sizes = [1 if shape.material is None else len(shape.material) for shape in self._shapes]
         self._owner = np.repeat(np.arange(len(sizes)), sizes)
         blocks = [
-            (_VERTEX, np.array([[start]]))
+            (_VTK["vertex"], np.array([[start]]))
             if shape.material is None
-            else (_TRIANGLE, start + shape.faces)
+            else (_VTK["triangle"], start + shape.faces)
             for start, shape in zip(np.cumsum([0, *sizes[:-1]]), self._shapes, strict=True)
         ]
         ids = np.repeat(np.arange(len(blocks)), [len(block) for _, block in blocks])
@@ -338,7 +338,7 @@ class JointLayer(_KnownLayer):
 
     def _made(self, known: IndexArray) -> Cells:
         vertices = np.arange(len(known))[:, None]
-        return Cells([(_VERTEX, vertices)], {"joint_id": known, "type": self._codes[known]})
+        return Cells([(_VTK["vertex"], vertices)], {"joint_id": known, "type": self._codes[known]})
 
     def grid(self, states: States, reference: Floats) -> Grid | None:
         """Grid of some states, see `Layer.grid`."""
@@ -366,7 +366,7 @@ class CouplingLayer(_KnownLayer):
 
     def _made(self, known: IndexArray) -> Cells:
         lines = np.arange(2 * len(known)).reshape(-1, 2)
-        return Cells([(_LINE, lines)], at_cells={"coupling_id": known})
+        return Cells([(_VTK["line"], lines)], at_cells={"coupling_id": known})
 
     def grid(self, states: States, reference: Floats) -> Grid | None:
         """Grid of some states, see `Layer.grid`."""

@@ -10,11 +10,10 @@ import numpy as np
 from ..element import gauss_rule
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
-from ..types import ArrayLike, Floats, VectorLike, finite, numbers, shown, switch
+from ..types import SAME, ArrayLike, Floats, VectorLike, finite, numbers, shown, switch
 
 #: Gauss rule used to measure splines, on [0, 1].
 _GAUSS_X, _GAUSS_W = gauss_rule(16)
-_ROUND = 64 * np.finfo(float).eps
 
 
 @runtime_checkable
@@ -123,7 +122,39 @@ class CurveLine(Frozen):
         return _outer((self.end - self.start) / self.length, np.ones(np.shape(s)))
 
 
-class CurveArc(Frozen):
+class _Winding(Frozen):
+    """Curve around an axis, of constant radius and rise."""
+
+    radius: float
+    start: Floats
+
+    def _wind(self, radial: Floats, around: Floats, axis: Floats, rise: float) -> None:
+        """Set the unit vectors from the axis to the first point, around it and along it."""
+        self._frame, self._rise = (radial, around, axis), rise
+        self._reach = float(np.hypot(self.radius, rise))  # for a turn of one rad
+
+    def point(self, s: ArrayLike) -> Floats:
+        """Points (3, ...) at arc lengths s (...), in m."""
+        turn = np.asarray(s, dtype=float) / self._reach
+        radial, around, axis = self._frame
+        along = _outer(around, self.radius * np.sin(turn))
+        inward = _outer(radial, -2.0 * self.radius * np.sin(0.5 * turn) ** 2)
+        start = self.start.reshape((3,) + (1,) * turn.ndim)
+        return start + along + inward + _outer(axis, self._rise * turn)
+
+    def tangent(self, s: ArrayLike) -> Floats:
+        """Unit tangents (3, ...) at arc lengths s (...)."""
+        turn = np.asarray(s, dtype=float) / self._reach
+        radial, around, axis = self._frame
+        speed, rise = self.radius / self._reach, np.full(turn.shape, self._rise / self._reach)
+        return (
+            _outer(around, speed * np.cos(turn))
+            + _outer(radial, -speed * np.sin(turn))
+            + _outer(axis, rise)
+        )
+
+
+class CurveArc(_Winding):
     """Circular arc that leaves a point in a given direction.
 
     Parameters
@@ -166,7 +197,8 @@ class CurveArc(Frozen):
         self.radius = _positive(radius, "arc radius")
         self.angle = _positive(angle, "arc angle")
         self.length = float(radius * angle)
-        if angle > 2 * np.pi * (1 + _ROUND):
+        self._wind(-self.normal, self.direction, np.zeros(3), 0.0)
+        if angle > 2 * np.pi * (1 + SAME):
             raise MeshError("arc angle", f"got {angle} rad, expected at most 2 pi")
 
     @property
@@ -174,20 +206,8 @@ class CurveArc(Frozen):
         """Centre of the circle (3,), in m."""
         return self.start + self.radius * self.normal
 
-    def point(self, s: ArrayLike) -> Floats:
-        """Points (3, ...) at arc lengths s (...), in m."""
-        turn = np.asarray(s, dtype=float) / self.radius
-        along = _outer(self.direction, self.radius * np.sin(turn))
-        inward = _outer(self.normal, 2.0 * self.radius * np.sin(0.5 * turn) ** 2)
-        return self.start.reshape((3,) + (1,) * turn.ndim) + along + inward
 
-    def tangent(self, s: ArrayLike) -> Floats:
-        """Unit tangents (3, ...) at arc lengths s (...)."""
-        turn = np.asarray(s, dtype=float) / self.radius
-        return _outer(self.direction, np.cos(turn)) + _outer(self.normal, np.sin(turn))
-
-
-class CurveHelix(Frozen):
+class CurveHelix(_Winding):
     """Helix around an axis.
 
     Parameters
@@ -229,44 +249,15 @@ class CurveHelix(Frozen):
         self.pitch, self.turns = pitch, turns
         arm = self.start - self.centre
         arm = arm - (arm @ self.axis) * self.axis
-        self._radius = float(np.linalg.norm(arm))
-        if self._radius == 0.0:
+        self.radius = float(np.linalg.norm(arm))
+        if self.radius == 0.0:
             raise MeshError("helix start", f"{self.start.tolist()} lies on the axis")
         rise = abs(_number(pitch, "helix pitch", "a finite number")) / (2 * np.pi)
         turn = 2 * np.pi * _positive(turns, "helix turns")
-        radial = arm / self._radius
+        radial = arm / self.radius
         hand = -1.0 if pitch < 0 else 1.0  # a left-handed helix still climbs its axis
-        self._frame = radial, hand * np.cross(self.axis, radial), self.axis
-        reach = np.hypot(self._radius, rise)
-        self.length = float(turn * reach)
-        #: angle and rise for one metre of arc
-        self._rates = float(1.0 / reach), float(rise * (1.0 / reach))
-
-    def point(self, s: ArrayLike) -> Floats:
-        """Points (3, ...) at arc lengths s (...), in m."""
-        s = np.asarray(s, dtype=float)
-        rate, rise = self._rates
-        radial, around, axis = self._frame
-        start = self.start.reshape((3,) + (1,) * s.ndim)
-        turned = _outer(radial, -2.0 * self._radius * np.sin(0.5 * rate * s) ** 2)
-        return (
-            start
-            + turned
-            + _outer(around, self._radius * np.sin(rate * s))
-            + _outer(axis, rise * s)
-        )
-
-    def tangent(self, s: ArrayLike) -> Floats:
-        """Unit tangents (3, ...) at arc lengths s (...)."""
-        s = np.asarray(s, dtype=float)
-        rate, rise = self._rates
-        radial, around, axis = self._frame
-        speed = self._radius * rate
-        return (
-            _outer(radial, -speed * np.sin(rate * s))
-            + _outer(around, speed * np.cos(rate * s))
-            + _outer(axis, np.full(s.shape, rise))
-        )
+        self._wind(radial, hand * np.cross(self.axis, radial), self.axis, rise)
+        self.length = float(turn * self._reach)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

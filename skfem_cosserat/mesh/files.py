@@ -91,12 +91,12 @@ def group_name(names: Mapping[tuple[int, int], str], dim: int, tag: int) -> str:
 
 
 # ----------------------------------------------------------------------- reading 4.1
-def _section(rows: list[str], name: str, path: Path) -> Iterator[str]:
+def _section(rows: list[str], name: str) -> Iterator[str]:
     """Words of a section, one after the other."""
     try:
         start, end = rows.index(f"${name}"), rows.index(f"$End{name}")
     except ValueError:
-        raise MeshError(f"file '{path}'", f"has no complete section ${name}") from None
+        raise ValueError(f"has no complete section ${name}") from None
     return iter(" ".join(rows[start + 1 : end]).split())
 
 
@@ -105,11 +105,11 @@ def _integers(words: Iterator[str], count: int) -> list[int]:
     return [int(next(words)) for _ in range(count)]
 
 
-def _entity_groups(rows: list[str], path: Path) -> dict[tuple[int, int], list[int]]:
+def _entity_groups(rows: list[str]) -> dict[tuple[int, int], list[int]]:
     """Physical tags of each geometric entity (dimension, tag)."""
     if "$Entities" not in rows:
         return {}
-    words = _section(rows, "Entities", path)
+    words = _section(rows, "Entities")
     groups = {}
     for dim, count in enumerate(_integers(words, 4)):
         for _ in range(count):
@@ -122,36 +122,19 @@ def _entity_groups(rows: list[str], path: Path) -> dict[tuple[int, int], list[in
     return groups
 
 
-def read_gmsh41(path: Path, content: bytes) -> Groups:
-    """Points, vertices and lines of an ASCII file of version 4.1, given its content.
-
-    Raises
-    ------
-    MeshError
-        If a section is missing, cut short or not what the format says.
-    """
+def read_gmsh41(content: bytes) -> Groups:
+    """Points, vertices and lines of an ASCII file of version 4.1, given its content."""
     rows = [row.strip() for row in content.decode("utf-8").splitlines()]
-    try:
-        return _read_rows(rows, path, physical_names(content))
-    except (StopIteration, ValueError, KeyError) as error:
-        if isinstance(error, MeshError):
-            raise
-        raise MeshError(
-            f"file '{path}'", f"is not a sound gmsh 4.1 file: {reason(error)}"
-        ) from error
-
-
-def _read_rows(rows: list[str], path: Path, names: Mapping[tuple[int, int], str]) -> Groups:
-    """Contents of the sections."""
+    names = physical_names(content)
     sections = Counter(row[1:] for row in rows if row.startswith("$") and row[:4] != "$End")
     for name, times in sections.items():
         if not _SECTIONS.fullmatch(name) or (times > 1 and name in ("Nodes", "Elements")):
-            raise MeshError(f"file '{path}'", f"section ${name} is not understood, or there twice")
-    entity = _entity_groups(rows, path)
-    words = _section(rows, "Nodes", path)
+            raise ValueError(f"section ${name} is not understood, or there twice")
+    entity = _entity_groups(rows)
+    words = _section(rows, "Nodes")
     blocks, count, _, _ = _integers(words, 4)
     if not 0 <= 3 * count <= sum(map(len, rows)):
-        raise MeshError(f"file '{path}'", f"says that it has {count} nodes, which do not fit in it")
+        raise ValueError(f"says that it has {count} nodes, which do not fit in it")
     tags, points = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))]
     for _ in range(blocks):
         dim, _, parametric, size = _integers(words, 4)
@@ -171,7 +154,7 @@ def _read_rows(rows: list[str], path: Path, names: Mapping[tuple[int, int], str]
         part = cells[k + 1 : k + 1 + size]
         k += 1 + size
         if len(part) < size:
-            raise MeshError(f"file '{path}'", "is cut short in section $Elements")
+            raise ValueError("is cut short in section $Elements")
         width = {VERTEX: 2, LINE: 3}.get(kind, -1)
         each = np.array(" ".join(part).split(), dtype=np.int64).reshape(size, width)[:, 1:]
         place = np.minimum(np.searchsorted(known, each, sorter=order), count - 1)
@@ -355,10 +338,10 @@ def read_lines(path: FilePath) -> LineData:
     """Lines of a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
     file = file_path("argument path", path)
     if not file.is_file():
-        raise MeshError(f"file '{file}'", "does not exist, or is no file")
+        raise ValueError("does not exist, or is no file")
     lines = _read_lines(file)
     if not np.isfinite(lines.points).all() or abs(lines.points).max() > 1e150:
-        raise MeshError(f"file '{file}'", "has coordinates that are not finite or too large")
+        raise ValueError("has coordinates that are not finite or too large")
     return lines
 
 
@@ -368,21 +351,24 @@ def _read_lines(file: Path) -> LineData:
         return _from_deck(file, read(file))
     content = file.read_bytes()
     if _is_gmsh41(content, b"0"):
-        return _from_gmsh41(file, content)
+        found = read_gmsh41(content)
+        _check_cells(found.cells)
+        beams, nodes = _arrays(found.beams), _arrays(found.nodes)
+        return _cleaned(found.points, np.concatenate(found.lines), beams, nodes, found.other)
     mesh = _meshio(file, content)
-    _check_cells(file, Counter({block.type: len(block.data) for block in mesh.cells}))
+    _check_cells(Counter({block.type: len(block.data) for block in mesh.cells}))
     lines = np.vstack([block.data for block in mesh.cells if block.type == "line"])
     if lines.shape[1] != 2:
-        raise MeshError(f"file '{file}'", f"has polylines of {lines.shape[1]} nodes: split them")
+        raise ValueError(f"has polylines of {lines.shape[1]} nodes: split them")
     beams, nodes = _meshio_names(mesh, content)
     if _is_gmsh41(content, b"1"):
         for name, (_, dimension) in mesh.field_data.items():
             if dimension <= 1 and name not in beams and name not in nodes:
-                raise MeshError(f"file '{file}'", f"group '{name}' cannot be read; {_AS_ASCII}")
+                raise ValueError(f"group '{name}' cannot be read; {_AS_ASCII}")
     points = np.zeros((len(mesh.points), 3))
     points[:, : mesh.points.shape[1]] = mesh.points
     others = [block.data for block in mesh.cells if block.type not in ("line", "vertex")]
-    return _cleaned(file, points, lines, beams, nodes, others)
+    return _cleaned(points, lines, beams, nodes, others)
 
 
 def _from_deck(file: Path, deck: Deck) -> LineData:
@@ -393,7 +379,7 @@ def _from_deck(file: Path, deck: Deck) -> LineData:
     deck.left["nodes of no line, in sets too"] = len(deck.nodes.keys() - ends)
     said = ", ".join(f"{name} ({count})" for name, count in deck.left.items() if count)
     if not ends:
-        raise MeshError(f"file '{file}'", f"has no lines; found: {said or 'none'}")
+        raise ValueError(f"has no lines; found: {said or 'none'}")
     if said:
         text = (
             f"only nodes, lines and sets are read, not {said}:"
@@ -412,17 +398,17 @@ def _from_deck(file: Path, deck: Deck) -> LineData:
         for name, members in deck.node_sets.items()
         if name and members & ends
     }
-    return _cleaned(file, np.array([*deck.nodes.values()]), lines, beams, nodes)
+    return _cleaned(np.array([*deck.nodes.values()]), lines, beams, nodes)
 
 
-def _check_cells(file: Path, cells: Counter[str]) -> None:
+def _check_cells(cells: Counter[str]) -> None:
     """Refuse a file without lines, or with lines of more nodes than two."""
-    item, expected = f"file '{file}'", "only lines with two nodes are read: mesh with order 1"
+    expected = "only lines with two nodes are read: mesh with order 1"
     for kind, count in cells.items():
         if (kind.startswith("line") and kind != "line") or kind.endswith("_CURVE"):
-            raise MeshError(item, f"has {count} cells of type '{kind}'; {expected}")
+            raise ValueError(f"has {count} cells of type '{kind}'; {expected}")
     if not cells["line"]:
-        raise MeshError(item, f"has no lines; cells found: {dict(cells) or 'none'}")
+        raise ValueError(f"has no lines; cells found: {dict(cells) or 'none'}")
 
 
 _AS_ASCII = "of a binary gmsh 4.1 file not all is understood: save it as ASCII (Mesh.Binary = 0)"
@@ -465,19 +451,19 @@ def _meshio(file: Path, content: bytes) -> Any:
     from meshio._exceptions import CorruptionError
 
     said = io.StringIO()
-    item, name = f"file '{file}'", file.name.lower()
+    name = file.name.lower()
     if not name.endswith(tuple(meshio.extension_to_filetypes)):
-        raise MeshError(
-            item, f"files of suffix '{file.suffix}' are not read: save its lines as .msh or .vtu"
+        raise ValueError(
+            f"files of suffix '{file.suffix}' are not read: save its lines as .msh or .vtu"
         )
     for suffix, pattern, text in _BEFORE:
         if name.endswith(suffix) and re.search(pattern, content, re.MULTILINE | re.DOTALL):
-            raise MeshError(item, text)
+            raise ValueError(text)
     why = f"; {_AS_ASCII}" if _is_gmsh41(content, b"1") else ""
     if name.endswith((".vtk", ".vtu")):
         why = "; only unstructured grids of lines with two nodes are read, no polylines"
     if not content.strip():
-        raise MeshError(item, "is empty")
+        raise ValueError("is empty")
     try:
         with (
             contextlib.redirect_stdout(said),
@@ -489,21 +475,13 @@ def _meshio(file: Path, content: bytes) -> Any:
             mesh = meshio.read(file)
     except SystemExit as error:  # it says why, or nothing but that it cannot
         because = said.getvalue().partition("Error: Couldn't")[0]
-        raise MeshError(item, f"cannot be read: {reason(ValueError(because))}{why}") from error
+        raise ValueError(f"{reason(ValueError(because))}{why}") from error
     except (*_BROKEN, CorruptionError, meshio.ReadError) as error:
-        raise MeshError(item, f"cannot be read: {reason(error)}{why}") from error
+        raise ValueError(f"{reason(error)}{why}") from error
     for text in " ".join(said.getvalue().split()).split("Warning: "):
         if text and not _HARMLESS.search(text):
-            raise MeshError(item, f"cannot be read as a whole: {text}{why}")
+            raise ValueError(f"not as a whole: {text}{why}")
     return mesh
-
-
-def _from_gmsh41(file: Path, content: bytes) -> LineData:
-    """Lines of an ASCII gmsh 4.1 file, given its name and content."""
-    found = read_gmsh41(file, content)
-    _check_cells(file, found.cells)
-    lines, nodes = np.concatenate(found.lines), _arrays(found.nodes)
-    return _cleaned(file, found.points, lines, _arrays(found.beams), nodes, found.other)
 
 
 def _arrays(names: dict[str, list[Any]]) -> dict[str, IndexArray]:
@@ -542,7 +520,6 @@ def _meshio_names(mesh: Any, content: bytes) -> tuple[dict[str, IndexArray], dic
 
 
 def _cleaned(
-    file: Path,
     points: Floats,
     lines: Array,
     beams: dict[str, IndexArray],
@@ -556,13 +533,11 @@ def _cleaned(
         number[cells] = -2
     number[used] = np.arange(len(used))
     if len(used) < len(points):
-        logger.info("%s: dropped %d points that belong to no line", file, len(points) - len(used))
+        logger.info("dropped %d points that belong to no line", len(points) - len(used))
     for name, index in nodes.items():
         if (number[index] == -1).any():
             place = points[index[number[index] == -1][0]].tolist()
-            raise MeshError(
-                f"node '{name}'", f"at {place} in file '{file}' belongs to no line of the mesh"
-            )
+            raise MeshError(f"node '{name}'", f"at {place} belongs to no line of the mesh")
     keep = np.arange(len(lines))
     key = lines.astype(np.int64) @ np.array([len(points), 1])
     _, same, times = np.unique(key, return_inverse=True, return_counts=True)

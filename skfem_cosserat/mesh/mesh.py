@@ -375,9 +375,7 @@ class MeshCurve(Frozen, MeshLine1):
         for item, array, shape in (("curve_ids", ids, (ne,)), ("spans", spans, (2, ne))):
             if array.shape != shape:
                 raise MeshError(f"argument {item}", f"has shape {array.shape}, expected {shape}")
-        if ids.min() < -1 or ids.max() >= len(self.curves):
-            bad = ids.min() if ids.min() < -1 else ids.max()
-            raise MeshError("argument curve_ids", f"names curve {bad} of {len(self.curves)} curves")
+        topology.check_numbers("argument curve_ids", ids, -1, len(self.curves))
         chord = ids < 0
         ends = self.doflocs[:, self.t[:, chord]]
         spans[0, chord] = 0.0

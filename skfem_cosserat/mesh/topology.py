@@ -197,20 +197,15 @@ def arc_starts(order: ChainOrder, lengths: Floats) -> Floats:
 def duplicates(mesh: MeshCurve, tol: float) -> tuple[int, int] | None:
     """First pair of elements with the same nodes and the same middle point, if any."""
     a, b = np.sort(mesh.t.astype(np.int64), axis=0)
-    key = a * mesh.p.shape[1] + b
-    order = np.argsort(key, kind="stable")
-    same = key[order[1:]] == key[order[:-1]]
-    if not same.any():
+    _, key, times = np.unique(a * mesh.p.shape[1] + b, return_inverse=True, return_counts=True)
+    again = np.flatnonzero((times > 1)[key])
+    if not len(again):
         return None
-    middle = mesh.mapping().F(np.array([[0.5]]))[:, :, 0]
-    for k in np.flatnonzero(same).tolist():
-        e = int(order[k])
-        for f in map(int, order[k + 1 :]):
-            if key[e] != key[f]:
-                break
-            if np.linalg.norm(middle[:, e] - middle[:, f]) <= tol:
-                return min(e, f), max(e, f)
-    return None
+    from scipy.spatial import cKDTree  # slow to import, seldom needed
+
+    middle = mesh.mapping().F(np.array([[0.5]]), again)[:, :, 0].T
+    pairs = again[cKDTree(middle).query_pairs(tol, output_type="ndarray")].tolist()
+    return next(((e, f) for e, f in sorted(pairs) if key[e] == key[f]), None)
 
 
 # -- checks of a mesh at construction: every message names the element, node or array --------------
@@ -242,6 +237,15 @@ def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
         node = int(np.argmin(used))
         raise MeshError(f"node {node}", f"at {points[:, node].tolist()} belongs to no element")
     return np.ascontiguousarray(points), np.ascontiguousarray(lines)
+
+
+def check_numbers(item: str, index: Array, least: int, count: int) -> None:
+    """Raise MeshError unless these are integers from `least` on, below `count`."""
+    if index.size and not np.issubdtype(index.dtype, np.integer):
+        raise MeshError(item, f"type {index.dtype}, expected integers")
+    wrong = index[(index < least) | (index >= count)]
+    if wrong.size:
+        raise MeshError(item, f"number {wrong[0]} is not in {least} .. {count - 1}")
 
 
 def check_name(kind: str, name: object) -> None:
@@ -304,21 +308,10 @@ def _check_names(mesh: MeshCurve) -> None:
     ):
         for name, index in (names or {}).items():
             check_name(kind, name)
-            ix = np.asarray(index)
-            if ix.size and not np.issubdtype(ix.dtype, np.integer):
-                raise MeshError(
-                    f"{kind} '{name}'", f"numbers of type {ix.dtype}, expected integers"
-                )
-            if ix.size and (ix.min() < 0 or ix.max() >= count):
-                bad = ix.min() if ix.min() < 0 else ix.max()
-                raise MeshError(f"{kind} '{name}'", f"number {bad} is not in 0 .. {count - 1}")
+            check_numbers(f"{kind} '{name}'", np.asarray(index), 0, count)
 
 
 # -- lines that cross without a common vertex ------------------------------------------------------
-
-
-#: elements of which all pairs are looked at
-FEW = 200
 
 
 def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
@@ -329,7 +322,7 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     ends = mesh.p.T[mesh.t]
     along = ends[1] - ends[0]
     size, middle = np.linalg.norm(along, axis=1), ends.mean(axis=0)
-    if len(size) <= FEW:
+    if len(size) <= 200:
         e, f = np.triu_indices(len(size), 1)
     else:
         from scipy.spatial import cKDTree  # slow to import
@@ -575,13 +568,7 @@ def element_numbers(which: Any, count: int) -> IndexArray:
         if index.shape != (count,):
             raise MeshError("element mask", f"has shape {index.shape}, expected ({count},)")
         return np.flatnonzero(index)
-    if index.size == 0:
-        return np.zeros(0, dtype=np.int64)
-    if not np.issubdtype(index.dtype, np.integer):
-        raise MeshError("element numbers", f"have type {index.dtype}, expected integers")
-    if index.min() < 0 or index.max() >= count:
-        bad = index.min() if index.min() < 0 else index.max()
-        raise MeshError(f"element {bad}", f"the mesh has elements 0 .. {count - 1}")
+    check_numbers("element numbers", index, 0, count)
     return index.astype(np.int64)
 
 

@@ -18,9 +18,6 @@ Directors: TypeAlias = VectorLike | Mapping[str, VectorLike] | None
 #: Twist: rate (rad/m) or angle (rad) as a function of arc length (m), for all or by beam name.
 Twist: TypeAlias = float | Callable[[float], float] | Mapping[str, Any] | None
 
-#: Smallest sine between a hint and the tangent.
-PARALLEL = 1e-6
-
 
 def node_tangents(mesh: MeshCurve, xi: Floats) -> Floats:
     """Unit tangents (ne, n, 3) at reference coordinates xi (n,) of all elements.
@@ -126,7 +123,7 @@ def _hints(mesh: MeshCurve, directors: Directors) -> Floats:
 def _check_parallel(mesh: MeshCurve, hints: Floats, tangents: Floats, along: Floats) -> None:
     """Refuse hints (ne, 3) that are parallel to a tangent (ne, n, 3)."""
     sine = np.linalg.norm(np.cross(hints[:, None], tangents), axis=-1)
-    parallel = sine < PARALLEL  # NaN where there is no hint
+    parallel = sine < 1e-6  # NaN where there is no hint
     if parallel.any():
         order = mesh.chain_order.elements
         e = int(order[np.argmax(parallel[order].any(axis=1))])

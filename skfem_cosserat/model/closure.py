@@ -24,12 +24,10 @@ from scipy.sparse.csgraph import connected_components
 
 from ..kernels import skew
 from ..pattern import FrozenPattern, sum_at
-from ..types import Array, Floats, IndexArray
+from ..types import TOLERANCE, Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
 
-#: pivot or singular value, against the largest, below which rows or motions depend on others
-RANK_TOLERANCE = 1e-9
 #: smallest against largest diagonal entry of R below which a configuration counts as singular
 SINGULAR = 1e-7
 
@@ -267,7 +265,8 @@ class Closure:
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
             order, d = pivoted(C, c.held)
             largest = max(1.0, d.max(initial=0.0))
-            independent = int((d > RANK_TOLERANCE * largest).sum())
+            # rows with smaller pivots depend on others
+            independent = int((d > TOLERANCE * largest).sum())
             c.rank = c.held + independent
             c.weakest = float(d[independent - 1] / largest) if independent else 1.0
             redundant.append(self.rows[c.rows[order[c.rank :]]])

@@ -14,7 +14,7 @@ numbers.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -207,57 +207,54 @@ class Joined(Kind):
     """Several coordinates side by side, for laws that couple them (bushings)."""
 
     def __init__(self, kinds: tuple[Kind, ...]) -> None:
-        self.kinds = kinds
         self.size = sum(kind.size for kind in kinds)
         self.invariants = sum(kind.invariants for kind in kinds)
         self.period = np.concatenate([np.full(kind.size, kind.period) for kind in kinds])
-        ends = np.cumsum([0, *(kind.size for kind in kinds)])
-        ends_pi = np.cumsum([0, *(kind.invariants for kind in kinds)])
-        self._xi = [slice(a, b) for a, b in pairwise(ends)]
-        self._pi = [slice(a, b) for a, b in pairwise(ends_pi)]
+        # each with its places among the coordinates and among the invariants
+        self._each: list[tuple[Kind, slice, slice]] = []
+        m = k = 0
+        for kind in kinds:
+            self._each.append((kind, slice(m, m + kind.size), slice(k, k + kind.invariants)))
+            m, k = m + kind.size, k + kind.invariants
 
     def value(self, pi: Array) -> Array:
         """Values (..., m) of all coordinates, one after the other."""
-        parts = [kind.value(pi[..., p]) for kind, p in zip(self.kinds, self._pi, strict=True)]
-        return np.concatenate(parts, axis=-1)
+        return np.concatenate([kind.value(pi[..., p]) for kind, _, p in self._each], axis=-1)
 
     def slope(self, pi: Array) -> Array:
         """Block diagonal array (..., m, k) of the slopes of all coordinates."""
-        return self._blocks(
-            [k.slope(pi[..., p]) for k, p in zip(self.kinds, self._pi, strict=True)]
-        )
+        return self._blocks([kind.slope(pi[..., p]) for kind, _, p in self._each])
 
     def curvature(self, pi: Array) -> Array:
         """Block diagonal array (..., m, k, k) of the second derivatives of all coordinates."""
-        parts = [k.curvature(pi[..., p]) for k, p in zip(self.kinds, self._pi, strict=True)]
-        return self._blocks(parts, 2)
+        return self._blocks([kind.curvature(pi[..., p]) for kind, _, p in self._each], 2)
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """Block diagonal array (..., m, k) of ``Psi`` of all coordinates."""
-        return self._blocks([k.discrete(*ends) for k, ends in self._split(pi0, xi0, pi1, xi1)])
+        return self._blocks(
+            [
+                kind.discrete(pi0[..., p], xi0[..., x], pi1[..., p], xi1[..., x])
+                for kind, x, p in self._each
+            ]
+        )
 
     def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """Block diagonal array (..., m, k, k) of ``dPsi/dpi_1`` of all coordinates."""
-        parts = [k.discrete_slope(*ends) for k, ends in self._split(pi0, xi0, pi1, xi1)]
-        return self._blocks(parts, 2)
-
-    def _split(
-        self, pi0: Array, xi0: Array, pi1: Array, xi1: Array
-    ) -> list[tuple[Kind, tuple[Array, Array, Array, Array]]]:
-        return [
-            (kind, (pi0[..., p], xi0[..., x], pi1[..., p], xi1[..., x]))
-            for kind, x, p in zip(self.kinds, self._xi, self._pi, strict=True)
-        ]
+        return self._blocks(
+            [
+                kind.discrete_slope(pi0[..., p], xi0[..., x], pi1[..., p], xi1[..., x])
+                for kind, x, p in self._each
+            ],
+            2,
+        )
 
     def _blocks(self, parts: list[Array], axes: int = 1) -> Array:
         """Block diagonal arrays (..., m, k) or (..., m, k, k)."""
         shape = (*parts[0].shape[: -1 - axes], self.size, *(self.invariants,) * axes)
         out = np.zeros(shape, dtype=np.result_type(*parts))
-        for part, x, p in zip(parts, self._xi, self._pi, strict=True):
-            if axes == 1:
-                out[..., x, p] = part
-            else:
-                out[..., x, p, p] = part
+        for part, (_, x, p) in zip(parts, self._each, strict=True):
+            place: Any = (..., x, *[p] * axes)
+            out[place] = part
         return out
 
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from ..beam import Beam
     from ..element import Interpolation
 
-#: gravity (m/s^2), and weight times length squared over EI above which a stiffness looks wrong
-EARTH, LIMP = 9.81, 1e4
 
 # -- frames that turn far in a step ----------------------------------------------------------------
 
@@ -263,8 +261,9 @@ def limp(beam: Beam) -> str:
     sections = beam.sections.values()
     soft = min(_bending(each.stiffness, beam.theory.held) for each in sections)
     length = float(beam.elements.lengths.sum())
-    weight = EARTH * min(each.mass for each in sections) * length
-    if not soft * LIMP < weight * length**2:
+    weight = 9.81 * min(each.mass for each in sections) * length
+    # such a stiffness looks wrong
+    if not soft * 1e4 < weight * length**2:
         return ""
     return (
         f"; the bending stiffness EI = {soft:.3g} N m^2 of {beam.label} is"

@@ -335,8 +335,6 @@ class Loading:
 TINY = 1e-20
 #: of differences, likewise
 SMALL = 1e-6
-#: difference to slopes by differences, relative to the largest slope, above which slopes are wrong
-WRONG = 1e-3
 
 
 class Push(NamedTuple):
@@ -525,7 +523,7 @@ class FunctionLoad:
             x = self.points(y) + 1e-2 * self.length * rng.standard_normal(self.points(y).shape)
             v = rng.standard_normal(x.shape)
             off = self._error(x, v)
-            if off <= WRONG:
+            if off <= 1e-3:
                 return
         remedy = "give the right ones"
         if self.term.slopes is None:

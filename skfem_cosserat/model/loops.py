@@ -16,10 +16,10 @@ from ..frames import Item, is_beam
 from ..joint import Joint, JointDrive
 from ..kernels import null_space_blocks
 from ..theory import TheoryInextensible, TheoryRigid
-from ..types import Floats, IndexArray
+from ..types import TOLERANCE, Floats, IndexArray
 from ..warn import warn
 from .checks import JointRows
-from .closure import RANK_TOLERANCE, SINGULAR, Closure, RowsByTwists, Selected, continued, directed
+from .closure import SINGULAR, Closure, RowsByTwists, Selected, continued, directed
 from .plane_rows import acting
 from .reparametrisation import Reparametrisation
 from .theories import Spanning, rows_of
@@ -30,14 +30,10 @@ if TYPE_CHECKING:
 
 # -- which joints close loops, and which of their constraint rows depend on the others -------------
 
-#: prescribed motion (m, rad) with which the loops are closed once, for a check
-SMALL_MOTION = 1e-2
 #: violation of constraints, relative to the scene, that is more than rounding
 BROKEN = 1e-8
 #: what a closed loop may violate its rows by, relative to the sizes of their terms
 CLOSED = 1e-13
-#: pivot below which rows are independent by a slip of the pen rather than by design
-DOUBTFUL = 1e-5
 #: move (rad, relative to the extent) from the reference to the positions where the rank is decided
 BESIDE = 0.03
 
@@ -139,7 +135,8 @@ def close_loops(system: System) -> None:
 def almost_redundant(system: System) -> str:
     """Message about a loop whose rows are only just independent; empty if there is none."""
     for c in system.closure.components:
-        if c.weakest < DOUBTFUL:
+        # independent by a slip of the pen rather than by design
+        if c.weakest < 1e-5:
             names = names_of(system, system.closure.rows[c.rows])
             return (
                 f"constraint rows of the closed loop through the {names} are independent by"
@@ -290,7 +287,7 @@ def _check_motion(system: System) -> None:
     chosen = closure.select(start, system.kinematics.values_at(start))
     for t in (system.since + 0.1 / 2**k for k in range(11)):
         later = system.ground(t)
-        if abs(later - now).max() > SMALL_MOTION * min(1.0, system.length):
+        if abs(later - now).max() > 0.01 * min(1.0, system.length):
             continue
         nodal.begin(start, later)
         y, worst = closed(system, nodal, chosen)
@@ -428,7 +425,7 @@ def _regular_place(
     """
     closure, saved = system.closure, nodal.save()
     y, _ = closed(system, nodal, chosen)
-    if y is not None and violated(system, y)[1] < RANK_TOLERANCE:
+    if y is not None and violated(system, y)[1] < TOLERANCE:
         return None
     nodal.restore(saved)
     for _ in range(4):  # halves the distance from the singular position, if nothing is free there
@@ -453,9 +450,6 @@ def _regular_place(
 
 #: pivot below which a position may be on either branch of a crossing, whichever the motion is on
 NEAR = 1e-4
-#: pivot below which the free directions of C are no tangent: where round-off r is what the closed
-#: loop is known to, they are off by r over the square of the pivot
-BLURRED = 1e-6
 
 
 class Passages:
@@ -571,7 +565,8 @@ def way_on(
     if not ways:
         return continued(s, before)
     best = max(ways, key=likeness)
-    return s if least > BLURRED and likeness(s) > likeness(best) - NEAR else best
+    # below, the free directions of C are no tangent: off by round-off over the square of it
+    return s if least > 1e-6 and likeness(s) > likeness(best) - NEAR else best
 
 
 def way_off(

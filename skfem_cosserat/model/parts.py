@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from .groups import Structure
     from .system import System
 
-#: force elements that act along a line, and how many of them count as meant to hold a part
-LINES, FIRM = (SpringDamper, Cable), 3
+#: force elements that act along a line; three of them count as meant to hold a part
+LINES = (SpringDamper, Cable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ def warn_of_loose_parts(system: System) -> None:
         on = [
             c for c in springs if any(firm.part[r] == part for r in rows[id(c)] if r < system.rows)
         ]
-        if len(on) < FIRM and not any(id(item) in alone for item, _ in items):
+        if len(on) < 3 and not any(id(item) in alone for item, _ in items):
             warn(
                 "model",
                 f"{_listed(items)} held by {' and '.join(c.label for c in on)} alone, which leaves"

@@ -253,8 +253,6 @@ OutOfPlane = Iterator[tuple[str, str]]
 INSTANTS = (0.0, 1e-3, 1e-2, 0.04, 0.1)
 #: share of a load that may leave the plane later, where functions of time are evaluated
 SHARE = 1e-6
-#: angle (degrees) to the nearest director that is worth saying
-TILTED = 1e-6
 RESULTANTS = ("N_1", "N_2", "N_3", "M_1", "M_2", "M_3")
 #: strains, relative to an axial strain of one, at which stored energies are compared
 PROBE = 1e-2 * np.array([np.cos(k * np.arange(6)) for k in range(1, 5)])
@@ -313,20 +311,27 @@ def _inertia(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
     host = lumped(item).on
     triad = host.triad if host is not None else item.vertices().triads[0]  # type: ignore[union-attr,index]
     assert triad is not None
-    mirror = np.eye(4)
-    mirror[1:, 1:] = plane.mirror(triad)
-    odd = 0.5 * (M - mirror @ M @ mirror)
-    length = np.sqrt(np.trace(M[1:, 1:]) / M[0, 0]) if M[0, 0] else 1.0
-    if abs(odd[0, 1:]).max() > TOLERANCE * M[0, 0] * max(length, TOLERANCE * plane.length):
-        off = float((odd[0, 1:] / M[0, 0]) @ triad @ plane.normal)
-        yield item.label, f"its centre of mass is {off:.6g} m off the plane"
-    if abs(odd[1:, 1:]).max() > TOLERANCE * np.trace(M[1:, 1:]):
-        i, j = np.unravel_index(np.argmax(abs(odd[1:, 1:])), (3, 3))
-        yield (
-            item.label,
-            "no principal axis of its inertia is along the normal of the plane: product of"
-            f" inertia {float(odd[1 + i, 1 + j]):.6g} kg m^2 in its Euler tensor",
+    if found := _masses(M, triad @ plane.normal, TOLERANCE * plane.length):
+        yield item.label, f"its {found}"
+
+
+def _masses(M: Floats, nu: Floats, length: float = 0.0) -> str:
+    """Message if masses by 1 and places along some axes are not their mirror image; else empty."""
+    S = np.eye(len(M))
+    S[1:, 1:] -= 2 * np.outer(nu, nu)
+    odd = 0.5 * (M - S @ M @ S)
+    size = np.trace(M[1:, 1:])
+    radius = np.sqrt(size / M[0, 0]) if M[0, 0] else 0.0
+    if abs(odd[0]).max() > TOLERANCE * M[0, 0] * max(radius, length):
+        off = float(odd[0, 1:] @ nu / M[0, 0])
+        return f"centre of mass is {off:.6g} m off the plane"
+    worst = float(abs(odd[1:, 1:]).max())
+    if worst > TOLERANCE * size:
+        return (
+            "inertia has no principal axis along the normal of the plane: product of inertia"
+            f" {worst:.6g} in its Euler tensor"
         )
+    return ""
 
 
 def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
@@ -363,28 +368,18 @@ def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
         which = np.flatnonzero(beam.section_id == k)
         _, first = np.unique(nu[which, 0].round(9), axis=0, return_index=True)
         for e in which[first]:
-            found = _section(section.law, section.stiffness, section.density, nu[e, 0], plane)
+            found = _section(section.law, section.stiffness, section.density, nu[e, 0])
             found = found or _matrix(section.viscosity, nu[e, 0], "viscosity")
             if found:
                 yield beam.label, f"of its section {name!r} {found}"
                 break
 
 
-def _section(law: Law, D: Floats, density: Floats, nu: Floats, plane: Plane) -> str:
+def _section(law: Law, D: Floats, density: Floats, nu: Floats) -> str:
     if found := _matrix(D, nu, "stiffness"):
         return found
-    S = np.eye(3)
-    S[1:, 1:] -= 2 * np.outer(nu[:2], nu[:2])
-    odd = 0.5 * (density - S @ density @ S)
-    radius = np.sqrt(np.trace(density[1:, 1:]) / density[0, 0]) if density[0, 0] else 0.0
-    if abs(odd[0]).max() > TOLERANCE * density[0, 0] * radius:
-        off = float(odd[0, 1:] @ nu[:2] / density[0, 0])
-        return f"the centre of mass is {off:.6g} m off the plane"
-    if abs(odd[1:, 1:]).max() > TOLERANCE * np.trace(density[1:, 1:]):
-        return (
-            "no principal axis of its inertia is along the normal of the plane (product"
-            f" {float(abs(odd[1:, 1:]).max()):.6g} kg m)"
-        )
+    if found := _masses(density, nu[:2]):
+        return f"the {found}"
     eps = PROBE * law.scale
     here, there = law.energy(eps), law.energy(eps @ _flip(nu))
     worst = float((abs(here - there) / abs(here)).max())
@@ -413,7 +408,7 @@ def _matrix(D: Floats, nu: Floats, what: str) -> str:
         return ""
     axis = float(np.degrees(np.arccos(min(1.0, float(abs(nu).max())))))
     turned = f"the plane's normal is {axis:.6g} degrees off d1 and d2 of the section, "
-    turned = turned if axis > TILTED else ""
+    turned = turned if axis > SHARE else ""
     names = f"{RESULTANTS[i]} with {RESULTANTS[j]}" if i != j else f"{RESULTANTS[i]}"
     return (
         f"the {what} couples motion in the plane with motion out of it: {turned}entry {names}"
@@ -564,10 +559,9 @@ def functions_off_plane(
     for function in system.couplings.functions:
         worst, most, when = 0.0, 0.0, 0.0
         for k in range(n):
-            a, b = (k, k + 1) if k + 1 < n else (k - 1, k)
-            ends = [system.extend(states[i], float(times[i])) for i in (a, b)]
-            y, t = ends[k - a], float(times[k])
-            rates = (ends[1] - ends[0]) / (times[b] - times[a])
+            other, t = k + 1 if k + 1 < n else k - 1, float(times[k])
+            y = system.extend(states[k], t)
+            rates = (system.extend(states[other], float(times[other])) - y) / (times[other] - t)
             factor = function.term.time.value(t)
             force = np.zeros_like(y)
             force[function.rows] = function.push(y, rates, t, factor, 1.0, 0.0).nodal()
@@ -612,9 +606,6 @@ def _ground(system: System, plane: Plane) -> OutOfPlane:
 
 
 # -- whether a scene stays in a plane, which one, and what leaves it by how much -------------------
-
-#: cosine above which an axis of space may be what is meant by a normal
-NEARLY = 0.99
 
 
 @dataclass(frozen=True, eq=False)
@@ -696,7 +687,8 @@ def _candidates(system: System) -> list[Floats]:
     sizes = np.append(sizes, np.zeros(3))[:3] / np.sqrt(len(x))
     if sizes[1] > 1e-6:
         axis = np.eye(3)[np.argmax(abs(V[2]))]
-        return [V[2], axis] if abs(axis @ V[2]) > NEARLY else [V[2]]
+        # an axis of space may be what is meant
+        return [V[2], axis] if abs(axis @ V[2]) > 0.99 else [V[2]]
     line = V[:1] if sizes[0] > 1e-6 else np.zeros((0, 3))
     along, about = [*np.zeros((0, 3))], [*np.eye(3)]
     for item in system.structures:

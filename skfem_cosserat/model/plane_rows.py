@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..joint import JointDrive
 from ..kernels import cross
 from ..types import TOLERANCE, Floats, IndexArray
-from .closure import RANK_TOLERANCE, pivoted
+from .closure import pivoted
 from .theories import HeldElement, rows_of
 
 if TYPE_CHECKING:
@@ -125,4 +125,4 @@ def _pick(matrix: csr_matrix, rows: IndexArray) -> IndexArray:
     if not len(columns):
         return rows[:0]
     order, d = pivoted(part[:, columns].toarray(), 0)
-    return np.sort(rows[order[: int((d > RANK_TOLERANCE * max(1.0, d.max())).sum())]])
+    return np.sort(rows[order[: int((d > TOLERANCE * max(1.0, d.max())).sum())]])

@@ -22,8 +22,6 @@ from .profile import AnyMaterial, Profile, signed_area
 
 #: Circumradius by shortest edge that is good enough: angles above 22 degrees.
 SHAPE = 1.35
-#: Smallest length by the shortest segment given.
-FLOOR = 0.2
 
 
 def _halved(points: Floats, segments: IndexArray, which: IndexArray) -> tuple[Floats, IndexArray]:
@@ -101,7 +99,7 @@ def triangulate(
     True
     """
     lengths = np.linalg.norm(np.diff(points[segments], axis=1)[:, 0], axis=1)
-    floor = FLOOR * lengths.min()
+    floor = 0.2 * lengths.min()
 
     def long_enough(which: IndexArray) -> IndexArray:
         ends = points[segments[which]]

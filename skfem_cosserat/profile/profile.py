@@ -86,9 +86,6 @@ def boundary_loops(mesh: Mesh) -> list[Floats]:
 
 AnyMaterial = Material | MaterialAnisotropic
 
-#: Share of the error whose elements are refined.
-BULK = 0.8
-
 
 def _checked_mesh(item: str, mesh: Mesh) -> Mesh:
     """Finite, of positive area, every edge between at most two elements, in one piece."""
@@ -343,7 +340,7 @@ def _marked(coarse: Warping, fine: Warping) -> IndexArray:
     share = fine.energies(difference).sum(axis=0)
     share_down = -np.sort(-share)
     total = np.cumsum(share_down)
-    least = share_down[np.searchsorted(total, BULK * total[-1])]
+    least = share_down[np.searchsorted(total, 0.8 * total[-1])]
     return np.flatnonzero(share >= (1 - 1e-6) * least)  # equal ones together
 
 

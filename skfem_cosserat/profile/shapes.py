@@ -15,9 +15,6 @@ from .profile import AnyMaterial, Profile
 #: A rectangle of a profile: its ends along d1, along d2 (m), and its material.
 Part = tuple[Sequence[float], Sequence[float], AnyMaterial]
 
-#: Triangles of the first mesh are at most so many times longer than wide.
-STRETCH = 3.0
-
 
 def _lines(ends: Floats) -> tuple[Floats, IndexArray]:
     """Ends sorted, those equal to round-off once; and the position of each given end."""
@@ -73,7 +70,8 @@ class ProfileRectangles(Profile):
                 raise InputError(
                     self.item, f"rectangle {k}: ends {part.tolist()}, expected a < b and c < d"
                 )
-        size = STRETCH * np.diff(ends, axis=2).min()
+        # triangles are at most three times longer than wide
+        size = 3 * np.diff(ends, axis=2).min()
         (x, place_x), (y, place_y) = (_lines(ends[:, axis]) for axis in range(2))
         owner = np.full((len(x) - 1, len(y) - 1), -1)
         for k, ((a, b), (c, d)) in enumerate(zip(place_x, place_y, strict=True)):

@@ -19,11 +19,20 @@ from ..errors import HistoryError, InputError, ModelWarning
 from ..history import History
 from ..integrators import Integrator, State, StepOrigin
 from ..model import System, takes_scene
-from ..model.closure import RANK_TOLERANCE
 from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint, constraint_owner, owner
 from ..time_function import Constant
-from ..types import ArrayLike, Floats, check_kind, finite, largest, numbers, positive, shown
+from ..types import (
+    TOLERANCE,
+    ArrayLike,
+    Floats,
+    check_kind,
+    finite,
+    largest,
+    numbers,
+    positive,
+    shown,
+)
 from ..warn import warn
 from .describe import recorded_turns
 from .plan import StepControl
@@ -117,17 +126,17 @@ def _least_strained(
     wanted = np.vstack([system.constraints.jacobian(y)[system.internal :].toarray(), slopes])
     asked = np.vstack([wanted @ E, out_of])
     values = np.append(wanted @ start, np.zeros(len(out_of)))
-    u = lstsq(asked, values, cond=RANK_TOLERANCE, lapack_driver="gelsy")[0]
+    u = lstsq(asked, values, cond=TOLERANCE, lapack_driver="gelsy")[0]
     if abs(asked @ u - values).max() <= COMPATIBLE * abs(values).max():
         return np.asarray(E @ u)
-    idle = E @ null_space(asked, rcond=RANK_TOLERANCE)
+    idle = E @ null_space(asked, rcond=TOLERANCE)
     rows = np.vstack([slopes @ P, (M @ idle).T @ P])
     values = np.concatenate([np.zeros(len(slopes)), -(idle.T @ (M @ start))])
     size = np.linalg.norm(rows, axis=1)
     rows, values = rows / size[:, None], values / size
     _, R, order = qr(rows.T, pivoting=True, mode="economic")
     diagonal = abs(np.diag(R))
-    chosen = order[: int((diagonal > RANK_TOLERANCE * diagonal.max(initial=0.0)).sum())]
+    chosen = order[: int((diagonal > TOLERANCE * diagonal.max(initial=0.0)).sum())]
     K = P.T @ S @ P
     scale = largest(K.data) or 1.0
     B = csr_matrix(scale * rows[chosen])

@@ -488,7 +488,7 @@ BUILDS: dict[str, tuple[Callable[[], sc.Model], str]] = {
                 0
             ]
         ),
-        "rigid body 'tip': no principal axis of its inertia is along the normal of the plane:"
+        "rigid body 'tip': its inertia has no principal axis along the normal of the plane:"
         " product of inertia 0.004 ",
     ),
     "centre of mass": (
