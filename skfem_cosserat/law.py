@@ -171,14 +171,6 @@ class LawQuadratic(Law):
         """The stiffness D for all strains (..., 6, 6)."""
         return np.broadcast_to(self.stiffness, (*eps.shape, 6))
 
-    def discrete(self, eps0: Array, eps1: Array) -> Array:
-        """The mean stress."""
-        return 0.5 * (self.stress(eps0) + self.stress(eps1))
-
-    def discrete_tangent(self, eps0: Array, eps1: Array) -> Array:
-        """Half of the stiffness."""
-        return 0.5 * self.tangent(eps1)
-
 
 class LawStored(Law):
     """Any stored energy, with derivatives that are given or made from it.

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..compiled import bind
 from ..compiled.bind_rows import choose_rows
 from ..compiled.kept import Source, entry
 from ..compiled.numbers import (
@@ -46,6 +47,7 @@ from ..constraints.base import BoundTreatment, half_turn
 from ..linear import Solver
 from ..model import System
 from ..model.force_elements import Couplings, warn_of_jump
+from ..model.quadratic import TOGETHER
 from ..model.system import Coordinates
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray, largest
@@ -139,9 +141,8 @@ class Coupled:
 # -- steps: the same iteration as that of the stepper, in a few compiled calls ---------------------
 
 
-#: most steps in one go, and most numbers of states in all of them together: for less than a
-#: second, as Ctrl-C waits for them
-STRIDE, NUMBERS_KEPT = 128, 10**5
+#: most steps in one go: for less than a second, as Ctrl-C waits for them
+STRIDE = 128
 
 
 class CompiledStep(CompiledScene):
@@ -209,12 +210,10 @@ class CompiledStep(CompiledScene):
 
     def _carry(self, scheme: Scheme) -> None:
         """Bind the arrays carried on from step to step, and set the scheme's numbers for them."""
-        from ..compiled import bind
-
         self._moves = bool(scheme.moved) and self.system.m > 0
         counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
         #: most steps in one go
-        self.most = max(1, min(STRIDE, NUMBERS_KEPT // max(1, self.system.n)))
+        self.most = max(1, min(STRIDE, TOGETHER // max(1, self.system.n)))
         nearest = None if self._nearest is None else self._nearest.bound
         own = counts, nearest, self._normal, self.most
         viscous = self._viscous[0]["all_numbers"] if self._viscous else None
