@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from ..compiled import bind
-from ..compiled.bind_rows import choose_rows
 from ..compiled.kept import Source, entry
 from ..compiled.numbers import (
     ALL_FACTORED,
@@ -189,7 +188,7 @@ class CompiledStep(CompiledScene):
         self._rows = np.zeros(0, dtype=np.int64)
         #: whether there are closed loops, whose independent rows are chosen on the way
         self.looped = len(coordinates.closure.rows) > 0
-        choose_rows(coordinates, self._tree, self._rows)
+        bind.choose_rows(coordinates, self._tree, self._rows)
         self._record[CLEARANCE] = 0.0 if self.looped else np.inf
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = self._farthest = np.inf
@@ -289,7 +288,7 @@ class CompiledStep(CompiledScene):
         rows, self._travelled = np.sort(rows), 0.0
         if not np.array_equal(rows, self._rows):
             self._rows = rows
-            choose_rows(self.coordinates, self._tree, rows)
+            bind.choose_rows(self.coordinates, self._tree, rows)
             self._record[KEPT] = 0.0
             off, count = self._tree["row_on"] == 0, len(self.system.origin_rows)
             for known in (self._a.last, self._a.before):  # no step begins with their impulses
