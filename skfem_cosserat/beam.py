@@ -29,7 +29,7 @@ from .mesh.divide import places_in
 from .mesh.topology import places_along
 from .section import Section
 from .theory import LawHeld, Theory, TheoryReissner, released
-from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, numbers, switch
+from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, shaped, switch
 from .warn import Notices, warn
 
 NodalField = Callable[[Floats], ArrayLike] | ArrayLike | None
@@ -196,13 +196,8 @@ class Beam(LineItem):
         nodes = self.basis.nodes
         if value is None:
             return np.zeros_like(nodes)
-        array = numbers(self.label, name, value(nodes) if callable(value) else value)
-        if array.shape not in ((3,), nodes.shape):
-            raise InputError(
-                self.label, f"{name} has shape {array.shape}, expected (3,) or {nodes.shape}"
-            )
-        if not np.isfinite(array).all():
-            raise InputError(self.label, f"{name} is not finite: {array[~np.isfinite(array)][0]}")
+        given = value(nodes) if callable(value) else value
+        array = shaped(self.label, name, given, (3,), nodes.shape)
         return np.broadcast_to(array, nodes.shape).copy()
 
     def _elements(self) -> BeamElements:

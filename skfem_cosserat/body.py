@@ -10,9 +10,7 @@ import numpy as np
 from .errors import InputError
 from .frames import REPLACED, Place, StructuralItem, Vertices, check_triad, no_place, vector
 from .frozen import Replacements
-from .types import ArrayLike, Floats, numbers, positive
-
-_NOWHERE = (0.0, 0.0, 0.0)
+from .types import ArrayLike, Floats, numbers, positive, shaped, symmetric
 
 
 class _Lump(StructuralItem):
@@ -40,8 +38,12 @@ class _Lump(StructuralItem):
                         f"{name} = {value!r} together with on = {on.label}: it moves with it",
                     )
             position = on.position
-        self.position = vector(self.label, "position", _NOWHERE if position is None else position)
-        self.velocity = vector(self.label, "velocity", _NOWHERE if velocity is None else velocity)
+        self.position = vector(
+            self.label, "position", np.zeros(3) if position is None else position
+        )
+        self.velocity = vector(
+            self.label, "velocity", np.zeros(3) if velocity is None else velocity
+        )
         self.on = on
 
     @property
@@ -178,7 +180,7 @@ class RigidBody(_Lump):
         euler: ArrayLike | None = None,
         position: ArrayLike | None = None,
         triad: ArrayLike | None = None,
-        center: ArrayLike = _NOWHERE,
+        center: ArrayLike = (0.0, 0.0, 0.0),
         velocity: ArrayLike | None = None,
         angular_velocity: ArrayLike | None = None,
         surface: tuple[ArrayLike, ArrayLike] | None = None,
@@ -193,7 +195,7 @@ class RigidBody(_Lump):
         self.angular_velocity = vector(
             self.label,
             "angular_velocity",
-            _NOWHERE if angular_velocity is None else angular_velocity,
+            np.zeros(3) if angular_velocity is None else angular_velocity,
         )
         self.euler = self._euler_tensor(inertia, euler)
         self.surface = None if surface is None else self._checked_surface(*surface)
@@ -205,13 +207,11 @@ class RigidBody(_Lump):
         if (inertia is None) == (euler is None):
             raise InputError(self.label, "give either inertia or euler, not both and not neither")
         name = "inertia" if euler is None else "euler"
-        value = numbers(self.label, name, inertia if euler is None else euler)
-        if value.shape == (3,):
+        given = inertia if euler is None else euler
+        value = shaped(self.label, name, given, (3,), (3, 3))
+        if value.ndim == 1:
             value = np.diag(value)
-        if value.shape != (3, 3):
-            raise InputError(self.label, f"{name} has shape {value.shape}, expected (3,) or (3, 3)")
-        if not abs(value - value.T).max() <= 1e-12 * abs(value).max() < np.inf:
-            raise InputError(self.label, f"{name} = {value.tolist()} is not finite and symmetric")
+        value = symmetric(self.label, name, value)
         E = value if euler is not None else np.trace(value) / 2 * np.eye(3) - value
         lowest = float(np.linalg.eigvalsh(E)[0])
         if lowest < -1e-12 * abs(value).max():
@@ -469,33 +469,26 @@ _BOX = np.array(
 )
 
 
-def _prism(r: float, length: float, sides: int) -> tuple[Floats, Any]:
-    angle = 2 * np.pi * np.arange(sides) / sides
-    ring = r * np.c_[np.cos(angle), np.sin(angle)]
-    ends = [np.c_[ring, np.full(sides, z)] for z in (-length / 2, length / 2)]
-    points = np.vstack([*ends, [[0, 0, -length / 2], [0, 0, length / 2]]])
-    i = np.arange(sides)
-    j = (i + 1) % sides
-    low, high = np.full(sides, 2 * sides), np.full(sides, 2 * sides + 1)
-    sides_of = [(i, j, j + sides), (i, j + sides, i + sides)]
-    faces = [*sides_of, (low, j, i), (high, i + sides, j + sides)]
+def _revolved(radii: Floats, heights: Floats, end: float, sides: int) -> tuple[Floats, Any]:
+    """Points (nv, 3) and triangles (nf, 3) of rings about d3 from the top, closed at +-`end`."""
+    turn, i = 2 * np.pi * np.arange(sides) / sides, np.arange(sides)
+    ring = np.column_stack([np.cos(turn), np.sin(turn)])
+    rings = [np.c_[r * ring, np.full(sides, z)] for r, z in zip(radii, heights, strict=True)]
+    points = np.vstack([*rings, [[0, 0, end], [0, 0, -end]]])
+    j, last = (i + 1) % sides, sides * (len(rings) - 1)
+    top, bottom = np.full(sides, len(points) - 2), np.full(sides, len(points) - 1)
+    faces = [(top, i, j), (bottom, j + last, i + last)]
+    for k in range(0, last, sides):
+        faces += [(i + k, i + k + sides, j + k + sides), (i + k, j + k + sides, j + k)]
     return points, np.vstack([np.column_stack(face) for face in faces])
+
+
+def _prism(r: float, length: float, sides: int) -> tuple[Floats, Any]:
+    half = length / 2
+    return _revolved(np.array([r, r]), np.array([half, -half]), half, sides)
 
 
 def ball_surface(r: float, rings: int = 8, sides: int = 16) -> tuple[Floats, Any]:
     """Points (nv, 3) and triangles (nf, 3) of a ball of radius r (m), for pictures."""
     angle = np.pi * np.arange(1, rings) / rings
-    turn = 2 * np.pi * np.arange(sides) / sides
-    a, b = np.meshgrid(angle, turn, indexing="ij")
-    body = np.column_stack(
-        [(np.sin(a) * np.cos(b)).ravel(), (np.sin(a) * np.sin(b)).ravel(), np.cos(a).ravel()]
-    )
-    points = r * np.vstack([body, [[0, 0, 1], [0, 0, -1]]])
-    i = np.arange(sides)
-    j = (i + 1) % sides
-    top, bottom = np.full(sides, len(body)), np.full(sides, len(body) + 1)
-    faces = [(top, i, j), (bottom, j + (rings - 2) * sides, i + (rings - 2) * sides)]
-    for k in range(rings - 2):
-        a0, b0 = i + k * sides, j + k * sides
-        faces += [(a0, a0 + sides, b0 + sides), (a0, b0 + sides, b0)]
-    return points, np.vstack([np.column_stack(face) for face in faces])
+    return _revolved(r * np.sin(angle), r * np.cos(angle), r, sides)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from .errors import InputError
-from .frames import Item, Place, check_sides, ground, is_beam, vector
+from .frames import Item, Place, check_beam, check_sides, ground, vector
 from .frozen import Replacements, loosened
 from .joint import Joint
 from .relative import RelativeCoordinate, displacement, distance, rotation
@@ -21,7 +21,7 @@ from .time_function import (
     TimeFunction,
     time_function,
 )
-from .types import ArrayLike, Floats, numbers, positive
+from .types import ArrayLike, Floats, numbers, positive, shaped, symmetric
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -113,17 +113,14 @@ def semidefinite(item: str, name: str, array: Floats) -> Floats:
     """The array, if it is a finite, symmetric, positive semidefinite matrix."""
     if not np.isfinite(array).all():
         raise InputError(item, f"{name} = {array.tolist()} is not finite")
-    size = float(abs(array).max())
-    skewed = float(abs(array - array.T).max())
-    if skewed > 1e-12 * size:
-        raise InputError(item, f"{name} is not symmetric (off by {skewed:.6g}): {array.tolist()}")
+    size, out = float(abs(array).max()), symmetric(item, name, array)
     lowest = float(np.linalg.eigvalsh(array)[0])
     if lowest < -1e-12 * size:
         raise InputError(
             item,
             f"{name} is not positive semidefinite (eigenvalue {lowest:.6g}): {array.tolist()}",
         )
-    return 0.5 * (array + array.T)
+    return out
 
 
 class _OnJoint(Coupling):
@@ -471,8 +468,7 @@ class Foundation(Item):
         damping: float | ArrayLike = 0.0,
         part: str | None = None,
     ) -> None:
-        if not is_beam(beam):
-            raise InputError(self.label, f"beam is {type(beam).__name__}, expected a beam")
+        check_beam(self.label, beam)
         self.beam, self.part = beam, part
         self.tensors = tuple(
             self._tensor(name, value)
@@ -497,19 +493,14 @@ class Foundation(Item):
 
     def _tensor(self, name: str, value: float | ArrayLike) -> Floats:
         """(3, 3) of a number, three or nine."""
-        array = numbers(self.label, name, value)
-        if array.shape not in ((), (3,), (3, 3)):
-            raise InputError(
-                self.label, f"{name} has shape {array.shape}, expected a number, (3,) or (3, 3)"
-            )
+        array = shaped(self.label, name, value, (), (3,), (3, 3))
         return semidefinite(self.label, name, array if array.ndim == 2 else array * np.eye(3))
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy for the beam that replaces its own, on the nodes of that beam."""
         other = loosened(copy(self))
         other.name, other.beam = None, replacements.of(self.beam)
-        if not is_beam(other.beam):
-            raise InputError(self.label, f"acts on {other.beam.label}, expected a beam")
+        check_beam(self.label, other.beam)
         other._supports = other._on_nodes()
         return other
 

@@ -12,7 +12,7 @@ from .arguments import checked
 from .errors import InputError, failed
 from .frozen import Attached, Frozen, Replacements
 from .kernels import cross, exp_quaternion, rotation_matrix
-from .types import TOLERANCE, ArrayLike, Floats, finite, numbers, switch
+from .types import TOLERANCE, ArrayLike, Floats, finite, numbers, shaped, switch
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -29,12 +29,7 @@ REPLACED = "make another one: model.with_items({name: ...}) is the model with it
 
 def vector(item: str, name: str, value: ArrayLike) -> Floats:
     """Three finite numbers, or an error naming item and argument."""
-    array = numbers(item, name, value)
-    if array.shape != (3,):
-        raise InputError(item, f"{name} has shape {array.shape}, expected (3,)")
-    if not np.isfinite(array).all():
-        raise InputError(item, f"{name} = {array.tolist()} is not finite")
-    return array
+    return shaped(item, name, value, (3,))
 
 
 def unit_vector(item: str, name: str, value: ArrayLike) -> Floats:
@@ -90,9 +85,7 @@ def triad(d3: ArrayLike, d1: ArrayLike | None = None) -> Floats:
 
 def check_triad(item: str, value: ArrayLike) -> Floats:
     """A (3, 3) right-handed orthonormal triad, rows d1, d2, d3."""
-    array = numbers(item, "triad", value)
-    if array.shape != (3, 3):
-        raise InputError(item, f"triad has shape {array.shape}, expected (3, 3): rows d1, d2, d3")
+    array = shaped(item, "triad", value, (3, 3))
     error = float(abs(array @ array.T - np.eye(3)).max())
     if not error < TOLERANCE or np.linalg.det(array) < 0:
         raise InputError(
@@ -430,6 +423,13 @@ def ground(position: ArrayLike, motion: Motion | None = None) -> Place:
 
 
 # -- kinds of items, told apart without importing what a scene does not have -----------------------
+
+
+def check_beam(item: str, beam: object) -> None:
+    """Raise InputError unless it is a beam."""
+    if not is_beam(beam):
+        what = beam.label if isinstance(beam, Item) else type(beam).__name__
+        raise InputError(item, f"acts on {what}, expected a beam")
 
 
 def is_beam(item: object) -> TypeGuard[Beam]:

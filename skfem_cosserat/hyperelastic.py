@@ -8,9 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .errors import InputError
-from .law import DIFFERENCE, EPS, ITEM, Law, LawStored, StrainFunction, difference
+from .law import DIFFERENCE, EPS, ITEM, Law, LawStored, StrainFunction, difference, of_points
 from .section import Section, check_stiffness
-from .strain_function import of_points
 from .types import ArrayLike, Floats, numbers
 
 STRESSES = ("N_1", "N_2", "N_3", "M_1", "M_2", "M_3")

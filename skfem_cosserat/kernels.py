@@ -386,13 +386,13 @@ def null_space_blocks(directors: Array) -> Array:
 
 
 # half of a vanishing angle: the sine of it over itself is one, also for complex steps
-_TINY = 1e-300
 _QUARTER = np.full((3, 1), 0.25)
 
 
 def exp_quaternion(theta: Array) -> Array:
     """Unit quaternions ``(w, x, y, z)`` (..., 4) of rotation vectors ``theta`` (..., 3)."""
-    half = np.sqrt((theta * theta).dot(_QUARTER) + _TINY)
+    # the sine of a vanishing angle over itself is one, also for complex steps
+    half = np.sqrt((theta * theta).dot(_QUARTER) + 1e-300)
     out = np.empty((*theta.shape[:-1], 4), dtype=theta.dtype)
     np.cos(half, out=out[..., :1])
     np.multiply(np.sin(half) / (2 * half), theta, out=out[..., 1:])

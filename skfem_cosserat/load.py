@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from .errors import InputError
-from .frames import Item, Place, StructuralItem, is_beam, no_place, vector
+from .frames import Item, Place, StructuralItem, check_beam, no_place, vector
 from .frozen import Attached, Replacements
 from .relative import Expression, point
 from .time_function import (
@@ -239,8 +239,7 @@ class TermLine(Term):
         elements: IndexArray | None = None,
     ) -> None:
         self._set(value, amplitude, follower)
-        if not is_beam(beam):
-            raise InputError(self.kind, f"acts on {type(beam).__name__}, expected a beam")
+        check_beam(self.kind, beam)
         self.beam, every = beam, beam.part(None)
         self.elements = every if elements is None else np.asarray(elements)
         given = self.elements
@@ -264,8 +263,7 @@ class TermLine(Term):
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy on another beam: all elements stay all, some need the same number of elements."""
         other = super().with_replacements(replacements)
-        if not is_beam(other.beam):
-            raise InputError(self.kind, f"acts on {other.beam.label}, expected a beam")
+        check_beam(self.kind, other.beam)
         old, new = self.beam.part(None), other.beam.part(None)
         if len(self.elements) == len(old):
             other.elements = new
@@ -697,16 +695,14 @@ class LoadLine(Load):
         part: str | None = None,
     ) -> None:
         super().__init__(value, amplitude, follower)
-        if not is_beam(beam):
-            raise InputError(self.label, f"acts on {type(beam).__name__}, expected a beam")
+        check_beam(self.label, beam)
         self.beam, self.part = beam, part
         self.elements = beam.part(part)
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy on another beam, on the elements that the part has there."""
         other = super().with_replacements(replacements)
-        if not is_beam(other.beam):
-            raise InputError(self.label, f"acts on {other.beam.label}, expected a beam")
+        check_beam(self.label, other.beam)
         other.elements = other.beam.part(self.part)
         return other
 

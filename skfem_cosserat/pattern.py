@@ -64,48 +64,18 @@ class FrozenPattern:
         slot = np.empty(len(key), dtype=np.int64)
         slot[order] = np.cumsum(new) - 1
         counts = np.bincount(j[first], minlength=shape[1])
-        self._keep(slot, i[first], np.concatenate([[0], np.cumsum(counts)]), int(shape[0]))
-
-    def _keep(self, slot: IndexArray, indices: Array, indptr: IndexArray, rows: int) -> None:
-        self.shape, self.nnz = (rows, len(indptr) - 1), len(indices)
+        self.shape, self.nnz = (int(shape[0]), int(shape[1])), len(first)
         small = max(self.nnz, *self.shape) < np.iinfo(np.int32).max
         kind = np.int32 if small else np.int64
         self.slot = slot
-        self.indices = indices.astype(kind, copy=False)
-        self.indptr = indptr.astype(kind)
+        self.indices = i[first].astype(kind, copy=False)
+        self.indptr = np.concatenate([[0], np.cumsum(counts)]).astype(kind)
         for array in (self.slot, self.indices, self.indptr):
             array.setflags(write=False)
         entries = np.zeros(self.nnz), self.indices, self.indptr
         #: zeros: a copy with other entries costs far less than a new matrix
         self._matrix = csc_matrix(entries, shape=self.shape, copy=False)
         self._matrix.has_canonical_format = True  # then they are sorted, too
-
-    def expanded(self, size: IndexArray) -> FrozenPattern:
-        """The pattern with ``size`` (n,) rows and columns for each of n, and full blocks.
-
-        In place of a contribution are those of its block, row by row.
-
-        Examples
-        --------
-        >>> pattern = FrozenPattern([1, 0], [1, 1], (2, 2)).expanded(np.array([2, 1]))
-        >>> pattern.matrix([1.0, 2.0, 3.0]).toarray().tolist()
-        [[0.0, 0.0, 2.0], [0.0, 0.0, 3.0], [0.0, 0.0, 1.0]]
-        """
-        cols = np.repeat(np.arange(len(size)), np.diff(self.indptr))
-        first, above = (np.append(0, np.cumsum(n)) for n in (size, size[self.indices]))
-        height = np.diff(above[self.indptr])
-        indptr = np.append(0, np.cumsum(np.repeat(height, size)))
-        top = indptr[first[cols]] + above[:-1] - above[self.indptr[cols]]
-        row, col, top = self.indices[self.slot], cols[self.slot], top[self.slot]
-        k = np.arange(size.max(initial=0))
-        inside = (k[:, None] < size[row, None, None]) & (k < size[col, None, None])
-        slot = ((top[:, None] + k)[:, :, None] + height[col, None, None] * k)[inside]
-        rows = np.broadcast_to((first[row, None] + k)[:, :, None], inside.shape)
-        indices = np.empty(indptr[-1], dtype=self.indices.dtype)
-        indices[slot] = rows[inside]
-        out = object.__new__(FrozenPattern)
-        out._keep(slot, indices, indptr, int(first[-1]))
-        return out
 
     def data(self, values: ArrayLike) -> Array:
         """Stored entries (nnz,) of contributions in the order of the indices (any shape)."""

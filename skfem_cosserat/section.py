@@ -16,7 +16,7 @@ import numpy as np
 from .errors import InputError, ModelWarning
 from .frozen import Frozen, loosened, seal
 from .law import Law, LawQuadratic
-from .types import ArrayLike, Floats, not_negative, numbers, positive, real
+from .types import ArrayLike, Floats, not_negative, numbers, positive, real, shaped, symmetric
 from .warn import warn
 
 #: relative error of constants that were typed in
@@ -65,20 +65,8 @@ class Material(Frozen):
 
 def _matrix(item: str, name: str, value: ArrayLike) -> Floats:
     """(6, 6), from six numbers its diagonal; finite."""
-    out = numbers(item, name, value)
-    if out.shape == (6,):
-        out = np.diag(out)
-    if out.shape != (6, 6):
-        raise InputError(item, f"{name} has shape {out.shape}, expected (6,) or (6, 6)")
-    if not np.isfinite(out).all():
-        raise InputError(item, f"{name} is not finite: {np.diag(out).tolist()}")
-    return out
-
-
-def _symmetric(item: str, name: str, value: Floats) -> Floats:
-    if not np.allclose(value, value.T, rtol=1e-12, atol=0):
-        raise InputError(item, f"{name} is not symmetric by {abs(value - value.T).max():.3g}")
-    return (value + value.T) / 2
+    out = shaped(item, name, value, (6,), (6, 6))
+    return np.diag(out) if out.ndim == 1 else out
 
 
 def check_stiffness(item: str, value: ArrayLike) -> Floats:
@@ -93,7 +81,7 @@ def check_stiffness(item: str, value: ArrayLike) -> Floats:
             f"{names[k]} = {diagonal[k]:g}: a section without stiffness against one of its"
             " strains leaves the beam a mechanism; expected six positive stiffnesses",
         )
-    D = _symmetric(item, "stiffness", D)
+    D = symmetric(item, "stiffness", D)
     scale = 1 / np.sqrt(diagonal)
     lowest = float(np.linalg.eigvalsh(D * scale[:, None] * scale)[0])
     if lowest <= 1e-14:
@@ -106,7 +94,7 @@ def check_stiffness(item: str, value: ArrayLike) -> Floats:
 def _viscosity(value: ArrayLike, D: Floats) -> Floats:
     """Symmetric positive semidefinite, measured in units of the stiffness D."""
     item = "section"
-    eta = _symmetric(item, "viscosity", _matrix(item, "viscosity", value))
+    eta = symmetric(item, "viscosity", _matrix(item, "viscosity", value))
     scale = 1 / np.sqrt(np.diag(D))
     times = np.linalg.eigvalsh(eta * scale[:, None] * scale)  # retardation times
     if times[0] < -1e-12 * max(times[-1], 0.0):
@@ -120,13 +108,11 @@ def _viscosity(value: ArrayLike, D: Floats) -> Floats:
 
 def _inertia(item: str, value: ArrayLike, mass: float, centre: Floats) -> Floats:
     """(2,) or symmetric (2, 2), positive semidefinite about the centre of mass."""
-    out = numbers(item, "inertia", value)
-    if out.shape not in ((2,), (2, 2)):
-        raise InputError(item, f"inertia has shape {out.shape}, expected (2,) or (2, 2)")
-    if not np.isfinite(out).all() or (np.diag(out) if out.ndim == 2 else out).min() < 0:
-        raise InputError(item, f"inertia = {out.tolist()}: negative or not finite")
+    out = shaped(item, "inertia", value, (2,), (2, 2))
+    if (np.diag(out) if out.ndim == 2 else out).min() < 0:
+        raise InputError(item, f"inertia = {out.tolist()}: negative")
     if out.ndim == 2:
-        out = _symmetric(item, "inertia", out)
+        out = symmetric(item, "inertia", out)
     moments = np.diag(out) if out.ndim == 1 else out
     steiner = mass * np.outer(centre, centre)
     own, scale = moments - steiner, max(abs(moments).max(), abs(steiner).max())

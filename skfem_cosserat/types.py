@@ -59,6 +59,26 @@ def floats(value: Any) -> Floats:
     return np.array(array, dtype=float)
 
 
+def shaped(item: str, name: str, value: Any, *shapes: tuple[int, ...]) -> Floats:
+    """Fresh array of finite numbers in one of these shapes, or an error naming the argument."""
+    array = numbers(item, name, value)
+    if array.shape not in shapes:
+        expected = " or ".join(map(str, shapes))
+        raise InputError(item, f"{name} has shape {array.shape}, expected {expected}")
+    if not np.isfinite(array).all():
+        raise InputError(item, f"{name} is not finite: {array.tolist()}")
+    return array
+
+
+def symmetric(item: str, name: str, value: Floats) -> Floats:
+    """The mean of a matrix and its transpose, or an error if they differ by more than rounding."""
+    skewed = float(abs(value - value.T).max())
+    if skewed > SAME * float(abs(value).max()):
+        text = f"{name} is not symmetric by {skewed:.6g}: {value.tolist()}"
+        raise InputError(item, text)
+    return 0.5 * (value + value.T)
+
+
 def shown(value: Any) -> str:
     """A value in an error, cut where it is long; Python does not write very long integers."""
     try:

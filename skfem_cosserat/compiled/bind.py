@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..law import DIFFERENCE, STEP, Law, LawStored
+from ..law import DIFFERENCE, STEP, CompiledFunction, Law, LawStored
 from ..model import System
 from ..model.force_elements import Invariants
 from ..model.groups import BeamGroup, Group
@@ -17,11 +17,9 @@ from ..model.parts import SeparateParts
 from ..model.system import Coordinates
 from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
-from ..strain_function import CompiledFunction
 from ..theory import LawHeld
 from ..types import Floats, IndexArray
 from . import structures
-from .bind_rows import bound_rows
 from .kept import VECTOR, Source, address, cold
 from .numbers import (
     BEAM_PARTS,
@@ -36,30 +34,40 @@ from .numbers import (
     NUMBERS,
     TREE_PARTS,
 )
-from .plan import Plan, following, places_of
+from .plan import Plan, RowBlock, following, places_of
 from .structures import Groups, flags, integers
-from .tables.couplings import (
+from .tables import (
+    ABSOLUTE,
     ANGLE,
+    AXIS,
+    BLOCK,
+    BORDER,
+    COMPONENT,
     DAMPING,
     DISPLACEMENT,
     DISTANCE,
+    DRIVE,
     FIRST,
     KIND,
     LAST,
     LEADING,
+    LEFT,
     MOST_XI,
     NEUTRAL,
+    RIGHT,
     ROTATION,
     ROW,
     ROWS,
+    SHIFTS,
     SIDE,
     SLACK,
-    SLOT,
+    SLIDE,
+    SLOTS,
+    SPHERE,
     STIFFNESS,
+    SUMS,
+    TURNED,
 )
-from .tables.flow import BORDER, SHIFTS, SUMS, TURNED
-from .tables.tree import AXIS, SLIDE, SPHERE
-from .tables.tree import ROTATION as TURN
 from .warm import helped
 
 # -- from force elements to the arrays of the compiled kernels -------------------------------------
@@ -108,7 +116,7 @@ def _place(system: System, plan: Plan, rows: IndexArray, out: IndexArray) -> lis
     """Slots and rows of the one or two vertices, which it gives."""
     vertices = np.unique(places_of(system)[0][rows]).tolist()
     known = np.array([v if v < len(system.origin_rows) else -1 for v in [*vertices, -1][:2]])
-    out[SLOT:ROW], out[ROW:] = plan.slots(known[:, None], known).ravel(), rows[0]
+    out[SLOTS:ROW], out[ROW:] = plan.slots(known[:, None], known).ravel(), rows[0]
     for one, v in enumerate(vertices):
         first, k = system.vertex_rows[v], np.arange(SIDE)
         out[ROW + SIDE * one + k] = np.minimum(first + k, system.total - 1)
@@ -138,7 +146,7 @@ _PLANNED = (
     "update",
     "parent_at",
 )
-KINDS = {"rotation": TURN, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
+KINDS = {"rotation": ABSOLUTE, "axis": AXIS, "sphere": SPHERE, "slide": SLIDE}
 
 
 def parts_of(
@@ -450,7 +458,9 @@ def bound_tree(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
         **bound_nodal_masses(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
-        "hold": np.zeros(4),
+        # normal of the plane in which a scene stays (zero: none), and the stiffness that holds it
+        "hold": np.zeros(3),
+        "held_by": np.zeros(1),
     }
     return structures.structure("tree", fields), fields
 
@@ -487,9 +497,17 @@ def _edges(coordinates: Coordinates) -> dict[str, Any]:
         "child_offset": _vectors([e.child_spot.offset for e in edges]),
         "parent_offset": _vectors([e.parent_spot.offset for e in edges]),
         "arm0": np.zeros((len(edges), 3)),
-        "fulcrum_row": integers([row[s.vertex] for s in fulcrums]),
-        "fulcrum_offset": _vectors([s.offset for s in fulcrums]),
-        "fulcrum_vertex": integers([s.vertex if s.vertex < count else -1 for s in fulcrums]),
+        **_spots("fulcrum", coordinates, fulcrums),
+    }
+
+
+def _spots(name: str, coordinates: Coordinates, spots: Sequence[Spot]) -> dict[str, Any]:
+    """Points of the tree: rows of y, offsets, and vertices, -1 for the ground."""
+    row, count = coordinates.kinematics.row, len(coordinates.system.origin_rows)
+    return {
+        f"{name}_row": integers([row[s.vertex] for s in spots]),
+        f"{name}_offset": _vectors([s.offset for s in spots]),
+        f"{name}_vertex": integers([s.vertex if s.vertex < count else -1 for s in spots]),
     }
 
 
@@ -530,12 +548,8 @@ def _coordinates(coordinates: Coordinates) -> dict[str, Any]:
         "axis0": np.zeros((len(own), 3)),
         "guide_row": integers([row[c.guide] if c.guide >= 0 else 0 for c in own]),
         "guide_vertex": integers([c.guide if c.guide < count else -1 for c in own]),
-        "target_row": integers([row[s.vertex] for s in targets]),
-        "target_offset": _vectors([s.offset for s in targets]),
-        "target_vertex": integers([s.vertex for s in targets]),
-        "centre_row": integers([row[s.vertex] for s in centres]),
-        "centre_offset": _vectors([s.offset for s in centres]),
-        "centre_vertex": integers([s.vertex if s.vertex < count else -1 for s in centres]),
+        **_spots("target", coordinates, targets),
+        **_spots("centre", coordinates, centres),
     }
 
 
@@ -662,7 +676,6 @@ def bound_flow(plan: Plan, separate: SeparateParts | None) -> tuple[Any, dict[st
         "forms": (BORDER, count, 6),
         **dict.fromkeys(("motion", "twists"), (BORDER, each, 6)),
         "schur": (parts, BORDER, BORDER + 1),
-        "scratch": (BORDER, BORDER + 1),
     }
     fields: dict[str, Any] = {
         "owner": owner,
@@ -746,3 +759,149 @@ def bound_carried(
 
 def _vectors(values: Sequence[Any]) -> Floats:
     return np.array(values, dtype=float).reshape(len(values), 3)
+
+
+# -- constraint rows with multipliers --------------------------------------------------------------
+
+
+def bound_rows(coordinates: Coordinates, plan: Plan) -> dict[str, Any]:
+    """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
+    system = coordinates.system
+    count = len(system.origin_rows)
+    vertex, component = places_of(system)
+    vertex = np.where(vertex < count, vertex, -1)
+    numbers, block, place = _numbered(system, plan.rows)
+    terms, cosines = system.constraints.terms(), system.branch_cosines.terms()
+    own = np.flatnonzero(block[terms.row] >= 0)
+    k, a, b = terms.row[own], terms.left[own], terms.right[own]
+    e, u, v = block[k], vertex[a], vertex[b]
+    products = [e, place[k], a, b, u, component[a], v, component[b]]
+    products += [plan.slots(*ends) for ends in ((u, v), (v, u), (e, u), (u, e), (e, v), (v, e))]
+    products += [terms.drive_row[own], terms.drive_component[own]]
+    each = (terms.linear_row[:, None] + np.arange(3)).ravel()
+    n, linear = np.tile(np.arange(3), len(terms.linear_row)), np.repeat(terms.linear, 3)
+    of_vectors = np.flatnonzero(block[each] >= 0)
+    k, a, n = each[of_vectors], linear[of_vectors], n[of_vectors]
+    e, v = block[k], vertex[a]
+    vectors = [e, place[k], a, n, v, component[a], plan.slots(e, v), plan.slots(v, e)]
+    inner = [[v for v in each.vertices if v < count] for each in plan.rows]
+    u, e, v = (
+        np.array(
+            [(u, k, v) for k, own in enumerate(inner, count) for u in own for v in own],
+            dtype=np.int64,
+        )
+        .reshape(-1, 3)
+        .T
+    )
+    pairs = np.stack([plan.slots(u, e), plan.slots(e, v), plan.slots(u, v)], axis=-1)
+    turned = np.zeros((len(cosines.row), 16), dtype=np.int64)
+    turned[:, [BLOCK, LEFT, RIGHT]] = np.column_stack(cosines[:3])
+    turned[:, [DRIVE, COMPONENT]] = np.column_stack(cosines[4:6])
+    return {
+        "row_products": np.stack(products, axis=-1),
+        "row_factors": terms.factor[own],
+        "row_linear": np.stack(vectors, axis=-1),
+        "row_linear_factors": np.repeat(terms.linear_factor, 3)[of_vectors],
+        **_of_blocks(coordinates, plan, numbers, terms.constant),
+        "row_pairs": pairs,
+        "cosines": turned,
+        "cosine_factors": np.array(cosines.factor, dtype=float),
+        "cosine_constant": np.array(cosines.constant, dtype=float),
+        "cosine": np.zeros(len(cosines.constant)),
+    }
+
+
+def _numbered(
+    system: System, blocks: Sequence[RowBlock]
+) -> tuple[IndexArray, IndexArray, IndexArray]:
+    """Constraint rows of blocks (k, 6), -1 for none; of each row block and place, or -1.
+
+    Blocks are numbered behind the vertices.
+    """
+    numbers = np.full((len(blocks), 6), -1)
+    for own, each in zip(numbers, blocks, strict=True):
+        own[: len(each.rows)] = each.rows
+    block, place = np.full((2, system.m), -1)
+    k, n = np.nonzero(numbers >= 0)
+    block[numbers[k, n]], place[numbers[k, n]] = len(system.origin_rows) + k, n
+    return numbers, block, place
+
+
+def _of_blocks(
+    coordinates: Coordinates, plan: Plan, numbers: IndexArray, constant: Floats
+) -> dict[str, Any]:
+    """Constants, sizes and weights of constraint rows by block; the frame a block turns with."""
+    system = coordinates.system
+    magnitude = system.constraints.magnitudes(system.extend(system.q0, system.since))
+    none, size = numbers < 0, np.where(magnitude > 0, magnitude, 1.0)
+    first = [[v for v in (*b.waits, *b.vertices) if v in b.vertices] for b in plan.rows]
+    count = len(system.origin_rows)
+    framed = [[v for v in own if v < count and system.is_frame[v]] for own in first]
+    weight, weighted = _weights(system, numbers, plan.rows), []
+    for k in np.flatnonzero(weight.any(1)).tolist():
+        own = [v for v in plan.rows[k].vertices if v < count]
+        weighted += [(k, u, v) for u in own for v in own]
+    of, u, v = np.array(weighted, dtype=np.int64).reshape(-1, 3).T
+    slots = of, plan.slots(u, count + of), plan.slots(count + of, v), plan.slots(u, v)
+    return {
+        "row_constant": np.where(none, 0.0, constant[numbers]) if numbers.size else 0.0 * numbers,
+        "row_size": np.where(none, 1.0, size[numbers]) if numbers.size else 0.0 * numbers,
+        "row_on": (~none & ~np.isin(numbers, coordinates.closure.rows)).astype(float),
+        "row_weight": weight,
+        "row_weighted": np.stack(slots, axis=-1),
+        "row_triple": np.full(len(plan.rows), -1),
+        "row_owner": integers([own[0] if own else -1 for own in framed]),
+        "row_numbers": numbers,
+    }
+
+
+#: rotary inertia of a frame, by its largest, below which rows have to hold it for its block to be
+#: regular
+THIN = 1e-6
+
+
+def _weights(system: System, numbers: IndexArray, blocks: Sequence[RowBlock]) -> Floats:
+    """Weights of rows (k, 6) of blocks that hold a frame which lacks rotary inertia, else zero.
+
+    Any positive ones do. Of vectors the frame's mass (kg), of others its inertia (kg m^2).
+    """
+    weight = np.zeros(numbers.shape)
+    if (group := system.frame_group) is None:
+        return weight
+    scalar = group.scalar_mass
+    first, mass = scalar[:, 1:, 0], scalar[:, 0, 0]
+    some = np.where(mass > 0, mass, 1.0)  # forces act on nodes of beams without masses, too
+    euler = scalar[:, 1:, 1:] - first[:, :, None] * first[:, None] / some[:, None, None]
+    values = np.linalg.eigvalsh(euler)
+    least, inertia = values[:, 0] + values[:, 1], values.sum(1)
+    thin = {int(group.vertices[k, 0]): k for k in np.flatnonzero(least < THIN * inertia)}
+    vectors = _of_vectors(system) if thin else set()
+    for own, row, block in zip(weight, numbers.tolist(), blocks, strict=True):
+        for k in (thin[v] for v in block.vertices if v in thin):
+            sizes = [0.0 if n < 0 else mass[k] if n in vectors else inertia[k] for n in row]
+            own[:] = np.maximum(own, sizes)
+    return weight
+
+
+def _of_vectors(system: System) -> set[int]:
+    """Constraint rows that are components of vectors in space."""
+    return {int(k) + i for k in system.constraints.terms().linear_row for i in range(3)}
+
+
+def choose_rows(coordinates: Coordinates, fields: dict[str, Any], chosen: IndexArray) -> None:
+    """Take these rows (r,) of closed loops, and none of the others.
+
+    Those that are a vector in space turn with the frame of a vertex while factors are kept: then
+    all of them have to be there.
+    """
+    system = coordinates.system
+    numbers, on = fields["row_numbers"], fields["row_on"]
+    there = np.ones(system.m + 1, dtype=bool)
+    there[coordinates.closure.rows] = there[-1] = False
+    there[chosen] = True
+    on[:] = there[numbers]
+    vectors = _of_vectors(system)
+    for k, own in enumerate(numbers.tolist()):
+        places = [i for i, number in enumerate(own) if number in vectors]
+        whole = len(places) > 1 and fields["row_owner"][k] >= 0 and on[k, places].all()
+        fields["row_triple"][k] = places[0] if whole else -1

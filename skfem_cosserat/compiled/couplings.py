@@ -36,8 +36,8 @@ from .numbers import (
     S,
 )
 from .simd import clear, local
-from .small import cross, dot, increase, minus, pulled, row
-from .tables.couplings import (
+from .small import cross, dot, increase, minus, plus, pulled, row, times
+from .tables import (
     ANGLE,
     DAMPING,
     DISTANCE,
@@ -53,7 +53,7 @@ from .tables.couplings import (
     ROWS,
     SIDE,
     SLACK,
-    SLOT,
+    SLOTS,
     STIFFNESS,
 )
 
@@ -472,27 +472,8 @@ def force_on(state: Floats, c: int, count: int, G: Floats, a: int) -> Three:
     """Force on row a, of the gradients of the invariants."""
     f = (0.0, 0.0, 0.0)
     for k in range(count):
-        x = state[c, S + k]
-        f = f[0] + x * G[k, a, 0], f[1] + x * G[k, a, 1], f[2] + x * G[k, a, 2]
+        f = plus(f, times(state[c, S + k], (G[k, a, 0], G[k, a, 1], G[k, a, 2])))
     return f
-
-
-@inlined
-def couple_start(s: Any, w: Any, numbers: Floats, G: Floats, P: Floats, V: Floats) -> None:
-    """Invariants and coordinates at the start of the step."""
-    places, state = s.coupling, w.coupled
-    for c in range(len(places)):
-        kind, d = places[c, KIND], places[c, LEADING]
-        m, k = numbers_of_kind(kind)
-        gradients(s, c, w.y0, G, 0, P, BEGIN)
-        value(kind, d, P, BEGIN, V, XI)
-        for i in range(d + m):
-            state[c, XI0 + i] = V[XI, i]
-        state[c, XI0 + d] += 2.0 * np.pi * state[c, TURNS]
-        if numbers[REACH] != 0.0:
-            gradients(s, c, w.earlier, G, 0, P, BEGIN)
-        for n in range(d + k):
-            state[c, PI0 + n] = P[BEGIN, n]
 
 
 @shared
@@ -503,22 +484,32 @@ def couple_force(
 
     3: at the start of the step. G (7, 8, 3), P (3, 7), V (4, 6) and J (1, 6, 7) are scratch.
     """
-    if flag == 3:
-        couple_start(s, w, numbers, G, P, V)
-        return
     y0, y1, places, state = w.y0, w.y1, s.coupling, w.coupled
     out = w.internal
     if flag == 2:
         out = w.R_mixed
     rows = out.shape[0]
     for c in range(len(places)):
+        kind, d = places[c, KIND], places[c, LEADING]
+        m, count = numbers_of_kind(kind)
+        m, count = d + m, d + count
+        if flag == 3:
+            gradients(s, c, y0, G, 0, P, BEGIN)
+            value(kind, d, P, BEGIN, V, XI)
+            for i in range(m):
+                state[c, XI0 + i] = V[XI, i]
+            state[c, XI0 + d] += 2.0 * np.pi * state[c, TURNS]
+            if numbers[REACH] != 0.0:
+                gradients(s, c, w.earlier, G, 0, P, BEGIN)
+            for n in range(count):
+                state[c, PI0 + n] = P[BEGIN, n]
+            continue
         if flag == 0:
             gradients(s, c, w.later, G, 0, P, AT_END)
         gradients(s, c, w.mid, G, 0, P, AT_MID)
         if flag == 0:
             respond(s, state, c, numbers, P, V, J)
             state[c, GROUND] = 0.0
-        count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
         for a in range(ROWS):
             f = force_on(state, c, count, G, a)
             r = places[c, ROW + a]
@@ -529,52 +520,14 @@ def couple_force(
 
 
 @shared
-def derivatives(
-    s: Any,
-    w: Any,
-    c: int,
-    numbers: Floats,
-    G: Floats,
-    P: Floats,
-    V: Floats,
-    J: Floats,
-    X: Floats,
-    H: Floats,
-    C: Floats,
-) -> int:
-    """For the tangent: gradients G at the midpoint, behind the first 7 those at the end, and H.
-
-    H is by the midpoint, times the share of y_1 in it, and by the end. C (4, 4, 4): ``sum s_k A_k``
-    by pairs of sides. It gives the number of invariants; P (3, 7), V (4, 6), J (3, 6, 7) and
-    X (3, 4, 4) are scratch.
-    """
-    places, entries, factors, state = s.coupling, s.coupling_entry, s.coupling_factor, w.coupled
-    gradients(s, c, w.mid, G, 0, P, AT_MID)
-    gradients(s, c, w.later, G, MOST_PI, P, AT_END)
-    found = respond(s, state, c, numbers, P, V, J)
-    slopes(s, state, c, found, numbers[ENDS] != 0.0, P, V, J, X, H)
-    clear(C)
-    for e in range(places[c, FIRST], places[c, LAST]):
-        a, b = entries[e, 1], entries[e, 2]
-        k = 2 * (a // SIDE) + b // SIDE
-        C[k, a % SIDE, b % SIDE] += state[c, S + entries[e, 0]] * factors[e]
-    count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
-    for k in range(count):
-        for n in range(count):
-            H[0, k, n] *= numbers[SHARE]
-            H[1, k, n] *= pace(numbers)
-    return count
-
-
-@shared
 def put_twist(places: IndexArray, c: int, y: Floats, G: Floats, k: int, F: Floats, j: int) -> None:
     """``F_j`` (12,): ``P_int(y)^T G_k`` of both sides."""
     for side in range(2):
         torque = (0.0, 0.0, 0.0)
         for i in range(1, SIDE):
             a = SIDE * side + i
-            t = cross(row(y, places[c, ROW + a]), (G[k, a, 0], G[k, a, 1], G[k, a, 2]))
-            torque = torque[0] + t[0], torque[1] + t[1], torque[2] + t[2]
+            f = G[k, a, 0], G[k, a, 1], G[k, a, 2]
+            torque = plus(torque, cross(row(y, places[c, ROW + a]), f))
         for i in range(3):
             F[j, 6 * side + i] = G[k, SIDE * side, i]
             F[j, 6 * side + 3 + i] = torque[i]
@@ -588,16 +541,28 @@ def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     if flag != 1:
         couple_force(s, w, numbers, flag, G, P, V, J)
         return 0.0
-    A, places = w.A, s.coupling
-    force, geometric, yL = (
-        numbers[FORCE],
-        numbers[FORCE] * numbers[SHARE],
-        pulled(w.y0, w.mid, numbers),
+    A, places, entries, factors, state = (
+        w.A,
+        s.coupling,
+        s.coupling_entry,
+        s.coupling_factor,
+        w.coupled,
     )
+    force, share, yL = numbers[FORCE], numbers[SHARE], pulled(w.y0, w.mid, numbers)
+    # H: derivatives of s by the invariants at the midpoint and at the end; sums of s_k A_k by sides
     X, H, by_sides = local((3, 4, 4)), local((2, MOST_PI, MOST_PI)), local((4, SIDE, SIDE))
     left, right, turned = local((MOST_PI, 12)), local((2 * MOST_PI, 12)), local(12)
     for c in range(len(places)):
-        count = derivatives(s, w, c, numbers, G, P, V, J, X, H, by_sides)
+        gradients(s, c, w.mid, G, 0, P, AT_MID)
+        gradients(s, c, w.later, G, MOST_PI, P, AT_END)
+        found = respond(s, state, c, numbers, P, V, J)
+        slopes(s, state, c, found, numbers[ENDS] != 0.0, P, V, J, X, H)
+        clear(by_sides)
+        for e in range(places[c, FIRST], places[c, LAST]):
+            a, b = entries[e, 1], entries[e, 2]
+            k = 2 * (a // SIDE) + b // SIDE
+            by_sides[k, a % SIDE, b % SIDE] += state[c, S + entries[e, 0]] * factors[e]
+        count = places[c, LEADING] + numbers_of_kind(places[c, KIND])[1]
         for k in range(count):
             put_twist(places, c, yL, G, k, left, k)
             put_twist(places, c, w.y1, G, k, right, k)
@@ -606,12 +571,12 @@ def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             for j in range(12):
                 turned[j] = 0.0
             for n in range(count):
-                here, end = force * H[0, k, n], force * H[1, k, n]
+                here, end = force * (H[0, k, n] * share), force * (H[1, k, n] * pace(numbers))
                 for j in range(12):
                     turned[j] += here * right[n, j] + end * right[MOST_PI + n, j]
             for one in range(2):
                 for two in range(2):
-                    slot = places[c, SLOT + 2 * one + two]
+                    slot = places[c, SLOTS + 2 * one + two]
                     if slot < 0:
                         continue
                     for i in range(6):
@@ -620,9 +585,9 @@ def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                             A[slot, i, j] += f * turned[6 * two + j]
         for one in range(2):
             for two in range(2):
-                slot = places[c, SLOT + 2 * one + two]
+                slot = places[c, SLOTS + 2 * one + two]
                 if slot < 0:
                     continue
                 a, b = places[c, ROW + SIDE * one], places[c, ROW + SIDE * two]
-                scalar_block(by_sides, 2 * one + two, geometric, yL, a, w.y1, b, A, slot)
+                scalar_block(by_sides, 2 * one + two, force * share, yL, a, w.y1, b, A, slot)
     return 0.0

@@ -48,7 +48,6 @@ from .small import (
 
 #: slope of the centre line, directors and their slopes
 Point = tuple[Vector, Rotation, Rotation]
-ZERO = (0.0, 0.0, 0.0)
 
 
 @inlined
@@ -66,7 +65,7 @@ def node(X: Floats, a: int, i: int) -> Vector:
 @inlined
 def field(N: Any, X: Floats, i: int) -> Vector:
     """``sum N_a X_ai``."""
-    s = ZERO
+    s = (0.0, 0.0, 0.0)
     for a in range(len(N)):
         s = plus(s, times(N[a], node(X, a, i)))
     return s
@@ -227,12 +226,29 @@ def triple(a: Floats, es: Places, size: int, first: int) -> Vector:
 
 
 @inlined
+def six(a: Floats, es: Places, size: int, first: int) -> tuple[Vector, Vector]:
+    """Six entries of each: forces and moments, or strains that belong to them."""
+    return triple(a, es, size, first), triple(a, es, size, first + 3)
+
+
+@inlined
+def strain_of(eps: tuple[Vector, Vector], i: int) -> float:
+    """One of the six strains."""
+    return eps[0][i] if i < 3 else eps[1][i - 3]
+
+
+@inlined
 def stress(D: Floats, section: Places, i: int, diagonal: bool, eps: tuple[Vector, Vector]) -> float:
     """``(D eps)_i``, D that of the sections."""
     if diagonal:
-        return gather(D, section, 36, 7 * i) * (eps[0][i] if i < 3 else eps[1][i - 3])
-    here, there = triple(D, section, 36, 6 * i), triple(D, section, 36, 6 * i + 3)
-    return dot(here, eps[0]) + dot(there, eps[1])
+        return gather(D, section, 36, 7 * i) * strain_of(eps, i)
+    return along(six(D, section, 36, 6 * i), eps)
+
+
+@inlined
+def along(D: tuple[Vector, Vector], eps: tuple[Vector, Vector]) -> float:
+    """Product of six numbers with six others."""
+    return dot(D[0], eps[0]) + dot(D[1], eps[1])
 
 
 @inlined
@@ -241,8 +257,7 @@ def stress_change(
 ) -> float:
     """``(D eps)_i`` for a change of the strains at Gauss point p."""
     if D.ndim == 4:  # that of a law
-        size, k = 36 * D.shape[1], 36 * p + 6 * i
-        return dot(triple(D, es, size, k), eps[0]) + dot(triple(D, es, size, k + 3), eps[1])
+        return along(six(D, es, 36 * D.shape[1], 36 * p + 6 * i), eps)
     return stress(D, section, i, diagonal, eps)
 
 
@@ -257,7 +272,7 @@ def ask_law(D: Floats, g: Any, numbers: Floats, what: int) -> None:
 def measured(D: Floats, section: Places, i: int, diagonal: bool, eps: Any) -> float:
     """Stress by the strains, or the strain itself for a law."""
     if D.ndim == 4:
-        return eps[0][i] if i < 3 else eps[1][i - 3]
+        return strain_of(eps, i)
     return stress(D, section, i, diagonal, eps)
 
 
@@ -290,11 +305,8 @@ def put_strains(D: Floats, g: Any, y: Floats, X: Floats) -> None:
 @inlined
 def strained(reference: Floats, es: Places, ng: int, p: int, G: Point) -> tuple[Vector, Vector]:
     """Strains at G less those of the reference configuration."""
-    Gamma, K = strains(G)
-    return (
-        minus(Gamma, triple(reference, es, 6 * ng, 6 * p)),
-        minus(K, triple(reference, es, 6 * ng, 6 * p + 3)),
-    )
+    eps, eps0 = strains(G), six(reference, es, 6 * ng, 6 * p)
+    return minus(eps[0], eps0[0]), minus(eps[1], eps0[1])
 
 
 @part
@@ -324,8 +336,8 @@ def beam_energy(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             eps = strained(reference, es, ng, p, at_point(N[p], dN[p], 1.0 / length, X))
             weight = 0.5 * weights[p] * counted(e, ne) * length
             for i in range(6):
-                strain = eps[0][i] if i < 3 else eps[1][i - 3]
-                total = total + weight * strain * stress(stiffness, own, i, diagonal, eps)
+                own_stress = stress(stiffness, own, i, diagonal, eps)
+                total = total + weight * strain_of(eps, i) * own_stress
     store(X, 0, total)
     w.found[0] += X[0] + X[1] + X[2] + X[3]
     return 0.0
@@ -394,7 +406,7 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
                 eps = strained(reference, es, ng, p, H)
                 put_stresses(stiffness, S, S0, es, own, 6 * p, (start, end), diagonal, eps)
             weight = weights[p] * once * length
-            n, m = triple(S, es, 6 * ng, 6 * p), triple(S, es, 6 * ng, 6 * p + 3)
+            n, m = six(S, es, 6 * ng, 6 * p)
             point_force(N[p], dN[p], inverse, G, times(weight, n), times(0.5 * weight, m), F)
         if viscous:
             for k in range(size // WIDTH):
@@ -473,7 +485,8 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 #: where matrices start: the block (6, 6), of an element its stiffness (6, 6), of a point slopes of
 #: strains by velocities (3, 3), their stresses (6, 3), strains by one angular velocity (6, 3); then
 #: stresses (6) of all points and what :func:`further` tells
-STIFFNESS, SLOPES, STRESSED, STRAINS, STRESSES = 36, 72, 90, 108, 126
+STIFFNESS = 36
+SLOPES, STRESSED, STRAINS, STRESSES = range(72, 144, 18)
 Further = tuple[int, int, int, int, int, int]
 
 
@@ -729,7 +742,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
         for p in range(points):
             GB = at_point(shapes[p], slopes[p], inverse, XB)
             GS = at_point(shapes[p], slopes[p], inverse, XS) if ends else GB
-            n, m = triple(S, es, 6 * points, 6 * p), triple(S, es, 6 * points, 6 * p + 3)
+            n, m = six(S, es, 6 * points, 6 * p)
             f = half * weights[p] * once
             n, m = times(f, n), times(0.5 * f, m)
             keep(a, STRESSES + 6 * p, n)

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 
 from ..types import Floats
+from .blocks import triangles_exchanging
 from .jit import inlined, part
-from .nodes import mass_times, twist_force
+from .nodes import twist_force
 from .numbers import (
     FLOW_CLOSED,
     FLOW_HALVINGS,
@@ -24,25 +25,28 @@ from .numbers import (
     FLOW_NOISE,
     FLOW_REGULAR,
 )
-from .simd import clear, copy
+from .simd import clear, copy, local, put_product
 from .small import (
     Rotation,
     Vector,
     column,
+    combination,
     combine,
     cross,
     dot,
     increase,
+    mass_times,
     minus,
     plus,
     pulled,
     put,
     row,
+    rows3,
     times,
     turned,
     unit,
 )
-from .tables.flow import (
+from .tables import (
     BORDER,
     CHI,
     COFACTORS,
@@ -59,12 +63,6 @@ from .tables.flow import (
     A,
     S,
 )
-
-
-@inlined
-def rows3(a: Floats, r: int) -> Rotation:
-    """Three rows as those of a matrix."""
-    return row(a, r), row(a, r + 1), row(a, r + 2)
 
 
 @inlined
@@ -196,7 +194,8 @@ def sum_relative(f: Any, w: Any, p: int, first: int, last: int) -> None:
 def flow(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Twice the momentum ``M v_m`` of the mean velocities, in ``w.momentum``."""
     f, sums, out, runs = w.flow, w.flow.sums, w.momentum, w.flow.runs
-    mass_times(s.mass_indptr, s.mass_indices, s.mass_data, w.y1, w.y0, 1.0, f.mdq)
+    combination(1.0, w.y1, -1.0, w.y0, f.rest)
+    mass_times(s, 1.0, f.rest, f.mdq)
     clear(sums)
     for n in range(len(runs) - 1):
         sum_common(f, w, f.owner[runs[n]], runs[n], runs[n + 1])
@@ -339,49 +338,30 @@ def flow_keep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     return 0.0
 
 
-@inlined
-def solve_small(M: Floats, p: int, begin: int, S: Floats) -> bool:
-    """``(1 + M_p) x = r`` with r behind the last column of M, which x replaces; S is scratch."""
-    for i in range(begin, BORDER):
-        for j in range(begin, BORDER + 1):
-            S[i, j] = M[p, i, j] + (1.0 if i == j else 0.0)
-    for k in range(begin, BORDER):
-        q = k
-        for i in range(k + 1, BORDER):
-            if abs(S[i, k]) > abs(S[q, k]):
-                q = i
-        if not abs(S[q, k]) > 0.0:
-            return False
-        for j in range(begin, BORDER + 1):
-            S[k, j], S[q, j] = S[q, j], S[k, j]
-        for i in range(k + 1, BORDER):
-            c = S[i, k] / S[k, k]
-            for j in range(k, BORDER + 1):
-                S[i, j] -= c * S[k, j]
-    for k in range(BORDER - 1, begin - 1, -1):
-        for j in range(k + 1, BORDER):
-            S[k, BORDER] -= S[k, j] * S[j, BORDER]
-        S[k, BORDER] /= S[k, k]
-        M[p, k, BORDER] = S[k, BORDER]
-    return True
-
-
 @part
 def flow_correct(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """From the increment by the factors to that of the whole matrix."""
-    f, x, twist, begin = w.flow, w.x, w.twist, w.flow.begin[0]
+    f, x, twist, begin, M, S = w.flow, w.x, w.twist, w.flow.begin[0], w.flow.schur, w.scratch
+    lower, upper, v = local((1, BORDER, BORDER)), local((1, BORDER, BORDER)), local((1, BORDER))
     rates_of(f, len(s.framed), twist, BORDER)
-    for p in range(f.schur.shape[0]):
-        if not solve_small(f.schur, p, begin, f.scratch):
+    for p in range(M.shape[0]):  # (1 + M) v = r, which stands behind the last column of M
+        for i in range(BORDER):
+            v[0, i] = M[p, i, BORDER]
+            for k in range(BORDER):
+                S[1, i, k] = M[p, i, k] + (1.0 if i == k else 0.0)
+        if triangles_exchanging(S, 1, S, lower, upper, 0) == 0.0:
             x[0, 0] = np.nan  # no increment
             return 0.0
-    for v in range(x.shape[0]):
-        p = f.holder[v]
+        put_product(lower, 0, v, 0, 1.0, v, 0)
+        put_product(upper, 0, v, 0, 1.0, v, 0)
+        for i in range(BORDER):
+            M[p, i, BORDER] = v[0, i]
+    for u in range(x.shape[0]):
         for k in range(begin, BORDER):
-            c = f.schur[p, k, BORDER]
+            c = M[f.holder[u], k, BORDER]
             for i in range(6):
-                x[v, i] -= c * f.motion[k, v, i]
-                twist[v, i] -= c * f.twists[k, v, i]
+                x[u, i] -= c * f.motion[k, u, i]
+                twist[u, i] -= c * f.twists[k, u, i]
     return 0.0
 
 

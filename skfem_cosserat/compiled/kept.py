@@ -18,7 +18,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from enum import IntEnum
+from enum import IntEnum, auto
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -35,8 +35,8 @@ VECTOR = ArrayField(np.dtype(float).str, 1)
 class Source(IntEnum):
     """Sources of kernels: this process and the disk alone, or the compiler, too."""
 
-    DISK = 1
-    COMPILER = 2
+    DISK = auto()
+    COMPILER = auto()
 
 
 class NotKept(Exception):

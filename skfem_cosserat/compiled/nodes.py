@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..types import Floats, IndexArray
+from ..types import Floats
 from . import simd
 from .elements import scalar_block
 from .jit import inlined, part
@@ -32,12 +32,14 @@ from .small import (
     block,
     chosen,
     column,
+    combination,
     combine,
     composed,
     counted,
     cross,
     dot,
     frames,
+    mass_times,
     plus,
     pulled,
     put,
@@ -45,6 +47,7 @@ from .small import (
     put_matrix,
     quaternions,
     rotation,
+    rotation_of,
     row,
     times,
     turned,
@@ -99,33 +102,8 @@ def move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         if not framed[v]:
             put(y1, first[v], plus(row(y0, first[v]), row(total, v)))
         elif followed[v]:
-            put_matrix(rotations, v, rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3]))
+            put_matrix(rotations, v, rotation_of(turn, v))
     return 0.0
-
-
-@inlined
-def mass_times(
-    first: IndexArray,
-    columns: IndexArray,
-    entries: Floats,
-    y1: Floats,
-    y0: Floats,
-    factor: float,
-    out: Floats,
-) -> None:
-    """``factor M (y1 - y0)``, the mass matrix by rows of y."""
-    for r in range(out.shape[0]):
-        u = (0.0, 0.0, 0.0)
-        for k in range(first[r], first[r + 1]):
-            j = columns[k]
-            a = entries[k]
-            u = (
-                u[0] + a * (y1[j, 0] - y0[j, 0]),
-                u[1] + a * (y1[j, 1] - y0[j, 1]),
-                u[2] + a * (y1[j, 2] - y0[j, 2]),
-            )
-        for c in range(3):
-            out[r, c] = factor * u[c]
 
 
 @inlined
@@ -159,9 +137,9 @@ def twist_force(s: Any, y: Floats, R: Floats, F: Floats, b: Floats) -> None:
 def step_balance(s: Any, w: Any, numbers: Floats, sized: bool) -> float:
     """R of the step without constraint forces; if asked, the largest of its terms."""
     R, inertia, p0, internal, external = w.R, w.momentum, w.p0, w.internal, w.external
-    own = s.mass_indptr, s.mass_indices, s.mass_data
     if len(w.flow.owner) == 0:  # else it is there, with the extra velocity
-        mass_times(own[0], own[1], own[2], w.y1, w.y0, numbers[MASS], inertia)
+        combination(1.0, w.y1, -1.0, w.y0, R)
+        mass_times(s, numbers[MASS], R, inertia)
     momentum, force = numbers[MOMENTUM], numbers[FORCE]
     for r in range(R.shape[0]):
         for c in range(3):
@@ -200,10 +178,7 @@ def balance(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         return 0.0
     largest = step_balance(s, w, numbers, flag == 2)
     if len(s.row_on):
-        closing = w.closing
-        for r in range(R.shape[0]):
-            for c in range(3):
-                R[r, c] += closing[r, c]
+        combination(1.0, R, 1.0, w.closing, R)
     twist_force(s, left, R, w.F, w.b)
     return largest
 

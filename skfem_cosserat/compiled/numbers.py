@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..newton import FACTORED, FIRST, ITERATIONS, KEPT, RATE, RESIDUAL
 from ..newton import RECORD as LOOP
+from .tables import MOST_PI, MOST_XI
 
 __all__ = ["FACTORED", "FIRST", "ITERATIONS", "KEPT", "RATE", "RESIDUAL"]
 
@@ -77,10 +78,12 @@ ENERGY, COMPLEX_ENERGY, GRADIENT, COMPLEX_GRADIENT, HESSIAN = range(5)
 #: the scheme in it, and what the ground does (J); forces of an actuator, invariants and coordinates
 #: at the start, forces by invariants, travel of the coordinates; whether full turns are counted on
 #: from step to step
-STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND = range(6)
-AMPLITUDE, PI0, XI0, S, TRAVEL, WINDS, COUPLED = 6, 12, 19, 25, 32, 38, 39
-#: channels of an actuator
-DRIVEN = 6
+STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND, AMPLITUDE = range(7)
+PI0 = AMPLITUDE + MOST_XI
+XI0 = PI0 + MOST_PI
+S = XI0 + MOST_XI
+TRAVEL = S + MOST_PI
+WINDS, COUPLED = range(TRAVEL + MOST_XI, TRAVEL + MOST_XI + 2)
 
 #: of the extra velocity of energy-decaying steps, numpy's and compiled ones: what is added to the
 #: diagonal of a singular matrix, of its size (where all velocities are parallel); products with the

@@ -11,26 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from ..law import EPS
 from ..types import Floats
 from . import numbers as n
 from .flow import flow_velocity
 from .jit import call_with, inlined
 from .simd import copy
-
-#: what leads out of a plane, against the size of its terms, up to which it is nothing but rounding
-LEAST = 4 * np.finfo(np.float64).eps
-
-
-@inlined
-def mass_rows(o: Any, a: Floats, out: Floats) -> None:
-    """``out = M a``, of the first rows of a."""
-    first, columns, entries = o.mass_indptr, o.mass_indices, o.mass_data
-    for r in range(out.shape[0]):
-        x, y, z = 0.0, 0.0, 0.0
-        for k in range(first[r], first[r + 1]):
-            j, f = columns[k], entries[k]
-            x, y, z = x + f * a[j, 0], y + f * a[j, 1], z + f * a[j, 2]
-        out[r, 0], out[r, 1], out[r, 2] = x, y, z
+from .small import mass_times
+from .tables import MOST_XI
 
 
 @inlined
@@ -55,7 +43,7 @@ def begin_rates(o: Any) -> None:
         sum_rates(o.of_drift, o.rates, rows, o.drift)
     if len(o.before) > 0:
         sum_rates(o.before, o.rates, rows, o.scratch)
-        mass_rows(o, o.scratch, o.p0)
+        mass_times(o, 1.0, o.scratch, o.p0)
 
 
 @inlined
@@ -74,7 +62,7 @@ def finish_rates(o: Any, numbers: Floats, record: Floats) -> None:
     if len(o.flow.owner) > 0:
         record[n.TAKEN] = flow_velocity(o.flow, o)
     if len(o.before) > 0:
-        mass_rows(o, after, carried)
+        mass_times(o, 1.0, after, carried)
     if len(o.moved) == 0:
         return
     if o.nearest[0] == 0:
@@ -86,7 +74,7 @@ def finish_rates(o: Any, numbers: Floats, record: Floats) -> None:
     if call_with(o.nearest[0], o.nearest[1]) == 0.0:
         record[n.UNMOVED] = 1.0
         return
-    mass_rows(o, v, new)
+    mass_times(o, 1.0, v, new)
     early, lost = numbers[n.WEIGHT] == 0.0, 0.0
     for r in range(rows):
         for c in range(3):
@@ -105,7 +93,7 @@ def finish_rates(o: Any, numbers: Floats, record: Floats) -> None:
 
 @inlined
 def flatten(normal: Floats, a: Floats, limit: float) -> None:
-    """Take away what leads out of a plane, but where more than a limit does."""
+    """Take away what leads out of a plane, but where more than a limit, rounding, does."""
     for r in range(a.shape[0]):
         out = abs(normal[0] * a[r, 0] + normal[1] * a[r, 1] + normal[2] * a[r, 2])
         if not out <= limit:
@@ -130,11 +118,11 @@ def stay_in_plane(o: Any) -> None:
             y1[r, c] -= out * normal[c]
             if abs(normal[c]) == 1.0:  # without a last digit
                 y1[r, c] = y0[r, c]
-    flatten(normal, carried, LEAST * o.limit[0])  # forces along directors have a share, too
+    flatten(normal, carried, 4.0 * EPS * o.limit[0])  # forces along directors have a share, too
     for r in range(after.shape[0]):
         for c in range(3):
             largest = max(largest, abs(after[r, c]))
-    flatten(normal, after, LEAST * largest)
+    flatten(normal, after, 4.0 * EPS * largest)
 
 
 @inlined
@@ -151,7 +139,7 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
         record[n.DISSIPATED] += coupled[c, n.LOST]
         record[n.BY_SCHEME] += coupled[c, n.NUMERICAL]
         record[n.BY_GROUND] += coupled[c, n.GROUND]
-        for i in range(n.DRIVEN):
+        for i in range(MOST_XI):
             record[n.ACTUATORS] += coupled[c, n.AMPLITUDE + i] * coupled[c, n.TRAVEL + i]
     viscous = 0.0
     for g in range(o.viscous.shape[0]):

@@ -21,7 +21,7 @@ from .block_algebra import add_times, entry, put_entry
 from .jit import inlined, part
 from .numbers import MASS, WEIGHT
 from .small import Vector, add_skew, cross, dot, pulled, row, times, unit
-from .tables.rows import (
+from .tables import (
     BLOCK,
     COMPONENT,
     DRIVE,
@@ -134,25 +134,17 @@ def row_force(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def add_row(A: Floats, k: int, place: int, i: int, d: Vector, v: Vector) -> None:
-    """Row ``v . dy`` of a vertex by its twist; y is its i-th row, of a director the vector d."""
+def add_line(A: Floats, k: int, place: int, i: int, d: Vector, v: Vector, column: bool) -> None:
+    """Row or column ``v . dy`` of a vertex by its twist; y is its i-th row (i > 0: d)."""
     c0 = 0
     if i > 0:
         c0 = 3
         v = cross(d, v)
     for c in range(3):
-        A[k, place, c0 + c] += v[c]
-
-
-@inlined
-def add_column(A: Floats, k: int, place: int, i: int, d: Vector, v: Vector) -> None:
-    """Column ``v . dy`` of a vertex by its twist; y, i and d as in :func:`add_row`."""
-    c0 = 0
-    if i > 0:
-        c0 = 3
-        v = cross(d, v)
-    for c in range(3):
-        A[k, c0 + c, place] += v[c]
+        if column:
+            A[k, c0 + c, place] += v[c]
+        else:
+            A[k, place, c0 + c] += v[c]
 
 
 @inlined
@@ -201,11 +193,11 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         c, c1 = factor_of(table, factors, t, yL), factor_of(table, factors, t, y1)
         i, j = table[t, LEFT_PLACE], table[t, RIGHT_PLACE]
         if table[t, LEFT_VERTEX] >= 0:
-            add_row(A, table[t, LEFT_SLOT], place, i, left1, times(c1, right1))
-            add_column(A, table[t, LEFT_BACK], place, i, left, times(c, right))
+            add_line(A, table[t, LEFT_SLOT], place, i, left1, times(c1, right1), False)
+            add_line(A, table[t, LEFT_BACK], place, i, left, times(c, right), True)
         if table[t, RIGHT_VERTEX] >= 0:
-            add_row(A, table[t, RIGHT_SLOT], place, j, right1, times(c1, left1))
-            add_column(A, table[t, RIGHT_BACK], place, j, right, times(c, left))
+            add_line(A, table[t, RIGHT_SLOT], place, j, right1, times(c1, left1), False)
+            add_line(A, table[t, RIGHT_BACK], place, j, right, times(c, left), True)
         if weight != 0.0 and table[t, SLOT] >= 0:
             c *= weight * acting[k, place]
             add_curvature(A, table[t, SLOT], i, j, c, left, right1)
@@ -216,8 +208,8 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             continue
         f, n = s.row_linear_factors[t], linear[t, TERM_COMPONENT]
         a, i = linear[t, TERM], linear[t, TERM_PLACE]
-        add_row(A, linear[t, TERM_SLOT], place, i, row(y1, a), unit(n, f))
-        add_column(A, linear[t, TERM_BACK], place, i, row(yL, a), unit(n, f))
+        add_line(A, linear[t, TERM_SLOT], place, i, row(y1, a), unit(n, f), False)
+        add_line(A, linear[t, TERM_BACK], place, i, row(yL, a), unit(n, f), True)
     for k in range(on.shape[0]):  # no row is there, or it is switched off
         for c in range(on.shape[1]):
             put_entry(A, m.diag[count + k], c, c, 1.0 - on[k, c])

@@ -5,6 +5,8 @@ Vectors are tuples, not arrays: they stay in registers, and compile in a fifth o
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..types import Floats, IndexArray
@@ -72,6 +74,31 @@ def times(c: float, a: Vector) -> Vector:
 
 
 @inlined
+def rows3(a: Floats, r: int) -> Rotation:
+    """Three rows as those of a matrix."""
+    return row(a, r), row(a, r + 1), row(a, r + 2)
+
+
+@inlined
+def combination(c: float, a: Floats, d: float, b: Floats, out: Floats) -> None:
+    """``out = c a + d b``, of the first rows of both."""
+    for r in range(out.shape[0]):
+        for i in range(3):
+            out[r, i] = c * a[r, i] + d * b[r, i]
+
+
+@inlined
+def mass_times(s: Any, factor: float, a: Floats, out: Floats) -> None:
+    """``out = factor M a``, of the first rows of a; the mass matrix is a part of s."""
+    first, columns, entries = s.mass_indptr, s.mass_indices, s.mass_data
+    for r in range(out.shape[0]):
+        u = (0.0, 0.0, 0.0)
+        for k in range(first[r], first[r + 1]):
+            u = plus(u, times(entries[k], row(a, columns[k])))
+        put(out, r, times(factor, u))
+
+
+@inlined
 def pulled(y0: Floats, mid: Floats, numbers: Floats) -> Floats:
     """Configuration at which constraint forces act."""
     if numbers[WEIGHT] != 0.0:
@@ -82,7 +109,7 @@ def pulled(y0: Floats, mid: Floats, numbers: Floats) -> Floats:
 @inlined
 def directors(y: Floats, r: int) -> Rotation:
     """The three directors of the frame whose origin is row r."""
-    return row(y, r + 1), row(y, r + 2), row(y, r + 3)
+    return rows3(y, r + 1)
 
 
 @inlined
@@ -194,6 +221,12 @@ def rotation(w: float, x: float, y: float, z: float) -> Rotation:
         (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
         (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
+
+
+@inlined
+def rotation_of(q: Floats, v: int) -> Rotation:
+    """Rotation matrix of the quaternion ``q_v``."""
+    return rotation(q[v, 0], q[v, 1], q[v, 2], q[v, 3])
 
 
 @inlined

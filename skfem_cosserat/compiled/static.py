@@ -22,8 +22,6 @@ __all__ = ["along", "begin", "change", "hold", "move", "nearest", "pivots", "pre
 
 #: stiffness of what is held against the largest number in the matrix
 HELD = 10.0
-#: place in ``s.hold``, behind the normal of the plane in which a scene stays (zero: none)
-STIFFNESS = 3
 
 
 @inlined
@@ -78,7 +76,7 @@ def hold(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     if len(w.C_child):
         size = max(size, largest_entry(w.C_child), largest_entry(w.C_parent))
     stiffness = HELD * size if size > 0.0 else 1.0
-    s.hold[STIFFNESS] = stiffness
+    s.held_by[0] = stiffness
     hold_plane(s, m, w.A, stiffness)
     hold_rows(s, w.A, stiffness)
     return 0.0
@@ -118,7 +116,7 @@ def solve(o: Any, flag: int) -> float:
         for v in range(b.shape[0]):
             for c in range(6):
                 # the rows' own stiffness has taken its share
-                held = s.hold[STIFFNESS] * b[v, c] if v >= count else 0.0
+                held = s.held_by[0] * b[v, c] if v >= count else 0.0
                 increments[k, 0, v, c] = x[v, c] - held
                 increments[k, 1, v, c] = twist[v, c]
                 x[v, c] = 0.0

@@ -13,6 +13,7 @@ from .flow import BORDER
 from .jit import call, call_back, call_beams, inlined, part
 from .rates import begin_rates, finish_rates, go_on, keep, stay_in_plane
 from .simd import clear
+from .small import combination
 
 
 @inlined
@@ -46,15 +47,6 @@ def ask_python(p: IndexArray, stage: int) -> None:
 
 
 @inlined
-def begin_way(w: Any, reach: float) -> None:
-    """Set the configuration from which dampers move towards the end of a step."""
-    y0, earlier = w.y0, w.earlier
-    for r in range(y0.shape[0]):
-        for c in range(3):
-            earlier[r, c] = y0[r, c] - reach * w.drift[r, c]
-
-
-@inlined
 def start(c: Any, guess: int) -> None:
     """Compute the quantities that stay fixed during a step, and its first increments."""
     p, _, _, w, _, numbers = c
@@ -63,7 +55,7 @@ def start(c: Any, guess: int) -> None:
     if numbers[n.WEIGHT] == 0.0:
         ask(c, n.JOINT_MAPS, 0)
     if numbers[n.REACH] != 0.0:
-        begin_way(w, numbers[n.REACH])
+        combination(1.0, w.y0, -numbers[n.REACH], w.drift, w.earlier)
     ask_beams(c, n.BEAM_START, 0)
     ask(c, n.COUPLE, 3)
     ask_python(p, n.AT_BEGIN)
@@ -76,16 +68,9 @@ def evaluate(c: Any, sized: bool) -> float:
     ask(c, n.JOINT_ADD, 0)
     ask(c, n.MOVE, 0)
     ask(c, n.JOINT_MOVE, 0)
-    y0, y1, mid = w.y0, w.y1, w.mid
-    share = numbers[n.SHARE]
-    for r in range(len(y1)):
-        for i in range(3):
-            mid[r, i] = (1.0 - share) * y0[r, i] + share * y1[r, i]
+    combination(1.0 - numbers[n.SHARE], w.y0, numbers[n.SHARE], w.y1, w.mid)
     if numbers[n.REACH] != 0.0:
-        earlier, later = w.earlier, w.later
-        for r in range(later.shape[0]):
-            for i in range(3):
-                later[r, i] = 2.0 * mid[r, i] - earlier[r, i]
+        combination(2.0, w.mid, -1.0, w.earlier, w.later)
     clear(w.internal)
     ask_beams(c, n.BEAM_FORCE, 0)
     ask(c, n.COUPLE, 0)

@@ -26,11 +26,12 @@ from .small import (
     put_matrix,
     quaternion,
     rotation,
+    rotation_of,
     row,
     times,
     turned,
 )
-from .tables.tree import AXIS, ROTATION, SLIDE, SPHERE
+from .tables import ABSOLUTE, AXIS, SLIDE, SPHERE
 
 # --------------------------------------------------------------------------------------------------
 # Compiled nodal reparametrisation and null space of a tree of joints, one edge after the other.
@@ -140,13 +141,13 @@ def joint_add(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
             if kinds[j] == AXIS or kinds[j] == SLIDE:
                 value[j] += x[v, o]
                 continue
-            if kind == SPHERE and kinds[j] == ROTATION:
+            if kind == SPHERE and kinds[j] == ABSOLUTE:
                 # a point on a sphere whose body turns as well: one after the other
                 compose(theta, swing, e)
                 theta = (0.0, 0.0, 0.0)
             kind = kinds[j]
             theta = plus(theta, times(x[v, o], row(s.axis, j)))
-        if kind == ROTATION:
+        if kind == ABSOLUTE:
             compose(theta, turn, v)
         elif kind == SPHERE:
             compose(theta, swing, e)
@@ -195,7 +196,7 @@ def joint_move(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                         )
                 put_matrix(rotations, v, (column(C, 0), column(C, 1), column(C, 2)))
             else:
-                put_matrix(rotations, v, rotation(turn[v, 0], turn[v, 1], turn[v, 2], turn[v, 3]))
+                put_matrix(rotations, v, rotation_of(turn, v))
             C = columns(rotations, v)
             for i in range(1, 4):
                 put(y1, r + i, combine(row(y0, r + i), C))
@@ -211,9 +212,7 @@ def place_child(s: Any, e: int, y1: Floats) -> None:
     put(y1, r, (0.0, 0.0, 0.0))
     x = minus(x, spot(y1, r, row(s.child_offset, e)))
     if s.sphere[e]:
-        q = s.swing
-        R = rotation(q[e, 0], q[e, 1], q[e, 2], q[e, 3])
-        x = plus(x, turned(R, row(s.arm0, e)))
+        x = plus(x, turned(rotation_of(s.swing, e), row(s.arm0, e)))
     if s.open[e]:
         arm = row(s.arm0, e)
         for j in range(s.first[e], s.first[e + 1]):
@@ -225,17 +224,13 @@ def place_child(s: Any, e: int, y1: Floats) -> None:
 
 @part
 def joint_maps(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """S and X of all edges: flag 0 where P^T is taken, 1 where the unknowns move."""
+    """S and X (ne, 6, 6) of all edges: flag 0 where P^T is taken, 1 where the unknowns move.
+
+    A child's twist is X t_parent + S nu.
+    """
+    y, S, X = pulled(w.y0, w.mid, numbers), w.S_left, w.X_left
     if flag == 1:
-        maps(s, w.y1, w.S_right, w.X_right)
-    else:
-        maps(s, pulled(w.y0, w.mid, numbers), w.S_left, w.X_left)
-    return 0.0
-
-
-@inlined
-def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
-    """S (ne, 6, 6) and X (ne, 6, 6): a child's twist is X t_parent + S nu."""
+        y, S, X = w.y1, w.S_right, w.X_right
     child, parent, framed, first, kinds, own = s.child, s.parent, s.framed, s.first, s.kind, s.own
     clear(S)
     clear(X)
@@ -270,12 +265,18 @@ def maps(s: Any, y: Floats, S: Floats, X: Floats) -> None:
             if s.relative[e]:
                 for c in range(3):
                     X[e, 3 + c, 3 + c] = 1.0
+    return 0.0
 
 
-@inlined
-def reduce(s: Any, w: Any, F: Floats, b: Floats) -> None:
-    """T^T F by vertices: F becomes what the subtrees add up to, b (nv, 6) the residual."""
-    S, X, child, parent = w.S_left, w.X_left, s.child, s.parent
+@part
+def joint_reduce(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """T^T F by vertices: F becomes what the subtrees add up to, b (nv, 6) the residual.
+
+    Flag 1: of forces with the predicted stresses.
+    """
+    S, X, child, parent, F, b = w.S_left, w.X_left, s.child, s.parent, w.F, w.b
+    if flag == 1:
+        F, b = w.F_mixed, w.x
     for e in range(len(child) - 1, -1, -1):
         v = child[e]
         p = parent[e]
@@ -284,15 +285,6 @@ def reduce(s: Any, w: Any, F: Floats, b: Floats) -> None:
             add_product(X, e, F, v, 1.0, F, p)
             for o in range(b.shape[1]):
                 b[p, o] = F[p, o]
-
-
-@part
-def joint_reduce(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """From forces on vertices to the residual; flag 1: of those with the predicted stresses."""
-    if flag == 1:
-        reduce(s, w, w.F_mixed, w.x)
-    else:
-        reduce(s, w, w.F, w.b)
     return 0.0
 
 
@@ -373,10 +365,7 @@ def slide_curvature(
     left, right = slide(s, j, yL)
     left1, right1 = slide(s, j, y1)
     g = plus(cross(left1, cross(right, f)), cross(right1, cross(f, left)))
-    if guide == s.child[e]:
-        add_row(C_child, e, s.own[j], 3, g)
-    else:
-        add_row(C_parent, e, s.own[j], 3, g)
+    add_row(C_child if guide == s.child[e] else C_parent, e, s.own[j], 3, g)
 
 
 @inlined
@@ -403,10 +392,7 @@ def turn_curvature(
         if s.framed[v]:
             m = plus(m, moment)
         g = cross(axis(s, j, y1), m)
-        if guide == v:
-            add_row(C_child, e, o, 3, g)
-        else:
-            add_row(C_parent, e, o, 3, g)
+        add_row(C_child if guide == v else C_parent, e, o, 3, g)
     g = cross(f, a)  # (arm' x f) . a = arm' . (f x a)
     for k in range(2):
         vertex, r, offset = s.target_vertex[j], s.target_row[j], target
@@ -416,10 +402,6 @@ def turn_curvature(
         if vertex < 0:
             continue
         moved = combine(offset, directors(y1, r)) if s.framed[vertex] else (0.0, 0.0, 0.0)
-        turning = cross(moved, g)
-        if vertex == v:
-            add_row(C_child, e, o, 0, g)
-            add_row(C_child, e, o, 3, turning)
-        else:
-            add_row(C_parent, e, o, 0, g)
-            add_row(C_parent, e, o, 3, turning)
+        C = C_child if vertex == v else C_parent
+        add_row(C, e, o, 0, g)
+        add_row(C, e, o, 3, cross(moved, g))

@@ -16,6 +16,8 @@ from ..linear import LinearSolver, SingularMatrixError, Solver
 from ..model import System
 from ..model.closure import Selected
 from ..model.groups import Blocks
+from ..model.loops import Passages
+from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray, largest
 
 # --------------------------------------------------------------------------------------------------
@@ -101,8 +103,6 @@ REGULAR = 1e-3
 CLEAR = 0.2
 #: trace of a rotation of 3.12 rad in a step, which counts as half a turn
 SMALLEST = 1 + 2 * cos(3.12)
-#: some component of a director changes by more in it: squares of all nine add up to 8 sin(a/2)^2
-NEAR = 0.9
 _ONES = np.ones(9)
 
 
@@ -183,9 +183,12 @@ class BoundTreatment(ABC):
     y0: Array
     ground1: Array
 
+    _sized: bool = False
+
     def __init__(self, system: System, weight: float) -> None:
         self.system = system
         self.weight = weight
+        self._passages = Passages(system)
 
     @abstractmethod
     def begin(self, y0: Array, ground1: Array, h: float, momentum: Floats | None = None) -> None:
@@ -305,14 +308,24 @@ class BoundTreatment(ABC):
         self.clearance = CLEAR * float(pivots.min())
         return bool((pivots > self._least / 2).all())  # else others may do better
 
-    def _take(self, chosen: Sequence[Selected]) -> None:
-        """Take these rows to close the loops: how far they are from being dependent."""
+    def _choose_rows(self, y0: Array, T: Floats, momentum: Floats | None) -> list[Selected]:
+        """Independent rows that close the loops in a step from y0, T being the tree's entries."""
+        chosen = self.system.closure.select(y0, T)
+        if momentum is not None:
+            self._passages = Passages(self.system)
+        self.doubts = self._passages.look(y0, T, chosen)
         self._taken = chosen
         self._least = np.array([s.pivots.min(initial=1.0) for s in chosen])
         least = float(self._least.min())
         self.regular = least > REGULAR
         self.clearance = CLEAR * least if self.regular else 0.0
         self.closing = np.concatenate([s.rows for s in chosen])
+        return chosen
+
+    def _scale_gaps(self, blocks: Sequence[Array]) -> None:
+        """Scale constraint rows by the largest entry of the first matrix of a step."""
+        if not self._sized:  # a scene without stiffness, on a path, has blocks of zeros
+            self.gap_scale, self._sized = max(float(abs(b).max()) for b in blocks) or 1.0, True
 
 
 def half_turn(system: System, y0: Array, y1: Array) -> str | None:
@@ -321,8 +334,6 @@ def half_turn(system: System, y0: Array, y1: Array) -> str | None:
     Two of its directors vanish at the midpoint then, and with them all that constraints there ask
     for: forces without bound solve such a step, and its energy may be anything.
     """
-    if largest(y1 - y0) < NEAR:  # displacements, as those of directors
-        return None
     directors = system.kinematics.directors
     traces = (directors(y0) * directors(y1)).reshape(-1, 9) @ _ONES
     wrong = np.flatnonzero(traces < SMALLEST)
@@ -336,6 +347,37 @@ def relative_size(size: float, term: float) -> float:
     if isinf(term):
         return float("inf")
     return size / term if term > 0 else size
+
+
+class Congruence:
+    """``Z_left^T A Z_right`` of matrices of two patterns, in one of its own.
+
+    Parameters
+    ----------
+    full, by : FrozenPattern
+        Of A, and of Z.
+
+    Attributes
+    ----------
+    pattern : FrozenPattern
+        Of the product, whatever vanishes in it.
+    """
+
+    def __init__(self, full: FrozenPattern, by: FrozenPattern) -> None:
+        self._full, self._by = full, by
+        Z = by.matrix(np.ones(len(by.slot)))
+        whole = (Z.T @ full.matrix(np.ones(len(full.slot))) @ Z).tocoo()
+        self.pattern = FrozenPattern(whole.row, whole.col, whole.shape)
+        columns = np.repeat(np.arange(whole.shape[1]), np.diff(self.pattern.indptr))
+        self._codes = columns * whole.shape[0] + self.pattern.indices
+
+    def data(self, A: Floats, left: Floats, right: Floats) -> Floats:
+        """Entries in :attr:`pattern` from those of A and of Z."""
+        product = self._by.matrix(left).T @ self._full.assembled(A) @ self._by.matrix(right)
+        found = product.tocoo()  # without sums that vanish
+        size = self.pattern.shape[0]
+        places = np.searchsorted(self._codes, found.col.astype(np.int64) * size + found.row)
+        return sum_at(places, found.data, self.pattern.nnz)
 
 
 def group_pairs(system: System, dofs: list[IndexArray]) -> tuple[IndexArray, IndexArray]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
 from ..kernels import cross, exp_quaternion, rotation_matrix
@@ -13,12 +12,12 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.closure import SINGULAR, Selected
 from ..model.groups import Blocks, Parts
-from ..model.loops import Passages, way_off
+from ..model.loops import way_off
 from ..model.plane_rows import coordinates_in_plane, rows_in_plane
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
-from ..types import Array, Floats, IndexArray, switch
-from .base import BoundTreatment, Treatment, group_pairs, pair_numbers
+from ..types import Array, Floats, switch
+from .base import BoundTreatment, Congruence, Treatment, group_pairs, pair_numbers
 
 # -- unknowns with multipliers in one plane: coordinates and constraint rows that act there --------
 #
@@ -49,45 +48,23 @@ class Restriction:
 
     def __init__(self, system: System, pattern: FrozenPattern) -> None:
         self.system = system
-        n, plane = system.n, system.plane
-        assert plane is not None
-        rows = plane.moving(system.q0.reshape(-1, 3), system.origin_rows)
-        self.count = 2 * len(rows)
-        number = np.full((n + system.m, 2), -1)
-        weight = np.zeros((n + system.m, 2))
-        places = 3 * rows[:, None] + np.arange(3)
-        number[places] = 2 * np.arange(len(rows))[:, None, None] + np.arange(2)
-        weight[places] = plane.axes.T
         #: coordinates (n, count) by those in the plane
-        self.along = coordinates_in_plane(system)
-        self.kept = rows_in_plane(system)
-        number[n + self.kept, 0] = self.count + np.arange(len(self.kept))
-        weight[n + self.kept, 0] = 1.0
-        size = self.count + len(self.kept)
-        self._all = _matrix(number, weight, size)
+        self.along, self.kept = coordinates_in_plane(system), rows_in_plane(system)
+        self.count, along = self.along.shape[1], self.along.tocoo()
+        along.eliminate_zeros()
+        rows = np.concatenate([along.row, system.n + self.kept])
+        columns = np.concatenate([along.col, self.count + np.arange(len(self.kept))])
+        shape = system.n + system.m, self.count + len(self.kept)
+        self._values = np.concatenate([along.data, np.ones(len(self.kept))])
+        unknowns = FrozenPattern(rows, columns, shape)
+        self._all = unknowns.matrix(self._values)
         self._back, self._to_plane = self._all.T.tocsr(), self.along.T.tocsr()
-        self._reduce(pattern, number, weight, size)
-
-    def _reduce(self, full: FrozenPattern, number: IndexArray, weight: Floats, size: int) -> None:
-        """Pattern of ``E^T A E``, and the matrix that takes the entries of A to it."""
-        i, j = full.indices, np.repeat(np.arange(full.shape[1]), np.diff(full.indptr))
-        rows, cols, source, factor = [], [], [], []
-        for a in range(2):
-            for b in range(2):
-                both = weight[i, a] * weight[j, b]
-                there = np.flatnonzero(both)
-                rows.append(number[i[there], a])
-                cols.append(number[j[there], b])
-                source.append(there)
-                factor.append(both[there])
-        self.pattern = FrozenPattern(np.concatenate(rows), np.concatenate(cols), (size, size))
-        places = self.pattern.slot, np.concatenate(source)
-        shape = self.pattern.nnz, full.nnz
-        self._data = csr_matrix((np.concatenate(factor), places), shape=shape)
+        self._reduction = Congruence(pattern, unknowns)
+        self.pattern = self._reduction.pattern
 
     def data(self, full: Floats) -> Floats:
         """Entries in :attr:`pattern` from those of the full matrix."""
-        return self._data @ full
+        return self._reduction.data(full, self._values, self._values)
 
     def restrict(self, residual: Array) -> Array:
         """``E^T r`` of (n + m,) or (n,) numbers."""
@@ -101,13 +78,6 @@ class Restriction:
     def within(self, force: Array) -> Array:
         """Part in the plane of a force (n,)."""
         return self.along @ (self._to_plane @ force)
-
-
-def _matrix(number: IndexArray, weight: Floats, columns: int) -> csr_matrix:
-    """Matrix of weights (rows, 2) at columns of these numbers."""
-    i, k = np.nonzero(weight)
-    shape = len(weight), columns
-    return csr_matrix((weight[i, k], (i, number[i, k])), shape=shape)
 
 
 # -- lagrange multipliers: all coordinates and one multiplier for each constraint row --------------
@@ -192,7 +162,6 @@ class BoundMultipliers(BoundTreatment):
         self._keep = np.ones(m)
         if self._inside is not None:
             self._keep[np.setdiff1d(np.arange(m), self._inside.kept)] = 0
-        self._passages = Passages(system)
         self._away: Floats | None = None
         self._nodal = Reparametrisation(system.kinematics) if system.moving else None
 
@@ -210,16 +179,9 @@ class BoundMultipliers(BoundTreatment):
 
     def _choose(self, y0: Array, momentum: Floats | None) -> None:
         """Independent rows of closed loops at the start of the step."""
-        closure = self.system.closure
-        T = self.system.kinematics.values_at(y0)
-        chosen = closure.select(y0, T)
-        if momentum is not None:
-            self._passages = Passages(self.system)
-        self.doubts = self._passages.look(y0, T, chosen)
-        self._take(chosen)
-        self._keep[closure.rows] = 0
+        self._keep[self.system.closure.rows] = 0
         self._away = None
-        for s in chosen:
+        for s in self._choose_rows(y0, self.system.kinematics.values_at(y0), momentum):
             self._keep[s.rows] = 1
             if (s.pivots <= SINGULAR).any():
                 self._away = self._way(y0, s, momentum) + (
@@ -341,9 +303,8 @@ class BoundMultipliers(BoundTreatment):
     def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """Entries of the iteration matrix, as solved (rows and columns scaled), or unscaled."""
         full = [b.blocks() if isinstance(b, Parts) else b for b in blocks]
-        if self.scaled and not self._sized:
-            # a scene without stiffness, on a path, has blocks of zeros
-            self.gap_scale, self._sized = max(float(abs(b).max()) for b in full) or 1.0, True
+        if self.scaled:
+            self._scale_gaps(full)
         constraints, size = self.system.constraints, self.gap_scale
         column, row = (size, size) if self.scaled and scaled else (self.h, 1.0)
         values = [b.ravel() for b in full]

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
 from ..errors import PerformanceWarning
 from ..kernels import null_space_blocks, skew, spin_gradient
@@ -15,12 +14,12 @@ from ..model import System
 from ..model.closure import Closure, RowsByTwists, Selected, continued
 from ..model.groups import Blocks, Parts
 from ..model.kinematics import Located, Recursion
-from ..model.loops import Passages, way_on
+from ..model.loops import way_on
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, IndexArray
 from ..warn import warn
-from .base import BoundTreatment, RowSpace, Treatment, group_pairs, pair_numbers
+from .base import BoundTreatment, Congruence, RowSpace, Treatment, group_pairs, pair_numbers
 
 # -- matrices: from blocks by twists to the tree's coordinates, and from these to the unknowns -----
 
@@ -113,7 +112,7 @@ class JointByJoint:
         return self.pattern.data(np.concatenate([*A, C, scale * np.concatenate(tree), *rows]))
 
 
-class LoopReduction:
+class LoopReduction(Congruence):
     """``Z_left^T A Z_right`` with what loops leave free of the tree's coordinates.
 
     Parameters
@@ -126,36 +125,24 @@ class LoopReduction:
     """
 
     def __init__(self, full: FrozenPattern, closure: Closure, before: int, behind: int) -> None:
-        self._full = full
         rows, cols, self._ones = closure.null_pattern()
         free = len(cols) and int(cols.max()) + 1
         first, last = np.arange(before), np.arange(behind)
         shape = full.shape[0], before + free + behind
         rows = np.concatenate([first, before + rows, full.shape[0] - behind + last])
         cols = np.concatenate([first, before + cols, before + free + last])
-        self._Z, self._apart = FrozenPattern(rows, cols, shape), (before, behind)
-        self._closure = closure
-        Z = self._matrix(np.ones(len(rows) - before - behind))
-        whole = (Z.T @ full.matrix(np.ones(len(full.slot))) @ Z).tocoo()
-        self.pattern = FrozenPattern(whole.row, whole.col, whole.shape)
-        columns = np.repeat(np.arange(whole.shape[1]), np.diff(self.pattern.indptr))
-        self._codes = columns * whole.shape[0] + self.pattern.indices
+        super().__init__(full, FrozenPattern(rows, cols, shape))
+        self._closure, self._apart = closure, (np.ones(before), np.ones(behind))
 
     def values(self, chosen: list[Selected]) -> Floats:
         """Entries of Z for rows at one configuration."""
         return self._closure.null_values(chosen, self._ones)
 
-    def _matrix(self, values: Floats) -> csc_matrix:
-        before, behind = self._apart
-        return self._Z.matrix(np.concatenate([np.ones(before), values, np.ones(behind)]))
-
     def data(self, A: Floats, left: Floats, right: Floats) -> Floats:
         """Entries in :attr:`pattern` from those of A and of Z."""
-        product = self._matrix(left).T @ self._full.assembled(A) @ self._matrix(right)
-        found = product.tocoo()  # without sums that vanish
-        size = self.pattern.shape[0]
-        places = np.searchsorted(self._codes, found.col.astype(np.int64) * size + found.row)
-        return sum_at(places, found.data, self.pattern.nnz)
+        before, behind = self._apart
+        both = (np.concatenate([before, values, behind]) for values in (left, right))
+        return super().data(A, *both)
 
 
 # -- discrete null space method with nodal reparametrisation: multipliers of held strains only -----
@@ -234,7 +221,6 @@ class BoundNullSpace(BoundTreatment):
         self.moved: Array = np.zeros(kin.unknowns + len(held))
         self._enough = QUADRATIC
         self._direction: list[Floats] | None = None
-        self._passages = Passages(system)
         self._P_left: list[Array | None] | None = None
         self._known: tuple[Array, Located, Array] | None = None
 
@@ -311,15 +297,10 @@ class BoundNullSpace(BoundTreatment):
     def _choose(self, y0: Array, momentum: Floats | None) -> None:
         """Independent closure rows at the start of the step."""
         T = self._entries_of_tree(y0)
-        chosen = self.closure.select(y0, T)
-        self._take(chosen)
-        if momentum is not None:
-            self._passages, self._direction = Passages(self.system), None
-        self.doubts = self._passages.look(y0, T, chosen)
-        before = self._direction
+        before = self._direction if momentum is None else None
         self._chosen = [
             way_on(self.system, y0, s, None if before is None else before[k], momentum)
-            for k, s in enumerate(chosen)
+            for k, s in enumerate(self._choose_rows(y0, T, momentum))
         ]
         self._direction = [s.Q2 for s in self._chosen]
 
@@ -532,8 +513,7 @@ class BoundNullSpace(BoundTreatment):
             R, curvature = self._balanced(R, y1)
             pairs.append(curvature)
         values = self._project(blocks[:count], y1)
-        if not self._sized:  # a scene without stiffness has blocks of zeros
-            self.gap_scale, self._sized = max(float(abs(v).max()) for v in values) or 1.0, True
+        self._scale_gaps(values)
         extra = np.zeros(0)
         right, T1 = self._tree_at(y1)
         if pairs:

@@ -21,8 +21,8 @@ from .base import RowSpace, dependent_rows
 #: vertices left by elimination along chains and trees above which it is a large lattice
 LATTICE = 100
 #: residual at which conjugate gradients end, relative to the momentum: far below rounding, as what
-#: heavy bodies leave is large beside light struts; and iterations at most
-CONVERGED, ITERATIONS = 1e-18, 500
+#: heavy bodies leave is large beside light struts
+CONVERGED = 1e-18
 
 
 def full_mass(system: System) -> csr_matrix:
@@ -145,7 +145,7 @@ def _velocity_of_lattice(system: System, y: Floats, p: Floats, rate: Floats) -> 
         return None
     scale = diags(1 / np.sqrt(A.diagonal()))  # moments of thin sections are small beside forces
     first = scale @ (P.T @ (p - mass @ v))
-    nu, left = cg(scale @ A @ scale, first, rtol=CONVERGED, atol=0.0, maxiter=ITERATIONS)
+    nu, left = cg(scale @ A @ scale, first, rtol=CONVERGED, atol=0.0, maxiter=500)
     return None if left else v + P @ (scale @ nu)
 
 

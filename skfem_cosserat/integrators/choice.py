@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 
 from ..compiled.kept import NotKept, Source, compile_errors, promising
 from ..compiled.plan import Plan, plan_of
-from ..compiled.tables.couplings import MOST_XI
+from ..compiled.tables import MOST_XI
 from ..constraints import Multipliers, NullSpace, Treatment
 from ..constraints.saddle import is_lattice
 from ..errors import InputError, PerformanceWarning

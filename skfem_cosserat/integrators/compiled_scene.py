@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..compiled import kept
+from ..compiled import bind, kept
 from ..compiled.kept import Source, address, entry
 from ..compiled.numbers import ENERGY, NUMBERS
 from ..compiled.plan import Plan, following, plan_of
@@ -62,11 +62,13 @@ class Rest(Called):
         left[plan.rest] = True
         each = np.where(left, size, 0)
         slots = np.flatnonzero(each[plan.ends].all(axis=1))
-        ends = plan.ends[slots]
-        k = np.arange(6)
+        ends, k, first = plan.ends[slots], np.arange(6), np.cumsum(each) - each
         inside = (k[:, None] < each[ends[:, :1, None]]) & (k < each[ends[:, 1:, None]])
         places = (36 * slots[:, None, None] + 6 * k[:, None] + k)[inside]
-        pattern = _of_blocks(ends, each)
+        rows, columns = (first[ends[:, n], None, None] for n in range(2))
+        entries = np.broadcast_arrays(rows + k[:, None], columns + k)
+        shape = (int(each.sum()), int(each.sum()))
+        pattern = FrozenPattern(entries[0][inside], entries[1][inside], shape)
         self._take = np.empty(pattern.nnz, dtype=np.int64)  # every entry is in one place only
         self._take[pattern.slot] = places
         self._numbers = (6 * np.arange(len(size))[:, None] + k)[k < each[:, None]]
@@ -103,11 +105,6 @@ class Rest(Called):
             If the solution is not finite.
         """
         self._x[self._numbers] = self.solver.solve_again(self._x[self._numbers])
-
-
-def _of_blocks(ends: IndexArray, size: IndexArray) -> FrozenPattern:
-    """Pattern of full blocks between these vertices (k, 2), of so many unknowns."""
-    return FrozenPattern(ends[:, 0], ends[:, 1], (len(size), len(size))).expanded(size)
 
 
 # -- arrays and parts of a system ------------------------------------------------------------------
@@ -228,8 +225,6 @@ class CompiledScene:
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
         """Addresses of the parts and structures for the kernels; arrays by name."""
-        from ..compiled import bind
-
         system, viscous = self.system, not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
         with kept.BINDING, bind.compiling(system, parts, self._source):
@@ -248,8 +243,6 @@ class CompiledScene:
 
     def _parts(self, weight: float, ends: bool, static: bool) -> list[str]:
         """Names of the parts that are called."""
-        from ..compiled import bind
-
         return bind.parts_of(self.coordinates, weight, ends, static, self.scheme.relative)
 
     def _number(self) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled.bind_rows import choose_rows
+from ..compiled import bind
 from ..compiled.kept import Source, entry
 from ..compiled.numbers import (
     ALL_FACTORED,
@@ -46,6 +46,7 @@ from ..constraints.base import BoundTreatment, half_turn
 from ..linear import Solver
 from ..model import System
 from ..model.force_elements import Couplings, warn_of_jump
+from ..model.quadratic import TOGETHER
 from ..model.system import Coordinates
 from ..newton import NewtonSettings
 from ..types import Floats, IndexArray, largest
@@ -139,9 +140,8 @@ class Coupled:
 # -- steps: the same iteration as that of the stepper, in a few compiled calls ---------------------
 
 
-#: most steps in one go, and most numbers of states in all of them together: for less than a
-#: second, as Ctrl-C waits for them
-STRIDE, NUMBERS_KEPT = 128, 10**5
+#: most steps in one go: for less than a second, as Ctrl-C waits for them
+STRIDE = 128
 
 
 class CompiledStep(CompiledScene):
@@ -188,7 +188,7 @@ class CompiledStep(CompiledScene):
         self._rows = np.zeros(0, dtype=np.int64)
         #: whether there are closed loops, whose independent rows are chosen on the way
         self.looped = len(coordinates.closure.rows) > 0
-        choose_rows(coordinates, self._tree, self._rows)
+        bind.choose_rows(coordinates, self._tree, self._rows)
         self._record[CLEARANCE] = 0.0 if self.looped else np.inf
         # how far coordinates went since rows of closed loops were chosen, and in the last step
         self._travelled = self._travel = self._farthest = np.inf
@@ -209,12 +209,10 @@ class CompiledStep(CompiledScene):
 
     def _carry(self, scheme: Scheme) -> None:
         """Bind the arrays carried on from step to step, and set the scheme's numbers for them."""
-        from ..compiled import bind
-
         self._moves = bool(scheme.moved) and self.system.m > 0
         counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
         #: most steps in one go
-        self.most = max(1, min(STRIDE, NUMBERS_KEPT // max(1, self.system.n)))
+        self.most = max(1, min(STRIDE, TOGETHER // max(1, self.system.n)))
         nearest = None if self._nearest is None else self._nearest.bound
         own = counts, nearest, self._normal, self.most
         viscous = self._viscous[0]["all_numbers"] if self._viscous else None
@@ -290,7 +288,7 @@ class CompiledStep(CompiledScene):
         rows, self._travelled = np.sort(rows), 0.0
         if not np.array_equal(rows, self._rows):
             self._rows = rows
-            choose_rows(self.coordinates, self._tree, rows)
+            bind.choose_rows(self.coordinates, self._tree, rows)
             self._record[KEPT] = 0.0
             off, count = self._tree["row_on"] == 0, len(self.system.origin_rows)
             for known in (self._a.last, self._a.before):  # no step begins with their impulses

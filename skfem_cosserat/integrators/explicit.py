@@ -22,21 +22,25 @@ from ..frames import is_beam
 from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, external_force
 from ..model.force_elements import CoupledForce, CoupledStart
-from ..types import Floats, largest, switch, whole
+from ..types import SAME, TOLERANCE, Floats, largest, switch, whole
 from ..warn import logger, warn
 from .base import Integrator
 from .called_back import trapezoidal_work
-from .explicit_limit import LimitWatch, StepLimit, check_lumped
-from .explicit_nodes import ITERATIONS, Nodes, Unclosed, checked_nodes
+from .explicit_nodes import (
+    ITERATIONS,
+    LimitWatch,
+    Nodes,
+    StepLimit,
+    Unclosed,
+    check_lumped,
+    checked_nodes,
+)
 from .scheme import State, StepWork
 
 #: steps above a limit that has fallen by as much are not made shorter: the bound is not that sharp
 NEAR = 0.01
 #: way of a node in a step, by the extent of the scene, above which a run has blown up
 FAR = 100.0
-#: change of the momenta, relative to the largest, by velocities that are those after the kick; what
-#: does not become less any more is accepted up to the second number
-SETTLED = 1e-12, 1e-9
 
 
 # -- what explicit steps cannot do -----------------------------------------------------------------
@@ -271,7 +275,8 @@ class Marching:
             project(change)
             size = np.maximum(abs(after).max((0, 2), initial=0.0), 1e-300)
             left = float((abs(change).max((0, 2), initial=0.0) / size).max())
-            if left <= SETTLED[0] or 0.5 * last < left <= SETTLED[1]:
+            # what does not become less any more is accepted, if it is little
+            if left <= SAME or 0.5 * last < left <= TOLERANCE:
                 m[:] = after + change
                 return ends, k
             after, last = after + self._relaxed * change, left

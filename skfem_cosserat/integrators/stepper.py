@@ -633,9 +633,7 @@ class Stepper:
             reason = f"{reason}: {self.bound.trouble}"
         at = [y for y in (step.y0, y1) if np.isfinite(y).all()]
         odd = next((text for y in at if (text := undefined(self.system, y))), None)
-        bent = over_rotated(self.system, step.y0)
-        if bent is None and np.isfinite(y1).all():
-            bent = over_rotated(self.system, y1)
+        bent = next((text for y in at if (text := over_rotated(self.system, y))), None)
         drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
         causes = [text for text in (odd, bent, drawn, self._turned(step)) if text is not None]
         first, *more = [*causes, f"Newton's method: {reason}" if causes else reason]

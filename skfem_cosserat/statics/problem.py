@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg, splu
 
-from ..compiled.bind_rows import choose_rows
+from ..compiled import bind
 from ..compiled.kept import Source, entry
 from ..compiled.numbers import CALLED_BACK
 from ..compiled.plan import Plan
 from ..compiled.structures import EQUILIBRIUM, structure
-from ..compiled.tables.couplings import DAMPING
+from ..compiled.tables import DAMPING
 from ..constraints import Treatment
 from ..constraints.base import BoundTreatment
 from ..coupling import Coupling
@@ -541,7 +541,7 @@ class CompiledEquations(CompiledScene):
         self._mu = self._a.total[count:]
         self._known = np.zeros(0), self._mu.copy()
         if self._plane is not None:
-            self._tree["hold"][:3] = self._plane.normal
+            self._tree["hold"][:] = self._plane.normal
         self._tree["coupling_law"][:, DAMPING] = 0.0
         self._coupled = Coupled(
             system, system.couplings_of(system.couplings.items), self._a.coupled, REST, 1.0
@@ -613,7 +613,7 @@ class CompiledEquations(CompiledScene):
             T = kin.values_at(y, nodal.fixed)
             rows = np.concatenate([s.rows for s in closure.select(y, T)])
         if not np.array_equal(rows, self._rows):
-            choose_rows(self.coordinates, self._tree, rows)
+            bind.choose_rows(self.coordinates, self._tree, rows)
             self._rows = rows
         known, mu = self._known
         if not np.array_equal(known, y):

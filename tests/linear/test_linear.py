@@ -127,24 +127,6 @@ def test_patterns_sort_their_entries(rows):
         assert pattern.indptr.tolist() == np.searchsorted(keys, rows * np.arange(4)).tolist()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_patterns_of_full_blocks(seed):
-    """Against that of entries one by one: vertices without unknowns, blocks that come twice."""
-    rng = np.random.default_rng(seed)
-    count, links = 12, 40 * seed
-    size = rng.choice([0, 1, 3, 6], count)
-    ends, first = rng.integers(0, count, (links, 2)), np.cumsum(size) - size
-    entries = [
-        (first[a] + i, first[b] + j) for a, b in ends for i, j in np.ndindex(size[a], size[b])
-    ]
-    rows, cols = np.array(entries, dtype=np.int64).reshape(-1, 2).T
-    blocks = FrozenPattern(ends[:, 0], ends[:, 1], (count, count)).expanded(size)
-    plain = FrozenPattern(rows, cols, (size.sum(), size.sum()))
-    assert blocks.shape == plain.shape and blocks.nnz == plain.nnz
-    for name in ("slot", "indices", "indptr"):
-        assert np.array_equal(getattr(blocks, name), getattr(plain, name)), name
-
-
 @solvers
 def test_singular_matrices_raise(name):
     """A row and column of zeros; and after it the next matrix is solved as if nothing had been."""
@@ -264,7 +246,7 @@ def test_symmetry_of_patterns(mirror, diagonal):
     own = np.arange(count if diagonal else 0)
     rows = np.concatenate([i, own, j if mirror else i])
     cols = np.concatenate([j, own, i if mirror else j])
-    pattern = FrozenPattern(rows, cols, (count, count)).expanded(rng.integers(1, 4, count))
+    pattern = FrozenPattern(rows, cols, (count, count))
     full = pattern.assembled(np.ones(pattern.nnz)).toarray() > 0
     assert linear.balanced(pattern) == (mirror and diagonal)
     assert (full == full.T).all() == mirror and full.diagonal().all() == diagonal
