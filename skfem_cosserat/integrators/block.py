@@ -473,7 +473,8 @@ def force_between(before: StepReport, step: StepReport) -> Floats:
     if h == k and not integrator.loses:
         return 0.5 / h * (before.impulse + step.impulse)
     one, other = (force_point(integrator, None, each) for each in (before, step))
-    if min(h, k) < TINY * max(h, k) or one is None or other is None:
+    same = before.start.index == step.start.index  # no step led to this one
+    if same or min(h, k) < TINY * max(h, k) or one is None or other is None:
         return (before if h > k else step).constraint_force
     return _on_line(step.start.time, one, other)
 
