@@ -397,8 +397,6 @@ def constraint_points(system: System, history: History) -> Floats:
     >>> constraint_points(system, history).shape   # the bob, and 4 rows of the ground
     (3, 5, 3)
     """
-    if "constraint_point" in history:  # a file of version 0.1, with forces at midpoints
-        return history["constraint_point"].reshape(len(history), system.total, 3)
     return all_rows(system, as_stack(system, "history", history["q"])[0], history.instants)
 
 
