@@ -96,14 +96,14 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     solve = mass_solver(system)
 
     def energies(some: Floats) -> Floats:
-        rows = _in_rows(system, some)
+        rows = in_rows(system, some)
         products = (rows * solve(rows)).sum(0)
         return np.asarray(0.5 * products.reshape(-1, 3).sum(1))
 
     return _in_parts(energies, system.n, np.asarray(p))
 
 
-def _in_rows(system: System, states: Floats) -> Floats:
+def in_rows(system: System, states: Floats) -> Floats:
     """Numbers (N, n) of states as columns (rows, 3 N)."""
     return states.reshape(-1, system.rows, 3).transpose(1, 0, 2).reshape(system.rows, -1)
 
@@ -140,7 +140,7 @@ def momentum(system: System, v: ArrayLike) -> Floats:
     """
 
     def momenta(some: Floats) -> Floats:
-        found = (system.mass @ _in_rows(system, some)).reshape(system.rows, -1, 3)
+        found = (system.mass @ in_rows(system, some)).reshape(system.rows, -1, 3)
         return found.transpose(1, 0, 2).reshape(some.shape)
 
     return _in_parts(momenta, system.n, np.asarray(v))

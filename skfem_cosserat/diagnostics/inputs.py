@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from itertools import pairwise
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -31,8 +31,9 @@ INSIDE, LOOKS = 16, 4096
 MISSED = 0.1
 #: part of a function's range up to which it does not jump
 SMALL = 1e-2
-#: parts of a step over which motions are differentiated once and twice
-SHORT = 1e-3, 2e-2
+#: parts of a step to which a jump of a load is followed, of a velocity and of an acceleration;
+#: motions are differentiated over a tenth of it
+SHORT = 1e-3, 1e-2, 0.2
 
 
 class _Input(NamedTuple):
@@ -233,42 +234,40 @@ def jumps(system: System, history: History) -> Floats:
         return np.zeros(0)
     h, (start, end) = _step(history), history.times[[0, -1]]
     times = np.linspace(start, end, 1 + min(LOOKS // INSIDE, max(1, int((end - start) / h))))
-    width, found = SHORT[0] * h, list[float]()
+    found = list[float]()
     for each in _entering(system, True):
-        if not each.moves:
-            kinks = [t for t in each.kinks if start < t < end]
-            found += _jumps(each.value, times, width, 0.0, kinks)
-            continue
-        for order, short in enumerate(SHORT, 1):
-            d = short * h
+        kinks = [t for t in each.kinks if start < t < end]
+        for order in (1, 2) if each.moves else (0,):
+            d = 0.1 * SHORT[order] * h
+            rate = partial(_rate, each.value, order, d)
             rounding = 1e-14 * largest(np.asarray(each.value(end))) / d**order
-            later = np.maximum(times, start + 3 * d)
-            found += _jumps(partial(_rate, each.value, order, d), later, 10 * d, rounding)
+            later = np.maximum(times, start + 3 * d) if order else times
+            found += _jumps(rate, later, 10 * d, rounding, kinks)
     instants = np.unique(found)
-    return instants[np.diff(instants, prepend=-np.inf) > 2 * width]  # several may find the same
+    return instants[np.diff(instants, prepend=-np.inf) > 2 * SHORT[0] * h]  # some find the same
 
 
 def _rate(value: Callable[[float], ArrayLike], order: int, d: float, t: float) -> Floats:
-    """Derivative of a motion by differences to instants before."""
+    """A function of time, or its derivative by differences to instants before."""
     before = [np.ravel(value(t - k * d)) for k in range(order, -1, -1)]
     return np.diff(before, order, axis=0)[0] / d**order
 
 
 def _jumps(
-    function: Callable[[float], ArrayLike],
+    function: Callable[[float], Floats],
     times: Floats,
     width: float,
     rounding: float,
-    kinks: Sequence[float] = (),
+    kinks: Sequence[float],
 ) -> list[float]:
     """Times, to a width (s), at which a component of a function jumps."""
-    at: Any = cache(function)
-    values = np.array([np.ravel(at(t)) for t in times.tolist()])
+    at = cache(function)
+    values = np.array([at(t) for t in times.tolist()])
     least = np.maximum(SMALL * np.ptp(values, axis=0), 1e-12 * abs(values).max(axis=0))
     least = np.maximum(least, rounding or 1e-200)
 
     def bend(a: float, b: float) -> float:
-        return float((abs(np.ravel(at(a) - 2 * np.asarray(at((a + b) / 2)) + at(b))) / least).max())
+        return float((abs(at(a) - 2 * at((a + b) / 2) + at(b)) / least).max())
 
     between = [*pairwise(times.tolist()), *((t - width, t + width) for t in kinks)]
     within = [where_it_stays(bend, a, b, width) for a, b in between]

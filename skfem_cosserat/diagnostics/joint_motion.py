@@ -60,14 +60,14 @@ def _coordinates(
     ydot: Floats,
     times: Floats,
     turns: ArrayLike | None,
-) -> dict[str, tuple[Floats, Floats]]:
-    """Relative coordinates of a joint and their rates, (N,) or (N, 3), by name.
+) -> list[Floats]:
+    """Relative coordinates of a joint, each with its rate after it, (N,) or (N, 3).
 
     Driven angles are those prescribed, and those with a force element have its full turns; all
     others start from their principal value and are followed from state to state by the mean of
     their rates, which must be right to half a turn.
     """
-    out = {}
+    out = []
     for coordinate in joint.coordinates():
         reading = reading_of(system, joint, coordinate.name)
         xi, rate, kind = reading.values(y), reading.rates(y, ydot), reading.kind
@@ -78,8 +78,7 @@ def _coordinates(
             else:
                 near = _expected(system, joint, coordinate.name, xi[:, 0], rate[:, 0], times)
                 xi = xi + kind.period * np.round((near[:, None] - xi) / kind.period)
-        single = coordinate.size == 1
-        out[coordinate.name] = (xi[:, 0], rate[:, 0]) if single else (xi, rate)
+        out += [each[:, 0] if coordinate.size == 1 else each for each in (xi, rate)]
     return out
 
 
@@ -168,14 +167,10 @@ def relative_series(
 ) -> dict[str, Floats]:
     """All relative coordinates, and forces of force elements, as a history names them."""
     y, ydot = all_rows(system, q, t), rates(system, v, t)
-    out = {}
-    for joint in system.joints:
-        for name, (value, rate) in _coordinates(system, joint, y, ydot, t, turns).items():
-            out[f"joint/{joint.name}/{name}"] = value
-            out[f"joint/{joint.name}/{name}_rate"] = rate
+    out = [
+        each for joint in system.joints for each in _coordinates(system, joint, y, ydot, t, turns)
+    ]
     number = None if turns is None else np.asarray(turns, dtype=np.int64)
     for item, xi, force in system.couplings.forces(y, ydot, number):
-        single = item.size == 1
-        out[f"coupling/{item.name}/coordinate"] = xi[:, 0] if single else xi
-        out[f"coupling/{item.name}/force"] = force[:, 0] if single else force
-    return out
+        out += [each[:, 0] if item.size == 1 else each for each in (xi, force)]
+    return dict(zip(relative_names(system), out, strict=True))

@@ -21,14 +21,13 @@ from ..linear import SingularMatrixError
 from ..model import Model, System, system_of, takes_scene
 from ..model.loops import null_space_matrix
 from ..types import ArrayLike, Floats, real, switch
-from .energy import mass_solver, momentum
+from .energy import in_rows, mass_solver, momentum
 from .stacked import (
     all_rows,
     as_array,
     as_floats,
     as_stack,
     as_times,
-    check_consecutive,
     of_states,
     rates,
     step_size,
@@ -91,7 +90,14 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
         )
     if "step_size" in history:
         raise IncompatibleError(item, "are for steps of one size, those of this history vary")
-    check_consecutive(history, item)
+    jumps = np.flatnonzero(np.diff(history["step"]) != 1)
+    if len(jumps):
+        first, then = history["step"][jumps[0] : jumps[0] + 2]
+        raise IncompatibleError(
+            item,
+            f"needs every step, the history goes from step {first:.0f} to {then:.0f}: record with"
+            " every=1",
+        )
     q, _ = as_stack(system, "history", history["q"])
     times, h = history.times, float(history.meta["step"])
     half = 0.5 * h * history["constraint_force"]  # with a given momentum not that of the equations
@@ -350,8 +356,7 @@ def momentum_violation(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike 
     3.0
     """
     kept = np.flatnonzero(~rows_touching(system, massless(system)))
-    momenta = np.reshape(p, (-1, system.rows, 3)).transpose(1, 0, 2)
-    v = mass_solver(system)(momenta.reshape(system.rows, -1)).reshape(momenta.shape)
+    v = mass_solver(system)(in_rows(system, np.asarray(p))).reshape(system.rows, -1, 3)
     ydot = rates(system, v.transpose(1, 0, 2), t)
     hidden = system.constraints.stacked_values(all_rows(system, q, t), ydot)[:, kept]
     return np.asarray(abs(hidden).max(axis=1, initial=0.0))
@@ -486,8 +491,8 @@ class Projection:
         t : float
             Time (s), for prescribed motion.
         """
-        q, p = (as_array(k, x, self.system.n)[None] for k, x in (("q", q), ("p", p)))
-        v = self._rule(q, p, np.array([real("argument t", "t", t, "a time (s)")]))[0]
+        q, p = (as_array(k, x, self.system.n) for k, x in (("q", q), ("p", p)))
+        v = self.velocities(q, p, real("argument t", "t", t, "a time (s)"))[0]
         return v, momentum(self.system, v)
 
     def stack(self, q: Floats, p: Floats, t: ArrayLike) -> tuple[Floats, Floats]:

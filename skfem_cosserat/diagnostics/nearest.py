@@ -78,8 +78,8 @@ def settled(
     y: Floats,
     amplitudes: Amplitudes,
     rows: IndexArray,
-    inertia: Floats | None = None,
-) -> tuple[Floats, ReducedTangent]:
+    inertia: Floats,
+) -> Floats:
     """A configuration in which some nodes of beams are in equilibrium between all others.
 
     Interpolated nodes are farther off than what they are interpolated from, and stiff motions
@@ -93,16 +93,19 @@ def settled(
         Of the loads.
     rows : (k, 4) int array
         Rows of y of the nodes: phi and the directors. Those that joints hold stay where they are.
-    inertia : (n,) array, optional
+    inertia : (n,) array
         ``M a``, which keeps the balance with the other forces.
 
     Returns
     -------
-    y : (total, 3) array
-        As it was, if the others are too far from where these nodes could be at rest.
-    tangent : ReducedTangent
-        There.
+    (total, 3) array
+        y as it was, if the others are too far from where these nodes could be at rest.
     """
+
+    def missing(tangent: ReducedTangent) -> Floats:
+        """Residual along the constraints."""
+        return np.asarray(tangent.P.T @ (tangent.balance.R.ravel() + inertia))
+
     tangent = reduced_tangent(system, y, amplitudes)
     while len(rows):
         P = tangent.P.tocsc()
@@ -112,25 +115,18 @@ def settled(
         if not len(free):
             break
         try:
-            change = splu(tangent.K[free][:, free].tocsc()).solve(-_missing(tangent, inertia)[free])
+            change = splu(tangent.K[free][:, free].tocsc()).solve(-missing(tangent)[free])
         except RuntimeError:  # SuperLU: exactly singular
             break
         moved = y.copy()
         moved[: system.rows] += (P[:, free] @ change).reshape(-1, 3)
         moved[rows[:, 1:]] = nearest_rotations(moved[rows[:, 1:]])
         after = reduced_tangent(system, moved, amplitudes)
-        sizes = [largest(_missing(x, inertia)[free]) for x in (tangent, after)]
+        sizes = [largest(missing(each)[free]) for each in (tangent, after)]
         if not sizes[1] < 0.5 * sizes[0]:  # rounding, or too far from where they are at rest
             break
         y, tangent = moved, after
-    return y, tangent
-
-
-def _missing(tangent: ReducedTangent, inertia: Floats | None) -> Floats:
-    """Residual along the constraints."""
-    if inertia is None:
-        return tangent.residual
-    return tangent.residual + tangent.P.T @ inertia
+    return y
 
 
 # -- the configuration on the constraints that is nearest to a given one ---------------------------

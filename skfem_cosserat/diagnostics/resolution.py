@@ -105,7 +105,7 @@ def resolution(system: System, history: History) -> Resolution | None:
         size, angle = _vibrations(y.take(system.origin_rows, axis=2))
         share = size / extent
     else:  # a vibration moves by the angle times its size
-        moved, times = _moved(system, history, apart)[None], history.times[-1:]
+        moved, times = _moved(system, history, apart), history.times[-1:]
         ways = np.square(moved.take(system.origin_rows, axis=2)).sum(axis=-1)
         angle = np.sqrt(2 * ways.mean(axis=1)) / (extent / 2)
         share = np.full(angle.shape, 0.5)
@@ -132,15 +132,12 @@ def resolution(system: System, history: History) -> Resolution | None:
 
 
 def _moved(system: System, history: History, rows: IndexArray) -> Floats:
-    """Changes (k, rows, 3) in a step of some states that their velocities make."""
-    q, t, short = history["q"][rows], history.times[rows], 1e-3
-    h = float(np.ptp(history.times) / np.ptp(history["step"]))
-    way = h * Projection(system).velocities(q, history["p"][rows], t)
-    ends = [
-        _beside(system, (q + part * way).reshape(len(rows), -1, 3), t + part * h)
-        for part in (0.0, short)
-    ]
-    return (ends[1] - ends[0]) / short
+    """Changes (1, k, rows, 3) in a step of some states that their velocities make."""
+    q, t = history["q"][rows], history.times[rows]
+    v, parts = Projection(system).velocities(q, history["p"][rows], t), np.array([[0.0], [1e-3]])
+    after = parts * (np.ptp(history.times) / np.ptp(history["step"]))
+    y = (q + after[:, :, None] * v).reshape(2, len(rows), -1, 3)
+    return np.diff(_beside(system, y, t + after), axis=0) / parts[1]
 
 
 @checked

@@ -15,8 +15,7 @@ from scipy.sparse.linalg import eigsh
 
 from ..constraints.base import RowSpace
 from ..constraints.saddle import full_mass
-from ..errors import IncompatibleError, InputError
-from ..history import History
+from ..errors import InputError
 from ..kernels import cross
 from ..linear import EIGENVALUES, SingularMatrixError
 from ..model import System, takes_scene
@@ -90,11 +89,9 @@ def of_states(function: FunctionT) -> FunctionT:
 
 
 def _of_the_first(found: Any) -> Any:
-    if isinstance(found, dict):
-        return {name: _of_the_first(each) for name, each in found.items()}
     if not isinstance(found, tuple):
         return found[0]
-    own = (_of_the_first(each) for each in found)
+    own = (each[0] for each in found)
     return type(found)(*own) if hasattr(found, "_fields") else tuple(own)
 
 
@@ -114,18 +111,6 @@ def as_times(t: ArrayLike, count: int) -> Floats:
     if times.shape not in ((), (1,), (count,)):
         raise InputError("argument t", f"has shape {times.shape}, expected one time or ({count},)")
     return np.broadcast_to(times, (count,))
-
-
-def check_consecutive(history: History, item: str) -> None:
-    """Refuse a history that does not hold every step."""
-    jumps = np.flatnonzero(np.diff(history["step"]) != 1)
-    if len(jumps):
-        first, then = history["step"][jumps[0] : jumps[0] + 2]
-        raise IncompatibleError(
-            item,
-            f"needs every step, the history goes from step {first:.0f} to {then:.0f}: record with"
-            " every=1",
-        )
 
 
 def all_rows(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
