@@ -5,21 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import identity
-from scipy.sparse.linalg import splu
 
+from ..diagnostics.nearest import free_motion
 from ..diagnostics.stacked import reduced_tangent
 from ..model.balance import balance
-from ..model.limits import broken_constraint, owner
+from ..model.limits import broken_constraint
 from ..model.parts import separate_parts
 from ..model.plane import functions_off_plane
-from ..types import SAME, spread
+from ..types import spread
 from .motion import Run
 from .result import Doubt, Path, recorded_amplitudes
-
-#: stiffness of a motion, against the terms that it is made of, below which nothing holds it: of
-#: free motions it was below 5e-16, of a soft beam on a stiff one above 1.6e-13 (measured)
-FREE = 1e-14
 
 
 def falls(run: Run) -> Iterator[Doubt]:
@@ -61,20 +56,10 @@ def free_end(path: Path) -> Iterator[Doubt]:
     y, amplitudes = system.extend(history["q"][-1], instant), recorded_amplitudes(history)
     turns = history["turns"][-1] if "turns" in history else None
     tangent = reduced_tangent(system, y, amplitudes, balance(system, y, amplitudes, turns=turns))
-    K, size = tangent.K, abs(tangent.K)
-    if not system.unknowns:
-        return
-    factors = splu((K + (SAME * size.max() or 1.0) * identity(K.shape[0])).tocsc())
-    motion = np.random.default_rng(0).standard_normal(K.shape[0])
-    for _ in range(5):  # inverse iteration: what nothing holds is all that is left
-        motion = factors.solve(motion)
-        motion /= abs(motion).max()
-    if abs(motion @ (K @ motion)) <= FREE * (abs(motion) @ (size @ abs(motion))):
-        moved = (tangent.P @ motion).reshape(-1, 3)
-        moved[system.origin_rows] /= system.length
-        row = int(np.linalg.norm(moved, axis=1).argmax())
+    label = free_motion(system, tangent) if system.unknowns else None
+    if label is not None:
         yield Doubt(
-            owner(system, row).label,
+            label,
             "can move freely in the equilibrium at the end: where it is found there is one of many"
             " places of the same energy",
             load_factor,

@@ -11,12 +11,18 @@ from ..constraints.base import RowSpace
 from ..constraints.null_space import CLOSING
 from ..constraints.saddle import full_mass
 from ..kernels import exp_quaternion, nearest_rotations, rotation_matrix, skew
-from ..linear import SingularMatrixError
+from ..linear import NEUTRAL, SingularMatrixError
 from ..model import System
 from ..model.balance import Amplitudes
-from ..model.limits import FAR_TURN, over_rotated
+from ..model.limits import FAR_TURN, over_rotated, owner
 from ..types import Floats, IndexArray, largest
-from .stacked import ReducedTangent, material_stiffness, null_space_matrix, reduced_tangent
+from .stacked import (
+    ReducedTangent,
+    blocks_matrix,
+    material_stiffness,
+    null_space_matrix,
+    reduced_tangent,
+)
 
 # -- motions of a scene in which nothing is strained: of its beams and bodies as rigid pieces ------
 
@@ -68,6 +74,48 @@ def motions_out_of_plane(system: System, count: int) -> csr_matrix:
     out_of = np.zeros((3, 6))
     out_of[0, :3], out_of[1:, 3:] = system.plane.normal, system.plane.axes
     return csr_matrix(kron(identity(count), out_of))
+
+
+# -- a motion that nothing holds -------------------------------------------------------------------
+
+#: stiffness of a motion, against the terms that it is made of, below which nothing holds it: of
+#: free motions it was below 5e-16, of a soft beam on a stiff one above 1.6e-13 (measured)
+FREE = 1e-14
+#: strain rate, against the terms of motions of this size, below which there is none
+STRAINED = 1e-6
+
+
+def free_motion(system: System, tangent: ReducedTangent) -> str | None:
+    """Label of the item that moves most in a motion that nothing holds; None: there is none.
+
+    It has no stiffness and strains neither beams nor springs. Found by inverse iteration.
+    """
+    K, P, metric = tangent.K, tangent.P, tangent.metric
+    scale = largest(K.diagonal() / metric.diagonal())
+    factors = splu((K + (FREE * scale or 1.0) * metric).tocsc())
+    motion = np.random.default_rng(0).standard_normal(K.shape[0])
+    for _ in range(5):  # what nothing holds is all that is left
+        motion = factors.solve(metric @ motion)
+        motion /= abs(motion).max()
+    moved = P @ motion
+    springs = [*system.mass_tangent(0.0), system.couplings.stiffness(tangent.balance.y)]
+    none = NEUTRAL * scale * (motion @ (metric @ motion))
+    none += FREE * (abs(motion) @ (abs(K) @ abs(motion)))
+    for x, A in ((motion, K), (moved, blocks_matrix(system, springs))):
+        if abs(x @ (A @ x)) > none:
+            return None
+    lengths = np.ones((system.rows, 3))
+    lengths[system.origin_rows] = system.length
+    sizes = abs(moved.reshape(-1, 3)) / lengths
+    most = (sizes.max() * lengths).ravel()
+    for group, B in zip(system.beam_groups, tangent.balance.Bs, strict=True):
+        rates, terms = (
+            abs((A @ x[group.dofs][:, :, None]).reshape(-1, 6)).max(0)
+            for A, x in ((B, moved), (abs(B), most))
+        )
+        if (rates > STRAINED * terms).any():
+            return None
+    return owner(system, int(sizes.max(1).argmax())).label
 
 
 # -- nodes brought to rest while all others are held -----------------------------------------------

@@ -206,53 +206,30 @@ def _check_instant(system: System, history: History, index: int, point: Point, t
     if wrong is not None:
         raise InputError("argument time", f"at {time!r} s the state {wrong}: {hint}")
 
-    labels, *both = _moved(system, history, index, then, time)
-    if system.moving and system.couplings.count:
-        labels.append("what springs hold on moving ground")
-    at, before = (
-        balance(system, rows, amplitudes, turns=point.turns).R
-        for rows, amplitudes in zip((y, point.y), both, strict=True)
-    )
-    missing = largest(null_space_matrix(system, y).T @ (at - before).ravel())
-    if missing > SAME * largest(at, before):
-        raise InputError(
-            "argument time",
-            f"at {time!r} s {' and '.join(labels)} is out of balance by {missing:.4g} N (N m):"
-            f" {hint}",
-        )
-
-
-def _moved(
-    system: System, history: History, index: int, then: float, time: float
-) -> tuple[list[str], Amplitudes, Amplitudes]:
-    """Loads and actuators that a path moved by functions of time, and their factors now and then.
-
-    Not those of other models, and those that the path left out.
-    """
     recorded = recorded_amplitudes(history, index)
-    both = amplitudes_at(system, time), amplitudes_at(system, then)
-    alone = [Amplitudes(0.0 * each.loads, 0.0 * each.actuators, time=each.time) for each in both]
-    labels = []
+    now, before = amplitudes_at(system, time), amplitudes_at(system, then)
+    moved = []
     for kind, channels in (("loads", system.loading), ("actuators", system.couplings)):
         names = history.meta.get("loads", {}).get(kind, [])
         for owner in dict.fromkeys(channels.owners):
             own = [k for k, other in enumerate(channels.owners) if other is owner]
             known = [k for k, entry in enumerate(names) if entry == [str(owner.name), True]]
-            if len(known) != len(own):
+            if len(known) != len(own):  # of another model
                 continue
-            now, before = (getattr(each, kind)[own] for each in both)
+            here, there = getattr(now, kind)[own], getattr(before, kind)[own]
             taken = getattr(recorded, kind)[known]
-            left_out = before.any() and not taken.any()
-            if left_out or _same(now, taken) or _same(now, before):
-                continue
-            labels.append(f"the {owner.label}")
-            for each, factors in zip(alone, (now, before), strict=True):
-                getattr(each, kind)[own] = factors
-    return labels, alone[0], alone[1]
-
-
-def _same(a: Floats, b: Floats) -> bool:
-    return bool(abs(a - b).max() <= SAME * max(abs(a).max(), abs(b).max()))
+            left_out = there.any() and not taken.any()
+            if not left_out and not any(np.allclose(here, x, SAME, SAME) for x in (taken, there)):
+                moved.append(owner.label)
+    if system.moving and system.couplings.count:
+        none = Amplitudes(0 * now.loads, 0 * now.actuators, time=then)
+        forces = [balance(system, each, none, turns=point.turns).R for each in (y, point.y)]
+        missing = null_space_matrix(system, y).T @ (forces[0] - forces[1]).ravel()
+        if largest(missing) > SAME * largest(*forces):
+            moved.append("what springs hold on moving ground")
+    if moved:
+        text = f"at {time!r} s {' and '.join(moved)} is not as the path left it: {hint}"
+        raise InputError("argument time", text)
 
 
 def _check_number(item: str, value: int, count: int, what: str) -> None:

@@ -411,7 +411,7 @@ def test_loads_that_a_path_moved_in_time_are_asked_for_their_instant():
     model = rod(WEIGHT, ("wind", (0, 3.0, 0), lambda t: 1 - 0.5 * t))
     path = sc.static(model, **QUICK)
     with pytest.raises(
-        sc.InputError, match=r"at 0\.0 s the load 'wind' is out of balance by 1\.5 N"
+        sc.InputError, match=r"at 0\.0 s load 'wind' is not as the path left it"
     ) as e:
         equilibrium(model, path)
     assert "time=1.0, the load factor of this point" in str(e.value)
@@ -438,7 +438,7 @@ def test_supports_and_actuators_that_a_path_moved_are_asked_for_their_instant():
     model.add("spring", sc.JointSpringDamper(hinge, stiffness=5.0))
     model.add("motor", sc.JointActuator(hinge, lambda t: 0.5 * t))
     path = sc.static(model, **QUICK)
-    with pytest.raises(sc.InputError, match=r"'motor' is out of balance by 0\.5 N"):
+    with pytest.raises(sc.InputError, match="'motor' is not as the path left it"):
         equilibrium(model, path)
     assert equilibrium(model, path, time=1.0).time == 1.0
 
@@ -450,9 +450,7 @@ def test_springs_on_ground_that_a_path_moved():
     end = model["rod"].node("rod.end")
     model.add("spring", sc.SpringDamper(far, end, stiffness=3.0, length=1.0))
     path = sc.static(model, **QUICK)
-    with pytest.raises(
-        sc.InputError, match=r"springs hold on moving ground is out of balance by 1\.5"
-    ):
+    with pytest.raises(sc.InputError, match=r"springs hold on moving ground is not as"):
         equilibrium(model, path)
     assert equilibrium(model, path, time=1.0).time == 1.0
 

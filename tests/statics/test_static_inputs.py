@@ -121,41 +121,32 @@ def fixed_to_each_other():
 
 
 FREE = {
-    fixed_to_each_other: ("rigid body 'first 0' and rigid body 'second 0'", 6, False),
-    free_beam: ("(translation|rotation) of beam 'rod'", 6, False),
-    beam_on_a_hinge: (r"rotation of beam 'rod'.*about \(0, 0, 1\)", 1, True),
-    beam_between_balls: (r"rotation of beam 'rod'.*about \(1, 0, 0\)", 1, False),
-    slider: (r"translation of rigid body 'block' along \(0, 1, 0\)", 1, True),
-    screw: (r"rigid body 'block'.*\(0, 0, 1\)", 2, False),
-    point_in_space: ("translation of mass point 'ball'", 3, False),
-    point_on_a_spring: ("translation of mass point 'ball'", 2, False),
-    several_pieces: ("beam '(rod|other)'|'ball'", 15, False),
-    four_bar: (r"rotation of .*'crank'.*\(0, 0, 1\)", 1, False),
-    hanging_without_weight: ("translation of mass point 'ball'", 2, True),
+    fixed_to_each_other: "rigid body '.* 0'",
+    free_beam: "beam 'rod'",
+    beam_on_a_hinge: "beam 'rod'",
+    beam_between_balls: "beam 'rod'",
+    slider: "rigid body 'block'",
+    screw: "rigid body 'block'",
+    point_in_space: "mass point 'ball'",
+    point_on_a_spring: "mass point 'ball'",
+    several_pieces: "(beam '(rod|other)'|mass point 'ball')",
+    four_bar: "rigid body '.*'",
+    hanging_without_weight: "mass point 'ball'",
 }
 
 
 @treatments
 @pytest.mark.parametrize("build", FREE, ids=lambda f: f.__name__)
 def test_free_motions_are_named(build, treatment):
-    text, count, worked = FREE[build]
-    with pytest.raises(sc.InputError, match=text) as caught:
+    with pytest.raises(sc.InputError, match=f"^{FREE[build]}: can move freely at the start"):
         sc.static(build(), treatment)
-    assert f"{count} such motion(s)" in str(caught.value)
-    assert ("the loads do work on it" in str(caught.value)) == worked
 
 
 @pytest.mark.slow
 def test_free_motions_of_a_long_chain_are_named():
     """It ended in an error of a sparse factorisation."""
-    with pytest.raises(sc.InputError, match=r"rotation of .*link.* is free, 6 such .* or more"):
+    with pytest.raises(sc.InputError, match=r"'link .*': can move freely"):
         sc.static(hanging_chain(links=401))
-
-
-def test_where_a_free_rotation_is():
-    """The axis goes through the hinge, not the middle of the piece."""
-    with pytest.raises(sc.InputError, match=r"about \(0, 0, 1\) through \(0, 0, 0\)"):
-        sc.static(beam_on_a_hinge())
 
 
 @treatments
@@ -287,7 +278,7 @@ def point_drawn_along_two_springs():
 )
 def test_what_a_weight_does_not_hold(build, treatment):
     """The advice to let loads act from the start is not given where they do."""
-    with pytest.raises(sc.InputError, match=r"is free.*or start from a state") as caught:
+    with pytest.raises(sc.InputError, match=r"can move freely.*or start from a state") as caught:
         sc.static(build(), treatment, factors={"weight": 1.0})
     assert "factors" not in str(caught.value)
 
@@ -339,7 +330,7 @@ def test_spin_holds_a_blade(treatment):
     spin = {"spin": Spin((0, 0, 4.0)), "factors": {"spin": 1.0}}
     beta = -sc.static(model, treatment, **spin)["joint/hinge/angle"][-1]
     assert np.sin(beta) == pytest.approx(1.0 / 16, rel=1e-12)
-    with pytest.raises(sc.InputError, match="rigid body 'blade' about"):
+    with pytest.raises(sc.InputError, match="rigid body 'blade': can move freely"):
         sc.static(model, treatment)
 
 
@@ -378,7 +369,7 @@ def test_advice_is_enough(treatment):
 def test_weight_holds_not_all(rod, treatment):
     """Negative: links on balls may spin about their axes, a body about its rod."""
     model = hanging_chain("universal" if rod else "ball", rod)
-    words = rf"rotation of rigid body '{'last' if rod else 'link .'}'.*about \(0, 0, 1\).* free"
+    words = rf"rigid body '{'last' if rod else 'link .'}': can move freely"
     with pytest.raises(sc.InputError, match=words):
         sc.static(model, treatment, factors={"weight": 1.0})
 
@@ -392,7 +383,7 @@ def test_weight_that_tips_over(treatment):
     for x, end in ((0, "start"), (1, "end")):
         model.add(end, sc.JointSpherical(sc.ground((x, 0, 0)), beam.node(f"rod.{end}")))
     model.add("weight", sc.LoadGravity((0, 0, -0.1)))
-    with pytest.raises(sc.InputError, match=r"about \(1, 0, 0\).* is free"):
+    with pytest.raises(sc.InputError, match="'arch': can move freely"):
         sc.static(model, treatment)
     path = sc.static(model, treatment, factors={"weight": 1.0})
     assert (path["unstable"] == 1).all()
@@ -401,24 +392,9 @@ def test_weight_that_tips_over(treatment):
 @treatments
 def test_what_turns_about_its_rod_once_it_hangs(treatment):
     """A body that is not below its rod yet, so that its weight seems to hold it."""
-    words = r"rotation of rigid body 'last'.* about \(0, 0, 1\) .* 1 such .* in the equilibrium"
+    words = "rigid body 'last': can move freely in the equilibrium"
     with pytest.raises(sc.InputError, match=words):
         sc.static(hanging_chain(rod=True, off=0.05), treatment, factors={"weight": 1.0})
-
-
-@treatments
-def test_motions_of_a_loaded_start_are_those_that_its_stress_leaves(treatment):
-    """A box on a cable that just fits: all six are free without its weight, one with it."""
-    model = sc.Model()
-    box = model.add("box", sc.RigidBody.box(1.0, (0.2, 0.2, 0.2), position=(0, 0, -1.1)))
-    top = box.at((0, 0, -1))
-    model.add("cable", sc.Cable(sc.ground((0, 0, 0)), top, stiffness=1e3, length=1.0))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    with pytest.raises(sc.InputError, match=r"6 such .* at the start"):
-        sc.static(model, treatment)
-    words = r"rigid body 'box' about \(0, 0, 1\).* 1 such .* in the equilibrium"
-    with pytest.raises(sc.InputError, match=words):
-        sc.static(model, treatment, factors={"weight": 1.0})
 
 
 def slack_stay(slide, fits=True):
@@ -440,14 +416,12 @@ def slack_stay(slide, fits=True):
 @treatments
 @pytest.mark.parametrize("slide", [False, True])
 def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
-    """It leads to no larger load either; what is known is said."""
+    """The path ends there, and what hangs on it is named."""
     model, loads = slack_stay(slide), {"weight": 1.0}
-    words = "of rigid body 'boom' .* is free" if slide else "tension .* cable 'stay'. Hold"
-    with pytest.raises(sc.Diverged, match=words) as caught:
+    with pytest.raises(sc.Diverged, match="cable 'stay' is slack") as caught:
         sc.static(model, treatment, factors=loads)
     assert caught.value.time == pytest.approx(0.5, abs=1e-5)
     assert "which pass limit points" not in str(caught.value)
-    assert "mesh" not in str(caught.value)
     try:
         path = sc.static(model, treatment, sc.ArcLength(points=15), factors=loads)
     except sc.Diverged as error:
@@ -458,7 +432,7 @@ def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
 def test_a_start_whose_cable_does_not_stay_taut():
     """Nothing pulls at it, and then nothing holds the boom."""
     model = slack_stay(False, fits=False)
-    with pytest.raises(sc.InputError, match=r"rigid body 'boom' about .* in the equilibrium"):
+    with pytest.raises(sc.InputError, match="'boom': can move freely in the equilibrium"):
         sc.static(model)
 
 
@@ -470,7 +444,7 @@ def test_an_end_that_can_move_freely_is_told(treatment):
     model.add("cable", sc.Cable(sc.ground((0, 0, 0)), ball.place(), 1e3, length=0.99))
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
     model.add("lift", sc.LoadForce(ball.place(), (0, 0, 9.81)))
-    with pytest.warns(sc.AccuracyWarning, match="its end translation of mass point 'ball'"):
+    with pytest.warns(sc.AccuracyWarning, match="mass point 'ball': can move freely"):
         path = sc.static(model, treatment, factors={"weight": 1.0})
     assert path.status == "completed" and abs(path["energy"][-1]) < 1e-12
 
@@ -502,7 +476,7 @@ def test_units_do_not_matter(scale):
     start, end = beam.node("rod.start"), beam.node("rod.end")
     pin = model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), start, axis=(0, 0, 1)))
     model.add("force", sc.LoadForce(end, (0, 0.5, 0)))
-    with pytest.raises(sc.InputError, match=r"about \(0, 0, 1\)"):
+    with pytest.raises(sc.InputError, match="can move freely"):
         sc.static(model)
     model.add("spring", sc.JointSpringDamper(pin, 3.0 * scale))
     assert sc.static(model).status == "completed"

@@ -443,15 +443,6 @@ def test_a_step_that_jumps_over_a_limit_point_is_told():
         ]
 
 
-def test_a_path_that_ends_at_a_limit_point_names_it():
-    model, _ = arch()
-    with pytest.raises(sc.Diverged) as caught:
-        sc.static(model, control=sc.LoadControl(until=20.0))
-    text = str(caught.value)
-    assert "a limit point is near, as the smallest eigenvalue of the stiffness has fallen" in text
-    assert "ArcLength() or DisplacementControl()" in text
-
-
 @treatments
 def test_arc_length_comes_back_to_its_first_load_factor(treatment):
     """``until`` at the start: the path ends where it crosses that load again."""
