@@ -5,21 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import identity
-from scipy.sparse.linalg import splu
 
-from ..diagnostics.stacked import blocks_matrix, material_stiffness, reduced_tangent
+from ..diagnostics.nearest import free_motion
+from ..diagnostics.stacked import reduced_tangent
 from ..model.balance import balance
-from ..model.limits import broken_constraint, owner
+from ..model.limits import broken_constraint
 from ..model.parts import separate_parts
 from ..model.plane import functions_off_plane
-from ..types import SAME, spread
+from ..types import spread
 from .motion import Run
 from .result import Doubt, Path, recorded_amplitudes
-
-#: stiffness of a motion, against the terms that it is made of, below which nothing holds it: of
-#: free motions it was below 5e-16, of a soft beam on a stiff one above 1.6e-13 (measured)
-FREE = 1e-14
 
 
 def falls(run: Run) -> Iterator[Doubt]:
@@ -61,28 +56,12 @@ def free_end(path: Path) -> Iterator[Doubt]:
     y, amplitudes = system.extend(history["q"][-1], instant), recorded_amplitudes(history)
     turns = history["turns"][-1] if "turns" in history else None
     tangent = reduced_tangent(system, y, amplitudes, balance(system, y, amplitudes, turns=turns))
-    K, size = tangent.K, abs(tangent.K)
-    if not system.unknowns:
-        return
-    factors = splu((K + (SAME * size.max() or 1.0) * identity(K.shape[0])).tocsc())
-    motion = np.random.default_rng(0).standard_normal(K.shape[0])
-    for _ in range(5):  # inverse iteration: what nothing holds is all that is left
-        motion = factors.solve(motion)
-        motion /= abs(motion).max()
-    moved = tangent.P @ motion
-    springs = [*system.mass_tangent(0.0), system.couplings.stiffness(y)]
-    # what loads just take the stiffness from is critical, not free
-    held = material_stiffness(system, y) + blocks_matrix(system, springs)
-    if all(
-        abs(x @ (A @ x)) <= FREE * (abs(x) @ (abs(A) @ abs(x)))
-        for x, A in ((motion, K), (moved, held))
-    ):
-        moved = moved.reshape(-1, 3)
-        moved[system.origin_rows] /= system.length
-        row = int(np.linalg.norm(moved, axis=1).argmax())
+    free = free_motion(system, tangent) if system.unknowns else None
+    if free is not None:
+        item, motion = free
         yield Doubt(
-            owner(system, row).label,
-            "can move freely in the equilibrium at the end: where it is found there is one of many"
-            " places of the same energy",
+            item,
+            f"can move freely in the equilibrium at the end ({motion}): where it is found there is"
+            " one of many places of the same energy",
             load_factor,
         )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, identity, kron
+from scipy.linalg import qr
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity, kron
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
@@ -11,12 +12,19 @@ from ..constraints.base import RowSpace
 from ..constraints.null_space import CLOSING
 from ..constraints.saddle import full_mass
 from ..kernels import exp_quaternion, nearest_rotations, rotation_matrix, skew
-from ..linear import SingularMatrixError
+from ..linear import NEUTRAL, SingularMatrixError
 from ..model import System
 from ..model.balance import Amplitudes
 from ..model.limits import FAR_TURN, over_rotated
-from ..types import Floats, IndexArray, largest
-from .stacked import ReducedTangent, material_stiffness, null_space_matrix, reduced_tangent
+from ..types import SAME, Floats, IndexArray, largest
+from .stacked import (
+    ReducedTangent,
+    blocks_matrix,
+    material_stiffness,
+    null_space_matrix,
+    reduced_tangent,
+    weights,
+)
 
 # -- motions of a scene in which nothing is strained: of its beams and bodies as rigid pieces ------
 
@@ -68,6 +76,75 @@ def motions_out_of_plane(system: System, count: int) -> csr_matrix:
     out_of = np.zeros((3, 6))
     out_of[0, :3], out_of[1:, 3:] = system.plane.normal, system.plane.axes
     return csr_matrix(kron(identity(count), out_of))
+
+
+# -- motions that nothing holds --------------------------------------------------------------------
+
+#: stiffness of a motion, against the terms that it is made of, below which nothing holds it: of
+#: free motions it was below 5e-16, of a soft beam on a stiff one above 1.6e-13 (measured)
+FREE = 1e-14
+#: part of a motion without stiffness that is no motion of rigid pieces, up to which it is one
+RIGID = 1e-6
+#: free motions that are looked for at most
+MOST = 16
+
+
+def free_motion(system: System, tangent: ReducedTangent) -> tuple[str, str] | None:
+    """The item that moves most in a motion that nothing holds, and the motion in words.
+
+    None: there is none. Such a motion has no stiffness, and moves beams and bodies as rigid
+    pieces, in which no springs are strained.
+    """
+    K, P, metric, y = tangent.K, tangent.P, tangent.metric, tangent.balance.y
+    scale = largest(K.diagonal() / metric.diagonal())
+    factors = splu((K + (FREE * scale or 1.0) * metric).tocsc())
+    count = min(MOST, K.shape[0])
+    modes = np.random.default_rng(0).standard_normal((K.shape[0], count))
+    for _ in range(5):  # inverse iteration: what nothing holds is all that is left
+        modes = np.linalg.qr(factors.solve(metric @ modes))[0]
+    modes = modes @ np.linalg.svd(modes.T @ (K @ modes))[2].T
+    none = NEUTRAL * scale * (modes * (metric @ modes)).sum(0)
+    none += FREE * (abs(modes) * (abs(K) @ abs(modes))).sum(0)
+    springs = blocks_matrix(system, [*system.mass_tangent(0.0), system.couplings.stiffness(y)])
+    for X, A in ((modes, K), (P @ modes, springs)):
+        none[abs((X * (A @ X)).sum(0)) > none] = -1.0
+    modes = modes[:, none >= 0]
+    label, names = rigid_pieces(system)
+    E, centres = rigid_motions(system, y, label, len(names))
+    size = diags(np.sqrt(weights(system)).repeat(3))
+    moved, weighted = size @ P @ modes, size @ E
+    gram = (weighted.T @ weighted).tocsc()  # mass points have no rotations
+    gram += SAME * largest(gram.data) * identity(gram.shape[0], format="csc")
+    twists = splu(gram).solve(weighted.T @ moved)
+    _, strained, mix = np.linalg.svd(moved - weighted @ twists, full_matrices=False)
+    lengths = np.linalg.norm(moved, axis=0).max(initial=0.0)
+    twists = twists @ mix[strained <= RIGID * lengths].T
+    found = twists.shape[1]
+    if not found:
+        return None
+    # as few pieces and components in each as possible
+    chosen = qr(twists.T, pivoting=True, mode="economic")[2][:found]
+    twist = np.linalg.solve(twists[chosen].T, twists.T)[0].reshape(-1, 2, 3)
+    twist = np.where(abs(twist) < 1e-7, 0.0, twist)
+    sizes = np.linalg.norm(twist, axis=(1, 2))
+    k = int(sizes.argmax())
+    v, w = twist[k]
+    turn = np.linalg.norm(w)
+    main = w / turn if turn else v / sizes[k]
+    v, main = np.sign(main[abs(main).argmax()]) * np.array([v, main])
+    text = f"translation along {_triple(main)}"
+    if turn:
+        through = centres[k] + system.length * np.cross(main, v) / turn
+        text = f"rotation about {_triple(main)} through {_triple(through)}"
+    others = [names[i] for i in np.flatnonzero(sizes) if i != k]
+    text += f", with {' and '.join(others[:2])}{' and others' * (len(others) > 2)}" * bool(others)
+    if found > 1:
+        text += f", one of {found}{' or more' * (found == MOST)} such motions"
+    return names[k], text
+
+
+def _triple(v: Floats) -> str:
+    return "(" + ", ".join(f"{x + 0.0:.3g}" for x in np.where(abs(v) < 1e-9, 0.0, v)) + ")"
 
 
 # -- nodes brought to rest while all others are held -----------------------------------------------

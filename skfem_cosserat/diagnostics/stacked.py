@@ -173,6 +173,16 @@ class ReducedTangent:
         return np.asarray(self.P.T @ self.balance.R.ravel())
 
 
+def weights(system: System) -> Floats:
+    """Weights (rows, 1) that make the square of a motion free of units, a mean over all nodes.
+
+    ``1/length^2`` for positions and 1/2 for directors: a turn by a small angle counts as the angle.
+    """
+    out = np.full((system.rows, 1), 0.5)
+    out[system.origin_rows] = 1 / system.length**2
+    return out / len(system.origin_rows)
+
+
 @takes_scene
 def reduced_tangent(
     system: System, y: Floats, amplitudes: Amplitudes, at: Balance | None = None
@@ -222,9 +232,8 @@ def reduced_tangent(
     P = null_space_matrix(system, y)
     A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
     A = A + curvature_matrix(system, y, multipliers)
-    weights = np.full((system.rows, 3), 0.5)
-    weights[system.origin_rows] = 1 / system.length**2
-    metric = congruent(P, diags(weights.ravel()))
+    sum_of_nodes = len(system.origin_rows) * weights(system).repeat(3)
+    metric = congruent(P, diags(sum_of_nodes))
     return ReducedTangent(congruent(P, A), P, multipliers, at, metric)
 
 

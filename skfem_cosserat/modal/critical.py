@@ -20,10 +20,11 @@ from ..law import STEP
 from ..linear import EIGENVALUES, Factorised
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
+from ..model.limits import owner
 from ..types import SAME, Floats, finite
 from ..warn import Notices, counted
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
-from .state import Equilibrium, as_system, check_amplitudes, resting, vertex_of
+from .state import Equilibrium, as_system, check_amplitudes, resting
 from .vibration import animation, checked_count, checked_index
 
 Sign = Literal["positive", "negative", "both"]
@@ -161,7 +162,13 @@ def buckling(
         tangent = at.tangent
         still = lowest(pencil.K, tangent.metric, 1, pencil.energies)
         if still.zero[0] or still.values[0] < 0:
-            raise _loose(at, still.vectors[:, 0], bool(still.zero[0]))
+            what = "moves without any stiffness" if still.zero[0] else "is unstable without loads"
+            sizes = abs((tangent.P @ still.vectors[:, 0]).reshape(-1, 3)).max(1)
+            sizes[system.origin_rows] /= system.length
+            raise InputError(
+                owner(system, int(sizes.argmax())).label,
+                f"{what} in the reference: support it, there is no buckling load",
+            )
         P = tangent.P
         applied = (tangent.balance.R - balance(system, at.y, loads).R).ravel()
         if not applied.any():
@@ -209,19 +216,6 @@ def _loads(system: System, t: float, amplitudes: Amplitudes | None) -> Amplitude
     if amplitudes.spin is not None:
         raise InputError("argument amplitudes", "has a spin, expected loads that can be scaled")
     return amplitudes
-
-
-def _loose(at: Equilibrium, x: Floats, free: bool) -> InputError:
-    """The motion that no stiffness holds in the reference, named by the vertex it moves most."""
-    system = at.system
-    size = np.linalg.norm((at.tangent.P @ x).reshape(-1, 3), axis=1)
-    size[system.origin_rows] /= system.length
-    item, place = vertex_of(system, at.y, int(np.argmax(size)))
-    what = "moves without any stiffness" if free else "is unstable without loads"
-    return InputError(
-        item,
-        f"{what} in the reference, most at {place}: support it, there is no buckling load",
-    )
 
 
 def _geometric(

@@ -18,10 +18,12 @@ from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, Spin, amplitudes_at, balance, predicted
 from ..model.closure import SINGULAR
 from ..model.fingerprint import other_model
-from ..model.limits import broken_constraint, overstretched_beam
+from ..model.limits import broken_constraint, overstretched_beam, owner
 from ..model.loops import names_of
+from ..run.describe import recorded_turns
+from ..run.start import checked_start
 from ..statics.problem import Schedule
-from ..types import Array, ArrayLike, Floats, IndexArray, finite, largest, whole
+from ..types import Array, ArrayLike, Floats, finite, largest, whole
 from ..warn import warn
 
 #: what may be given as a state
@@ -46,6 +48,8 @@ class Equilibrium:
     error : float
         Largest entry of ``P^T R`` against the square root of the metric's diagonal: what is
         missing in the balance, as a moment (N m).
+    drawn : bool
+        Whether a beam is drawn more than its elements can tell, of which there was a warning.
     """
 
     system: System
@@ -54,6 +58,7 @@ class Equilibrium:
     amplitudes: Amplitudes
     tangent: ReducedTangent
     error: float
+    drawn: bool
 
     @cached_property
     def moduli(self) -> list[Array]:
@@ -93,7 +98,8 @@ def resting(
     IncompatibleError
         For a spin with drag against space.
     """
-    q, turns, time, found = _read(system, state, t)
+    start, found = _read(system, state, t)
+    q = checked_start(system, start, "argument state").q
     if amplitudes is None:
         amplitudes = found
     check_amplitudes(system, amplitudes)
@@ -101,16 +107,14 @@ def resting(
         if not isinstance(spin, Spin):
             raise InputError("argument spin", f"{type(spin).__name__}, expected a Spin")
         amplitudes = replace(amplitudes, spin=spin)
-    if system.plane is not None:
-        system.plane.check("argument state", "it", q, system.origin_rows, system.q0)
-        if amplitudes.spin is not None:
-            system.plane.check_spin(amplitudes.spin.velocity)
+    if system.plane is not None and amplitudes.spin is not None:
+        system.plane.check_spin(amplitudes.spin.velocity)
     if amplitudes.spin is not None and system.drag is not None:
         raise IncompatibleError(
             "argument spin",
             "damping in proportion to mass is a drag against space: nothing turns steadily in it",
         )
-    y = system.extend(q, time)
+    y = system.extend(np.asarray(q, dtype=float), start.time)
     if wrong := broken_constraint(system, y):
         raise InputError("argument state", wrong)
     for chosen in system.closure.select(y, system.kinematics.values_at(y)):
@@ -121,67 +125,45 @@ def resting(
                 f" {names_of(system, chosen.rows)}: it may go on in several ways, its motion is"
                 " not linear",
             )
-    at = balance(system, y, amplitudes, turns=turns)
+    at = balance(system, y, amplitudes, turns=start.turns)
     tangent = reduced_tangent(system, y, amplitudes, at)
     tangent, error = _at_rest(system, tangent, amplitudes, tolerance)
     if drawn := overstretched_beam(system, y, tangent.multipliers):
-        warn(*drawn, AccuracyWarning, time)
-    return Equilibrium(system, y, time, amplitudes, tangent, error)
+        warn(*drawn, AccuracyWarning, start.time)
+    return Equilibrium(system, y, start.time, amplitudes, tangent, error, bool(drawn))
 
 
-def _read(
-    system: System, state: StateLike | None, t: float | None
-) -> tuple[Floats, IndexArray | None, float, Amplitudes]:
-    """Configuration, full turns of angles, time, loads."""
-    if t is not None:
-        t = finite("argument t", "t", t)
-    if state is None:
-        loads = _unloaded(system) if t is None else amplitudes_at(system, t)
-        return system.q0, None, 0.0 if t is None else t, loads
+def _read(system: System, state: StateLike | None, t: float | None) -> tuple[State, Amplitudes]:
+    """The state at its time, and its loads."""
+    time = 0.0 if t is None else finite("argument t", "t", t)
     if isinstance(state, History):
         state = (state, -1)
     if isinstance(state, tuple) and len(state) == 2 and isinstance(state[0], History):
         return _from_history(system, state[0], state[1], t)
     if isinstance(state, State):
-        time = state.time if t is None else t
-        q, turns = np.asarray(state.q, dtype=float), state.turns
-    else:
-        time, turns = 0.0 if t is None else t, None
-        try:
-            q = np.array(state, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                "argument state",
-                f"{type(state).__name__}, expected None, an array, a State, a History or"
-                " (History, index)",
-            ) from error
-    if q.shape != (system.n,):
-        raise InputError("argument state", f"has shape {q.shape}, expected ({system.n},)")
-    if not np.isfinite(q).all():
-        first = int(np.flatnonzero(~np.isfinite(q))[0])
-        raise InputError("argument state", f"entry {first} is {q[first]}, expected finite numbers")
-    return q, turns, time, amplitudes_at(system, time)
+        state = state if t is None else replace(state, time=time)
+        return state, amplitudes_at(system, state.time)
+    alone = state is None and t is None
+    q = system.q0 if state is None else state
+    loads = _unloaded(system) if alone else amplitudes_at(system, time)
+    return State(time, 0, np.asarray(q), np.zeros(system.n)), loads
 
 
 def _from_history(
     system: System, history: History, index: int, t: float | None
-) -> tuple[Floats, IndexArray | None, float, Amplitudes]:
+) -> tuple[State, Amplitudes]:
     difference = other_model(system, history.meta.get("fingerprint", {}))
     if difference is not None:
         raise InputError("argument state", f"the history is of another model: {difference}")
     index = whole("argument state", index, None, "index of the history")
-    row = history.row(index)
-    turns = None
-    if system.couplings.angles and "turns" in row:
-        known = dict(zip(history.meta.get("turns", []), row["turns"], strict=True))
-        names = system.couplings.turning
-        turns = np.array([known.get(name, 0) for name in names], dtype=np.int64)
-    if "load_factor" in row:  # a static path
-        time = float(history.instants[index]) if t is None else t
-        at = recorded_amplitudes(history, index) if t is None else Schedule(system).at(time)
-        return row["q"], turns, time, at
-    time = float(row["t"]) if t is None else t
-    return row["q"], turns, time, amplitudes_at(system, time)
+    row, turns = history.row(index), recorded_turns(system, history, index)
+    time = float(history.instants[index]) if t is None else t
+    path = "load_factor" in row
+    if path and t is None:
+        loads = recorded_amplitudes(history, index)
+    else:
+        loads = Schedule(system).at(time) if path else amplitudes_at(system, time)
+    return State(time, 0, row["q"], np.zeros(system.n), turns=turns), loads
 
 
 def _unloaded(system: System) -> Amplitudes:
@@ -257,21 +239,11 @@ def _unrounded(
 
 
 def _where(system: System, tangent: ReducedTangent) -> str:
-    """The vertex with the largest force that nothing balances."""
-    G = system.constraints.jacobian(tangent.balance.y) if system.m else None
-    left = np.array(tangent.balance.R)
-    if G is not None:
-        left += (G.T @ tangent.multipliers).reshape(-1, 3)
+    """The largest force that nothing balances."""
+    G = system.constraints.jacobian(tangent.balance.y)
+    left = tangent.balance.R + (G.T @ tangent.multipliers).reshape(-1, 3)
     size = np.linalg.norm(left, axis=1)
     size[system.origin_rows] *= system.length
     row = int(np.argmax(size))
-    item, place = vertex_of(system, tangent.balance.y, row)
     unit = "N" if row in system.origin_rows else "N m"
-    value = f"{np.linalg.norm(left[row]):.3g} {unit}"
-    return f"{value} are left over on the {item}, at its vertex at {place}"
-
-
-def vertex_of(system: System, y: Floats, row: int) -> tuple[str, list[float]]:
-    """The item that has a row of y, and where the vertex of this row is."""
-    vertex = int(np.searchsorted(system.origin_rows, row, side="right")) - 1
-    return system.owner[vertex].label, np.round(y[system.origin_rows[vertex]], 6).tolist()
+    return f"{np.linalg.norm(left[row]):.3g} {unit} are left over on the {owner(system, row).label}"

@@ -14,10 +14,9 @@ from ..errors import InputError
 from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
-from ..model.limits import overstretched_beam
 from ..model.loops import moved
 from ..run.describe import SystemSeries, configuration_formulas, describe
-from ..types import Array, Floats, is_whole, positive, whole
+from ..types import Array, Floats, is_whole, largest, positive, whole
 from ..warn import Notices, counted
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
@@ -80,16 +79,11 @@ def checked_index(index: int, count: int) -> int:
 
 def _extent(system: System, y: Floats, dq: Array) -> float:
     """Largest displacement over the extent, or rotation over a full turn, in a period."""
-    change = dq.reshape(-1, 3)
-    largest = 0.0
-    for phase in np.exp(1j * np.linspace(0, np.pi, 13)):
-        moved = (phase * change).real
-        shift = np.linalg.norm(moved[system.origin_rows], axis=1).max() / system.length
-        rows = system.kinematics.director_rows
-        turn = 0.5 * np.cross(y[rows], moved[rows]).sum(1)
-        angle = np.linalg.norm(turn, axis=1).max(initial=0.0) / (2 * np.pi)
-        largest = max(largest, float(shift), float(angle))
-    return largest
+    moved = np.multiply.outer(np.exp(1j * np.linspace(0, np.pi, 13)), dq.reshape(-1, 3)).real
+    rows = system.kinematics.director_rows
+    shifts = np.linalg.norm(moved[:, system.origin_rows], axis=-1) / system.length
+    turns = np.linalg.norm(0.5 * np.cross(y[rows], moved[:, rows]).sum(2), axis=-1) / (2 * np.pi)
+    return max(largest(shifts), largest(turns))
 
 
 def _moved(at: Equilibrium, increment: Floats) -> Floats:
@@ -313,8 +307,7 @@ def modes(
         at = resting(system, state, t, amplitudes, spin, limit)
         pencil = make_pencil(at)
         s, X, rigid, factorisations = _solve(pencil, count)
-        drawn = overstretched_beam(system, at.y, at.tangent.multipliers)  # told of already
-        if system.beam_groups and at.amplitudes.spin is None and drawn is None:
+        if system.beam_groups and at.amplitudes.spin is None and not at.drawn:
             checks.apply(_shapes(pencil, s, X))
     shapes = (at.tangent.P @ X).T
     q = at.y[: system.rows].reshape(-1).copy()
@@ -332,8 +325,8 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     else:
         found = spectrum(pencil, count)
         s, X = found.values, found.vectors
-    largest = np.argmax(abs(X) * np.sqrt(pencil.M.diagonal())[:, None], axis=0)
-    lead = X[largest, np.arange(len(s))]
+    top = np.argmax(abs(X) * np.sqrt(pencil.M.diagonal())[:, None], axis=0)
+    lead = X[top, np.arange(len(s))]
     return s, X * (abs(lead) / lead), int(found.zero.sum()), found.factorisations
 
 

@@ -91,12 +91,12 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     return meta, static
 
 
-def recorded_turns(system: System, history: History) -> IndexArray | None:
-    """Full turns of the system's angles at the last state; zero for those not recorded."""
+def recorded_turns(system: System, history: History, index: int = -1) -> IndexArray | None:
+    """Full turns of the system's angles at a state; zero for those not recorded."""
     angles = system.couplings.turning
     if not angles or "turns" not in history:
         return None
-    known = dict(zip(history.meta.get("turns", []), history["turns"][-1], strict=True))
+    known = dict(zip(history.meta.get("turns", []), history["turns"][index], strict=True))
     return np.array([known.get(name, 0) for name in angles], dtype=np.int64)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..diagnostics.stacked import null_space_matrix
+from ..diagnostics.stacked import null_space_matrix, weights
 from ..errors import InputError
 from ..frames import Place, vector
 from ..frozen import Attached
@@ -35,16 +35,6 @@ STILL = 1e-9
 
 
 # -- points of a path, and what fixes them ---------------------------------------------------------
-
-
-def weights(system: System) -> Floats:
-    """Weights (rows, 1) that make the square of a motion free of units, a mean over all nodes.
-
-    ``1/length^2`` for positions and 1/2 for directors: a turn by a small angle counts as the angle.
-    """
-    out = np.full((system.rows, 1), 0.5)
-    out[system.origin_rows] = 1 / system.length**2
-    return out / len(system.origin_rows)
 
 
 def size_of(system: System, motion: Floats) -> float:

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from scipy.linalg import eig, eigh, qr
-from scipy.sparse import diags, identity
-from scipy.sparse.linalg import ArpackError, eigs, eigsh, splu
+from scipy.linalg import eig, eigh
+from scipy.sparse.linalg import ArpackError, eigs, eigsh
 
-from ..diagnostics.nearest import rigid_motions, rigid_pieces
-from ..diagnostics.stacked import ReducedTangent, blocks_matrix, reduced_tangent
+from ..diagnostics.nearest import free_motion
+from ..diagnostics.stacked import ReducedTangent, reduced_tangent, weights
 from ..kernels import nearest_rotations
 from ..linear import EIGENVALUES, NEUTRAL, negative_pivots
 from ..model import System
 from ..model.balance import Amplitudes, balance
-from ..types import SAME, Array, Floats, largest
-from .control import Functional, Point, weights
+from ..types import Array, Floats, largest
+from .control import Functional, Point
 from .problem import Neutral, PathSolver, Pivots
 
 # -- stability of an equilibrium: eigenvalues of its stiffness, or the pivots of an elimination ----
@@ -125,6 +124,12 @@ class Stability:
         # the metric here is a sum over the nodes, there a mean
         return Neutral(kept, LOOSE * self.floor * len(system.origin_rows))
 
+    def free_motion(self, system: System) -> tuple[str, str] | None:
+        """The item that moves most in a motion that nothing holds, and the motion in words."""
+        if self.firm or self.pivot > SUSPECT * self.floor:
+            return None
+        return free_motion(system, self.tangent)
+
     def crossed(self, later: Stability) -> bool:
         """True if an eigenvalue has changed its sign between two points of a path."""
         change = later.unstable - self.unstable
@@ -195,87 +200,6 @@ def inspect(
     unstable, pivot = negative_pivots(0.5 * (K + K.T) if symmetric else K)
     count = unstable if symmetric else unstable % 2
     return Stability(point, count, symmetric, pivot, lambda: tangent)
-
-
-# -- motions of beams and bodies as rigid pieces that nothing holds --------------------------------
-
-#: part of a motion without stiffness that is no motion of rigid pieces, up to which it is one
-RIGID = 1e-6
-
-
-@dataclass(eq=False)
-class Free:
-    """Motions of rigid pieces that strain nothing and that no stress holds.
-
-    Attributes
-    ----------
-    rates : (n, k) array
-        Of the coordinates, each of as few pieces and components as possible.
-    text : str
-        The first one in words, and how many they are.
-    """
-
-    rates: Floats
-    text: str
-
-
-def free_motions(system: System, stability: Stability) -> Free | None:
-    """Motions in the null space of the stiffness that move beams and bodies as rigid pieces.
-
-    None if there are none. In large scenes some of them.
-    """
-    if stability.firm or stability.pivot > SUSPECT * stability.floor:
-        return None
-    K, P, y = stability.tangent.K, stability.tangent.P, stability.point.y
-    count = K.shape[0] if K.shape[0] <= EIGENVALUES else MOST_NEUTRAL
-    modes = stability.nearest(count)[1]
-    own = (abs(modes) * (abs(K) @ abs(modes))).sum(0)
-    none = OWN * own + NEUTRAL * largest(K.diagonal() / stability.tangent.metric.diagonal())
-    soft = abs((modes * (K @ modes)).sum(0)) <= none
-    if system.couplings.count:  # what springs hold is critical, not free
-        springs = [*system.mass_tangent(0.0), system.couplings.stiffness(y)]
-        rates = P @ modes
-        soft &= abs((rates * (blocks_matrix(system, springs) @ rates)).sum(0)) <= none
-    modes = modes[:, soft]
-    label, names = rigid_pieces(system)
-    E, centres = rigid_motions(system, y, label, len(names))
-    size = diags(np.sqrt(weights(system)).ravel().repeat(3))
-    moved, weighted = size @ P @ modes, size @ E
-    gram = (weighted.T @ weighted).tocsc()  # mass points have no rotations
-    gram += SAME * largest(gram.data) * identity(gram.shape[0], format="csc")
-    twists = splu(gram).solve(weighted.T @ moved)
-    _, strained, mix = np.linalg.svd(moved - weighted @ twists, full_matrices=False)
-    lengths = np.linalg.norm(moved, axis=0).max(initial=0.0)
-    twists = twists @ mix[strained <= RIGID * lengths].T
-    if not twists.shape[1]:
-        return None
-    # as few pieces and components in each as possible
-    chosen = qr(twists.T, pivoting=True, mode="economic")[2][: twists.shape[1]]
-    twists = np.linalg.solve(twists[chosen].T, twists.T).T
-    twists = np.where(abs(twists) < 1e-7, 0.0, twists)
-    text = _described(twists[:, 0].reshape(-1, 6), names, centres, system.length)
-    found = twists.shape[1]
-    more = "or more" if found == count < K.shape[0] else "in all"
-    return Free(E @ twists, f"{text} is free, {found} such motion(s) {more}")
-
-
-def _described(twists: Floats, names: Sequence[str], centres: Floats, length: float) -> str:
-    """A motion of pieces in words; unit translations are those by `length`."""
-    sizes = np.linalg.norm(twists, axis=1)
-    moving = np.flatnonzero(sizes)
-    k = int(sizes.argmax())
-    who = " and ".join(names[i] for i in moving[:3]) + " and others" * (len(moving) > 3)
-    turn = float(np.linalg.norm(twists[k, 3:]))
-    main = twists[k, 3:] if turn else twists[k, :3]
-    v, w = np.sign(main[abs(main).argmax()]) * twists[k].reshape(2, 3)
-    if not turn:
-        return f"translation of {who} along {_triple(v / sizes[k])}"
-    through = centres[k] + length * np.cross(w, v) / turn**2
-    return f"rotation of {who}: {names[k]} about {_triple(w / turn)} through {_triple(through)}"
-
-
-def _triple(v: Floats) -> str:
-    return "(" + ", ".join(f"{x + 0.0:.3g}" for x in np.where(abs(v) < 1e-9, 0.0, v)) + ")"
 
 
 # -- limit and bifurcation points of a path: where stiffness is lost, and in which motion ----------

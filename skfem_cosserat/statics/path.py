@@ -15,7 +15,6 @@ from ..diagnostics.forces import overstretched_at
 from ..diagnostics.inputs import INSIDE
 from ..errors import (
     AccuracyWarning,
-    CosseratError,
     Diverged,
     IncompleteWarning,
     InputError,
@@ -28,7 +27,7 @@ from ..integrators.compiled_step import kernel_coordinates
 from ..linear import SingularMatrixError, Solver
 from ..model import System, takes_scene
 from ..model.balance import Spin
-from ..model.limits import broken_constraint, limp, over_rotated_beam
+from ..model.limits import broken_constraint, limp, overstretched
 from ..newton import NewtonReport, NewtonSettings
 from ..run.describe import checked_asked, describe, finish, path_formulas
 from ..run.progress import Interrupt, Progress
@@ -48,7 +47,7 @@ from .control import (
     Stage,
     size_of,
 )
-from .critical import Critical, Free, Stability, free_motions, inspect, locate_all
+from .critical import Critical, Stability, inspect, locate_all
 from .problem import UNMOVED, Neutral, PathSolver, Schedule, Solution, load_force
 
 # -- where a path starts ---------------------------------------------------------------------------
@@ -90,15 +89,12 @@ def first_point(
     y = system.extend(q, schedule.instant(t))
     wrong = None if start is None and held is None else broken_constraint(system, y, 1e-6)
     if wrong is not None:
-        text = f"at load factor {t:g} it {wrong}"
-        if held is not None:
-            what = "the reference" if start is None else "it"
-            text = (
-                f"at the instant time = {held:g} s {what} {wrong}: start from a state that fulfils"
-                " it there, as the end of a path that moves the supports with the loads held at"
-                " zero (factors) to this load factor, by equilibrium(model, path, time=...)"
-            )
-        raise InputError(item, text)
+        raise InputError(
+            item,
+            f"at load factor {t:g}{'' if held is None else f', time = {held:g} s,'} it {wrong}:"
+            " start from a state that fulfils it there, as the end of a path that moves the"
+            " supports, by equilibrium(model, path, time=...)",
+        )
     return Point(y, t, turns), None
 
 
@@ -239,8 +235,6 @@ LIMP = 0.05
 SHORT = 0.1
 #: how often a step is halved to locate the critical points in it
 LOSSES = 6
-#: what is raised where nothing can be found out about the end of a path
-UNKNOWN = CosseratError, ArithmeticError, ValueError, RuntimeError
 #: what to do about limit points
 BEYOND = "follow the path with ArcLength() or DisplacementControl(), which pass limit points"
 
@@ -294,8 +288,6 @@ class Continuation:
     watch: bool
     rejected: int = 0
     critical: list[dict[str, Any]] = field(default_factory=list)
-    over_rotated: bool = False
-    overstretched: bool = False
     _stability: Stability | None = None
     _first: Stability | None = None
     _rate: Floats | None = None
@@ -339,42 +331,40 @@ class Continuation:
 
     def _started(self, first: Point) -> Point:
         """The equilibrium near a start, in which no motion is free."""
-        system, solver, point, where = self.system, self.solver, first, "at the start"
-        report, free = None, self.free(first)
+        solver, point, where = self.solver, first, "at the start"
+        report, loose = None, self._loose(first)
         if not solver.balanced(first):
-            solution, report = None, None
-            if free is None:
-                solution, report = solver.settled(first)
+            solution = None
+            if loose is None:
+                solution, report = solver.solve(first, Functional())
             if solution is None:
                 solution, report = solver.relaxed(first, Functional())
             if solution is not None:
                 report, point = None, solution.point
                 where = "in the equilibrium to which the loads of the start lead"
-                free = self.free(point)
-        if free is not None:
-            grown, now = (solver.schedule.at(point.t + each) for each in (1.0, 0.0))
-            force = load_force(system, point.y, grown).ravel()
-            sizes = np.linalg.norm(force) * np.linalg.norm(free.rates, axis=0)
-            works = bool((abs(free.rates.T @ force) > 1e-9 * sizes).any())
-            loads = "with loads that act from the start (factors={name: 1.0}), "
+                loose = self._loose(point)
+        if loose is not None:
+            loaded = solver.schedule.at(point.t).loads.any()
+            loads = "" if loaded else "with loads that act from the start (factors={name: 1.0}), "
+            item, motion = loose
             raise InputError(
-                "static",
-                f"{free.text}, {where}{', and the loads do work on it' * works}: hold it"
-                f" with joints or springs, {loads * (not now.loads.any())}or start from a state"
-                " whose stresses do (a guess of it, start=initial_state(system, q))",
+                item,
+                f"can move freely {where} ({motion}): hold it with joints or springs, {loads}or"
+                " start from a state whose stresses do (a guess of it,"
+                " start=initial_state(system, q))",
             )
         if report is not None:
             raise self._failure(first, report, "the start is no equilibrium")
         return point
 
-    def free(self, point: Point) -> Free | None:
-        """Motions that nothing holds at an equilibrium."""
+    def _loose(self, point: Point) -> tuple[str, str] | None:
+        """An item that nothing holds at an equilibrium, and how it moves."""
         if not self.system.unknowns:
             return None
         if self._stability is None or self._stability.point is not point:
             self.solver.look(point)
             self._stability = self._inspected(point)
-        return free_motions(self.system, self._stability)
+        return self._stability.free_motion(self.system)
 
     def _inspected(self, point: Point) -> Stability:
         """Stability of an equilibrium, by the pivots of its stiffness if they tell."""
@@ -392,7 +382,6 @@ class Continuation:
         # at a critical point the number of unstable motions is one or the other
         self._stability = stability if self.watch and direction is None else None
         self._first = self._stability
-        self._warn_of_elements(point, force)
         self.recorder.take(point, stage.parameter, force, 0.0, self._stability)
         if direction is None and isinstance(self.control, ArcLength):
             try:
@@ -484,7 +473,7 @@ class Continuation:
         if before is None or stability.unstable == before.unstable:
             return
         force = step.solution.constraint_force
-        step.unsought = self.overstretched or bool(overstretched_at(self.system, point.y, force))
+        step.unsought = overstretched_at(self.system, point.y, force) is not None
         if step.unsought:  # motions of the mesh are unstable
             return
         found = locate_all(self.solver, before, stability)
@@ -537,7 +526,6 @@ class Continuation:
             self.solver.neutral = step.end.neutral_motions(self.system)
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - start.y[:rows]) / step.length
-        self._warn_of_elements(solution.point, solution.constraint_force)
         if asked or self.control.all_points:
             force, residual = solution.constraint_force, solution.report.residual
             self.recorder.take(solution.point, stage.parameter, force, residual, self._stability)
@@ -613,15 +601,12 @@ class Continuation:
             if found:
                 warn("path", text, category, end)
 
-    def _warn_of_elements(self, point: Point, force: Floats) -> None:
-        """Say once that elements are bent or drawn farther than they can be on their own."""
-        bent = None if self.over_rotated else over_rotated_beam(self.system, point.y)
-        drawn = None if self.overstretched else overstretched_at(self.system, point.y, force)
-        self.over_rotated |= bent is not None
-        self.overstretched |= drawn is not None
-        for found in (bent, drawn):
-            if found is not None:
-                warn(*found, AccuracyWarning, point.t)
+    def _limp(self) -> bool:
+        """True if the stiffness of some motion is nearly lost."""
+        first, last = self._first, self._stability
+        if first is None or last is None or not (first.symmetric and last.symmetric):
+            return False
+        return first.smallest > first.floor and last.smallest <= LIMP * first.smallest
 
     def _failure(
         self,
@@ -630,45 +615,33 @@ class Continuation:
         what: str,
         residuals: list[list[float]] | None = None,
     ) -> Diverged:
-        """Why the path ends, and what to do: the first cause that is found."""
-        system, control, first, last = self.system, self.control, self._first, self._stability
-        ended, free, near = self.solver.ended, None, False
-        slack = []
-        if np.isfinite(ended.y).all():
-            forces = system.couplings.forces(ended.y, np.zeros_like(ended.y))
-            slack = [item.label for item, _, force in forces if item.slack and not force.any()]
-        if slack and self.recorder.count:
-            with suppress(*UNKNOWN):
-                free = free_motions(system, self._inspected(ended))
-        elif first is not None and last is not None and first is not last:
-            with suppress(*UNKNOWN):
-                firm = first.symmetric and last.symmetric and first.smallest > first.floor
-                near = firm and last.smallest <= LIMP * first.smallest
+        """Why the path ends, and what to do."""
         found, advice = report.reason, "try shorter steps, then a finer mesh"
-        if free is not None:
-            found = f"{free.text}. Newton's method: {found}"
-            advice = "hold it with joints or springs"
-        elif self.overstretched:
-            advice = "refine the beam whose elements are drawn too much"
-        elif isinstance(control, DisplacementControl) and UNMOVED in found:
-            place, way = control.place.label, control.direction.round(6).tolist()
-            advice = f"the loads do not move {place} along {way}: choose what they move"
+        y = self.solver.ended.y
+        forces = self.system.couplings.forces(y, np.zeros_like(y)) if np.isfinite(y).all() else []
+        slack = [item.label for item, _, force in forces if item.slack and not force.any()]
+        if drawn := overstretched(self.system, point.y):
+            found, advice = f"{drawn}. Newton's method: {found}", "refine the mesh there"
         elif not self.recorder.count:
             advice = "start nearer to an equilibrium"
         elif slack:
-            advice = "hold by something else what a cable held"
-        elif isinstance(control, LoadControl):
-            advice = f"{BEYOND}; else try a finer mesh" if not near else BEYOND
-            found = near * f"a limit point is near. Newton's method: {found}" or found
-        found += f"; without tension where that ended: {' and '.join(slack)}" * bool(slack)
-        for beam in filter(is_beam, system.structures):
-            advice += limp(beam) * (limp(beam) not in found)
+            found += f"; the {slack[0]} is slack where that ended"
+            advice = "hold by something else what it held"
+        elif isinstance(self.control, DisplacementControl) and UNMOVED in found:
+            place, way = self.control.place.label, self.control.direction.round(6).tolist()
+            advice = f"the loads do not move {place} along {way}: choose what they move"
+        elif isinstance(self.control, LoadControl):
+            advice = f"{BEYOND}; else try a finer mesh"
+            with suppress(ArithmeticError, ValueError, RuntimeError):
+                if self._limp():
+                    found, advice = f"a limit point is near. Newton's method: {found}", BEYOND
+        soft = {limp(beam): None for beam in filter(is_beam, self.system.structures)}
         return Diverged(
             point.t,
             max(1, self.recorder.count),
             report.residual,
             f"{what}: {found}",
-            advice,
+            "".join([advice, *soft]),
             residuals,
             at=f"load factor {point.t:.9g}",
         )

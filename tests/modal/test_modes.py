@@ -817,8 +817,8 @@ def test_bad_states():
     system = hung((1.0, 1.0, 0.1))
     other = hung((1.0, 1.0, 0.2))
     bad(lambda: sc.modes(system, np.zeros(5), 1), "shape (5,)", "(12,)")
-    bad(lambda: sc.modes(system, np.full(12, np.nan), 1), "entry 0", "nan")
-    bad(lambda: sc.modes(system, {"q": 1}, 1), "dict", "History")
+    bad(lambda: sc.modes(system, np.full(12, np.nan), 1), "not finite at [0]")
+    bad(lambda: sc.modes(system, {"q": 1}, 1), "expected real numbers")
     bad(lambda: sc.modes(system, 1.1 * system.q0, 1), "violates")
     history = sc.simulate(other, sc.Variational(), sc.NullSpace(), 0.01, until=0.01)
     bad(lambda: sc.modes(system, history, 1), "another model", "mass")
@@ -833,7 +833,7 @@ def test_bad_states():
 def test_no_equilibrium_is_refused_by_name():
     """With what is left over, and where."""
     system = straight(2, 2, "CF", square(0.1), pull=3e6)
-    bad(lambda: sc.modes(system, system.q0), "not in equilibrium", "beam 'beam'", "[1.0, 0.0, 0.0]")
+    bad(lambda: sc.modes(system, system.q0), "not in equilibrium", "beam 'beam'")
     assert sc.modes(system, count=2).rigid == 0  # without loads it is one
     y = system.q0.copy().reshape(-1, 3)
     y[system.origin_rows] *= 1 + 3e6 / (E * 0.01) * (1 + 1e-5)
