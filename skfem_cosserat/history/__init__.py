@@ -1,4 +1,4 @@
-"""What a simulation leaves behind: arrays over the recorded states, in memory or in a file.
+"""Histories of runs: arrays over the recorded states, in memory or in a file.
 
 A `History` holds numbers and names: export, charts and studies can read a run that was made on
 another computer, by another version, or that was killed. Series that follow from the states are

@@ -171,7 +171,7 @@ class SensorRecord:
         return f"<SensorRecord: {len(t)} values of shape {self.values.shape[1:]}{unit}{span}>"
 
     def spectrum(self, window: str = "hann") -> Spectrum:
-        """See :func:`spectrum`."""
+        """Amplitude spectrum, by :func:`spectrum`."""
         return spectrum(self.times, self.values, window)
 
     def derivative(self, order: int) -> SensorRecord:
@@ -212,7 +212,7 @@ WHERE = "beam.node(name), body.at(x), point.place(), ground(x), or a Beam with a
 def rows_at(
     static: Mapping[str, Array], x: Array, where: Place | Beam, s: Any, part: str | None
 ) -> Floats:
-    """What series of coordinates (N, n) have at a point of an item.
+    """Rows that series of coordinates (N, n) have at a point of an item.
 
     Parameters
     ----------
@@ -338,7 +338,7 @@ class Derivation(Protocol):
 
     @property
     def saved(self) -> Sequence[str]:
-        """Those of them that a file is to have in any case: energies, and what pictures need."""
+        """Names of those that a file has in any case: energies, and what pictures need."""
 
     def derive(self, history: History, name: str) -> Mapping[str, Array]:
         """A series of a history, with those that come with it.
@@ -540,7 +540,7 @@ class History:
 
     @property
     def sensors(self) -> dict[str, SensorRecord]:
-        """What ``simulate(..., sensors=...)`` recorded at every step, by name."""
+        """Records of ``simulate(..., sensors=...)`` at every step, by name."""
         out = {}
         for name, about in self.meta.get("sensors", {}).items():
             if f"{name}/t" in self._sensors:
@@ -618,7 +618,7 @@ class History:
 
     @property
     def status(self) -> str:
-        """How the run ended."""
+        """Status: the way in which the run ended."""
         return str(self.meta.get("status", "completed"))
 
     def __len__(self) -> int:
@@ -668,7 +668,7 @@ class History:
     def position(
         self, place: Place | Beam, s: ArrayLike | None = None, part: str | None = None
     ) -> Floats:
-        """Where a material point is in all states.
+        """Position of a material point in all states.
 
         Parameters
         ----------
@@ -710,7 +710,7 @@ class History:
     def rotation(
         self, place: Place | Beam, s: ArrayLike | None = None, part: str | None = None
     ) -> Floats:
-        """How the frame that carries a material point is turned in all states.
+        """Rotation of the frame that carries a material point in all states.
 
         Parameters
         ----------

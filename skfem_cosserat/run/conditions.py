@@ -1,4 +1,4 @@
-"""What an event waits for, and what it does."""
+"""Conditions and actions of events."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..analysis.start import consistent_start
 from ..errors import InputError, failed
 from ..frozen import Attached, brief
 from ..integrators import State
@@ -21,8 +22,7 @@ from ..time_function import (
     time_function,
 )
 from ..types import Floats, finite, numbers, switch
-from .sensors import Sensor, View, Window
-from .start import consistent_start
+from .sensors import Sensor, View, Window, check_items
 
 # -- conditions of events: numbers that pass through zero when something happens -------------------
 
@@ -88,7 +88,7 @@ class ConditionFunction(Condition):
         self.function = function
 
     def value(self, view: View) -> float:
-        """See the base class."""
+        """The number at a state."""
         try:
             found = self.function(view.time, view)
         except Exception as error:
@@ -104,7 +104,7 @@ class OfStates(Condition):
     """A condition whose numbers are found for many states at once."""
 
     def value(self, view: View) -> float:
-        """See the base class."""
+        """The number at a state."""
         return float(self.values(view._states)[0])
 
     @abstractmethod
@@ -132,7 +132,7 @@ class ConditionTime(OfStates):
         self.time = finite("condition", "level", time)
 
     def values(self, states: Window) -> Floats:
-        """See the base class."""
+        """The numbers (k,) at several states."""
         return states.t - self.time
 
 
@@ -164,7 +164,7 @@ class ConditionCoordinate(OfStates):
         self.coordinate, self.rate = coordinate, switch("condition", rate, "rate")
 
     def check(self, system: System) -> None:
-        """See the base class."""
+        """Raise InputError if it cannot be found in this system."""
         coordinate = joint_of(system, self.joint).coordinate(self.coordinate)
         if coordinate.kind not in ("angle", "displacement"):
             what = f"{coordinate.name}, expected an angle or a displacement"
@@ -181,7 +181,7 @@ class ConditionCoordinate(OfStates):
 
 
 class ConditionSensor(OfStates):
-    """What a sensor sees reaches a level.
+    """The value of a sensor reaches a level.
 
     Parameters
     ----------
@@ -202,21 +202,16 @@ class ConditionSensor(OfStates):
         )
 
     def check(self, system: System) -> None:
-        """See the base class."""
-        known = {id(each) for each in (*system.structures, *system.joints)}
-        for each in self.sensor.items():
-            if id(each) not in known:
-                raise InputError("condition", f"the {each.label} of its sensor is not here")
+        """Raise InputError if it cannot be found in this system."""
+        check_items(self.sensor, system, "condition", "of its sensor is not here")
 
     @property
     def of_the_user(self) -> bool:
-        """See the base class."""
+        """True if its sensor calls functions of users."""
         return self.sensor._of_the_user
 
     def values(self, states: Window) -> Floats:
-        """See the base class."""
-        if self.sensor.forces or self.sensor.derivative > 1:
-            raise InputError("condition", f"{type(self.sensor).__name__} needs several states")
+        """The numbers (k,) at several states."""
         seen = states.sensor(self.sensor)
         each = seen.reshape(len(seen), -1)
         if self.component is not None:
@@ -253,11 +248,11 @@ class ConditionReaction(Condition):
         self.component = component
 
     def check(self, system: System) -> None:
-        """See the base class."""
+        """Raise InputError if it cannot be found in this system."""
         joint_of(system, self.joint)
 
     def value(self, view: View) -> float:
-        """See the base class."""
+        """The number at a state."""
         found = view.reaction(self.joint)[int(self.moment)]
         c = self.component
         return float(np.linalg.norm(found) if c is None else found[c]) - self.level
@@ -280,7 +275,7 @@ class ConditionEnergy(OfStates):
         )
 
     def values(self, states: Window) -> Floats:
-        """See the base class."""
+        """The numbers (k,) at several states."""
         return (states.kinetic_energy() if self.kinetic else states.energy()) - self.level
 
 
@@ -288,7 +283,7 @@ class ConditionEnergy(OfStates):
 
 
 class ActionOutcome(NamedTuple):
-    """What an :class:`Action` asks for.
+    """Changes that an :class:`Action` asks for.
 
     Attributes
     ----------
@@ -313,7 +308,7 @@ class ActionOutcome(NamedTuple):
 
 
 class Action(Attached, ABC):
-    """What an event does.
+    """Something that an event does.
 
     To write your own, derive from it and give `outcome`; :class:`Event` takes a plain function of
     ``(time, view)``, too, see :class:`ActionFunction`.
@@ -350,7 +345,7 @@ class Action(Attached, ABC):
 
     @abstractmethod
     def outcome(self, view: View) -> ActionOutcome:
-        """What becomes of the run at a state."""
+        """The outcome at a state: how the run goes on."""
 
 
 def _named(value: object) -> str:
@@ -362,7 +357,7 @@ class ActionNone(Action):
     """Nothing: the event is recorded, with its state."""
 
     def outcome(self, view: View) -> ActionOutcome:
-        """See the base class."""
+        """The outcome at a state."""
         return ActionOutcome()
 
 
@@ -370,7 +365,7 @@ class ActionStop(Action):
     """The run ends there, with status "stopped"."""
 
     def outcome(self, view: View) -> ActionOutcome:
-        """See the base class."""
+        """The outcome at a state."""
         return ActionOutcome(stop=True)
 
 
@@ -384,11 +379,11 @@ class _JointAction(Action):
         self.joint = joint
 
     def check(self, system: System) -> None:
-        """See the base class."""
+        """Raise InputError if it cannot be found in this system."""
         joint_of(system, self.joint)
 
     def outcome(self, view: View) -> ActionOutcome:
-        """See the base class."""
+        """The outcome at a state."""
         return ActionOutcome(self._changed(view.system, self.joint, view.q, view.time))
 
 
@@ -451,11 +446,11 @@ class ActionLoad(Action):
         self.load, self.amplitude = load, amplitude
 
     def check(self, system: System) -> None:
-        """See the base class."""
+        """Raise InputError if it cannot be found in this system."""
         load_of(system, self.load)
 
     def outcome(self, view: View) -> ActionOutcome:
-        """See the base class."""
+        """The outcome at a state."""
         return ActionOutcome(with_amplitude(view.system, self.load, self.amplitude))
 
 
@@ -475,7 +470,7 @@ class ActionFunction(Action):
         self.function = function
 
     def outcome(self, view: View) -> ActionOutcome:
-        """See the base class."""
+        """The outcome at a state."""
         try:
             answer = self.function(view.time, view)
         except Exception as error:

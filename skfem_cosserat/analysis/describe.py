@@ -1,4 +1,4 @@
-"""What a history says about the system it belongs to: names, constant arrays, derived series."""
+"""Description of a system in a history: names, constant arrays, derived series."""
 
 from __future__ import annotations
 
@@ -35,8 +35,9 @@ from ..diagnostics import (
 from ..diagnostics.energy import potential, resultants
 from ..diagnostics.inputs import at_jumps
 from ..diagnostics.joint_motion import relative_names, relative_series
-from ..errors import HistoryError, IncompleteWarning, InputError
-from ..frames import is_beam
+from ..diagnostics.stacked import all_rows
+from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
+from ..frames import Place, is_beam
 from ..history import History
 from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
@@ -45,8 +46,7 @@ from ..model.theories import theory_of
 from ..time_function import of_the_user
 from ..types import FilePath, Floats, IndexArray, names_known
 from ..version import VERSION
-from ..warn import logger, warn
-from .sensors import Window
+from ..warn import Notices, logger, warn
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -243,29 +243,29 @@ class SystemSeries:
 
     @cached_property
     def _made(self) -> list[Formulas]:
-        """Of each system, when a series is first asked for: many runs are not."""
+        """Formulas of each system, made when a series is first asked for: many runs are not."""
         return [self._kind(system) for system in self._systems]
 
     @cached_property
     def names(self) -> Sequence[str]:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """Names of all series, in their order."""
         every = [name for made in self._made for together in made for name in together]
         return list(dict.fromkeys(every))
 
     @property
     def saved(self) -> Sequence[str]:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """Names of the series that a file has in any case."""
         items = ("beam/", "joint/", "coupling/")
         return [name for name in self.names if name in SAVED or name.startswith(items)]
 
     @property
     def systems(self) -> Sequence[System]:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """Systems of the segments."""
         return self._systems if self._formulas else ()
 
     @property
     def _formulas(self) -> list[Formulas]:
-        """Of each system; out of a pickle they are frozen again here."""
+        """Formulas of each system; out of a pickle they are frozen again here."""
         packed = self._packed
         if packed:
             try:
@@ -279,7 +279,7 @@ class SystemSeries:
         return self._made
 
     def derive(self, history: History, name: str) -> dict[str, Floats]:
-        """See :class:`skfem_cosserat.history.Derivation`.
+        """A series of a history, with those that come with it.
 
         A series that a segment does not have, of a joint that is gone say, is NaN there.
         Multipliers are in the order of their own system's rows, behind them NaN.
@@ -301,11 +301,11 @@ class SystemSeries:
         return {name: out}
 
     def segment(self, k: int) -> SystemSeries:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """The derivation of one segment."""
         return SystemSeries([self._systems[k]], self._kind) if len(self._formulas) > 1 else self
 
     def packed(self) -> SystemSeries | None:
-        """See :class:`skfem_cosserat.history.Derivation`."""
+        """Itself as it goes into a pickle; None if its systems cannot go there."""
         _ = self.names  # they are known where the systems are not read yet
         out = copy(self)
         out._systems, out._made = [], []
@@ -365,7 +365,7 @@ def finish(
 
 
 def _moved_by_the_user(system: System) -> bool:
-    """Whether functions of the user's own move the ground: what they give later nobody knows."""
+    """True if functions of the user's own move the ground: nobody knows what they give later."""
     driven = {id(drive.place) for drive in system.drives}
     places = [place for place in system.moving if id(place) not in driven]
     own = [value for p in places for value in vars(p.motion).values() if callable(value)]
@@ -373,7 +373,7 @@ def _moved_by_the_user(system: System) -> bool:
 
 
 def kind_of(history: History) -> Kind:
-    """Which series follow from a history: of a run, of a path of equilibria, or of a mode."""
+    """Formulas that fit a history: of a run, of a path of equilibria, or of a mode."""
     if "load_factor" in history:
         return path_formulas
     if "instant" in history.meta:
@@ -381,8 +381,36 @@ def kind_of(history: History) -> Kind:
     return run_formulas if set(WORKS) <= set(history.recorded) else state_formulas
 
 
+def take_along(
+    error: BaseException, so_far: Callable[[], History], systems: Sequence[System]
+) -> None:
+    """Give an error of the user's own code, or of a full disk, the history as ``error.history``.
+
+    `so_far` closes what is still open, which may meet a full disk in its turn; series follow from
+    the `systems`.
+    """
+    history: History
+    try:
+        with Notices(quiet=True):  # the error is said, its history has the warnings
+            history = so_far()
+    except StorageError as full:
+        history = full.history
+        if full is not error:
+            error.add_note(str(full))
+    history.derive_by(SystemSeries(systems, kind_of(history)))
+    error.history = history  # type: ignore[attr-defined]
+    if not isinstance(error, StorageError):
+        error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
+
+
+def at_place(system: System, y: Floats, place: Place) -> Floats:
+    """Position (k, 3) of a place by all rows y (k, total, 3), or its velocity by their rates."""
+    terms = system.kinematics.spot_terms(system.spot(place))
+    return np.asarray(sum(c * y[:, a] for a, c in terms))
+
+
 def run_formulas(system: System) -> Formulas:
-    """Of a run, which has recorded works."""
+    """Formulas of a run, which has recorded works."""
     own = _momenta_formulas(system) | {
         (BALANCE,): _balance,
         ("at_jump",): lambda h: [at_jumps(system, h)],
@@ -392,12 +420,12 @@ def run_formulas(system: System) -> Formulas:
 
 
 def state_formulas(system: System) -> Formulas:
-    """What follows from configurations, momenta and constraint forces."""
+    """Formulas that take configurations, momenta and constraint forces."""
     return _momenta_formulas(system) | configuration_formulas(system)
 
 
 def _momenta_formulas(system: System) -> Formulas:
-    """What follows from configurations and momenta."""
+    """Formulas that take configurations and momenta."""
     return {
         ("v",): lambda h: [Projection(system).velocities(h["q"], h["p"], h.times)],
         ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
@@ -417,7 +445,7 @@ def _momenta_formulas(system: System) -> Formulas:
 
 
 def path_formulas(system: System) -> Formulas:
-    """Of the equilibria along a path."""
+    """Formulas of the equilibria along a path."""
     return {
         ("v",): lambda h: [np.zeros_like(h["q"])],
         ("strain_energy",): lambda h: [strain_energy(system, h["q"])],
@@ -429,7 +457,7 @@ def path_formulas(system: System) -> Formulas:
 
 
 def configuration_formulas(system: System) -> Formulas:
-    """What follows from configurations, constraint forces and the velocities "v"."""
+    """Formulas that take configurations, constraint forces and the velocities "v"."""
     items = [jr.joint for jr in system.joint_rows]
     couplings = system.couplings.items
 
@@ -442,9 +470,9 @@ def configuration_formulas(system: System) -> Formulas:
         return [each for pair in found.values() for each in pair]
 
     def places(h: History) -> list[Floats]:
-        position = Window(system, h.instants, h["q"], h["p"]).position
-        ends = [np.stack([position(item.a), position(item.b)], axis=1) for item in couplings]
-        return [*(position(item.a) for item in items), *ends]
+        y = all_rows(system, h["q"], h.instants)
+        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in couplings]
+        return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
     formulas: Formulas = {
         ("constraint_violation",): lambda h: [constraint_violation(system, h["q"], h.instants)],
@@ -477,7 +505,7 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
 
 
 def _coupling_energy(system: System) -> Formula:
-    """Of all springs together."""
+    """Formula of the energy of all springs together."""
     return lambda h: [coupling_energy(system, h["q"], h.instants, h.series.get("turns"))]
 
 
