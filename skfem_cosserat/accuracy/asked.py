@@ -262,8 +262,7 @@ class Run:
             joint = f"joint/{sensor.joint.name}/"
             rows = np.concatenate([path[joint + "force"], path[joint + "moment"]], axis=1)
         elif isinstance(sensor, SensorForce):
-            point = sensor._point
-            rows = forces_along(system, path, sensor.beam, point._s, point._part)[:, 0]
+            rows = forces_along(system, path, sensor.beam, np.array([sensor.s]), sensor.part)[:, 0]
         elif sensor.derivative:
             raise InputError(f"quantity {name!r}", f"{type(sensor).__name__} needs a motion")
         else:

@@ -27,12 +27,12 @@ from subprocess import TimeoutExpired
 from types import FrameType, FunctionType
 from typing import Any, Protocol, runtime_checkable
 
+from ..analysis.progress import Interrupt, Progress
 from ..arguments import checked
 from ..errors import CosseratWarning, Diverged, InputError, JobError, PerformanceWarning
 from ..export import prepare_folder
 from ..frames import Item
 from ..history import History
-from ..run.progress import Interrupt, Progress
 from ..types import FilePath, positive, switch, whole
 from ..version import VERSION
 from ..warn import Notices, counted, logger, repeat, sum_up, warn

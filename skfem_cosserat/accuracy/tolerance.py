@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.progress import Interrupt, Progress
 from ..arguments import checked
 from ..beam import Beam
 from ..errors import CosseratError, Diverged, InputError, MeshError, ModelWarning
 from ..history import History
 from ..integrators import Integrator, State
 from ..model import Model, System, model_of
-from ..run.progress import Interrupt, Progress
 from ..statics import Control
 from ..types import TOLERANCE, Array, Floats, positive
 from ..warn import Notices, counted, repeat

@@ -25,9 +25,6 @@ from .file import (
     series_numbers,
 )
 
-#: bytes of a block in memory at most: blocks grow up to that
-_LARGE = 2**28
-
 
 @checked
 class HistoryWriter:
@@ -45,8 +42,6 @@ class HistoryWriter:
     block : int
         Number of states that are written together, fewer where they are large. A killed run loses
         the current block, at most ``block`` states.
-    expected : int, optional
-        How many states there will be, about: memory for them is taken at once.
 
     Raises
     ------
@@ -77,19 +72,20 @@ class HistoryWriter:
         static: Mapping[str, Any],
         path: FilePath | None = None,
         block: int = 50,
-        expected: int | None = None,
     ) -> None:
         if block < 1:
             raise InputError("argument block", f"got {block}, expected at least 1")
         self._meta: dict[str, Any] = {**plain(meta, "meta"), "status": "running"}
         self._static = {k: series_numbers(v, f"static array {k!r}") for k, v in static.items()}
-        self._block = block if path is not None or expected is None else expected
-        #: the present block and its number of states, the number of all, of blocks of sensors
-        self._buffer: dict[str, Array] = {}
+        self._block = block
+        #: the present block, in parts, its number of states, that of all, of blocks of sensors
+        self._parts: list[dict[str, Array]] = []
         self._fill = self._rows = self._seen = 0
+        #: type and shape of each entry of the rows
+        self._like: dict[str, tuple[Any, ...]] = {}
         self._closed = False
         #: blocks that are not in the file
-        self._kept: dict[str, list[dict[str, Array]]] = {"series": [], "sensors": []}
+        self._kept: dict[str, list[Mapping[str, Array]]] = {"series": [], "sensors": []}
         #: the file as long as it takes blocks, its name, and why it takes no more
         self._file: FileWriter | None = None
         self._path: Path | None = None
@@ -151,22 +147,23 @@ class HistoryWriter:
             Naming the entry that does not fit the first row, or if the writer is closed.
         """
         self._check_open()
+        like = {name: (values.dtype, values.shape[1:]) for name, values in rows.items()}
         if not self._rows:
             check_basic(rows, "row")
-            self._allocate(rows, self._block)
-        self._check(rows)
-        done = 0
-        while done < len(rows["t"]):
-            if self._fill == self._block:
+            size = sum(array[:1].nbytes for array in rows.values())
+            self._block = max(1, min(self._block, SAVE_BYTES // max(size, 1)))
+            self._like = like
+        self._check(like)
+        done, count = 0, len(rows["t"])
+        while done < count:
+            if self._fill >= self._block:
                 self._flush()
-                self._allocate(self._buffer, self._block if self._file else 2 * self._block)
-            taken = min(len(rows["t"]) - done, self._block - self._fill)
-            there, here = slice(self._fill, self._fill + taken), slice(done, done + taken)
-            for name, values in rows.items():
-                self._buffer[name][there] = values[here]
-            self._fill += taken
-            self._rows += taken
-            done += taken
+            taken = self._block - self._fill if self._file else count
+            here = slice(done, min(count, done + taken))
+            self._parts.append({name: values[here].copy() for name, values in rows.items()})
+            self._fill += here.stop - done
+            self._rows += here.stop - done
+            done = here.stop
         self._say()
 
     def note(self, **meta: Any) -> None:
@@ -228,8 +225,8 @@ class HistoryWriter:
                     raise
                 text = f"{error}; the states before those in memory are missing"
                 warn(error.item, text, IncompleteWarning)
-        rest = {name: array[: self._fill] for name, array in self._buffer.items()}
-        series = [part for part in (stored, *self._kept["series"], rest) if len(part.get("t", ()))]
+        parts = stored, *self._kept["series"], *self._parts
+        series = [part for part in parts if len(part.get("t", ()))]
         sensors = [part for part in (seen, *self._kept["sensors"]) if part]
         return History(
             self._meta, self._static, _joined(series) or empty_series(), _joined(sensors)
@@ -260,7 +257,7 @@ class HistoryWriter:
             self._file.close()
         self._say()
 
-    def _write(self, kind: str, first: int, arrays: dict[str, Array]) -> None:
+    def _write(self, kind: str, first: int, arrays: Mapping[str, Array]) -> None:
         """Hand a block to the file; arrays that it does not take are kept."""
         if self._file is not None:
             try:
@@ -292,33 +289,19 @@ class HistoryWriter:
         if self._closed:
             raise InputError("history writer", "is closed already")
 
-    def _check(self, rows: Mapping[str, Array]) -> None:
-        for name in sorted(rows.keys() ^ self._buffer.keys()):
-            text = "is new" if name in rows else "is missing"
+    def _check(self, given: dict[str, tuple[Any, ...]]) -> None:
+        for name in sorted(given.keys() ^ self._like.keys()):
+            text = "is new" if name in given else "is missing"
             raise InputError(f"row entry {name!r}", f"{text}; all rows have the same entries")
-        for name, values in rows.items():
-            like = self._buffer[name]
-            if values.dtype != like.dtype or values.shape[1:] != like.shape[1:]:
-                text = f"got {values.dtype} of shape {values.shape[1:]}, expected {like.dtype} of"
-                raise InputError(
-                    f"row entry {name!r}", f"{text} shape {like.shape[1:]} as in the first row"
-                )
-
-    def _allocate(self, like: Mapping[str, Array], block: int) -> None:
-        """Take memory for the next states: for so many, if they are not too large."""
-        size = sum(array[:1].nbytes for array in like.values())
-        largest = _LARGE if self._file is None else SAVE_BYTES
-        self._block = max(1, min(block, largest // max(size, 1)))
-        self._buffer = {
-            name: np.empty((self._block, *array.shape[1:]), array.dtype)
-            for name, array in like.items()
-        }
+        for name, entry in given.items():
+            if entry != self._like[name]:
+                text = "got {} of shape {}, expected {} of shape {} as in the first row"
+                raise InputError(f"row entry {name!r}", text.format(*entry, *self._like[name]))
 
     def _flush(self) -> None:
         if self._fill:
-            part = {name: array[: self._fill] for name, array in self._buffer.items()}
-            self._write("series", self._rows - self._fill, part)
-            self._fill = 0
+            self._write("series", self._rows - self._fill, _joined(self._parts))
+            self._parts, self._fill = [], 0
 
 
 def _joined(parts: Sequence[Mapping[str, Array]]) -> Mapping[str, Array]:

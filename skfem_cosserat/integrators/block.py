@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -455,37 +454,36 @@ def _on_line(time: float, a: ForcePoint, b: ForcePoint) -> Floats:
     return (1 - share) * a[1] + share * b[1]
 
 
-def force_between(before: StepReport, step: StepReport) -> Floats:
-    """Constraint force (n,) of the state between two steps, of the order of the scheme.
+def forces_between(before: StepReport | None, block: Block) -> Floats:
+    """Constraint forces (k, n) at the starts of all steps of a block, `before` led to the first.
 
-    Where forces act in the middle of steps, it is that between those of both, see
-    :func:`force_point`: their mean if the steps are equal, and no energy is taken. Beside a step
-    that is smaller by far the force of the longer one is taken, of first order.
+    They are of the order of the scheme. Where forces act in the middle of steps, it is that between
+    those of both, see :func:`force_point`: their mean if the steps are equal, and no energy is
+    taken. Beside a step that is smaller by far the force of the longer one is taken, of first
+    order. Without a step before, the first one is that of the first step, of first order, too.
     """
-    integrator = step.integrator
-    weight, h, k = integrator.constraint_weight, before.step, step.step
+    if block.by_motion:
+        return np.array([step.constraint_force for step in block])
+    integrator, weight = block.integrator, block.integrator.constraint_weight
+    last = block[0] if before is None else before
+    sizes = np.append(last.step, block.sizes)[:, None]
+    impulses = np.concatenate([last.impulse[None], block.impulse])
     if weight == 1:
-        return before.constraint_force
-    if step.block.by_motion:
-        return step.constraint_force
+        return impulses[:-1] / sizes[:-1]
     if weight == 0:  # its impulse is over half of the step before it, too
-        return step.impulse * (2 / (h + k))
-    if h == k and not integrator.loses:
-        return 0.5 / h * (before.impulse + step.impulse)
-    one, other = (force_point(integrator, None, each) for each in (before, step))
-    if one is None or other is None or one[0] == other[0] or min(h, k) < TINY * max(h, k):
-        return (before if h > k else step).constraint_force
-    return _on_line(step.start.time, one, other)
-
-
-def forces_between(before: StepReport, block: Block) -> Floats:
-    """Constraint forces (k, n) at the starts of all steps of a block, `before` led to the first."""
-    weight, loses = block.integrator.constraint_weight, block.integrator.loses
-    if (block.sizes != before.step).any() or block.by_motion or (loses and 0 < weight < 1):
-        return np.array([force_between(*pair) for pair in pairwise([before, *block])])
-    earlier = np.concatenate([before.impulse[None], block.impulse[:-1]])
-    shares = (0.5, 0.5) if 0 < weight < 1 else (weight, 1 - weight)
-    return (shares[0] * earlier + shares[1] * block.impulse) / before.step
+        return impulses[1:] * (2 / (sizes[:-1] + sizes[1:]))
+    forces = 0.5 / sizes[1:] * (impulses[:-1] + impulses[1:])
+    uneven = (sizes[1:, 0] != sizes[:-1, 0]) | integrator.loses
+    uneven[0] &= before is not None
+    for k in np.flatnonzero(uneven).tolist():
+        steps = block[k - 1] if k else last, block[k]
+        one, other = (force_point(integrator, None, each) for each in steps)
+        shorter, longer = sorted(steps, key=lambda each: each.step)
+        if one is None or other is None or one[0] == other[0] or shorter.step < TINY * longer.step:
+            forces[k] = longer.constraint_force
+        else:
+            forces[k] = _on_line(steps[1].start.time, one, other)
+    return forces
 
 
 def force_points(integrator: Integrator, steps: Sequence[StepReport]) -> list[ForcePoint]:

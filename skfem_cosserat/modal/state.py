@@ -9,6 +9,8 @@ from typing import TypeAlias
 import numpy as np
 from scipy.sparse.linalg import splu
 
+from ..analysis.describe import recorded_turns
+from ..analysis.start import checked_start
 from ..checks.result import recorded_amplitudes
 from ..diagnostics.stacked import ReducedTangent, reduced_tangent
 from ..errors import AccuracyWarning, IncompatibleError, InputError
@@ -20,8 +22,6 @@ from ..model.closure import SINGULAR
 from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint, overstretched_beam, owner
 from ..model.loops import names_of
-from ..run.describe import recorded_turns
-from ..run.start import checked_start
 from ..statics.problem import Schedule
 from ..types import Array, ArrayLike, Floats, finite, largest, whole
 from ..warn import warn

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..analysis.describe import SystemSeries, configuration_formulas, describe
 from ..arguments import checked
 from ..checks.coarseness import energies_of_motion
 from ..errors import InputError
@@ -15,7 +16,6 @@ from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
-from ..run.describe import SystemSeries, configuration_formulas, describe
 from ..types import Array, Floats, is_whole, largest, positive, whole
 from ..warn import Notices, counted
 from .eigen import Pencil, lowest, make_pencil, spectrum

@@ -1,6 +1,7 @@
 """Integration in time: a generator of steps, and a simulation with a history on top of it."""
 
-from .carry import carry_state
+from ..analysis.describe import derive_series, describe
+from ..analysis.start import carry_state, initial_state, project
 from .conditions import (
     Action,
     ActionFunction,
@@ -19,10 +20,10 @@ from .conditions import (
     ConditionSensor,
     ConditionTime,
 )
-from .describe import derive_series, describe
 from .events import Event, after_events
 from .loop import simulate, steps
 from .plan import StepControl
+from .record import restart
 from .sensors import (
     Sensor,
     SensorAcceleration,
@@ -35,7 +36,6 @@ from .sensors import (
     View,
     Window,
 )
-from .start import initial_state, project, restart
 
 __all__ = [
     "Action",

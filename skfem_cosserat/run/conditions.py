@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..analysis.start import consistent_start
 from ..errors import InputError, failed
 from ..frozen import Attached, brief
 from ..integrators import State
@@ -21,8 +22,7 @@ from ..time_function import (
     time_function,
 )
 from ..types import Floats, finite, numbers, switch
-from .sensors import Sensor, View, Window
-from .start import consistent_start
+from .sensors import Sensor, View, Window, check_items
 
 # -- conditions of events: numbers that pass through zero when something happens -------------------
 
@@ -203,10 +203,7 @@ class ConditionSensor(OfStates):
 
     def check(self, system: System) -> None:
         """Raise InputError if it cannot be found in this system."""
-        known = {id(each) for each in (*system.structures, *system.joints)}
-        for each in self.sensor.items():
-            if id(each) not in known:
-                raise InputError("condition", f"the {each.label} of its sensor is not here")
+        check_items(self.sensor, system, "condition", "of its sensor is not here")
 
     @property
     def of_the_user(self) -> bool:
@@ -215,8 +212,6 @@ class ConditionSensor(OfStates):
 
     def values(self, states: Window) -> Floats:
         """The numbers (k,) at several states."""
-        if self.sensor.forces or self.sensor.derivative > 1:
-            raise InputError("condition", f"{type(self.sensor).__name__} needs several states")
         seen = states.sensor(self.sensor)
         each = seen.reshape(len(seen), -1)
         if self.component is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -334,22 +335,21 @@ class _Trials:
 class _Motions:
     """Velocities and energies by compiled kernels, where steps take some; made when asked for."""
 
-    def __init__(self, factory: StepperFactory, system: System) -> None:
-        self._factory, self._system = factory, system
-        self._made: CompiledMotion | None = None
-        self._tried = False
+    def __init__(self, stepper: Stepper) -> None:
+        self._stepper = stepper
 
     def __reduce__(self) -> Any:
         """None: kernels work in arrays at their addresses, and a copy of a view does without."""
         return type(None), ()
 
+    @cached_property
+    def _made(self) -> CompiledMotion | None:
+        choice = self._stepper.choice
+        numba = choice.name == "numba"
+        return motion_by_kernels(self._stepper.system, choice.source) if numba else None
+
     def __call__(self, q: Floats, p: Floats) -> Motion | None:
         """Motion of one or several states; None if there are no kernels for it."""
-        choice = self._factory.choice
-        if not self._tried and choice is not None:
-            self._tried = True
-            if choice.name == "numba":
-                self._made = motion_by_kernels(self._system, choice.source)
         return None if self._made is None else self._made(q, p)
 
 
@@ -371,7 +371,8 @@ class EventMonitor:
     events : list of Event
     factory : StepperFactory
         Of the steppers that repeat a step.
-    system : System
+    stepper : Stepper
+        Of the run.
     state : State
         Start of the run.
 
@@ -384,23 +385,24 @@ class EventMonitor:
     passed = 0
 
     def __init__(
-        self, events: list[Event], factory: StepperFactory, system: System, state: State
+        self, events: list[Event], factory: StepperFactory, stepper: Stepper, state: State
     ) -> None:
         self.events, self.factory = list(events), factory
         self._sides: dict[str, int] = {}
         self._times: dict[str, list[float]] = {event.name: [] for event in events}
+        #: solves steps of other sizes
         self._stepper: Stepper | None = None
-        self.go_on(system, state)
+        self.go_on(stepper, state)
 
-    def go_on(self, system: System, state: State, found: Found | None = None) -> None:
+    def go_on(self, stepper: Stepper, state: State, found: Found | None = None) -> None:
         """Begin at a state, after events that were found there."""
         if found is not None:
             done = [event for event, _ in found.events]
             after = {event.name: -self._sides[event.name] for event in done}
             self.events = [e for e in self.events if not (e.once and e in done)]
-        if self._stepper is not None and self._stepper.system is not system:
+        if self._stepper is not None and self._stepper.system is not stepper.system:
             self._stepper = None
-        self.system, self._motions = system, _Motions(self.factory, system)
+        self.system, self._motions = stepper.system, _Motions(stepper)
         self.view = self.seen(state)
         #: times of the last two states, and the numbers there
         self._looks = [(state.time, {e.name: e.value(self.view) for e in self.events})]

@@ -8,27 +8,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..analysis.describe import checked_asked, finish, run_formulas
+from ..analysis.progress import Interrupt, Progress
+from ..analysis.start import consistent_start, initial_state
 from ..checks.motion import energies
 from ..constraints import Treatment
-from ..diagnostics import (
-    Projection,
-)
+from ..diagnostics import Projection
 from ..errors import Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Block, Integrator, State, Stepper, StepReport
 from ..linear import Solver
 from ..model import System, takes_scene
 from ..newton import NewtonSettings
-from ..types import MOST, FilePath, real, whole
+from ..types import MOST, FilePath, positive, real, whole
 from ..warn import Notices, logger
 from .conditions import ActionOutcome
-from .describe import checked_asked, finish, run_formulas
 from .events import Event, EventMonitor, Found, checked_events
 from .plan import ControlledSteps, FixedSteps, Plan, StepControl, StepperFactory
-from .progress import Interrupt, Progress
-from .record import Record, Wanted, numbered, timed
+from .record import Record, wanted_states
 from .sensors import Sensor, View
-from .start import consistent_start, initial_state
 
 # -- the loop of a run: steps, events and what they change, until the end --------------------------
 
@@ -129,7 +127,7 @@ class RunLoop:
         else:
             self.record.note()
         if not stop:
-            self.watch.go_on(system, self.state, found)
+            self.watch.go_on(stepper, self.state, found)
         self.plan.begin(stepper, self.state)
         return stop
 
@@ -140,7 +138,7 @@ class RunLoop:
             return system, state, 0.0
         new = system if outcome.system is None else outcome.system
         own = Projection(system)(state.q, state.p, state.time)[1]
-        integrator = self.factory.integrator
+        integrator = self.plan.stepper.integrator
         before = _energy(system, integrator, state)
         if outcome.state is None:
             p = Projection(new)(state.q, own, state.time)[1]
@@ -218,7 +216,7 @@ def steps(
     """
     stepper = Stepper(system, integrator, treatment, step, settings, kernels, solver=solver)
     with stepper.notices:
-        state = initial_state(system) if start is None else consistent_start(system, start)
+        state = _first(system, start)
     state = stepper.own(state)
     origin, first = state.time, state.index
     while True:
@@ -340,24 +338,30 @@ def simulate(
     derive = checked_asked(derive, system, run_formulas)
     with Notices(system.warnings) as notices:
         show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
-        first = _first_step(system, integrator, step, until, start)
-        intended = _intended(first, until, start)
-        eventful = events is not None
-        varying = eventful or isinstance(step, StepControl)
-        chosen = integrator, treatment, settings, kernels, intended, solver, show.say
-        factory = StepperFactory(*chosen)
-        stepper = factory(system, first)
-        factory = replace(factory, kernels=stepper.choice.name)  # others take the same
-        h = None if isinstance(step, StepControl) else stepper.h
-        state, count = _extent(system, start, h, until, every, eventful)
-        state = stepper.own(state, varying)
-        _check_run(callbacks, path, state)
+        state = _first(system, start)
+        left = _checked_run(state, until, every, callbacks, path)
+        controlled, eventful = isinstance(step, StepControl), events is not None
+        h = step.sizes(integrator, left)[0] if isinstance(step, StepControl) else step
+        h = positive("argument step", "step", h, " of seconds")
+
+        steps, methods = int(min(left / h, MOST)), (integrator, treatment)
+
+        def factory(system: System, h: float) -> Stepper:
+            return Stepper(system, *methods, h, settings, kernels, steps, solver, show.say)
+
+        stepper = factory(system, h)
+        kernels = stepper.choice.name  # others take the same
+        state = stepper.own(state, eventful or controlled)
         found = checked_events(events, integrator, system)
-        watch = EventMonitor(found, factory, system, state) if found else None
-        looked = bool(callbacks or callable(progress))
-        extent = state, until, count, every, at, eventful, looked
-        plan, wanted = _planned(step, factory, stepper, *extent)
-        record = Record(stepper, state, wanted, path, sensors, varying, notices)
+        watch = EventMonitor(found, factory, stepper, state) if found else None
+        plan: Plan
+        if isinstance(step, StepControl):
+            plan = ControlledSteps(step, factory, stepper, state, until, at or ())
+        else:
+            looked = bool(callbacks or callable(progress))
+            plan = FixedSteps(stepper, state, until, eventful, looked)
+        wanted = wanted_states(state, until, every, at, h, exact=controlled)
+        record = Record(stepper, state, wanted, path, sensors, eventful or controlled, notices)
         with record, Interrupt() as interrupt:
             run = RunLoop(
                 factory, plan, record, callbacks, lambda t: show(t, until), interrupt, watch
@@ -380,58 +384,20 @@ def simulate(
         return history
 
 
-def _intended(step: float, until: float, start: State | None) -> int | None:
-    """Number of steps, as far as the arguments make sense: they are checked after that."""
-    try:
-        count = (until - (0.0 if start is None else start.time)) / step
-    except (AttributeError, OverflowError, TypeError, ValueError, ZeroDivisionError):
-        return None
-    return int(count) if isinstance(count, float) and 0 <= count < 1e15 else None
+def _first(system: System, start: State | None) -> State:
+    """State that steps begin with."""
+    return initial_state(system) if start is None else consistent_start(system, start)
 
 
-def _first_step(
-    system: System,
-    integrator: Integrator,
-    step: float | StepControl,
-    until: float,
-    start: State | None,
+def _checked_run(
+    state: State, until: float, every: int, callbacks: Sequence[Callback], path: FilePath | None
 ) -> float:
-    """The step asked for, or that which a controller begins with."""
-    if not isinstance(step, StepControl):
-        return step
-    if isinstance(integrator, Integrator):
-        step.check(integrator)
-    state, _ = _extent(system, start, None, until, 1)
-    return step.sizes(until - state.time)[0]
-
-
-def _planned(
-    step: float | StepControl,
-    factory: StepperFactory,
-    stepper: Stepper,
-    state: State,
-    until: float,
-    count: int,
-    every: int,
-    at: Sequence[float] | None,
-    eventful: bool,
-    looked: bool,
-) -> tuple[Plan, Wanted]:
-    """Plan of a run in time, and which of its states are recorded.
-
-    Steps are taken in one go, unless something looks at each (`looked`).
-    """
-    if isinstance(step, StepControl):
-        wanted = timed(state, until, every, at, exact=True)
-        return ControlledSteps(step, factory, stepper, state, until, at or ()), wanted
-    if eventful:
-        wanted = timed(state, until, every, at, exact=False)
-        return FixedSteps(stepper, state, count, until, looked), wanted
-    wanted = numbered(state, stepper.h, count, every, at)
-    return FixedSteps(stepper, state, count, None, looked), wanted
-
-
-def _check_run(callbacks: Sequence[Callback], path: FilePath | None, state: State) -> None:
+    """Duration (s) of a run whose arguments make sense."""
+    whole("argument every", every, 1)
+    left = real("argument until", "until", until, "a finite number of seconds") - state.time
+    if not 0 < left < np.inf:
+        text = f"expected a time later than the start, which is at {state.time!r} s"
+        raise InputError("argument until", f"{until!r} s, {text}")
     if not isinstance(callbacks, Sequence):
         raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
     for callback in callbacks:
@@ -443,41 +409,4 @@ def _check_run(callbacks: Sequence[Callback], path: FilePath | None, state: Stat
             f"{os.fspath(path)!r} exists and the run goes on from step {state.index}: name"
             " another file, or the states before would be lost",
         )
-
-
-def _extent(
-    system: System,
-    start: State | None,
-    step: float | None,
-    until: float,
-    every: int,
-    exact: bool = False,
-) -> tuple[State, int]:
-    """Start of a run, and the number of its steps; zero if a tolerance decides on them.
-
-    With `exact` they are shortened to end at `until`.
-    """
-    item = "argument until"
-    until = real(item, "until", until, "a finite number of seconds")
-    whole("argument every", every, 1)
-    state = initial_state(system) if start is None else consistent_start(system, start)
-    left = until - state.time
-    if not 0 < left < np.inf:
-        raise InputError(
-            item,
-            f"{until!r} s, expected a time later than the start, which is at {state.time!r} s",
-        )
-    if step is None:
-        return state, 0
-    steps = left / step
-    if steps > MOST:
-        text = f"{step!r} s gives {steps:.3g} steps until {until!r} s, expected at most {MOST:.0e}"
-        raise InputError("argument step", text)
-    count = int(np.ceil(steps - 1e-9) if exact else np.floor(steps * (1 + 1e-12) + 1e-9))
-    if count == 0:
-        raise InputError(
-            "argument step",
-            f"{step!r} s is longer than the run, {left:.6g} s from {state.time!r} s to {until!r} s:"
-            " take a shorter step, or a later end",
-        )
-    return state, count
+    return left

@@ -5,50 +5,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..constraints import Treatment
 from ..errors import Diverged, IncompatibleError, InputError
 from ..frozen import Frozen
 from ..integrators import Block, Integrator, State, Stepper
-from ..integrators.choice import Choice
-from ..linear import Solver
 from ..model import System
-from ..newton import NewtonSettings
-from ..types import Floats, positive
+from ..types import MOST, Floats, check_kind, positive
 from ..warn import logger
 
 # -- how a run goes on in time: steps of one size, or others that a controller chooses -------------
 
 
-@dataclass
-class StepperFactory:
-    """Makes steppers with the choices of a run, for any system and step size.
-
-    Attributes
-    ----------
-    choice : Choice or None
-        Of the kernels of the stepper that was made last.
-    """
-
-    integrator: Integrator
-    treatment: Treatment
-    settings: NewtonSettings | None = None
-    kernels: str = "auto"
-    steps: int | None = None
-    solver: Solver | None = None
-    announce: Callable[[str], object] | None = None
-    choice: Choice | None = None
-
-    def __call__(self, system: System, h: float) -> Stepper:
-        """A stepper."""
-        more = self.settings, self.kernels, self.steps, self.solver, self.announce
-        stepper = Stepper(system, self.integrator, self.treatment, h, *more)
-        self.choice = stepper.choice
-        return stepper
+#: makes the stepper of a run for a system and a step size (s)
+StepperFactory = Callable[[System, float], Stepper]
 
 
 class Plan(ABC):
@@ -79,35 +51,36 @@ class Plan(ABC):
 
 
 class FixedSteps(Plan):
-    """Steps of one size, as many as were asked for.
+    """Steps of one size.
 
     Parameters
     ----------
     stepper : Stepper
     state : State
         Start of the run.
-    count : int
-        Number of steps.
-    until : float, optional
-        Equal steps to this end instead, of the stepper's size or less, with events between them:
-        as many in one go as there have been since the last event, so that few are solved in vain.
+    until : float
+        Its end (s); the last step ends there or before.
+    eventful : bool
+        Steps end exactly there, of the stepper's size or less, with events between them: as many
+        in one go as there have been since the last event, so that few are solved in vain.
     alone : bool
-        Whether each step is taken alone.
+        True if each step is taken alone.
     """
 
     def __init__(
-        self,
-        stepper: Stepper,
-        state: State,
-        count: int,
-        until: float | None = None,
-        alone: bool = False,
+        self, stepper: Stepper, state: State, until: float, eventful: bool, alone: bool
     ) -> None:
-        self.stepper, self._alone, self._end = stepper, alone, until
+        self._eventful, self._alone, self._end = eventful, alone, until
         self.h = self._size = stepper.h
-        self._origin, self._first, self._count = state.time, state.index, count
-        if until is not None:
-            self.begin(stepper, state)
+        item, given, left = "argument step", f"{stepper.h!r} s", until - state.time
+        if left > MOST * stepper.h:
+            text = f"gives {left / stepper.h:.3g} steps until {until!r} s"
+            raise InputError(item, f"{given} {text}, expected at most {MOST:.0e}")
+        self.begin(stepper, state)
+        if not self._count:
+            span = f"{left:.6g} s from {state.time!r} s to {until!r} s"
+            text = f"is longer than the run, {span}: take a shorter step, or a later end"
+            raise InputError(item, f"{given} {text}")
 
     def advance(self, state: State) -> Block | None:
         """Steps as far as they are taken in one go."""
@@ -115,9 +88,9 @@ class FixedSteps(Plan):
         left = self._count - done
         if left <= 0:
             return None
-        most = 1 if self._alone else left if self._end is None else max(1, min(done, left))
+        most = 1 if self._alone else max(1, min(done, left)) if self._eventful else left
         return self.stepper.advance_block(
-            state, most, self._time, None if self._end is None else self.h
+            state, most, self._time, self.h if self._eventful else None
         )
 
     def _time(self, index: Any) -> Any:
@@ -125,11 +98,14 @@ class FixedSteps(Plan):
         return self._origin + (index - self._first) * self.h
 
     def begin(self, stepper: Stepper, state: State) -> None:
-        """Equal steps to the same end, of the size asked for or less."""
-        assert self._end is not None
+        """Equal steps to the same end, of the size asked for or, with events, less."""
         left = self._end - state.time
+        steps = left / self._size
         self.stepper, self._origin, self._first = stepper, state.time, state.index
-        self._count = int(np.ceil(left / self._size - 1e-9)) if left > 1e-9 * self._size else 0
+        if not self._eventful:
+            self._count = int(steps * (1 + 1e-12) + 1e-9)
+            return
+        self._count = max(0, int(np.ceil(steps - 1e-9)))
         if self._count:
             self.h = left / self._count
 
@@ -216,7 +192,7 @@ class Estimate:
 # -- step control: what a step may be wrong by, and the sizes that follow from it ------------------
 
 #: share of the step that the estimate asks for, and bounds of its change
-SAFETY, LEAST, MOST = 0.9, 0.2, 2.0
+SAFETY, LEAST, LARGEST = 0.9, 0.2, 2.0
 #: steps are not changed for less than this: kept factors of matrices belong to a step size
 WORTHWHILE = 1.15
 #: exponents of the present and the last error (Gustafsson's proportional-integral control)
@@ -303,17 +279,21 @@ class StepControl(Frozen):
     def __repr__(self) -> str:
         return f"StepControl(tolerance={self.tolerance:g})"
 
-    def check(self, integrator: Integrator) -> None:
-        """Raise IncompatibleError if the steps of a scheme must not vary."""
+    def sizes(self, integrator: Integrator, duration: float) -> tuple[float, float, float]:
+        """First, smallest and largest step (s) of a run.
+
+        Raises
+        ------
+        IncompatibleError
+            If the steps of the scheme must not vary.
+        """
+        check_kind("argument integrator", integrator, Integrator)
         if integrator.fixed_step is not None:
             raise IncompatibleError(
                 f"{integrator!r} with {self!r}",
                 f"the scheme is {integrator.fixed_step}; give a step, which sc.answer finds for"
                 " a tolerance, or take EnergyMomentum()",
             )
-
-    def sizes(self, duration: float) -> tuple[float, float, float]:
-        """First, smallest and largest step (s) of a run."""
         largest = duration / 20 if self.largest is None else self.largest
         smallest = 1e-9 * duration if self.smallest is None else self.smallest
         first = duration / 1000 if self.first is None else self.first
@@ -348,9 +328,11 @@ class ControlledSteps(Plan):
         duration = until - state.time
         self.control, self.factory = control, factory
         self.span = duration if control.span is None else control.span
-        self._wanted, self.smallest, self.largest = control.sizes(duration)
+        self._wanted, self.smallest, self.largest = control.sizes(stepper.integrator, duration)
         self.h = stepper.h
-        self._targets = sorted({*(float(t) for t in at if t > state.time), float(until)})
+        self._targets = sorted(
+            {*(min(float(t), until) for t in at if t > state.time), float(until)}
+        )
         self._order = stepper.integrator.order
         self._estimate = Estimate(self._order)
         self._counts = dict.fromkeys(("accepted", "rejected", "unsolved", "iterations"), 0)
@@ -417,7 +399,7 @@ class ControlledSteps(Plan):
         last, self._before = self._before, max(ratio, 1e-4)
         change = (SAFETY / self._before) ** (PRESENT / self._order)
         change *= (last / SAFETY) ** (BEFORE / self._order)
-        change = min(max(change, LEAST), 1.0 if self._held else MOST)
+        change = min(max(change, LEAST), 1.0 if self._held else LARGEST)
         self._held = False
         if cut and change >= 1:
             return

@@ -8,16 +8,28 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
+from ..analysis.describe import describe, recorded_turns, take_along
+from ..constraints.saddle import nearest_momentum
 from ..diagnostics import Projection
-from ..errors import CosseratError, Diverged, IncompleteWarning, InputError, StorageError
+from ..errors import (
+    CosseratError,
+    Diverged,
+    HistoryError,
+    IncompleteWarning,
+    InputError,
+    ModelWarning,
+    StorageError,
+)
 from ..history import EventRecord, History, HistoryWriter
-from ..integrators import Block, State, Stepper, StepReport
+from ..integrators import Block, Integrator, State, StepOrigin, Stepper, StepReport
 from ..integrators.block import OF_USERS, force_at, forces_between
-from ..model import System
-from ..model.fingerprint import fingerprint
-from ..types import FilePath, Floats, IndexArray, numbers
+from ..model import System, takes_scene
+from ..model.fingerprint import fingerprint, other_model
+from ..model.limits import broken_constraint
+from ..time_function import Constant
+from ..types import FilePath, Floats, IndexArray, check_kind, numbers, positive
 from ..warn import Notices, logger, warn
-from .describe import SystemSeries, describe, kind_of
+from .plan import StepControl
 from .sensors import Sensor, SensorBank, checked_sensors
 
 # -- work done since the start of a run ------------------------------------------------------------
@@ -129,28 +141,6 @@ class Segment(NamedTuple):
 
     row: int
     system: System
-
-
-def take_along(
-    error: BaseException, so_far: Callable[[], History], systems: Sequence[System]
-) -> None:
-    """Give an error of the user's own code, or of a full disk, the history as ``error.history``.
-
-    `so_far` closes what is still open, which may meet a full disk in its turn; series follow from
-    the `systems`.
-    """
-    history: History
-    try:
-        with Notices(quiet=True):  # the error is said, its history has the warnings
-            history = so_far()
-    except StorageError as full:
-        history = full.history
-        if full is not error:
-            error.add_note(str(full))
-    history.derive_by(SystemSeries(systems, kind_of(history)))
-    error.history = history  # type: ignore[attr-defined]
-    if not isinstance(error, StorageError):
-        error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
 
 
 class Record:
@@ -297,7 +287,7 @@ class Record:
         self._state = {name: values[-1:] for name, values in ends.items()}
         done["work_drives"] = drives
         # that of a start is found when its rows are written
-        done["constraint_force"] = forces_between(self._late[-1] if self._late else block[0], block)
+        done["constraint_force"] = forces_between(self._late[-1] if self._late else None, block)
         if not self.stepper.integrator.carries_node_momentum:
             if block.by_motion:
                 done["p"] = np.array([step.momentum for step in block])
@@ -464,41 +454,128 @@ class Record:
 # -- which states are wanted -----------------------------------------------------------------------
 
 
-def numbered(state: State, h: float, count: int, every: int, at: Sequence[float] | None) -> Wanted:
-    """States of a run with equal steps (s): every k-th, or those nearest to given times."""
-    if at is None:
-        return lambda index, time, sizes: (
-            ((index - state.index) % every == 0) | (index - state.index == count)
-        )
-    ends = state.time - 0.5 * h, state.time + (count + 0.5) * h
-    places = np.rint((_asked(at, every, *ends) - state.time) / h).astype(np.int64)
-    return lambda index, time, sizes: np.isin(index - state.index, places)
-
-
-def timed(
-    state: State, until: float, every: int, at: Sequence[float] | None, exact: bool
+def wanted_states(
+    state: State,
+    until: float,
+    every: int,
+    at: Sequence[float] | None,
+    h: float,
+    exact: bool,
 ) -> Wanted:
-    """States of a run whose steps may differ; with `exact` steps end at the given times."""
+    """States that a run from a state has recorded: every k-th, or those nearest to given times.
+
+    Steps have about the size h (s); with `exact` they end at the given times.
+    """
     if at is None:
         return lambda index, time, sizes: (index - state.index) % every == 0
-    times = np.sort(_asked(at, every, state.time, until))
+    if every != 1:
+        raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
+    times = np.sort(numbers("argument at", "at", at))
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise InputError("argument at", f"{at!r}, expected a list of times")
+    share = 1e-9 if exact else 0.5
+    outside = times[(times < state.time - share * h) | (times > until + share * h)]
+    if len(outside):
+        raise InputError("argument at", f"time {float(outside[0])!r} s is outside of the run")
 
     def wanted(index: IndexArray, time: Floats, sizes: Floats) -> Any:
-        half = (1e-9 if exact else 0.5) * sizes
-        upto = np.searchsorted(times, time + half, "right")
-        return upto > np.searchsorted(times, time - half, "right")
+        # of times in the middle of two states none is lost by rounding
+        first, last = (
+            np.searchsorted(times, time + k * sizes, "right") for k in (-share * (1 + 1e-9), share)
+        )
+        return last > first
 
     return wanted
 
 
-def _asked(at: Sequence[float], every: int, start: float, end: float) -> Floats:
-    """Times asked for, which are within a run."""
-    if every != 1:
-        raise InputError("arguments every, at", f"{every} and {at}, expected only one of them")
-    times = numbers("argument at", "at", at)
-    if times.ndim != 1 or not np.isfinite(times).all():
-        raise InputError("argument at", f"{at!r}, expected a list of times")
-    outside = times[(times < start) | (times > end)]
-    if len(outside):
-        raise InputError("argument at", f"time {float(outside[0])!r} s is outside of the run")
-    return times
+# -- the last state of a record, to go on from -----------------------------------------------------
+
+
+@takes_scene
+def restart(
+    system: System, history: History, integrator: Integrator, step: float | StepControl
+) -> State:
+    """State to go on from the last one of a history.
+
+    With the integrator and step of the history the run continues as if it had not stopped; with
+    another step or integrator it starts from (q, p) of the discrete Legendre transform, projected
+    on the hidden constraints. Loads may differ from those of the history: they are no part of the
+    state.
+
+    Parameters
+    ----------
+    system : Model or System
+        Of the same model; where events have changed it, that of the last state, which
+        :func:`after_events` gives.
+    history : History
+        Of a run, also one that diverged or was killed; ``history.truncated(k + 1)`` goes on from
+        its state k.
+    integrator : Integrator
+        Of the run that goes on.
+    step : float or StepControl
+        Its step size (s), or control.
+
+    Returns
+    -------
+    State
+        For the argument ``start`` of :func:`simulate` and :func:`steps`.
+
+    Raises
+    ------
+    HistoryError
+        If the history belongs to another model or has no state.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import MassPoint, Model, NullSpace, Variational, simulate
+    >>> model = Model()
+    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
+    >>> system, scheme = model.freeze(), Variational()
+    >>> first = simulate(system, scheme, NullSpace(), 0.1, until=0.5)
+    >>> start = restart(system, first, scheme, 0.05)   # goes on with half the step
+    >>> simulate(system, scheme, NullSpace(), 0.05, until=1.0, start=start).times[[0, -1]].tolist()
+    [0.5, 1.0]
+    """
+    check_kind("argument integrator", integrator, Integrator)
+    if not isinstance(step, StepControl):
+        step = positive("argument step", "step", step, " of seconds, or a StepControl")
+    if len(history) == 0:
+        raise HistoryError("history", "has no state to go on from")
+    last = max(k for k, (first, _) in enumerate(history.segments) if first < len(history))
+    difference = other_model(system, history.segment(last).meta.get("fingerprint", {}))
+    if difference:
+        raise HistoryError("history", f"belongs to another model: {difference}")
+    row = history.last()
+    # the end of a path of static(): loads and motions go on from its load factor
+    t, index = float(history.instants[-1]), int(row["step"])
+    y = system.extend(np.array(row["q"]), t)
+    wrong = broken_constraint(system, y, 1e-6)
+    if wrong:
+        raise HistoryError("history", f"belongs to another model: its last state {wrong}")
+    on_path = history.meta["integrator"] == "static" and history.meta.get("time") is None
+    times = *system.loading.times, *system.couplings.times
+    varies = bool(system.moving) or any(not isinstance(time, Constant) for time in times)
+    if on_path and varies:
+        text = (
+            f"the path ends at t = {t:g} s by its load factor, loads or supports depend on time:"
+            " equilibrium(model, path, time=...) starts when you say"
+        )
+        warn("argument history", text, ModelWarning, t)
+    q = np.array(row["q"])
+    same = history.meta["integrator"] == integrator.name
+    size = float(row["step_size"]) if "step_size" in row else float(history.meta["step"])
+    if not isinstance(step, StepControl):
+        same = same and np.isclose(history.meta["step"], step, rtol=1e-12, atol=0)
+    turns = recorded_turns(system, history)
+    if same:
+        carried = {"rates": np.array(row["rates"])} if "rates" in row else {}
+        if any(np.isnan(each).any() for each in carried.values()):
+            carried = {}
+        origin = None if np.isnan(size) else StepOrigin(integrator.name, size)
+        p, fresh = np.array(row["carried"]), bool(row["fresh"])
+        return State(t, index, q, p, fresh, turns, carried, origin)
+    p = np.array(row["p"])
+    if not np.isfinite(p).all():
+        p = np.array(row["carried"])
+    factor = float(row["load_factor"]) if "load_factor" in row else None
+    return State(t, index, q, nearest_momentum(system, y, p, t), turns=turns, load_factor=factor)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from .. import diagnostics
+from ..analysis.describe import at_place
 from ..arguments import checked
 from ..diagnostics import multipliers, reactions
 from ..diagnostics.error import SectionPlaces
@@ -111,8 +112,7 @@ class Window:
 
     def _spot(self, place: Place, rows: Floats) -> Floats:
         check_kind("argument place", place, Place, FROM)
-        terms = self.system.kinematics.spot_terms(self.system.spot(place))
-        return np.asarray(sum(c * rows[:, a] for a, c in terms))
+        return at_place(self.system, rows, place)
 
     def rotation(self, place: Place) -> Floats:
         """Directors of the frame that carries a place, in the rows of (k, 3, 3)."""
@@ -165,7 +165,10 @@ class Window:
         return diagnostics.accelerations(*given)[1]
 
     def sensor(self, sensor: Sensor) -> Floats:
-        """Values (k, ...) of a sensor without forces."""
+        """Values (k, ...) of a sensor, each at a state alone."""
+        if sensor.forces or sensor.derivative > 1:
+            text = "needs several states, which events and views do not have"
+            raise InputError("sensor", f"{type(sensor).__name__} {text}")
         if not sensor.derivative:
             return sensor.values(self.system, self)
         # rates by central differences along the motion
@@ -290,10 +293,6 @@ class View:
             For accelerations and reactions: see :meth:`reaction`.
         """
         check_kind("argument sensor", sensor, Sensor)
-        if sensor.forces or sensor.derivative > 1:
-            raise InputError(
-                "sensor", f"{type(sensor).__name__} needs several states, which events do not have"
-            )
         return np.asarray(self._states.sensor(sensor)[0])
 
 
@@ -364,7 +363,32 @@ class Sensor(Attached, ABC):
         """Values (k, ...) at the window's states."""
 
 
-class SensorPosition(Sensor):
+class _AlongBeam(Sensor):
+    """Base of sensors of a point on a beam's axis."""
+
+    s: float | None = None
+    part: str | None = None
+    #: the point, made when it is first asked for
+    _places: SectionPlaces | None = None
+
+    def _set_point(self, beam: Beam, s: float | None, part: str | None) -> None:
+        """Take an arc length that is on the beam."""
+        if s is None:
+            raise InputError("sensor", f"s is missing: the arc length on the {beam.label}")
+        length = numbers("sensor", "s", s)
+        if length.shape != ():
+            raise InputError("sensor", f"s has shape {length.shape}, expected a number")
+        beam.along(length[None], part)
+        self.s, self.part = float(length), part
+
+    def _section(self, beam: Beam) -> SectionPlaces:
+        """The point on a beam, which may be another one in a copy."""
+        if self._places is None or self._places.beam is not beam:
+            self._places = SectionPlaces(beam, *beam.along(np.array([self.s]), self.part))
+        return self._places
+
+
+class SensorPosition(_AlongBeam):
     """Position (m) of a place, or of a point of a beam's axis, at every step.
 
     Parameters
@@ -409,35 +433,41 @@ class SensorPosition(Sensor):
         part: str | None = None,
         frame: Place | None = None,
     ) -> None:
-        self._point = _Point(where, s, part)
+        if is_beam(where):
+            self._set_point(where, s, part)
+        elif not isinstance(where, Place):
+            raise InputError("sensor", f"where = {where!r}, expected a Place or a Beam")
+        elif s is not None or part is not None:
+            raise InputError("sensor", f"s = {s!r} is for beams, not for the {where.label}")
         if frame is not None and (not isinstance(frame, Place) or frame.triad is None):
             raise InputError("sensor", f"frame = {frame!r}, expected the place of a frame")
-        self.frame = frame
-
-    def _parts(self) -> Iterator[tuple[str, Any]]:
-        yield from self._point._parts()
-        if self.frame is not None:
-            yield "frame", self.frame
+        self.where, self.frame = where, frame
 
     def with_replacements(self, replacements: Replacements) -> Self:
-        """Copy for other items."""
+        """Copy for other items; a body that stands for a beam has the point where it was."""
         other = super().with_replacements(replacements)
-        if (
-            self.frame is not None
-            and other.frame is not None
-            and self.frame.turn_to(other.frame) is not None
-        ):
-            raise InputError("sensor", f"the triad of the {self.frame.label} is another one now")
+        if is_beam(self.where) and not is_beam(other.where):
+            elements, xi = self.where.along(np.array([self.s]), self.part)
+            x = self.where.mesh.mapping().F(xi[None], elements)[:, 0, 0]
+            body: Any = other.where
+            other.where, other.s, other.part = body.at(x), None, None
+        frames = self.frame, other.frame
+        if frames[0] and frames[1] and frames[0].turn_to(frames[1]) is not None:
+            raise InputError("sensor", f"the triad of the {frames[0].label} is another one now")
         return other
 
     def items(self) -> list[Item]:
-        """The items it needs."""
-        frame = [] if self.frame is None or self.frame.item is None else [self.frame.item]
-        return [*self._point.items(), *frame]
+        """Beam or item of the place, and that of the frame."""
+        places = [each for each in (self.where, self.frame) if isinstance(each, Place)]
+        beam = [self.where] if is_beam(self.where) else []
+        return [*beam, *(place.item for place in places if place.item is not None)]
 
     def values(self, system: System, window: Window) -> Floats:
-        """Values (k, ...) at the window's states."""
-        x = self._point.positions(window)
+        """Positions (k, 3)."""
+        if isinstance(self.where, Place):
+            x = window.position(self.where)
+        else:
+            x = self._section(self.where).values(system, window.q).position[:, 0]
         if self.frame is None:
             return x
         away = x - window.position(self.frame)
@@ -464,7 +494,7 @@ class SensorAcceleration(SensorPosition):
     derivative = 2
 
 
-class SensorStrain(Sensor):
+class SensorStrain(_AlongBeam):
     """Strains ``(Gamma, K)`` (-, 1/m) at a point of a beam.
 
     Parameters
@@ -489,11 +519,10 @@ class SensorStrain(Sensor):
     unit = "-, 1/m"
 
     def __init__(self, beam: Beam, s: float, part: str | None = None) -> None:
-        self._point = _Point(beam, s, part)
+        if not is_beam(beam):
+            raise InputError("sensor", f"beam = {beam!r}, expected a Beam")
+        self._set_point(beam, s, part)
         self.beam = beam
-
-    def _parts(self) -> Iterator[tuple[str, Any]]:
-        return self._point._parts()
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy for other items; there must still be a beam."""
@@ -503,12 +532,12 @@ class SensorStrain(Sensor):
         return other
 
     def items(self) -> list[Item]:
-        """The items it needs."""
-        return self._point.items()
+        """The beam."""
+        return [self.beam]
 
     def values(self, system: System, window: Window) -> Floats:
-        """Values (k, ...) at the window's states."""
-        return self._point.section.values(system, window.q).strain[:, 0]
+        """Strains (k, 6)."""
+        return self._section(self.beam).values(system, window.q).strain[:, 0]
 
 
 class SensorForce(SensorStrain):
@@ -530,7 +559,7 @@ class SensorForce(SensorStrain):
         """Values (k, ...) at the window's states."""
         q, v, t = window.q, window.v, window.t
         at = diagnostics.accelerations(system, q, v, t, window.turns)
-        return self._point.section.resultants(system, q, t, None, v, *at)[:, 0]
+        return self._section(self.beam).resultants(system, q, t, None, v, *at)[:, 0]
 
 
 class SensorReaction(Sensor):
@@ -606,69 +635,6 @@ class SensorQuantity(Sensor):
                 f" expected finite ({len(window.t)}, ...)",
             )
         return out
-
-
-class _Point(Attached):
-    """A place, or a point of a beam's axis."""
-
-    #: made when values are first asked for
-    _places: SectionPlaces | None = None
-
-    def __init__(self, where: Place | Beam, s: float | None, part: str | None) -> None:
-        self.beam: Beam | None = None
-        self.place: Place | None = None
-        if is_beam(where):
-            if s is None:
-                raise InputError("sensor", f"s is missing: the arc length on the {where.label}")
-            length = numbers("sensor", "s", s)
-            if length.shape != ():
-                raise InputError("sensor", f"s has shape {length.shape}, expected a number")
-            self.beam, self._s, self._part = where, length[None], part
-            self._elements, self._xi = where.along(self._s, part)
-        elif isinstance(where, Place):
-            if s is not None or part is not None:
-                raise InputError("sensor", f"s = {s!r} is for beams, not for the {where.label}")
-            self.place = where
-        else:
-            raise InputError("sensor", f"where = {where!r}, expected a Place or a Beam")
-
-    def _parts(self) -> Iterator[tuple[str, Any]]:
-        yield "where", self.place if self.beam is None else self.beam
-        if self.beam is not None:
-            yield "s", self._s[0]
-            if self._part is not None:
-                yield "part", self._part
-
-    def with_replacements(self, replacements: Replacements) -> Self:
-        other = super().with_replacements(replacements)
-        if self.beam is not None:
-            item = replacements.of(self.beam)
-            if is_beam(item):
-                other._elements, other._xi = item.along(self._s, self._part)
-            else:  # a body that stands for it
-                x = self.beam.mesh.mapping().F(self._xi[None], self._elements)[:, 0, 0]
-                other.beam, other.place = None, item.at(x)
-        return other
-
-    def items(self) -> list[Item]:
-        if self.beam is not None:
-            return [self.beam]
-        assert self.place is not None
-        return [] if self.place.item is None else [self.place.item]
-
-    def positions(self, window: Window) -> Floats:
-        if self.beam is not None:
-            return self.section.values(window.system, window.q).position[:, 0]
-        assert self.place is not None
-        return window.position(self.place)
-
-    @property
-    def section(self) -> SectionPlaces:
-        assert self.beam is not None
-        if self._places is None or self._places.beam is not self.beam:
-            vars(self)["_places"] = SectionPlaces(self.beam, self._elements, self._xi)
-            assert self._places is not None
-        return self._places
 
 
 class SensorBank:
@@ -754,6 +720,14 @@ def seen(name: str, sensor: Sensor, window: Window) -> Floats:
     return values
 
 
+def check_items(sensor: Sensor, system: System, item: str, text: str) -> None:
+    """Raise InputError if the sensor looks at something that the system does not have."""
+    known = {id(each) for each in (*system.structures, *system.joints)}
+    for each in sensor.items():
+        if id(each) not in known:
+            raise InputError(item, f"the {each.label} {text}")
+
+
 def checked_sensors(
     sensors: Mapping[str, Sensor] | None, system: System, start: State
 ) -> dict[str, Sensor]:
@@ -763,15 +737,12 @@ def checked_sensors(
         return {}
     if not isinstance(sensors, Mapping):
         raise InputError(item, f"{sensors!r}, expected a dict of names and sensors")
-    known = {id(each) for each in (*system.structures, *system.joints)}
     for name, sensor in sensors.items():
         if not isinstance(name, str) or not name or "/" in name:
             raise InputError(item, f"{name!r}, expected a name without slashes")
         if not isinstance(sensor, Sensor):
             raise InputError(item, f"{name!r} is {sensor!r}, expected a sensor")
-        for each in sensor.items():
-            if id(each) not in known:
-                raise InputError(item, f"the {each.label} of {name!r} is not in this system")
+        check_items(sensor, system, item, f"of {name!r} is not in this system")
     window = Window.at(system, start)
     for name, sensor in sensors.items():
         if not sensor.forces:

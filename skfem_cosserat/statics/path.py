@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 
 from .. import checks
+from ..analysis.describe import checked_asked, describe, finish, path_formulas, take_along
+from ..analysis.progress import Interrupt, Progress
+from ..analysis.start import checked_start
 from ..constraints import NullSpace, Treatment
 from ..diagnostics.forces import overstretched_at
 from ..diagnostics.inputs import INSIDE
@@ -29,10 +32,6 @@ from ..model import System, takes_scene
 from ..model.balance import Spin
 from ..model.limits import broken_constraint, limp, overstretched
 from ..newton import NewtonReport, NewtonSettings
-from ..run.describe import checked_asked, describe, finish, path_formulas
-from ..run.progress import Interrupt, Progress
-from ..run.record import take_along
-from ..run.start import checked_start
 from ..time_function import Amplitude, Constant
 from ..types import FilePath, Floats, check_kind, file_path, finite, switch
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn

@@ -109,21 +109,6 @@ def test_writer_any_number_of_rows(make_scene, tmp_path, states, streamed):
         assert History.load(path).meta == history.meta
 
 
-def test_rows_that_are_expected_are_written_to_one_array(make_scene):
-    """Memory for them is taken once; more rows than that are no error."""
-    scene = make_scene()
-    writer = HistoryWriter(scene.meta, scene.static, block=2, expected=11)
-    for k in range(11):
-        writer.append(scene.row(k))
-    first = writer.history()
-    bases = {id(first["q"].base), id(writer.history()["q"].base)}
-    assert len(bases) == 1 and None not in bases
-    for k in range(3):
-        writer.append(scene.row(k))
-    assert len(first) == 11 and len(writer.history()) == 14
-    np.testing.assert_array_equal(writer.history()["q"][:11], first["q"])
-
-
 def test_a_history_of_an_open_writer_stays_as_it_is(make_scene, tmp_path):
     """The memory of a streamed block is written to again."""
     scene = make_scene()

@@ -24,11 +24,11 @@ from skfem_cosserat import (
     restart,
     simulate,
 )
+from skfem_cosserat.analysis.describe import describe
 from skfem_cosserat.diagnostics import evaluate, section_forces, strain_energy
 from skfem_cosserat.element import ElementLineLobatto, Interpolation, interpolation
 from skfem_cosserat.export.geometry import BeamShape
 from skfem_cosserat.kernels import null_space_blocks
-from skfem_cosserat.run.describe import describe
 
 ORDERS = (1, 2, 3, 4)
 SECTION = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))

@@ -17,7 +17,7 @@ from skfem_cosserat.run import derive_series
 # the end of the rod is drawn farther than such elements can be
 pytestmark = pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 
-describe = import_module("skfem_cosserat.run.describe")  # the function has its name
+describe = import_module("skfem_cosserat.analysis.describe")  # the function has its name
 PAIR = sc.EnergyMomentum(), sc.NullSpace()
 
 

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import skfem_cosserat as sc
 from skfem_cosserat import equilibrium
+from skfem_cosserat.analysis import start as joint_rates
 from skfem_cosserat.diagnostics import (
     angular_momentum,
     kinetic_energy,
@@ -23,7 +24,6 @@ from skfem_cosserat.diagnostics import (
 )
 from skfem_cosserat.diagnostics.stacked import material_stiffness
 from skfem_cosserat.integrators import StepOrigin
-from skfem_cosserat.run import start as joint_rates
 
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
 SECTION = sc.SectionCircle(radius=0.02, material=sc.Material(E=2e5, nu=0.5, rho=1100))

@@ -175,7 +175,7 @@ def test_errors_of_functions_name_their_item():
 
 def test_interrupt_while_series_are_derived(monkeypatch, tmp_path):
     """Ctrl-C after the loop lost the history in memory."""
-    describe = importlib.import_module("skfem_cosserat.run.describe")
+    describe = importlib.import_module("skfem_cosserat.analysis.describe")
 
     def press(*states):
         os.kill(os.getpid(), signal.SIGINT)
@@ -192,7 +192,7 @@ def test_interrupt_while_series_are_derived(monkeypatch, tmp_path):
 
 def test_error_while_series_are_derived_takes_the_history_along(monkeypatch):
     """A function of time that fails at a recorded instant lost the whole run."""
-    describe = importlib.import_module("skfem_cosserat.run.describe")
+    describe = importlib.import_module("skfem_cosserat.analysis.describe")
 
     def fail(*states):
         raise ZeroDivisionError("1/t at t = 0")

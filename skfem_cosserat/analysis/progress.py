@@ -85,17 +85,17 @@ class Progress:
             )
         self._function = progress if callable(progress) else None
         self._text, self._on = text, progress is True
-        self._numbers: tuple[Any, ...] = ()
-        self._written, self._last = False, 0.0
+        self._line, self._last = "", 0.0
 
     def __call__(self, *numbers: Any) -> None:
         """Show these numbers now or soon."""
         if self._function is not None:
             self._function(*numbers)
         elif self._on:
-            self._numbers, self._written = numbers, False
+            self._line = self._text(*numbers)
             if time.monotonic() - self._last >= INTERVAL:
-                self._write()
+                self._last = time.monotonic()
+                self.say(self._line)
 
     def say(self, text: str) -> None:
         """Show a text on the line until there are numbers."""
@@ -107,13 +107,5 @@ class Progress:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        if not self._numbers:
-            return
-        if not self._written:
-            self._write()
-        sys.stderr.write("\n")
-        sys.stderr.flush()
-
-    def _write(self) -> None:
-        self.say(self._text(*self._numbers))
-        self._written, self._last = True, time.monotonic()
+        if self._line:
+            self.say(self._line + "\n")

@@ -1,4 +1,4 @@
-"""Start states of a run: checked configurations and velocities, also from rates of joints."""
+"""Start states: checked, also from rates of joints, or carried over from another mesh."""
 
 from __future__ import annotations
 
@@ -12,30 +12,24 @@ from scipy.sparse.linalg import splu
 from .. import diagnostics
 from ..constraints.saddle import full_mass, nearest_momentum, nearest_velocity
 from ..diagnostics import section_strain_rates
+from ..diagnostics.error import new_rows, spins, transfer
 from ..diagnostics.joint_motion import reading_of
-from ..diagnostics.nearest import PIECES, motions_out_of_plane, rigid_motions, rigid_pieces
-from ..diagnostics.stacked import material_stiffness, null_space_matrix
-from ..errors import HistoryError, InputError, ModelWarning
-from ..history import History
-from ..integrators import Integrator, State, StepOrigin
-from ..model import System, takes_scene
-from ..model.fingerprint import other_model
-from ..model.limits import broken_constraint, constraint_owner, owner
-from ..time_function import Constant
-from ..types import (
-    TOLERANCE,
-    ArrayLike,
-    Floats,
-    check_kind,
-    finite,
-    largest,
-    numbers,
-    positive,
-    shown,
+from ..diagnostics.nearest import (
+    PIECES,
+    motions_out_of_plane,
+    nearest_configuration,
+    rigid_motions,
+    rigid_pieces,
+    settled,
 )
+from ..diagnostics.stacked import material_stiffness, null_space_matrix
+from ..errors import InputError, ModelWarning
+from ..integrators import State
+from ..model import Model, System, system_of, takes_scene
+from ..model.balance import amplitudes_at, balance
+from ..model.limits import broken_constraint, constraint_owner, owner
+from ..types import TOLERANCE, ArrayLike, Floats, finite, largest, numbers, positive, shown
 from ..warn import warn
-from .describe import recorded_turns
-from .plan import StepControl
 
 # -- velocities from rates of joint coordinates: initial conditions in reduced form ----------------
 
@@ -437,91 +431,110 @@ def _checked(
     return array
 
 
-@takes_scene
-def restart(
-    system: System, history: History, integrator: Integrator, step: float | StepControl
-) -> State:
-    """State to go on from the last one of a history.
+# -- states carried over to a system of the same scene on other meshes, or with other theories -----
 
-    With the integrator and step of the history the run continues as if it had not stopped; with
-    another step or integrator it starts from (q, p) of the discrete Legendre transform, projected
-    on the hidden constraints. Loads may differ from those of the history: they are no part of the
-    state.
+
+def carry_state(source: Model | System, target: Model | System, state: State) -> State:
+    """A state of one system in another one with other meshes, orders or theories of its beams.
+
+    Configuration and velocity go over by :func:`skfem_cosserat.diagnostics.transfer`: nodes that
+    are in both systems keep them. New nodes are then brought into balance between those, with the
+    loads and accelerations of that instant: left where they were interpolated, stiff motions
+    (shear, extension) would get energy of their own.
+
+    Where beams of `target` hold strains (:class:`skfem_cosserat.Theory`) it is the nearest
+    configuration without these, the one that changes the other strains least, and the nearest
+    velocity in the kinetic energy; the centre of mass and the linear momentum of a scene in free
+    flight stay what they are. What `source` holds and `target` does not starts without strain:
+    its forces, which were multipliers, have to build up anew, and vibrations with them. Begin such
+    runs where these forces are small, or damp them.
 
     Parameters
     ----------
-    system : Model or System
-        Of the same model; where events have changed it, that of the last state, which
-        :func:`after_events` gives.
-    history : History
-        Of a run, also one that diverged or was killed; ``history.truncated(k + 1)`` goes on from
-        its state k.
-    integrator : Integrator
-        Of the run that goes on.
-    step : float or StepControl
-        Its step size (s), or control.
+    source, target : Model or System
+        Of the same scene, see :meth:`skfem_cosserat.Beam.refined`; with any theories.
+    state : State
+        Of `source`.
 
     Returns
     -------
     State
-        For the argument ``start`` of :func:`simulate` and :func:`steps`.
+        Of `target`, for a run or a path that goes on from there. Its momentum is that of the
+        velocity on the hidden constraints.
 
     Raises
     ------
-    HistoryError
-        If the history belongs to another model or has no state.
+    InputError, MeshError
+        If the systems do not belong together, or a beam is bent, drawn or twisted too far for what
+        it is to hold: named with both theories.
 
     Examples
     --------
-    >>> from skfem_cosserat import MassPoint, Model, NullSpace, Variational, simulate
-    >>> model = Model()
-    >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 0)))
-    >>> system, scheme = model.freeze(), Variational()
-    >>> first = simulate(system, scheme, NullSpace(), 0.1, until=0.5)
-    >>> start = restart(system, first, scheme, 0.05)   # goes on with half the step
-    >>> simulate(system, scheme, NullSpace(), 0.05, until=1.0, start=start).times[[0, -1]].tolist()
-    [0.5, 1.0]
+    >>> from skfem_cosserat import Beam, MeshCurve, Model, Section, initial_state
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4), section, velocity=(3.0, 0, 0))
+    >>> systems = []
+    >>> for item in (beam.refined([3]), beam):
+    ...     model = Model()
+    ...     rod = model.add("rod", item)
+    ...     systems.append(model.freeze())
+    >>> fine, coarse = systems
+    >>> state = carry_state(coarse, fine, initial_state(coarse))
+    >>> bool(abs(state.p - initial_state(fine).p).max() < 1e-12)
+    True
     """
-    check_kind("argument integrator", integrator, Integrator)
-    if not isinstance(step, StepControl):
-        step = positive("argument step", "step", step, " of seconds, or a StepControl")
-    if len(history) == 0:
-        raise HistoryError("history", "has no state to go on from")
-    last = max(k for k, (first, _) in enumerate(history.segments) if first < len(history))
-    difference = other_model(system, history.segment(last).meta.get("fingerprint", {}))
-    if difference:
-        raise HistoryError("history", f"belongs to another model: {difference}")
-    row = history.last()
-    # the end of a path of static(): loads and motions go on from its load factor
-    t, index = float(history.instants[-1]), int(row["step"])
-    y = system.extend(np.array(row["q"]), t)
-    wrong = broken_constraint(system, y, 1e-6)
-    if wrong:
-        raise HistoryError("history", f"belongs to another model: its last state {wrong}")
-    on_path = history.meta["integrator"] == "static" and history.meta.get("time") is None
-    times = *system.loading.times, *system.couplings.times
-    varies = bool(system.moving) or any(not isinstance(time, Constant) for time in times)
-    if on_path and varies:
-        text = (
-            f"the path ends at t = {t:g} s by its load factor, loads or supports depend on time:"
-            " equilibrium(model, path, time=...) starts when you say"
+    source = system_of(source, "argument source")
+    target = system_of(target, "argument target")
+    checked_start(source, state)
+    v = nearest_velocity(source, source.extend(state.q, state.time), state.p, state.time)
+    q, v = transfer(source, target, state.q, v)
+    q, v = _settled(source, target, state.q, q, v, state.time)
+    q, v = _held(source, target, q, v, state.time)
+    p, factor = diagnostics.momentum(target, v), state.load_factor
+    return State(state.time, state.index, q, p, True, state.turns, load_factor=factor)
+
+
+def _settled(
+    source: System, target: System, before: Floats, q: Floats, v: Floats, t: float
+) -> tuple[Floats, Floats]:
+    """With new nodes in balance between the others, and turning as they did.
+
+    Their accelerations are interpolated from those that the forces cause in `source` at `before`.
+    """
+    loads = amplitudes_at(source, t)
+    y = source.extend(before, t)
+    a = nearest_velocity(source, y, -balance(source, y, loads).R.ravel(), None)
+    inertia = diagnostics.momentum(target, transfer(source, target, before, a)[1])
+    rows, y = new_rows(source, target), target.extend(q, t)
+    rest, _ = settled(target, y, amplitudes_at(target, t), rows, inertia)
+    rates = v.reshape(-1, 3).copy()
+    spin = spins(y[rows], rates[rows])
+    rates[rows[:, 1:]] = np.cross(spin[:, None], rest[rows[:, 1:]])
+    return rest[: target.rows].ravel(), rates.ravel()
+
+
+def _held(source: System, target: System, q: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
+    """Without the strains that beams of the target hold.
+
+    Raises
+    ------
+    InputError
+        Naming a beam with its theories in both systems.
+    """
+    if not target.theory_rows:
+        return q, v
+    y = target.extend(q, t)
+    found = nearest_configuration(target, y)
+    if found is None:
+        g = abs(target.constraints.values(y))
+        worst = max(target.theory_rows, key=lambda rows: float(g[rows.rows].max()))
+        known = {beam.name: beam.theory for beam in source.beams}
+        raise InputError(
+            worst.beam.label,
+            f"its state with {known[worst.beam.name]!r} cannot be carried over to"
+            f" {worst.beam.theory!r}: no configuration near it is without the strains that this"
+            " theory holds",
         )
-        warn("argument history", text, ModelWarning, t)
-    q = np.array(row["q"])
-    same = history.meta["integrator"] == integrator.name
-    size = float(row["step_size"]) if "step_size" in row else float(history.meta["step"])
-    if not isinstance(step, StepControl):
-        same = same and np.isclose(history.meta["step"], step, rtol=1e-12, atol=0)
-    turns = recorded_turns(system, history)
-    if same:
-        carried = {"rates": np.array(row["rates"])} if "rates" in row else {}
-        if any(np.isnan(each).any() for each in carried.values()):
-            carried = {}
-        origin = None if np.isnan(size) else StepOrigin(integrator.name, size)
-        p, fresh = np.array(row["carried"]), bool(row["fresh"])
-        return State(t, index, q, p, fresh, turns, carried, origin)
-    p = np.array(row["p"])
-    if not np.isfinite(p).all():
-        p = np.array(row["carried"])
-    factor = float(row["load_factor"]) if "load_factor" in row else None
-    return State(t, index, q, nearest_momentum(system, y, p, t), turns=turns, load_factor=factor)
+    return found[: target.rows].ravel(), nearest_velocity(
+        target, found, diagnostics.momentum(target, v), t
+    )

@@ -35,8 +35,9 @@ from ..diagnostics import (
 from ..diagnostics.energy import potential, resultants
 from ..diagnostics.inputs import at_jumps
 from ..diagnostics.joint_motion import relative_names, relative_series
-from ..errors import HistoryError, IncompleteWarning, InputError
-from ..frames import is_beam
+from ..diagnostics.stacked import all_rows
+from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
+from ..frames import Place, is_beam
 from ..history import History
 from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
@@ -45,8 +46,7 @@ from ..model.theories import theory_of
 from ..time_function import of_the_user
 from ..types import FilePath, Floats, IndexArray, names_known
 from ..version import VERSION
-from ..warn import logger, warn
-from .sensors import Window
+from ..warn import Notices, logger, warn
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -379,6 +379,34 @@ def kind_of(history: History) -> Kind:
     return run_formulas if set(WORKS) <= set(history.recorded) else state_formulas
 
 
+def take_along(
+    error: BaseException, so_far: Callable[[], History], systems: Sequence[System]
+) -> None:
+    """Give an error of the user's own code, or of a full disk, the history as ``error.history``.
+
+    `so_far` closes what is still open, which may meet a full disk in its turn; series follow from
+    the `systems`.
+    """
+    history: History
+    try:
+        with Notices(quiet=True):  # the error is said, its history has the warnings
+            history = so_far()
+    except StorageError as full:
+        history = full.history
+        if full is not error:
+            error.add_note(str(full))
+    history.derive_by(SystemSeries(systems, kind_of(history)))
+    error.history = history  # type: ignore[attr-defined]
+    if not isinstance(error, StorageError):
+        error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
+
+
+def at_place(system: System, y: Floats, place: Place) -> Floats:
+    """Position (k, 3) of a place by all rows y (k, total, 3), or its velocity by their rates."""
+    terms = system.kinematics.spot_terms(system.spot(place))
+    return np.asarray(sum(c * y[:, a] for a, c in terms))
+
+
 def run_formulas(system: System) -> Formulas:
     """Formulas of a run, which has recorded works."""
     own = _momenta_formulas(system) | {
@@ -440,9 +468,9 @@ def configuration_formulas(system: System) -> Formulas:
         return [each for pair in found.values() for each in pair]
 
     def places(h: History) -> list[Floats]:
-        position = Window(system, h.instants, h["q"], h["p"]).position
-        ends = [np.stack([position(item.a), position(item.b)], axis=1) for item in couplings]
-        return [*(position(item.a) for item in items), *ends]
+        y = all_rows(system, h["q"], h.instants)
+        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in couplings]
+        return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
     formulas: Formulas = {
         ("constraint_violation",): lambda h: [constraint_violation(system, h["q"], h.instants)],
