@@ -8,16 +8,11 @@ disk. Whatever happens to the helper, nothing is lost but time.
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-
-import numpy as np
-
-from .kept import entry
-from .numbers import NUMBERS, RECORD
-from .structures import STEPS, structure
 
 
 def processors() -> int:
@@ -38,10 +33,8 @@ def helped(orders: Sequence[int], names: Sequence[str]) -> Iterator[None]:
     names : sequence of str
         Of the parts.
     """
-    import subprocess
-
     arguments = f"{[*orders]}, {[*names]}"
-    code = f"from skfem_cosserat.compiled.warm import main; main({arguments})"
+    code = f"from skfem_cosserat.compiled.helper import main; main({arguments})"
     helper = None
     # embedded in another program, the executable may be anything
     if processors() > 1 and Path(sys.executable).stem.lower().startswith(("python", "pypy")):
@@ -63,34 +56,3 @@ def helped(orders: Sequence[int], names: Sequence[str]) -> Iterator[None]:
         if helper is not None:
             helper.kill()  # files get into the cache whole or not at all
             helper.wait()
-
-
-def main(orders: Sequence[int], names: Sequence[str]) -> None:
-    """Compile, as the helper, the loop over a step, then parts from the last to the first."""
-    from ..beam import Beam
-    from ..frames import ground
-    from ..joint import JointRevolute
-    from ..mesh import MeshCurve
-    from ..model import Model
-    from ..section import Material, SectionCircle
-    from . import bind
-    from .plan import plan_of
-
-    model = Model()
-    section = SectionCircle(0.01, Material(1e6, 0.3, 1e3))
-    for k, order in enumerate(orders):
-        mesh = MeshCurve.init_line((0, k, 0), (1, k, 0), 1, name=f"rod{k}")
-        rod = model.add(f"rod {k}", Beam(mesh, section, order=order))
-        hinge = JointRevolute(ground((0, k, 0)), rod.node(f"rod{k}.start"), axis=(0, 0, 1))
-        model.add(f"hinge {k}", hinge)
-    coordinates = model.freeze().joint_coordinates
-    plan = plan_of(coordinates)
-    w, work = bind.bound_work(coordinates, plan)
-    s, m = bind.bound_tree(coordinates, plan)[0], bind.bound_plan(coordinates, plan)[0]
-    given = s, m, w, bind.bound_groups(coordinates.system, plan)[0]
-    numbers, places = np.zeros(len(NUMBERS)), np.zeros(0, dtype=np.int64)
-    carried = bind.bound_carried(coordinates, work)[0]
-    steps = places, *given, numbers, np.zeros(len(RECORD)), carried
-    entry("step", "solve", structure("steps", dict(zip(STEPS, steps, strict=True))))
-    for name in reversed(names):
-        bind.addresses([name], given)
