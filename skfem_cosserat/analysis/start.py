@@ -506,7 +506,7 @@ def _settled(
     a = nearest_velocity(source, y, -balance(source, y, loads).R.ravel(), None)
     inertia = diagnostics.momentum(target, transfer(source, target, before, a)[1])
     rows, y = new_rows(source, target), target.extend(q, t)
-    rest, _ = settled(target, y, amplitudes_at(target, t), rows, inertia)
+    rest = settled(target, y, amplitudes_at(target, t), rows, inertia)
     rates = v.reshape(-1, 3).copy()
     spin = spins(y[rows], rates[rows])
     rates[rows[:, 1:]] = np.cross(spin[:, None], rest[rows[:, 1:]])

@@ -9,17 +9,23 @@ the mesh alone, which no forces balance, shows the other way round: it stores wh
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..diagnostics.energy import group_of
-from ..diagnostics.forces import at_ends, spread_over
+from ..diagnostics.forces import Statics, components, integrals, spread_over
 from ..diagnostics.stacked import balancing_multipliers, curvature_matrix
-from ..kernels import BeamElements, cross
+from ..kernels import cross
 from ..law import STEP
 from ..model import System
 from ..model.balance import Amplitudes
+from ..model.groups import BeamGroup
 from ..types import Array, Floats
+
+if TYPE_CHECKING:
+    from ..element import Interpolation
 
 
 def energies(
@@ -50,38 +56,50 @@ def energies(
     found: dict[int, Floats] = {}
     for group, stress in zip(system.beam_groups, stresses, strict=True):
         force = group.force(group.strain(y)[1], stress).reshape(len(stress), -1, 4, 3)
+        nodal = y[group.rows].reshape(force.shape)
+        spread = np.zeros_like(nodal)
         own = [(beam, group.slices[id(beam)]) for beam in system.beams if id(beam) in group.slices]
         for beam, e in own:
-            force[e] -= spread_over(system, beam, y, loads, None, acceleration)
-        both = _both(group.elements, y[group.rows].reshape(force.shape), stress, force)
+            spread[e] = spread_over(system, beam, y, loads, None, acceleration)
+        both = _both(group, nodal, stress, force - spread, spread)
         found |= {id(beam): both[:, e].sum(1) for beam, e in own}
     return np.array([found[id(beam)] for beam in system.beams])
 
 
-def _both(e: BeamElements, nodal: Array, stress: Array, force: Array) -> Floats:
-    """Energies (2, ne) of what section forces by statics are off those of Gauss points, and these.
+@lru_cache(maxsize=8)
+def _tables(kind: Interpolation) -> tuple[Any, ...]:
+    """Points, weights, shape functions there, what spreads nodal values, and integrals up to."""
+    from ..element import gauss_rule
 
-    Of nodal configurations and what nodes pass on, (ne, nn, 4, 3) each. What they are off is
-    orthogonal to polynomials that Gauss points can have: of the Legendre polynomials that are left
-    the values at both ends tell the first two.
+    z, w = gauss_rule(kind.order + 3)
+    at = kind.tabulated(z, w)
+    return z, w, at, at.values.T @ np.linalg.inv((at.values * w) @ at.values.T), integrals(z, z)
+
+
+def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: Array) -> Floats:
+    """Energies (2, ne) by statics less those of Gauss points, and these.
+
+    Of nodal configurations, what nodes pass on, and what is spread: (ne, nn, 4, 3) each.
     """
     from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
 
-    ends = at_ends(force, nodal, e.rotations)
-    off, found = ends - lagrange(e.points, np.array([0.0, 1.0])).T @ stress, stress
-    if np.iscomplexobj(off):
-        off, found = off.imag / STEP, found.imag / STEP
+    e, h = group.elements, group.elements.lengths[:, None, None]
+    z, w, at, shapes, over = _tables(group.interpolation)
+    density = np.einsum("qa,eaic->eqic", shapes, spread) / h[..., None]
+    x = np.einsum("aq,eaic->eqic", at.values, nodal)
+    statics = Statics(force, nodal, 0, density, x, h * over)
+    m = statics.moment(np.einsum("aq,eac->eqc", at.slopes, nodal[:, :, 0]) / h)
+    turned = nodal[:, :, 1:] if e.rotations is None else e.rotations @ nodal[:, :, 1:]
+    balanced = components(np.einsum("aq,eaic->eqic", at.values, turned), statics.n, m)
+    found = lagrange(e.points, z).T @ stress
+    if np.iscomplexobj(found):
+        balanced, found = balanced.imag / STEP, found.imag / STEP
     held = np.eye(6) * (np.einsum("eii->ei", e.stiffness) == 0)[:, :, None]
     compliance = np.linalg.inv(e.stiffness + held) - held
-    order = len(e.points)
-    parts = off[:, 1:] + (-1) ** order * np.array([[1.0], [-1.0]]) * off[:, :1]
-    shares = 0.25 / (2 * order + np.array([1.0, 3.0]))
-    return np.array(
-        [
-            ((each @ compliance) * each).sum(2) @ weights * e.lengths
-            for each, weights in ((parts, shares), (found, e.weights))
-        ]
+    own, stored = (
+        ((each @ compliance) * each).sum(2) @ w * e.lengths for each in (balanced, found)
     )
+    return np.array([own - stored, stored])
 
 
 def held_stresses(system: System, multipliers: Floats) -> list[Floats]:

@@ -95,14 +95,11 @@ def nodal_resultants(
     [[0.0, 0.0, 100.0], [0.0, 0.0, 100.0]]
     """
     nodal, _, force = element_balances(system, beam, q, t, amplitudes, v, a, multipliers)
-    return at_ends(force, nodal, beam.rotations)
-
-
-def at_ends(force: Array, nodal: Array, rotations: Floats | None) -> Array:
-    """Resultants (..., ne, 2, 6) at both ends of elements, of what their nodes pass on."""
-    triads = nodal[..., 1:, :] if rotations is None else rotations @ nodal[..., 1:, :]
-    both = [components(triads[..., end, :, :], *_passed_on(force, nodal, end)) for end in (0, -1)]
-    return np.stack(both, axis=-2)
+    out = np.empty((*force.shape[:2], 2, 6))
+    for end in (0, -1):
+        triad = beam.rotations[:, end] @ nodal[:, :, end, 1:]
+        out[:, :, end] = components(triad, *_passed_on(force, nodal, end))
+    return out
 
 
 class Balances(NamedTuple):
@@ -226,6 +223,45 @@ def part_resultants(
     return (1.0 - x)[:, None] * first + x[:, None] * last
 
 
+class Statics:
+    """Forces and moments in space along parts of elements, in balance with one end of each.
+
+    Parameters
+    ----------
+    force, nodal : (..., p + 1, 4, 3) array
+        What the nodes of the elements pass on, and their coordinates.
+    end : {0, -1}
+        Start or end of the elements.
+    density, at : (..., k, 4, 3) array
+        What is spread, by length, and line and directors, at k places.
+    over : (..., l, k) array
+        Integrals from the end, the first k to the places.
+
+    Attributes
+    ----------
+    n : (..., l, 3) array
+        Forces.
+    """
+
+    def __init__(
+        self, force: Array, nodal: Array, end: int, density: Array, at: Array, over: Floats
+    ) -> None:
+        n, self._m = (each[..., None, :] for each in _passed_on(force, nodal, end))
+        self.n, self._over = n - over @ density[..., 0, :], over
+        self._couple = cross(at[..., 1:, :], density[..., 1:, :]).sum(-2)
+
+    def moment(self, slope: Array) -> Array:
+        """(..., l, 3) in space, for a line of this slope (..., k, 3)."""
+        turned = cross(slope, self.n[..., : slope.shape[-2], :])
+        return np.asarray(self._m - self._over @ (turned + self._couple))
+
+
+def integrals(places: Floats, to: Floats) -> Floats:
+    """Integrals (l, k) from 0 to points (l,), of polynomials by their values at places (k,)."""
+    powers = np.arange(len(places))
+    return to[:, None] ** (powers + 1) / (powers + 1) @ np.linalg.inv(places[:, None] ** powers)
+
+
 def _from_end(
     beam: Beam, e: IndexArray, x: Floats, end: int, found: Balances, strains: Floats
 ) -> Floats:
@@ -236,26 +272,18 @@ def _from_end(
     start, places = (1.0 if end else 0.0), kind.full.points
     to = np.append(places, 1.0)
     u, length = start + np.outer(x - start, to), elements.lengths
-    powers = np.arange(len(places))  # polynomials, by their values at the places
-    upto = to[:, None] ** (powers + 1) / (powers + 1) @ np.linalg.inv(places[:, None] ** powers)
-    over = ((x - start) * length)[:, None, None] * upto
+    over = ((x - start) * length)[:, None, None] * integrals(places, to)
     nodal, spread, force = (each[:, e] for each in found)
     density = np.linalg.solve(
         beam.basis.elemental_mass()[e], spread.reshape(*spread.shape[:3], -1)
     ).reshape(spread.shape)
     shape, inner = beam.basis.shape(u), u[:, :-1]
     f, at = (np.einsum("amk,nmaic->nmkic", shape[..., :-1], each) for each in (density, nodal))
-    n, at_end = (each[..., None, :] for each in _passed_on(force, nodal, end))
-    n = n - over @ f[..., 0, :]
-    couple = cross(at[..., 1:, :], f[..., 1:, :]).sum(-2)
-
-    def moment(slope: Floats) -> Floats:
-        return np.asarray(at_end - over @ (cross(slope, n[..., :-1, :]) + couple))
-
+    statics = Statics(force, nodal, end, f, at, over)
     section = beam.rotations[e] @ nodal[..., 1:, :]
     first, d = section[:, :, None, end], np.einsum("amk,nmaic->nmkic", shape, section)
     slopes = beam.basis.dshape(inner) / length[:, None]
-    m = moment(np.einsum("amk,nmac->nmkc", slopes, nodal[..., 0, :]))
+    m = statics.moment(np.einsum("amk,nmac->nmkc", slopes, nodal[..., 0, :]))
     weights = lagrange(elements.points, inner)
     elastic = np.einsum("gmk,nmgi->nmki", weights, strains[:, e])
     strain = elastic + np.einsum("gmk,mgi->mki", weights, elements.reference)
@@ -267,14 +295,14 @@ def _from_end(
     moduli[..., held, held] += 1.0
     for _ in range(kind.order):
         own = d[:, :, :-1]
-        gap = components(own, n[:, :, :-1], m[:, :, :-1]) - stress
+        gap = components(own, statics.n[:, :, :-1], m[:, :, :-1]) - stress
         gap[..., held] = 0.0
         eps = strain + np.linalg.solve(moduli, gap[..., None])[..., 0]
         line = eps.reshape(*eps.shape[:-1], 2, 3) @ own  # slope of the line, and turn of triads
         turned = cross(line[..., 1:, :], own).reshape(*eps.shape[:-1], 9)
         d = first + (over @ turned).reshape(d.shape)
-        m = moment(line[..., 0, :])
-    return components(d[:, :, -1], n[:, :, -1], m[:, :, -1])
+        m = statics.moment(line[..., 0, :])
+    return components(d[:, :, -1], statics.n[:, :, -1], m[:, :, -1])
 
 
 def components(d: Array, n: Array, m: Array) -> Array:

@@ -146,7 +146,7 @@ def test_directors_between_nodes(p):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (([6], [0.5]), ["element 6", "0 .. 5"]),
+        (([6], [0.5]), ["element numbers", "number 6", "0 .. 5"]),
         (([0.5], [0.5]), ["element numbers", "float"]),
         (([0], [1.1]), ["xi = 1.1", "element 0"]),
         (([0], [np.nan]), ["xi = nan"]),

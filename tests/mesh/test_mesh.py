@@ -327,7 +327,7 @@ def test_names_and_lookup():
         (lambda m: m.with_beams({"x": [0.5]}), ["beam 'x'", "float"]),
         (lambda m: replace(m, feature_angle=-1.0), ["feature_angle", "-1.0"]),
         (lambda m: replace(m, curve_ids=m.curve_ids[:-1]), ["curve_ids", "(6,)"]),
-        (lambda m: replace(m, curve_ids=m.curve_ids + 5), ["curve_ids", "curve 6"]),
+        (lambda m: replace(m, curve_ids=m.curve_ids + 5), ["curve_ids", "number 5"]),
         (lambda m: replace(m, spans=m.spans + 1.5), ["element 1", "[2.0, 2.5]", "2.0 m"]),
         (lambda m: replace(m, doflocs=m.p + 1.0), ["element 0", "off its curve"]),
         (lambda m: m.moved(2 * np.eye(3)), ["rotation", "orthogonal"]),

@@ -402,7 +402,7 @@ def test_methods_of_a_run():
     ),
     (lambda: LoadMoment(POINT.place(), (1, 0, 0)), ["load", "mass point", "directions"]),
     (lambda: LoadForce(POINT.place(), (1, 0, 0), follower=True), ["load", "mass point"]),
-    (lambda: LoadLine(BALL, (1, 0, 0)), ["load", "RigidBody", "beam"]),
+    (lambda: LoadLine(BALL, (1, 0, 0)), ["load", "rigid body", "beam"]),
     (lambda: LoadLine(beam(), (1, INF, 0)), ["load", "value", "inf"]),
     (lambda: LoadGravity((0, 0)), ["load", "value", "(2,)"]),
     (lambda: Table([0, 1], [0]), ["table", "(2,)", "(1,)"]),

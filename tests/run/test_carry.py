@@ -220,7 +220,7 @@ def test_places_of_lines_that_cross():
 
 def test_bad_marks():
     beam = sc.Beam(sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4), SECTION)
-    with pytest.raises(sc.MeshError, match=r"element 7: the mesh has elements 0 \.\. 3"):
+    with pytest.raises(sc.MeshError, match=r"element numbers: number 7 is not in 0 \.\. 3"):
         beam.refined([7])
     with pytest.raises(sc.MeshError, match="beam 'tail': unknown"):
         beam.refined("tail")

@@ -287,7 +287,7 @@ def test_bad_foundations():
         (lambda: sc.Foundation("beam", 1.0), "expected a beam"),
         (lambda: sc.Foundation(beam, 0.0), "does nothing"),
         (lambda: sc.Foundation(beam, -1.0), r"not positive semidefinite \(eigenvalue -1\)"),
-        (lambda: sc.Foundation(beam, np.ones(4)), "expected a number, \\(3,\\)"),
+        (lambda: sc.Foundation(beam, np.ones(4)), r"expected \(\) or \(3,\)"),
         (lambda: sc.Foundation(beam, (1, np.nan, 1)), "not finite"),
         (lambda: sc.Foundation(beam, 1.0, part="wing"), "wing"),
     ):
