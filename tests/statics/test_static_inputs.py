@@ -121,41 +121,34 @@ def fixed_to_each_other():
 
 
 FREE = {
-    fixed_to_each_other: ("rigid body 'first 0' and rigid body 'second 0'", 6, False),
-    free_beam: ("(translation|rotation) of beam 'rod'", 6, False),
-    beam_on_a_hinge: (r"rotation of beam 'rod'.*about \(0, 0, 1\)", 1, True),
-    beam_between_balls: (r"rotation of beam 'rod'.*about \(1, 0, 0\)", 1, False),
-    slider: (r"translation of rigid body 'block' along \(0, 1, 0\)", 1, True),
-    screw: (r"rigid body 'block'.*\(0, 0, 1\)", 2, False),
-    point_in_space: ("translation of mass point 'ball'", 3, False),
-    point_on_a_spring: ("translation of mass point 'ball'", 2, False),
-    several_pieces: ("beam '(rod|other)'|'ball'", 15, False),
-    four_bar: (r"rotation of .*'crank'.*\(0, 0, 1\)", 1, False),
-    hanging_without_weight: ("translation of mass point 'ball'", 2, True),
+    fixed_to_each_other: (r"'second 0': .*\(.*, with rigid body 'first 0'", 6),
+    free_beam: (r"beam 'rod': .*\((translation|rotation)", 6),
+    beam_on_a_hinge: (r"beam 'rod': .*\(rotation about \(0, 0, 1\) through \(0, 0, 0\)", 1),
+    beam_between_balls: (r"beam 'rod': .*\(rotation about \(1, 0, 0\)", 1),
+    slider: (r"rigid body 'block': .*\(translation along \(0, 1, 0\)", 1),
+    screw: (r"rigid body 'block': .*\(0, 0, 1\)", 2),
+    point_in_space: (r"mass point 'ball': .*\(translation", 3),
+    point_on_a_spring: (r"mass point 'ball': .*\(translation", 2),
+    several_pieces: ("beam '(rod|other)'|'ball'", 15),
+    four_bar: (r"'crank'.*\(rotation about \(0, 0, 1\)", 1),
+    hanging_without_weight: (r"mass point 'ball': .*\(translation", 2),
 }
 
 
 @treatments
 @pytest.mark.parametrize("build", FREE, ids=lambda f: f.__name__)
 def test_free_motions_are_named(build, treatment):
-    text, count, worked = FREE[build]
+    text, count = FREE[build]
     with pytest.raises(sc.InputError, match=text) as caught:
         sc.static(build(), treatment)
-    assert f"{count} such motion(s)" in str(caught.value)
-    assert ("the loads do work on it" in str(caught.value)) == worked
+    assert (f"one of {count} such motions" in str(caught.value)) == (count > 1)
 
 
 @pytest.mark.slow
 def test_free_motions_of_a_long_chain_are_named():
     """It ended in an error of a sparse factorisation."""
-    with pytest.raises(sc.InputError, match=r"rotation of .*link.* is free, 6 such .* or more"):
+    with pytest.raises(sc.InputError, match="link.*: can move freely .* or more such"):
         sc.static(hanging_chain(links=401))
-
-
-def test_where_a_free_rotation_is():
-    """The axis goes through the hinge, not the middle of the piece."""
-    with pytest.raises(sc.InputError, match=r"about \(0, 0, 1\) through \(0, 0, 0\)"):
-        sc.static(beam_on_a_hinge())
 
 
 @treatments
@@ -278,7 +271,7 @@ def point_drawn_along_two_springs():
 )
 def test_what_a_weight_does_not_hold(build, treatment):
     """The advice to let loads act from the start is not given where they do."""
-    with pytest.raises(sc.InputError, match=r"is free.*or start from a state") as caught:
+    with pytest.raises(sc.InputError, match=r"can move freely.*or start from a state") as caught:
         sc.static(build(), treatment, factors={"weight": 1.0})
     assert "factors" not in str(caught.value)
 
@@ -341,7 +334,7 @@ def test_spin_holds_a_blade(treatment):
     spin = {"spin": Spin((0, 0, 4.0)), "factors": {"spin": 1.0}}
     beta = -sc.static(model, treatment, **spin)["joint/hinge/angle"][-1]
     assert np.sin(beta) == pytest.approx(1.0 / 16, rel=1e-12)
-    with pytest.raises(sc.InputError, match="rigid body 'blade' about"):
+    with pytest.raises(sc.InputError, match="rigid body 'blade': can move freely"):
         sc.static(model, treatment)
 
 
@@ -380,7 +373,7 @@ def test_advice_is_enough(treatment):
 def test_weight_holds_not_all(rod, treatment):
     """Negative: links on balls may spin about their axes, a body about its rod."""
     model = hanging_chain("universal" if rod else "ball", rod)
-    words = rf"rotation of rigid body '{'last' if rod else 'link .'}'.*about \(0, 0, 1\).* free"
+    words = rf"rigid body '{'last' if rod else 'link .'}': .*\(rotation about \(0, 0, 1\)"
     with pytest.raises(sc.InputError, match=words):
         sc.static(model, treatment, factors={"weight": 1.0})
 
@@ -394,7 +387,7 @@ def test_weight_that_tips_over(treatment):
     for x, end in ((0, "start"), (1, "end")):
         model.add(end, sc.JointSpherical(sc.ground((x, 0, 0)), beam.node(f"rod.{end}")))
     model.add("weight", sc.LoadGravity((0, 0, -0.1)))
-    with pytest.raises(sc.InputError, match=r"about \(1, 0, 0\).* is free"):
+    with pytest.raises(sc.InputError, match=r"'arch': can move freely.*about \(1, 0, 0\)"):
         sc.static(model, treatment)
     path = sc.static(model, treatment, factors={"weight": 1.0})
     assert (path["unstable"] == 1).all()
@@ -403,7 +396,7 @@ def test_weight_that_tips_over(treatment):
 @treatments
 def test_what_turns_about_its_rod_once_it_hangs(treatment):
     """A body that is not below its rod yet, so that its weight seems to hold it."""
-    words = r"rotation of rigid body 'last'.* about \(0, 0, 1\) .* 1 such .* in the equilibrium"
+    words = r"'last': can move freely in the equilibrium .*about \(0, 0, 1\)"
     with pytest.raises(sc.InputError, match=words):
         sc.static(hanging_chain(rod=True, off=0.05), treatment, factors={"weight": 1.0})
 
@@ -416,9 +409,9 @@ def test_motions_of_a_loaded_start_are_those_that_its_stress_leaves(treatment):
     top = box.at((0, 0, -1))
     model.add("cable", sc.Cable(sc.ground((0, 0, 0)), top, stiffness=1e3, length=1.0))
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    with pytest.raises(sc.InputError, match=r"6 such .* at the start"):
+    with pytest.raises(sc.InputError, match=r"at the start .*one of 6 such"):
         sc.static(model, treatment)
-    words = r"rigid body 'box' about \(0, 0, 1\).* 1 such .* in the equilibrium"
+    words = r"rigid body 'box': can move freely in the equilibrium .*about \(0, 0, 1\)"
     with pytest.raises(sc.InputError, match=words):
         sc.static(model, treatment, factors={"weight": 1.0})
 
@@ -444,8 +437,7 @@ def slack_stay(slide, fits=True):
 def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
     """It leads to no larger load either; what is known is said."""
     model, loads = slack_stay(slide), {"weight": 1.0}
-    words = "of rigid body 'boom' .* is free" if slide else "tension .* cable 'stay'. Hold"
-    with pytest.raises(sc.Diverged, match=words) as caught:
+    with pytest.raises(sc.Diverged, match="cable 'stay' is slack .* Hold by") as caught:
         sc.static(model, treatment, factors=loads)
     assert caught.value.time == pytest.approx(0.5, abs=1e-5)
     assert "which pass limit points" not in str(caught.value)
@@ -460,7 +452,7 @@ def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
 def test_a_start_whose_cable_does_not_stay_taut():
     """Nothing pulls at it, and then nothing holds the boom."""
     model = slack_stay(False, fits=False)
-    with pytest.raises(sc.InputError, match=r"rigid body 'boom' about .* in the equilibrium"):
+    with pytest.raises(sc.InputError, match="rigid body 'boom': can move freely in the equilibrium"):
         sc.static(model)
 
 
