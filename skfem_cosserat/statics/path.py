@@ -335,7 +335,7 @@ class Continuation:
         if not solver.balanced(first):
             solution = None
             if loose is None:
-                solution, report = solver.solve(first, Functional())
+                solution, report = solver.settled(first)
             if solution is None:
                 solution, report = solver.relaxed(first, Functional())
             if solution is not None:

@@ -342,11 +342,14 @@ class PlainEquations:
         Motions to leave alone.
     hold : float
         Stiffness, in the metric of :func:`weights`, of springs that hold all nodes at the start.
+    relief : (rows, 3) array or float
+        Forces left out of the balance.
     """
 
     def __init__(self, bound: BoundTreatment, schedule: Schedule) -> None:
         self.bound, self.schedule, self.system = bound, schedule, bound.system
         self.neutral, self.hold = Neutral(), 0.0
+        self.relief: Floats | float = 0.0
         self._stresses: list[Array] | None = None
 
     @property
@@ -386,7 +389,7 @@ class PlainEquations:
         y, self._amplitudes = bound.configure(), self.schedule.at(t)
         self.at = balance(self.system, y, self._amplitudes, start.y, start.turns)
         springs = self.hold * weights(self.system) * (y - start.y)[: self.system.rows]
-        self.at.R = self.at.R + springs
+        self.at.R = self.at.R + springs - self.relief
         self.residual = bound.reduce(self.at.R, y)
         return bound.relative(self.residual, self.at.size)
 
@@ -702,6 +705,8 @@ class CompiledEquations(CompiledScene):
 
 #: residual, relative to its terms, below which a configuration counts as an equilibrium
 BALANCED = 1e-9
+#: smallest share of the missing forces that fades away at once
+SLOWEST = 1e-4
 #: motion that springs allow at first, relative to the scene, how much softer they get in a round,
 #: and how many rounds there are at most
 GIVE, SOFTER, ROUNDS = 0.1, 10.0, 50
@@ -777,6 +782,7 @@ class PathSolver:
         start: Point,
         target: Functional,
         hold: float = 0.0,
+        relief: Floats | float = 0.0,
     ) -> tuple[Solution | None, NewtonReport]:
         """The point that fulfils `target`, from the equilibrium `start`; None: not found.
 
@@ -784,9 +790,13 @@ class PathSolver:
         ----------
         hold : float, optional
             Stiffness of springs that hold all nodes where they are at the start.
+        relief : (rows, 3) array, optional
+            Forces left out of the balance.
         """
-        special = target.predictor is not None or bool(self.neutral.motions or hold)
-        problem = self._begin(start, target, special, hold)
+        special = target.predictor is not None or bool(
+            self.neutral.motions or hold or np.any(relief)
+        )
+        problem = self._begin(start, target, special, hold, relief)
         if target.predictor is not None:
             # a load factor that is given is reached at once: the stiffness may be singular here
             problem.residual()
@@ -817,6 +827,22 @@ class PathSolver:
             point.turns = couplings.turns(counted, point.y)
         return Solution(point, force, report, problem.predicted), report
 
+    def settled(self, start: Point) -> tuple[Solution | None, NewtonReport]:
+        """The equilibrium near a start that is none: the missing forces fade away."""
+        self.balanced(start)
+        missing, point, left, step = self.plain.R.copy(), start, 1.0, 1.0
+        while True:
+            step = min(step, left)
+            solution, report = self.solve(point, Functional(), relief=(left - step) * missing)
+            if solution is None:
+                step /= 2
+                if step < SLOWEST:
+                    return None, report
+                continue
+            point, left, step = solution.point, left - step, 2 * step
+            if left == 0:
+                return solution, report
+
     def relaxed(self, start: Point, target: Functional) -> tuple[Solution | None, NewtonReport]:
         """An equilibrium near, whether the stiffness is regular there or not; None: not found.
 
@@ -844,12 +870,13 @@ class PathSolver:
         target: Functional,
         plain: bool = False,
         hold: float = 0.0,
+        relief: Floats | float = 0.0,
     ) -> Problem:
         """The problem of a point, at its start."""
         equations: PlainEquations | CompiledEquations = self.plain
         if self._compiled is not None and not plain:
             equations = self._compiled
-        self.plain.hold, self.plain.neutral = hold, self.neutral
+        self.plain.hold, self.plain.relief, self.plain.neutral = hold, relief, self.neutral
         self._problem = Problem(equations, self.settings, start, target)
         return self._problem
 

@@ -817,7 +817,7 @@ def test_bad_states():
     system = hung((1.0, 1.0, 0.1))
     other = hung((1.0, 1.0, 0.2))
     bad(lambda: sc.modes(system, np.zeros(5), 1), "shape (5,)", "(12,)")
-    bad(lambda: sc.modes(system, np.full(12, np.nan), 1), "not finite at [0]")
+    bad(lambda: sc.modes(system, np.full(12, np.nan), 1), "not finite at [0")
     bad(lambda: sc.modes(system, {"q": 1}, 1), "expected real numbers")
     bad(lambda: sc.modes(system, 1.1 * system.q0, 1), "violates")
     history = sc.simulate(other, sc.Variational(), sc.NullSpace(), 0.01, until=0.01)

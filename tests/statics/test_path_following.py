@@ -235,13 +235,12 @@ taut = pytest.mark.filterwarnings(
 @taut
 @pytest.mark.parametrize("watch", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_cable_taut_beyond_its_elements_is_told_of(watch):
-    """From its start on. The motions of the mesh that lose their stiffness are not located.
+    """The motions of the mesh that lose their stiffness are not located.
 
     With 24 elements these took 3374 factorisations, and the path failed.
     """
     path, _, texts = hung(4, 1e-3, watch=watch)
-    first = path.meta["warnings"][0]
-    assert first["time"] == 0.0 and "refine: it takes 9 elements in place of 4" in first["text"]
+    assert any("refine: it takes 9 elements in place of 4" in text for text in texts)
     assert any("critical points are not looked for" in text for text in texts) == watch
     assert path.meta["critical"] == [] and path.meta["factorisations"] < 300
 
@@ -260,7 +259,7 @@ def test_a_cable_has_the_elements_that_a_warning_advised():
 @pytest.mark.slow
 def test_a_cable_too_taut_to_go_on_is_to_be_refined():
     """Negative: ArcLength() does not help, and is not advised."""
-    with pytest.raises(sc.Diverged, match=r"Refine the beam.*it takes 17 elements") as caught:
+    with pytest.raises(sc.Diverged, match=r"refine: it takes 8 elements.*Refine the mesh there") as caught:
         sc.static(cable(4, 3e-4), factors={"weight": 1.0})
     assert "ArcLength" not in str(caught.value)
 

@@ -147,7 +147,7 @@ def test_free_motions_are_named(build, treatment):
 @pytest.mark.slow
 def test_free_motions_of_a_long_chain_are_named():
     """It ended in an error of a sparse factorisation."""
-    with pytest.raises(sc.InputError, match="link.*: can move freely .* or more such"):
+    with pytest.raises(sc.InputError, match=r"link.*: can move freely .* or more such"):
         sc.static(hanging_chain(links=401))
 
 
@@ -437,7 +437,7 @@ def slack_stay(slide, fits=True):
 def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
     """It leads to no larger load either; what is known is said."""
     model, loads = slack_stay(slide), {"weight": 1.0}
-    with pytest.raises(sc.Diverged, match="cable 'stay' is slack .* Hold by") as caught:
+    with pytest.raises(sc.Diverged, match=r"cable 'stay' is slack .* Hold by") as caught:
         sc.static(model, treatment, factors=loads)
     assert caught.value.time == pytest.approx(0.5, abs=1e-5)
     assert "which pass limit points" not in str(caught.value)
@@ -452,7 +452,7 @@ def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
 def test_a_start_whose_cable_does_not_stay_taut():
     """Nothing pulls at it, and then nothing holds the boom."""
     model = slack_stay(False, fits=False)
-    with pytest.raises(sc.InputError, match="rigid body 'boom': can move freely in the equilibrium"):
+    with pytest.raises(sc.InputError, match="'boom': can move freely in the equilibrium"):
         sc.static(model)
 
 
