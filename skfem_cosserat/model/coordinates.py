@@ -245,8 +245,8 @@ NEAR_ONE = 0.25
 QUADRATURE = 0.5 * (np.column_stack(np.polynomial.legendre.leggauss(5)) + [1.0, 0.0])
 
 
-def turn_factors(c: Array) -> Array:
-    """``phi = theta / sin(theta)`` of ``c = cos(theta)``, and phi' (2, ...); analytic at 1.
+def turn_factors(c: Array) -> tuple[Array, Array]:
+    """``phi = theta / sin(theta)`` of ``c = cos(theta)``, and phi'; analytic at 1.
 
     Beside the series at c = 1 by ``(1 - c^2) phi' = c phi - 1``.
 
@@ -260,14 +260,14 @@ def turn_factors(c: Array) -> Array:
     small = np.where(near, u, 0.0)
     powers = np.ones((*c.shape, len(_TURN)), dtype=c.dtype)
     powers[..., 1:] = small[..., None]
-    series = np.cumprod(powers, axis=-1) @ TURN_POWERS[:, :2]
+    series = powers.cumprod(axis=-1) @ TURN_POWERS[:, :2]
     # no rotation has a cosine below -1: NaN, so that Newton's method steps back
     safe = np.where(near, 0.0, np.where(c.real > -1, c, np.nan))
     square = 1 - safe * safe
     sine = np.sqrt(square)
     phi = _atan2(sine, safe) / sine
     first = (safe * phi - 1) / square
-    return np.where(near, np.moveaxis(series, -1, 0), np.stack([phi, first]))
+    return np.where(near, series[..., 0], phi), np.where(near, series[..., 1], first)
 
 
 def _turn_quotient(c0: Array, c1: Array, phi0: Array, phi1: Array) -> Array:

@@ -313,7 +313,7 @@ class _Response:
     def slopes(self) -> Array:
         """Derivatives (c, k, K) of s by the invariants, by complex steps: exact to round-off."""
         steps = 1j * TINY * np.eye(self.at.shape[-1])[:, None]
-        return np.moveaxis(self.function(self.at.real + steps).s.imag / TINY, 0, -1)
+        return (self.function(self.at.real + steps).s.imag / TINY).transpose(1, 2, 0)
 
 
 class _Group:
@@ -368,9 +368,10 @@ class _Group:
 
     def midpoint(self, start: _Start, h: float, mid: Array, y1: Array) -> _Response:
         """``s = xi'(pi_mid)^T sigma`` of the coordinates of the midpoint configuration."""
+        count = self.kind.invariants
 
         def forces(both: Array) -> _Forces:
-            pi, pi1 = np.split(both, 2, axis=-1)
+            pi, pi1 = both[..., :count], both[..., count:]
             xi, xi1 = (self.kind.continued(each, start.xi) for each in (pi, pi1))
             J = self.kind.slope(pi)
             travel = apply(J, pi1 - start.pi)
@@ -385,9 +386,10 @@ class _Group:
 
     def static(self, start: _Start, y: Array, ydot: Array, share: float) -> _Response:
         """``s = xi'(pi)^T sigma`` at y, angles counted on from `start`; see the caller."""
+        count = self.kind.invariants
 
         def forces(both: Array) -> _Forces:
-            pi, flow = np.split(both, 2, axis=-1)
+            pi, flow = both[..., :count], both[..., count:]
             xi, J = self.kind.continued(pi, start.xi), self.kind.slope(pi)
             e, rate = self.stretch(xi), apply(J, flow)
             law = self.law.force(e, rate)
