@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,8 +28,8 @@ from .loading import FunctionLoad, Push
 # -- laws of force elements: generalised force, stored energy, and what is dissipated in a step ----
 
 
-class CouplingLaw(ABC):
-    """Generalised force of c couplings by their stretch e (..., c, m).
+class LinearLaw:
+    """Generalised force ``K e + C de/dt`` of c couplings by their stretch e (..., c, m).
 
     The stretch is the coordinate less its neutral value. Numbers may be complex.
 
@@ -43,20 +42,22 @@ class CouplingLaw(ABC):
     def __init__(self, members: Sequence[Coupling]) -> None:
         self.K = np.array([c.stiffness for c in members])
         self.C = np.array([c.damping for c in members])
+        values, vectors = np.linalg.eigh(self.C)
+        # so that what is dissipated is a sum of squares
+        self._root = np.sqrt(values.clip(0))[..., None] * vectors.swapaxes(-1, -2)
 
-    @abstractmethod
     def energy(self, e: Array) -> Array:
         """Stored energy (..., c)."""
+        return 0.5 * (e * apply(self.K, e)).sum(-1)
 
-    @abstractmethod
     def force(self, e: Array, rate: Array) -> Array:
         """Force (..., c, m) against a larger stretch: tension is positive."""
+        return apply(self.K, e) + apply(self.C, rate)
 
     def acts(self, e: Array) -> Array:
         """Mask (..., c, m) of the stretches e with a force: a cable may be slack."""
         return np.ones(e.shape, dtype=bool)
 
-    @abstractmethod
     def discrete(
         self, e0: Array, e1: Array, h: float, decay: float = 0.0
     ) -> tuple[Array, Array, Array]:
@@ -64,38 +65,6 @@ class CouplingLaw(ABC):
 
         ``sigma . (e_1 - e_0)`` is the change of energy plus what is dissipated. `decay` is for
         EnergyDecaying, which damps by the stiffness with the factor ``h decay/2``.
-        """
-
-    @abstractmethod
-    def midpoint(
-        self, e: Array, rate: Array, e0: Array, e1: Array, h: float
-    ) -> tuple[Array, Array]:
-        """Force sigma, and what is dissipated; e is that of the midpoint configuration."""
-
-
-class LinearLaw(CouplingLaw):
-    """``K e + C de/dt``."""
-
-    def __init__(self, members: Sequence[Coupling]) -> None:
-        super().__init__(members)
-        values, vectors = np.linalg.eigh(self.C)
-        # so that what is dissipated is a sum of squares
-        self._root = np.sqrt(values.clip(0))[..., None] * vectors.swapaxes(-1, -2)
-
-    def energy(self, e: Array) -> Array:
-        """Stored energy ``e . K e/2`` (..., c)."""
-        return 0.5 * (e * apply(self.K, e)).sum(-1)
-
-    def force(self, e: Array, rate: Array) -> Array:
-        """Force ``K e + C de/dt`` (..., c, m)."""
-        return apply(self.K, e) + apply(self.C, rate)
-
-    def discrete(
-        self, e0: Array, e1: Array, h: float, decay: float = 0.0
-    ) -> tuple[Array, Array, Array]:
-        """Force ``K (e_0 + e_1)/2 + C (e_1 - e_0)/h``, and what is dissipated.
-
-        With `decay` the force of EnergyDecaying is added.
         """
         change = e1 - e0
         sigma = apply(self.K, 0.5 * (e0 + e1)) + apply(self.C, change) / h
@@ -110,11 +79,11 @@ class LinearLaw(CouplingLaw):
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float
     ) -> tuple[Array, Array]:
-        """Force ``K e + C de/dt``, and what is dissipated."""
+        """Force sigma, and what is dissipated; e is that of the midpoint configuration."""
         return self.force(e, rate), h * (apply(self._root, rate) ** 2).sum(-1)
 
 
-class SlackLaw(CouplingLaw):
+class SlackLaw(LinearLaw):
     """Tension only: ``k e + c de/dt`` while e > 0, never negative.
 
     The damper takes the part of a step in which the cable is taut.
