@@ -240,7 +240,7 @@ class Marching:
         if start is not None:
             coupled = system.couplings.static(start, y[:-1], rates[:-1])
             force = force - coupled.force[: system.rows]
-            power += sum(float(r.dissipated.sum()) for r in coupled.responses)
+            power += sum(float(r.forces.dissipated.sum()) for r in coupled.responses)
         if system.drag is not None:
             drag = system.drag @ v
             force = force - drag

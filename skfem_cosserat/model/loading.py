@@ -463,30 +463,13 @@ class FunctionLoad:
             raise InputError(self.load.label, f"{text}, v = {v.tolist()}")
         return out
 
-    def slopes(self, x: Array, v: Array, t: float) -> tuple[Array, Array]:
-        """Derivatives (k, 3, k, 3) of the force by x and v.
-
-        In complex points, as of a complex step through a tangent, by differences along their
-        imaginary part.
-        """
-        size = max(float(abs(each.imag).max(initial=0.0)) for each in (x, v))
-        if not size:
-            return self._real_slopes(x.real, v.real, t)
-        step = self._steps(x, v)[0]
-        dx, dv = step / size * np.array([x.imag, v.imag])
-        near, far = (
-            self._real_slopes(x.real + sign * dx, v.real + sign * dv, t) for sign in (-1, 1)
-        )
-        factor = 1j * size / (2 * step)
-        by_x, by_v = (0.5 * (a + b) + factor * (b - a) for a, b in zip(near, far, strict=True))
-        return by_x, by_v
-
     def _steps(self, x: Array, v: Array) -> tuple[float, float]:
         """Steps of differences by x and v: longer far from the origin, where rounding is larger."""
         sizes = max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max()))
         return SMALL * sizes[0], SMALL * sizes[1]
 
-    def _real_slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
+    def slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
+        """Derivatives (k, 3, k, 3) of the force by x and v."""
         shape = *x.shape, *x.shape
         if self.term.slopes is not None:
             try:
