@@ -238,9 +238,9 @@ def finish(
     Nothing is lost by an interrupt: states are in the file already, series are derived later. What
     depends on functions of the user's own is derived now, while they are as they were.
     """
+    history.derive_by([] if derive is False else systems, kind_of(history))
     if derive is False:
         return
-    history.derive_by(systems, kind_of(history))
     try:
         if derive is True or any(map(_moved_by_the_user, systems)):
             history.derive()

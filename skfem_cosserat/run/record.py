@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..analysis.describe import describe, recorded_turns, take_along
+from ..analysis.describe import describe, recorded_turns, run_formulas, take_along
 from ..constraints.saddle import nearest_momentum
 from ..diagnostics import Projection
 from ..errors import (
@@ -437,7 +437,9 @@ class Record:
             **self.more(),
         }
         history.meta |= {**extra, "status": status}
-        run = checks.Run([segment.system for segment in self.segments], history)
+        systems = [segment.system for segment in self.segments]
+        history.derive_by(systems, run_formulas)  # for the checks
+        run = checks.Run(systems, history)
         extra |= run.numbers()
         if failure is not None:
             failure.hint = run.hint

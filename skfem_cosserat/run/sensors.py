@@ -333,7 +333,7 @@ class Sensor(Attached, ABC):
     ...         return [self.a, self.b]
     ...
     ...     def values(self, system, window):
-    ...         a, b = (window.q[:, system.dofs(each.place())] for each in self.items())
+    ...         a, b = (window.position(each.place()) for each in self.items())
     ...         return np.linalg.norm(b - a, axis=1)
     >>> model = sc.Model()
     >>> a = model.add("a", sc.MassPoint(1.0))
@@ -724,7 +724,7 @@ def check_items(sensor: Sensor, system: System, item: str, text: str) -> None:
     """Raise InputError if the sensor looks at something that the system does not have."""
     known = {id(each) for each in (*system.structures, *system.joints)}
     for each in sensor.items():
-        if id(each) not in known:
+        if each is not None and id(each) not in known:  # None: the item of a place on the ground
             raise InputError(item, f"the {each.label} {text}")
 
 
