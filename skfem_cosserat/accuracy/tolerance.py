@@ -21,9 +21,8 @@ from ..model import Model, System, model_of
 from ..statics import Control
 from ..types import TOLERANCE, Array, Floats, positive
 from ..warn import Notices, counted, repeat
-from .asked import Asked, NotHere, Run
-from .case import Case, Scene
 from .orders import left
+from .scene import Asked, Case, NotHere, Run, Scene
 from .simplification import Simpler, simplified
 
 #: a run has no more steps, and no beam is divided more often
