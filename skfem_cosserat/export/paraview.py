@@ -24,9 +24,6 @@ from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
 # -- the layers of a scene as grids with data: beams, swept surfaces, bodies, joints, springs ------
 
-#: Relative coordinates that joints have as numbers at their points.
-_COORDINATES = ("angle", "displacement")
-
 #: Names of the six numbers of a strain or resultant series.
 _STRAIN = ("Gamma", "K")
 _RESULTANT = ("N", "M")
@@ -133,15 +130,20 @@ def _stack(parts: list[Fields], sizes: list[int]) -> Fields:
     return joined
 
 
-def _several(states: States, names: Sequence[str], shape: tuple[int, ...]) -> Floats | None:
-    """Entries of several items ``(k, items, *shape)``, NaN where one is missing; None: all are."""
-    known = [name in states for name in names]
-    if not any(known):
+def _several(
+    states: States, items: Sequence[str], field: str, shape: tuple[int, ...]
+) -> Floats | None:
+    """A field of items ``(k, items, *shape)``, NaN where one has none, or no number; None: all."""
+    known = [
+        k
+        for k, item in enumerate(items)
+        if item + field in states and (shape or states[item + field].ndim == 1)
+    ]
+    if not known:
         return None
-    found = np.full((len(states["q"]), len(names), *shape), np.nan)
-    for k, name in enumerate(names):
-        if known[k]:
-            found[:, k] = entry(states, name, shape)
+    found = np.full((len(states["q"]), len(items), *shape), np.nan)
+    for k in known:
+        found[:, k] = entry(states, items[k] + field, shape)
     return found
 
 
@@ -286,101 +288,55 @@ class BodyLayer(Layer):
         return np.concatenate([shape.points(q) for shape in self._shapes], axis=-2)
 
 
-class _KnownLayer(Layer):
-    """Items that have something to show where a series of theirs is recorded.
+class ItemLayer(Layer):
+    """Items where their places are recorded: joints as points, couplings as lines.
 
     Parameters
     ----------
-    kind : str
-        Of the items: the first part of the names of their series.
-    names : list of str
+    name, kind : str
+        Of the layer in `meta`, and of its items: the first part of the names of their series.
+    meta : mapping
+    places : str
+        The series without which an item is left out: its place, or both of its ends.
+    shapes : mapping of str to tuple
+        Of further series; those of no shape are read where they are numbers.
+    numbers : mapping of str to array
         Of all items.
-    needed : str
-        The series without which an item is left out.
-    others : sequence of str
-        Further ones.
     """
 
-    def __init__(self, kind: str, names: list[str], needed: str, others: Sequence[str]) -> None:
-        self._kind, self._names, self._needed = kind, names, needed
-        self.series = [f"{kind}/{name}/{each}" for name in names for each in (needed, *others)]
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        meta: Mapping[str, Any],
+        places: str,
+        shapes: Mapping[str, tuple[int, ...]],
+        numbers: Fields,
+    ) -> None:
+        self.name, self._places, self._shapes, self._numbers = name, places, shapes, numbers
+        self._items = [f"{kind}/{item['name']}/" for item in meta[name]]
+        self.series = [item + each for item in self._items for each in (places, *shapes)]
         self._known: list[int] = []
         self._cells: Cells | None = None
 
-    def _keys(self, field: str) -> list[str]:
-        """Names of a series of the items that are shown."""
-        return [f"{self._kind}/{self._names[k]}/{field}" for k in self._known]
-
-    def _cells_of(self, states: States) -> Cells | None:
-        """Cells of the items that are shown; None if there are none."""
-        named = enumerate(self._names)
-        known = [k for k, name in named if f"{self._kind}/{name}/{self._needed}" in states]
-        if known != self._known:
-            self._known, self._cells = known, self._made(np.array(known)) if known else None
-        return self._cells
-
-    @abstractmethod
-    def _made(self, known: IndexArray) -> Cells:
-        """Cells of the items of these numbers."""
-
-
-class JointLayer(_KnownLayer):
-    """Joints as points with type, reaction force and moment, as far as places are recorded."""
-
-    name = "joints"
-
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
-        joints = meta.get("joints", [])
-        names = [joint["name"] for joint in joints]
-        super().__init__("joint", names, "position", ("force", "moment", *_COORDINATES))
-        self.types = sorted({str(joint["type"]) for joint in joints})
-        self._codes = np.array([self.types.index(str(joint["type"])) for joint in joints])
-
-    def _made(self, known: IndexArray) -> Cells:
-        vertices = np.arange(len(known))[:, None]
-        return Cells([(_VTK["vertex"], vertices)], {"joint_id": known, "type": self._codes[known]})
-
     def grid(self, states: States, reference: Floats) -> Grid | None:
         """Grid of some states, see `Layer.grid`."""
-        cells = self._cells_of(states)
-        x = _several(states, self._keys("position"), (3,))
-        if cells is None or x is None:
+        known = [k for k, item in enumerate(self._items) if item + self._places in states]
+        items = [self._items[k] for k in known]
+        width = 2 if self._places == "ends" else 1
+        x = _several(states, items, self._places, (2, 3)[2 - width :])
+        if x is None:
             return None
-        fields = {}
-        shapes = {"force": (3,), "moment": (3,), **dict.fromkeys(_COORDINATES, ())}
-        for field, shape in shapes.items():
-            values = _several(states, self._keys(field), shape)
-            if values is not None:
-                fields[field] = values
-        return Grid(x, cells, fields, {})
-
-
-class CouplingLayer(_KnownLayer):
-    """Springs, cables, bushings as lines between their ends, with length and force of scalars."""
-
-    name = "couplings"
-
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
-        names = [coupling["name"] for coupling in meta.get("couplings", [])]
-        super().__init__("coupling", names, "ends", ("coordinate", "force"))
-
-    def _made(self, known: IndexArray) -> Cells:
-        lines = np.arange(2 * len(known)).reshape(-1, 2)
-        return Cells([(_VTK["line"], lines)], at_cells={"coupling_id": known})
-
-    def grid(self, states: States, reference: Floats) -> Grid | None:
-        """Grid of some states, see `Layer.grid`."""
-        cells = self._cells_of(states)
-        ends = _several(states, self._keys("ends"), (2, 3))
-        if cells is None or ends is None:
-            return None
-        scalars = {name: values for name, values in states.items() if np.ndim(values) == 1}
-        nothing = np.full(ends.shape[:2], np.nan)
-        data = {}
-        for field in ("coordinate", "force"):
-            values = _several({**scalars, "q": states["q"]}, self._keys(field), ())
-            data[field] = nothing if values is None else values
-        return Grid(ends.reshape(len(ends), -1, 3), cells, {}, data)
+        if self._cells is None or known != self._known:
+            cells = np.arange(width * len(known)).reshape(-1, width)
+            own = {name: values[known] for name, values in self._numbers.items()}
+            at = (own, None) if width == 1 else (None, own)
+            kind = _VTK["vertex" if width == 1 else "line"]
+            self._known, self._cells = known, Cells([(kind, cells)], *at)
+        found = {name: _several(states, items, name, each) for name, each in self._shapes.items()}
+        fields = {name: values for name, values in found.items() if values is not None}
+        at_points, at_cells = (fields, {}) if width == 1 else ({}, fields)
+        return Grid(x.reshape(len(x), -1, 3), self._cells, at_points, at_cells)
 
 
 # -- a grid as files of VTK's XML format for unstructured grids (``.vtu``) -------------------------
@@ -605,7 +561,7 @@ class ParaViewWriter:
         prepare_folder(self.folder)
         self._indices, self._files = [], []
         self._frame = 0
-        names = json.dumps(_names(meta, self._layers), indent=1)
+        names = json.dumps(_names(meta), indent=1)
         with writing(self.folder, "folder"):
             for layer in self._layers:
                 (self.folder / layer.name).mkdir(exist_ok=True)
@@ -709,18 +665,30 @@ def _layers(meta: Mapping[str, Any], static: Mapping[str, Array], surfaces: bool
             layers.append(SurfaceLayer(meta, static))
     if meta.get("bodies") or meta.get("points"):
         layers.append(BodyLayer(meta, static))
-    if meta.get("joints"):
-        layers.append(JointLayer(meta, static))
-    if meta.get("couplings"):
-        layers.append(CouplingLayer(meta, static))
+    if joints := meta.get("joints"):
+        types = _types(meta)
+        numbers = {
+            "joint_id": np.arange(len(joints)),
+            "type": np.array([types.index(str(joint["type"])) for joint in joints]),
+        }
+        shapes = {"force": (3,), "moment": (3,), "angle": (), "displacement": ()}
+        layers.append(ItemLayer("joints", "joint", meta, "position", shapes, numbers))
+    if couplings := meta.get("couplings"):
+        shapes = {"coordinate": (), "force": ()}
+        numbers = {"coupling_id": np.arange(len(couplings))}
+        layers.append(ItemLayer("couplings", "coupling", meta, "ends", shapes, numbers))
     return layers
 
 
-def _names(meta: Mapping[str, Any], layers: list[Layer]) -> dict[str, Any]:
+def _types(meta: Mapping[str, Any]) -> list[str]:
+    """Types of the joints, in the order of their numbers."""
+    return sorted({str(joint["type"]) for joint in meta.get("joints", [])})
+
+
+def _names(meta: Mapping[str, Any]) -> dict[str, Any]:
     """Names behind the numbers in the files."""
     beams = meta.get("beams", [])
     bodies = [*meta.get("bodies", []), *meta.get("points", [])]
-    types = [name for layer in layers if isinstance(layer, JointLayer) for name in layer.types]
     return {
         "beam_id": [beam["name"] for beam in beams],
         "part_id": {beam["name"]: list(beam.get("parts", [])) for beam in beams},
@@ -728,7 +696,7 @@ def _names(meta: Mapping[str, Any], layers: list[Layer]) -> dict[str, Any]:
         "body_id": [body["name"] for body in bodies],
         "joint_id": [joint["name"] for joint in meta.get("joints", [])],
         "coupling_id": [coupling["name"] for coupling in meta.get("couplings", [])],
-        "type": types,
+        "type": _types(meta),
     }
 
 
@@ -745,10 +713,7 @@ def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
         return []
     count = int(np.floor((times[-1] - times[0]) * fps * (1.0 + 1e-12))) + 1
     wanted = times[0] + np.arange(count) / fps
-    right = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))
-    left = right - 1
-    right = np.minimum(right, len(times) - 1)
-    nearest = np.where(wanted - times[left] <= times[right] - wanted, left, right)
+    nearest = np.searchsorted((times[1:] + times[:-1]) / 2, wanted)
     return [int(i) for i in np.unique(nearest)]
 
 
