@@ -38,7 +38,7 @@ from ..run.events import checked_events
 from ..run.sensors import Window, checked_sensors, seen
 from ..statics import Control, static
 from ..theory import Theory
-from ..types import Floats, check_kind, names_known, numbers, real
+from ..types import Floats, check_kind, names_known, numbers, real, whole
 from .reading import Reading
 
 
@@ -56,17 +56,28 @@ class NotHere(InputError):
 class Quantity(Attached):
     """Base of what may be asked of a run besides sensors, conditions, series and functions."""
 
-    def sensors(self) -> dict[str, Sensor]:
-        """Sensors that the run needs, by names of its own."""
-        return {}
+    #: that the run needs
+    sensor: Sensor | None = None
 
     def values(self, name: str, run: Run) -> Reading:
         """Its numbers in a run."""
         raise NotImplementedError
 
 
+class _Sampled(Quantity):
+    """Values of a sensor, over time."""
+
+    sensor: Sensor
+
+    def __init__(self, sensor: Sensor) -> None:
+        self.sensor = sensor
+
+    def values(self, name: str, run: Run) -> Reading:
+        return run.seen(name, self.sensor)
+
+
 @checked
-class Component(Quantity):
+class Component(_Sampled):
     """One component of what a sensor sees, over time.
 
     Parameters
@@ -84,21 +95,18 @@ class Component(Quantity):
     """
 
     def __init__(self, sensor: Sensor, component: int) -> None:
-        self.sensor, self.component = sensor, _whole("Component", component)
-
-    def sensors(self) -> dict[str, Sensor]:
-        """One, under the name of the quantity."""
-        return {"": self.sensor}
+        super().__init__(sensor)
+        self.component = whole("Component", component, 0, "component")
 
     def values(self, name: str, run: Run) -> Reading:
         """The component over time, or at the end of a path."""
-        whole = run.seen(name, self.sensor)
-        column = _column(name, whole, self.component)
-        return Reading(column[0] if whole.times is None else column, whole.times)
+        every = super().values(name, run)
+        column = _column(name, every, self.component)
+        return Reading(column[0] if every.times is None else column, every.times)
 
 
 @checked
-class Maximum(Quantity):
+class Maximum(_Sampled):
     """Largest value over time of a component of what a sensor sees, or of its length.
 
     The parabola through the largest value and its neighbours gives it between steps.
@@ -122,64 +130,32 @@ class Maximum(Quantity):
     """
 
     def __init__(self, sensor: Sensor, component: int | None = None) -> None:
-        self.sensor = sensor
-        self.component = None if component is None else _whole("Maximum", component)
-
-    def sensors(self) -> dict[str, Sensor]:
-        """One, under the name of the quantity."""
-        return {"": self.sensor}
+        super().__init__(sensor)
+        known = component is not None
+        self.component = whole("Maximum", component, 0, "component") if known else None
 
     def values(self, name: str, run: Run) -> Reading:
         """The largest value of the run."""
-        whole = run.seen(name, self.sensor)
-        rows = np.atleast_1d(whole.values).reshape(
-            1 if whole.times is None else len(whole.times), -1
-        )
-        c = self.component
-        y = np.linalg.norm(rows, axis=1) if c is None else _column(name, whole, c)
+        every = super().values(name, run)
+        y, t = _column(name, every, self.component), every.times
         k = int(np.argmax(y))
-        if whole.times is None or not 0 < k < len(y) - 1:
+        if t is None or not 0 < k < len(y) - 1:
             return Reading(np.asarray(y[k]))
-        a, b, _ = np.polyfit(
-            whole.times[k - 1 : k + 2] - whole.times[k], y[k - 1 : k + 2] - y[k], 2
-        )
+        near = slice(k - 1, k + 2)
+        a, b, _ = np.polyfit(t[near] - t[k], y[near] - y[k], 2)
         return Reading(np.asarray(y[k] - (b * b / (4 * a) if a < 0 else 0.0)))
 
 
-def _whole(item: str, component: Any) -> int:
-    """The number of a component.
-
-    Raises
-    ------
-    InputError
-        If it is none.
-    """
-    if type(component) is not int or component < 0:
-        raise InputError(item, f"component = {component!r}, expected 0, 1, 2, ...")
-    return component
-
-
-def _column(name: str, whole: Reading, component: int) -> Floats:
-    """A component over time (K,), or (1,) of one value for the whole run."""
+def _column(name: str, whole: Reading, component: int | None) -> Floats:
+    """A component over time (K,), or the length; (1,) of one value for the whole run."""
     rows = np.asarray(whole.values)
     rows = rows.reshape(1 if whole.times is None else len(rows), -1)
+    if component is None:
+        return np.asarray(np.linalg.norm(rows, axis=1))
     if component >= rows.shape[1]:
         text = f"component = {component}, of a sensor that sees {rows.shape[1]} numbers"
         raise InputError(f"quantity {name!r}", text)
     return rows[:, component]
-
-
-class _Sampled(Quantity):
-    """Values of a sensor, over time."""
-
-    def __init__(self, sensor: Sensor) -> None:
-        self.sensor = sensor
-
-    def sensors(self) -> dict[str, Sensor]:
-        return {"": self.sensor}
-
-    def values(self, name: str, run: Run) -> Reading:
-        return run.seen(name, self.sensor)
 
 
 class _TimeOf(Quantity):
@@ -352,11 +328,8 @@ class Asked:
 
     def sensors(self, copies: Replacements | None = None) -> dict[str, Sensor]:
         """Sensors by the names of the quantities, those of a rebuilt scene."""
-        found = {}
-        for name, quantity in self.copied(copies).items():
-            for end, sensor in quantity.sensors().items():
-                found[name + end] = sensor
-        return found
+        copied = self.copied(copies)
+        return {name: each.sensor for name, each in copied.items() if each.sensor is not None}
 
     def copied(self, copies: Replacements | None) -> dict[str, Quantity]:
         """The quantities as they are in a rebuilt scene."""
@@ -378,10 +351,10 @@ class Asked:
 
 
 def _positive(name: str, value: Any) -> float:
-    number = numbers("argument tolerance", name, value)
-    if number.shape != () or not number > 0:
+    number = real("argument tolerance", name, value, "a positive number")
+    if number <= 0:
         raise InputError("argument tolerance", f"{name} = {value!r}, expected a positive number")
-    return float(number)
+    return number
 
 
 def _quantity(name: str, given: Any) -> Quantity:

@@ -463,14 +463,11 @@ class _Search:
 
     def answer(self, reason: str) -> Answer:
         """The best run so far as an answer."""
-        if self.best is None:
-            unknown = dict.fromkeys(self.tolerance, Band(np.inf, np.inf))
-            for last, done in self.runs.items():
-                if done is not None:
-                    self.best = done, unknown, last
-        run = self.best[0] if self.best else None
-        band = self.best[1] if self.best else {}
-        case = self.best[2] if self.best else None
+        best = self.best
+        for last, done in self.runs.items() if best is None else ():
+            if done is not None:
+                best = done, dict.fromkeys(self.tolerance, Band(np.inf, np.inf)), last
+        run, band, case = best or (None, {}, None)
         values = {} if run is None else run.values
         times = [each.times for each in values.values() if each.times is not None]
         history = None if run is None else run.history
@@ -488,7 +485,7 @@ class _Search:
             cost_of_run_s=np.nan if run is None else run.cost_s,
             warnings=[] if history is None else _told(history),
             tolerance=self.tolerance,
-            _of=None if run is None or case is None else (self.scene, run, case),
+            _of=best and (self.scene, best[0], best[2]),
         )
 
 
