@@ -27,7 +27,7 @@ from ..types import (
     switch,
 )
 from . import topology
-from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
+from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline, vector
 from .topology import (
     beam_nodes,
     chain_arrays,
@@ -196,9 +196,7 @@ def moved_arrays(mesh: MeshCurve, rotation: Any, shift: Any) -> dict[str, Any]:
     turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-12):
         raise MeshError("argument rotation", f"{turn.tolist()} is no orthogonal matrix")
-    by = np.asarray(shift, dtype=float)
-    if by.shape != (3,) or not np.isfinite(by).all():
-        raise MeshError("argument shift", f"got {shift}, expected three finite numbers")
+    by = vector(shift, "argument shift")
     return {
         "doflocs": turn @ mesh.p + by[:, None],
         "curves": [CurveMoved(curve, turn, by) for curve in mesh.curves],

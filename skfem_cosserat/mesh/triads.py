@@ -9,7 +9,7 @@ import numpy as np
 
 from ..element import Interpolation
 from ..errors import InputError, MeshError, ModelWarning
-from ..types import SAME, Array, Floats, IndexArray, VectorLike, names_known, numbers
+from ..types import SAME, Array, Floats, IndexArray, VectorLike, names_known, numbers, shaped
 from ..warn import warn
 
 if TYPE_CHECKING:
@@ -111,13 +111,9 @@ def _hints(mesh: MeshCurve, directors: Directors) -> Floats:
         if value is None:
             continue
         item = f"director of beam '{name}'" if name else f"director of beams {list(mesh.beams)}"
-        hint = numbers(item, "direction", value)
-        if hint.shape != (3,):
-            raise InputError(item, f"has shape {hint.shape}, expected three numbers")
-        if not np.isfinite(hint).all():
-            raise InputError(item, f"{hint.tolist()} is not finite")
-        if abs(float(np.linalg.norm(hint)) - 1.0) > 1e-8:
-            size = float(np.linalg.norm(hint))
+        hint = shaped(item, "direction", value, (3,))
+        size = float(np.linalg.norm(hint))
+        if abs(size - 1.0) > 1e-8:
             raise InputError(item, f"{hint.tolist()} has length {size:.9g}, expected a unit vector")
         out[rows] = hint
     return out
