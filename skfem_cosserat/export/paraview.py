@@ -61,14 +61,12 @@ class Cells:
             "types": np.concatenate(kinds),
         }
         self.at_points, self.at_cells = at_points or {}, at_cells or {}
+        #: texts of these three, made for the first file
+        self.encoded: list[bytes] = []
 
 
 class Grid(NamedTuple):
-    """A layer in k states: points ``(k, np, 3)``, cells, data ``(k, np, ...)``, ``(k, nc, ...)``.
-
-    What `cells` has is written to all files as it was encoded for the first one: a layer keeps the
-    object as long as it is valid.
-    """
+    """A layer in k states: points ``(k, np, 3)``, data ``(k, np, ...)`` and ``(k, nc, ...)``."""
 
     points: Floats
     cells: Cells
@@ -317,7 +315,7 @@ class ItemLayer(Layer):
         self._items = [f"{kind}/{item['name']}/" for item in meta[name]]
         self.series = [item + each for item in self._items for each in (places, *shapes)]
         self._known: list[int] = []
-        self._cells: Cells | None = None
+        self._cells: Any = None
 
     def grid(self, states: States, reference: Floats) -> Grid | None:
         """Grid of some states, see `Layer.grid`."""
@@ -327,7 +325,7 @@ class ItemLayer(Layer):
         x = _several(states, items, self._places, (2, 3)[2 - width :])
         if x is None:
             return None
-        if self._cells is None or known != self._known:
+        if known != self._known:
             cells = np.arange(width * len(known)).reshape(-1, width)
             own = {name: values[known] for name, values in self._numbers.items()}
             at = (own, None) if width == 1 else (None, own)
@@ -343,80 +341,58 @@ class ItemLayer(Layer):
 
 _KINDS = {"f": "Float64", "i": "Int64"}
 _ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
-_BLOCK = 32768  # bytes that are compressed at once
 
 
-class _Files:
-    """Texts of the files of a layer; those parts that do not change are made once.
+def _texts(grid: Grid, compress: bool) -> list[bytes]:
+    """Contents of the files of a layer, one a state; by zlib if they are to be compressed."""
+    cells, count = grid.cells, len(grid.points)
+    if not cells.encoded:
+        for fields in (cells.topology, cells.at_points, cells.at_cells):
+            once = _arrays({name: values[None] for name, values in fields.items()}, compress)
+            cells.encoded.append(b"".join(text for texts in once for text in texts))
+    topology, at_points, at_cells = cells.encoded
+    packed = ' compressor="vtkZLibDataCompressor"' if compress else ""
+    head = (
+        f'<VTKFile type="UnstructuredGrid" version="0.1" byte_order="{_ORDER}"{packed}>\n'
+        f'<UnstructuredGrid>\n<Piece NumberOfPoints="{grid.points.shape[1]}"'
+        f' NumberOfCells="{cells.count}">\n<Points>\n'
+    )
+    parts = [
+        [head.encode()],
+        *_arrays({"Points": grid.points}, compress),
+        [b"</Points>\n<Cells>\n"],
+        [topology],
+        [b"</Cells>\n<PointData>\n"],
+        [at_points],
+        *_arrays(grid.at_points, compress),
+        [b"</PointData>\n<CellData>\n"],
+        [at_cells],
+        *_arrays(grid.at_cells, compress),
+        [b"</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"],
+    ]
+    return [b"".join(part[min(k, len(part) - 1)] for part in parts) for k in range(count)]
 
-    Parameters
-    ----------
-    compress : bool
-        By zlib.
-    """
 
-    def __init__(self, compress: bool) -> None:
-        self._compress = compress
-        attribute = ' compressor="vtkZLibDataCompressor"' if compress else ""
-        self._head = (
-            f'<VTKFile type="UnstructuredGrid" version="0.1" byte_order="{_ORDER}"{attribute}>\n'
-            "<UnstructuredGrid>\n"
-        )
-        self._cells: Cells | None = None
-        self._constant = self._at_points = self._at_cells = b""
-
-    def texts(self, grid: Grid) -> list[bytes]:
-        """Contents of the files, one a state."""
-        cells = grid.cells
-        if cells is not self._cells:
-            self._cells = cells
-            topology, self._at_points, self._at_cells = (
-                b"".join(self._constants(fields))
-                for fields in (cells.topology, cells.at_points, cells.at_cells)
-            )
-            self._constant = b"</Points>\n<Cells>\n" + topology + b"</Cells>\n<PointData>\n"
-        size = f'<Piece NumberOfPoints="{grid.points.shape[1]}" NumberOfCells="{cells.count}">\n'
-        head = f"{self._head}{size}<Points>\n".encode()
-        middle = self._at_points + b"</PointData>\n<CellData>\n"
-        tail = self._at_cells + b"</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
-        count = len(grid.points)
-        parts = [[head] * count]
-        parts += self._changing({"Points": grid.points})
-        parts.append([self._constant] * count)
-        parts += self._changing(grid.at_points)
-        parts.append([middle] * count)
-        parts += self._changing(grid.at_cells)
-        parts.append([tail] * count)
-        return [b"".join(pieces) for pieces in zip(*parts, strict=True)]
-
-    def _constants(self, fields: Fields) -> list[bytes]:
-        stacked = {name: np.asarray(values)[None] for name, values in fields.items()}
-        return [text for texts in self._changing(stacked) for text in texts]
-
-    def _changing(self, fields: Fields) -> list[list[bytes]]:
-        """Elements of data arrays ``(k, n, ...)``: for each field its text in all states."""
-        return [self._elements(name, values) for name, values in fields.items()]
-
-    def _elements(self, name: str, values: Array) -> list[bytes]:
+def _arrays(fields: Fields, compress: bool) -> list[list[bytes]]:
+    """Elements of data arrays ``(k, n, ...)``: for each field its text in all states."""
+    found = []
+    for name, values in fields.items():
         kind = _KINDS[values.dtype.kind]
         size = f' NumberOfComponents="{values.shape[2]}"' if values.ndim == 3 else ""
         head = f'<DataArray type="{kind}" Name="{name}"{size} format="binary">\n'.encode()
         data = np.ascontiguousarray(values, dtype=kind.lower())
-        encode = self._compressed if self._compress else self._plain
-        return [b"".join((head, encode(one.tobytes()), b"\n</DataArray>\n")) for one in data]
+        texts = (_encoded(one.tobytes(), compress) for one in data)
+        found.append([b"".join((head, text, b"\n</DataArray>\n")) for text in texts])
+    return found
 
-    @staticmethod
-    def _plain(data: bytes) -> bytes:
-        length = len(data).to_bytes(4, sys.byteorder)
-        return b2a_base64(length + data, newline=False)
 
-    @staticmethod
-    def _compressed(data: bytes) -> bytes:
-        blocks = [zlib.compress(data[k : k + _BLOCK]) for k in range(0, len(data), _BLOCK)]
-        last = len(data) - (len(blocks) - 1) * _BLOCK
-        numbers = [len(blocks), _BLOCK, last, *map(len, blocks)]
-        header = np.array(numbers, dtype=np.uint32).tobytes()
-        return b2a_base64(header, newline=False) + b2a_base64(b"".join(blocks), newline=False)
+def _encoded(data: bytes, compress: bool) -> bytes:
+    """Behind its length; compressed in one block, the last of whose numbers is that of bytes."""
+    if not compress:
+        return b2a_base64(len(data).to_bytes(4, sys.byteorder) + data, newline=False)
+    packed = zlib.compress(data)
+    header = np.array([1, len(data), 0, len(packed)], dtype=np.uint32).tobytes()
+    return b2a_base64(header, newline=False) + b2a_base64(packed, newline=False)
 
 
 # -- paraView series: an index (``.pvd``) for each layer and one file (``.vtu``) for each frame ----
@@ -441,9 +417,12 @@ class _Index:
         self._end = len(_HEAD)
         path.write_bytes(_HEAD + _TAIL)
 
-    def add(self, time: float, name: str) -> None:
-        """Append a frame; ``name`` is relative to the index."""
-        line = f'    <DataSet timestep="{float(time)!r}" part="0" file="{name}"/>\n'.encode()
+    def add(self, times: Sequence[float], names: Sequence[str]) -> None:
+        """Append frames; names are relative to the index."""
+        line = "".join(
+            f'    <DataSet timestep="{float(time)!r}" part="0" file="{name}"/>\n'
+            for time, name in zip(times, names, strict=False)
+        ).encode()
         with self.path.open("r+b", buffering=0) as handle:
             try:
                 _write_at(handle, self._end, line + _TAIL)
@@ -559,7 +538,7 @@ class ParaViewWriter:
         read = ["q", *(name for layer in self._layers for name in layer.series)]
         self._names = list(dict.fromkeys(read))
         prepare_folder(self.folder)
-        self._indices, self._files = [], []
+        self._indices, self._compress = [], compress
         self._frame = 0
         names = json.dumps(_names(meta), indent=1)
         with writing(self.folder, "folder"):
@@ -568,7 +547,6 @@ class ParaViewWriter:
                 for frame in (self.folder / layer.name).glob("[0-9]" * 6 + ".vtu"):
                     frame.unlink()  # of a longer earlier export: the index would not name it
                 self._indices.append(_Index(self.folder / f"{layer.name}.pvd"))
-                self._files.append(_Files(compress))
             (self.folder / "names.json").write_text(names, encoding="utf-8")
 
     @property
@@ -633,26 +611,27 @@ class ParaViewWriter:
         if self._reference is None:
             self._reference = np.array(states["q"][0], dtype=float)
         reference = self._reference
+        written: list[list[Path]] = [[] for _ in times]
         grids = [layer.grid(states, reference) for layer in self._layers]
-        texts = []
-        for index, files, grid in zip(self._indices, self._files, grids, strict=True):
-            texts.append([] if grid is None else files.texts(grid))
-            if grid is None and not self._frame:
-                text = "nothing is recorded for this layer"
-                warn(f"layer {str(index.path)!r}", text, IncompleteWarning)
-        written: list[list[Path]] = []
-        for k, time in enumerate(times):
-            written.append([])
-            for layer, index, frames in zip(self._layers, self._indices, texts, strict=True):
-                if frames:
-                    name = f"{layer.name}/{self._frame:06d}.vtu"
+        for layer, index, grid in zip(self._layers, self._indices, grids, strict=True):
+            if grid is None:
+                if not self._frame:
+                    reason = "nothing is recorded for this layer"
+                    warn(f"layer {str(index.path)!r}", reason, IncompleteWarning)
+                continue
+            names: list[str] = []
+            try:
+                for k, text in enumerate(_texts(grid, self._compress)):
+                    name = f"{layer.name}/{self._frame + k:06d}.vtu"
                     path = self.folder / name
                     with writing(path):
-                        path.write_bytes(frames[k])
-                    with writing(index.path):
-                        index.add(time, name)
-                    written[-1].append(path)
-            self._frame += 1
+                        path.write_bytes(text)
+                    names.append(name)
+                    written[k].append(path)
+            finally:  # also of those before one that found no room
+                with writing(index.path):
+                    index.add(times, names)
+        self._frame += len(times)
         return written
 
 
@@ -768,17 +747,8 @@ def write_paraview(
     ['bodies.pvd']
     """
     chosen = _selection(history.times, every, fps)
-    reference = history.static.get("reference")
-    if reference is None and len(history):
-        reference = history["q"][0]
-    writer = ParaViewWriter(
-        folder,
-        history.meta,
-        history.static,
-        reference=reference,
-        surfaces=surfaces,
-        compress=compress,
-    )
+    data = history.meta, history.static
+    writer = ParaViewWriter(folder, *data, surfaces=surfaces, compress=compress)
     writer.write_states(history, chosen)
     logger.info("%d frames written to %s", len(chosen), folder)
     return writer.indices
