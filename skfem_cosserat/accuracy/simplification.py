@@ -24,8 +24,7 @@ from ..theory import Theory, TheoryInextensible, TheoryKirchhoff, TheoryRigid
 from ..time_function import Constant
 from ..types import Floats
 from ..warn import Notices
-from .asked import Run
-from .case import Case, Scene
+from .scene import Case, Run, Scene
 from .table import ResultTable, provenance
 
 #: energy that may be left out, as a part of what it is compared with, for a trial to be worth it

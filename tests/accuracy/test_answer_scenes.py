@@ -12,9 +12,8 @@ import pytest
 from answer_scenes import KINDS, drawn
 
 import skfem_cosserat as sc
-from skfem_cosserat.accuracy.asked import Asked
-from skfem_cosserat.accuracy.case import Case, Scene
 from skfem_cosserat.accuracy.reading import Reading
+from skfem_cosserat.accuracy.scene import Asked, Case, Scene
 
 SEEDS = (1, 2)
 
