@@ -227,13 +227,15 @@ class CompiledScene:
         """Addresses of the parts and structures for the kernels; arrays by name."""
         system, viscous = self.system, not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
-        with kept.BINDING, bind.compiling(system, parts, self._source):
+        with kept.BINDING:
             s, self._tree = bind.bound_tree(self.coordinates, self.plan)
             m, planned = bind.bound_plan(self.coordinates, self.plan)
             separate = separate_parts(system) if self.scheme.relative else None
             w, self._arrays = bind.bound_work(self.coordinates, self.plan, self.late, separate)
             g, self._beams = bind.bound_groups(system, self.plan, viscous, self._source)
-            table = bind.addresses(parts, (s, m, w, g), self._source)
+            own = parts, (s, m, w, g), self._source
+            with bind.compiling(self.coordinates, self._arrays, *own):
+                table = bind.addresses(*own)
         if len(self.plan.rest):
             A, x = self._arrays["A"], self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
