@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from itertools import chain
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,8 +20,7 @@ from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..theory import LawHeld
 from ..types import Floats, IndexArray
-from . import structures
-from .kept import VECTOR, Source, address, cold
+from .kept import VECTOR, Key, Source, address, cold, helped
 from .numbers import (
     BEAM_PARTS,
     COMPLEX_ENERGY,
@@ -32,10 +32,11 @@ from .numbers import (
     LOGGED,
     NEXT_LOADS,
     NUMBERS,
+    RECORD,
     TREE_PARTS,
 )
 from .plan import Plan, RowBlock, following, places_of
-from .structures import Groups, flags, integers
+from .structures import STEPS, Groups, flags, integers, structure
 from .tables import (
     ABSOLUTE,
     ANGLE,
@@ -68,7 +69,6 @@ from .tables import (
     SUMS,
     TURNED,
 )
-from .warm import helped
 
 # -- from force elements to the arrays of the compiled kernels -------------------------------------
 
@@ -192,17 +192,35 @@ def parts_of(
     return [name for name in (*TREE_PARTS, *BEAM_PARTS) if name not in unused]
 
 
-def compiling(
-    system: System, names: Sequence[str], source: Source = Source.COMPILER
-) -> AbstractContextManager[None]:
-    """While these parts and the structures they take are compiled, with help on an empty cache.
+def keys_of(names: Sequence[str], structures: Sequence[Any]) -> dict[str, list[Key]]:
+    """Kernels of these parts, of beams one for each group; by the kinds of their structures."""
+    *kinds, beams = *(each.kind for each in structures[:3]), structures[3]
+    of_beams = [(g.kind, kinds[2], VECTOR, int) for g in beams.members]
+    return {
+        name: [("tree", name, own) for own in of_beams]
+        if name in BEAM_PARTS
+        else [("tree", name, (*kinds, VECTOR, int))]
+        for name in names
+    }
 
-    `source`: see :func:`.kept.address`.
+
+def compiling(
+    coordinates: Coordinates,
+    arrays: dict[str, Any],
+    names: Sequence[str],
+    structures: Sequence[Any],
+    source: Source = Source.COMPILER,
+) -> AbstractContextManager[None]:
+    """While these parts are compiled, with help on an empty cache; the loop over a step, too.
+
+    `arrays` are those of :func:`bound_work`, the others see :func:`addresses`.
     """
-    orders = sorted({group.vertices.shape[1] - 1 for group in system.beam_groups}) or [1]
-    if source == Source.COMPILER and cold("tree", names[0]):
-        return helped(orders, names)
-    return nullcontext()
+    if source < Source.COMPILER or not cold("tree", names[0]):
+        return nullcontext()
+    ends = np.zeros(len(NUMBERS)), np.zeros(len(RECORD)), bound_carried(coordinates, arrays)[0]
+    given = dict(zip(STEPS, (integers([]), *structures, *ends), strict=True))
+    loop = "step", "solve", (structure("steps", given).kind, int)
+    return helped([loop, *reversed([*chain(*keys_of(names, structures).values())])])
 
 
 def addresses(
@@ -219,17 +237,10 @@ def addresses(
     source : Source
         See :func:`.kept.address`.
     """
-    *kinds, beams = *(each.kind for each in structures[:3]), structures[3]
     found: dict[str, int] = {}
-    for name in names:
-        if name in BEAM_PARTS:
-            own = [
-                address("tree", name, (g.kind, kinds[2], VECTOR, int), source)
-                for g in beams.members
-            ]
-            found[name] = beams.place(name, own)
-        else:
-            found[name] = address("tree", name, (*kinds, VECTOR, int), source)
+    for name, keys in keys_of(names, structures).items():
+        own = [address(*key, source) for key in keys]
+        found[name] = structures[3].place(name, own) if name in BEAM_PARTS else own[0]
     # the last ones are those of Python code, if some is called back
     each = [found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)]
     return np.array([*each, *[0] * (1 + NEXT_LOADS - len(each))])
@@ -307,7 +318,7 @@ def bound_beams(
         "S": S.copy(),
         "predicted": S.copy(),
     }
-    return structures.structure("beams", fields), fields
+    return structure("beams", fields), fields
 
 
 def _kinds(each: Floats) -> tuple[Floats, IndexArray]:
@@ -360,10 +371,10 @@ def bound_by_law(
     moduli = np.repeat(group.elements.stiffness[:, None], ng, axis=1)
     fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
     own = _law_points(group, fields)
-    fields["points"] = structures.structure("law_points", own)
+    fields["points"] = structure("law_points", own)
     kinds = fields["points"].kind, VECTOR, int
     fields["law"] = integers([address("laws", "law_points", kinds, source)])
-    return structures.structure("beams_by_law", fields), fields | {"law_points": own}
+    return structure("beams_by_law", fields), fields | {"law_points": own}
 
 
 def _functions(law: Law) -> list[int]:
@@ -435,7 +446,7 @@ def bound_plan(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
         # how many are eliminated in blocks, and what solves for the rest (0: none)
         "rest": integers([plan.blocks, 0]),
     }
-    return structures.structure("plan", fields), fields
+    return structure("plan", fields), fields
 
 
 def bound_tree(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any]]:
@@ -462,7 +473,7 @@ def bound_tree(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
         "hold": np.zeros(3),
         "held_by": np.zeros(1),
     }
-    return structures.structure("tree", fields), fields
+    return structure("tree", fields), fields
 
 
 def _mass(system: System) -> dict[str, Any]:
@@ -642,7 +653,7 @@ def bound_work(
     if not late:
         arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]
     flow, own = bound_flow(plan, separate)
-    work = structures.structure("work", arrays | {"flow": flow})
+    work = structure("work", arrays | {"flow": flow})
     return work, arrays | {"flow": SimpleNamespace(structure=flow, **own)}
 
 
@@ -691,7 +702,7 @@ def bound_flow(plan: Plan, separate: SeparateParts | None) -> tuple[Any, dict[st
         "begin": integers([0 if free.any() else SHIFTS]),
         **{name: np.zeros(shape) for name, shape in shapes.items()},
     }
-    return structures.structure("flow", fields), fields
+    return structure("flow", fields), fields
 
 
 def bound_carried(
@@ -725,7 +736,7 @@ def bound_carried(
     rows = system.rows
     count, before, moved = rates
     none = np.zeros((0, 3))
-    function, structure, *near = (0, 0, none, none, none) if nearest is None else nearest
+    function, taken, *near = (0, 0, none, none, none) if nearest is None else nearest
     fields = {
         **{name: arrays[name] for name in ("y0", "y1", "p0", "carried")},
         "drift": arrays["drift"],
@@ -737,7 +748,7 @@ def bound_carried(
         "before": np.zeros(before),
         "moved": np.zeros(moved),
         "scratch": np.zeros((rows, 3)),
-        "nearest": integers([function, structure]),
+        "nearest": integers([function, taken]),
         **dict(zip(("near_y", "near_p", "velocity"), near, strict=True)),
         "change": np.zeros((rows, 3)),
         "flow": arrays["flow"].structure,
@@ -754,7 +765,7 @@ def bound_carried(
         "log_numbers": np.empty((most, len(LOGGED))),
         "viscous": np.zeros((0, len(NUMBERS))) if viscous is None else viscous,
     }
-    return structures.structure("carried", fields), fields
+    return structure("carried", fields), fields
 
 
 def _vectors(values: Sequence[Any]) -> Floats:

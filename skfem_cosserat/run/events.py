@@ -14,7 +14,7 @@ from ..frozen import Attached
 from ..history import History
 from ..integrators import Block, Integrator, State, Stepper
 from ..integrators.choice import motion_by_kernels
-from ..integrators.compiled_scene import CompiledMotion, Motion
+from ..integrators.compiled_step import CompiledMotion, Motion
 from ..model import System, takes_scene
 from ..types import Floats, IndexArray, positive, switch
 from ..warn import logger

@@ -21,7 +21,7 @@ from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
 from ..integrators import State
-from ..integrators.compiled_scene import Motion
+from ..integrators.compiled_step import Motion
 from ..joint import Joint
 from ..model import Model, System, system_of
 from ..model.scene import joint_of

@@ -8,7 +8,7 @@ import pytest
 
 import skfem_cosserat as sc
 from skfem_cosserat import InterpolationEquidistant, diagnostics
-from skfem_cosserat.integrators.explicit_nodes import LimitWatch
+from skfem_cosserat.integrators.explicit import LimitWatch
 
 RUBBER = sc.SectionCircle(0.02, sc.Material(5e6, 0.5, 1100))
 FLAT = sc.SectionRectangle(0.06, 0.02, sc.Material(5e6, 0.4, 1100))
