@@ -15,6 +15,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import Diverged, InputError, JobError
+from ..export.table import Report, ResultTable, provenance
 from ..history import History
 from ..types import FilePath, names_known, positive
 from ..warn import told
@@ -35,7 +36,6 @@ from .run import (
     time_limit,
     told_of,
 )
-from .table import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
