@@ -6,6 +6,7 @@ executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`
 """
 
 from ..export import write_rows
+from ..export.table import ResultTable, provenance
 from .orders import Convergence, convergence
 from .precision import Front, Level, PrecisionTable, Setup, Standing, setup_grid, work_precision
 from .reading import (
@@ -22,7 +23,6 @@ from .refinement import Refinement, refine
 from .run import Executor, Job, Outcome, Processes, TimedOut, TimeLimit, run_all
 from .scene import Component, Maximum
 from .stability import FULL_PROTOCOL, JudgeEnergy, Map, Verdict, stability_map
-from .table import ResultTable, provenance
 from .tolerance import Answer, Band, answer
 
 __all__ = [

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import Diverged, InputError, JobError
+from ..export.table import Report, ResultTable, provenance
 from ..history import History
 from ..types import FilePath, names_known, positive
 from ..warn import told
@@ -35,7 +36,6 @@ from .run import (
     time_limit,
     told_of,
 )
-from .table import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -814,14 +814,12 @@ class _PrecisionStudy:
         """Setups that cannot be compared with the reference have failed, and disturb no others."""
         labels = [setup.label for setup in self.setups if setup.label in self.samples]
         for label in labels:
-            sample, comparing = self.samples[label], Caught()
+            comparing = Caught()
             with comparing:
-                if self.truth.runs:
-                    pair = {each: self.samples[each] for each in (*self.truth.runs, label)}
-                    aligned(name, pair, self.wanted.over)
-                elif self.wanted.over is None:
-                    value = sample[name].values if name in sample else np.empty(0)
-                    self.truth.of(name, value.shape, None, [], euclidean)
+                pair = {each: self.samples[each] for each in (*self.truth.runs, label)}
+                values, instants = aligned(name, pair, self.wanted.over)
+                if instants is None and not self.truth.runs:
+                    self.truth.of(name, values[label].shape, None, [], euclidean)
             if comparing.error is not None:
                 self.failed[label] = "error", in_words(comparing.error)
                 del self.samples[label]

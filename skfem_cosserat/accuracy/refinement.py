@@ -15,7 +15,7 @@ import skfem
 from ..arguments import checked
 from ..errors import InputError
 from ..export import write_paraview
-from ..export.table import WIDE, column_names
+from ..export.table import WIDE, Report, ResultTable, column_names, provenance
 from ..history import History
 from ..types import Array, FilePath, Floats, check_kind, positive, switch, whole
 from ..warn import counted, told
@@ -44,7 +44,6 @@ from .run import (
     text,
     title_of,
 )
-from .table import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,6 +16,7 @@ from ..beam import Beam
 from ..constraints import NullSpace
 from ..diagnostics import section_strains
 from ..errors import CosseratError
+from ..export.table import ResultTable, provenance
 from ..kernels import beam_stress
 from ..load import Load
 from ..model import Model, Planar, planarity
@@ -25,7 +26,6 @@ from ..time_function import Constant
 from ..types import Floats
 from ..warn import Notices
 from .scene import Case, Run, Scene
-from .table import ResultTable, provenance
 
 #: energy that may be left out, as a part of what it is compared with, for a trial to be worth it
 SLIGHT = 0.01

@@ -14,6 +14,7 @@ import numpy as np
 from ..arguments import checked
 from ..diagnostics.resolution import ALTERNATES, MOST_OFF
 from ..errors import Diverged, InputError, JobError
+from ..export.table import Report, ResultTable, provenance
 from ..history import History
 from ..model.limits import FAR_TURN
 from ..newton import NewtonSettings
@@ -36,7 +37,6 @@ from .run import (
     time_limit,
     title_of,
 )
-from .table import Report, ResultTable, provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
