@@ -526,12 +526,7 @@ def branches(system: System, y: Floats, selected: Selected) -> list[Selected]:
     def bend(v: Floats) -> float:
         return (value(v) + value(-v) - 2 * value(0 * v)) / step**2
 
-    count = component.free + 1
-    form = np.diag([bend(n) for n in N.T])
-    for i in range(count):
-        for j in range(i):
-            both = bend(N[:, i] + N[:, j]) - form[i, i] - form[j, j]
-            form[i, j] = form[j, i] = 0.5 * both
+    form = 0.25 * np.array([[bend(a + b) - bend(a - b) for a in N.T] for b in N.T])
     values, vectors = np.linalg.eigh(form)
     if not values[0] < 0 < values[-1]:
         return []
