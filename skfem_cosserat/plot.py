@@ -465,7 +465,8 @@ def render(
     plotter.camera_position = camera
     if isinstance(camera, str):
         plotter.enable_parallel_projection()
-        plotter.renderer.ResetCameraScreenSpace(0.82)  # room for the scale of colours below
+        plotter.renderer.ResetCameraScreenSpace(0.72)
+        plotter.camera.SetWindowCenter(0.0, -0.18)  # room for the scale of colours below
     plotter.screenshot(str(path))
     plotter.close()
     return Path(path)
