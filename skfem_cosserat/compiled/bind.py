@@ -81,7 +81,7 @@ COUPLING_KINDS = {
 
 
 def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
-    """Force elements; see :mod:`.couplings`."""
+    """Force elements; see :mod:`.forces`."""
     items = system.couplings.items
     places = np.zeros((len(items), ROW + ROWS), dtype=np.int64)
     laws = np.zeros((len(items), 3, MOST_XI, MOST_XI))
@@ -449,7 +449,9 @@ def bound_plan(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
     return structure("plan", fields), fields
 
 
-def bound_tree(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any]]:
+def bound_tree(
+    coordinates: Coordinates, plan: Plan, held: bool = False
+) -> tuple[Any, dict[str, Any]]:
     """Vertices, edges and coordinates; the structure, and its arrays by name."""
     system = coordinates.system
     kin, tree = coordinates.kinematics, coordinates.tree
@@ -465,7 +467,7 @@ def bound_tree(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
         **_mass(system),
         **_edges(coordinates),
         **_coordinates(coordinates),
-        **bound_rows(coordinates, plan),
+        **bound_rows(coordinates, plan, held),
         **bound_nodal_masses(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
@@ -775,8 +777,11 @@ def _vectors(values: Sequence[Any]) -> Floats:
 # -- constraint rows with multipliers --------------------------------------------------------------
 
 
-def bound_rows(coordinates: Coordinates, plan: Plan) -> dict[str, Any]:
-    """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
+def bound_rows(coordinates: Coordinates, plan: Plan, held: bool = False) -> dict[str, Any]:
+    """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`.
+
+    `held`: the part `hold` is called, all rows have weights.
+    """
     system = coordinates.system
     count = len(system.origin_rows)
     vertex, component = places_of(system)
@@ -795,16 +800,6 @@ def bound_rows(coordinates: Coordinates, plan: Plan) -> dict[str, Any]:
     k, a, n = each[of_vectors], linear[of_vectors], n[of_vectors]
     e, v = block[k], vertex[a]
     vectors = [e, place[k], a, n, v, component[a], plan.slots(e, v), plan.slots(v, e)]
-    inner = [[v for v in each.vertices if v < count] for each in plan.rows]
-    u, e, v = (
-        np.array(
-            [(u, k, v) for k, own in enumerate(inner, count) for u in own for v in own],
-            dtype=np.int64,
-        )
-        .reshape(-1, 3)
-        .T
-    )
-    pairs = np.stack([plan.slots(u, e), plan.slots(e, v), plan.slots(u, v)], axis=-1)
     turned = np.zeros((len(cosines.row), 16), dtype=np.int64)
     turned[:, [BLOCK, LEFT, RIGHT]] = np.column_stack(cosines[:3])
     turned[:, [DRIVE, COMPONENT]] = np.column_stack(cosines[4:6])
@@ -813,8 +808,7 @@ def bound_rows(coordinates: Coordinates, plan: Plan) -> dict[str, Any]:
         "row_factors": terms.factor[own],
         "row_linear": np.stack(vectors, axis=-1),
         "row_linear_factors": np.repeat(terms.linear_factor, 3)[of_vectors],
-        **_of_blocks(coordinates, plan, numbers, terms.constant),
-        "row_pairs": pairs,
+        **_of_blocks(coordinates, plan, numbers, terms.constant, held),
         "cosines": turned,
         "cosine_factors": np.array(cosines.factor, dtype=float),
         "cosine_constant": np.array(cosines.constant, dtype=float),
@@ -839,7 +833,7 @@ def _numbered(
 
 
 def _of_blocks(
-    coordinates: Coordinates, plan: Plan, numbers: IndexArray, constant: Floats
+    coordinates: Coordinates, plan: Plan, numbers: IndexArray, constant: Floats, held: bool
 ) -> dict[str, Any]:
     """Constants, sizes and weights of constraint rows by block; the frame a block turns with."""
     system = coordinates.system
@@ -848,7 +842,8 @@ def _of_blocks(
     first = [[v for v in (*b.waits, *b.vertices) if v in b.vertices] for b in plan.rows]
     count = len(system.origin_rows)
     framed = [[v for v in own if v < count and system.is_frame[v]] for own in first]
-    weight, weighted = _weights(system, numbers, plan.rows), []
+    weight = np.ones(numbers.shape) if held else _weights(system, numbers, plan.rows)
+    weighted = []
     for k in np.flatnonzero(weight.any(1)).tolist():
         own = [v for v in plan.rows[k].vertices if v < count]
         weighted += [(k, u, v) for u in own for v in own]

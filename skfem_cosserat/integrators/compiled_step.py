@@ -264,7 +264,7 @@ class CompiledScene:
         system, viscous = self.system, not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
         with kept.BINDING:
-            s, self._tree = bind.bound_tree(self.coordinates, self.plan)
+            s, self._tree = bind.bound_tree(self.coordinates, self.plan, "hold" in parts)
             m, planned = bind.bound_plan(self.coordinates, self.plan)
             separate = separate_parts(system) if self.scheme.relative else None
             w, self._arrays = bind.bound_work(self.coordinates, self.plan, self.late, separate)
