@@ -738,7 +738,7 @@ def refused_scene(kind):
         pin = model.add(
             "pin", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
         )
-        model.add("motor", sc.JointDrive(pin, lambda t: t))
+        model.add("motor", sc.JointDrive(pin, lambda t: t**2))
     elif kind == "moving":
         moving = sc.ground((0, 0, 0), motion=sc.MotionTurn((0, 0, 1), lambda t: t))
         model.add("weld", sc.JointSpherical(moving, body.at((0, 0, 0))))
