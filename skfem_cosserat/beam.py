@@ -17,6 +17,7 @@ from .frames import LineItem, Place, Vertices, vector
 from .frozen import lock_arrays, loosened, seal
 from .kernels import (
     BeamElements,
+    SectionPoints,
     beam_force,
     beam_moduli,
     beam_strain,
@@ -25,13 +26,16 @@ from .kernels import (
 )
 from .mesh import MeshCurve
 from .mesh.divide import places_in
-from .mesh.topology import places_along
+from .mesh.topology import arc_starts, find_chains, places_along
 from .mesh.triads import check_bends
 from .section import Section
-from .theory import LawHeld, Theory, TheoryReissner, released
+from .section_field import SectionAlong, SectionField, section_points
+from .theory import Theory, TheoryReissner
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, shaped, switch
 from .warn import Notices, warn
 
+#: what gives a beam, or a named part, its sections
+SectionLike = Section | SectionField | Callable[[float], Section]
 NodalField = Callable[[Floats], ArrayLike] | ArrayLike | None
 
 
@@ -46,10 +50,12 @@ class Beam(LineItem):
     ----------
     mesh : MeshCurve
         Lines in space with named parts and nodes.
-    section : Section or dict of str to Section
-        One for all, or one for each named part; every element must get exactly one.
+    section : Section, SectionField, callable, or dict of str to such
+        One for all, or one for each named part; every element must get exactly one. Sections that
+        vary along the line are a :class:`SectionTaper`, a :class:`SectionTable` or a function of
+        the arc length (m) from the start of the part that gives a :class:`Section`.
     order : int or Interpolation
-        Polynomial order of the elements, 1 to 4, on Gauss-Lobatto nodes with `order` Gauss
+        Polynomial order of the elements, 1 to 8, on Gauss-Lobatto nodes with `order` Gauss
         points. For comparison, other nodes or Gauss points: ``InterpolationEquidistant(3)``,
         ``InterpolationLobatto(2, points=3)``.
     director : (3,) array or dict of str to (3,) array, optional
@@ -90,7 +96,7 @@ class Beam(LineItem):
     def __init__(
         self,
         mesh: MeshCurve,
-        section: Section | Mapping[str, Section],
+        section: SectionLike | Mapping[str, SectionLike],
         *,
         order: int | Interpolation = 1,
         director: VectorLike | Mapping[str, VectorLike] | None = None,
@@ -135,9 +141,13 @@ class Beam(LineItem):
         self._lock()
 
     @property
-    def sections(self) -> Mapping[str, Section]:
-        """Sections by the names of parts; "section" if there is one for all."""
+    def sections(self) -> Mapping[str, Section | SectionField]:
+        """Sections, or fields of them, by the names of parts; "section" if there is one for all."""
         return MappingProxyType(self._sections)
+
+    @property
+    def _one_section(self) -> bool:
+        return list(self.sections) == ["section"]
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from (("elements", self.mesh.nelements), ("order", self.basis.order))
@@ -151,21 +161,19 @@ class Beam(LineItem):
         self._lock()
 
     def _assign(
-        self, section: Section | Mapping[str, Section]
-    ) -> tuple[dict[str, Section], IndexArray]:
-        ne = self.mesh.t.shape[1]
-        if isinstance(section, Section):
-            return {"section": section}, np.zeros(ne, dtype=np.int64)
-        if not isinstance(section, Mapping) or not section:
-            raise InputError(self.label, f"section = {section!r}, expected Section or dict of them")
+        self, section: SectionLike | Mapping[str, SectionLike]
+    ) -> tuple[dict[str, Section | SectionField], IndexArray]:
+        ne = self.mesh.nelements
         number = np.full(ne, -1, dtype=np.int64)
-        for k, (name, one) in enumerate(section.items()):
-            if not isinstance(one, Section):
-                raise InputError(self.label, f"section of part {name!r} is {one!r}, not a Section")
+        if isinstance(section, Mapping) and section:
+            given = {name: self._section(f"of part {name!r} is ", x) for name, x in section.items()}
+        else:
+            given, number[:] = {"section": self._section("= ", section)}, 0
+        for k, name in enumerate(given if isinstance(section, Mapping) else ()):
             ids = self.mesh.elements_of(name)
             taken = ids[number[ids] >= 0]
             if len(taken):
-                other = list(section)[number[taken[0]]]
+                other = list(given)[number[taken[0]]]
                 raise InputError(
                     self.label, f"element {taken[0]} gets two sections, of {other!r} and {name!r}"
                 )
@@ -175,14 +183,65 @@ class Beam(LineItem):
             raise InputError(
                 self.label,
                 f"{len(missing)} of {ne} elements have no section (first: element {missing[0]});"
-                f" sections are given for the parts {sorted(section)}",
+                f" sections are given for the parts {sorted(given)}",
             )
-        return dict(section), number
+        return given, number
+
+    def _section(self, text: str, given: Any) -> Section | SectionField:
+        if isinstance(given, Section | SectionField):
+            return given
+        if not callable(given):
+            expected = "expected Section, SectionField, function of arc length or dict of them"
+            raise InputError(self.label, f"section {text}{given!r}, {expected}")
+        return SectionAlong(given)
+
+    def _part_lengths(self) -> Floats:
+        """Arc length (2, ne) from the start of its part to each element, and of the whole part."""
+        out = np.zeros((2, self.mesh.nelements))
+        for k in range(len(self.sections)):
+            ids = np.flatnonzero(self.section_id == k)
+            owners = self.mesh.owners[ids] if self._one_section else 0 * ids
+            chains = find_chains(self.mesh.t[:, ids], owners, list(self.mesh.beams) or [""])
+            lengths = self.mesh.lengths[ids]
+            out[0, ids] = arc_starts(chains, lengths)
+            for chain in chains.chains():
+                out[1, ids[chain.elements]] = lengths[chain.elements].sum()
+        return out
+
+    def sections_at(self, elements: IndexArray, xi: Floats) -> Array:
+        """Sections at places of elements, an array (m, k) of objects.
+
+        Parameters
+        ----------
+        elements : (m,) int array
+        xi : (k,) or (m, k) array
+            Reference coordinates in [0, 1].
+        """
+        at = np.broadcast_to(xi, (len(elements), np.shape(xi)[-1]))
+        out = np.empty(at.shape, dtype=object)
+        start, total = self._part_lengths()[:, elements]
+        s = start[:, None] + self.mesh.lengths[elements, None] * at
+        for k, given in enumerate(self.sections.values()):
+            own = self.section_id[elements] == k
+            if isinstance(given, Section):
+                out[own] = given
+                continue
+            for e in np.flatnonzero(own):
+                out[e] = [given.at(float(x), float(total[e])) for x in s[e]]
+        return out
+
+    def section_points(self, elements: IndexArray, xi: Floats) -> SectionPoints:
+        """What sections resist with at places of elements, as for :meth:`sections_at`."""
+        return section_points(self.sections_at(elements, xi), self.theory.held)
 
     def _check_thickness(self) -> None:
         """Say that a section is thicker than the whole beam is long."""
         length = float(self.basis.lengths.sum())
-        for name, one in self.sections.items():
+        middle = self.sections_at(np.arange(self.mesh.nelements), np.array([0.5]))[:, 0]
+        names = list(self.sections)
+        seen = zip(middle, self.section_id, strict=True)
+        for one, k in {id(each): (each, k) for each, k in seen}.values():
+            name = names[k]
             thickness = 0.0 if one.outline is None else float(np.ptp(one.outline, axis=0).max())
             if thickness > length:
                 warn(
@@ -202,27 +261,13 @@ class Beam(LineItem):
 
     def _elements(self) -> BeamElements:
         basis = self.basis
-        stiffness = np.array([s.stiffness for s in self.sections.values()])[self.section_id]
-        viscosity = np.array([s.viscosity for s in self.sections.values()])[self.section_id]
-        general = [k for k, s in enumerate(self.sections.values()) if not s.quadratic]
-        law_of = np.full(len(self.sections), -1)
-        law_of[general] = np.arange(len(general))
-        laws = tuple(list(self.sections.values())[k].law for k in general)
-        held = self.theory.held
-        if held:  # what they resist with are constraint forces
-            stiffness, viscosity = released(stiffness, held), released(viscosity, held)
-            laws = tuple(LawHeld(law, held) for law in laws)
-        rotations = self.rotations
-        same = bool((rotations == np.eye(3)).all())
+        same = bool((self.rotations == np.eye(3)).all())
         return BeamElements.create(
             self.gather(self.reference),
             basis.lengths,
             basis.tabulated,
-            stiffness,
-            None if same else rotations,
-            viscosity if viscosity.any() else None,
-            laws,
-            law_of[self.section_id] if laws else None,
+            self.section_points(np.arange(self.mesh.nelements), basis.tabulated.points),
+            None if same else self.rotations,
         )
 
     def __getstate__(self) -> dict[str, Any]:
@@ -305,13 +350,12 @@ class Beam(LineItem):
             raise InputError(self.label, "came from another process: refine it where it was made")
         director, twist = self._orientation
         sections = self.sections
-        named = len(sections) > 1 or "section" not in sections
         beam = loosened(copy(self))  # with what a class of its own adds
         beam.name = None
         Beam.__init__(
             beam,
             mesh,
-            sections if named else sections["section"],
+            sections["section"] if self._one_section else sections,
             order=self.basis.interpolation if order is None else order,
             director=director,
             twist=twist,
@@ -434,16 +478,21 @@ class Beam(LineItem):
 
     def scalar_mass(self) -> Floats:
         """Element mass without the factor I_3: (ne, 4 nn, 4 nn), rows (phi, d1, d2, d3) a node."""
-        shape = self.basis.elemental_mass()
-        if self.lumped:
-            shape = self.basis.elemental_load()[:, :, None] * np.eye(shape.shape[1])
-        ne, nn = shape.shape[:2]
-        density = np.array([s.density for s in self.sections.values()])[self.section_id]
+        kind, measure = self.basis.interpolation, self.basis.elemental_load()
+        points, values = kind.nodes, np.eye(len(kind.nodes))
+        if not self.lumped:
+            points, values = kind.full.points, kind.full.values
+            measure = self.basis.lengths[:, None] * kind.full.weights
+        ne, nn = self.basis.connectivity.shape
+        sections = self.sections_at(np.arange(ne), points)
+        kinds = {id(each): each for each in sections.flat}
+        found = {key: each.density for key, each in kinds.items()}
+        density = np.array([found[id(each)] for each in sections.flat]).reshape(ne, -1, 3, 3)
+        weighted = np.einsum("eg,ag,bg,egkl->eabkl", measure, values, values, density)
         # (phi, d1, d2) of the section by those of the node: d_k = Lambda_kj d_j
         own = np.zeros((ne, nn, 3, 4))
         own[:, :, 0, 0], own[:, :, 1:, 1:] = 1, self.rotations[:, :, :2]
-        weighted = np.einsum("ekl,ebli->ebki", density, own)
-        out = np.einsum("eab,eaki,ebkj->eaibj", shape, own, weighted)
+        out = np.einsum("eaki,eabkl,eblj->eaibj", own, weighted, own, optimize=True)
         return out.reshape(ne, 4 * nn, 4 * nn)
 
     def line_weights(self, elements: IndexArray) -> Floats:

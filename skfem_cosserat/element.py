@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import Legendre
 from skfem.element import ElementH1, ElementVector
 from skfem.refdom import RefLine
 
@@ -13,12 +14,8 @@ from .errors import InputError
 from .frozen import Frozen, lock_arrays
 from .types import Array, ArrayLike, Floats, is_whole
 
-_NODES = {
-    1: (0.0, 1.0),
-    2: (0.0, 0.5, 1.0),
-    3: (0.0, 0.5 - np.sqrt(0.05), 0.5 + np.sqrt(0.05), 1.0),
-    4: (0.0, 0.5 - np.sqrt(3.0 / 28.0), 0.5, 0.5 + np.sqrt(3.0 / 28.0), 1.0),
-}
+#: the highest polynomial order of elements
+HIGHEST = 8
 
 
 def lobatto_nodes(order: int) -> Floats:
@@ -27,7 +24,7 @@ def lobatto_nodes(order: int) -> Floats:
     Parameters
     ----------
     order : int
-        Polynomial order, 1 to 4.
+        Polynomial order, 1 to 8.
 
     Returns
     -------
@@ -44,9 +41,14 @@ def lobatto_nodes(order: int) -> Floats:
     >>> lobatto_nodes(2).tolist()
     [0.0, 0.5, 1.0]
     """
-    if not is_whole(order) or order not in _NODES:
-        raise InputError("argument order", f"got {order!r}, expected 1, 2, 3 or 4")
-    return np.array(_NODES[order])
+    if not is_whole(order) or not 1 <= order <= HIGHEST:
+        raise InputError("argument order", f"got {order!r}, expected a whole number from 1 to 8")
+    slope = Legendre.basis(int(order)).deriv()
+    inner = np.sort(slope.roots().real) if order > 1 else np.zeros(0)
+    for _ in range(3):  # roots of companion matrices are not exact to the last digit
+        inner = inner - slope(inner) / slope.deriv()(inner)
+    inner = 0.5 * (inner - inner[::-1])
+    return np.array([0.0, *(0.5 + 0.5 * inner), 1.0])
 
 
 def gauss_rule(points: int) -> tuple[Floats, Floats]:
@@ -94,6 +96,7 @@ class Tabulated:
 
 #: See :attr:`Interpolation.turn_limit`.
 _TURN_LIMITS = {1: 45.0, 2: 87.4669, 3: 103.9892, 4: 141.1347}
+_TURN_LIMITS |= dict.fromkeys(range(5, 9), 141.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -106,7 +109,7 @@ class Interpolation(Frozen):
     Parameters
     ----------
     order : int
-        Polynomial order p, 1 to 4.
+        Polynomial order p, 1 to 8.
     points : int, optional
         Gauss points of the strains; by default p: fewer leave mechanisms, more (full
         quadrature) lock.
@@ -225,7 +228,7 @@ def interpolation(order: int | Interpolation) -> Interpolation:
 
 
 #: of each order one, which all beams have
-_LOBATTO = {order: InterpolationLobatto(order) for order in _NODES}
+_LOBATTO = {order: InterpolationLobatto(order) for order in range(1, HIGHEST + 1)}
 
 
 def shape_functions(order: int | Interpolation, xi: ArrayLike) -> Array:

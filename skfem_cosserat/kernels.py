@@ -8,7 +8,7 @@ two plain matrices the product is ``a.dot(b)``: for a few elements its call cost
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -22,9 +22,47 @@ if TYPE_CHECKING:
     from .element import Tabulated
 
 
-@dataclass(eq=False)
-class BeamElements:
+@dataclass(eq=False, kw_only=True)
+class SectionPoints:
+    """What sections resist strains with at points of a line, of any shape (...).
+
+    Attributes
+    ----------
+    stiffness : (..., 6, 6) array
+        Section stiffness at each point.
+    viscosity : (..., 6, 6) array or None
+        Kelvin-Voigt damping of the sections (N s, N m^2 s); None: none is damped.
+    laws : tuple of Law
+        Stored energies that are not quadratic.
+    law_of : (...) int array or None
+        Which of them each point has, -1: the quadratic one of its stiffness. None: all have.
+    """
+
+    stiffness: Floats
+    viscosity: Floats | None = None
+    laws: tuple[Law, ...] = ()
+    law_of: IndexArray | None = None
+    #: points of each of the laws
+    stored: list[tuple[tuple[IndexArray, ...], Law]] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.stored = [(np.nonzero(self.law_of == k), law) for k, law in enumerate(self.laws)]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled are the arrays that it is made of: those that follow are made anew."""
+        given = (each.name for each in fields(self) if each.init)
+        return _made, (type(self), {name: getattr(self, name) for name in given})
+
+
+def _made(kind: type[SectionPoints], given: dict[str, Any]) -> SectionPoints:
+    return kind(**given)
+
+
+@dataclass(eq=False, kw_only=True)
+class BeamElements(SectionPoints):
     """Constant data of a group of director beam elements of one interpolation.
+
+    Those of sections belong to the Gauss points (ne, ng).
 
     Attributes
     ----------
@@ -34,31 +72,19 @@ class BeamElements:
         Gauss rule on [0, 1].
     table : (ng, 6, k, k) array
         See :func:`skfem_cosserat.strain.strain_table`; k = 12 nn.
-    stiffness : (ne, 6, 6) array
-        Section stiffness of each element.
     reference : (ne, ng, 6) array
         Strains of the interpolated reference, subtracted: a curved start is stress free.
     rotations : (ne, nn, 3, 3) array or None
         Constant rotation of the section triad against the nodal triad where they differ (beams
         rigidly connected at an angle); None if all coincide.
-    viscosity : (ne, 6, 6) array or None
-        Kelvin-Voigt damping of each element's section (N s, N m^2 s); None: none is damped.
-    laws : tuple of Law
-        Stored energies that are not quadratic.
-    law_of : (ne,) int array or None
-        Which of them each element has, -1: the quadratic one of its stiffness. None: all have.
     """
 
     lengths: Floats
     points: Floats
     weights: Floats
     table: Floats
-    stiffness: Floats
     reference: Floats
     rotations: Floats | None = None
-    viscosity: Floats | None = None
-    laws: tuple[Law, ...] = ()
-    law_of: IndexArray | None = None
 
     # what the kernels multiply with, computed once
     B_table: Floats = field(init=False, repr=False)
@@ -68,10 +94,9 @@ class BeamElements:
     measure: Floats = field(init=False, repr=False)
     weighted_viscosity: Floats | None = field(init=False, repr=False, default=None)
     viscosity_root: Floats | None = field(init=False, repr=False, default=None)
-    #: elements of each of the laws
-    stored: list[tuple[IndexArray, Law]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         ng, _, k, _ = self.table.shape
         # one matrix product gives B of all elements and points
         self.B_table = self.table.reshape(ng * 6 * k, k).T.copy()
@@ -80,39 +105,22 @@ class BeamElements:
         # times weights: weight l times the 1/l of C
         self.C_table = np.repeat(self.weights, 6)[:, None] * scalar.reshape(ng * 6, -1)
         self.measure = (self.weights * self.lengths[:, None])[:, :, None]
-        self.weighted_stiffness = self.measure[..., None] * self.stiffness[:, None]
+        self.weighted_stiffness = self.measure[..., None] * self.stiffness
         self.inverse_length = (1 / self.lengths)[:, None]
-        self.stored = [(np.flatnonzero(self.law_of == k), law) for k, law in enumerate(self.laws)]
         if self.viscosity is not None:
-            self.weighted_viscosity = self.measure[..., None] * self.viscosity[:, None]
+            self.weighted_viscosity = self.measure[..., None] * self.viscosity
             # eta = root root^T: what is dissipated is a sum of squares
             values, vectors = np.linalg.eigh(self.viscosity)
-            self.viscosity_root = vectors * np.sqrt(values.clip(0))[:, None, :]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled are the arrays that it is made of: those that follow are made anew."""
-        given = (each.name for each in fields(self) if each.init)
-        return type(self), tuple(getattr(self, name) for name in given)
-
-    def repeated(self, count: int) -> BeamElements:
-        """Elements repeated `count` times, to evaluate many states at once."""
-        return self.taken(np.tile(np.arange(len(self.lengths)), count))
+            self.viscosity_root = vectors * np.sqrt(values.clip(0))[..., None, :]
 
     def taken(self, ids: IndexArray) -> BeamElements:
         """The elements of these numbers, each as often as it is there."""
-        turned, eta, law_of = self.rotations, self.viscosity, self.law_of
-        return BeamElements(
-            self.lengths[ids],
-            self.points,
-            self.weights,
-            self.table,
-            self.stiffness[ids],
-            self.reference[ids],
-            None if turned is None else turned[ids],
-            None if eta is None else eta[ids],
-            self.laws,
-            None if law_of is None else law_of[ids],
-        )
+        own = {
+            name: None if array is None else array[ids]
+            for name in ("lengths", "stiffness", "reference", "rotations", "viscosity", "law_of")
+            for array in (getattr(self, name),)
+        }
+        return replace(self, **own)
 
     @classmethod
     def create(
@@ -120,17 +128,22 @@ class BeamElements:
         q: Floats,
         lengths: Floats,
         tabulated: Tabulated,
-        stiffness: Floats,
+        sections: SectionPoints,
         rotations: Floats | None = None,
-        viscosity: Floats | None = None,
-        laws: tuple[Law, ...] = (),
-        law_of: IndexArray | None = None,
     ) -> BeamElements:
         """Elements whose reference is the configuration ``q`` (ne, 12 nn)."""
-        points, zero = tabulated.points, np.zeros((len(lengths), len(tabulated.points), 6))
-        own = points, tabulated.weights, _table(tabulated)
-        arrays = lengths, *own, stiffness, zero, rotations, viscosity
-        out = cls(*arrays, laws, law_of)
+        out = cls(
+            lengths=lengths,
+            points=tabulated.points,
+            weights=tabulated.weights,
+            table=_table(tabulated),
+            stiffness=sections.stiffness,
+            reference=np.zeros((len(lengths), len(tabulated.points), 6)),
+            rotations=rotations,
+            viscosity=sections.viscosity,
+            laws=sections.laws,
+            law_of=sections.law_of,
+        )
         out.reference, _ = _section_strain(out, q)
         return out
 
@@ -178,22 +191,27 @@ def _section_strain(elements: BeamElements, q: Array) -> tuple[Array, Array]:
     return eps, B
 
 
-def beam_stress(elements: BeamElements, eps: Array) -> Array:
-    """Stress resultants ``(N, M)`` (ne, ng, 6) in the section's frame: forces in N, moments N m.
+def product(eps: Array, matrices: Floats) -> Array:
+    """Strains (..., 6) times the symmetric matrices (..., 6, 6) of their points."""
+    return (eps[..., None, :] @ matrices)[..., 0, :]
 
-    Strains may be a stack (..., ne, ng, 6).
+
+def beam_stress(sections: SectionPoints, eps: Array) -> Array:
+    """Stress resultants ``(N, M)`` (..., 6) in the section's frame: forces in N, moments N m.
+
+    Strains may be a stack of those of all points.
     """
-    S = eps @ elements.stiffness  # symmetric
-    for ids, law in elements.stored:
-        S[..., ids, :, :] = law.stress(eps[..., ids, :, :])
+    S = product(eps, sections.stiffness)
+    for points, law in sections.stored:
+        S[..., *points, :] = law.stress(eps[..., *points, :])
     return S
 
 
-def beam_energy(elements: BeamElements, eps: Array) -> Array:
-    """Stored energy per length (..., ne, ng) in J/m of strains (..., ne, ng, 6)."""
-    W = 0.5 * (eps * (eps @ elements.stiffness)).sum(-1)
-    for ids, law in elements.stored:
-        W[..., ids, :] = law.energy(eps[..., ids, :, :])
+def beam_energy(sections: SectionPoints, eps: Array) -> Array:
+    """Stored energy per length (...) in J/m of strains (..., 6)."""
+    W = 0.5 * (eps * product(eps, sections.stiffness)).sum(-1)
+    for points, law in sections.stored:
+        W[..., *points] = law.energy(eps[..., *points, :])
     return W
 
 
@@ -201,9 +219,14 @@ def beam_moduli(elements: BeamElements, eps: Array) -> Array:
     """Derivative (ne, ng, 6, 6) of the resultants by the strains, times the weight of the point."""
     if not elements.stored:
         return elements.weighted_stiffness
-    D = elements.weighted_stiffness.copy()
-    for ids, law in elements.stored:
-        D[ids] = elements.measure[ids][..., None] * law.tangent(eps[ids].real)
+    return elements.measure[..., None] * section_moduli(elements, eps)
+
+
+def section_moduli(sections: SectionPoints, eps: Array) -> Array:
+    """Derivative (..., 6, 6) of the resultants by the strains (..., 6)."""
+    D = np.zeros((*eps.shape, 6)) + sections.stiffness
+    for points, law in sections.stored:
+        D[..., *points, :, :] = law.tangent(eps[..., *points, :].real)
     return D
 
 
@@ -213,9 +236,9 @@ def beam_discrete_stress(elements: BeamElements, eps0: Array, S0: Array, eps1: A
     The mean of both ends for quadratic energies, S0 at the first one; else
     :meth:`skfem_cosserat.law.Law.discrete`.
     """
-    S = 0.5 * (S0 + eps1 @ elements.stiffness)
-    for ids, law in elements.stored:
-        S[ids] = law.discrete(eps0[ids], eps1[ids])
+    S = 0.5 * (S0 + product(eps1, elements.stiffness))
+    for points, law in elements.stored:
+        S[points] = law.discrete(eps0[points], eps1[points])
     return S
 
 
@@ -223,11 +246,10 @@ def beam_discrete_moduli(elements: BeamElements, eps0: Array, eps1: Array) -> Ar
     """Twice the derivative (ne, ng, 6, 6) of these stresses by eps1, times weights."""
     if not elements.stored:
         return elements.weighted_stiffness
-    D = elements.weighted_stiffness.copy()
-    for ids, law in elements.stored:
-        moduli = law.discrete_tangent(eps0[ids], eps1[ids].real)
-        D[ids] = 2 * elements.measure[ids][..., None] * moduli
-    return D
+    D = elements.stiffness.copy()
+    for points, law in elements.stored:
+        D[points] = 2 * law.discrete_tangent(eps0[points], eps1[points].real)
+    return elements.measure[..., None] * D
 
 
 def beam_force(elements: BeamElements, B: Array, stress: Array) -> Array:
@@ -299,13 +321,13 @@ def beam_strain_rate(B: Array, velocity: Array) -> Array:
 def beam_viscous_stress(elements: BeamElements, rate: Array) -> Array:
     """Kelvin-Voigt part ``eta deps/dt`` (ne, ng, 6) of the resultants, for strain rates."""
     assert elements.viscosity is not None
-    return rate @ elements.viscosity  # symmetric
+    return product(rate, elements.viscosity)
 
 
 def beam_dissipation(elements: BeamElements, rate: Array) -> Array:
     """Dissipated power ``int deps/dt . eta deps/dt ds`` (ne,), not negative (W)."""
     assert elements.viscosity_root is not None
-    return ((rate @ elements.viscosity_root) ** 2 * elements.measure).sum((1, 2))
+    return (product(rate, elements.viscosity_root) ** 2 * elements.measure).sum((1, 2))
 
 
 def beam_damping(elements: BeamElements, B_left: Array, B_right: Array) -> Array:

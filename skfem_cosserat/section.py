@@ -6,9 +6,10 @@ axial; bending about d1 and d2, torsion about d3 (the tangent of the reference l
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -221,6 +222,10 @@ class Section(Frozen):
 
     _remedy = "make another one, and a beam of it"
 
+    #: arguments of the constructor that a :class:`SectionTaper` changes, and what all were given
+    dimensions: ClassVar[tuple[str, ...]] = ()
+    given: Mapping[str, Any] = MappingProxyType({})
+
     def _parts(self) -> Iterator[tuple[str, Any]]:
         constants = np.diag(self.stiffness)
         yield from (("GA", constants[:2]), ("EA", constants[2]), ("EI", constants[3:5]))
@@ -382,6 +387,7 @@ class SectionRectangle(Section):
         moments = (a * b**3 / 12, b * a**3 / 12)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (a / 2, b / 2)
         super().__init__(*_solid(material, area, moments, float(J), shear_factor), corners)
+        self.given = {"a": a, "b": b, "material": material, "shear_factor": shear_factor}
 
 
 class SectionTube(Section):
@@ -419,9 +425,9 @@ class SectionTube(Section):
         moments = np.pi / 4 * (outer**4 - inner**4)
         angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
         circle = outer * np.column_stack([np.cos(angle), np.sin(angle)])
-        super().__init__(
-            *_solid(material, area, (moments, moments), 2 * moments, shear_factor), circle
-        )
+        constants = _solid(material, area, (moments, moments), 2 * moments, shear_factor)
+        super().__init__(*constants, circle)
+        self.given = {"outer": outer, "inner": inner, "material": material}
 
 
 class SectionCircle(SectionTube):

@@ -137,14 +137,28 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     static[key + "gauss"] = beam.elements.points
     static[key + "nodes"] = beam.basis.interpolation.nodes
     for k, section in enumerate(beam.sections.values()):
-        if section.outline is not None:
-            static[key + f"outline/{k}"] = section.outline
+        found = _outline(beam, section, np.flatnonzero(beam.section_id == k))
+        if found is not None:
+            static[key + f"outline/{k}"] = found
     return {
         "name": beam.name,
         "order": beam.basis.order,
         "parts": names,
         "sections": list(beam.sections),
     }
+
+
+def _outline(beam: Beam, section: Any, elements: IndexArray) -> Floats | None:
+    """Outline of a section (m, 2), or of the nodes of elements (k, p + 1, m, 2); None: none."""
+    from ..section import Section
+
+    if isinstance(section, Section):
+        return section.outline
+    sections = beam.sections_at(elements, np.linspace(0.0, 1.0, beam.basis.order + 1))
+    found = [each.outline for each in sections.flat]
+    if any(each is None or each.shape != found[0].shape for each in found):
+        return None
+    return np.array(found).reshape(*sections.shape, *found[0].shape)
 
 
 # -- series that follow from the states: energies, velocities, momenta, forces, reactions ----------

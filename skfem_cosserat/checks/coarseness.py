@@ -17,7 +17,7 @@ import numpy as np
 from ..diagnostics.energy import group_of
 from ..diagnostics.forces import Statics, components, integrals, spread_over
 from ..diagnostics.stacked import balancing_multipliers, curvature_matrix
-from ..kernels import cross
+from ..kernels import cross, product
 from ..law import STEP
 from ..model import System
 from ..model.balance import Amplitudes
@@ -85,19 +85,21 @@ def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: A
 
     e, h = group.elements, group.elements.lengths[:, None, None]
     z, w, at, shapes, over = _tables(group.interpolation)
+    weights = lagrange(e.points, z).T
     density = np.einsum("qa,eaic->eqic", shapes, spread) / h[..., None]
     x = np.einsum("aq,eaic->eqic", at.values, nodal)
     statics = Statics(force, nodal, 0, density, x, h * over)
     m = statics.moment(np.einsum("aq,eac->eqc", at.slopes, nodal[:, :, 0]) / h)
     turned = nodal[:, :, 1:] if e.rotations is None else e.rotations @ nodal[:, :, 1:]
     balanced = components(np.einsum("aq,eaic->eqic", at.values, turned), statics.n, m)
-    found = lagrange(e.points, z).T @ stress
+    found = weights @ stress
     if np.iscomplexobj(found):
         balanced, found = balanced.imag / STEP, found.imag / STEP
-    held = np.eye(6) * (np.einsum("eii->ei", e.stiffness) == 0)[:, :, None]
-    compliance = np.linalg.inv(e.stiffness + held) - held
+    stiffness = np.einsum("qg,egij->eqij", weights, e.stiffness)
+    held = np.eye(6) * (np.einsum("eqii->eqi", stiffness) == 0)[..., None]
+    compliance = np.linalg.inv(stiffness + held) - held
     own, stored = (
-        ((each @ compliance) * each).sum(2) @ w * e.lengths for each in (balanced, found)
+        (product(each, compliance) * each).sum(2) @ w * e.lengths for each in (balanced, found)
     )
     return np.array([own - stored, stored])
 

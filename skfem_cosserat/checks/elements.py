@@ -63,7 +63,9 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
             total += energies(system, y, stresses, acting)
     total[~seen, 0] = 0.0
     lacking, stored = total.sum(axis=0)
-    stiffest = sum(b.elements.stiffness.trace(axis1=1, axis2=2) @ b.elements.lengths for b in beams)
+    stiffest = sum(
+        float(b.elements.weighted_stiffness.trace(axis1=2, axis2=3).sum()) for b in beams
+    )
     energy = max(lacking + stored, stiffest * len(rows) * 1e-20)  # of strains that are rounding
     if not at_rest:
         energy = max(energy, 2 * np.nansum(kinetic_energy(system, history["p"][rows])))

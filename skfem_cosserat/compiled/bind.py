@@ -279,7 +279,7 @@ def bound_beams(
 
     Parameters
     ----------
-    stiffness : (ne, 6, 6) array, optional
+    stiffness : (ne, ng, 6, 6) array, optional
         Another one than that of the sections.
     """
     elements = group.elements
@@ -314,6 +314,7 @@ def bound_beams(
         "mass": mass,
         "rotations": rotations,
         "turned": elements.rotations is not None,
+        "strains": np.zeros(0),  # those of stored energies
         "S0": S,
         "S": S.copy(),
         "predicted": S.copy(),
@@ -368,8 +369,9 @@ def bound_by_law(
     """One group of elements of which some have a stored energy; as :func:`bound_beams`."""
     _, fields = bound_beams(system, group, plan)
     ne, ng, _ = fields["S"].shape
-    moduli = np.repeat(group.elements.stiffness[:, None], ng, axis=1)
-    fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
+    moduli = np.ascontiguousarray(group.elements.stiffness)
+    fields |= {"stiffness": moduli.copy(), "diagonal": False, "strains": np.zeros((ne, ng, 6))}
+    fields["section"] = np.arange(ne)
     own = _law_points(group, fields)
     fields["points"] = structure("law_points", own)
     kinds = fields["points"].kind, VECTOR, int
@@ -404,11 +406,11 @@ def _law_points(group: BeamGroup, fields: dict[str, Any]) -> dict[str, Any]:
     ne, ng, _ = fields["S"].shape
     count, each = ne * ng, group.elements.laws
     assert group.elements.law_of is not None
-    stiffness = np.repeat(group.elements.stiffness, ng, axis=0)
+    stiffness = np.ascontiguousarray(group.elements.stiffness).reshape(count, 6, 6)
     scales = [law.law.scale if isinstance(law, LawHeld) else law.scale for law in each]
     return {
         # number of its law (-1: quadratic)
-        "law": np.repeat(group.elements.law_of, ng).astype(np.int64),
+        "law": group.elements.law_of.ravel().astype(np.int64),
         "start": fields["S0"].reshape(count, 6),
         "strains": fields["strains"].reshape(count, 6),
         "stresses": fields["S"].reshape(count, 6),

@@ -238,42 +238,24 @@ def strain_of(eps: tuple[Vector, Vector], i: int) -> float:
 
 
 @inlined
-def stress(D: Floats, section: Places, i: int, diagonal: bool, eps: tuple[Vector, Vector]) -> float:
-    """``(D eps)_i``, D that of the sections."""
-    if diagonal:
-        return gather(D, section, 36, 7 * i) * strain_of(eps, i)
-    return along(six(D, section, 36, 6 * i), eps)
-
-
-@inlined
-def along(D: tuple[Vector, Vector], eps: tuple[Vector, Vector]) -> float:
-    """Product of six numbers with six others."""
-    return dot(D[0], eps[0]) + dot(D[1], eps[1])
-
-
-@inlined
-def stress_change(
-    D: Floats, es: Places, section: Places, p: int, i: int, diagonal: bool, eps: Any
+def stress(
+    D: Floats, section: Places, p: int, i: int, diagonal: bool, eps: tuple[Vector, Vector]
 ) -> float:
-    """``(D eps)_i`` for a change of the strains at Gauss point p."""
-    if D.ndim == 4:  # that of a law
-        return along(six(D, es, 36 * D.shape[1], 36 * p + 6 * i), eps)
-    return stress(D, section, i, diagonal, eps)
+    """``(D eps)_i``, D that of the sections at Gauss point p."""
+    size, first = 36 * D.shape[1], 36 * p
+    if diagonal:
+        return gather(D, section, size, first + 7 * i) * strain_of(eps, i)
+    first += 6 * i
+    return dot(triple(D, section, size, first), eps[0]) + dot(
+        triple(D, section, size, first + 3), eps[1]
+    )
 
 
 @inlined
-def ask_law(D: Floats, g: Any, numbers: Floats, what: int) -> None:
+def ask_law(strains: Floats, g: Any, numbers: Floats, what: int) -> None:
     """Have what laws give made of the strains evaluated last; nothing where there are none."""
-    if D.ndim == 4:
+    if strains.ndim == 3:
         call(g.law[0], g.points, numbers, what)
-
-
-@inlined
-def measured(D: Floats, section: Places, i: int, diagonal: bool, eps: Any) -> float:
-    """Stress by the strains, or the strain itself for a law."""
-    if D.ndim == 4:
-        return strain_of(eps, i)
-    return stress(D, section, i, diagonal, eps)
 
 
 @inlined
@@ -281,7 +263,8 @@ def measure(g: Any, y: Floats, out: Floats, X: Floats) -> float:
     """Stresses at y, or strains for laws; X is for the nodes. Gives the energy of the stresses."""
     lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
     base, turned, rotations, weights = g.base, g.turned, g.rotations, g.weights
-    section, diagonal, total = g.section, g.diagonal, pack((0.0, 0.0, 0.0, 0.0))
+    section, diagonal, by_law = g.section, g.diagonal, g.strains.ndim == 3
+    total = pack((0.0, 0.0, 0.0, 0.0))
     ne, ng = len(base), len(N)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
@@ -291,7 +274,7 @@ def measure(g: Any, y: Floats, out: Floats, X: Floats) -> float:
         for p in range(ng):
             eps = strained(reference, es, ng, p, at_point(N[p], dN[p], inverse, X))
             for i in range(6):
-                found = measured(stiffness, own, i, diagonal, eps)
+                found = strain_of(eps, i) if by_law else stress(stiffness, own, p, i, diagonal, eps)
                 scatter(out, es, 6 * ng, 6 * p + i, found)
                 total = total + weights[p] * once * strain_of(eps, i) * found
     store(X, 0, total)
@@ -299,10 +282,10 @@ def measure(g: Any, y: Floats, out: Floats, X: Floats) -> float:
 
 
 @inlined
-def put_strains(D: Floats, g: Any, y: Floats, X: Floats) -> None:
+def put_strains(strains: Floats, g: Any, y: Floats, X: Floats) -> None:
     """Strains at y for laws, which :func:`ask_law` takes; X is for the nodes."""
-    if D.ndim == 4:
-        measure(g, y, g.strains, X)
+    if strains.ndim == 3:
+        measure(g, y, strains, X)
 
 
 @inlined
@@ -317,7 +300,7 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """S0: stresses at the start of the step; of laws strains, and energies."""
     base = g.base
     measure(g, w.earlier, g.S0, local(12 * base.shape[1] * WIDTH))
-    ask_law(g.stiffness, g, numbers, ENERGY_BY_LAW)
+    ask_law(g.strains, g, numbers, ENERGY_BY_LAW)
     return 0.0
 
 
@@ -326,29 +309,6 @@ def beam_energy(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """``w.found[0] += int eps . D eps/2 ds`` where the step starts."""
     w.found[0] += measure(g, w.y0, g.S0, local(12 * g.base.shape[1] * WIDTH))
     return 0.0
-
-
-@inlined
-def put_stresses(
-    D: Floats,
-    S: Floats,
-    S0: Floats,
-    es: Places,
-    own: Places,
-    k: int,
-    share: tuple[float, float],
-    diagonal: bool,
-    eps: Any,
-) -> None:
-    """S of a step, from column k on, by the strains at its end; laws have made theirs."""
-    if D.ndim == 4:
-        return
-    size = 6 * S.shape[1]
-    for i in range(6):
-        now = share[1] * stress(D, own, i, diagonal, eps)
-        if share[0] != 0.0:
-            now = now + share[0] * gather(S0, es, size, k + i)
-        scatter(S, es, size, k + i, now)
 
 
 @part
@@ -365,14 +325,14 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     start, end, ends = numbers[START], numbers[END], numbers[ENDS] != 0.0
     viscous, lost = flag == 0 and start + end == 0.0, pack((0.0, 0.0, 0.0, 0.0))
     base, turned, rotations = g.base, g.turned, g.rotations
-    section, diagonal = g.section, g.diagonal
+    section, diagonal, by_law = g.section, g.diagonal, g.strains.ndim == 3
     ne, nn = base.shape
     ng = len(N)
     size = 12 * nn * WIDTH
     X, Y, F = local(size), local(size), local(size)
     if flag == 0:
-        put_strains(stiffness, g, y1 if ends else mid, X)
-        ask_law(stiffness, g, numbers, STRESSES_BY_LAW)
+        put_strains(g.strains, g, y1 if ends else mid, X)
+        ask_law(g.strains, g, numbers, STRESSES_BY_LAW)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         own = chosen(section, es)
@@ -389,7 +349,12 @@ def beam_force(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             if flag == 0:
                 H = at_point(N[p], dN[p], inverse, Y) if ends else G
                 eps = strained(reference, es, ng, p, H)
-                put_stresses(stiffness, S, S0, es, own, 6 * p, (start, end), diagonal, eps)
+                if not by_law:  # laws have made theirs
+                    for i in range(6):
+                        now = end * stress(stiffness, own, p, i, diagonal, eps)
+                        if start != 0.0:
+                            now = now + start * gather(S0, es, 6 * ng, 6 * p + i)
+                        scatter(S, es, 6 * ng, 6 * p + i, now)
             weight = weights[p] * once * length
             n, m = six(S, es, 6 * ng, 6 * p)
             point_force(N[p], dN[p], inverse, G, times(weight, n), times(0.5 * weight, m), F)
@@ -442,7 +407,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     section, diagonal = g.section, g.diagonal
     ne, nn = base.shape
     ng = len(N)
-    ask_law(stiffness, g, numbers, MODULI_BY_LAW)
+    ask_law(g.strains, g, numbers, MODULI_BY_LAW)
     X, V = local(12 * nn * WIDTH), local(12 * nn * WIDTH)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
@@ -455,7 +420,7 @@ def beam_predicted(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             H = at_point(N[p], dN[p], inverse, V)
             eps = strain_changes(G, H)
             for i in range(6):
-                more = share * stress_change(stiffness, es, own, p, i, diagonal, eps)
+                more = share * stress(stiffness, own, p, i, diagonal, eps)
                 scatter(out, es, 6 * ng, 6 * p + i, gather(S, es, 6 * ng, 6 * p + i) + more)
     return 0.0
 
@@ -527,21 +492,11 @@ def turned_strain(N: float, dN: float, X: Floats, u: int, G: Point, a: Floats, k
 
 
 @inlined
-def stiff(D: Floats, own: Places, diagonal: bool, factor: float, a: Floats) -> None:
-    """Stiffness of the sections, or its diagonal, times a factor; none of that of a law."""
-    if D.ndim == 4:
-        return
+def stiff(D: Floats, own: Places, p: int, diagonal: bool, factor: float, a: Floats) -> None:
+    """Stiffness of the sections at Gauss point p, or its diagonal, times a factor."""
     step = 7 if diagonal else 1
     for i in range(0, 36, step):
-        store(a, STIFFNESS + i, factor * gather(D, own, 36, i))
-
-
-@inlined
-def stiff_by_law(D: Floats, es: Places, points: int, p: int, factor: float, a: Floats) -> None:
-    """Stiffness of a law at Gauss point p, times a factor; that of sections is constant."""
-    if D.ndim == 4:
-        for i in range(36):
-            store(a, STIFFNESS + i, factor * gather(D, es, 36 * points, 36 * p + i))
+        store(a, STIFFNESS + i, factor * gather(D, own, 36 * D.shape[1], 36 * p + i))
 
 
 @inlined
@@ -708,7 +663,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     ne, nodes = base.shape
     points = len(shapes)
     if forces:  # for velocities masses are all
-        ask_law(stiffness, g, numbers, MODULI_BY_LAW)
+        ask_law(g.strains, g, numbers, MODULI_BY_LAW)
     table = local((2, points, nodes))
     tabulated(shapes, slopes, table)
     XB, XR = local(12 * nodes * WIDTH), local(12 * nodes * WIDTH)
@@ -730,7 +685,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             take_elements(base, turned, rotations, es, y0, XL)
         if apart:
             take_elements(base, turned, rotations, es, w.later, XS)
-        stiff(stiffness, chosen(section, es), diagonal, material * once * length, a)
+        own_section = chosen(section, es)
         for p in range(points):
             GB = at_point(shapes[p], slopes[p], inverse, XB)
             GS = at_point(shapes[p], slopes[p], inverse, XS) if ends else GB
@@ -740,7 +695,7 @@ def beam_tangent(g: Any, w: Any, numbers: Floats, flag: int) -> float:
             keep(a, STRESSES + 6 * p, n)
             keep(a, STRESSES + 6 * p + 3, m)
             if forces:
-                stiff_by_law(stiffness, es, points, p, material * once * length, a)
+                stiff(stiffness, own_section, p, diagonal, material * once * length, a)
                 point_terms(p, (GB, GS), X, table, weights[p], inverse, diagonal, a)
         for u in range(nodes):
             for v in range(nodes):

@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 
 from ..errors import InputError
 from ..frames import is_beam
-from ..kernels import BeamElements, beam_energy, beam_stress
+from ..kernels import BeamElements, beam_energy, beam_stress, product
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.theories import theory_of
@@ -532,7 +532,7 @@ def section_forces(
     if v is not None and group.elements.viscosity is not None:
         rates = section_strain_rates(system, beam, q, v)
         viscosity = group.elements.viscosity[group.slices[id(beam)]]
-        out = out + np.einsum("...egj,ejk->...egk", rates, viscosity)
+        out = out + product(rates, viscosity)
     return out
 
 

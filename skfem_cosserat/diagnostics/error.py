@@ -372,7 +372,7 @@ class SectionPlaces:
         self._e, self._x = e, x = _places(beam, elements, xi)
         lengths = beam.elements.lengths[e][:, None]
         self._shapes = beam.basis.shape(x).T, beam.basis.dshape(x).T / lengths
-        self._turned, self._sections = beam.rotations[e], beam.elements.taken(e)
+        self._turned, self._sections = beam.rotations[e], beam.section_points(e, x[:, None])
         own = 4 * beam.basis.connectivity[e][:, :, None] + np.arange(4)
         self._own = own.reshape(len(e), -1)
         self._reference = self._at(beam.reference.reshape(1, -1, 3)[:, self._own])[1]

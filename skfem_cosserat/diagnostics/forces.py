@@ -13,7 +13,7 @@ from ..constraints.saddle import balancing
 from ..errors import InputError
 from ..history import History
 from ..integrators import Integrator, State, Stepper
-from ..kernels import beam_stress, cross
+from ..kernels import beam_stress, cross, section_moduli
 from ..linear import SingularMatrixError
 from ..model import System, takes_scene
 from ..model.limits import overstretched_beam
@@ -287,10 +287,8 @@ def _from_end(
     weights = lagrange(elements.points, inner)
     elastic = np.einsum("gmk,nmgi->nmki", weights, strains[:, e])
     strain = elastic + np.einsum("gmk,mgi->mki", weights, elements.reference)
-    stress = beam_stress(elements, elastic)
-    moduli = np.zeros((*stress.shape, 6)) + elements.stiffness[:, None]
-    for ids, law in elements.stored:
-        moduli[:, ids] = law.tangent(elastic[:, ids])
+    sections = beam.section_points(e, inner)
+    stress, moduli = beam_stress(sections, elastic), section_moduli(sections, elastic)
     held = list(beam.theory.held)
     moduli[..., held, held] += 1.0
     for _ in range(kind.order):

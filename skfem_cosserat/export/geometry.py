@@ -214,11 +214,15 @@ class BeamShape:
         return mean.reshape(*front, -1, *shape)
 
     def outline(self, section: int) -> Floats | None:
-        """Closed outline ``(k, 2)`` of a section in m, without the first point repeated."""
+        """Closed outline ``(k, 2)`` of a section in m, without the first point repeated.
+
+        Of sections that vary ``(elements, p + 1, k, 2)``, at equidistant stations.
+        """
         outline = self._static.get(f"beam/{self.name}/outline/{section}")
-        if outline is None or len(outline) < 3:
+        if outline is None or outline.shape[-2] < 3:
             return None
-        return outline[:-1] if np.array_equal(outline[0], outline[-1]) else outline
+        closed = np.array_equal(outline[..., 0, :], outline[..., -1, :])
+        return outline[..., :-1, :] if closed else outline
 
     def surface(self, outlines: Mapping[int, Floats] | None = None) -> Surface:
         """Swept surface of all elements whose section has an outline.
@@ -252,8 +256,9 @@ class Surface:
     Parameters
     ----------
     shape : BeamShape
-    outlines : mapping of int to (k, 2) array
-        Closed outlines in m by section; elements of other sections have no surface.
+    outlines : mapping of int to (k, 2) or (elements, p + 1, k, 2) array
+        Closed outlines in m by section, or of its elements; elements of other sections have no
+        surface.
 
     Attributes
     ----------
@@ -275,7 +280,7 @@ class Surface:
         for section in (int(number) for number in np.unique(shape.section)):
             if section not in outlines:
                 continue
-            own, k = np.flatnonzero(shape.section == section), len(outlines[section])
+            own, k = np.flatnonzero(shape.section == section), outlines[section].shape[-2]
             self._swept.append((own, outlines[section]))
             grid = self.size + np.arange(len(own) * (p + 1) * k).reshape(len(own), p + 1, k)
             after = np.roll(grid, -1, axis=2)

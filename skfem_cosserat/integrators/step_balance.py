@@ -17,6 +17,7 @@ import numpy as np
 
 from ..constraints.saddle import nearest_velocity
 from ..errors import IncompatibleError
+from ..kernels import product
 from ..model import System
 from ..model.balance import amplitudes_at, balance
 from ..model.force_elements import CoupledForce, CoupledStart
@@ -521,7 +522,7 @@ class StepBalance:
 
 def decay_stress(group: BeamGroup, chi: float, change: Array) -> Array:
     """Stress that a scheme meant to lose energy adds for a change of the strains."""
-    return (0.5 * chi) * (change @ group.elements.stiffness)
+    return (0.5 * chi) * product(change, group.elements.stiffness)
 
 
 def decay_work(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -29,6 +29,7 @@ from ..kernels import (
     beam_stress,
     beam_viscous_stress,
     bilinear,
+    product,
 )
 from ..law import Law
 from ..pattern import FrozenPattern
@@ -303,15 +304,15 @@ class BeamGroup(Group):
             es[0]  # that of the beam itself, which nobody changes
             if len(es) == 1 and not any(damped)
             else BeamElements(
-                np.concatenate([e.lengths for e in es]),
-                first.points,
-                first.weights,
-                first.table,
-                np.concatenate([e.stiffness for e in es]),
-                np.concatenate([e.reference for e in es]),
-                np.concatenate([beam.rotations for beam, _, _ in beams]) if turned else None,
-                _viscosity(es, damped),
-                *_laws(es),
+                lengths=np.concatenate([e.lengths for e in es]),
+                points=first.points,
+                weights=first.weights,
+                table=first.table,
+                stiffness=np.concatenate([e.stiffness for e in es]),
+                reference=np.concatenate([e.reference for e in es]),
+                rotations=np.concatenate([b.rotations for b, _, _ in beams]) if turned else None,
+                viscosity=_viscosity(es, damped),
+                **_laws(es),
             )
         )
 
@@ -343,7 +344,7 @@ class BeamGroup(Group):
         """Change of the stresses by a small change (ne, ng, 6) of strains; moduli with weights."""
         e = self.elements
         if not e.stored:
-            return change @ e.stiffness
+            return product(change, e.stiffness)
         return (moduli @ change[..., None])[..., 0] / e.measure
 
     def force(self, B: Array, stress: Array) -> Array:
@@ -395,7 +396,7 @@ class BeamGroup(Group):
 
 
 def _viscosity(elements: Sequence[BeamElements], betas: Sequence[float]) -> Floats | None:
-    """Viscosity of sections and ``beta D`` of all elements (ne, 6, 6); None without any."""
+    """Viscosity of sections and ``beta D`` of all elements (ne, ng, 6, 6); None without any."""
     if not any(betas) and all(e.viscosity is None for e in elements):
         return None
     return np.concatenate(
@@ -406,13 +407,13 @@ def _viscosity(elements: Sequence[BeamElements], betas: Sequence[float]) -> Floa
     )
 
 
-def _laws(elements: Sequence[BeamElements]) -> tuple[tuple[Law, ...], IndexArray | None]:
-    """Laws of all elements that are not quadratic, and whose they are; None without any."""
+def _laws(elements: Sequence[BeamElements]) -> dict[str, Any]:
+    """Laws of all elements that are not quadratic, and which points have them."""
     laws: list[Law] = []
     numbers = []
     for e in elements:
-        none = np.full(len(e.lengths), -1)
+        none = np.full(e.stiffness.shape[:2], -1)
         own = none if e.law_of is None else np.where(e.law_of < 0, -1, e.law_of + len(laws))
         numbers.append(own)
         laws += e.laws
-    return tuple(laws), np.concatenate(numbers) if laws else None
+    return {"laws": tuple(laws), "law_of": np.concatenate(numbers) if laws else None}

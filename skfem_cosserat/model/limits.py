@@ -258,10 +258,9 @@ def _rotated(beam: Beam, nodal: Floats) -> Floats:
 
 def limp(beam: Beam) -> str:
     """That a beam is too soft by far to carry its own weight, as with E in MPa; else empty."""
-    sections = beam.sections.values()
-    soft = min(_bending(each.stiffness, beam.theory.held) for each in sections)
+    soft = float(_bending(beam.elements.stiffness, beam.theory.held).min())
     length = float(beam.elements.lengths.sum())
-    weight = 9.81 * min(each.mass for each in sections) * length
+    weight = 9.81 * float(beam.scalar_mass()[:, ::4, ::4].sum())
     # such a stiffness looks wrong
     if not soft * 1e4 < weight * length**2:
         return ""
@@ -284,13 +283,12 @@ def undefined(system: System, y: Floats) -> str | None:
     """Message about a stored energy, or its stresses, not finite at y; None: all are finite."""
     for group in system.beam_groups:
         strain = group.strain(y)[0]
-        for ids, law in group.elements.stored:
-            eps = strain[ids].reshape(-1, 6)
+        for points, law in group.elements.stored:
+            eps = strain[points]
             found = np.column_stack([law.energy(eps), law.stress(eps)])
             bad = np.flatnonzero(~np.isfinite(found).all(1) & np.isfinite(eps).all(1))
             if len(bad):
-                e = np.arange(len(strain))[ids][bad[0] // strain.shape[1]]
-                beam, _ = beam_of(system, group, int(e))
+                beam, _ = beam_of(system, group, int(points[0][bad[0]]))
                 values = ", ".join(f"{x:.6g}" for x in eps[bad[0]])
                 return (
                     f"the stored energy of {beam.label} is {found[bad[0], 0]:.6g}, its stresses"
@@ -376,12 +374,11 @@ def overstretched_beam(
         if kind.points > kind.order:
             continue  # its Gauss points see them
         factor = tension_factor(kind)
-        sections = [_bending(each.stiffness, beam.theory.held) for each in beam.sections.values()]
         force, stretch, present = drawn[id(beam)]
         held = None if multipliers is None else theory_of(system.theory_rows, beam)
         if held is not None and multipliers is not None and held.can_bend:
             force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
-        bending = np.where(np.isnan(present), np.array(sections)[beam.section_id], present)
+        bending = np.where(np.isnan(present), softest(beam), present)
         limit = factor * bending / (beam.basis.lengths**2 * stretch.clip(1e-300))
         ratio = (force / limit).round(9)  # of equal ones the first is named
         if ratio.max() > worst:
@@ -448,26 +445,26 @@ def _tension(group: BeamGroup, y: Floats) -> tuple[Floats, Floats, Floats]:
     strain, weights = group.strain(y)[0], group.elements.weights
     stretch = strain + group.elements.reference
     present = np.full(len(strain), np.nan)
-    for ids, law in group.elements.stored:
+    for points, law in group.elements.stored:
+        ids = np.unique(points[0])
         mean = group.moduli(strain)[ids].sum(1) / group.elements.lengths[ids, None, None]
-        present[ids] = [_bending(D, law.held) for D in mean]
+        present[ids] = _bending(mean, law.held)
     return group.stress(strain)[:, :, 2] @ weights, stretch[:, :, 2] @ weights, present
 
 
-def _bending(stiffness: Floats, held: tuple[int, ...]) -> float:
-    """The smaller bending stiffness (N m^2) of a section (6, 6) that is free otherwise.
+def softest(beam: Beam) -> Floats:
+    """The smallest bending stiffness (ne,) of each element at zero strain (N m^2)."""
+    return _bending(beam.elements.stiffness, beam.theory.held).min(axis=1)
+
+
+def _bending(stiffness: Floats, held: tuple[int, ...]) -> Floats:
+    """The smaller bending stiffness (...) in N m^2 of sections (..., 6, 6) that are free otherwise.
 
     Of what is not held: without end if bending is.
     """
-    return _bending_of(stiffness.tobytes(), held)
-
-
-@lru_cache  # of a section, asked for in each point of a path
-def _bending_of(stiffness: bytes, held: tuple[int, ...]) -> float:
     if {3, 4} & set(held):
-        return np.inf
+        return np.full(stiffness.shape[:-2], np.inf)
     free = [k for k in range(6) if k not in held]
     bending = [free.index(k) for k in (3, 4)]
-    matrix = np.frombuffer(stiffness).reshape(6, 6)
-    compliance = np.linalg.inv(matrix[np.ix_(free, free)])
-    return float(1 / np.linalg.eigvalsh(compliance[np.ix_(bending, bending)])[-1])
+    compliance = np.linalg.inv(stiffness[..., free, :][..., free])
+    return 1 / np.linalg.eigvalsh(compliance[..., bending, :][..., bending])[..., -1]

@@ -364,15 +364,20 @@ def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
     if twist > TOLERANCE:
         yield beam.label, f"its sections turn about its axis along it (pre-twist, by {twist:.6g})"
         return
-    for k, (name, section) in enumerate(beam.sections.items()):
-        which = np.flatnonzero(beam.section_id == k)
-        _, first = np.unique(nu[which, 0].round(9), axis=0, return_index=True)
-        for e in which[first]:
+    sections = beam.sections_at(np.arange(len(nu)), beam.elements.points)
+    seen, told = set(), set()
+    for e, row in enumerate(sections):
+        name = list(beam.sections)[beam.section_id[e]]
+        for section in {id(each): each for each in row}.values():
+            key = id(section), *nu[e, 0].round(9)
+            if key in seen or name in told:
+                continue
+            seen.add(key)
             found = _section(section.law, section.stiffness, section.density, nu[e, 0])
             found = found or _matrix(section.viscosity, nu[e, 0], "viscosity")
             if found:
+                told.add(name)
                 yield beam.label, f"of its section {name!r} {found}"
-                break
 
 
 def _section(law: Law, D: Floats, density: Floats, nu: Floats) -> str:

@@ -1,0 +1,285 @@
+"""Sections that vary along a beam: as functions of arc length, tables, tapers."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from .errors import InputError
+from .frozen import Frozen
+from .kernels import SectionPoints
+from .section import Section
+from .theory import LawHeld, released
+from .types import Array, ArrayLike, Floats, numbers
+
+#: how far a table may end before its beam does, relative to the beam's length
+BEYOND = 1e-9
+
+
+class SectionField(Frozen):
+    """Sections along the line of a beam or of a named part of it.
+
+    Derive from it and write :meth:`at`; a function of the arc length does as well.
+    """
+
+    @abstractmethod
+    def at(self, s: float, length: float) -> Section:
+        """The section at an arc length.
+
+        Parameters
+        ----------
+        s : float
+            Arc length from the start of the part (m).
+        length : float
+            That of the whole part (m).
+        """
+
+    def kinks(self, length: float) -> Floats:
+        """Arc lengths (k,) where the section has a kink or a jump, of a part of this length (m)."""
+        return np.zeros(0)
+
+    def check(self, item: str, length: float) -> None:
+        """Raise InputError if it cannot be that of a part of this length (m)."""
+
+
+class SectionAlong(SectionField):
+    """Sections by a function.
+
+    Parameters
+    ----------
+    function : callable
+        Gives a :class:`Section` for an arc length (m) from the start of the beam or of its part,
+        or for the share of its length, 0 to 1.
+    share : bool
+        Whether it takes the share.
+
+    Examples
+    --------
+    >>> material = Material(70e9, 0.3, 2700)
+    >>> field = SectionAlong(lambda s: SectionCircle(0.02 - 0.005 * s, material))
+    >>> field.at(2.0, 3.0).outline.max().round(6)
+    0.01
+    """
+
+    def __init__(self, function: Callable[[float], Section], share: bool = False) -> None:
+        if not callable(function):
+            raise InputError("section", f"function = {function!r}, expected a callable")
+        self.function, self.share = function, share
+
+    def at(self, s: float, length: float) -> Section:
+        """The section that the function gives; InputError if it gives something else."""
+        place = s / length if self.share else s
+        found = self.function(place)
+        if not isinstance(found, Section):
+            raise InputError("section", f"of {place:.6g} is {found!r}, not a Section")
+        return found
+
+
+class SectionTaper(SectionField):
+    """Sections whose dimensions change evenly from the start of a beam, or part, to its end.
+
+    Parameters
+    ----------
+    first, last : SectionRectangle, SectionTube or SectionCircle
+        Both of the same kind and of one material. Own kinds name their `dimensions`.
+
+    Raises
+    ------
+    InputError
+        If they differ in more than their dimensions, or are damped: see :meth:`damped`.
+
+    Examples
+    --------
+    >>> material = Material(70e9, 0.3, 2700)
+    >>> mast = SectionTaper(SectionTube(0.2, 0.19, material), SectionTube(0.1, 0.09, material))
+    >>> mast.at(5.0, 10.0).outline.max().round(6)
+    0.15
+    """
+
+    def __init__(self, first: Section, last: Section) -> None:
+        item = "section taper"
+        if type(first) is not type(last) or not getattr(first, "dimensions", ()):
+            raise InputError(
+                item,
+                f"first = {first!r}, last = {last!r}, expected two of one kind that has dimensions,"
+                " as SectionTube; others take a SectionTable, or a function of the arc length",
+            )
+        for name in first.given:
+            here, there = first.given[name], last.given[name]
+            if name not in first.dimensions and here != there:
+                raise InputError(item, f"{name} = {here!r} at the start, {there!r} at the end")
+        if first.viscosity.any() or last.viscosity.any():
+            raise InputError(item, "its ends are damped: damp the taper, by .damped(time)")
+        self.first, self.last = first, last
+
+    def at(self, s: float, length: float) -> Section:
+        """The section with the dimensions there."""
+        x, (a, b) = s / length, (self.first.given, self.last.given)
+        own = {name: (1 - x) * a[name] + x * b[name] for name in self.first.dimensions}
+        return type(self.first)(**{**a, **own})
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        yield from (("first", self.first), ("last", self.last))
+
+
+class SectionTable(SectionField):
+    """Sections by numbers at stations along a beam, or part, with what lies between.
+
+    Parameters
+    ----------
+    s : (k,) array
+        Arc lengths of the stations (m), increasing, from the start of the part to its end.
+    stiffness : (k, 6, 6) or (k, 6) array
+        As for :class:`Section`, of each station; of six numbers, their diagonals.
+    mass : (k,) array
+        Mass per length (kg/m).
+    inertia : (k, 2) or (k, 2, 2) array
+        About the reference line (kg m).
+    centre : (k, 2) array, optional
+        Centres of mass (m).
+    viscosity : (k, 6, 6) or (k, 6) array, optional
+        Kelvin-Voigt damping.
+    outline : (k, m, 2) array, optional
+        Polygons to draw (m).
+    interpolation : "linear" or "pchip"
+        Between stations; scipy's PchipInterpolator is smooth and keeps the order of its values.
+
+    Raises
+    ------
+    InputError
+        If an array has not the shape of the stations, these do not increase, or a station's
+        numbers are no section. A beam says so where the table does not reach along it.
+
+    Notes
+    -----
+    A linear table has a kink at each station: a beam converges with its full order only if it has
+    nodes there, as :meth:`MeshCurve.at` makes them.
+
+    Examples
+    --------
+    >>> table = SectionTable([0, 2], [[2e4] * 6, [1e4] * 6], [2.0, 1.0], [[0.1, 0.1]] * 2)
+    >>> table.at(0.5, 2.0).mass
+    1.75
+    """
+
+    def __init__(
+        self,
+        s: ArrayLike,
+        stiffness: ArrayLike,
+        mass: ArrayLike,
+        inertia: ArrayLike,
+        centre: ArrayLike | None = None,
+        viscosity: ArrayLike | None = None,
+        outline: ArrayLike | None = None,
+        interpolation: Literal["linear", "pchip"] = "linear",
+    ) -> None:
+        item = "section table"
+        if interpolation not in ("linear", "pchip"):
+            text = f"interpolation = {interpolation!r}, expected 'linear' or 'pchip'"
+            raise InputError(item, text)
+        self.s = numbers(item, "s", s)
+        if self.s.ndim != 1 or len(self.s) < 2 or not (np.diff(self.s) > 0).all():
+            raise InputError(item, f"s = {self.s.tolist()}, expected two or more that increase")
+        given = {
+            "stiffness": stiffness,
+            "mass": mass,
+            "inertia": inertia,
+            "centre": centre,
+            "viscosity": viscosity,
+            "outline": outline,
+        }
+        self.values = {
+            k: numbers(item, k, value) for k, value in given.items() if value is not None
+        }
+        for name, array in self.values.items():
+            if len(np.atleast_1d(array)) != len(self.s):
+                text = f"{name} has shape {array.shape}, expected one entry for each of the"
+                raise InputError(item, f"{text} {len(self.s)} stations")
+        self.interpolation = interpolation
+        for k, place in enumerate(self.s):
+            try:
+                self.at(place, self.s[-1])
+            except InputError as error:
+                raise InputError(item, f"station {k} at s = {place:.6g} m: {error}") from error
+
+    def at(self, s: float, length: float) -> Section:
+        """The section between its stations."""
+        return Section(**{name: self._between(array, s) for name, array in self.values.items()})
+
+    def _between(self, array: Floats, s: float) -> Any:
+        if self.interpolation == "pchip":
+            from scipy.interpolate import PchipInterpolator  # slow to import
+
+            found = PchipInterpolator(self.s, array)(np.clip(s, self.s[0], self.s[-1]))
+        else:
+            k = int(np.clip(np.searchsorted(self.s, s) - 1, 0, len(self.s) - 2))
+            x = np.clip((s - self.s[k]) / (self.s[k + 1] - self.s[k]), 0.0, 1.0)
+            found = (1 - x) * array[k] + x * array[k + 1]
+        return found if np.ndim(found) else float(found)
+
+    def kinks(self, length: float) -> Floats:
+        """Stations of a linear table at which a number has another slope."""
+        if self.interpolation == "pchip":
+            return np.zeros(0)
+        kinked = np.zeros(len(self.s) - 2, dtype=bool)
+        for array in self.values.values():
+            slopes = np.diff(array.reshape(len(self.s), -1), axis=0) / np.diff(self.s)[:, None]
+            size = abs(array).max() / (self.s[-1] - self.s[0])
+            kinked |= (abs(np.diff(slopes, axis=0)) > BEYOND * size).any(axis=1)
+        return self.s[1:-1][kinked]
+
+    def check(self, item: str, length: float) -> None:
+        """Raise InputError if its stations do not reach from 0 to this length (m)."""
+        if self.s[0] > BEYOND * length or self.s[-1] < length * (1 - BEYOND):
+            raise InputError(
+                item,
+                f"its section table has stations from {self.s[0]:.9g} to {self.s[-1]:.9g} m, and"
+                f" the beam goes from 0 to {length:.9g} m",
+            )
+
+    def _parts(self) -> Iterator[tuple[str, Any]]:
+        yield from (("stations", len(self.s)), ("interpolation", self.interpolation))
+
+
+class _Damped(SectionField):
+    """A field with Kelvin-Voigt damping."""
+
+    def __init__(self, field: SectionField, time: float) -> None:
+        self.field, self.time = field, time
+
+    def at(self, s: float, length: float) -> Section:
+        return self.field.at(s, length).damped(self.time)
+
+    def kinks(self, length: float) -> Floats:
+        return self.field.kinks(length)
+
+    def check(self, item: str, length: float) -> None:
+        self.field.check(item, length)
+
+
+def section_points(sections: Array, held: Sequence[int] = ()) -> SectionPoints:
+    """What sections (...), an array of objects, resist with; `held`: strains that are held."""
+    kinds = {id(each): each for each in sections.ravel()}
+    place = {key: k for k, key in enumerate(kinds)}
+    number = np.array([place[id(each)] for each in sections.ravel()]).reshape(sections.shape)
+    stiffness, viscosity = (
+        np.array([getattr(each, name) for each in kinds.values()])[number]
+        for name in ("stiffness", "viscosity")
+    )
+    laws = [None if each.quadratic else each.law for each in kinds.values()]
+    general = [k for k, law in enumerate(laws) if law is not None]
+    law_of = np.full(len(laws), -1)
+    law_of[general] = np.arange(len(general))
+    own = tuple(law for law in laws if law is not None)
+    if held:  # what they resist with are constraint forces
+        stiffness, viscosity = released(stiffness, tuple(held)), released(viscosity, tuple(held))
+        own = tuple(LawHeld(law, tuple(held)) for law in own)
+    return SectionPoints(
+        stiffness=stiffness,
+        viscosity=viscosity if viscosity.any() else None,
+        laws=own,
+        law_of=law_of[number] if own else None,
+    )
