@@ -1,0 +1,222 @@
+"""Blades from input files of BeamDyn, the beam code of OpenFAST."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .beam import Beam
+from .errors import InputError, MeshError, ModelWarning
+from .frames import ground
+from .joint import JointFixed
+from .mesh import CurveSpline, MeshCurve
+from .mesh.topology import chain_arrays
+from .model import Model
+from .section_field import SectionTable
+from .types import FilePath, Floats
+from .warn import warn
+
+#: how far matrices may be off symmetry, relative to both entries on the diagonal
+SYMMETRY = 1e-6
+#: entries of a primary file that give the line, its sections and what is not read
+READ = ("member_total", "kp_total", "BldFile", "order_elem")
+
+
+class BladeBeamDyn(NamedTuple):
+    """A blade as files of BeamDyn describe it.
+
+    Attributes
+    ----------
+    mesh : MeshCurve
+        The reference axis, a smooth line through all key points, with nodes at all stations.
+    section : SectionTable
+        Stiffness, mass and damping at the stations, linear in between as in BeamDyn.
+    twist : callable
+        Angle (rad) of the sections for an arc length (m), smooth through the key points.
+    model : Model
+        The blade alone, fixed at its root.
+    beam : Beam
+        That of the model, "blade".
+    left : tuple of str
+        Entries of the primary file that were not read: solver, actuator, output.
+    """
+
+    mesh: MeshCurve
+    section: SectionTable
+    twist: Callable[[float], float]
+    model: Model
+    beam: Beam
+    left: tuple[str, ...]
+
+
+def read_beamdyn(path: FilePath, order: int = 4) -> BladeBeamDyn:
+    """Read a blade from the primary input file of BeamDyn and the blade file that it names.
+
+    Coordinates are those of the file: z along the blade, x to the suction side, y to the trailing
+    edge; sections have d1, d2, d3 along these, turned by the twist about -z.
+
+    Parameters
+    ----------
+    path : path-like
+        The primary file. The blade file is looked for beside it.
+    order : int
+        Polynomial order of the elements, of which there is one between two stations.
+
+    Returns
+    -------
+    BladeBeamDyn
+        Damping matrices are ``sqrt(mu_i mu_j) S_ij``, which is BeamDyn's ``mu_i S_ij`` on the
+        diagonal, and symmetric.
+
+    Raises
+    ------
+    MeshError
+        If a file is missing, an entry is no number, a table ends early, stations do not increase
+        from 0 to 1, or a matrix is not symmetric or not positive definite, with the line.
+
+    Examples
+    --------
+    >>> blade = read_beamdyn("IEA-15-240-RWT_BeamDyn.dat")   # doctest: +SKIP
+    >>> blade.model.freeze()   # doctest: +SKIP
+    """
+    primary = _Lines(Path(path))
+    points, angles = _key_points(primary)
+    curve = CurveSpline(points)
+    table = _stations(_Lines(primary.path.parent / primary.text("BldFile")), curve.length)
+    mesh = MeshCurve._from_chain(chain_arrays([curve], [table.s], False), "blade", None, False)
+    from scipy.interpolate import CubicSpline  # slow to import
+
+    # the director is d2: y as far as possible; d1 is a quarter turn back
+    turn = CubicSpline(curve.knots, -0.5 * np.pi - np.radians(angles), bc_type="not-a-knot")
+
+    def twist(s: float) -> float:
+        return float(turn(s))
+
+    model = Model()
+    blade = Beam(mesh, table, order=order, director=(0.0, 1.0, 0.0), twist=twist)
+    beam = model.add("blade", blade)
+    model.add("root", JointFixed(ground(points[0]), beam.node("blade.start")))
+    if primary.text("UsePitchAct").upper().startswith("T"):
+        warn(str(primary.path), "its pitch actuator is not read", ModelWarning)
+    left = tuple(name for name in primary.entries if name not in READ)
+    return BladeBeamDyn(mesh, table, twist, model, beam, left)
+
+
+class _Lines:
+    """A file line by line, with entries ``value name - what it is``."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self.lines = path.read_text(errors="replace").splitlines()
+        except OSError as error:
+            raise MeshError(f"file '{path}'", f"cannot be read: {error.strerror}") from error
+        #: numbers of the lines of entries, by name
+        self.entries: dict[str, int] = {}
+        for k, line in enumerate(self.lines):
+            found = re.match(r'\s*("[^"]*"|\S+)\s+([A-Za-z_]\w*)\s+-', line)
+            if found:
+                self.entries.setdefault(found[2], k)
+
+    def text(self, name: str) -> str:
+        """Value of an entry without quotes; "" if an entry that need not be is missing."""
+        if name not in self.entries:
+            return ""
+        found = re.match(r'\s*(?:"([^"]*)"|(\S+))', self.lines[self.entries[name]])
+        return (found[1] or found[2]) if found else ""
+
+    def count(self, name: str, least: int) -> int:
+        """A whole number, of an entry that has to be there."""
+        if name not in self.entries:
+            raise MeshError(f"file '{self.path}'", f"has no entry {name}")
+        value, k = self.text(name), self.entries[name]
+        if not value.isdigit() or int(value) < least:
+            raise self.wrong(k, f"{name} = {value}, expected a whole number of {least} or more")
+        return int(value)
+
+    def numbers(self, k: int, count: int) -> Floats:
+        """The numbers with which a line begins."""
+        words = self.lines[k].split()[:count] if k < len(self.lines) else []
+        try:
+            found = [_finite(word) for word in words]
+        except ValueError:
+            found = []
+        if len(found) < count:
+            text = " ".join(words) or "nothing"
+            raise self.wrong(k, f"{text}, expected {count} numbers")
+        return np.array(found)
+
+    def wrong(self, k: int, text: str) -> MeshError:
+        """An error about a line."""
+        return MeshError(f"file '{self.path}'", f"line {k + 1}: {text}")
+
+
+def _finite(word: str) -> float:
+    """A number as Fortran writes it."""
+    value = float(word.upper().replace("D", "E"))
+    if not np.isfinite(value):
+        raise ValueError(word)
+    return value
+
+
+def _key_points(primary: _Lines) -> tuple[Floats, Floats]:
+    """Key points (k, 3) in m, and twists (k,) in degrees."""
+    count, members = primary.count("kp_total", 3), primary.count("member_total", 1)
+    first = primary.entries["kp_total"] + 1 + members + 2  # two lines of headings
+    rows = np.array([primary.numbers(k, 4) for k in range(first, first + count)])
+    return rows[:, :3], rows[:, 3]
+
+
+def _stations(blade: _Lines, length: float) -> SectionTable:
+    """The table of a blade file, for a line of this length (m)."""
+    count, kind = blade.count("station_total", 2), blade.count("damp_type", 0)
+    rows = [k for k in range(max(blade.entries.values()) + 1, len(blade.lines))]
+    rows = [k for k in rows if blade.lines[k].split()]
+    titles = [i for i, k in enumerate(rows) if blade.lines[k].lstrip().startswith("---")]
+    mu = blade.numbers(rows[titles[-1] - 1], 6) if kind else np.zeros(6)
+    each = np.array_split(rows[titles[-1] + 1 :][: 13 * count], count)
+    eta, stiffness, masses = [], [], []
+    for k in range(count):
+        own = [*each[k], *[len(blade.lines)] * 13][:13]
+        eta.append(blade.numbers(own[0], 1)[0])
+        if (k == 0 and eta[0] != 0) or (k and not eta[-2] < eta[-1]) or eta[-1] > 1:
+            raise blade.wrong(own[0], f"station at {eta[-1]:.6g}, expected to increase, 0 to 1")
+        stiffness.append(_matrix(blade, own[1:7], "stiffness"))
+        masses.append(_matrix(blade, own[7:13], "mass"))
+    if eta[-1] != 1.0:
+        raise blade.wrong(own[0], f"the last station is at {eta[-1]:.6g}, expected 1")
+    D, M = np.array(stiffness), np.array(masses)
+    mass = M[:, 0, 0]
+    return SectionTable(
+        np.array(eta) * length,
+        D,
+        mass,
+        np.array([[M[:, 4, 4], -M[:, 3, 4]], [-M[:, 3, 4], M[:, 3, 3]]]).transpose(2, 0, 1),
+        centre=np.stack([M[:, 1, 5], -M[:, 0, 5]], axis=1) / mass[:, None],
+        viscosity=D * np.sqrt(np.outer(mu, mu)) if kind else None,
+    )
+
+
+def _matrix(blade: _Lines, rows: Any, what: str) -> Floats:
+    """A symmetric (6, 6) matrix, positive definite if it is a stiffness."""
+    found = np.array([blade.numbers(k, 6) for k in rows])
+    diagonal = np.diag(found)
+    if (diagonal <= 0).any():
+        k = int(np.argmin(diagonal))
+        raise blade.wrong(rows[k], f"{what} has {diagonal[k]:.6g} on its diagonal")
+    size = np.sqrt(np.outer(diagonal, diagonal))
+    off = abs(found - found.T) / size
+    if off.max() > SYMMETRY:
+        i, j = np.unravel_index(int(off.argmax()), (6, 6))
+        text = f"{what} is not symmetric: {found[i, j]:.6g} and {found[j, i]:.6g}"
+        raise blade.wrong(rows[i], text)
+    found = 0.5 * (found + found.T)
+    lowest = float(np.linalg.eigvalsh(found / size)[0])
+    if lowest <= 0:
+        text = f"{what} is not positive definite: lowest scaled eigenvalue {lowest:.3g}"
+        raise blade.wrong(rows[0], text)
+    return found
