@@ -53,7 +53,7 @@ class DirectorBasis(CellBasis):
     mesh : MeshCurve
         The mesh.
     order : int or Interpolation
-        Polynomial order, 1 to 4, or an interpolation with other nodes or Gauss points.
+        Polynomial order, 1 to 8, or an interpolation with other nodes or Gauss points.
     quadrature : tuple of (1, nq) and (nq,), optional
         Points and weights on [0, 1]. By default those of the interpolation, ``order`` Gauss
         points: reduced integration, which neither locks nor leaves mechanisms.
