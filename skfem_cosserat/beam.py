@@ -195,18 +195,32 @@ class Beam(LineItem):
             raise InputError(self.label, f"section {text}{given!r}, {expected}")
         return SectionAlong(given)
 
+    def arc_lengths(self, elements: IndexArray, part: str | None, xi: Floats) -> Floats:
+        """Arc lengths (m, k) of places (k,) in elements (m,) from the start of their part (m).
+
+        Without a name the parts are those of the mesh.
+        """
+        starts, _ = self._chains(self.part(part), part is None)
+        return starts[elements, None] + self.mesh.lengths[elements, None] * xi
+
+    def _chains(self, ids: IndexArray, named: bool) -> Floats:
+        """Arc length (2, ne) from the start of its line to each element, and of the whole line.
+
+        Lines are those of some elements, or if `named` those of the parts of the mesh.
+        """
+        out = np.full((2, self.mesh.nelements), np.nan)
+        owners = self.mesh.owners[ids] if named else 0 * ids
+        chains = find_chains(self.mesh.t[:, ids], owners, list(self.mesh.beams) or [""])
+        lengths = self.mesh.lengths[ids]
+        out[0, ids] = arc_starts(chains, lengths)
+        for chain in chains.chains():
+            out[1, ids[chain.elements]] = lengths[chain.elements].sum()
+        return out
+
     def _part_lengths(self) -> Floats:
         """Arc length (2, ne) from the start of its part to each element, and of the whole part."""
-        out = np.zeros((2, self.mesh.nelements))
-        for k in range(len(self.sections)):
-            ids = np.flatnonzero(self.section_id == k)
-            owners = self.mesh.owners[ids] if self._one_section else 0 * ids
-            chains = find_chains(self.mesh.t[:, ids], owners, list(self.mesh.beams) or [""])
-            lengths = self.mesh.lengths[ids]
-            out[0, ids] = arc_starts(chains, lengths)
-            for chain in chains.chains():
-                out[1, ids[chain.elements]] = lengths[chain.elements].sum()
-        return out
+        parts = [np.flatnonzero(self.section_id == k) for k in range(len(self.sections))]
+        return np.nansum([self._chains(ids, self._one_section) for ids in parts], axis=0)
 
     def sections_at(self, elements: IndexArray, xi: Floats) -> Array:
         """Sections at places of elements, an array (m, k) of objects.
@@ -494,10 +508,6 @@ class Beam(LineItem):
         own[:, :, 0, 0], own[:, :, 1:, 1:] = 1, self.rotations[:, :, :2]
         out = np.einsum("eaki,eabkl,eblj->eaibj", own, weighted, own, optimize=True)
         return out.reshape(ne, 4 * nn, 4 * nn)
-
-    def line_weights(self, elements: IndexArray) -> Floats:
-        """``int N_a ds`` (len(elements), nn) for distributed loads."""
-        return self.basis.elemental_load(elements)
 
     def part(self, name: str | None = None) -> IndexArray:
         """Elements of a named part of the mesh, or all."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .beam import Beam
-from .errors import InputError, MeshError, ModelWarning
+from .errors import MeshError, ModelWarning
 from .frames import ground
 from .joint import JointFixed
 from .mesh import CurveSpline, MeshCurve
@@ -174,7 +174,7 @@ def _key_points(primary: _Lines) -> tuple[Floats, Floats]:
 def _stations(blade: _Lines, length: float) -> SectionTable:
     """The table of a blade file, for a line of this length (m)."""
     count, kind = blade.count("station_total", 2), blade.count("damp_type", 0)
-    rows = [k for k in range(max(blade.entries.values()) + 1, len(blade.lines))]
+    rows = range(max(blade.entries.values()) + 1, len(blade.lines))
     rows = [k for k in rows if blade.lines[k].split()]
     titles = [i for i, k in enumerate(rows) if blade.lines[k].lstrip().startswith("---")]
     mu = blade.numbers(rows[titles[-1] - 1], 6) if kind else np.zeros(6)

@@ -149,7 +149,8 @@ class Interpolation(Frozen):
         Further on its equilibrium under end moments is unstable: of a linear element the moment,
         EI sin(2 t)/(2 l), is largest at 45 degrees; of a quadratic one both halves cease to bend
         alike at 87; a cubic one has its largest moment at 104; of a quartic one the inner nodes
-        are no longer held at 141, of orders 5 to 8 at 165, 188, 209 and 230. These are the angles with Lobatto nodes and p points (straight,
+        are no longer held at 141, of orders 5 to 8 at 165, 188, 209 and 230. These are the angles
+        with Lobatto nodes and p points (straight,
         without shear and extension); full quadrature changes them by less than 6 %, equidistant
         nodes by up to 17 %.
         """

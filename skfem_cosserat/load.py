@@ -10,6 +10,7 @@ import numpy as np
 from .errors import InputError
 from .frames import Item, Place, StructuralItem, check_beam, no_place, vector
 from .frozen import Attached, Replacements
+from .kernels import cross
 from .relative import Expression, point
 from .time_function import (
     Amplitude,
@@ -19,7 +20,7 @@ from .time_function import (
     TimeFunction,
     time_function,
 )
-from .types import ArrayLike, Floats, IndexArray, switch
+from .types import ArrayLike, Floats, IndexArray, numbers, shaped, switch
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -215,6 +216,8 @@ class TermLine(Term):
         See :class:`TermForce`.
     elements : int array, optional
         Numbers of the elements, as of ``beam.part(name)``; default: all.
+    profile : (ne, p + 1) array, optional
+        Factors of the value at the Gauss points of these elements, p + 1 in each; default: one.
 
     Raises
     ------
@@ -237,6 +240,7 @@ class TermLine(Term):
         amplitude: Amplitude = None,
         follower: bool = False,
         elements: IndexArray | None = None,
+        profile: ArrayLike | None = None,
     ) -> None:
         self._set(value, amplitude, follower)
         check_beam(self.kind, beam)
@@ -250,11 +254,28 @@ class TermLine(Term):
         ):
             text = f"elements = {elements!r}, expected numbers from 0 to {every[-1]}, each once"
             raise InputError(self.kind, text)
+        shape = given.size, len(beam.basis.interpolation.full.points)
+        one = np.ones(shape) if profile is None else profile
+        self.profile = shaped(self.kind, "profile", one, shape)
 
     @property
     def site(self) -> tuple[object, ...]:
-        """Identity of its beam and elements, which tells it from loads elsewhere."""
-        return id(self.beam), self.elements.tobytes()
+        """Identity of its beam, elements and profile, which tells it from loads elsewhere."""
+        return id(self.beam), self.elements.tobytes(), self.profile.tobytes()
+
+    def weights(self) -> Floats:
+        """Integrals of the shape functions and the profile (ne, p + 1) in m."""
+        full = self.beam.basis.interpolation.full
+        return self._measure() @ full.values.T
+
+    def products(self) -> Floats:
+        """Integrals of two shape functions and the profile (ne, p + 1, p + 1) in m."""
+        values = self.beam.basis.interpolation.full.values
+        return np.einsum("eq,aq,bq->eab", self._measure(), values, values)
+
+    def _measure(self) -> Floats:
+        weights = self.beam.basis.interpolation.full.weights
+        return self.profile * self.beam.basis.lengths[self.elements, None] * weights
 
     def items(self) -> Sequence[StructuralItem]:
         """The beam."""
@@ -265,9 +286,10 @@ class TermLine(Term):
         other = super().with_replacements(replacements)
         check_beam(self.kind, other.beam)
         old, new = self.beam.part(None), other.beam.part(None)
-        if len(self.elements) == len(old):
-            other.elements = new
-        elif len(old) != len(new):
+        if len(self.elements) == len(old) and np.ptp(self.profile) == 0:
+            whole = len(new), len(other.beam.basis.interpolation.full.points)
+            other.elements, other.profile = new, np.full(whole, self.profile[0, 0])
+        elif len(old) != len(new) or self.beam.basis.order != other.beam.basis.order:
             text = f"acts on some elements of {self.beam.label}, which are others on another mesh"
             raise InputError(self.kind, f"{text}: take them in terms(), from beam.part(name)")
         return other
@@ -288,9 +310,9 @@ class TermLine(Term):
         out, e, value = np.zeros_like(nodal), self.elements, factor * self.value
         if self.follower:
             spatial = np.einsum("i,ebij,ebjc->ebc", value, beam.rotations[e], nodal[e, :, 1:])
-            out[e, :, 0] = beam.basis.elemental_mass()[e] @ spatial
+            out[e, :, 0] = self.products() @ spatial
         else:
-            out[e, :, 0] = beam.line_weights(e)[:, :, None] * value
+            out[e, :, 0] = self.weights()[:, :, None] * value
         return out
 
 
@@ -656,25 +678,61 @@ class LoadMoment(_NodalLoad):
     _term = TermMoment
 
 
+class _ShareOfLine(TermMoment):
+    """Moment (N m) at a node of an element, its share of what is spread over the element."""
+
+    def __init__(self, share: tuple[int, int], *given: Any) -> None:
+        super().__init__(*given)
+        self.share = share
+
+    def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
+        """The forces on directors that have this moment, and the least norm."""
+        if self.place.item is not beam:
+            return 0.0
+        out, d = np.zeros_like(nodal), nodal[*self.share, 1:]
+        moment = factor * (self.value @ d if self.follower else self.value)
+        out[*self.share, 1:] = 0.5 * cross(moment, d)
+        return out
+
+
+def along_line(item: str, name: str, given: Any) -> Any:
+    """What is given along a line: three numbers, a function, or arrays (k,) and (k, 3)."""
+    if callable(given):
+        return given
+    if isinstance(given, tuple | list) and len(given) == 2:
+        s, values = numbers(item, name, given[0]), numbers(item, name, given[1])
+        if s.ndim != 1 or len(s) < 2 or (np.diff(s) <= 0).any() or values.shape != (len(s), 3):
+            text = f"{name} = arrays of shapes {s.shape} and {values.shape}, expected arc lengths"
+            raise InputError(item, f"{text} (k,) that increase and values (k, 3)")
+        return s, values
+    return vector(item, name, given)
+
+
 class LoadLine(Load):
-    """Force per reference length (N/m) along a beam, dead or following the section triad.
+    """Force and moment per reference length along a beam, dead or following the section triad.
 
     It acts at the reference line, wherever the sections' centre of mass is.
 
     Parameters
     ----------
     beam : Beam
-    value : (3,) array or callable of time
-        In space, or in the section triad if `follower` (N/m).
+    value : (3,) array, callable or pair of arrays
+        Force per length (N/m) in space, or in the section triad if `follower`: the same along the
+        whole part, a function ``s -> (3,)`` of the arc length (m) from its start, or a table
+        ``(s (k,), values (k, 3))`` that is linear in between. Resultants are exact for polynomials
+        up to the order of the elements.
     amplitude, follower
         See :class:`Load`.
     part : str, optional
         Name of the part of the mesh; default: the whole beam.
+    moment : (3,) array, callable or pair of arrays, optional
+        Moment per length (N m/m), given in the same ways. It acts at the nodes.
 
     Raises
     ------
     InputError
-        If `beam` is no beam or numbers are not finite; MeshError for an unknown part.
+        If `beam` is no beam, numbers are not finite, or a function gives no three numbers;
+        MeshError for an unknown part.
 
     Examples
     --------
@@ -684,20 +742,28 @@ class LoadLine(Load):
     >>> wind = LoadLine(beam, (3.0, 0, 0), amplitude=lambda t: 1 + t, part="boom")
     >>> wind.elements.tolist()
     [0, 1, 2, 3]
+
+    Snow that lies 2 m deep at the end and ends at the start, and a torque:
+
+    >>> snow = LoadLine(beam, lambda s: (0, 0, -300.0 * s), moment=(0, 5.0, 0))
     """
 
     def __init__(
         self,
         beam: Beam,
-        value: Any,
+        value: Any = (0.0, 0.0, 0.0),
         amplitude: Amplitude = None,
         follower: bool = False,
         part: str | None = None,
+        moment: Any = None,
     ) -> None:
-        super().__init__(value, amplitude, follower)
+        super().__init__((), amplitude, follower)
         check_beam(self.label, beam)
         self.beam, self.part = beam, part
         self.elements = beam.part(part)
+        self.value = along_line(self.label, "value", value)
+        self.moment = None if moment is None else along_line(self.label, "moment", moment)
+        self.terms()  # a function that gives no numbers is named here
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy on another beam, on the elements that the part has there."""
@@ -707,9 +773,49 @@ class LoadLine(Load):
         return other
 
     def terms(self) -> Sequence[Term]:
-        """Forces along the elements, a term for each channel."""
-        rest = self.follower, self.elements
-        return [TermLine(self.beam, *channel, *rest) for channel in self.channels]
+        """Forces along the elements, one or three terms, and moments at their nodes."""
+        kind = self.beam.basis.interpolation
+        rest = self.time, self.follower
+        out: list[Term] = [
+            TermLine(self.beam, vector, *rest, self.elements, profile)
+            for vector, profile in self._profiles(kind.full.points)
+        ]
+        if self.moment is not None:
+            weights = self.beam.basis.elemental_load(self.elements)
+            values = weights[..., None] * self._at("moment", self.moment, kind.nodes)
+            nodes = self.beam.basis.connectivity[self.elements]
+            if self.follower:  # by the triads of the nodes
+                values = np.einsum("eai,eaij->eaj", values, self.beam.rotations[self.elements])
+            for (k, a), node in np.ndenumerate(nodes):
+                share = int(self.elements[k]), a
+                out.append(_ShareOfLine(share, self.beam.node(int(node)), values[k, a], *rest))
+        return out
+
+    def _at(self, name: str, given: Any, xi: Floats) -> Floats:
+        """Values (ne, k, 3) at reference coordinates (k,) of the elements."""
+        if isinstance(given, np.ndarray):
+            return np.broadcast_to(given, (len(self.elements), len(xi), 3))
+        s = self.beam.arc_lengths(self.elements, self.part, xi)
+        if callable(given):
+            found = [vector(self.label, f"{name}({x:.6g})", given(float(x))) for x in s.flat]
+            return np.array(found).reshape(*s.shape, 3)
+        table, values = given
+        if s.min() < table[0] - 1e-9 * s.max() or s.max() > table[-1] * (1 + 1e-9):
+            text = f"{name} is a table from {table[0]:.6g} to {table[-1]:.6g} m, and the line goes"
+            raise InputError(self.label, f"{text} on to {s.max():.6g} m")
+        return np.stack([np.interp(s, table, column) for column in values.T], axis=-1)
+
+    def _profiles(self, xi: Floats) -> Iterator[tuple[Floats, Floats | None]]:
+        """Vectors, and their factors (ne, k): as few as add up to the force."""
+        if isinstance(self.value, np.ndarray):
+            if self.value.any() or self.moment is None:
+                yield self.value, None
+            return
+        force = self._at("value", self.value, xi)
+        shares, sizes, vectors = np.linalg.svd(force.reshape(-1, 3), full_matrices=False)
+        for share, size, own in zip(shares.T, sizes, vectors, strict=True):
+            if size > 1e-14 * sizes[0]:
+                yield own, (size * share).reshape(force.shape[:2])
 
 
 class LoadGravity(Load):

@@ -170,7 +170,7 @@ class Loading:
             return np.arange(self._rows), self._mass @ out
         if isinstance(term, TermLine):
             _, r = self._first[id(term.beam)]
-            weights = term.beam.line_weights(term.elements)
+            weights = term.weights()
             nodes = term.beam.basis.connectivity[term.elements]
             loaded, place = np.unique(nodes, return_inverse=True)
             out = np.zeros((len(loaded), 3))
@@ -202,7 +202,7 @@ class Loading:
             beam = term.beam
             number = next(k for k, g in enumerate(self._beam_groups) if id(beam) in g.slices)
             ids = term.elements + self._beam_groups[number].slices[id(beam)].start
-            shape = beam.basis.elemental_mass(elements=term.elements)
+            shape = term.products()
             ne, nn = shape.shape[:2]
             block = np.zeros((ne, nn, 4, nn, 4))
             turned = np.einsum("i,ebij->ebj", value, beam.rotations[term.elements])
