@@ -42,6 +42,7 @@ FOREIGN = sc.SensorPosition(sc.MassPoint(1.0).place())
 # -- closed forms ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_thrown_ball():
     """Height and its maximum v^2/2g, the time of a level, the energy: by the parabola."""
     model, ball = thrown()
@@ -64,6 +65,7 @@ def test_a_thrown_ball():
     assert t[-1] == pytest.approx(0.5, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_pendulum_by_its_integral():
     """A rigid pendulum from 1 rad: the period is 4 K(sin^2(1/2)) sqrt(l/g), half of it a level."""
     from scipy.special import ellipk
@@ -83,6 +85,7 @@ def test_a_pendulum_by_its_integral():
         assert found.band["lowest"] == found.band["lowest"].step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.01, 0.002])
 def test_a_cantilever_at_rest(radius):
     """Small deflection F l^3/3EI + F l/GA, first frequency 1.8751^2 sqrt(EI/m)/2 pi."""
@@ -119,6 +122,7 @@ def pushed(force, integrator=None):
     return sc.answer(model, {"x": place}, 1e-3, 1.0, integrator=integrator)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "integrator", [None, pytest.param(sc.GeneralizedAlpha(0.8), marks=pytest.mark.slow)], ids=repr
 )
@@ -156,6 +160,7 @@ def falls_with(force):
     return sc.answer(model, {"gone": sc.Event(gone, sc.ActionStop(), name="gone")}, 1e-4, 5000.0)
 
 
+@pytest.mark.slow
 def test_what_comes_after_the_end_of_a_motion_is_not_asked_for():
     """An event ends it after 0.14 s, far before `until`: x = t^2/2 of a force of 1 N."""
     end = np.sqrt(0.02)
@@ -171,6 +176,7 @@ def test_what_comes_after_the_end_of_a_motion_is_not_asked_for():
     assert found.reached and abs(found.values["gone"] - end) < 1e-4
 
 
+@pytest.mark.slow
 def test_what_no_step_sees_is_named():
     """A million periods: no run of a reasonable number of steps follows them."""
     with pytest.warns(sc.AccuracyWarning, match="do not see what it does"):
@@ -178,6 +184,7 @@ def test_what_no_step_sees_is_named():
     assert not found.reached and "do not see what load 'push' does" in found.reason
 
 
+@pytest.mark.slow
 def test_the_meshes_of_the_model_do_not_matter():
     """A model of 3 and of 30 elements: the same answer, and neither of them changes."""
     answers = []
@@ -205,6 +212,7 @@ def test_a_smaller_tolerance_takes_shorter_steps_and_richer_meshes():
     assert rough.band["tip"] == rough.band["tip"].step + rough.band["tip"].mesh
 
 
+@pytest.mark.slow
 def test_a_start_that_is_bent():
     """A cantilever let go from its equilibrium: the state is carried to each mesh."""
     model = sc.Model()
@@ -219,6 +227,7 @@ def test_a_start_that_is_bent():
     assert np.ptp(found.values["end"], axis=0).max() < 2e-5
 
 
+@pytest.mark.slow
 def test_functions_have_places_of_the_model_that_was_given():
     """A bar falls on a stop under its middle and bounces: by functions of the user's."""
     model = sc.Model()
@@ -245,6 +254,7 @@ def test_functions_have_places_of_the_model_that_was_given():
 # -- what cannot be reached ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_chaos_is_named_with_the_time_up_to_which_it_can():
     found = asked(drawn("chaos", 0))
     assert not found.reached and "chaotic" in found.reason and "up to t = " in found.reason
@@ -257,6 +267,7 @@ def test_chaos_is_named_with_the_time_up_to_which_it_can():
     assert np.linalg.norm(own - place, axis=1).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_a_budget_that_is_spent():
     scene = drawn("rope", 0)._replace(tolerance=1e-7)
     with pytest.warns(sc.AccuracyWarning):  # of the rough run that is handed back
@@ -276,6 +287,7 @@ def test_no_run_comes_to_its_end():
     assert found.history is None and not found.values and "not reached" in str(found)
 
 
+@pytest.mark.slow
 def test_an_event_that_does_not_happen():
     level = sc.ConditionSensor(PLACE, 100.0, component=2)
     found = sc.answer(MODEL, {"level": level, "place": PLACE}, 1e-3, 0.5)
@@ -303,6 +315,7 @@ def column(load):
     return model, sc.SensorPosition(beam.node("rod.end"))
 
 
+@pytest.mark.slow
 def test_a_function_that_fails_on_the_poorest_meshes():
     """Finer ones are tried; what fails on all of them ends with its error."""
     model, _ = column(0.5)
@@ -316,12 +329,14 @@ def test_a_function_that_fails_on_the_poorest_meshes():
         sc.answer(model, {"never": lambda path: path.times[10**6]}, 1e-3, None)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("value", ["q", lambda path: path["q"][-1]], ids=["name", "last"])
 def test_values_whose_shape_hangs_on_the_mesh(value):
     with pytest.raises(sc.InputError, match=r"'all': has shape \(.*\) on one mesh and .* another"):
         sc.answer(column(0.5)[0], {"all": value}, 1e-3, None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [0.5, 1.6])
 def test_an_unstable_equilibrium_is_said(load):
     model, top = column(load)
@@ -332,6 +347,7 @@ def test_an_unstable_equilibrium_is_said(load):
     assert found.reached and len(said) == (load > 1)
 
 
+@pytest.mark.slow
 def test_ctrl_c_hands_back_the_best_so_far():
     scene = drawn("rope", 1)._replace(tolerance=1e-9)
 
@@ -347,6 +363,7 @@ def test_ctrl_c_hands_back_the_best_so_far():
 # -- words -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_it_prints_in_eight_lines():
     found = asked(drawn("section_force", 0))
     lines = str(found).splitlines()
@@ -355,6 +372,7 @@ def test_it_prints_in_eight_lines():
     assert repr(found) == f"<Answer: reached, {found.runs} runs>"
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -430,6 +448,7 @@ def proposed(found):
     return {row["left_out"] for row in found.rows if row["proposed"]}
 
 
+@pytest.mark.slow
 def test_a_heavy_load_on_a_steel_rope_has_a_rigid_rope():
     scene = pendulum_on_a_rope()
     found = asked(scene)
@@ -446,6 +465,7 @@ def test_a_heavy_load_on_a_steel_rope_has_a_rigid_rope():
     assert isinstance(scene.model["rope"].theory, sc.TheoryReissner)  # nothing is applied
 
 
+@pytest.mark.slow
 def test_a_slow_press_is_statics():
     less = asked(drawn("slow", 0)).simpler()
     assert "inertia (statics)" in proposed(less) and less.statics and np.isnan(less.step)
@@ -453,6 +473,7 @@ def test_a_slow_press_is_statics():
     assert less.notes["kinetic energy (J)"] < 1e-4 * sum(energies.values())
 
 
+@pytest.mark.slow
 def test_a_tower_under_a_gust_has_a_rigid_arm():
     found = asked(tower())
     less = found.simpler()
@@ -462,6 +483,7 @@ def test_a_tower_under_a_gust_has_a_rigid_arm():
     assert strains["arm"] < 0.01 * strains["leg"]
 
 
+@pytest.mark.slow
 def test_energies_by_kind_of_strain():
     """A bar pulled, pushed aside and twisted: N^2 l/2EA, Q^2 l/2GA, F^2 l^3/6EI, M^2 l/2GJ."""
     model = sc.Model()
@@ -484,6 +506,7 @@ def test_energies_by_kind_of_strain():
         assert energies[kind] == pytest.approx(energy, rel=0.05), kind
 
 
+@pytest.mark.slow
 def test_nothing_where_nothing_may_go():
     """A spinning body, with a tolerance that its step just meets."""
     scene = drawn("rigid", 0)

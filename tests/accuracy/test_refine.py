@@ -91,6 +91,7 @@ def test_fourth_order_over_time(norm, reference):
         np.testing.assert_allclose(study.orders["x"].errors, expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_statics_of_order_two_p_at_nodes():
     study = refine(problems.bend, elements=BENT)
     true = problems.bend(48, 4)
@@ -101,6 +102,7 @@ def test_statics_of_order_two_p_at_nodes():
         assert np.linalg.norm(found.extrapolated - true) < found.uncertainty
 
 
+@pytest.mark.slow
 def test_orders_as_series_against_a_fine_run():
     reference = ReferenceRun(elements=32, order=4)
     study = refine(problems.bend, elements=(8, 12, 16, 24), order=(2, 3), reference=reference)
@@ -111,6 +113,7 @@ def test_orders_as_series_against_a_fine_run():
     assert [row["order"] for row in study.rows] == 4 * [2] + 4 * [3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 3])
 def test_strains_of_order_p_plus_one(order):
     levels = (8, 16, 32, 64)
@@ -118,12 +121,14 @@ def test_strains_of_order_p_plus_one(order):
     assert abs(study.orders["value"].order - (order + 1)) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "levels"), [(1, (16, 32, 64, 128)), (2, (4, 8, 16, 32))])
 def test_frequencies_of_order_two_p(order, levels):
     study = refine(problems.frequencies, elements=levels, order=order)
     assert abs(study.orders["value"].order - 2 * order) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", problems.INTEGRATORS)
 def test_steps_of_second_order(integrator):
     """Constraint forces, too, which belong to the states."""
@@ -135,6 +140,7 @@ def test_steps_of_second_order(integrator):
         assert abs(study.orders[name].order - order) < 0.1, study.verdicts[name]
 
 
+@pytest.mark.slow
 def test_space_and_time_together():
     levels = {"elements": (4, 8, 16, 32), "step": [0.05, 0.025, 0.0125, 0.00625]}
     both = refine(problems.swing_up, **levels, quantities={"tip": problems.last_tip})
@@ -233,6 +239,7 @@ def test_series_tell_each_other_what_they_hold():
         assert abs(found.extrapolated - 1) < found.uncertainty < 1e-2, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_bands_hold_where_orders_agree_by_chance(order):
     """Errors h^p + c h^(p+1) + d h^(p+2): two pairs may show the same order beside a whole one."""
@@ -257,6 +264,7 @@ def test_bands_of_random_runs_hold():
 
 
 # its coarse levels are bent farther than their elements can be
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize(
     "levels",
@@ -305,6 +313,7 @@ def judged(errors, **options):
     return convergence(HALVED[: len(values)], values, **options)
 
 
+@pytest.mark.slow
 def test_wandering_sequences_are_seldom_believed():
     """Orders between 0 and 3 by chance, errors of either sign: less than one in a hundred."""
     random = np.random.default_rng(6)
@@ -322,6 +331,7 @@ def test_wandering_sequences_are_seldom_believed():
     assert sum(each.asymptotic for each in noise) <= 3
 
 
+@pytest.mark.slow
 def test_orders_with_terms_of_higher_order():
     """Where there is a verdict it is right: the order nearly always within its spread."""
     random = np.random.default_rng(7)
@@ -611,6 +621,7 @@ def test_meshes_and_progress():
 # -- charts and files ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_chart(tmp_path):
     pytest.importorskip("matplotlib")
     study = refine(problems.fails_at_16, elements=(4, 8, 16, 32, 64))
@@ -632,6 +643,7 @@ def test_chart(tmp_path):
     assert len(line.get_xdata()) == 5  # the finest has no error: nothing is drawn twice
 
 
+@pytest.mark.slow
 def test_quantities_by_name():
     study = refine(problems.swing_up, elements=2, step=(0.05, 0.025), quantities=["q", "energy"])
     assert study.values["energy"]["elements = 2, step = 0.05"].shape == ()
@@ -643,6 +655,7 @@ def test_quantities_by_name():
 FOUR = (4, 8, 16, 32)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("problem", "options", "words"),
     [

@@ -190,6 +190,7 @@ def equal_histories(a, b):
         assert np.array_equal(a.static[name], b.static[name]), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_a_system_that_has_travelled_is_the_same_to_the_last_bit(name):
     """Every item, all pairs of integrator and treatment, numbers by identity included."""
@@ -226,6 +227,7 @@ def test_a_system_is_sent_without_what_follows_from_it():
     assert sizes[1] - sizes[0] < 100 * 1000
 
 
+@pytest.mark.slow
 def test_results_travel():
     system = swing(4)
     with pytest.warns(sc.AccuracyWarning, match="it takes 5 elements in place of 4"):
@@ -303,6 +305,7 @@ def expected():
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.plain
 def test_outcomes_in_order_and_a_failure_apart(executor, expected):
     told = []
@@ -446,6 +449,7 @@ def test_errors_that_are_no_exceptions_are_outcomes(executor):
 # -- workers that end ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_simulation_and_no_worker():
     """As it comes to all processes of a terminal: between two jobs, and within one."""
     jobs = [
@@ -461,6 +465,7 @@ def test_ctrl_c_ends_a_simulation_and_no_worker():
     assert twice.status == "interrupted" and good.value == worker
 
 
+@pytest.mark.slow
 def test_no_job_is_started_in_a_worker_after_ctrl_c(tmp_path):
     """Pools of Python take one job more than they have workers."""
 
@@ -509,6 +514,7 @@ def test_workers_end_when_their_process_is_killed(tmp_path):
     assert done.returncode == -signal.SIGKILL
 
 
+@pytest.mark.slow
 def test_a_killed_worker_costs_its_own_job(processes, tmp_path):
     """What ran beside it runs again; all else runs once, side by side."""
     jobs = [sc.Job(f"{k}", noted_in, tmp_path / f"{k}") for k in range(12)]
@@ -610,6 +616,7 @@ STUCK = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", STUCK)
 @pytest.mark.parametrize("frozen", [True, False])
 def test_a_function_that_cannot_travel_is_named_before_work_starts(name, frozen):
@@ -645,6 +652,7 @@ def test_ready_objects_and_module_functions_travel(processes):
         equal_histories(outcome.result(), sc.simulate(*arguments))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "text"),
     [
@@ -787,6 +795,7 @@ class Losing:
         return future
 
 
+@pytest.mark.slow
 def test_an_executor_that_fails_is_an_outcome():
     (outcome,) = sc.run_all([sc.Job("a", math.sqrt, 4.0)], Losing())
     assert "job 'a': no answer came back: ConnectionError: gone" in str(outcome.error)
@@ -880,6 +889,7 @@ def test_example():
     assert max(heights) < 0 and result["serial"] > 0 and result["parallel"] > 0
 
 
+@pytest.mark.slow
 def test_warnings_as_errors_lose_no_outcome():
     """They are raised after all jobs, with the outcomes."""
 

@@ -62,6 +62,7 @@ def test_reasons(kinds):
     assert reason["error"] == "LookupError: no such section"
 
 
+@pytest.mark.slow
 def test_a_failed_step_has_had_the_full_protocol():
     """The stepper's own attempts are counted as such only with 100 iterations each."""
     for settings, full in ((None, False), (FULL_PROTOCOL, True)):
@@ -101,6 +102,7 @@ def test_a_run_that_is_stopped_tells_how_far_it_came():
     assert (found.status, found.energy_error) == ("timeout", 0.0)
 
 
+@pytest.mark.slow
 def test_a_limit_of_time_stops_a_simulation():
     # of short steps: in a limit of longer ones the rod folds, which is warned of
     (row,) = stability_map(helpers.slow_rod, {"step": (1e-6,)}, timeout_s=0.5).rows
@@ -140,6 +142,7 @@ def test_energy_that_is_zero_by_the_choice_of_a_height():
     assert row["status"] == "ok" and row["energy_error"] < 1e-9
 
 
+@pytest.mark.slow
 def test_problems_that_take_settings_get_the_full_protocol():
     """Without settings of their own they fail only after 100 iterations in each attempt."""
     found = stability_map(helpers.blow, {"iterations": (None, 5, 100)}, JudgeEnergy(since=0.35))
@@ -158,6 +161,7 @@ def test_problems_that_take_settings_get_the_full_protocol():
     assert "settings=FULL_PROTOCOL" in bare.reason[0]  # it takes none
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # what fails is warned of
 def test_explicit_steps_above_the_limit_have_blown_up():
     """They are not solved for: no protocol is missing."""
@@ -193,6 +197,7 @@ def test_a_judge_of_ones_own():
 # -- a stiff scene ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # what fails is warned of
 def test_stiff_column_with_both_integrators():
     """Steel under twice its Euler load: variational blows up, energy-momentum does not."""
@@ -246,6 +251,7 @@ def test_csv(kinds, tmp_path):
     assert not any(line.startswith("# kernels") for line in head)  # the rows say which ran
 
 
+@pytest.mark.slow
 @pytest.mark.plain
 @pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.Variational()], ids=repr)
 def test_kernels_that_ran_are_told(scheme, tmp_path):
@@ -281,6 +287,7 @@ def reached(result):
     return result["x"] if isinstance(result, dict) else result["q"][-1, 0]
 
 
+@pytest.mark.slow
 def test_chart_with_the_explicit_limit(oscillator, tmp_path):
     """The line runs between the cells that are stable and those that are not."""
     pytest.importorskip("matplotlib")
@@ -317,6 +324,7 @@ def test_chart_with_words_of_the_user(oscillator, tmp_path):
     assert figure.axes[0].patches[0].get_hatch() and not figure.axes[0].patches[1].get_hatch()
 
 
+@pytest.mark.slow
 def test_chart_with_panels(tmp_path):
     pytest.importorskip("matplotlib")
     axes = {"kind": ("ok", "drift"), "step": (0.5, 1.0), "more": (1, 2)}
@@ -333,6 +341,7 @@ def test_chart_with_panels(tmp_path):
     assert single.chart(tmp_path / "single.png", {"none": lambda kind, step: 1.0}) is not None
 
 
+@pytest.mark.slow
 def test_chart_of_many_panels(tmp_path):
     """Six panels are laid out in rows; a third axis of values lies beside the cells."""
     pytest.importorskip("matplotlib")
@@ -406,6 +415,7 @@ def test_what_cannot_be_judged_ends_the_map():
 # -- mechanisms ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_failed_cells_have_a_mechanism():
     """A wheel that turns too fast in a step, and others that turn less."""
 
@@ -446,6 +456,7 @@ def test_what_the_scheme_took_or_added_is_named_last():
     assert mechanism("drift", {"lost": 0.5, "elements": 1.0}) == "elements"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bending", "expected"), [(40.0, "damping"), (0.004, "elements")])
 def test_cells_tell_of_damping_and_of_bent_elements(bending, expected):
     """A scheme takes the energy of a fast vibration; a limp cantilever folds up in its fall."""

@@ -285,6 +285,7 @@ def test_standing_says_where_we_are_behind_and_by_how_much():
 # -- files -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_csv_and_chart(table, tmp_path):
     text = table.csv(tmp_path / "table.csv").read_text().splitlines()
     head = [line for line in text if line.startswith("# ")]
@@ -327,6 +328,7 @@ def test_chart_with_a_colour_for_each_family(table):
     assert len(euler.get_xdata()) == len(STEPS)
 
 
+@pytest.mark.slow
 def test_charts_of_other_costs_and_of_a_stored_table(table, tmp_path):
     """Iterations: Euler tells none; few lines: the others are dots; read again: the same chart."""
     pytest.importorskip("matplotlib")
@@ -359,6 +361,7 @@ def test_charts_of_other_costs_and_of_a_stored_table(table, tmp_path):
         type(table).read(tmp_path / "none.csv")
 
 
+@pytest.mark.slow
 def test_chart_of_nothing_but_failures(tmp_path):
     pytest.importorskip("matplotlib")
     found = work_precision(-1.0, [("lost", helpers.lost)], EXACT, ["x"])
@@ -393,6 +396,7 @@ def test_processes_give_what_one_process_gives():
 # -- our own methods -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_rubber_rod_with_both_integrators():
     """Second order is seen in the table, of histories, with counts and unknowns."""
     schemes = {"energy-momentum": sc.EnergyMomentum(), "variational": sc.Variational()}
@@ -416,6 +420,7 @@ def test_rubber_rod_with_both_integrators():
         assert row["cost_s"] > 0
 
 
+@pytest.mark.slow
 def test_iterations_are_counted_whatever_is_recorded():
     run = {"derive": False, "kernels": "numpy"}
     scheme = sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.04
@@ -458,6 +463,7 @@ def _raises(problem):
     raise RuntimeError("out of order")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # two elements under tension
 def test_a_history_as_reference():
     fine = partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=1e-3)
@@ -482,6 +488,7 @@ def test_counts_that_are_none():
     assert (row["status"], row["newton_iterations"], row["unknowns"]) == ("ok", None, 3)
 
 
+@pytest.mark.slow
 def test_exact_setups_and_a_single_error(tmp_path):
     """No error at all has a front, in words, and a chart."""
     found = work_precision(0.0, [("a", lambda p: {"x": 1.0, "cost_s": 2.0})], 1.0, ["x"], repeats=1)
@@ -542,6 +549,7 @@ BAD = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_gives_one_error_before_any_work(name):
     change, message = BAD[name]

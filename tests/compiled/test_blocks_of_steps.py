@@ -79,6 +79,7 @@ SCENES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("where", "integrator", "treatment", "theory"), SCENES)
 def test_the_same_states_to_the_last_bit(blocks, where, integrator, treatment, theory):
     """Of the swing, with its pulse; with closed loops where the theory has them."""
@@ -100,6 +101,7 @@ def test_the_same_states_to_the_last_bit(blocks, where, integrator, treatment, t
         assert looped or max(blocks) > (80 if late else 120)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # fails
 @pytest.mark.parametrize("planar", [None, pytest.param(sc.Planar(), marks=SLOW)])
 def test_a_failing_run_fails_at_the_same_step(blocks, planar):
@@ -114,6 +116,7 @@ def test_a_failing_run_fails_at_the_same_step(blocks, planar):
     assert sum(blocks) > 1000 and many.meta["status"] == "diverged"
 
 
+@pytest.mark.slow
 def test_steps_of_the_general_way_in_between(blocks):
     """Where compiled kernels find none within the iterations they have."""
     system = swing.scene("stiff").freeze()
@@ -129,6 +132,7 @@ def test_steps_of_the_general_way_in_between(blocks):
 
 
 # the cranks pass singular positions
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize(
     "name",
@@ -155,6 +159,7 @@ def test_closed_loops_are_looked_at_where_single_steps_do(name, blocks, monkeypa
         assert sum(a != b for a, b in pairwise(looks)) >= 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "theory", [sc.TheoryReissner(), pytest.param(sc.TheoryInextensible(), marks=SLOW)], ids=repr
 )
@@ -182,6 +187,7 @@ def test_half_turns_end_a_block(theory, monkeypatch):
     assert len(told) == 2 and told[0] == 1 and told[1] > 2
 
 
+@pytest.mark.slow
 def test_whatever_looks_at_steps_sees_each(blocks):
     system = swing.scene("published").freeze(planar=sc.Planar())
     given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 1.5
@@ -191,6 +197,7 @@ def test_whatever_looks_at_steps_sees_each(blocks):
     assert not blocks
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 40, 10**6])
 def test_sensors_see_each_of_many_steps(blocks, every):
     """As many at a time as there are, and what they would see of single steps, but for rounding."""
@@ -253,6 +260,7 @@ def test_rows_are_kept_where_a_sensor_raises(blocks, tmp_path):
     )  # all but the last row, which the step after it completes
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("integrator", [sc.EnergyMomentum(), sc.Variational()], ids=repr)
 @pytest.mark.parametrize("every", [1, 20, 200])
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")  # no step after the end
@@ -284,6 +292,7 @@ def test_states_that_are_asked_for(blocks):
     assert max(blocks) > 100
 
 
+@pytest.mark.slow
 def test_many_states_that_are_asked_for_are_recorded_in_blocks(blocks):
     """Most of a part of the run, two of the rest."""
     system = swing.scene("published").freeze(planar=sc.Planar())
@@ -341,6 +350,7 @@ EVERY_SCHEME = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
 @pytest.mark.parametrize("integrator", EVERY_SCHEME, ids=repr)
 def test_every_scheme_records_the_same(blocks, integrator, treatment, tmp_path):
@@ -509,6 +519,7 @@ MORE = {
 CHANGING = "loads of all kinds that change"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("add", [add_known, add_over])
 def test_loads_that_are_known_ahead_are_those_of_each_step(blocks, add):
     """Those of the library's functions of time are asked for in one go; forces as products, too."""
@@ -543,6 +554,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WORKING)
 @pytest.mark.parametrize(("integrator", "treatment"), PAIRS)
 def test_the_same_work_is_done(blocks, integrator, treatment, name):
@@ -567,6 +579,7 @@ def test_the_same_work_is_done(blocks, integrator, treatment, name):
         assert many["turns"].max(axis=0).tolist() == [0, 3]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("of", ["a load", "an actuator", "a drive"])
 def test_what_fails_does_so_in_its_step(blocks, of):
     """What a function of the user raises comes where the step comes that it is asked for."""
@@ -646,6 +659,7 @@ def test_steppers_are_not_copied():
             way(stepper)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", MORE)
 def test_where_steps_differ_in_more_than_their_start(name):
     add, expected = MORE[name]
@@ -662,6 +676,7 @@ def test_where_steps_differ_in_more_than_their_start(name):
     assert report.iterations.shape == (len(report),)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("steps", [0, -3, 2.5, "x", None, True, np.nan])
 @pytest.mark.parametrize("kernels", ["numpy", "numba"])
 def test_a_number_of_steps_is_a_positive_integer(kernels, steps):

@@ -27,6 +27,7 @@ from skfem_cosserat.compiled import jit
 from skfem_cosserat.compiled.jit import part
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_at_import():
     code = (
         "import sys, skfem_cosserat.compiled.step as s;"
@@ -40,6 +41,7 @@ def kernels_of(*names):
     return [sum(key[1] == name for key in kept._ADDRESSES) for name in names]
 
 
+@pytest.mark.slow
 def test_sizes_do_not_compile_again():
     """The same code serves every mesh, section and scene of one order."""
     both(corner(1), "energy-momentum", "null space", 2e-3, 4e-3)
@@ -76,6 +78,7 @@ def halved(source):
     return x.tolist()
 
 
+@pytest.mark.slow
 def test_kernels_are_looked_for_before_they_are_compiled(elsewhere, monkeypatch):
     with pytest.raises(NotKept):
         halved(Source.DISK)

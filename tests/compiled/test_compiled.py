@@ -72,6 +72,7 @@ def solved(fast, state):
 # -- one state -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @makes
 @orders
 @integrators
@@ -94,6 +95,7 @@ def spokes(count):
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9])
 @integrators
 def test_groups_of_elements_that_meet_at_a_vertex(integrator, count):
@@ -104,6 +106,7 @@ def test_groups_of_elements_that_meet_at_a_vertex(integrator, count):
 # -- runs ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @makes
 @orders
 @integrators
@@ -111,6 +114,7 @@ def test_runs(order, integrator, treatment, make):
     assert_same(*both(make(order), integrator, treatment, 2e-3, 0.04))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", JOINTS, ids=lambda kind: kind.type)
 @each
 def test_every_joint(kind, integrator, treatment):
@@ -118,6 +122,7 @@ def test_every_joint(kind, integrator, treatment):
     assert_same(*both(test_joints.scene(kind)[0], integrator, treatment, 0.01, 0.1))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("which", range(4))
 @integrators
 def test_each_joint_of_a_four_bar_driven(which, integrator, monkeypatch):
@@ -143,18 +148,21 @@ def test_each_joint_of_a_four_bar_driven(which, integrator, monkeypatch):
             assert abs(a - b).max() <= ROOM * n * moved, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", test_drives.COORDINATES, ids=lambda kind: kind.type)
 @each
 def test_every_drive(kind, integrator, treatment):
     assert_same(*both(test_drives.scene(kind)[0], integrator, treatment, 0.01, 0.1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(100, 107))
 @each
 def test_random_trees(seed, integrator, treatment):
     assert_same(*both(random_tree(seed), integrator, treatment, 0.005, 0.05))
 
 
+@pytest.mark.slow
 @each
 def test_deep_trees(integrator, treatment):
     system = chain(12)
@@ -180,6 +188,7 @@ def test_work_grows_with_the_length_of_a_chain():
 # -- kept factors ----------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @makes
 @pytest.mark.parametrize(
     ("treatment", "order"),
@@ -203,6 +212,7 @@ def test_kept_factors_lead_to_the_same_motion(order, integrator, treatment, make
             assert abs(run["energy_balance"]).max() < 1e-10 * abs(run["energy"]).max()
 
 
+@pytest.mark.one_quick
 @integrators
 def test_kept_factors_of_the_swing_with_multipliers(integrator):
     """Through kept factors and from better starts the same motion, with few factorisations."""
@@ -249,6 +259,7 @@ def test_factors_that_do_not_do_are_given_up(integrator):
     assert kept.meta["factorisations"] <= 1.2 * whole.meta["factorisations"]
 
 
+@pytest.mark.slow
 def test_kept_factors_that_grow_old():
     """At small steps one iteration a step seemed enough by the contraction of steps long ago.
 
@@ -277,6 +288,7 @@ def test_kept_factors_that_grow_old():
 # -- what may go wrong, and what goes on -----------------------------------------------------------
 
 
+@pytest.mark.slow
 @each
 def test_a_step_that_fails_is_tried_again_the_general_way(integrator, treatment, monkeypatch):
     """With the same attempts, and the compiled kernels go on after it."""
@@ -312,6 +324,7 @@ def test_solutions_that_have_turned_over_are_none(integrator):
     assert system.wrong_branch(fast.y1) is not None
 
 
+@pytest.mark.slow
 def test_a_run_that_diverges_keeps_its_history():
     system = tree(1)
     errors = []
@@ -326,6 +339,7 @@ def test_a_run_that_diverges_keeps_its_history():
     assert errors[0].step == errors[1].step
 
 
+@pytest.mark.slow
 @each
 def test_restart(integrator, treatment, kernels):
     """Kernels are no part of what a history needs to go on."""
@@ -339,6 +353,7 @@ def test_restart(integrator, treatment, kernels):
     assert rest["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-11)
 
 
+@pytest.mark.one_quick
 @each
 def test_the_iteration_matrix_is_that_of_the_plain_kernels(integrator, treatment):
     """It was asked of a treatment that compiled steps had left behind: an AttributeError."""
@@ -421,6 +436,7 @@ def filled(monkeypatch):
     return change
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thin", [-1, 0, 2])
 @pytest.mark.parametrize("make", [tree, hung_lattice])
 @integrators
@@ -435,6 +451,7 @@ def test_tangents_with_a_rest(integrator, make, thin, filled):
         assert fast.method.startswith("blocks, ") and len(fast.plan.rest) > 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thin", [-1, 1])
 @integrators
 def test_all_kinds_of_joints_with_a_rest(integrator, thin, filled):
@@ -448,6 +465,7 @@ def test_all_kinds_of_joints_with_a_rest(integrator, thin, filled):
         assert_same(*both(random_tree(seed), integrator, "null space", 0.005, 0.02))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thin", [-1, 1])
 @integrators
 def test_loads_with_a_rest(integrator, thin, filled):
@@ -456,6 +474,7 @@ def test_loads_with_a_rest(integrator, thin, filled):
     assert_same(*both(system, integrator, "null space", 1e-3, 0.02))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # fine meshes under tension
 @pytest.mark.parametrize(
     ("count", "elements", "order"), [(5, 1, 1), (4, 4, 1), pytest.param(4, 2, 2, marks=SLOW)]
@@ -505,6 +524,7 @@ def test_what_goes_wrong_in_the_rest(filled, monkeypatch):
 
 
 # coarse struts, drawn too much
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 def test_kept_factors_of_the_rest(integrator):

@@ -52,18 +52,21 @@ def joined(orders=(1, 2), damped=(), held=False):
     return system
 
 
+@pytest.mark.slow
 @treatments
 @integrators
 def test_residual_and_increment_at_random_states(integrator, treatment):
     assert_same_iteration(joined(), integrator, treatment, 7)
 
 
+@pytest.mark.one_quick
 @treatments
 @integrators
 def test_runs(integrator, treatment):
     assert_same(*both(joined(), integrator, treatment, 2e-3, 0.04))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damped", [(0, 1), (1,)])
 @treatments
 @integrators
@@ -81,6 +84,7 @@ def test_kept_factors(integrator):
     assert kept.meta["factorisations"] < 0.4 * whole.meta["factorisations"]
 
 
+@pytest.mark.slow
 def test_equilibria():
     system = joined(held=True)
     plain, compiled = (

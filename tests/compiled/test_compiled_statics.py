@@ -45,6 +45,7 @@ SCENES = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("spin", [None, SPIN], ids=["rest", "turning"])
 @pytest.mark.parametrize("make", SCENES.values(), ids=SCENES)
 def test_residual_and_increments_at_a_random_state(make, spin):
@@ -89,6 +90,7 @@ def test_residual_and_increments_at_a_random_state(make, spin):
         assert compiled.predicted == pytest.approx(plain.predicted, abs=10 * exact * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("theory", [sc.TheoryKirchhoff(), sc.TheoryInextensible(torsion=False)])
 def test_equilibria_with_held_strains(theory, order):

@@ -137,6 +137,7 @@ def assert_near(found: Any, expected: Any) -> None:
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * abs(expected).max())
 
 
+@pytest.mark.slow
 @orders
 def test_in_space(order):
     system, beam = scene(order)

@@ -44,6 +44,7 @@ def read(s: Any, out: Any) -> None:
     s.a[0, 0, 1] = 7.0
 
 
+@pytest.mark.slow
 def test_kernels_read_and_write_what_python_has() -> None:
     s, fields = made()
     out = np.zeros(13)
@@ -73,6 +74,7 @@ def test_arrays_with_gaps_and_other_fields_are_refused() -> None:
         Structure("sample", ("a",), ("text",))
 
 
+@pytest.mark.slow
 def test_functions_of_others_compile_as_ever() -> None:
     """Closures, arrays and exceptions work beside kernels."""
 

@@ -12,6 +12,7 @@ from skfem_cosserat.integrators.compiled_step import CompiledStep
 pytest.importorskip("numba")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings(
     "ignore::skfem_cosserat.PerformanceWarning"
 )  # full matrices, to compare with
@@ -33,6 +34,7 @@ def test_long_beams_cost_as_much_as_their_elements():
     assert abs(runs[0]["q"] - runs[1]["q"]).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_closed_loops_are_looked_at_now_and_then(monkeypatch):
     """Rows that close them are looked at when the motion asks for it, not in each step.
 

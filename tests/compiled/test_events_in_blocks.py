@@ -75,6 +75,7 @@ def levels(rod, history):
     }
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_events_of_every_kind(blocks, integrator, treatment):
@@ -91,6 +92,7 @@ def test_events_of_every_kind(blocks, integrator, treatment):
     assert_the_same_events(blocks, *given, events=down, every=7, least=3)
 
 
+@pytest.mark.slow
 @integrators
 def test_at_every_place_of_a_block(blocks, integrator):
     """In each of the first steps, and at its end: some are a block's first, some its last."""
@@ -103,6 +105,7 @@ def test_at_every_place_of_a_block(blocks, integrator):
         assert [event.time for event in history.events] == pytest.approx(times, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_few_steps_are_solved_in_vain(blocks):
     """No more than there are."""
     system, _ = swinging_rod()
@@ -120,6 +123,7 @@ def test_few_steps_are_solved_in_vain(blocks):
     assert max(counts) <= 2 * 200
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_a_run_that_stops_in_a_block(blocks, integrator, treatment):
@@ -132,6 +136,7 @@ def test_a_run_that_stops_in_a_block(blocks, integrator, treatment):
         assert history.status == "stopped" and sum(blocks) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # a step is not small
 @treatments
 def test_what_events_do_in_between(blocks, treatment):
@@ -148,6 +153,7 @@ def test_what_events_do_in_between(blocks, treatment):
     assert len(history.segments) == 5 and len(blocks) > 10
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_loads_that_change_are_those_of_steps_that_are_solved_anew(blocks, integrator, treatment):
@@ -211,6 +217,7 @@ def rod_of(functions):
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_a_copy_of_a_view_does_without_kernels():
     """It had their velocities of the state before."""
     system, _ = swinging_rod()
@@ -267,6 +274,7 @@ PAIRS = [
 
 
 # cranks pass singular positions
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize(("where", "integrator"), PAIRS, ids=repr)
 def test_scenes_and_schemes(blocks, where, integrator):
@@ -350,6 +358,7 @@ def test_a_class_of_its_own_counts_by_its_own_value(blocks):
     assert half.time == pytest.approx(whole.time, abs=1e-11) and blocks
 
 
+@pytest.mark.slow
 def test_energy_of_what_winds_up(blocks):
     """Energies of force elements count with full turns of their angles."""
     system = scene(add_springs)
@@ -361,6 +370,7 @@ def test_energy_of_what_winds_up(blocks):
     assert max(blocks) > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sprung", [False, True])
 def test_conditions_see_the_same_together(kernels, sprung):
     """As one by one: whether velocities and energies come by kernels or not."""
@@ -399,6 +409,7 @@ def test_parabolas_that_pass_below_zero_come_near():
     assert comes_near(1.0, 0.1, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [0.0711, 0.15])
 def test_what_was_before_an_error_is_kept(blocks, at):
     """Of a function of a user, in a block: the history up to the state before it."""

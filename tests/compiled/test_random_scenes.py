@@ -18,7 +18,6 @@ def check(seed: int) -> None:
 QUICK = 0, 1, 2, 3, 5, 7, 8, 9, 10, 11
 
 
-@pytest.mark.quick
 @pytest.mark.parametrize("seed", [*QUICK, 75])  # 75: EnergyDecaying in a plane
 def test_kernels_agree_in_random_scenes(seed: int):
     check(seed)
@@ -30,7 +29,6 @@ def test_kernels_agree_in_more_random_scenes(seed: int):
     check(seed)
 
 
-@pytest.mark.quick
 @pytest.mark.parametrize("seed", range(6))
 def test_held_strains_by_both_treatments(seed: int):
     off, scene = held_apart(seed)
@@ -49,12 +47,14 @@ def test_scenes_are_those_of_their_numbers():
     assert str(random_scene(3)) == str(random_scene(3)) != str(random_scene(4))
 
 
+@pytest.mark.slow
 def test_what_is_printed_of_held_strains(capsys: pytest.CaptureFixture[str]):
     assert main(["--seeds", "1", "--held", "--verbose"]) == 0
     first, *rest = capsys.readouterr().out.splitlines()
     assert first.startswith("0: ") and "1 scenes with held strains" in rest[0]
 
 
+@pytest.mark.slow
 def test_what_is_printed_of_random_scenes(capsys: pytest.CaptureFixture[str]):
     assert main(["--seeds", "1", "--first", "3", "--verbose"]) == 0
     first, *table = capsys.readouterr().out.splitlines()

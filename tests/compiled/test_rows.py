@@ -73,6 +73,7 @@ def coupler() -> sc.System:
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @integrators
 @pytest.mark.parametrize("treatment", TREATMENTS)
 @pytest.mark.parametrize("make", [pendulum, four_bar, coupler])

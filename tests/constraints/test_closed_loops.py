@@ -317,6 +317,7 @@ def test_redundant_rows_are_reported():
         assert np.linalg.matrix_rank(G) == system.rank
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("scene", ["free five-bar", "free tripteron", "slides and cardan"])
 @integrators
@@ -346,6 +347,7 @@ def test_the_order_of_joints_does_not_matter(scene, seed, integrator):
 # -- motion ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scene", [pytest.param(s, marks=[pytest.mark.slow] * s.startswith("free")) for s in SCENES]
 )
@@ -366,6 +368,7 @@ def test_both_treatments_give_the_same_motion(scene, integrator):
     assert abs(force[0] - force[1]).max() < 1e-8 * abs(force[0]).max()
 
 
+@pytest.mark.slow
 @scenes
 @treatments
 def test_energy_is_kept(scene, treatment):
@@ -378,6 +381,7 @@ def test_energy_is_kept(scene, treatment):
         assert np.ptp(history["kinetic"]) > 4e-3 * scale
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", [k for k, v in SCENES.items() if v[3]])
 @integrators
 @treatments
@@ -389,6 +393,7 @@ def test_free_loops_keep_their_momenta(scene, integrator, treatment):
         assert abs(values - values[0]).max() < limit < 1e-9 * np.linalg.norm(values[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["free five-bar", "free bennett", "slides and cardan"])
 @integrators
 def test_second_order(scene, integrator):
@@ -407,6 +412,7 @@ def test_second_order(scene, integrator):
     assert 3.8 < steps[1] / steps[2] < 4.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["four-bar", "three cranks", "free tripteron", "bennett"])
 @integrators
 def test_multipliers_of_redundant_rows(scene, integrator):
@@ -437,6 +443,7 @@ def test_multipliers_of_redundant_rows(scene, integrator):
     assert abs(lam[0] - lam[1]).max() < 1e-8 * abs(lam[0]).max()
 
 
+@pytest.mark.slow
 def test_multipliers_of_separate_loops():
     """Of least norm in each, whatever there is beside it: by dense least squares of all rows."""
     model = sc.Model()
@@ -453,6 +460,7 @@ def test_multipliers_of_separate_loops():
         assert abs(lam - least).max() < 1e-9 * abs(least).max()
 
 
+@pytest.mark.slow
 def test_units_of_length_do_not_matter():
     """A linkage of a tenth of a micron and one of ten kilometres are the same linkage."""
     found = []
@@ -509,6 +517,7 @@ def door(second=None, off=0.0):
     return model
 
 
+@pytest.mark.slow
 @integrators
 def test_redundant_hinges_on_a_moving_frame(integrator):
     """They move as one body: taken, and the work of the frame is what the door gains."""
@@ -555,6 +564,7 @@ def test_geometry_with_too_few_digits():
 # -- tangents --------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "scene", ["five-bar", "free bennett", "slides and cardan", "points and beam"]
 )
@@ -590,6 +600,7 @@ def test_tangent_at_the_solution(scene, integrator):
     assert abs(matrix - wanted).max() < 1e-7 * abs(wanted).max()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", ["five-bar", "free tripteron", "slides and cardan", "stewart"])
 @integrators
 @treatments
@@ -659,6 +670,7 @@ def passages(caplog):
     return [r.getMessage() for r in caplog.records if "singular position" in r.getMessage()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.01, 0.07])
 @integrators
 @treatments
@@ -686,6 +698,7 @@ def test_a_parallelogram_passes_its_flat_positions(integrator, treatment, step, 
 
 
 # passes singular positions, or stops in one
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("off", [-5e-6, -3e-7, 0.0, 3e-8, 1e-6, 3e-4])
 @integrators
@@ -717,6 +730,7 @@ def test_a_crossing_of_branches_is_passed_smoothly(integrator, treatment, off):
         assert abs(other["q"] - history["q"]).max() < 1e-7
 
 
+@pytest.mark.slow
 def test_a_step_that_ends_in_a_singular_position_warns_once():
     system = linkage(CHANGE_POINT, 2.5466687344504857).freeze()
     for treatment in TREATMENTS.values():
@@ -728,6 +742,7 @@ def test_a_step_that_ends_in_a_singular_position_warns_once():
 
 
 # passes singular positions, or stops in one
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 @treatments
@@ -743,6 +758,7 @@ def test_a_run_goes_on_from_a_singular_position(integrator, treatment):
     assert abs(rest["q"] - whole["q"][10:]).max() < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", [PARALLELOGRAM, CHANGE_POINT], ids=["parallelogram", "change"])
 @integrators
 @treatments
@@ -810,6 +826,7 @@ def test_a_straight_chain_that_only_seems_to_move():
         model.freeze()
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_regular_loops_warn_of_nothing(integrator, treatment):
@@ -836,6 +853,7 @@ def test_an_open_configuration_is_refused():
 # -- compiled kernels ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @chequered("scene", SCENES, "integrator", INTEGRATORS)
 def test_kernels_agree(scene, integrator):
     """The same motion and forces, with the iterations of one Newton method for all equations."""
@@ -858,6 +876,7 @@ def test_kernels_agree(scene, integrator):
         assert abs(difference).max() < 1e-8 * abs(force).max()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:argument step")
 def test_a_step_with_closed_loops_that_flips_a_body_is_none():
     """At large steps forces of loops without bound turned a crank by 180 degrees in each step."""
@@ -933,6 +952,7 @@ def slow(*values):
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings(
     "ignore::skfem_cosserat.AccuracyWarning"
 )  # large steps over singular positions

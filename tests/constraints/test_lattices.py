@@ -53,6 +53,7 @@ def sought(system):
     return y, rng.normal(size=system.n) * np.repeat(system.mass.diagonal(), 3)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", ["clamped", "moved", "closed", "heavy bodies"])
 def test_velocities_leave_no_momentum_along_the_constraints(kind):
     """With flat sections, on moving ground, with a closed loop, with what hangs on hinges."""
@@ -79,6 +80,7 @@ def test_a_momentum_that_is_not_known_is_no_velocity():
         saddle.nearest_velocity(system, y, p, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["numpy", "numba"])
 def test_what_a_run_derives_of_a_lattice(kernels):
     """Kernels eliminate vertex by vertex, which is not for lattices: none are taken for series."""

@@ -64,6 +64,7 @@ def two_states(system, seed, size=0.5):
     return y0, nodal.configuration(), nodal
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_null_space_at_nodes_and_midpoints(name):
     system = SCENES[name]()
@@ -96,6 +97,7 @@ def test_coordinates_one_by_one_are_those_in_arrays(name):
             assert c.centre == (Spot(c.vertex) if c.kind == "rotation" else None)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("seed", range(6))
 def test_null_space_is_the_derivative_of_the_chart(seed):
     """d F_d / d(increment) = P(q_{n+1}), by the complex step."""
@@ -128,6 +130,7 @@ def test_reduction_and_expansion_are_the_matrix(seed):
     assert rates.ravel() == pytest.approx(P @ nu, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_constraints_hold_over_many_compositions():
     """1000 steps of random increments: no drift beyond round-off."""
     system = random_tree(3)
@@ -194,6 +197,7 @@ def test_counts_of_points_and_lumps():
 
 
 # ----------------------------------------------------------------------- loops
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", [Variational(), EnergyMomentum()], ids=lambda i: i.name)
 @pytest.mark.parametrize("treatment", [NullSpace(), Multipliers()], ids=lambda t: t.name)
 def test_closed_loop(integrator, treatment):
@@ -214,6 +218,7 @@ def test_closed_loop(integrator, treatment):
     assert np.ptp(history["kinetic"]) > 1
 
 
+@pytest.mark.slow
 def test_both_treatments_give_the_same_motion():
     """Every item at once, from rest, both integrators."""
     system = everything(1)
@@ -280,6 +285,7 @@ def chain(count, kind=JointSpherical):
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_the_twist_map_joint_by_joint_is_its_matrix(name):
     """T^T f and T nu from what each joint passes on, at any configuration."""
@@ -294,6 +300,7 @@ def test_the_twist_map_joint_by_joint_is_its_matrix(name):
     assert kin.recursion.expand(values, nu) == pytest.approx(T @ nu, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kernels", ["numpy", "numba"])
 def test_steps_of_a_long_chain_ask_for_no_full_matrix(kernels):
     """What is stored grows with the bars, not with their square: pairs, map and pattern."""
@@ -322,6 +329,7 @@ def row_of_beams(count):
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_a_row_of_short_beams_has_a_narrow_matrix():
     """All hang together by fixed joints."""
 

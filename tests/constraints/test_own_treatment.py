@@ -96,6 +96,7 @@ def arm():
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "scheme",
     [sc.Variational(), sc.EnergyMomentum(), sc.EnergyDecaying(rate=0.1), sc.GeneralizedAlpha(0.8)],

@@ -122,6 +122,7 @@ def smooth(z: np.ndarray) -> np.ndarray:
     return np.swapaxes(rotation_matrix(exp_quaternion(theta)), 1, 2)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", ORDERS)
 def test_directors_between_nodes(p):
     """They deviate from orthonormal, and from the exact ones, with h^(p+1)."""
@@ -191,6 +192,7 @@ def spatial(system: System, beam: Beam, q: np.ndarray, local: np.ndarray) -> np.
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p", ORDERS)
 @pytest.mark.parametrize("curved", [False, True])
 def test_tip_force(p, curved):
@@ -211,6 +213,7 @@ def test_tip_force(p, curved):
     assert np.abs(m - M - np.cross(tip - x, F)).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p", ORDERS)
 def test_distributed_loads(p):
     """A line load on all, gravity, and a following pressure: n and m as the loads beyond demand."""
@@ -264,6 +267,7 @@ def fine_arc():
     return clamped_arc(4, 48)[:3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("p", "elements"), [(1, (16, 32)), (2, (8, 16)), (3, (4, 8, 16)), (4, (2, 4, 8))]
 )
@@ -304,6 +308,7 @@ def test_steady_rotation():
     assert np.abs(m[-1, 1]).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p", [1, 3])
 def test_moving_beam(p):
     """A flexible pendulum: at the pin n is the reaction, at the tip zero, to second order."""

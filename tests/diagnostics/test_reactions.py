@@ -26,6 +26,7 @@ def reaction(history, name):
     return force[good], moment[good]
 
 
+@pytest.mark.one_quick
 @integrators
 @treatments
 @swaps
@@ -128,6 +129,7 @@ def spinning(joint, swap, w, m, r, **options):
     return model.freeze()
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 @swaps
@@ -153,6 +155,7 @@ def test_centripetal_force(integrator, treatment, swap, joint):
     assert ((ratios > 3.8) & (ratios < 4.2)).all()
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_string_of_a_circling_bob(integrator, treatment):
@@ -173,6 +176,7 @@ def test_string_of_a_circling_bob(integrator, treatment):
     assert abs(moment).max() < 1e-14 * abs(force).max()
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_swapped_sides_negate_the_reactions(integrator, treatment):
@@ -204,6 +208,7 @@ def test_swapped_sides_negate_the_reactions(integrator, treatment):
         assert abs(f).max() > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 @integrators
 def test_treatments_give_the_same_reactions(integrator, order):
@@ -302,6 +307,7 @@ LIGHT = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("links", [1, 2])
 @pytest.mark.parametrize("mass", [0.1, 1e-3, 1e-6])
 @pytest.mark.parametrize("scheme", LIGHT, ids=repr)

@@ -48,6 +48,7 @@ def static_cost():
     return load("static_cost")
 
 
+@pytest.mark.slow
 def test_static_cost(static_cost, tmp_path):
     """One row for each load and kind of kernels; the figure goes with the yardstick."""
     pytest.importorskip("numba")
@@ -68,6 +69,7 @@ def test_static_cost(static_cost, tmp_path):
     assert not static_cost.missed({**at_peer, "dgemm_gflops": 50.0})
 
 
+@pytest.mark.slow
 def test_step_cost(step_cost, tmp_path):
     """One row for each integrator, treatment and kind of kernels."""
     result = step_cost.main(
@@ -85,6 +87,7 @@ def test_step_cost(step_cost, tmp_path):
     assert "ms/step" in step_cost.report(result)
 
 
+@pytest.mark.slow
 def test_part_cost(tmp_path):
     """A row for each part, with what it is compared with; what is above its figure is told."""
     pytest.importorskip("numba")
@@ -218,6 +221,7 @@ def exudyn(versus_peers, monkeypatch):
     return fake
 
 
+@pytest.mark.slow
 def test_versus_peers_takes_the_best_settings(versus_peers, exudyn, tmp_path):
     asked = exudyn(1e4).asked
     peers = (versus_peers.EXACT,)
@@ -238,6 +242,7 @@ def test_versus_peers_takes_the_best_settings(versus_peers, exudyn, tmp_path):
     assert "RotVecLG" in versus_peers.report(result)
 
 
+@pytest.mark.slow
 def test_versus_peers_tells_what_is_missed(versus_peers, exudyn):
     exudyn(1e-6)
     result = versus_peers.main(elements=(4,), repeats=1, peers=(versus_peers.EXACT,))
@@ -275,6 +280,7 @@ def test_figures_asked_of_a_step_and_an_iteration(versus_peers):
 # cold start
 
 
+@pytest.mark.slow
 def test_cold_start(cold_start, tmp_path):
     """The import alone: compiling on an empty cache is for the slow tests."""
     result = cold_start.main(orders=(), repeats=1, out=tmp_path)
@@ -337,6 +343,7 @@ def test_memory(memory, tmp_path):
     assert not memory.missed(result)
 
 
+@pytest.mark.slow
 def test_resident_set_sees_what_is_allocated():
     """In a process of its own: this one may have room left from before."""
     code = f"""
@@ -370,6 +377,7 @@ def test_memory_tells_what_is_missed(memory):
     assert not memory.missed({"exponents": {"numpy": 1.0}, "growth": {"steps": 0.1}})
 
 
+@pytest.mark.slow
 def test_lattice(tmp_path):
     """One row for the own choice and each solver that is installed."""
     lattice = load("lattice")
@@ -388,6 +396,7 @@ def test_lattice(tmp_path):
     assert (tmp_path / "lattice.csv").read_text(encoding="utf-8").startswith("# versions")
 
 
+@pytest.mark.slow
 def test_step_profile(tmp_path):
     """Parts, the rest and the floor; the parts and the rest make the step."""
     pytest.importorskip("numba")

@@ -63,6 +63,7 @@ def test_families_are_complete():
     assert set(FAMILIES) == set(TOLERANCES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "family",
     [pytest.param(f, marks=[pytest.mark.slow] * (f in LONGER)) for f in TOLERANCES],
@@ -81,6 +82,7 @@ def test_quick_rows(family):
 # -- the answers -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_instants_and_cases():
     one = main("D02", "1", elements=2, step=0.1)
     same = main("D02", 1.0, elements=2, step=0.1)
@@ -97,6 +99,7 @@ def test_instants_and_cases():
     )
 
 
+@pytest.mark.slow
 def test_places_of_the_coarse_runs():
     answer = main("D06", "node C (bar 3 end)", times=[0.0, 0.5], elements=1, step=0.05)
     assert answer["0.5000"] == answer["node C (bar 3 end)"]["0.5000"]
@@ -115,6 +118,7 @@ def test_instants_as_they_were_asked_for():
     assert main("D02", times=0.2, elements=2, step=0.1)["t"] == [0.2]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # one element is wound up
 def test_loads_in_the_plane():
     """As the entry writes them: two components."""
@@ -122,6 +126,7 @@ def test_loads_in_the_plane():
     assert force[0] == force[1] == force[2]
 
 
+@pytest.mark.slow
 def test_times_that_no_step_divides():
     """Stretches of their own between such instants and kinks, none above the step."""
     answer = main("D02", times=[0.31, 2**0.5], elements=2, step=0.1)
@@ -130,6 +135,7 @@ def test_times_that_no_step_divides():
     np.testing.assert_allclose(answer["energy"], fine["energy"], rtol=0.02)
 
 
+@pytest.mark.slow
 def test_middle_of_an_odd_number_of_elements():
     options = {"times": [1.0], "step": 0.05}
     odd, even = (main("D03", elements=n, **options) for n in (9, 10))
@@ -139,6 +145,7 @@ def test_middle_of_an_odd_number_of_elements():
         main("D03", elements=1, **options)
 
 
+@pytest.mark.slow
 def test_quaternions_do_not_jump():
     """Beyond a whole turn their sign goes on, as the reference's does."""
     answer = main("D05", "7.5", elements=2, step=0.05)
@@ -148,6 +155,7 @@ def test_quaternions_do_not_jump():
 # -- data overrides: scaling laws ------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_pendulum_scaled():
     """Lengths by a, times by b at the same density: moduli by (a/b)^2."""
     a, b, options = 3.0, 0.5, {"elements": 4, "order": 2}
@@ -167,6 +175,7 @@ def test_derived_inputs_follow():
     assert data["EA"] == pytest.approx(5e6 * np.pi * 0.01**2)
 
 
+@pytest.mark.slow
 def test_spaghetti_scaled():
     """Masses by m, lengths by a, times by b."""
     m, a, b = 7.0, 0.2, 3.0
@@ -188,6 +197,7 @@ def test_spaghetti_scaled():
         assert other["energy"][k] == pytest.approx(one["energy"][k] * force * a, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_spaghetti_turned():
     """Another start, turned by 90 degrees about e3 with its loads."""
     one = main("D03", **FREE)
@@ -197,6 +207,7 @@ def test_spaghetti_turned():
     np.testing.assert_allclose(other["pos"][1]["free"], [-y, x, z], rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_spinup_with_another_end():
     """Spun up slowly it turns as the closed form says, stretched but for the last vibration."""
     data = {"Omega": 3.0, "T": 12.0}
@@ -209,6 +220,7 @@ def test_spinup_with_another_end():
     assert abs(seen[:, 1]).max() < 0.02
 
 
+@pytest.mark.slow
 def test_buckling_needs_the_eccentricity():
     """Without it the beam stays in its plane; on the other side it moves the other way."""
     options = {"times": [0.02, 0.1], "elements": 4, "step": 1e-3}
@@ -225,6 +237,7 @@ def test_link_overridden_alone():
     assert data["link"]["GA"] == 1.081e7
 
 
+@pytest.mark.slow
 def test_shaft_that_nothing_bends():
     """Without weight and offset it only turns, at the speeds asked for."""
     data = {"g": 0.0, "T1": 0.1, "T2": 0.2, "T3": 0.3, "GJ": 2.727e8}
@@ -241,6 +254,7 @@ def test_shaft_that_nothing_bends():
 # -- integrators, treatments, orders ---------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 @pytest.mark.parametrize("family", ["D02", "D07"])
 def test_treatments_agree(family, integrator):
@@ -260,6 +274,7 @@ SMOOTH = {
 }
 
 
+@pytest.mark.slow
 @chequered("family", SMOOTH, "integrator", [EM, VI])
 def test_second_order_in_time(family, integrator):
     """At given steps, where nothing sets in at once."""
@@ -280,6 +295,7 @@ def tip(order, elements):
     return np.array(list(answer["pos"][0].values()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "counts"), [(1, (8, 16)), (2, (4, 8)), (3, (3, 6))])
 def test_order_in_space(order, counts):
     """2 p, all with one step."""
@@ -288,6 +304,7 @@ def test_order_in_space(order, counts):
     assert abs(np.log2(coarse / fine) - 2 * order) < 0.3
 
 
+@pytest.mark.slow
 def test_energy_is_kept_after_the_loads():
     """At any mesh, by energy-momentum: D2 after 2 s, D3 after 5 s."""
     for family, times in (("D02", [2.0, 3.0, 4.0]), ("D03", [5.0, 6.0, 7.0])):
@@ -298,6 +315,7 @@ def test_energy_is_kept_after_the_loads():
 # -- what goes wrong -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # its energy blows up
 def test_a_run_that_fails_says_so():
     answer = main("D01", times=[0.04, 0.6], elements=8, order=2, step=0.02, integrator=VI)
@@ -306,6 +324,7 @@ def test_a_run_that_fails_says_so():
     assert np.isnan(answer["tip"][1]).all()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("options", "message"),
     [

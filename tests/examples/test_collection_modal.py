@@ -28,6 +28,7 @@ def values(module, case):
     return {name: np.array(x, dtype=float) for name, x in entry.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "family", [pytest.param(f, marks=[pytest.mark.slow] * (f != "M1")) for f in FAMILIES]
 )
@@ -49,6 +50,7 @@ def test_all_rows(family, tolerance):
         assert row["error"] <= tolerance * scale, row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_names_and_shapes(family):
     module = FAMILIES[family]
@@ -61,6 +63,7 @@ def test_names_and_shapes(family):
         assert (found["elements"], found["order"]) == (12, 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize(
     ("module", "case", "name", "mode"),
@@ -81,6 +84,7 @@ def test_order_in_space(module, case, name, mode, order):
 # -- other inputs ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_beam_of_another_material_and_size():
     """omega goes with sqrt(E/rho)/L for equal shape; width does not matter."""
     data = {"L": 2.0, "h": 0.2, "b": 0.3, "E": 70e9, "rho": 2700.0}
@@ -92,6 +96,7 @@ def test_beam_of_another_material_and_size():
     assert 2 * np.pi * np.array(found["f_Hz"]) == pytest.approx(found["omega"], rel=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("h", "nu"), [(0.05, 0.3), (0.2, 0.0)])
 def test_simply_supported_beam_of_closed_form(h, nu):
     """Roots of Timoshenko's quadratic for each wavenumber, both branches in one list."""
@@ -111,6 +116,7 @@ def simply_supported(h, nu, kappa):
     return np.sqrt(np.sort(roots)[1:])  # without k = 0 of the first branch, which is at rest
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("h", [0.1, 0.2])
 def test_as_many_modes_as_wanted(h):
     """Second spectrum, too: it starts with sections that all turn alike, the line at rest."""
@@ -121,6 +127,7 @@ def test_as_many_modes_as_wanted(h):
     assert few["omega"] == pytest.approx(found["omega"][:2], rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", ["CF", "FF", "CC", "CS"])
 def test_no_mode_is_missing(ends):
     """Between frequencies the determinant of Timoshenko's equations has one sign, then the other.
@@ -146,12 +153,14 @@ def test_no_mode_is_missing(ends):
     assert (signs == signs[:, :1]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modes", [0, 2.5, "many"])
 def test_number_of_modes_that_is_none(modes):
     bad(lambda: M1.main(data={"modes": modes}), "modes", "positive integer")
     bad(lambda: M1.main(data={"modes": 500}, elements=4), "elements", "too few for 500")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ends", "first"), [("CS", 3.92660231), ("SC", 3.92660231), ("FS", None)])
 def test_other_supports(ends, first):
     """Slender: Euler-Bernoulli's (kL)^2; a beam on one hinge has those of clamped and hinged."""
@@ -160,6 +169,7 @@ def test_other_supports(ends, first):
     assert found[0] == pytest.approx(wanted, rel=2e-5)
 
 
+@pytest.mark.slow
 def test_rotating_cantilever_in_units():
     """Omega over its unit is eta; 0 and one slenderness of their own."""
     data = {"Omega": 6.0, "EI": 8.0, "rhoA": 2.0, "L": 1.0}
@@ -173,6 +183,7 @@ def test_rotating_cantilever_in_units():
     assert ((ratio > 0.7) & (ratio < 1)).all()
 
 
+@pytest.mark.slow
 def test_flap_and_lag_differ_by_the_speed():
     """flap^2 - lag^2 = eta^2, exact for all modes; another speed and hub."""
     found = M2.main(data={"hub": 0.35, "eta": 5.0}, elements=32)
@@ -180,6 +191,7 @@ def test_flap_and_lag_differ_by_the_speed():
     assert squares == pytest.approx([25.0] * 4, abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_blade_of_every_order(order):
     """Extrapolated from three meshes: well below what the finest gives."""
@@ -191,6 +203,7 @@ def test_blade_of_every_order(order):
     assert found["estimated_error"] < {1: 1e-4, 2: 2e-7, 3: 1e-9, 4: 1e-9}[order]
 
 
+@pytest.mark.slow
 def test_prestress_by_force_and_by_factor():
     """T and fac say the same; another length: omega goes with h/L^2 and fac stays."""
     T = values(M3, "1")["T"]
@@ -212,6 +225,7 @@ def test_buckled_beam_has_no_frequency():
     assert M3.main("-1.1", elements=8)["omega_bending"][0] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", ["null-space", "multipliers"])
 def test_prestress_with_both_treatments(treatment):
     found = M3.main("100", elements=24, treatment=treatment)
@@ -221,6 +235,7 @@ def test_prestress_with_both_treatments(treatment):
     )
 
 
+@pytest.mark.slow
 def test_ring_of_another_size():
     """omega goes with sqrt(E/rho)/R for equal shape; n = 3 of a thin ring by Hoppe's formula."""
     data = {"R": 0.5, "h": 0.05, "E": 70e9, "rho": 2700.0}
@@ -250,6 +265,7 @@ def test_bad_arguments_are_named(module):
     bad(lambda: module.main(treatment="penalty"), "treatment", "'penalty'")
 
 
+@pytest.mark.slow
 def test_bad_data_is_named():
     bad(lambda: M1.main("h=-0.1,CF"), "h = '-0.1'")
     bad(lambda: M1.main("h=0.1,CX"), "ends", "'CX'")

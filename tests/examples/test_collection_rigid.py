@@ -56,6 +56,7 @@ def size(reference):
 # -- reference numbers -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings(
     "ignore::skfem_cosserat.AccuracyWarning"
 )  # some pass a singular position
@@ -107,6 +108,7 @@ def test_chains_as_long_as_they_are_followed(case, until, tolerance):
         assert error < tolerance
 
 
+@pytest.mark.slow
 @pairs
 @pytest.mark.parametrize("family", ["R1", "R3", *LONG])
 def test_all_methods_agree(family, integrator, treatment):
@@ -121,6 +123,7 @@ def test_all_methods_agree(family, integrator, treatment):
 STEPS = {"R1": 0.05, "R2": 1e-3, "R3": 0.05, "R4": 0.05, "R5": 0.025, "R6": 2.5e-4, "R8": 0.02}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["energy-momentum", "variational"])
 @pytest.mark.parametrize("family", ["R1", "R3", *LONG])
 def test_second_order_at_given_steps(family, integrator):
@@ -134,6 +137,7 @@ def test_second_order_at_given_steps(family, integrator):
 # -- what comes back -------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("family", FAMILIES)
 def test_names_and_shapes(family):
     """Those of the entry's values, at the instants asked for, in that order, zero among them."""
@@ -154,6 +158,7 @@ def test_names_and_shapes(family):
     assert set(result[key]) <= set(one)
 
 
+@pytest.mark.slow
 def test_an_instant_of_the_reference_is_a_case():
     """As text, as a number; alone it is that instant's numbers, else all are lists."""
     wanted = common.entry("R1_spherical_pendulum")["values"]["state"][0]
@@ -169,6 +174,7 @@ def test_an_instant_of_the_reference_is_a_case():
     assert several["state"][0] == several["1"]["state"] == found["state"]
 
 
+@pytest.mark.slow
 def test_entries_and_counts_are_cases():
     assert len(R8.main("R8_chain_N3", times=[0.1], step=0.05)["state"][0]) == 6
     assert len(R8.main("R8_chain_N3", {"N": 4}, times=[0.1], step=0.05)["state"][0]) == 8
@@ -179,6 +185,7 @@ def test_entries_and_counts_are_cases():
 # -- other inputs ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_pendulum_of_another_length():
     """Lengths times l, times by sqrt(l/g): the same motion; the mass does not matter."""
     length, g = 2.5, 3.0
@@ -195,6 +202,7 @@ def test_pendulum_of_another_length():
     assert same["state"][0] == pytest.approx(found, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_heavy_top_without_gravity_is_a_free_body():
     """Held at its centre of mass; with the inertia in other axes as a tensor."""
     data = {"g": 0.0, "X": (0, 0, 0), "J_com": (1, 2, 3), "Omega0": (1, 1, 1)}
@@ -207,6 +215,7 @@ def test_heavy_top_without_gravity_is_a_free_body():
     assert other[4:] == pytest.approx([wanted[5], -wanted[4], wanted[6]], abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theta", [0.3, 1.2, 2.0])
 @pytest.mark.parametrize("case", ["slow", "fast"])
 def test_steady_precession_at_another_tilt(case, theta):
@@ -220,6 +229,7 @@ def test_steady_precession_at_another_tilt(case, theta):
     assert found["psi"] == pytest.approx(w * np.array(found["t"]), abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.plain
 def test_free_body_returns_after_its_period():
     """Elliptic functions; first integrals in the body."""
@@ -231,6 +241,7 @@ def test_free_body_returns_after_its_period():
         assert R3.jacobi()[name] == pytest.approx(float(value), rel=1e-15)
 
 
+@pytest.mark.slow
 def test_bricard_of_another_size():
     """Twice as long, four times the gravity over length: half the time; mass does not matter."""
     data = {"L": 2.0, "width": 0.2, "m": 3.0, "g": 8 * 9.81}
@@ -244,6 +255,7 @@ def test_bricard_of_another_size():
     assert same[0] == pytest.approx(same[1], abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("windows", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_windows_of_other_numbers(windows):
     """Energy: columns (N + 1)/6 and beams N/2 of m l^2 phi'^2, weight (N + 1)/2 + N of m g l."""
@@ -258,6 +270,7 @@ def test_windows_of_other_numbers(windows):
     assert np.array(result["B0"]) == pytest.approx(np.array(ends), abs=1e-11)
 
 
+@pytest.mark.slow
 def test_squeezer_with_another_link():
     """Its loops are closed anew; the crank starts with the torque over the reduced inertia."""
     data = {"ss": 0.0352, "mom": 0.05}
@@ -284,6 +297,7 @@ def chain_energy(state, d):
     return energy
 
 
+@pytest.mark.slow
 def test_chain_of_three():
     """Energy of closed form; the tip from the angles; the same in other units."""
     data = {"N": 3, "l": 0.6, "m": 2.0, "g": 5.0, "theta0": (0.3, -0.4, 1.0)}
@@ -334,6 +348,7 @@ def test_bad_data_is_named():
     bad(lambda: R8.main(data={"N": 3, "theta0": (0, 0)}), "theta0")
 
 
+@pytest.mark.slow
 def test_a_run_that_cannot_be_solved_gives_no_number(monkeypatch):
     """NaN and no error; a ladder goes on without its longest steps."""
     longest = 0.03

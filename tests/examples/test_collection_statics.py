@@ -54,6 +54,7 @@ QUICK = [name for name in ("s01", *FAMILIES) if FAMILIES[name].QUICK and name !=
 LONGER = ("s02", "s04", "s05", "s07", "s09", "s10", "s11")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=[pytest.mark.slow] * (n in LONGER)) for n in dict.fromkeys(QUICK)],
@@ -99,6 +100,7 @@ def test_table_of_no_family(ids):
 # -- other data ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_roll_up_of_another_rod(order):
     data = {"L": 3.0, "EI": 7.0, "lam": 0.4, "EA": 1e3, "GA": 3e2}
@@ -109,10 +111,12 @@ def test_roll_up_of_another_rod(order):
         assert found[name] == pytest.approx(expected[name], abs=tolerance), name
 
 
+@pytest.mark.slow
 def test_roll_up_counts_turns():
     assert s01.main(1.5, order=4, elements=16)["theta"] == pytest.approx(3 * np.pi, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["2", "h=0.1,alpha=2"])
 def test_elastica_of_any_size(case):
     """With alpha fixed all lengths are proportional; the moment at the root is force times x."""
@@ -124,6 +128,7 @@ def test_elastica_of_any_size(case):
     assert found["root_moment"] == pytest.approx(2 * 5 / 4 * found["x"], rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_inextensible_rods_of_every_order(order):
     """By their theory, extrapolated from three meshes."""
@@ -137,6 +142,7 @@ def test_inextensible_rods_of_every_order(order):
     assert bend == pytest.approx(reference, abs=50 * limit)
 
 
+@pytest.mark.slow
 def test_compliances_left_out_one_by_one():
     """Stiffer and stiffer beams approach the one that cannot shear, and the one without either."""
     for EA in (500.0, None):
@@ -153,6 +159,7 @@ def test_compliances_left_out_one_by_one():
     assert (unstretched["EA"], unstretched["GA"]) == (None, 300.0)
 
 
+@pytest.mark.slow
 def test_elastica_by_force_or_by_stiffness():
     """The force in place of alpha; EA in place of the thickness that it follows from."""
     value = s02.VALUES["S2_elastica_reissner"]["h=0.1,alpha=5"]
@@ -161,6 +168,7 @@ def test_elastica_by_force_or_by_stiffness():
     assert s02.main(data=data)["y"] == pytest.approx(value["y"], abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("section", list(s03.SECTIONS))
 def test_bend_under_another_load(section):
     """Cases of one section by the load of another; the load turned round mirrors the answer."""
@@ -171,6 +179,7 @@ def test_bend_under_another_load(section):
     assert mirrored == pytest.approx([*reference[:2], -reference[2]], abs=2e-9)
 
 
+@pytest.mark.slow
 def test_bend_of_another_modulus():
     """Twice the moduli under twice the load: the same shape, twice the moment and the energy."""
     data = {"E": 2e7, "G": 1e7, "P": 1200.0}
@@ -182,6 +191,7 @@ def test_bend_of_another_modulus():
     assert two["strain_energy"] == pytest.approx(2 * one["strain_energy"], rel=1e-10)
 
 
+@pytest.mark.slow
 def test_helix_by_number_or_by_load():
     first = s04.main(0.1, order=4)
     again = s04.main(data={"lam": 0.2, "M": 100 * math.pi, "F": 25.0}, order=4)
@@ -189,6 +199,7 @@ def test_helix_by_number_or_by_load():
     assert again["quat_tip"] == pytest.approx(first["quat_tip"], abs=1e-11)
 
 
+@pytest.mark.slow
 def test_princeton_with_shear_stiffnesses_exchanged():
     """What is computed beside it is the same beam with other data."""
     one = s05.main(order=4, elements=4)
@@ -209,6 +220,7 @@ def test_lee_frame_of_another_material_and_size():
         assert found[key]["v"] == pytest.approx(reference[k]["v"] / 2, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_toggle_at_other_displacements():
     """Loads are asked for in any sequence; pulled up it only grows stiffer."""
     reference = dict(map(tuple, s07.ENTRY["values"]["curve"]))
@@ -246,6 +258,7 @@ def test_arch_of_another_size_and_of_little_compliance():
     assert off[0] / off[1] == pytest.approx(2.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_limit_point_by_loads_and_by_frequencies():
     """The same from either; from a guess that is off as well, and none from no guess."""
     section = static_scenes.plane_section(1e6, 4e6, 4e6)
@@ -264,12 +277,14 @@ def test_limit_point_by_loads_and_by_frequencies():
     assert not asked.cost.converged
 
 
+@pytest.mark.slow
 def test_prandtl_of_another_strip():
     """c is a number: it does not depend on the strip."""
     j = s09.main("c", {"L": 100.0, "t": 1.0, "GJ": 3e5}, order=4, elements=10)["c"] / 2
     assert jv(-0.25, j) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "repeated"), [("Pcr", 3.31327752061047), ("load +e1", 1.0875178408408)]
 )
@@ -278,11 +293,13 @@ def test_lateral_buckling_against_repeated_references(case, repeated):
     assert s09.main(case, order=4, elements=8)["Pcr"] == pytest.approx(repeated, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_hinged_frame_of_another_size():
     found = s09.main("Mcr", {"L": 100.0, "EI2": 1e4, "GJ": 2e4}, order=4, elements=10)["Mcr"]
     assert found == pytest.approx(math.pi * math.sqrt(2e8) / 100, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("supports", [0, 1])
 def test_column_of_another_section(supports):
     """Thick, so that shear and extension count; with shear stiffness of its own."""
@@ -294,6 +311,7 @@ def test_column_of_another_section(supports):
     assert found["Pcr_over_PE"] < 0.98
 
 
+@pytest.mark.slow
 def test_deployable_ring_of_another_size():
     """Closes to a third of any radius; the torque goes with EI/R."""
     assert s11.main(data={"R": 10.0, "E": 1e6}, order=4, elements=48)["ux_B"] == pytest.approx(
@@ -314,6 +332,7 @@ def test_twisted_ring_of_another_size():
         assert found[name] == pytest.approx(value, rel=5e-8), name
 
 
+@pytest.mark.slow
 def test_slender_arc_of_any_size():
     """Lengths are proportional under P L^2/EI fixed; slenderness as a number."""
     one = s14.main(1000, order=4)
@@ -364,6 +383,7 @@ def test_treatments_agree(name):
         assert abs(a - b).max() < 1e-8 * max(1.0, abs(a).max()), quantity
 
 
+@pytest.mark.slow
 def test_a_mesh_that_gives_way():
     """Four linear elements do not close a circle: no number, no exception."""
     found = s01.main(order=1, elements=4)
@@ -371,6 +391,7 @@ def test_a_mesh_that_gives_way():
     assert all(math.isnan(found[name]) for name in s01.FIELDS)
 
 
+@pytest.mark.slow
 def test_right_angle_frame_under_the_names_of_its_entry():
     """The entry nests its load below Pcr."""
     entry = "S9b_right_angle_cantilever_frame"
@@ -379,6 +400,7 @@ def test_right_angle_frame_under_the_names_of_its_entry():
     assert nested["load +e1"] == flat
 
 
+@pytest.mark.slow
 def test_what_does_not_buckle():
     """A square section has no weak side to buckle to; a flat toggle no limit points."""
     square = s09.main(data={"t": 30.0}, order=4, elements=4)
@@ -390,6 +412,7 @@ def test_what_does_not_buckle():
 # -- bad input -------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", FAMILIES)
 @pytest.mark.parametrize(
     ("arguments", "message"),

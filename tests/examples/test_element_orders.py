@@ -42,18 +42,21 @@ ENDS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("quantity", ENDS)
 def test_two_p_at_element_ends(result, order, quantity):
     assert _row(result, "lobatto", order, quantity)["slope"] == pytest.approx(2 * order, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_p_plus_two_at_interior_nodes(result, order):
     row = _row(result, "lobatto", order, "displacement at interior nodes")
     assert row["slope"] == pytest.approx(order + 2, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("quantity", ["displacement anywhere", "resultants at Gauss points"])
 def test_p_plus_one_in_fields(result, order, quantity):
@@ -61,6 +64,7 @@ def test_p_plus_one_in_fields(result, order, quantity):
     assert row["slope"] == pytest.approx(order + 1, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "left"), [(3, 4), (4, 6)])
 @pytest.mark.parametrize("quantity", ["displacement at element ends", "energy", "critical load"])
 def test_equidistant_nodes_lose_orders(result, order, left, quantity):
@@ -70,6 +74,7 @@ def test_equidistant_nodes_lose_orders(result, order, left, quantity):
     assert row["errors"][0] > 5 * good["errors"][0]
 
 
+@pytest.mark.slow
 def test_recovered_resultants_are_far_better_than_those_at_gauss_points(result):
     for order in (2, 3, 4):
         nodes, gauss = (
@@ -88,12 +93,14 @@ def _locking(result, slenderness, order, points):
     return row["error"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_slenderness_does_not_matter(result, order):
     thick, thin = (_locking(result, z, order, order) for z in (100.0, 1e4))
     assert thin == pytest.approx(thick, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "factor"), [(1, 20), (2, 1000), (3, 1000), (4, 1000)])
 def test_full_quadrature_locks(result, order, factor):
     """One Gauss point more, and the error grows with slenderness."""
@@ -103,6 +110,7 @@ def test_full_quadrature_locks(result, order, factor):
         assert full > 5 * _locking(result, 100.0, order, order + 1)
 
 
+@pytest.mark.slow
 def test_files_and_report(result):
     text = (result["folder"] / "element_orders.csv").read_text()
     assert text.startswith("# ") and "machine" in text
@@ -112,6 +120,7 @@ def test_files_and_report(result):
     assert all((result["folder"] / f"element_{name}.csv").exists() for name in parts)
 
 
+@pytest.mark.slow
 def test_one_load_step_takes_few_iterations(result):
     """60 m of displacement at once; nearly as many whatever the element."""
     assert all(row["newton_iterations"] <= 12 for row in result["costs"])

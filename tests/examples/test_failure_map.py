@@ -75,6 +75,7 @@ SCENES = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_highest_frequency_against_a_dense_eigenvalue_solver(name):
     system = SCENES[name]()
@@ -85,6 +86,7 @@ def test_highest_frequency_against_a_dense_eigenvalue_solver(name):
     assert highest_frequency(system) == highest_frequency(system)
 
 
+@pytest.mark.slow
 def test_highest_frequency_in_a_bent_configuration():
     system = swing.build("physical")
     history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.6, derive=False)
@@ -139,6 +141,7 @@ def fall(step, until, integrator=None, **options):
     return history, "; ".join([text, *(each["text"] for each in history.meta["warnings"])])
 
 
+@pytest.mark.slow
 def test_growing_alternations_are_told_with_the_energy_they_make():
     history, text = fall(1e-2, 0.65)
     assert history.status == "completed" and "the run gained" in text and text.count(TOLD) == 1
@@ -151,6 +154,7 @@ def test_growing_alternations_are_told_with_the_energy_they_make():
     assert ratio == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_nothing_is_told_where_they_do_not_grow_and_of_other_schemes():
     """The step times the highest frequency is 1000 and 100 000."""
     for step, until, scheme in ((1e-4, 2e-3, None), (1e-2, 0.1, sc.EnergyMomentum())):
@@ -228,6 +232,7 @@ def linear_prediction(
     return float(np.arccosh(max(1.0, -mu[0] / 2))), P @ modes[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("force", "h", "grows"),
     [
@@ -298,6 +303,7 @@ def runs():
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [3e-2, 1e-2, 3e-3])
 def test_variational_blows_up_before_event_x_with_coarse_steps(runs, step):
     r = runs["variational", step]
@@ -308,6 +314,7 @@ def test_variational_blows_up_before_event_x_with_coarse_steps(runs, step):
     assert r["solver_failed_s"] > r["end_s"]  # the solver fails later, not first
 
 
+@pytest.mark.slow
 def test_energy_momentum_passes_event_x_and_fails_by_the_solver_alone(runs):
     r = runs["energy-momentum", 1e-2]
     assert r["outcome"] == "Newton failed" and r["end_s"] == r["solver_failed_s"]
@@ -318,6 +325,7 @@ def test_energy_momentum_passes_event_x_and_fails_by_the_solver_alone(runs):
     assert fine["residuals"] == [] and fine["solver_failed_s"] is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["variational", "energy-momentum"])
 def test_residual_histories_of_all_attempts_are_kept(runs, integrator):
     r = runs[integrator, 1e-1]
@@ -338,6 +346,7 @@ def plain_run(mixed: float) -> sc.History:
     return sc.simulate(swing.build("stiff"), *arguments, derive=False, settings=settings)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*may have several solutions")
 @pytest.mark.plain
 def test_mixed_iteration_solves_steps_that_newton_alone_cannot():
@@ -388,6 +397,7 @@ def test_judging_a_scene():
     assert good["h_omega_c"] < 2 and 1e-3 < good["compression"] < 2e-2
 
 
+@pytest.mark.slow
 def test_files(runs, tmp_path):
     some = [runs["variational", 1e-2], runs["energy-momentum", 1e-2]]
     result = {"rows": some, "until": 1.0, "period": None}

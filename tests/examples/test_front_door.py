@@ -84,6 +84,7 @@ def test_what_is_missed(front_door):
     assert wrong[2] == "x: not measured: no wheel"
 
 
+@pytest.mark.slow
 def test_a_peer_that_cannot_be_installed_is_a_row(front_door, monkeypatch):
     def refuse(*arguments):
         raise front_door.peer_calls.Unavailable("no wheel")
@@ -173,7 +174,7 @@ def test_imports_of_a_scene(front_door):
     assert front_door.import_scene() > 0 and 0.02 < front_door.skfem_memory() < 2
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_front_door_command(tmp_path):
     target = tmp_path / "rows.json"
     command = [sys.executable, FOLDER / "front_door.py", "--quick", "--json", target]

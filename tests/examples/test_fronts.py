@@ -40,6 +40,7 @@ def elsewhere(code: str, folder: Path) -> str:
     ).stdout
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_import_has_no_side_effects(path, tmp_path, monkeypatch, capfd):
     if path.stem == "charts":
@@ -50,6 +51,7 @@ def test_import_has_no_side_effects(path, tmp_path, monkeypatch, capfd):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_fronts_load_from_another_folder(tmp_path):
     """By their path alone, each in a fresh interpreter's empty ``sys.path``."""
     pytest.importorskip("matplotlib")
@@ -76,6 +78,7 @@ def test_front_has_all_public_names(name):
     assert names <= set(front.__all__) <= set(dir(front))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FRONTS)
 def test_front_tells_its_choices(name, tmp_path):
     pytest.importorskip("matplotlib")

@@ -85,6 +85,7 @@ def test_adapters_are_found_by_their_files():
     assert not {"exudyn", "elastica", "mujoco"} & set(sys.modules)
 
 
+@pytest.mark.slow
 def test_one_file_is_enough(stone):
     assert (stone.name, stone.requirement) == ("Stone", "")
     python = peer_calls.prepare(stone)
@@ -130,6 +131,7 @@ def test_unstable_runs_say_when():
 
 
 # the inertia of the swing is as published
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:section. inertia:skfem_cosserat.ModelWarning")
 def test_plain_numbers_are_the_scenes_of_the_paper_and_the_collection():
     """The same paths as the scenes built elsewhere; plain numbers survive JSON."""
@@ -149,6 +151,7 @@ def test_plain_numbers_are_the_scenes_of_the_paper_and_the_collection():
         np.testing.assert_allclose(mine, history.position(place)[1:, axes], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_linkage_stays_closed_and_the_blade_has_its_mass():
     """Crank and rocker keep their lengths; the published blade has 65.25 t."""
     system, place = own.system(json.dumps(question("four-bar", 4, 0.05)), 2, False)
@@ -190,7 +193,7 @@ def test_the_beam_in_the_plane_solves_the_same_scene(monkeypatch):
         assert peer_calls.ask(python, peer, scene)["status"].startswith("refused: ")
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "adapter", "meshes", "halvings", "ratio"),
     [

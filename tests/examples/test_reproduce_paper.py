@@ -69,6 +69,7 @@ def test_slopes_of_the_lagrangian_against_its_definition():
         assert abs(jacobian - relative.closure(angles + row).imag / e).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_relative_coordinates_have_order_two_and_meet_the_reference():
     steps, until = (1e-2, 5e-3), 2.0
     runs = {h: relative.main(h, until) for h in steps}
@@ -91,6 +92,7 @@ def test_relative_coordinates_meet_the_reference_to_seven_digits():
     assert abs((4 * fine - coarse) / 3 - exact).max() < 1e-7
 
 
+@pytest.mark.slow
 def test_closure_holds_in_all_rows_although_four_are_enforced():
     result = relative.main(1e-2, 3.0)
     assert result["unknowns"] == 9 and result["coordinates"] == 5 and result["rank"] == 4
@@ -101,6 +103,7 @@ def test_closure_holds_in_all_rows_although_four_are_enforced():
     assert abs(linkage.relation(np.pi / 2, x, np.roll(x, -1, axis=1))).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_relative_coordinates_and_the_package_agree():
     """Two discretisations of one linkage: they differ by O(h^2)."""
     apart = [
@@ -111,6 +114,7 @@ def test_relative_coordinates_and_the_package_agree():
     assert np.log2(apart[0] / apart[1]) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.slow
 def test_matrix_in_relative_coordinates_grows_unless_scaled():
     plain, scaled = (
         [relative.condition_number(h, flag, steps=(1, 10, 20)) for h in (1e-2, 1e-3, 1e-4)]
@@ -147,6 +151,7 @@ def _check_table_2(steps):
     return computed
 
 
+@pytest.mark.slow
 def test_table_2_at_the_coarse_step():
     _check_table_2((1e-2,))
 
@@ -160,6 +165,7 @@ def test_table_2():
             assert computed[integrator, LM][h]["scaled"] < 5 * reduced
 
 
+@pytest.mark.slow
 def test_table_1_grows_with_the_third_power_and_the_null_space_has_one_unknown():
     computed = {
         (i, t, scaled): [
@@ -174,6 +180,7 @@ def test_table_1_grows_with_the_third_power_and_the_null_space_has_one_unknown()
     assert computed[VI, NS, False] == [1.0, 1.0, 1.0]
 
 
+@pytest.mark.slow
 def test_costs_are_ratios_to_one_of_the_variants():
     """Numbers only: timings are never asserted."""
     for solver in ("dense", "own choice", "sparse"):

@@ -49,6 +49,7 @@ def five_seconds():
 # -- structure -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_geometry_and_counts():
     points, axes = _geometry(None, None)
     corners = [[0, 0, 0], [1, 0, 0], [1, -1, 0], [1, -1, 1], [0, -1, 1], [0, 0, 1]]
@@ -61,6 +62,7 @@ def test_geometry_and_counts():
         assert result["unknowns"] == {"null-space": 1, "multipliers": 143}[treatment]
 
 
+@pytest.mark.slow
 def test_closed_form_cube_is_the_general_linkage_of_ninety_degrees():
     """Congruent, though found by closing a chain: the same motion."""
     cube = six.main(until=0.2)
@@ -68,6 +70,7 @@ def test_closed_form_cube_is_the_general_linkage_of_ninety_degrees():
     assert abs(cube["P3"] - general["P3"]).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_shapes(five_seconds):
     for result in five_seconds[2].values():
         N = len(result["times"])
@@ -80,6 +83,7 @@ def test_shapes(five_seconds):
 # -- 500 steps -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_treatments_agree(five_seconds):
     _, histories, _ = five_seconds
     for integrator in INTEGRATORS:
@@ -87,6 +91,7 @@ def test_treatments_agree(five_seconds):
         assert abs(a - b).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_closed_form(five_seconds):
     """Over the whole run; that of another twist does not hold."""
     for pair, result in five_seconds[2].items():
@@ -96,6 +101,7 @@ def test_closed_form(five_seconds):
         assert abs(six.relation(1.5, x, y)).max() > 0.1
 
 
+@pytest.mark.slow
 def test_joint_angles_against_the_joints_own_coordinates(five_seconds):
     """The angles from rod to rod, less their start, are the relative coordinates of the joints."""
     system, _, results = five_seconds
@@ -105,6 +111,7 @@ def test_joint_angles_against_the_joints_own_coordinates(five_seconds):
     assert abs(series - (angles - angles[0])).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_threefold_symmetry_and_range(five_seconds):
     """P0, P2, P4 swing between -90 and 90 degrees, the others between -90 and -120."""
     angles = np.degrees(five_seconds[2]["variational", "null-space"]["joint_angles"])
@@ -113,6 +120,7 @@ def test_threefold_symmetry_and_range(five_seconds):
     assert angles[:, 1].min() == pytest.approx(-120, abs=0.01)
 
 
+@pytest.mark.slow
 def test_no_singular_position_on_the_way(five_seconds):
     """Smallest nonzero singular value of the constraint Jacobian: far from zero at all times."""
     system, histories, _ = five_seconds
@@ -125,6 +133,7 @@ def test_no_singular_position_on_the_way(five_seconds):
     assert 0.1 < min(smallest) < max(smallest) < 0.2
 
 
+@pytest.mark.slow
 def test_energy(five_seconds):
     """Energy-momentum to 1e-10 J; variational within O(h^2), and back where it started."""
     for (integrator, treatment), result in five_seconds[2].items():
@@ -139,6 +148,7 @@ def test_energy(five_seconds):
         assert abs(result["energy_midpoint"] - result["energy"][0]).max() < 0.01
 
 
+@pytest.mark.slow
 def test_comes_back(five_seconds):
     """From rest with one degree of freedom the motion is periodic: at rest again near 5 s."""
     for result in five_seconds[2].values():
@@ -161,6 +171,7 @@ def converge(integrator, treatment, until):
     return errors, abs(limit - P3[: len(times)]).max()
 
 
+@pytest.mark.slow
 @pairs
 def test_reference(integrator, treatment):
     errors, miss = converge(integrator, treatment, 2.0)
@@ -204,6 +215,7 @@ def closing(rng, twist):
         return angle
 
 
+@pytest.mark.slow
 def test_start_angle_against_the_closed_form():
     """Found by closing the chain; it closes exactly where the closed form has a root."""
     rng = np.random.default_rng(1)
@@ -220,6 +232,7 @@ def test_start_angle_against_the_closed_form():
     assert 20 < closed < 40
 
 
+@pytest.mark.slow
 @chequered("integrator", INTEGRATORS, "twist", [0.3, np.pi / 4, 1.2, 2.0, -0.7, 4.0])
 def test_twisted(integrator, twist):
     angle = closing(np.random.default_rng([7, int(1000 + 100 * twist)]), twist)
@@ -250,6 +263,7 @@ def test_twisted_over_ten_seconds(integrator, twist):
             assert np.ptp(result["energy"]) < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # passes a singular position
 @pairs
 def test_through_the_singular_position_of_sixty_degrees(integrator, treatment):
@@ -267,6 +281,7 @@ def test_through_the_singular_position_of_sixty_degrees(integrator, treatment):
         assert np.ptp(result["energy"]) < 1e-10
 
 
+@pytest.mark.slow
 def test_start_in_the_singular_position():
     """Two motions of the family meet there; a warning says so, and one of them is taken."""
     words = "closed loop through the revolute joint 'P0'.*: the reference .* is a singular position"
@@ -280,6 +295,7 @@ def test_start_in_the_singular_position():
 # -- condition numbers -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_condition_numbers(integrator):
     """Table 1: growth with h^-3 with multipliers, one by one with the null space."""
@@ -335,6 +351,7 @@ def test_bad_condition_steps(steps):
         six.condition_number("variational", "multipliers", 1e-2, steps=steps)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:balance of energy")  # steps are too large
 def test_a_step_that_cannot_be_solved():
     result = six.main("variational", "multipliers", 0.5)
@@ -342,6 +359,7 @@ def test_a_step_that_cannot_be_solved():
     assert "could not be solved" in result["divergence_reason"]
 
 
+@pytest.mark.slow
 def test_command_line_and_files(tmp_path):
     """Runs as a script; history, ParaView series and charts are there."""
     out = tmp_path / "results"

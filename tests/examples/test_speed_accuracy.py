@@ -28,6 +28,7 @@ def alone(tmp_path_factory):
     return speed.main(True, 1, None, out, ("spaghetti", "four-bar"), {}, methods), out
 
 
+@pytest.mark.slow
 def test_this_package_alone(alone):
     """Order x mesh x step x treatment; both treatments make the same errors; tables, charts."""
     result, out = alone
@@ -165,6 +166,7 @@ def test_statements_name_the_cheapest_its_margin_and_who_is_ahead():
     ]
 
 
+@pytest.mark.slow
 def test_peers_enter_the_table(monkeypatch, tmp_path):
     """One that is exact and cheap is ahead; one that is not there is a row with the reason."""
     names = {"code": "Code", "other": "Other"}

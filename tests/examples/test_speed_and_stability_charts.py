@@ -16,6 +16,7 @@ import stability_chart as stability
 # -- stability -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # what fails is warned of
 def test_stability_of_the_stiff_swing(tmp_path):
     """Energy-momentum passes event X at 3e-2 s, the variational scheme blows up before it."""

@@ -30,6 +30,7 @@ def small(tmp_path_factory):
     return theory_table.main(True, folder, folder / "kept", SMALL), folder
 
 
+@pytest.mark.slow
 def test_small_table(small):
     """Errors of second order in the step, next to those of model and mesh."""
     result, _ = small
@@ -58,6 +59,7 @@ def test_small_table(small):
     assert result["figures"] == [] and not theory_table.missed(result)
 
 
+@pytest.mark.slow
 def test_files_of_the_small_table(small):
     result, folder = small
     text = (folder / "theory_table.csv").read_text()
@@ -68,6 +70,7 @@ def test_files_of_the_small_table(small):
     assert "contiguous_s" in theory_table.report(result)
 
 
+@pytest.mark.slow
 def test_an_interrupted_table_goes_on(small, monkeypatch):
     """Nothing that is in the folder is run again."""
 
@@ -227,6 +230,7 @@ def test_reference_is_extrapolated():
 # -- theory ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_fastest_vibrations_of_the_theories():
     """Shear; axial waves; without them rotations from node to node, just as fast."""
     tops = {}
@@ -271,6 +275,7 @@ def grown(system, q, step, count=100):
     return max(sizes[-10:]) / max(sizes[:10])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("theory", "force"),
     [

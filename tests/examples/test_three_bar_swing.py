@@ -35,6 +35,7 @@ def ten_seconds(request):
     }
 
 
+@pytest.mark.slow
 def test_counts():
     system = swing.build()
     assert system.counts() == {"n": 276, "m": 154, "rank": 154, "unknowns": 122}
@@ -44,6 +45,7 @@ def test_counts():
             assert (result["n"], result["m"], result["unknowns"]) == (276, 154, unknowns)
 
 
+@pytest.mark.slow
 def test_all_four_pairs_run_ten_seconds_and_treatments_agree(ten_seconds):
     _, histories = ten_seconds
     q = histories["null-space"]["q"]
@@ -53,12 +55,14 @@ def test_all_four_pairs_run_ten_seconds_and_treatments_agree(ten_seconds):
     assert apart.max() < 1e-8
 
 
+@pytest.mark.slow
 def test_constraints(ten_seconds):
     system, histories = ten_seconds
     for history in histories.values():
         assert diagnostics.constraint_violation(system, history["q"]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_motion_stays_in_the_plane(ten_seconds):
     _, histories = ten_seconds
     for history in histories.values():
@@ -66,6 +70,7 @@ def test_motion_stays_in_the_plane(ten_seconds):
         assert abs(out).max() < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_side_load_shows_how_out_of_plane_disturbances_grow(integrator):
     """A side load of 1e-8 of the pulse stays small to 5 s."""
@@ -91,6 +96,7 @@ def out_of_plane(integrator: str, until: float) -> np.ndarray:
     return abs(history["q"].reshape(len(history), -1, 4, 3)[:, :, 0, 0]).max(1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_turned_scene_gives_the_turned_result(integrator):
     Q = Rotation.random(random_state=3).as_matrix()
@@ -103,6 +109,7 @@ def test_turned_scene_gives_the_turned_result(integrator):
     assert abs(turned["q"].reshape(len(turned), -1, 3) - expected).max() < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_event_x(integrator):
     result = swing.main(integrator)
@@ -115,6 +122,7 @@ def _after_pulse(result, name):
     return values[result["times"][: len(values)] >= PULSE_END - 1e-12]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ten_seconds", ["energy-momentum"], indirect=True)
 def test_energy_momentum_keeps_the_energy(ten_seconds):
     system, histories = ten_seconds
@@ -139,6 +147,7 @@ def test_variational_energy_oscillates_with_the_square_of_the_step():
         assert 60 < ratio < 160
 
 
+@pytest.mark.slow
 def test_physical_section_the_variational_scheme_fails_and_says_so():
     """Negative test: a period-2h alternation grows; energy-momentum runs on."""
     result = swing.main("variational", section="physical", until=5.0)
@@ -180,6 +189,7 @@ def test_contract():
     assert result["mass_position"][0].tolist() == [0.0, 0.36, 0.0]
 
 
+@pytest.mark.slow
 def test_same_call_gives_identical_arrays():
     first, second = (swing.main(until=0.5) for _ in range(2))
     for name, value in first.items():
@@ -205,6 +215,7 @@ def test_bad_arguments(name, value):
     assert str(value) in str(info.value)
 
 
+@pytest.mark.slow
 def test_other_meshes_converge_and_the_file_is_the_built_one():
     results = [swing.main(elements=n, until=0.5)["mass_position"][-1] for n in (10, 20, 40)]
     assert np.linalg.norm(results[1] - results[2]) < np.linalg.norm(results[0] - results[1])
@@ -222,6 +233,7 @@ TABLE_2 = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pair", "published"),
     [
@@ -236,6 +248,7 @@ def test_condition_numbers_of_table_2(pair, published):
         assert value / factor < computed < value * factor
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_scaling_removes_the_growth_with_small_steps(integrator):
     """The growth of Table 2 is an artefact of units: scaled, within a factor of the null space."""
@@ -245,6 +258,7 @@ def test_scaling_removes_the_growth_with_small_steps(integrator):
         assert scaled < 8 * reduced
 
 
+@pytest.mark.slow
 def test_output_is_read_back_with_vtk(tmp_path):
     pytest.importorskip("vtk")
     import pyvista

@@ -67,6 +67,7 @@ def read_index(path):
 # -- series ----------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_beams(make_scene, tmp_path, order):
     scene = make_scene(order)
@@ -273,6 +274,7 @@ def test_reference_state(make_scene, tmp_path, surfaces):
         np.testing.assert_allclose((points - at_points["u"])[:3], now, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_pyvista_reads_the_index(make_scene, tmp_path):
     pyvista = pytest.importorskip("pyvista")
     history = make_scene(2).history(3)
@@ -425,6 +427,7 @@ while True:
 """
 
 
+@pytest.mark.slow
 def test_killed_export_can_be_read(make_scene, tmp_path):
     path = os.pathsep.join([str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(

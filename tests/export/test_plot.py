@@ -14,6 +14,7 @@ from skfem_cosserat.plot import plot_energy, plot_orbit, plot_series, render
 matplotlib = pytest.importorskip("matplotlib")
 
 
+@pytest.mark.slow
 def test_energy(make_scene, tmp_path):
     history = make_scene().history(20)
     figure = plot_energy(history, tmp_path / "energy.png")
@@ -31,6 +32,7 @@ def test_energy(make_scene, tmp_path):
     assert lower.get_xlabel() == "time in s"
 
 
+@pytest.mark.slow
 def test_a_perfect_run_with_gravity_and_a_spring(tmp_path):
     """The total changes by the work of gravity: what is wrong is in the balance."""
     model = sc.Model()
@@ -82,6 +84,7 @@ def test_energy_with_gaps_and_without_total(make_scene):
         plot_energy(history)
 
 
+@pytest.mark.slow
 def test_orbit_and_series(make_scene, tmp_path):
     history = make_scene().history(20)
     what = ["body/hub", "point/ball", "beam/boom/-1", "beam/angle/0", "joint/pin"]
@@ -103,6 +106,7 @@ def test_charts_leave_no_global_state(make_scene):
         assert not sys.modules["matplotlib.pyplot"].get_fignums()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -143,6 +147,7 @@ def test_missing_package_names_the_extra(make_scene, tmp_path, monkeypatch, pack
         call(make_scene().history(2), tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.render
 @pytest.mark.usefixtures("renderer")
 @pytest.mark.parametrize(

@@ -66,6 +66,7 @@ def test_container(make_scene):
     assert "7 states" in repr(history)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -91,6 +92,7 @@ def test_container_refuses(make_scene, call, words):
 # -- writer ----------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("states", [0, 1, 9, 10, 11, 20, 25])
 @pytest.mark.parametrize("streamed", [False, True])
 def test_writer_any_number_of_rows(make_scene, tmp_path, states, streamed):
@@ -337,6 +339,7 @@ def start(code: str, *args: str) -> subprocess.Popen:
     )
 
 
+@pytest.mark.slow
 def test_killed_run_can_be_read(make_scene, tmp_path):
     path = tmp_path / "run.history"
     process = start(RUN, str(path))
@@ -414,6 +417,7 @@ def test_file_cut_short(make_scene, tmp_path):
     assert lost and all("nothing can be recovered" in text for text in lost)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("data", "words"),
     [
@@ -468,6 +472,7 @@ def long_history(states, instants=20_000):
 
 
 # each damaged file gives a warning of its own
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
 @pytest.mark.parametrize("seed", range(3))
 def test_no_damage_gives_a_wrong_number(tmp_path, seed):
@@ -559,6 +564,7 @@ def summed(path):
         db.execute("UPDATE sqlite_sequence SET seq = (SELECT count(*) FROM blocks)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_damage_with_right_sums_gives_one_kind_of_error(tmp_path, seed):
     """Values of another kind in any column, bytes in numbers and in JSON, rows left out."""
@@ -621,6 +627,7 @@ def disk(monkeypatch):
     return lambda size: left.__setitem__(0, np.inf if size is None else size)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("room", [None, 0, 10_000, 30_000, 60_000])
 @pytest.mark.parametrize("streamed", [False, True])
 def test_several_states_at_once_are_the_same_ones(make_scene, tmp_path, disk, streamed, room):
@@ -709,6 +716,7 @@ def falling():
     return model.freeze(), {"place": sc.SensorPosition(ball.place())}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("part", [0.5, 0.9, 0.999, 1.5])
 def test_a_run_on_a_full_disk_keeps_its_history(tmp_path, disk, part):
     """In a step, at the end, and when all is written again with energies."""

@@ -246,6 +246,7 @@ def test_a_model_is_frozen_once_until_something_is_added(monkeypatch):
     assert len(count) == 2
 
 
+@pytest.mark.slow
 def test_models_do_as_well_as_systems():
     model, items = scene()
     system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
@@ -288,6 +289,7 @@ def test_the_model_of_a_system():
     assert back.freeze().counts() == model.freeze().counts()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "call",
     [
@@ -328,6 +330,7 @@ BENT = Q0 + 0.1
 NAN = float("nan")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -370,6 +373,7 @@ def test_arguments_are_looked_at(call, words):
         call()
 
 
+@pytest.mark.slow
 def test_each_thing_is_one_line():
     state = sc.initial_state(HINGED)
     report = next(sc.steps(HINGED, sc.EnergyMomentum(), sc.NullSpace(), 0.1, kernels="numpy"))

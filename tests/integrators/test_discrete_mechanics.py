@@ -108,6 +108,7 @@ def null_space(system, q, t):
 # -- Legendre transforms ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize(
     ("scene", "step", "until"),
@@ -224,6 +225,7 @@ def test_transforms_where_a_run_goes_on():
     assert abs(minus - whole["p"][10:])[:-1].max() < 1e-11 * abs(second["p"]).max()
 
 
+@pytest.mark.slow
 def test_transforms_with_springs_and_dampers():
     """A wheel that winds its spring up by three turns, with a damped pendulum on its rim."""
     model = sc.Model()
@@ -360,6 +362,7 @@ def test_dropped_directors_agree_only_without_third_momenta_and_joints(joint, th
         assert gap > 1e-3
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("method", ["saddle-point", "directors-dropped", "reduced"])
 @pytest.mark.parametrize(("scene", "h", "until"), [("free", 1e-2, 0.4), ("everything", 5e-3, 0.1)])
 def test_projected_momenta_fulfil_the_hidden_constraints(scene, h, until, method):
@@ -440,6 +443,7 @@ def test_projection_with_redundant_rows(scene, method):
     assert abs(Qp[bare] - M @ expected).max() < 1e-12 * abs(p).max()
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("scene", [four_bar, triangle])
 def test_closed_loops(scene, treatment):
@@ -470,6 +474,7 @@ def test_closed_loops(scene, treatment):
 # -- reduced momenta and velocities ----------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_reduced_momentum_of_a_hinge():
     """Against the closed form (J + m c^2) omega, in any position."""
     model = sc.Model()
@@ -525,6 +530,7 @@ def test_prescribed_velocity_has_least_kinetic_energy():
     assert abs(pi).max() < 1e-12 * abs(M @ v).max()
 
 
+@pytest.mark.slow
 def test_driven_joint():
     """A hinge that is prescribed in time, and a free one: closed form of the driven link."""
     model = sc.Model()
@@ -630,6 +636,7 @@ def test_multipliers_of_both_integrators_at_the_states():
 # -- momentum maps ---------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @integrators
 @treatments
 def test_free_scene_keeps_its_momentum_maps(integrator, treatment):
@@ -660,6 +667,7 @@ def drift(integrator, h, kind):
     return abs(values - L)[every:-1:every].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "kind"),
     [
@@ -686,6 +694,7 @@ def test_dropped_directors_keep_what_is_left():
     assert abs(one - two).max() < 1e-13 * np.linalg.norm(one[0])
 
 
+@pytest.mark.slow
 def test_third_blocks_of_energy_momentum_are_zero():
     """Its momentum is M v: nothing is lost without the d3 blocks."""
     system, history = system_of("free"), run("free", "energy-momentum", "null space", 0.01, 0.4)

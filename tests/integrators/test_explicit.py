@@ -147,6 +147,7 @@ def test_step_above_the_limit_is_refused_by_name():
     assert len(run(system, sc.Explicit(rounds=12), 11.5 * limit.seconds, 23 * limit.seconds)) > 1
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:beam 'rod'.* (relative rotation|tension|element)")
 def test_step_above_the_limit_blows_up():
     """Theory says so; below it the same run keeps its energy."""
@@ -187,6 +188,7 @@ def test_same_solution_as_energy_momentum():
     assert abs(orders - 2).max() < 0.1
 
 
+@pytest.mark.slow
 def test_lumped_and_consistent_mass_meet_under_refinement():
     tips = []
     for n in (4, 8, 16):
@@ -203,6 +205,7 @@ def test_lumped_and_consistent_mass_meet_under_refinement():
 # -- what is conserved -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 3])
 def test_momentum_maps_are_exact(order):
     h = run(free_rod(order), sc.Explicit(rounds=50), 0.01, 0.1)
@@ -214,6 +217,7 @@ def test_momentum_maps_are_exact(order):
     assert abs(gram - np.eye(3)).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_energy_error_is_of_second_order():
     system = free_rod(1, SOFT)
     errors = []
@@ -244,6 +248,7 @@ def test_symmetric_top_is_exact_in_any_step():
     assert top.name == "top"
 
 
+@pytest.mark.slow
 def test_unsymmetric_body_off_its_point():
     """Second order, angular momentum exact, its centre of mass on a straight line."""
     model = sc.Model()
@@ -297,6 +302,7 @@ def test_loads_in_time_are_averaged_exactly():
     assert h["work_loads"][-1] == pytest.approx(h["energy"][-1], rel=1e-13)
 
 
+@pytest.mark.slow
 def test_moments_and_following_forces():
     """A follower moment on a free rod, against energy-momentum with the same mass."""
     model = sc.Model()
@@ -316,6 +322,7 @@ def test_moments_and_following_forces():
     assert abs(a["energy_balance"]).max() < 1e-3 * a["energy"][-1]
 
 
+@pytest.mark.slow
 def test_restart_and_sensors(tmp_path):
     system = pendulum(3)
     tip = system.structures[0].node("rod.end")
@@ -444,6 +451,7 @@ def mounts(joined=False, viscous=1e-4):
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_spring_pendulum_in_closed_form():
     """All but unstressed at length zero it swings as an ellipse about its rest."""
     model = on_a_spring(length=1e-9, velocity=(0.3, 1.0, 0.5))
@@ -458,6 +466,7 @@ def test_spring_pendulum_in_closed_form():
     assert errors[-1] < 1e-3
 
 
+@pytest.mark.slow
 def test_spring_pendulum_keeps_momentum_about_its_support():
     model = on_a_spring(length=0.8, velocity=(0.3, 1.0, 0.5))
     h = run(model.freeze(), sc.Explicit(rounds=8), 0.05, 2.0)
@@ -533,6 +542,7 @@ def test_internal_damping_keeps_momenta():
     assert h.meta["energy_balance"]["dissipated"] > 1e-3
 
 
+@pytest.mark.slow
 def test_drag_in_closed_form():
     """Momentum decays as exp(-alpha t)."""
     model = sc.Model()
@@ -680,6 +690,7 @@ def test_limit_of_viscous_elements():
     assert limits[2].kind == "damping"
 
 
+@pytest.mark.slow
 def test_springs_above_the_limit():
     """Refused with a name; without the check the run blows up, just below it does not."""
     system = on_a_spring(velocity=(0, 0, 1.0)).freeze()

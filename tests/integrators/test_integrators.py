@@ -91,6 +91,7 @@ def quick_levels(scheme, base=10, count=4, treatment=NULL):
     return system, runs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment",
     [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
@@ -156,6 +157,7 @@ def test_energy_momentum_is_not_composed_to_order_six():
 FEW = [pytest.param(k, marks=pytest.mark.slow) if "first" in k else k for k in SCHEMES]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FEW)
 def test_orders_of_two_bodies(name):
     scheme = SCHEMES[name]
@@ -183,6 +185,7 @@ def order_of_first_multipliers(scheme):
     return np.log2(errors[0] / errors[1])
 
 
+@pytest.mark.slow
 def test_multipliers_of_generalized_alpha_in_the_first_steps(monkeypatch):
     """Of second order at once, with a start that is consistent; each of its two parts is needed."""
     index3, index2 = sc.GeneralizedAlpha(0.5, stabilized=False), sc.GeneralizedAlpha(0.5)
@@ -209,6 +212,7 @@ def test_multipliers_of_generalized_alpha_in_the_first_steps(monkeypatch):
     assert order_of_first_multipliers(index2) == pytest.approx(1, abs=0.1)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("make", "plain", "stabilized"),
     [
@@ -282,6 +286,7 @@ def test_spectral_radius_of_generalized_alpha(rho):
     assert found == pytest.approx(np.array([1, 3 * rho, 3 * rho**2, rho**3]), abs=1e-5)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
 @pytest.mark.parametrize("stabilized", [False, True])
 def test_spectral_radius_with_constraints(stabilized, treatment):
@@ -345,6 +350,7 @@ def scale(system, start):
     return float((np.linalg.norm(start.q.reshape(-1, 3), axis=1) * np.linalg.norm(p, axis=1)).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment",
     [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
@@ -378,6 +384,7 @@ def test_momenta_are_kept(scheme, make, treatment):
         assert history["dissipated"][-1] > 1e-8
 
 
+@pytest.mark.slow
 def test_composed_energy_momentum_keeps_energy():
     system, start = free_tree()
     scheme = sc.Composition(sc.EnergyMomentum())
@@ -385,6 +392,7 @@ def test_composed_energy_momentum_keeps_energy():
     assert abs(energy - energy[0]).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_generalized_alpha_keeps_linear_momentum_only():
     """Negative: angular momentum drifts with the square of the step, energy grows at times."""
     system, start = free_beam()
@@ -410,6 +418,7 @@ def test_pulses_within_a_step(scheme):
     assert p == pytest.approx(0.0 if at_nodes(scheme) else 3.0, abs=1e-13)
 
 
+@pytest.mark.slow
 def test_each_part_of_a_scene_keeps_its_own_momentum():
     """Two free bodies that nothing connects, and a third tied to the ground."""
     model, rng = sc.Model(), np.random.default_rng(2)
@@ -431,6 +440,7 @@ def test_each_part_of_a_scene_keeps_its_own_momentum():
     assert history["dissipated"][-1] > 1e-6
 
 
+@pytest.mark.slow
 def test_steady_rotation_is_not_damped():
     """A free body about its axis, flying: no energy is lost, the centre keeps its speed."""
     for chi in (0.1, 1.0):
@@ -493,6 +503,7 @@ def energy_decays(seed):
     return len(states) - 1
 
 
+@pytest.mark.slow
 def test_parts_that_do_not_turn_leave_the_others_alone():
     """Two joined bodies that fall without turning, and every other item: steps are solved.
 
@@ -530,6 +541,7 @@ def test_a_residual_that_does_not_vanish_is_no_solution(monkeypatch):
 
 
 # its few elements are drawn farther than such ones can be, which these figures do not mind
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("seed", [0, 4, 6, 14, 19, 30])
 @pytest.mark.filterwarnings("ignore:balance of energy")  # is not resolved
@@ -540,6 +552,7 @@ def test_generalized_alpha_starts_calmly_where_steps_resolve_nothing(seed):
     assert energy.max() < 1.1 * energy[0]
 
 
+@pytest.mark.slow
 def test_energy_never_grows_with_varying_steps():
     """And what is taken is in the balance."""
     run = rubber(), sc.EnergyDecaying(rate=20.0), NULL, sc.StepControl(1e-2), 0.05
@@ -548,11 +561,13 @@ def test_energy_never_grows_with_varying_steps():
     assert abs(history["energy_balance"]).max() < 1e-10 * history["energy"][0]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error::skfem_cosserat.CosseratWarning")
 def test_what_energy_decaying_takes_is_kept_and_told_above_a_tenth():
     check_that_what_is_taken_is_kept_and_told(sc.EnergyDecaying(0.05))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 50, 10))
 def test_energy_never_grows(first):
     assert sum(energy_decays(seed) for seed in range(first, first + 10)) >= 45
@@ -580,6 +595,7 @@ def blocks_and_border(step):
     return matrix + U @ V
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_tangents(order):
     system = everything(order)
@@ -615,6 +631,7 @@ def sprung():
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
 @pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.6), sc.EnergyDecaying(0.3)], ids=repr)
 def test_tangent_with_dampers_to_moving_ground(scheme, treatment):
@@ -622,6 +639,7 @@ def test_tangent_with_dampers_to_moving_ground(scheme, treatment):
     assert worst(blocks_and_border(step), step.derivative()) < 1e-8
 
 
+@pytest.mark.slow
 def test_dampers_to_moving_ground_agree_between_schemes():
     """All to second order, against the variational scheme composed to order 4."""
     system = sprung()
@@ -634,6 +652,7 @@ def test_dampers_to_moving_ground_agree_between_schemes():
         assert np.log2(error[0] / error[1]) == pytest.approx(2, abs=0.1), scheme
 
 
+@pytest.mark.slow
 def test_energy_balance_with_loads_drives_and_dampers():
     """Exact, or with the error of second order of the trapezoidal rule."""
     system = sprung()
@@ -660,6 +679,7 @@ RESTARTED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", RESTARTED, ids=repr)
 def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
     system = sprung()
@@ -681,6 +701,7 @@ def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
     assert sc.simulate(system, scheme, NULL, 0.01, 0.12, start=other).times[-1] > 0.11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("one", "other"),
     [
@@ -710,6 +731,7 @@ def test_a_state_of_another_scheme_or_step_starts_anew(one, other):
         assert found[name][:-1] == pytest.approx(right[name][:-1], abs=1e-9 * size), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.7), sc.EnergyDecaying(0.1)], ids=repr)
 def test_both_treatments_give_the_same_motion(scheme):
     loop = four_bar()
@@ -735,6 +757,7 @@ def hanging():
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 4])
 @pytest.mark.parametrize(
     ("scheme", "tolerance"),
@@ -767,6 +790,7 @@ def test_constraint_forces_are_at_the_nodes(scheme, tolerance, every):
     assert history["work_drives"][:-1] == pytest.approx((work - work[0])[:-1], abs=2e-2)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.7), sc.EnergyDecaying(0.1)], ids=repr)
 def test_other_stored_energies(scheme):
     """Beams of a quartic energy: an exact tangent; energy falls, its balance is exact."""
@@ -781,6 +805,7 @@ def test_other_stored_energies(scheme):
         assert abs(history["energy_balance"]).max() < 1e-11 * history["energy"][0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment",
     [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
@@ -835,6 +860,7 @@ def test_composed_steps_say_where_they_fail():
         stepper.iteration_matrix(start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
 def test_parts_of_a_composed_step_have_constraint_forces_where_the_part_has_them(treatment):
     """At the midpoint, although those of the whole are at its start: a beam keeps its energy."""
@@ -880,6 +906,7 @@ def test_composition_with_compiled_kernels():
         assert runs[1][name] == pytest.approx(runs[0][name], abs=1e-10 * size)
 
 
+@pytest.mark.slow
 def test_smaller_steps_get_no_worse_with_compiled_kernels():
     """A free symmetric top: what iterations leave adds up over 14400 parts of steps, 7e-14 in each.
 
@@ -907,6 +934,7 @@ def dashpot(k):
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_compositions_with_dampers():
     """Order 4 where they are weak; where c h_k/m gets to 2 in the backward step, energy grows."""
     scheme = sc.Composition(sc.EnergyMomentum())
@@ -937,6 +965,7 @@ def test_parts_of_the_momentum_along_constraints_do_not_move_the_variational_sch
     assert runs[1]["Qp"][1:] == pytest.approx(runs[0]["Qp"][1:], abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
 def test_stabilized_variational_scheme_is_the_plain_one_with_momenta_projected(treatment):
     """RATTLE and SHAKE: same motion, multipliers and work; momenta on the hidden constraints."""
@@ -958,6 +987,7 @@ def test_stabilized_variational_scheme_is_the_plain_one_with_momenta_projected(t
         assert moved["work_drives"][:-1] == pytest.approx(work, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_energy_of_a_composed_variational_scheme_is_of_its_order():
     """Its momenta leave out what nodes have along G^T, of second order (with beams, on d3, too)."""
     system, start = free_beam()
@@ -970,6 +1000,7 @@ def test_energy_of_a_composed_variational_scheme_is_of_its_order():
         assert np.log2(error[0] / error[1]) == pytest.approx(scheme.order, abs=0.3)
 
 
+@pytest.mark.slow
 def test_stabilized_energy_momentum_holds_hidden_constraints_and_loses_little():
     system, start = double_pendulum()
     lost = []
@@ -1023,6 +1054,7 @@ BAD = [
 ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("make", "message"), BAD)
 def test_bad_arguments(make, message):
     with pytest.raises(sc.CosseratError, match=message):

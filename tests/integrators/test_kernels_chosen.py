@@ -56,6 +56,7 @@ def test_runs_take_kernels_that_are_compiled_already(kept_kernels, monkeypatch):
     assert meta["kernels"] == "numpy" and meta["kernels_why"] == choice.NOT_ON_DISK
 
 
+@pytest.mark.slow
 def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     assert not kept.promising() and not kept._PROMISING & {kept.folder()}
@@ -88,6 +89,7 @@ def test_versions_of_numba_are_those_of_the_package():
     assert f'"numba>={choice.NUMBA[0]}.{choice.NUMBA[1]};' in text
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("error", [TypingError("no\nmore"), AttributeError("no more")])
 def test_numpy_takes_over_where_numba_does_not_compile(error, monkeypatch):
     system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
@@ -120,6 +122,7 @@ def test_without_numba(monkeypatch):
     assert choice.choose_kernels("auto", system, *pair, 10).name == "numpy"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "variables", "why"),
     [
@@ -240,6 +243,7 @@ def flat_four_bar():
     return model.freeze()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*singular:skfem_cosserat.ModelWarning")
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.PerformanceWarning")

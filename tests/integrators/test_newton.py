@@ -51,6 +51,7 @@ def kept_record(rate, first=1e-4):
     return record
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("script", "code"),
     [

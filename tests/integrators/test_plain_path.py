@@ -38,6 +38,7 @@ def test_steps_go_on_from_any_state_as_a_new_stepper_does(integrator):
         assert abs(again.p - moved.p).max() < rounding
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", SCENES)
 def test_parts_of_a_tangent_equal_its_blocks(scene):
     """Multiplied out, and between two sets of matrices; with and without turned sections."""

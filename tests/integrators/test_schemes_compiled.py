@@ -207,6 +207,7 @@ def runs(*run: Any, **options: Any) -> tuple[sc.History, sc.History, sc.History]
     return *both, sc.simulate(*run, kernels="numpy", **beside)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "treatment"), PAIRS, ids=lambda each: getattr(each, "__name__", repr(each))
 )
@@ -219,6 +220,7 @@ def test_kernels_agree(scheme, scene, treatment):
     assert_same(compiled, plain, beside)
 
 
+@pytest.mark.slow
 def test_velocities_are_moved_at_the_instant_that_steps_end():
     """Not at a rounded one: rates of the ground are differences, of another rounding there."""
     model = sc.Model()
@@ -233,6 +235,7 @@ def test_velocities_are_moved_at_the_instant_that_steps_end():
     assert off < 10 * moved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chi", [0.05, 1.0])
 def test_the_border_of_the_extra_velocity_is_its_whole_derivative(chi):
     """Of two parts that nothing ties: Newton's method takes as many iterations as with numpy's."""
@@ -241,6 +244,7 @@ def test_the_border_of_the_extra_velocity_is_its_whole_derivative(chi):
     assert compiled["newton_iterations"].tolist() == plain["newton_iterations"].tolist()
 
 
+@pytest.mark.slow
 def test_velocities_are_moved_beside_rows_that_are_all_redundant():
     """A strut beside a fixed joint closes a loop whose row depends on the others."""
     model = sc.Model()
@@ -253,6 +257,7 @@ def test_velocities_are_moved_beside_rows_that_are_all_redundant():
     assert_same(*runs(model.freeze(), sc.EnergyMomentum(stabilized=True), NULL, 2e-3, 0.04))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theory", [sc.TheoryInextensible(), sc.TheoryKirchhoff()], ids=repr)
 def test_velocities_are_moved_where_curved_elements_hold_strains(theory):
     """Their tree does not give the line of such elements, nor its velocities."""
@@ -264,6 +269,7 @@ def test_velocities_are_moved_where_curved_elements_hold_strains(theory):
     assert_same(*runs(model.freeze(), sc.EnergyMomentum(stabilized=True), NULL, 2e-3, 0.04))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scheme", COMPILED, ids=repr)
 def test_works_of_steps_that_are_not_recorded(scheme):
     """Those of blocks of steps, taken in one call: an energy-decaying scheme lost what it took."""
@@ -289,6 +295,7 @@ treatments = pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=repr)
 alphas = pytest.mark.parametrize("scheme", ALPHA, ids=repr)
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize(
     "scheme", [*ALPHA, sc.EnergyDecaying(0.1, velocity=False)], ids=lambda each: each.name
@@ -306,6 +313,7 @@ def test_kernels_agree_in_steps_of_varying_sizes(scheme, treatment):
     assert compiled["dissipated"][-1] == pytest.approx(plain["dissipated"][-1], abs=1e-8 * lost)
 
 
+@pytest.mark.slow
 @treatments
 @alphas
 def test_kernels_agree_across_events(scheme, treatment):
@@ -330,6 +338,7 @@ def test_kernels_agree_across_events(scheme, treatment):
         assert compiled[name] == pytest.approx(plain[name], abs=1e-8 * size, nan_ok=True), name
 
 
+@pytest.mark.slow
 @treatments
 @alphas
 def test_a_restart_goes_on_as_if_nothing_had_been(scheme, treatment):
@@ -349,6 +358,7 @@ def test_a_restart_goes_on_as_if_nothing_had_been(scheme, treatment):
         )
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("chi", [0.1, 1.0])
 def test_what_stresses_take_is_counted(chi, treatment, kernels):

@@ -74,6 +74,7 @@ def worst(found, wanted):
     return (abs(found - wanted).max(0) / size).max()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("swapped", [False, True], ids=["a-b", "b-a"])
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("treatment", TREATMENTS[:2], ids=lambda t: t.name)
@@ -83,6 +84,7 @@ def test_tangent_of_a_step_with_every_item(integrator, treatment, order, swapped
     assert worst(step.matrix(), step.derivative()) < TOLERANCE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [3, 4])
 @pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda i: i.name)
 def test_tangent_with_higher_orders(integrator, order):
@@ -90,6 +92,7 @@ def test_tangent_with_higher_orders(integrator, order):
     assert worst(step.matrix(), step.derivative()) < TOLERANCE
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=["null-space", "scaled", "unscaled"])
 @pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda i: i.name)
 @pytest.mark.parametrize("seed", [0, 1])
@@ -125,6 +128,7 @@ def test_unscaled_matrix_is_that_of_unscaled_multipliers(integrator):
     assert abs(found[0] - found[1]).max() < 1e-12 * abs(found[1]).max()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", TREATMENTS[:2], ids=lambda t: t.name)
 @pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda i: i.name)
 def test_a_wrong_tangent_is_found(integrator, treatment, monkeypatch):

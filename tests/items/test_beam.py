@@ -42,6 +42,7 @@ def disturbed(beam, seed=0):
 
 
 # ----------------------------------------------------------------------- scikit-fem forms
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", ORDERS)
 def test_tangent_form_is_the_derivative_of_the_force_form(order):
     beam = tee(order)

@@ -88,6 +88,7 @@ class BentElement:
         return float(np.linalg.eigvalsh(self.derivatives(self.bent(angle))[1])[0])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", ORDERS)
 def test_limits_are_where_an_element_gives_way(p):
     element = BentElement(p)
@@ -106,6 +107,7 @@ def test_moment_of_a_linear_element_peaks_at_45_degrees():
     assert abs(fold[0]) < 1e-15  # a fold costs nothing
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("kind", "away"),
     [(InterpolationLobatto(p, points=p + 1), 0.06) for p in ORDERS]
@@ -156,6 +158,7 @@ def bent(system, beam, rotation_at) -> np.ndarray:
 NAMES = ("linear", "quadratic", "cubic", "quartic")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", ORDERS)
 @pytest.mark.parametrize("axis", [(1.0, 0, 0), (0, 0, 1.0), (0.6, 0, -0.8)])
 def test_bent_elements_are_named(p, axis):
@@ -227,6 +230,7 @@ def rolled_up(order: int, elements: int):
     return static(model, watch=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("p", "elements"), [(1, 12), (3, 3)])
 def test_a_full_circle_fails_where_elements_give_way(p, elements):
     """12 linear elements: 6/pi of the moment; 3 cubic ones; one element more, and it is done."""
@@ -289,6 +293,7 @@ HINT = (np.cos(0.9), np.sin(0.9), 0.0)  # in the plane of the arc, along its tan
 LOOP = CurveSpline([(0, 0, 0), (1, 0, 0), (1.2, 0.2, 0), (1, 0.4, 0), (0.5, 0.2, 0), (2, 0, 0)])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -378,6 +383,7 @@ def test_what_is_possible_but_doubtful_is_said(make, words):
     assert [each["text"] in text for each in beam.warnings] == [True]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "make",
     [

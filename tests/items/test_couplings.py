@@ -115,6 +115,7 @@ def apart(integrator, treatment, kernels):
     return abs(found[1] - found[0]).max()
 
 
+@pytest.mark.slow
 @chequered("integrator", SCHEMES, "treatment", [*TREATMENTS.values()], ids=repr)
 def test_motion_does_not_depend_on_how_a_scene_lies(integrator, treatment):
     """No scheme sees the axes of space: angles by one normal only were off by 1e-4 m."""
@@ -242,6 +243,7 @@ def pushed(system, seed=5, size=0.5):
 # -- tangents --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moving", [False, True], ids=["rest", "moving"])
 @treatments
 @integrators
@@ -261,6 +263,7 @@ def trial(system, seed, size, t=0.3, h=0.05):
     return start, system.extend(q + size * rng.standard_normal(system.n), t + h)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.0, 1e-6, 1e-2, 0.15])
 @pytest.mark.parametrize("scheme", ["discrete", "midpoint"])
 def test_tangent_of_couplings_alone(scheme, size):
@@ -395,6 +398,7 @@ def oscillator(stiffness, damping, load=0.0):
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @integrators
 def test_linear_oscillator_is_the_midpoint_rule(integrator):
     """Of a linear oscillator both schemes make the implicit midpoint rule, step by step."""
@@ -423,6 +427,7 @@ def pendulum(neutral=0.0, stiffness=12.0, damping=0.0, spin=0.0):
     return model.freeze()
 
 
+@pytest.mark.slow
 @treatments
 @integrators
 def test_torsional_spring_has_its_frequency(integrator, treatment):
@@ -471,6 +476,7 @@ def helix(names=("u", "turn"), stiffness=HELIX):
     return model.freeze()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["numpy", pytest.param("numba", marks=needs_numba)])
 def test_full_turns_of_an_angle_beside_a_displacement(kernels):
     """``M x'' = -K x`` of both, up to 8 rad: by modes, second order in the step; energy is kept."""
@@ -487,6 +493,7 @@ def test_full_turns_of_an_angle_beside_a_displacement(kernels):
     assert errors[1] < 0.02 and 1.8 < np.log2(errors[0] / errors[1]) < 2.2
 
 
+@pytest.mark.slow
 def test_order_and_number_of_angles_change_nothing():
     """The angle before the displacement, or twice with half of the stiffness each."""
     pair = sc.EnergyMomentum(), sc.NullSpace(), 0.02, 3.0
@@ -521,11 +528,13 @@ def test_own_elements_without_kernels_are_told(system):
     assert run.meta["kernels"] == "numpy" and "displacements before" in run.meta["kernels_why"]
 
 
+@pytest.mark.slow
 def test_hinge_comes_to_rest_at_the_neutral_angle():
     history = simulate(pendulum(1.3, 5.0, 2.0), "energy-momentum", 0.05, 10.0, every=50)
     assert history["joint/hinge/angle"][-1] == pytest.approx(1.3, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_bushing_under_a_wrench():
     """At rest ``K (u, psi)`` is force and moment, the moment by the tangent of the exponential."""
     rng = np.random.default_rng(6)
@@ -567,6 +576,7 @@ def spring_pendulum(length=1.0):
     return model.freeze()
 
 
+@pytest.mark.slow
 @integrators
 def test_spring_pendulum(integrator):
     """Against an integration of the equation of motion by other means, to 1e-12."""
@@ -585,6 +595,7 @@ def test_spring_pendulum(integrator):
     assert abs((4 * ends[2] - ends[1]) / 3 - exact).max() < 2e-7
 
 
+@pytest.mark.slow
 @integrators
 def test_actuator_between_free_bodies(integrator):
     """Equal and opposite: each gets ``-+ torque * t``, their centre of mass stays."""
@@ -618,6 +629,7 @@ def thrown(cable=True, damping=0.3):
     return model.freeze()
 
 
+@pytest.mark.slow
 @pytest.mark.plain
 @integrators
 def test_slack_cable_is_not_there(integrator):
@@ -636,6 +648,7 @@ def test_slack_cable_is_not_there(integrator):
     assert history["dissipated"][-1] > 0.1
 
 
+@pytest.mark.slow
 @integrators
 @pytest.mark.parametrize("damping", [0.0, 2.0, 500.0])
 def test_cable_never_pushes(integrator, damping):
@@ -689,6 +702,7 @@ def test_law_of_cables():
 # -- energy and momentum ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "moving", [pytest.param(False, marks=pytest.mark.slow), True], ids=["rest", "moving"]
 )
@@ -719,6 +733,7 @@ def shaken():
     return model.freeze()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "moving", [pytest.param(False, marks=pytest.mark.slow), True], ids=["rest", "moving"]
 )
@@ -734,6 +749,7 @@ def test_energy_balance_of_the_variational_scheme(moving):
     assert (abs(orders - 2) < 0.15).all()
 
 
+@pytest.mark.slow
 @integrators
 def test_works_of_all_steps_are_recorded(integrator):
     """Also when few states are; the variational work of drives is known one step later."""
@@ -760,6 +776,7 @@ def linkage():
     return model.freeze()
 
 
+@pytest.mark.slow
 @integrators
 def test_elements_in_a_closed_loop(integrator, kernels):
     """By elimination, and with multipliers, for which there are plain kernels only."""
@@ -796,6 +813,7 @@ def driven(motion):
     return model.freeze()
 
 
+@pytest.mark.slow
 @treatments
 def test_energy_balance_with_a_drive_and_loads(treatment):
     history = simulate(driven(lambda t: -2 * t**2), "energy-momentum", 0.01, 1.0, treatment)
@@ -806,6 +824,7 @@ def test_energy_balance_with_a_drive_and_loads(treatment):
     assert history["joint/pin/angle"][-1] == pytest.approx(-2.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @treatments
 def test_variational_energy_balance_with_a_drive(treatment):
     errors = []
@@ -816,6 +835,7 @@ def test_variational_energy_balance_with_a_drive(treatment):
     assert 1.85 < np.log2(errors[1] / errors[2]) < 2.15
 
 
+@pytest.mark.slow
 @treatments
 @integrators
 def test_free_scenes_keep_their_momenta(integrator, treatment, kernels):
@@ -835,6 +855,7 @@ def test_free_scenes_keep_their_momenta(integrator, treatment, kernels):
     assert np.ptp(history["energy"]) > 0.05 * history["energy"][0]
 
 
+@pytest.mark.slow
 def test_undamped_free_scene_keeps_its_energy():
     system = zoo(1, grounded=False, damping=0.0, actuated=False)
     history = simulate(system, "energy-momentum", 0.02, 1.0, start=pushed(system, size=1.0))
@@ -846,6 +867,7 @@ def test_undamped_free_scene_keeps_its_energy():
 # -- angles over several turns ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @treatments
 @integrators
 def test_spring_wound_over_several_turns(integrator, treatment, kernels, tmp_path):
@@ -875,6 +897,7 @@ def test_spring_wound_over_several_turns(integrator, treatment, kernels, tmp_pat
     assert abs(second["joint/hinge/angle"] - angle[100:]).max() < 1e-11
 
 
+@pytest.mark.slow
 def test_wrapped_angle_would_lose_the_energy():
     """Negative: without the turns of the state the spring is another one."""
     system = pendulum(stiffness=0.05, spin=8.0)
@@ -895,6 +918,7 @@ def test_rotation_vector_that_passes_pi_is_reported(kernels):
 # -- relative coordinates in the history -----------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 def test_coordinates_and_rates_of_every_joint(integrator):
     """Rates are the slopes of the coordinates, to second order."""
@@ -1000,6 +1024,7 @@ def frame_beams(order, eccentric):
     return model.freeze(), elbow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("eccentric", ["hinge", "fixed"])
 @treatments
@@ -1018,6 +1043,7 @@ def test_eccentric_ends_of_beams(treatment, eccentric, order):
         assert abs(history["joint/elbow/angle"]).max() > 0.1
 
 
+@pytest.mark.slow
 def test_eccentric_clamp_is_a_clamp():
     """Held at a point rigid with its end, a beam moves as if held at its end."""
     ends = []
@@ -1033,6 +1059,7 @@ def test_eccentric_clamp_is_a_clamp():
     assert np.ptp(ends[0], axis=0).max() > 0.05
 
 
+@pytest.mark.one_quick
 @treatments
 @integrators
 def test_eccentric_node_is_a_point_of_a_lumped_body(integrator, treatment):
@@ -1067,6 +1094,7 @@ NAN = float("nan")
 SKEW = np.eye(6) + np.eye(6, k=1) / 9
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -1185,11 +1213,13 @@ def test_scenes_without_elements(integrator):
 # -- compiled kernels ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pairs
 def test_kernels_agree_far_from_a_solution(integrator, treatment):
     assert_same_iteration(zoo(), integrator, treatment, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shaken", [False, True])
 @pairs
 def test_kernels_agree(integrator, treatment, shaken):
@@ -1202,12 +1232,14 @@ def test_kernels_agree(integrator, treatment, shaken):
     assert compiled["turns"].tolist() == plain["turns"].tolist()
 
 
+@pytest.mark.slow
 @pairs
 def test_kernels_agree_in_steps_of_other_sizes(integrator, treatment):
     """Dampers know the size of the step."""
     assert_same_in_steps_of_other_sizes(zoo(), integrator, treatment)
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("chi", [0.2, 1.0])
 def test_kernels_damp_as_the_scheme_does(treatment, chi):
@@ -1227,6 +1259,7 @@ def test_kernels_damp_as_the_scheme_does(treatment, chi):
         assert abs(a.p - b.p).max() < 1e-10 * abs(a.p).max()
 
 
+@pytest.mark.slow
 @treatments
 def test_kept_factors_keep_energy_and_momenta(treatment):
     """Energy-momentum: with dampers and motors the balance closes, also with kept factors."""
@@ -1249,6 +1282,7 @@ def test_kept_factors_keep_energy_and_momenta(treatment):
     assert kept.meta["factorisations"] < 0.5 * whole.meta["factorisations"]
 
 
+@pytest.mark.slow
 @treatments
 def test_compiled_motion_does_not_depend_on_how_a_scene_lies(treatment):
     pytest.importorskip("numba")

@@ -185,6 +185,7 @@ BAD = [
 ]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("call", "words"), BAD)
 def test_bad_input_is_named(call, words):
     with pytest.raises(sc.InputError) as caught:
@@ -288,6 +289,7 @@ def test_drag_matrix():
     assert abs(full - np.kron(system.drag.toarray(), np.eye(3))).max() < 1e-15
 
 
+@pytest.mark.one_quick
 @orders
 @integrators
 def test_tangent_of_a_step(integrator, order):
@@ -295,6 +297,7 @@ def test_tangent_of_a_step(integrator, order):
     assert worst(step.matrix(), step.derivative()) < TOLERANCE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [sc.Multipliers(), sc.Multipliers(scaled=False)])
 @integrators
 def test_tangent_of_a_step_with_multipliers(integrator, treatment):
@@ -302,6 +305,7 @@ def test_tangent_of_a_step_with_multipliers(integrator, treatment):
     assert worst(step.matrix(), step.derivative()) < TOLERANCE
 
 
+@pytest.mark.slow
 @integrators
 def test_beams_of_two_orders_of_which_one_is_viscous(integrator):
     model = sc.Model()
@@ -381,6 +385,7 @@ def test_modes_of_the_cantilever():
     assert mode("bending")[0] == pytest.approx(slender, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:argument until")
 @chequered("damping", DAMPINGS, "integrator", INTEGRATORS)
 @pytest.mark.parametrize("kind", ["bending", "axial"])
@@ -418,6 +423,7 @@ def test_logarithmic_decrement(integrator, kind, damping):
 
 
 # its few elements are drawn farther than such ones can be, which these figures do not mind
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 def test_creep_of_a_bar(integrator):
@@ -438,6 +444,7 @@ def test_creep_of_a_bar(integrator):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.slow
 @integrators
 def test_drag_on_a_free_body(integrator):
     """Momenta decay as ``exp(-alpha t)``; the linear one by a factor known exactly in each step."""
@@ -457,6 +464,7 @@ def test_drag_on_a_free_body(integrator):
     assert np.log2(deviations[0] / deviations[1]) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.plain
 @integrators
 def test_drag_on_some_items_only(integrator):
@@ -474,6 +482,7 @@ def test_drag_on_some_items_only(integrator):
 # -- structure -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 def test_momentum_of_a_free_viscous_beam_is_kept(integrator):
     section = full_section().damped(viscosity=PARTIAL + 0.02 * FULL)
@@ -487,6 +496,7 @@ def test_momentum_of_a_free_viscous_beam_is_kept(integrator):
     assert history["dissipated"][-1] > 0.05 * history["energy"][0]
 
 
+@pytest.mark.slow
 @integrators
 def test_a_turning_beam_is_not_damped(integrator):
     """About its own axis nothing strains: no dissipation, whatever the retardation time."""
@@ -500,6 +510,7 @@ def test_a_turning_beam_is_not_damped(integrator):
     assert abs(E - E[0]).max() < 1e-12 * E[0]
 
 
+@pytest.mark.slow
 @integrators
 def test_only_vibrations_are_damped(integrator):
     """Thrown across, a beam ends in a steady turn that nothing brakes any more."""
@@ -525,6 +536,7 @@ def damped_crossing(integrator, treatment, order, step=0.01, damped=True, kernel
     return run(crossing(order, damped), integrator, step, 0.4, treatment, kernels=kernels)
 
 
+@pytest.mark.slow
 @pytest.mark.plain
 @pytest.mark.parametrize("order", [1, 3])
 @integrators
@@ -536,6 +548,7 @@ def test_both_treatments_give_the_same_motion(integrator, order):
 
 
 # its few elements are drawn farther than such ones can be, which these figures do not mind
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.plain
 @integrators
@@ -554,6 +567,7 @@ def test_few_iterations_with_strong_viscosity(integrator):
     assert history["newton_iterations"][1:].mean() < 5.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 3])
 def test_balance_of_energy(order, kernels):
     """Exact with energy-momentum; damped, driven and loaded at once."""
@@ -583,6 +597,7 @@ def test_second_order_in_the_step(integrator):
         assert np.log2(coarse / fine) == pytest.approx(2, abs=0.03), name
 
 
+@pytest.mark.slow
 @integrators
 def test_rayleigh_is_kelvin_voigt_for_the_stiffness(integrator):
     own = run(free_beam(full_section().damped(time=0.03), velocity=swirl), integrator, 0.02, 0.4)
@@ -592,6 +607,7 @@ def test_rayleigh_is_kelvin_voigt_for_the_stiffness(integrator):
         assert np.array_equal(own[name], other[name], equal_nan=True), name
 
 
+@pytest.mark.one_quick
 @integrators
 def test_without_viscosity_nothing_changes(integrator):
     plain = run(free_beam(full_section(), velocity=swirl), integrator, 0.02, 0.2)
@@ -601,6 +617,7 @@ def test_without_viscosity_nothing_changes(integrator):
     assert not plain["dissipated"].any()
 
 
+@pytest.mark.slow
 @integrators
 def test_rest_is_that_of_the_undamped_scene(integrator):
     """A damped beam sinks into the equilibrium under its load: no strain rate is left."""
@@ -628,6 +645,7 @@ def test_rest_is_that_of_the_undamped_scene(integrator):
 # -- results -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "central"),
     [
@@ -668,6 +686,7 @@ def test_rates_need_velocities_of_the_same_states():
         section_strain_rates(system, system.structures[0], system.q0, np.zeros((2, system.n)))
 
 
+@pytest.mark.slow
 @integrators
 def test_restart_and_export(integrator, tmp_path):
     system, scheme = crossing(1), INTEGRATORS[integrator]
@@ -703,12 +722,14 @@ dampings = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @dampings
 @pairs
 def test_kernels_agree_far_from_a_solution(integrator, treatment, make, add):
     assert_same_iteration(make(2, add), integrator, treatment, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @dampings
 @pairs
@@ -720,6 +741,7 @@ def test_kernels_agree(integrator, treatment, make, add, order):
     assert lost.max() > 1e-3 and abs(compiled["dissipated"] - lost).max() < 1e-9 * lost.max()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("add", [viscous, dragged])
 @pairs
 def test_kernels_agree_in_steps_of_other_sizes(integrator, treatment, add):
@@ -727,6 +749,7 @@ def test_kernels_agree_in_steps_of_other_sizes(integrator, treatment, add):
     assert_same_in_steps_of_other_sizes(tree(1, add), integrator, treatment)
 
 
+@pytest.mark.slow
 @pairs
 def test_kept_factors(integrator, treatment):
     """The same motion with a fraction of the factorisations; energy-momentum closes the balance."""

@@ -129,6 +129,7 @@ def test_null_space_of_driven_trees(kind):
         assert np.linalg.matrix_rank(G) == system.rank
 
 
+@pytest.mark.one_quick
 @kinds
 @integrators
 @treatments
@@ -147,6 +148,7 @@ def run(kind, integrator, treatment):
     return sc.simulate(system, *pair, 0.02, 0.3, start=start)
 
 
+@pytest.mark.slow
 @kinds
 @integrators
 def test_treatments_agree_and_follow_the_motion(kind, integrator):
@@ -168,6 +170,7 @@ def test_treatments_agree_and_follow_the_motion(kind, integrator):
                 assert abs(f - g).max() < 1e-8 * size
 
 
+@pytest.mark.one_quick
 @kinds
 @treatments
 def test_energy_balance(kind, treatment):
@@ -199,6 +202,7 @@ def hinged(alpha, swap, driven=True):
     return model, axis, J
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 @pytest.mark.parametrize("swap", [False, True])
@@ -295,6 +299,7 @@ def slider_of(angle):
     return R * np.cos(angle) + np.sqrt(L**2 - (R * np.sin(angle)) ** 2)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:balance of energy")  # oscillates with the variational scheme
 @integrators
 def test_slider_crank_with_a_driven_crank(integrator):
@@ -325,6 +330,7 @@ def test_slider_crank_with_a_driven_crank(integrator):
             assert abs(history["energy_balance"]).max() < 1e-10 * history["energy"].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", range(4))
 @integrators
 def test_each_joint_of_a_four_bar_driven(which, integrator):
@@ -350,6 +356,7 @@ def test_each_joint_of_a_four_bar_driven(which, integrator):
     assert abs(angles[0] + angles[1] + angles[2] + angles[3]).max() < 1e-12  # around the loop
 
 
+@pytest.mark.slow
 @integrators
 def test_a_drive_that_leaves_some_mobility(integrator):
     """A five-bar with one crank driven: one unknown, the other crank swings."""
@@ -379,6 +386,7 @@ def test_a_drive_that_leaves_some_mobility(integrator):
             assert abs(history["energy_balance"]).max() < 1e-11 * abs(history["energy"]).max()
 
 
+@pytest.mark.one_quick
 @treatments
 def test_several_turns(treatment):
     """A motor on a tree that hangs on a free body: the angle goes on counting."""
@@ -399,6 +407,7 @@ def test_several_turns(treatment):
 
 
 # such steps are much too large
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("rate", [1.0, 2.0, 3.0, 7.0])
 @integrators
@@ -428,6 +437,7 @@ def stopped(system, integrator, treatment, step, until):
     return caught.value
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # ends at a dead point
 @integrators
 @treatments
@@ -456,6 +466,7 @@ def test_a_slider_that_is_pushed_beyond_its_reach(integrator, treatment):
     assert error.history["constraint_violation"].max() < 1e-12
 
 
+@pytest.mark.slow
 @treatments
 def test_a_rocker_driven_beyond_its_reach(treatment):
     """Crank and coupler get straight: the angle by the law of cosines."""
@@ -478,6 +489,7 @@ def test_a_rocker_driven_beyond_its_reach(treatment):
     assert found == pytest.approx(sorted(abs(a - np.pi / 2) for a in limits), rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # ends at a dead point
 @treatments
 def test_supports_that_are_pulled_apart(treatment):
@@ -561,6 +573,7 @@ def test_two_cranks_with_different_motions(factor):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # large steps
 @integrators
 @treatments
@@ -575,6 +588,7 @@ def test_two_cranks_with_the_same_motion(integrator, treatment):
     assert history["joint/pin 0/angle"][-1] == pytest.approx(-8.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_cranks_that_part_later(integrator, treatment):
@@ -696,6 +710,7 @@ def moved(motion, kind):
     return model
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", [sc.JointRevolute, sc.JointPrismatic, "displacement", "rotation"])
 @treatments
 @pytest.mark.parametrize("name", JUMPS)
@@ -713,6 +728,7 @@ def test_a_jump_is_refused(name, kind, treatment):
     assert not any(JUMPS[name](t) for t in history.times)
 
 
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore:.*do not see:skfem_cosserat.AccuracyWarning")
 @treatments
 @pytest.mark.parametrize("name", STEEP)
@@ -726,6 +742,7 @@ def test_a_steep_motion_is_followed(name, treatment):
     assert abs(np.sin(angle / 2)).max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["numpy", "numba"])
 @pytest.mark.parametrize("kind", [sc.JointPrismatic, "rotation"])
 @treatments
@@ -737,6 +754,7 @@ def test_what_is_too_small_for_a_jump_is_followed(kind, treatment, kernels):
         assert run["constraint_violation"].max() < 1e-13
 
 
+@pytest.mark.slow
 @treatments
 def test_full_turns_at_once_move_nothing(treatment):
     """Angle and angle + 2 pi are one configuration: no other torque."""

@@ -109,6 +109,7 @@ def test_kinetic_energy_of_a_body_with_offset_centre(seed):
     assert spin == pytest.approx(1.7 * np.cross(xc, vc) + J @ omega)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", [Variational(), EnergyMomentum()], ids=lambda i: i.name)
 @pytest.mark.parametrize("treatment", [NullSpace(), Multipliers()], ids=lambda t: t.name)
 def test_reference_point_does_not_matter(integrator, treatment):
@@ -170,6 +171,7 @@ def plate(on_body):
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("integrator", [Variational(), EnergyMomentum()], ids=lambda i: i.name)
 def test_attached_lumps_are_welded_bodies(integrator):
     """The same discrete motion, with fewer coordinates."""
@@ -268,6 +270,7 @@ def seen(place, y, k):
     return y[k] + place.offset @ D, D.T @ place.triad
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", [JointSpherical, JointRevolute, JointFixed, JointDistance])
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("seed", RNG_SEEDS)
@@ -331,6 +334,7 @@ def test_jacobian_is_the_derivative_of_all_constraints():
     assert abs(found).max() > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", [Variational(), EnergyMomentum()], ids=lambda i: i.name)
 @pytest.mark.parametrize("treatment", [NullSpace(), Multipliers()], ids=lambda t: t.name)
 def test_fully_driven_body(integrator, treatment):
@@ -396,6 +400,7 @@ def test_impulse_is_exact_at_any_step(integrator, h):
     assert history["v"][-1] == pytest.approx([0, 625.0, 0], rel=1e-12)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("integrator", [Variational(), EnergyMomentum()], ids=lambda i: i.name)
 @pytest.mark.parametrize("treatment", [NullSpace(), Multipliers()], ids=lambda t: t.name)
 def test_angular_momentum_is_the_integral_of_the_moment(integrator, treatment):

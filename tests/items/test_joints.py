@@ -275,6 +275,7 @@ def test_half_a_turn_off_is_noticed(kind, axes):
 # -- steps -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @kinds
 @integrators
 @treatments
@@ -302,6 +303,7 @@ def run(kind, integrator, treatment):
     return history
 
 
+@pytest.mark.slow
 @chequered("integrator", INTEGRATORS, "kind", JOINTS)
 def test_both_treatments_give_the_same_motion(kind, integrator):
     one, two = (run(kind, integrator, treatment) for treatment in TREATMENTS)
@@ -338,6 +340,7 @@ def weight(item, q):
     return force, np.cross(q[:, 0] + np.einsum("i,nij->nj", item.center, q[:, 1:]), force)
 
 
+@pytest.mark.one_quick
 @kinds
 @integrators
 @treatments
@@ -381,6 +384,7 @@ def test_reactions_balance_the_momenta_of_both_sides(kind, integrator, treatment
     assert worst_moment < 1e-11
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_free_joints_transmit_nothing_along_their_freedoms(integrator, treatment):
@@ -555,6 +559,7 @@ def run_tree(tree, integrator, treatment):
     return system, sc.simulate(system, *pair, 0.01, 0.3, start=start)
 
 
+@pytest.mark.slow
 @trees
 @integrators
 def test_treatments_agree_on_trees(tree, integrator):
@@ -565,6 +570,7 @@ def test_treatments_agree_on_trees(tree, integrator):
     assert one["constraint_violation"].max() < 1e-12
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("tree", ["satellite", "rigging"])
 @integrators
 @treatments
@@ -580,6 +586,7 @@ def test_free_trees_keep_their_momenta(tree, integrator, treatment):
         assert np.ptp(history["energy"]) < limit < 1e-9 * abs(history["energy"][0])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("tree", ["robot", "table", "satellite", "crane"])
 @integrators
 def test_tangent_of_trees(tree, integrator):
@@ -598,6 +605,7 @@ def random_run(seed, integrator, treatment):
     return sc.simulate(system, *pair, 0.005, 0.1, start=start, derive=False)["q"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seed", [*range(100, 104), *(pytest.param(k, marks=pytest.mark.slow) for k in range(104, 140))]
 )
@@ -608,6 +616,7 @@ def test_treatments_agree_on_random_trees(seed, integrator):
     assert abs(one[-1] - one[0]).max() > 0.1
 
 
+@pytest.mark.slow
 def test_random_trees_have_every_joint():
     found = [
         (type(j), j.a.item is None or bool(j.b.item), j.b.item is None)
@@ -620,6 +629,7 @@ def test_random_trees_have_every_joint():
     }
 
 
+@pytest.mark.slow
 def test_many_compositions_do_not_drift():
     """200 steps of random increments in trees with slides and cardan joints."""
     for make in TREES.values():
@@ -639,6 +649,7 @@ BALL = sc.RigidBody.sphere(1.0, 1.0)
 HERE, PLACE, POINT = sc.ground((0, 0, 0)), BALL.at((0, 0, 0)), sc.MassPoint(1.0).place()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -717,6 +728,7 @@ def test_a_planar_joint_without_directions_records_its_angle_only():
         assert run["joint/table/angle"].tolist() == [0.0, 0.0]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("kind", "options"),
     [

@@ -56,6 +56,7 @@ def left_half(model, history):
     return history["q"].reshape(len(history), -1, 12)[:, nodes]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("theory", "treatment"),
     [
@@ -83,6 +84,7 @@ def test_half_an_arch_moves_as_the_whole(theory, treatment):
     assert abs(run[reaction] - halved[reaction])[1:-1].max() < limit * abs(run[reaction]).max()
 
 
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore:path, load factor")  # one large step
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 def test_the_joint_in_the_mirror_carries_what_the_other_half_would(treatment):

@@ -86,6 +86,7 @@ def stiff_and_rigid(integrator, held, step):
     return abs(found[0] - found[1]).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("held", [False, True])
 def test_stiff_beam_moves_like_the_rigid_body(held):
     """Free flight and a pendulum at a stiffness of 1e10."""
@@ -93,6 +94,7 @@ def test_stiff_beam_moves_like_the_rigid_body(held):
 
 
 # the stiffest beams are not resolved
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("held", [False, True])
 def test_variational_stiff_beam_tends_to_the_rigid_body(held):
@@ -130,6 +132,7 @@ def run(system, integrator, treatment, step=0.01, until=0.4):
     )
 
 
+@pytest.mark.one_quick
 @integrators
 @treatments
 def test_free_flight_keeps_momenta_and_energy(integrator, treatment):
@@ -148,6 +151,7 @@ def test_free_flight_keeps_momenta_and_energy(integrator, treatment):
         assert 1e-6 < abs(energy - energy[0]).max() / energy[0] < 0.05
 
 
+@pytest.mark.slow
 def test_both_treatments_and_all_units_give_the_same_motion():
     plain = run(free_beam(), "energy-momentum", "null space")["q"].reshape(41, -1, 4, 3)
     other = run(free_beam(), "energy-momentum", "multipliers")["q"].reshape(41, -1, 4, 3)

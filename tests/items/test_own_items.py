@@ -228,6 +228,7 @@ class TreatmentByScene(sc.Treatment):
         return chosen.bind(system, weight, large)
 
 
+@pytest.mark.slow
 def test_only_public_names_are_imported():
     tree = ast.parse(Path(__file__).read_text(encoding="utf-8"))
     imported = [n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)]
@@ -281,6 +282,7 @@ def run(scene, scheme, treatment, step=2e-3, until=0.1, **options):
     return sc.simulate(scene, SCHEMES[scheme], TREATMENTS[treatment], step, until, **options)
 
 
+@pytest.mark.slow
 @schemes
 @treatments
 def test_own_loads_of_data_move_a_scene_as_the_built_in_ones(scheme, treatment):
@@ -291,6 +293,7 @@ def test_own_loads_of_data_move_a_scene_as_the_built_in_ones(scheme, treatment):
         assert own[name] == pytest.approx(known[name], abs=1e-11 * size, rel=0)
 
 
+@pytest.mark.one_quick
 @treatments
 def test_own_loads_of_data_have_the_kernels(treatment):
     pytest.importorskip("numba")
@@ -302,6 +305,7 @@ def test_own_loads_of_data_have_the_kernels(treatment):
     assert compiled["q"] == pytest.approx(plain["q"], abs=1e-9)
 
 
+@pytest.mark.slow
 @treatments
 def test_own_loads_of_data_stay_in_a_plane(treatment):
     flat, space = (
@@ -319,6 +323,7 @@ def test_own_loads_that_leave_a_plane_are_named():
     assert "load 'rotor': " in found
 
 
+@pytest.mark.slow
 @treatments
 def test_own_loads_of_data_in_statics(treatment):
     ends = []
@@ -333,6 +338,7 @@ def test_own_loads_of_data_in_statics(treatment):
     assert abs(ends[0][1]) > 1e-3
 
 
+@pytest.mark.slow
 def test_own_loads_of_data_in_statics_by_kernels(kernels):
     ends = []
     for own in (True, False):
@@ -429,6 +435,7 @@ def test_an_own_load_on_some_elements():
         LoadBand(beam, [3]).terms()
 
 
+@pytest.mark.slow
 def test_an_event_switches_an_own_load():
     model = sc.Model()
     drone = model.add("drone", sc.RigidBody.box(2.0, (1, 1, 0.1)))
@@ -467,6 +474,7 @@ def ball(load=None, velocity=(2.0, 0, 0)):
     return model
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", TREATMENTS)
 @pytest.mark.parametrize("scheme", [*SCHEMES, "explicit"])
 def test_drag_slows_a_ball_as_it_should(scheme, treatment):
@@ -488,6 +496,7 @@ def test_drag_slows_a_ball_as_it_should(scheme, treatment):
     assert errors[1] < 1e-3
 
 
+@pytest.mark.slow
 @treatments
 def test_a_magnetic_field_turns_a_charge_and_does_no_work(treatment):
     model = ball(lambda place: LoadField(place, (0, 0, 3.0)))
@@ -514,6 +523,7 @@ def by_hand(x, v, t):
     return eye, np.zeros((2, 3, 2, 3))
 
 
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore:model. .* is held by spring 'link':skfem_cosserat.ModelWarning")
 @schemes
 @treatments
@@ -531,6 +541,7 @@ def test_a_function_pulls_as_a_spring_of_no_length(scheme, treatment, slopes):
     assert own["newton_iterations"].max() <= near["newton_iterations"].max() + 1
 
 
+@pytest.mark.slow
 @treatments
 def test_two_stars(treatment):
     """A circle of Kepler; momentum is kept, since the force on one is that on the other."""
@@ -634,6 +645,7 @@ def test_a_function_that_leaves_the_plane_late_is_told(late):
     assert history.meta["warnings"][0]["time"] > 0.5
 
 
+@pytest.mark.slow
 @schemes
 @treatments
 def test_own_loads_that_are_functions_beside_the_kernels(scheme, treatment):
@@ -654,6 +666,7 @@ def test_own_loads_that_are_functions_beside_the_kernels(scheme, treatment):
     assert lost[0] == pytest.approx(lost[1], abs=1e-10 * np.abs(plain["work_loads"]).max())
 
 
+@pytest.mark.slow
 def test_a_function_of_time_and_of_the_moving_ground():
     """A spring to a platform that moves, and a force that grows with time."""
     moving = sc.ground((0, 0, 0), sc.Motion(displacement=lambda t: (0.5 * t**2, 0, 0)))
@@ -708,6 +721,7 @@ def test_functions_that_give_no_slopes_are_named(force, text):
         ball(LoadOdd).freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("slopes", [None, by_hand], ids=["complex step", "slopes"])
 @treatments
 def test_a_force_that_fails_in_a_run_is_named_and_the_history_kept(treatment, slopes, kernels):
@@ -744,6 +758,7 @@ def test_slopes_that_fail_are_named():
         model.freeze()
 
 
+@pytest.mark.slow
 def test_a_kink_and_slopes_of_its_own_are_allowed():
     """A floor that pushes back, with the slope of the side it is on."""
 
@@ -789,6 +804,7 @@ def test_terms_are_checked():
 # -- an own joint, section and sensor --------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @schemes
 @treatments
 def test_an_own_joint_lets_a_bead_slide_down(scheme, treatment):
@@ -823,6 +839,7 @@ def test_an_own_joint_has_coordinates_a_plane_and_statics():
     assert path["q"][-1, 2] > 0.01
 
 
+@pytest.mark.one_quick
 @treatments
 def test_an_own_section_bends_as_its_constants_say(treatment):
     side, E, length, force = 0.02, 2e11, 1.0, 1.0
@@ -888,6 +905,7 @@ class LoadOf(sc.Load):
         return self.make(self)
 
 
+@pytest.mark.slow
 def test_a_moving_ground_place_may_be_made_with_the_terms():
     motion = sc.MotionTurn((0, 0, 1), lambda t: t, (0, 0, 0))
     kept = sc.ground((2.0, 0, 0), motion=motion)
@@ -1058,6 +1076,7 @@ def pulled():
     return model.with_items({"beam": sc.Beam(beam.mesh, SECTION.damped(0.01), director=Z)})
 
 
+@pytest.mark.slow
 @treatments
 def test_an_own_integrator_comes_to_the_motion_of_the_built_in_one(treatment):
     """Beams, joints, loads, springs and dampers; of second order, in few Newton iterations."""
@@ -1073,6 +1092,7 @@ def test_an_own_integrator_comes_to_the_motion_of_the_built_in_one(treatment):
     assert errors[1] < 0.02 * moved
 
 
+@pytest.mark.one_quick
 @treatments
 def test_an_own_integrator_in_numbers_has_the_kernels(treatment):
     pytest.importorskip("numba")
@@ -1082,6 +1102,7 @@ def test_an_own_integrator_in_numbers_has_the_kernels(treatment):
     assert compiled["q"] == pytest.approx(plain["q"], abs=1e-9)
 
 
+@pytest.mark.one_quick
 @treatments
 def test_a_balance_that_is_more_than_numbers(treatment):
     """Stresses of quadratic energies at both ends are the discrete derivative."""
@@ -1094,6 +1115,7 @@ def test_a_balance_that_is_more_than_numbers(treatment):
         sc.simulate(arm(True), IntegratorTwoInstants(), sc.NullSpace(), 1e-3, 0.1, kernels="numba")
 
 
+@pytest.mark.slow
 @treatments
 def test_an_own_integrator_can_be_composed(treatment):
     scheme = sc.Composition(IntegratorMidpoint(), 4)
@@ -1107,6 +1129,7 @@ def test_an_own_integrator_can_be_composed(treatment):
     assert errors[0] / errors[1] == pytest.approx(16, rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_own_solver_and_an_own_treatment_give_the_same_motion():
     known = sc.simulate(arm(True), sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.02)
     own = sc.simulate(
@@ -1116,6 +1139,7 @@ def test_an_own_solver_and_an_own_treatment_give_the_same_motion():
     assert own["q"] == pytest.approx(known["q"], abs=1e-9)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("metre", [1e-9, 1e-6, 1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("wrong", [False, True])
 def test_slopes_are_compared_by_the_size_of_the_scene(metre, wrong):

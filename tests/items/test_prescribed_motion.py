@@ -18,6 +18,7 @@ def inner(history, name):
     return values[np.isfinite(values).all(axis=1)]
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_bob_at_rest_in_an_accelerated_frame(integrator, treatment):
@@ -38,6 +39,7 @@ def test_bob_at_rest_in_an_accelerated_frame(integrator, treatment):
     assert abs(inner(history, "joint/string/moment")).max() < 1e-12
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_point_on_a_shaken_support(integrator, treatment):
@@ -81,6 +83,7 @@ def carousel(rate, turn, joint, **options):
     return model.freeze(), arm
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_steady_rotation_of_a_driven_body(integrator, treatment):
@@ -107,6 +110,7 @@ def test_steady_rotation_of_a_driven_body(integrator, treatment):
     assert abs(rate).max() > 0.1
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_driven_angular_acceleration(integrator, treatment):
@@ -124,6 +128,7 @@ def test_driven_angular_acceleration(integrator, treatment):
     assert 3.5 < errors[1] / errors[2] < 4.5
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_turning_axis_of_a_hinge(integrator, treatment):
@@ -142,6 +147,7 @@ def test_turning_axis_of_a_hinge(integrator, treatment):
     assert abs(torque[np.isfinite(torque)]).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "integrator", [sc.EnergyMomentum, pytest.param(sc.Variational, marks=pytest.mark.slow)]
 )
@@ -182,6 +188,7 @@ def test_spun_up_beam_reaches_its_steady_stretch(integrator):
 # -- work ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "treatment"),
     [

@@ -85,6 +85,7 @@ def lowest(kind, elements, force, part):
 
 
 # ----------------------------------------------------------------------- the limit
+@pytest.mark.slow
 @pytest.mark.parametrize("p", [1, 2, *(pytest.param(p, marks=pytest.mark.slow) for p in (3, 4))])
 def test_stability_is_lost_at_the_limit(p):
     """Clamped ends raise the limit by 1 % at 16 elements and about a quarter of that at 32."""
@@ -99,6 +100,7 @@ def test_stability_is_lost_at_the_limit(p):
     assert LIMITS[p] <= 2 * p**2 * (p + 1)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", [3, 4])
 def test_equidistant_nodes_have_a_limit_of_their_own(p):
     kind = InterpolationEquidistant(p)
@@ -108,6 +110,7 @@ def test_equidistant_nodes_have_a_limit_of_their_own(p):
     assert lowest(kind, 16, 1.02 * limit, section()) < 0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", [1, 2, 3])
 def test_more_gauss_points_see_these_rotations_as_shear(p):
     """What is left is a limit of p/(2 p + 1) of the shear stiffness, whatever the mesh."""
@@ -120,6 +123,7 @@ def test_more_gauss_points_see_these_rotations_as_shear(p):
 
 
 # ----------------------------------------------------------------------- what is said
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", ORDERS)
 def test_overstretched_elements_are_named(p):
     """Of three elements of length 1, 2 and 1 m the middle one, then all; never in compression."""
@@ -177,6 +181,7 @@ def string_frequency(length, mass):
     return brentq(equation, omega, 1.1 * omega, xtol=1e-12, rtol=1e-14) / (2 * np.pi)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("p", "error"), [(1, 2.9e-3), (2, 1e-3), (3, 5e-4), (4, 1.5e-4)])
 def test_twice_the_elements_needed_vibrate_as_a_string(p, error):
     """1 m of 1 mm steel under 100 N: 50, 21, 12, 9 elements are needed."""
@@ -220,6 +225,7 @@ def test_a_run_says_it_once(treatment, force):
         assert "of beam 'wire' is above 24 EI/h^2 = 35.6 N (11 more" in said
 
 
+@pytest.mark.slow
 def test_a_run_that_draws_too_much_later_says_when():
     """The pull grows to 100 N in 20 ms, a hundred times what a wave takes: 35.6 N at 7.1 ms."""
     system = wire(2, 12, TENSION, amplitude=Table([0, 0.02], [0, 1])).freeze()
@@ -229,6 +235,7 @@ def test_a_run_that_draws_too_much_later_says_when():
     assert 6e-3 < said["time"] < 9e-3
 
 
+@pytest.mark.slow
 def test_a_run_folds_up_as_fast_as_modes_grow():
     """Noise of 1e-9 rad doubles every 20 microseconds until nodes have turned; it is told first."""
     system = wire(1, 12, TENSION).freeze()
@@ -267,6 +274,7 @@ def test_a_failed_step_names_it(treatment):
     assert "tension 100 N between nodes 0 and 1 of beam 'wire'" in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment", [NullSpace(), Multipliers()], ids=["null space", "multipliers"]
 )

@@ -69,6 +69,7 @@ FUNCTIONS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", FUNCTIONS)
 @integrators
 @pytest.mark.parametrize("step", [0.05, 0.013])
@@ -97,6 +98,7 @@ def test_callable_load_vector(integrator):
     assert abs(history["p"][-1] - exact).max() < 1e-13
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.slow)])
 def test_averages_find_a_jump_wherever_it_is(count):
     """Also between the last quadrature point and the end; at bounded cost with noise."""
@@ -155,6 +157,7 @@ def test_gravity_and_line_load_on_a_free_beam(integrator, treatment, kernels):
 # -- moments ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 @pytest.mark.parametrize("follower", [False, True])
@@ -177,6 +180,7 @@ def test_constant_moment_about_a_principal_axis(integrator, treatment, follower)
     assert abs(angle[-1] - M * 9 / (2 * J[2])) < 0.03
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_dead_moments_change_angular_momentum_by_their_integral(integrator, treatment, kernels):
@@ -201,6 +205,7 @@ def test_dead_moments_change_angular_momentum_by_their_integral(integrator, trea
     assert abs(exact).max() > 0.1 * np.linalg.norm(L[0])
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_dead_force_changes_angular_momentum_by_its_midpoint_lever(integrator, treatment, kernels):
@@ -221,6 +226,7 @@ def test_dead_force_changes_angular_momentum_by_its_midpoint_lever(integrator, t
 # -- follower forces -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_thrust_of_a_spinning_body(integrator, treatment, kernels):
@@ -312,12 +318,14 @@ LOADS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @pairs
 def test_kernels_agree_far_from_a_solution(integrator, treatment, order):
     assert_same_iteration(tree(order, everything), integrator, treatment, order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LOADS)
 @pairs
 def test_kernels_agree(integrator, treatment, name):
@@ -325,6 +333,7 @@ def test_kernels_agree(integrator, treatment, name):
     assert_same(*both(tree(2, LOADS[name]), integrator, treatment, 1e-3, 0.05))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("reuse", [0, 4])
 @integrators
 def test_kernels_agree_in_a_closed_loop(integrator, reuse):
@@ -350,6 +359,7 @@ def test_kernels_agree_in_a_closed_loop(integrator, reuse):
         assert abs(compiled[name] - plain[name]).max() < tolerance * size, name
 
 
+@pytest.mark.slow
 @pairs
 def test_kept_factors(integrator, treatment):
     """The same motion with a fraction of the factorisations."""

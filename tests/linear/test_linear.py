@@ -60,6 +60,7 @@ def backward(pattern, data, x, b):
     return abs(A @ x - b).max() / (abs(A) @ abs(x) + abs(b)).max()
 
 
+@pytest.mark.one_quick
 @solvers
 def test_solutions(real, name):
     """One and several right-hand sides; entries that change; kept factors."""
@@ -252,6 +253,7 @@ def test_symmetry_of_patterns(mirror, diagonal):
     assert (full == full.T).all() == mirror and full.diagonal().all() == diagonal
 
 
+@pytest.mark.one_quick
 @solvers
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_forced_in_runs(name, treatment):
@@ -267,6 +269,7 @@ def test_forced_in_runs(name, treatment):
         break
 
 
+@pytest.mark.slow
 @pytest.mark.plain
 def test_forced_on_paths():
     system = lattice(3)

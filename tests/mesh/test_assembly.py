@@ -99,6 +99,7 @@ def load_of(basis):
     return (basis.elemental_load()[:, :, None] * unit).reshape(len(basis.lengths), -1)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", [1, 2, 3, 4])
 def test_element_forms_agree_with_scikit_fem(p):
     basis = DirectorBasis(network(), p)
@@ -203,6 +204,7 @@ def test_wrong_shapes_are_named():
 
 
 # ----------------------------------------------------------------------- error norms
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", [1, 2, 3, 4])
 @pytest.mark.parametrize("by", ["position", "arc"])
 def test_error_norms_converge_at_the_order_of_interpolation(p, by):

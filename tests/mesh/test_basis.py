@@ -47,6 +47,7 @@ def orthonormality(triads):
 
 
 # ----------------------------------------------------------------------- numbering
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", ORDERS)
 @pytest.mark.parametrize("name", MESHES)
 def test_numbering_is_that_of_scikit_fem(p, name):
@@ -152,6 +153,7 @@ def test_scalar_basis_shares_the_nodes():
     assert length == pytest.approx(basis.lengths.sum(), rel=1e-14)
 
 
+@pytest.mark.slow
 def test_scikit_fem_copies_of_the_basis():
     basis = DirectorBasis(network(), 2)
     assert basis.n_nodes == basis.with_element(ElementLineLobatto(2)).N
@@ -199,6 +201,7 @@ def test_other_meshes_are_refused():
 
 
 # ----------------------------------------------------------------------- triads
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", ORDERS)
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize("twist", [None, 0.7, math.sin])
@@ -362,6 +365,7 @@ def test_a_closed_chord_ring_is_smooth_where_it_closes(tmp_path):
     assert np.array_equal(triads[-1, -1], triads[0, 0])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("kwargs", "kind", "words"),
     [
@@ -428,6 +432,7 @@ def test_a_scene_needs_no_basis_of_scikit_fem(lumped: bool, monkeypatch: pytest.
     assert built == [DirectorBasis]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "name", ["basis", "dx", "dofs", "doflocs", "elem", "mapping", "Nbfun", "nelems", "X", "W"]
 )

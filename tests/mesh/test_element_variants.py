@@ -118,6 +118,7 @@ def test_impossible_interpolations(make, words):
 
 
 # ----------------------------------------------------------------------- in a system
+@pytest.mark.slow
 def test_different_interpolations_are_not_mixed():
     """One system with four kinds of one order gives each beam the energy it has alone."""
     kinds = (
@@ -146,6 +147,7 @@ def test_different_interpolations_are_not_mixed():
     assert abs(strain_energy(system, q) - total) < 1e-12 * total
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", [2, 3, 4])
 @pytest.mark.parametrize("kind", [InterpolationLobatto, InterpolationEquidistant])
 def test_export_draws_a_variant_where_it_is(kind, p):
@@ -225,6 +227,7 @@ def test_p_points_do_not_know_the_slenderness(p, elements):
     assert abs(errors[1] / errors[0] - 1) < 0.05
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("kind", "elements", "order"),
     [

@@ -107,6 +107,7 @@ def test_helix_advances_by_its_pitch_on_either_hand():
     assert np.allclose(left.point(quarter)[:2], (1, -1))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -309,6 +310,7 @@ def test_names_and_lookup():
     assert bare.with_beams({"left": [0, 1]}).unnamed_elements().tolist() == [2, 3]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -365,6 +367,7 @@ def test_errors_name_the_item_and_the_value(call, words):
 LINE = np.array([[0.0, 1.0, 2.0], [0, 0, 0], [0, 0, 0]])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("points", "t", "words"),
     [

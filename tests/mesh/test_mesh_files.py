@@ -206,6 +206,7 @@ def mutated(data, rng):
     return b"".join(words)
 
 
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 @pytest.mark.parametrize(
     "source",
@@ -263,6 +264,7 @@ BROKEN = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", BROKEN)
 def test_broken_files_give_one_kind_of_error(tmp_path, name, capsys):
     if BROKEN[name] is not None:
@@ -411,6 +413,7 @@ PARTS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("name", "words"), PARTS)
 def test_a_part_of_a_file_is_never_taken_for_the_whole(tmp_path, name, words):
     (tmp_path / name).write_text(PARTS[name, words])

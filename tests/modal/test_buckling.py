@@ -39,6 +39,7 @@ def column(elements, order, ends, section=SQUARE):
 ENDS = {"clamped-free": np.pi**2 / 4, "pinned-pinned": np.pi**2}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", ENDS)
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_euler_columns(ends, order):
@@ -83,6 +84,7 @@ def strip(elements, order, stiff=1.0):
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_lateral_buckling_of_a_strip():
     """S9: Prandtl's 4.0126 with hugely stiff in-plane bending, orders 2p; both signs alike."""
     root = np.sqrt(STRIP["EI_weak"] * STRIP["GJ"]) / 240**2
@@ -178,6 +180,7 @@ def test_the_pencil_is_the_tangent_of_the_stressed_reference():
     assert stretch[:, 0].min() == pytest.approx(-1 / (210e9 * 0.05**2), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_sparse_and_dense_agree():
     system = column(60, 2, "pinned-pinned")
     assert system.unknowns > 300

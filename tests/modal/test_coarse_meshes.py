@@ -23,6 +23,7 @@ def cantilever(elements, order=1, theory=None, load=None, lumped=False):
     return model
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("theory", [None, sc.TheoryKirchhoff(), sc.TheoryInextensible()])
 @pytest.mark.parametrize(("order", "elements"), [(1, 4), (1, 8), (2, 2), (3, 1), (4, 1)])
 def test_modes_that_are_off_are_named(theory, order, elements):

@@ -106,6 +106,7 @@ TREES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", TREES)
 def test_reduced_tangent_on_trees(scene):
     """With couplings, follower loads and a turning frame, by complex steps along coordinates."""
@@ -121,6 +122,7 @@ def test_reduced_tangent_on_trees(scene):
     assert (null_space_matrix(system, y) != tangent.P).nnz == 0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", SCENES)
 def test_reduced_tangent_with_closed_loops(scene):
     """Redundant rows as well: whichever multipliers balance the forces give the same."""
@@ -208,6 +210,7 @@ M1 = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("case", M1)
 def test_timoshenko_beams(case):
     """M1, exact to 14 digits; 16 cubic elements."""
@@ -229,6 +232,7 @@ def test_nineteen_elements_give_all_of_them_to_1e_6():
         ).all()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("case", ["-0.9", "0", "1", "100"])
 def test_prestressed_beams(case):
     """M3: about the exactly stretched straight state, its constraint forces included."""
@@ -245,6 +249,7 @@ def ring(elements, order):
     return rings.scene(elements, order, rings.given(None, None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("elements", "order"), [(32, 3), (16, 4)])
 def test_rings(elements, order):
     """M4: free, curved, every frequency double; n = 2 to 1e-6, n = 4 to 1e-5."""
@@ -265,6 +270,7 @@ def test_rings(elements, order):
 ROUNDING = 1e-11
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("ends", ["CF", "SS"])
 def test_orders(order, ends):
@@ -277,6 +283,7 @@ def test_orders(order, ends):
     assert abs(np.log2(coarse / fine) - 2 * order) < 0.15
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_orders_of_the_ring(order):
     wanted = REFERENCES["M4"]["values"]["n=2"]["outplane_omega"][0]
@@ -298,6 +305,7 @@ def test_slender_beams_keep_their_digits(slenderness):
 # -- steady rotation -------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("hub", "eta"), [(0, 2), (0, 12), (1, 5)])
 def test_rotating_cantilever(hub, eta):
     """M2 at the slenderness 200, which is off by 1/s^2; stable, and nothing grows.
@@ -392,6 +400,7 @@ def test_pendulum_in_a_turning_frame():
     )
 
 
+@pytest.mark.slow
 def test_turning_rotor_against_time_integration():
     """Bent and turning about an axis of no symmetry, driven from the ground, in space.
 
@@ -597,6 +606,7 @@ def bent_arc(order=2):
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_a_bent_state_against_time_integration():
     """Eigenvalues of the map of a time step about the loaded equilibrium, extrapolated in h."""
     system = bent_arc()
@@ -637,6 +647,7 @@ def test_follower_forces_flutter():
 # -- damping ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("elements", [4, 40])
 def test_rayleigh_damping(elements):
     """Free: drag lets rigid motions decay with alpha; ratios ``alpha/(2 omega) + beta omega/2``."""
@@ -674,6 +685,7 @@ def test_dampers_and_viscous_sections():
 # -- size ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_large_scenes_by_few_factorisations():
     """5040 unknowns: sparse, exact to more digits than a reference has."""
     system = straight(280, 3, "CF", square(0.01))
@@ -684,6 +696,7 @@ def test_large_scenes_by_few_factorisations():
     assert found.factorisations <= 4
 
 
+@pytest.mark.slow
 def test_sparse_and_dense_agree():
     """Many double frequencies, six of them zero: Lanczos' method misses none."""
     system = ring(24, 3)
@@ -734,6 +747,7 @@ def test_shapes_are_orthonormal_and_keep_the_constraints():
 # -- animation -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_animation(tmp_path):
     """Triads stay orthonormal, loops and joints closed; ParaView shows what was asked for."""
     found = sc.modes(ring(12, 2), count=8)
@@ -758,6 +772,7 @@ def test_animation(tmp_path):
     assert abs(there - np.unique(q[8, rows].round(9), axis=0)).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_animation_of_a_loop_of_a_rigid_motion_and_of_whirl():
     system = parallelogram()
     history = sc.modes(system, system.q0, 1).animation(0, frames=8)
@@ -867,6 +882,7 @@ def test_a_singular_position_is_refused():
 # -- paths of statics, and the example -------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_modes_along_a_static_path():
     """Loads are those of the load factor; from both treatments, and from a state of the path."""
     system = bent_arc_clamped()
@@ -884,6 +900,7 @@ def test_modes_along_a_static_path():
     assert abs(sc.modes(system).omega / found[0] - 1).max() > 0.02
 
 
+@pytest.mark.slow
 def test_a_clamp_at_the_origin_may_be_off_by_rounding():
     """Its rows have no terms there that this would be small against."""
     system = bent_arc_clamped()
@@ -902,6 +919,7 @@ def bent_arc_clamped():
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_modes_of_a_rotor_found_by_statics():
     system, spin = straight(3, 3, "CF", square(0.05)), Spin((0, 0, 300.0), (-0.5, 0, 0))
     path = sc.static(system, spin=spin)
@@ -913,6 +931,7 @@ def test_modes_of_a_rotor_found_by_statics():
     bad(lambda: sc.modes(system, path, 4, spin=slower), "not in equilibrium")
 
 
+@pytest.mark.slow
 def test_example(tmp_path):
     pytest.importorskip("matplotlib")
     found = vibration_modes.main(quick=True, out=str(tmp_path))
@@ -959,6 +978,7 @@ def test_a_free_scene_under_stress_of_its_own():
     assert (found.eigenvalues == 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e3, 1e5])
 def test_frequencies_do_not_depend_on_the_place_of_the_origin(distance):
     """Coordinates of 100 km are rounded by 1e-11 m, a force of 1 mN in a strip of steel.

@@ -84,6 +84,7 @@ def cases(*rows):
 
 
 # ----------------------------------------------------------------------- sections
+@pytest.mark.one_quick
 @cases(
     (lambda: Material(NAN, 0.3, 1.0), ["material", "E = nan"]),
     (lambda: Material(-1.0, 0.3, 1.0), ["material", "E = -1.0"]),
@@ -134,6 +135,7 @@ def test_sections(call, words):
 
 
 # ----------------------------------------------------------------------- beams and meshes
+@pytest.mark.one_quick
 @cases(
     (lambda: Beam(None, SECTION), ["beam", "NoneType", "MeshCurve"]),
     (lambda: Beam(MESH, None), ["beam", "section = None"]),
@@ -184,6 +186,7 @@ def test_a_mesh_of_other_cells_is_no_beam():
 
 
 # ----------------------------------------------------------------------- bodies
+@pytest.mark.one_quick
 @cases(
     (lambda: MassPoint(0.0), ["mass point", "mass = 0.0"]),
     (lambda: MassPoint(-1.0), ["mass point", "mass = -1.0"]),
@@ -256,6 +259,7 @@ def test_bodies_and_places(call, words):
 HERE = ground((0, 0, 0))
 
 
+@pytest.mark.one_quick
 @cases(
     (lambda: JointSpherical(BALL, HERE), ["spherical joint", "side a", "rigid body", "body.at"]),
     (lambda: JointSpherical(HERE, None), ["spherical joint", "side b", "None"]),
@@ -380,6 +384,7 @@ def test_methods_of_a_run():
 
 
 # ----------------------------------------------------------------------- loads
+@pytest.mark.one_quick
 @cases(
     (lambda: LoadGravity(-9.81), ["gravity", "LoadGravity((0, 0, -9.81))"]),
     (lambda: LoadForce(HERE, (1, 0, 0)), ["load", "ground"]),
@@ -696,6 +701,7 @@ def agrees(model):
     return system
 
 
+@pytest.mark.slow
 def test_two_fixed_joints_between_the_same_bodies():
     a, b = RigidBody.sphere(1.0, 1.0), RigidBody.sphere(1.0, 1.0, position=(1, 0, 0))
     items = {"a": a, "b": b}
@@ -706,6 +712,7 @@ def test_two_fixed_joints_between_the_same_bodies():
     assert system.redundant.tolist() == list(range(18, 24))  # all of the second one
 
 
+@pytest.mark.slow
 def test_a_planar_four_bar_of_revolutes():
     """Three of the last hinge's rows: the one along the axis, and the two of the axes."""
     system = agrees(four_bar())
@@ -713,6 +720,7 @@ def test_a_planar_four_bar_of_revolutes():
     assert len(system.redundant) == 3
 
 
+@pytest.mark.slow
 def test_two_hinges_of_a_door():
     door = RigidBody.box(1.0, (1, 2, 3))
     items = {"door": door}
@@ -723,6 +731,7 @@ def test_two_hinges_of_a_door():
     assert system.redundant.tolist() == list(range(11, 16))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_rod_beside_a_ball_joint(seed):
     """The distance to the centre of the ball joint cannot change: its row is round-off."""
@@ -817,6 +826,7 @@ def test_all_errors_are_ours_and_value_errors():
     assert (error.item, str(error)) == ("beam 'a'", "beam 'a': is odd")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [

@@ -182,6 +182,7 @@ def test_all_public_kinds_are_here():
     assert frozen <= set(map(type, ITEMS))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("item", ITEMS, ids=names(ITEMS))
 def test_items_cannot_be_changed(item):
     for name in [*attributes(item), "velocty"]:
@@ -196,6 +197,7 @@ def test_items_cannot_be_changed(item):
         assert not any(array.flags.writeable for array in arrays_in(value))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("item", ITEMS, ids=names(ITEMS))
 def test_copies_cannot_be_changed_either(item):
     for other in (copy.copy(item), pickle.loads(pickle.dumps(item))):
@@ -207,6 +209,7 @@ def test_copies_cannot_be_changed_either(item):
             assert not any(array.flags.writeable for array in arrays_in(value))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("item", ITEMS, ids=names(ITEMS))
 def test_items_say_in_one_line_what_they_are(item):
     text = repr(item)
@@ -397,6 +400,7 @@ FLAGS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", FLAGS)
 @pytest.mark.parametrize("value", ["no", 1, 2.0, [False]])
 def test_flags_are_true_or_false(name, value):
@@ -433,6 +437,7 @@ def test_values_of_ramps_have_names(kind):
 HELIX = {"start": X, "centre": 0 * X, "axis": Z, "pitch": 0.5, "turns": 2, "elements": 8}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "shifted",
     [

@@ -54,6 +54,7 @@ def difference(a: sc.History, b: sc.History, name: str = "q") -> float:
 
 
 # a coarse swing is quick: four elements where five could hold the tension
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize(
     ("integrator", "treatment", "kernels"),
@@ -147,6 +148,7 @@ def linkage(Q: np.ndarray, roll: float = 0.0, rail: type = sc.JointPrismatic) ->
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("Q", "rail", "roll"),
     [
@@ -199,6 +201,7 @@ def held_body(coupling: str, Q: np.ndarray) -> sc.Model:
     return model
 
 
+@pytest.mark.one_quick
 @chequered(
     "coupling",
     ["spring", "bushing", "angle", "vector", "torque", "cable"],
@@ -252,6 +255,7 @@ def four_bar(Q: np.ndarray, kinds: tuple[type, ...]) -> sc.Model:
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 @pytest.mark.parametrize(
     "inner",
@@ -272,6 +276,7 @@ def test_driven_closed_loop(Q: np.ndarray, inner: type, treatment: Any):
     assert difference(a, b, "joint/motor/moment") < 1e-7
 
 
+@pytest.mark.slow
 def test_free_closed_loop_of_spherical_joints():
     """A ball and socket at each end: in space the bars spin as well."""
     model = four_bar(IDENTITY, (sc.JointRevolute, *(sc.JointSpherical,) * 2, sc.JointRevolute))
@@ -293,6 +298,7 @@ def undriven(model: sc.Model) -> sc.Model:
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("Q", [IDENTITY, TURNED], ids=["xy", "any"])
 @pytest.mark.parametrize(
     ("theory", "unknowns"),
@@ -326,6 +332,7 @@ def cantilever(Q: np.ndarray, order: int = 3, elements: int = 4) -> tuple[sc.Mod
     return model, rod
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 @pytest.mark.parametrize("Q", PLANES, ids=["xy", "zx", "any"])
 def test_roll_up(Q: np.ndarray, treatment: Any):
@@ -343,6 +350,7 @@ def test_roll_up(Q: np.ndarray, treatment: Any):
     assert plane.unknowns == system.unknowns / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 def test_what_is_free_out_of_the_plane_only_is_held(treatment: Any):
     """Between ball joints a beam can spin about its line: in space that is refused."""
@@ -376,6 +384,7 @@ def test_the_plane_is_asked_for_where_a_scene_is_frozen(verb):
         verb(model, planar=sc.Planar())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 def test_elastica_beyond_its_critical_load(treatment: Any):
     """The column's way out of the plane is stiffer: both see the same bifurcation and branch."""
@@ -396,6 +405,7 @@ def test_elastica_beyond_its_critical_load(treatment: Any):
     assert ends[0][2] > 0.3
 
 
+@pytest.mark.slow
 def test_modes_are_those_in_the_plane():
     """Frequencies in the plane are a subset of all, their shapes have nothing out of it."""
     for Q in (IDENTITY, TURNED):
@@ -415,6 +425,7 @@ def test_modes_are_those_in_the_plane():
         assert abs(few.shapes.reshape(8, -1, 3) @ Q[:, 2]).max() < 1e-12 * abs(few.shapes).max()
 
 
+@pytest.mark.slow
 def test_spin_about_the_normal():
     model, _ = cantilever(IDENTITY)
     system, plane = model.freeze(), model.freeze(planar=sc.Planar((0, 0, 1.0)))
@@ -575,6 +586,7 @@ ADDED: dict[str, tuple[Callable[[sc.Model, sc.Beam, sc.RigidBody], Any], str]] =
 }
 
 
+@pytest.mark.slow
 @needs_numba
 def test_energy_does_not_drift_in_a_plane_whose_axes_are_rounded():
     """Each step moved all points by what is missing to axes of length one, always the same way."""
@@ -625,6 +637,7 @@ def test_springs_along_slides_that_are_oblique_to_the_plane(law: dict[str, float
             assert model.freeze(planar=sc.Planar((0, 0, 1.0))).unknowns == 1
 
 
+@pytest.mark.slow
 @needs_numba
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 def test_kernels_agree_where_rows_that_close_loops_are_oblique_to_the_plane(treatment: Any):
@@ -651,6 +664,7 @@ def with_more() -> tuple[sc.Model, sc.Beam, sc.RigidBody]:
     return model, rod, body
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", BUILDS)
 def test_what_leaves_the_plane_is_named(name: str):
     make, message = BUILDS[name]
@@ -666,6 +680,7 @@ def test_what_leaves_the_plane_is_named(name: str):
     assert len(found.out_of_plane) == 1, found
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ADDED)
 def test_forces_that_leave_the_plane_are_named(name: str):
     make, message = ADDED[name]
@@ -707,6 +722,7 @@ def test_a_straight_rod_has_the_plane_of_what_acts_on_it():
     assert not sc.planarity(model)
 
 
+@pytest.mark.slow
 def test_prescribed_motion_out_of_the_plane():
     """At the start it is refused, later on the run stops with its time."""
 
@@ -754,6 +770,7 @@ def test_scenes_of_the_collection(name: str, leaves: str | None):
     assert leaves is None or any(leaves in text for text in found.out_of_plane), found
 
 
+@pytest.mark.slow
 def test_slider_crank_of_the_collection():
     """D10: two beams, the crank is turned by a moving ground."""
     problem = importlib.import_module("collection.d10_slider_crank").PROBLEM
@@ -820,6 +837,7 @@ def test_what_there_is_none_of_in_a_plane():
         sc.simulate(plane, sc.Explicit(), sc.Multipliers(), 1e-4, 1e-3)
 
 
+@pytest.mark.slow
 def test_runs_go_on_and_travel():
     """A run in the plane goes on in space and the other way round; systems reach processes."""
     model, _, _ = arm()
@@ -910,6 +928,7 @@ def started_in_plane(system: sc.System) -> sc.State:
 
 
 # a swing of four elements folds
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("integrator", KIND)
 @pytest.mark.parametrize("scene", TREES)
@@ -921,6 +940,7 @@ def test_kernels_agree_on_trees(scene: str, integrator: str):
     assert_same(plain, fast, iterates=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", KIND)
 @pytest.mark.parametrize("scene", LOOPS)
 def test_kernels_agree_on_closed_loops(scene: str, integrator: str):
@@ -942,6 +962,7 @@ def test_kernels_agree_on_elements_of_higher_order(integrator: str):
     assert_same(*run, iterates=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", BOTH, ids=str)
 def test_kept_factors_lead_to_the_same_motion(integrator: Any):
     """Turned with the frames, those of children as well."""
@@ -972,6 +993,7 @@ BESIDE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", ["null space", "multipliers"])
 @pytest.mark.parametrize("integrator", KIND)
 @pytest.mark.parametrize("name", BESIDE)
@@ -987,6 +1009,7 @@ def test_kernels_keep_scenes_in_their_plane(name, integrator, treatment):
     assert abs(out - out[0]).max() < 1e-13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", ["null space", "multipliers"])
 def test_kernels_agree_on_closed_loops_under_follower_loads(treatment):
     """In space their rows depend on others: those that are independent in the plane do."""
@@ -998,6 +1021,7 @@ def test_kernels_agree_on_closed_loops_under_follower_loads(treatment):
     assert_same(plain, fast, iterates=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_grids_of_which_a_solver_takes_a_part(treatment):
     """In a plane, too."""

@@ -64,6 +64,7 @@ def driven(elements: int, order: int = 1) -> Model:
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [lambda: model_of_everything(2), lambda: driven(3, 2)])
 def test_nothing_replaced_is_the_same_scene(make):
     model = make()
@@ -75,6 +76,7 @@ def test_nothing_replaced_is_the_same_scene(make):
     np.testing.assert_array_equal(first["p"], second["p"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("elements", "order"), [(2, 1), (3, 2), (5, 3), (9, 1)])
 def test_on_another_mesh_it_is_the_scene_built_there(elements, order):
     model = driven(4, 2)
@@ -88,6 +90,7 @@ def test_on_another_mesh_it_is_the_scene_built_there(elements, order):
     assert model.freeze().n == driven(4, 2).freeze().n
 
 
+@pytest.mark.slow
 def test_swing_of_straight_chords_gets_coarser():
     model = swing_model(20)
     beam = model["beam"]
@@ -97,6 +100,7 @@ def test_swing_of_straight_chords_gets_coarser():
         np.testing.assert_allclose(made[name], built[name], rtol=1e-7, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_body_for_a_beam_moves_alike_in_whatever_triad():
     """Follower loads, lumps and joints on turned triads are at the same material points."""
     model, copy = Model(), model_of_everything(1).with_items({})
@@ -119,6 +123,7 @@ def test_a_body_for_a_beam_moves_alike_in_whatever_triad():
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_sensors_go_along():
     model = driven(4, 2)
     rod = model["rod"]

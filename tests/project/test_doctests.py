@@ -34,6 +34,7 @@ def imported(name):
     return importlib.import_module(name)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", MODULES)
 def test_examples_of_a_module(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # examples that write files leave nothing behind
@@ -41,6 +42,7 @@ def test_examples_of_a_module(name, tmp_path, monkeypatch):
     assert result.failed == 0
 
 
+@pytest.mark.slow
 def test_there_are_examples():
     pytest.importorskip("numba")
     finder = doctest.DocTestFinder()
@@ -52,6 +54,7 @@ def test_there_are_examples():
     assert count > 60
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", skfem_cosserat.__all__)
 def test_public_names_are_documented(name):
     doc = getattr(skfem_cosserat, name).__doc__

@@ -74,6 +74,7 @@ def numbered(axis, limits):
     return [text for each in near if (text := each.label1.get_text())]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("low", "high", "least"),
     [(1.1e-3, 8e-3, 3), (2.0, 90.0, 3), (1e-9, 1e3, 4), (1.2, 1.9, 2), (3e-7, 4e-5, 2)],
@@ -89,6 +90,7 @@ def test_logarithmic_axes_have_numbers(low, high, least):
         assert len(texts) <= 16
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("below", [0, 2])
 @pytest.mark.parametrize("whole", [True, False])
 def test_legends_are_beside_the_axes(below, whole):

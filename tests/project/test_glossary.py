@@ -70,6 +70,7 @@ def test_the_tables_are_found():
     assert all(names(row[COLUMN]) for row in ROWS)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", sorted({name for row in ROWS for name in names(row[COLUMN])}))
 def test_each_name_is_in_the_code(name, objects):
     assert eval(name, dict(objects)) is not None
@@ -89,6 +90,7 @@ def test_old_names_are_gone(name):
     assert not hasattr(eval(owner, {"sc": sc}), attribute)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("module", sorted(set(re.findall(r"`([\w/]+\.py)`", TEXT))))
 def test_modules_exist(module):
     assert (ROOT / "skfem_cosserat" / module).is_file()

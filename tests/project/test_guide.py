@@ -37,7 +37,6 @@ def check_output(shown: str, printed: str, where: str) -> None:
         assert alike, f"{where}: shown {a}, printed {b}"
 
 
-@pytest.mark.quick
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_code_runs_and_prints_what_is_shown(
     page: Path,
@@ -54,6 +53,7 @@ def test_code_runs_and_prints_what_is_shown(
             check_output(shown, capsys.readouterr().out, f"{page.name}, line {line}")
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_links_and_commands_lead_somewhere(page: Path) -> None:
     text = page.read_text(encoding="utf-8")

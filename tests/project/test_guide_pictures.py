@@ -35,6 +35,7 @@ def test_all_pictures_are_there_and_small():
     assert sum(file.stat().st_size for file in files) < 600e3
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ["joint_revolute", "mesh_helix"])
 def test_a_picture_is_made(script: ModuleType, tmp_path: Path, name: str):
     path = script.draw(name, tmp_path)

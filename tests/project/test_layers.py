@@ -22,6 +22,7 @@ for module in pkgutil.walk_packages(skfem_cosserat.__path__, "skfem_cosserat."):
 """
 
 
+@pytest.mark.slow
 def test_no_module_needs_an_optional_package() -> None:
     code = IMPORT_ALL.format(optional=OPTIONAL)
     result = subprocess.run(
@@ -34,6 +35,7 @@ def test_no_module_needs_an_optional_package() -> None:
     assert result.returncode == 0, result.stderr
 
 
+@pytest.mark.slow
 def test_what_a_user_should_know_is_no_log_message() -> None:
     """It is said by `warn`: nobody reads a log that he did not set up."""
     found = [

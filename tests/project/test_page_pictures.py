@@ -33,6 +33,7 @@ def test_pictures_are_embedded_and_small():
     assert all(path.stat().st_size < 60e3 for path in pictures)
 
 
+@pytest.mark.slow
 def test_the_blocks_of_a_page_give_its_scene(tmp_path, monkeypatch, capsys):
     pytest.importorskip("matplotlib")  # the script draws with it
     monkeypatch.chdir(tmp_path)
@@ -42,6 +43,7 @@ def test_the_blocks_of_a_page_give_its_scene(tmp_path, monkeypatch, capsys):
     assert "beams.pvd" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_picture_of_signs_is_made(tmp_path):
     pytest.importorskip("matplotlib")
     (path,) = script().page_11(tmp_path)
@@ -49,6 +51,7 @@ def test_the_picture_of_signs_is_made(tmp_path):
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_positive_moments_bend_as_drawn():
     """The tangent d3 turns towards -d2 for M_1 > 0, towards d1 for M_2 > 0."""
     import skfem_cosserat as sc

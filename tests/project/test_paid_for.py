@@ -70,6 +70,7 @@ def modules_of(code: str) -> list[Any]:
     return list(ast.literal_eval(run.stdout.splitlines()[-1]))
 
 
+@pytest.mark.slow
 def test_rigid_bodies_import_no_meshes_and_no_beams():
     """Motion in space and in a plane, both treatments, equilibria, vibrations."""
     found = modules_of(RIGID)
@@ -78,6 +79,7 @@ def test_rigid_bodies_import_no_meshes_and_no_beams():
     assert "skfem_cosserat.statics.path" in found
 
 
+@pytest.mark.slow
 def test_beams_import_nothing_that_is_heavy_and_seldom_needed():
     """Neither building and freezing a scene, gmsh files, steps of plain kernels, nor exports.
 

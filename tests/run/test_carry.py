@@ -109,6 +109,7 @@ def test_momentum_and_energy_of_a_carried_state(moving):
     np.testing.assert_allclose(after, before, rtol=0, atol=1e-12 * abs(before).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "elements", "last"), [(2, (4, 8, 16), 1e-6), (3, (2, 4, 8), 1e-7)]
 )
@@ -131,6 +132,7 @@ def test_energy_changes_by_the_error_of_interpolation(order, elements, last):
     assert (orders[-1] > 3.7).all(), orders
 
 
+@pytest.mark.slow
 def test_a_closed_loop_is_carried_over():
     """A four-bar linkage of beams: a run goes on from its state on finer meshes."""
     source, target = (four_bar(count) for count in (2, 3))

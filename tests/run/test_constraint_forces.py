@@ -127,6 +127,7 @@ def errors(scene, scheme, treatment, n, every=3, kernels="numpy"):
 SCHEMES = sc.EnergyMomentum(), sc.Variational(), sc.EnergyMomentum(stabilized=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
 @pytest.mark.parametrize("scene", [pendulum, motor, motor_in_its_plane])
 def test_second_order_against_closed_forms(scene, scheme):
@@ -158,6 +159,7 @@ def at_events(n):
     return np.concatenate([error[rows], error[rows + 1]])
 
 
+@pytest.mark.slow
 def test_second_order_where_steps_change_in_size(monkeypatch):
     """Events in the midst of steps; without what alternates of the momentum it is first order."""
     right = at_events(60), at_events(240)
@@ -166,6 +168,7 @@ def test_second_order_where_steps_change_in_size(monkeypatch):
     assert at_events(240).max() > 5 * right[1].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.EnergyDecaying(chi=0.05)], ids=repr)
 @pytest.mark.parametrize("part", [0.5, 1e-2, 1e-4, 1e-6])
 def test_forces_beside_short_steps(part, scheme):
@@ -179,6 +182,7 @@ def test_forces_beside_short_steps(part, scheme):
     assert np.delete(error, [row - 1, row, row + 1]).max() < 8e-3
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("at", [0.0101, 0.2371, 0.3995])
 @pytest.mark.parametrize(
     "scheme", [sc.Variational(), sc.EnergyMomentum(), sc.Composition(sc.Variational())], ids=repr
@@ -212,6 +216,7 @@ def test_a_few_steps_give_forces_of_all_states(scheme, steps):
     assert abs(run["joint/hinge/force"] - wanted).max() < 2e-3 * abs(wanted).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
 def test_the_last_force_without_a_step_after_it(scheme):
     """A load that is not known beyond the run is not asked for: the force follows from before."""
@@ -234,6 +239,7 @@ def test_the_last_force_without_a_step_after_it(scheme):
     assert two < 1e-2 * np.linalg.norm(found[-1])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scheme", [*SCHEMES, sc.GeneralizedAlpha(0.8)], ids=repr)
 def test_sensors_see_the_same_forces(scheme):
     """At all states, the first and the last one among them, and at both sides of a change."""
@@ -262,6 +268,7 @@ def pushed(push, turn=None):
 SMOOTH = sc.RampSmooth(0.0, 0.3)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("push", "turn", "times"),
     [
@@ -282,6 +289,7 @@ def test_states_beside_jumps_are_marked(push, turn, times):
     assert marked[apart < 0.0095].all() and not marked[apart > 0.0125].any()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("until", "marked"),
     [(0.005, [0, 1]), (0.015, [0, 1, 2]), (0.385, [38, 39, 40]), (0.395, [39, 40]), (0.404, [])],
@@ -294,6 +302,7 @@ def test_jumps_that_forces_at_the_ends_of_a_run_mix(until, marked):
     assert np.flatnonzero(run["at_jump"]).tolist() == marked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "kinks"), [(0.5, ()), (-0.5, ()), (0.5, [0.5]), (0.05, [0.5]), (-0.6, [0.5])]
 )
@@ -306,6 +315,7 @@ def test_jumps_in_fast_vibrations_are_found(size, kinks):
     assert run.times[run["at_jump"] > 0] == pytest.approx([0.49, 0.5, 0.51])
 
 
+@pytest.mark.slow
 def test_all_of_many_jumps_are_found():
     times = np.arange(0.51, 30) / 100
 
@@ -339,6 +349,7 @@ class LoadBrake(sc.Load):
         return [sc.TermFunction([self.place], lambda x, v, t: -v, self.time)]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kinks", [(), [0.1234]])
 @pytest.mark.parametrize("kind", [sc.JointActuator, LoadBrake])
 def test_states_beside_jumps_of_actuators_and_functions_are_marked(kind, kinks):

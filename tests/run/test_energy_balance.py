@@ -72,6 +72,7 @@ def ordinary(scheme):
     return model.freeze()
 
 
+@pytest.mark.slow
 @every_scheme
 def test_an_ordinary_run_is_silent(scheme, treatment, silent):
     found = balance_of(ordinary(scheme), scheme, treatment, 0.01, 0.06)
@@ -86,6 +87,7 @@ def test_an_ordinary_run_is_silent(scheme, treatment, silent):
         assert 0 < found["lost"] < 0.1 * found["scale"]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("scheme", "treatment"), EVERY[1:-2:2] + EVERY[-2:], ids=repr)
 def test_rest_is_silent(scheme, treatment, silent):
     """What rounding leaves of energies and works is not compared."""
@@ -109,6 +111,7 @@ def test_a_pendulum_that_has_come_back_to_rest_is_silent(silent):
     assert abs(found["end"]) < 0.01 * found["scale"]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*may have several solutions")
 def test_fast_rotation_that_is_destroyed_is_told(tmp_path):
     """The run is "completed" all the same, and each step has been solved."""
@@ -166,6 +169,7 @@ def test_an_event_does_not_change_the_step_that_is_named():
     assert history.times[-1] == pytest.approx(1.97)
 
 
+@pytest.mark.slow
 def test_what_a_scheme_is_meant_to_take_is_kept_and_told_above_a_tenth(silent):
     check_that_what_is_taken_is_kept_and_told(sc.GeneralizedAlpha(0.5))
 
@@ -182,6 +186,7 @@ def check_that_what_is_taken_is_kept_and_told(scheme):
     assert found["lost"] > 0.1 * found["scale"]
 
 
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore:.*do not resolve the motion")
 @pytest.mark.filterwarnings("ignore:.*may have several solutions")
 @pytest.mark.parametrize("until", [4.0, 20.0])
@@ -216,6 +221,7 @@ def test_a_balance_that_is_off_in_between_only_is_told():
     assert 3 < share < 6 and f"{share:.3g} % of" in notice["text"]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*(do not resolve the motion|may have several solutions)")
 def test_growing_alternations_are_told_with_what_they_lead_to():
     """Where the user looks: in the warning about the balance, and in the text of a failure."""
@@ -232,6 +238,7 @@ def test_growing_alternations_are_told_with_what_they_lead_to():
     assert str(again) == str(error)
 
 
+@pytest.mark.slow
 def test_a_failure_wins_over_warnings_that_are_errors(silent):
     system, q = column(400)
     start = sc.initial_state(system, q, nu=1e-3 * np.sin(np.arange(system.unknowns)))
@@ -243,6 +250,7 @@ def test_a_failure_wins_over_warnings_that_are_errors(silent):
     assert "balance of energy" in told and "kinetic" in error.history
 
 
+@pytest.mark.slow
 def test_events_and_steps_under_control_belong_to_it(silent):
     """A hinge locks while a body swings through: what that takes is no fault of the scheme."""
     for step in (1e-2, sc.StepControl(1e-2)):
@@ -305,6 +313,7 @@ def falling_arm(damped):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["numpy", pytest.param("numba", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("damped", ["section", "damper"])
 @pytest.mark.parametrize("stabilized", [True, False])

@@ -81,6 +81,7 @@ def loss_of(v, spins, angle):
 # -- located ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @chequered("treatment", TREATMENTS, "scheme", PLAIN, ids=repr)
 def test_located_in_the_discrete_solution(scheme, treatment):
     """To 1e-10 s of the root of the same step as a function of its size; near the closed form."""
@@ -106,6 +107,7 @@ def test_located_in_the_discrete_solution(scheme, treatment):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "step"), PACES, ids=str)
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_released_ball_flies_on_a_parabola(scheme, treatment, step):
@@ -128,6 +130,7 @@ def test_released_ball_flies_on_a_parabola(scheme, treatment, step):
     assert np.isfinite(history["joint/rod/force"][:row]).all()
 
 
+@pytest.mark.slow
 def test_angle_counts_modulo_turns_and_directions():
     """A wheel that goes round: only where the level is, not half a turn off."""
     model = sc.Model()
@@ -149,6 +152,7 @@ def test_angle_counts_modulo_turns_and_directions():
     assert np.ptp(np.diff(history.times[history.times > times[-1]])) < 1e-12
 
 
+@pytest.mark.slow
 def test_conditions_see_what_the_history_tells():
     """Energy, reaction, rate and sensors, each at the level it is to reach."""
     system, bob, rod = pendulum()
@@ -187,6 +191,7 @@ def test_stop():
     assert abs(history["q"][-1, 0]) < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "step"), PACES, ids=str)
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_two_bars_lock(scheme, treatment, step):
@@ -232,6 +237,7 @@ STABILIZED_PACES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "step", "treatment"), STABILIZED_PACES, ids=str)
 def test_exact_loss_where_velocities_are_on_the_constraints(scheme, step, treatment):
     """Stabilized: to rounding, also with steps under control; constraints hold at all times."""
@@ -254,6 +260,7 @@ def test_exact_loss_where_velocities_are_on_the_constraints(scheme, step, treatm
     assert found.loss == pytest.approx(loss_of(speeds, spins, angle), rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_lock_unlock_release(treatment):
     """One after the other, restarts in between; the same as in one run."""
@@ -279,6 +286,7 @@ def test_lock_unlock_release(treatment):
         sc.restart(system, cut, scheme, 0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planar", [None, sc.Planar(normal=(0, 1, 0))], ids=["space", "plane"])
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_nothing_is_left_to_move(treatment, planar):
@@ -298,6 +306,7 @@ def test_nothing_is_left_to_move(treatment, planar):
     assert abs(history["energy_balance"]).max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_a_closed_loop_is_opened(treatment):
     """A four-bar linkage loses a hinge, then its crank's end is locked; energy balances."""
@@ -324,6 +333,7 @@ def test_a_closed_loop_is_opened(treatment):
     assert history["constraint_violation"].max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_a_beam_is_cut_loose(treatment):
     """A rod hung up at both ends loses one of its hinges; momentum and energy go on."""
@@ -346,6 +356,7 @@ def test_a_beam_is_cut_loose(treatment):
     assert history.segment(1).meta["fingerprint"]["joints"] == ["spherical joint 'start'"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS)
 @pytest.mark.parametrize("scheme", SINGLE, ids=repr)
 def test_load_switched_off(scheme, treatment):
@@ -381,6 +392,7 @@ def test_compiled_kernels_are_bound_anew():
     assert np.allclose(fast["q"], plain["q"], rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_function_gives_the_model_to_go_on_with():
     """A second model with the gravity turned; and a state: a ball thrown back."""
 
@@ -421,6 +433,7 @@ def test_several_in_one_step():
     assert [e.time for e in history.events] == pytest.approx(sorted(times.values()), abs=1e-10)
 
 
+@pytest.mark.slow
 def test_at_the_start_is_not_an_event():
     """What starts at its level has not passed it: it does half a swing later."""
     system, bob, _ = pendulum(rate=0.1)
@@ -440,6 +453,7 @@ def test_what_does_not_happen():
     assert np.array_equal(history["q"], plain["q"])
 
 
+@pytest.mark.slow
 def test_endless_repetition_is_an_error():
     """A ball that is lifted by a hair's breadth each time it falls below the floor."""
     model = sc.Model()
@@ -458,6 +472,7 @@ def test_endless_repetition_is_an_error():
     assert len(caught.value.history.events) == 20
 
 
+@pytest.mark.slow
 def test_saved_and_loaded(tmp_path):
     """Events and segments are in the file."""
     system, bob, rod = pendulum()
@@ -470,6 +485,7 @@ def test_saved_and_loaded(tmp_path):
     assert "let go" in str(again.events[0]) and "ActionRelease(rod)" in str(again.events[0])
 
 
+@pytest.mark.slow
 def test_sensors_go_on():
     """Across a release; the reaction of what is gone is NaN."""
     system, bob, rod = pendulum()
@@ -499,6 +515,7 @@ RESTS = {"first": 0.45, "second": 1.6, "later": 5.4}
 HALF = 0.3
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("scheme", "rest", "direction"),
     [
@@ -524,6 +541,7 @@ def test_threshold_is_touched_for_less_than_a_step(scheme, rest, direction):
     assert [e.time for e in history.events] == pytest.approx(expected, abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", RESTS)
 @pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.Variational()], ids=repr)
 def test_threshold_is_just_not_touched(scheme, rest):
@@ -548,6 +566,7 @@ def swinging():
     return model.freeze(), pin
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.05, sc.StepControl(0.02)], ids=str)
 def test_pendulum_grazes_an_angle_twice(step):
     """At the end of each of two swings there and back, for less than a step; closed form.
@@ -574,6 +593,7 @@ def test_pendulum_grazes_an_angle_twice(step):
     assert times.mean(1) == pytest.approx(there, abs=0.5 * half)
 
 
+@pytest.mark.slow
 def test_bounces_shorter_than_a_step():
     """Of a ball that keeps 30 % of its velocity: all times by the closed form."""
     model = sc.Model()
@@ -662,6 +682,7 @@ def test_bad_events():
         sc.Event(sc.ConditionCoordinate("rod", 1.0)).condition.check(pendulum()[0])
 
 
+@pytest.mark.slow
 def test_bad_events_in_a_run():
     """NaN later on, a mass point that cannot be locked: the history so far is kept."""
     system, _, rod = pendulum()
@@ -682,6 +703,7 @@ def test_explicit_schemes_are_refused():
     refused([event], ["'half'", "Explicit(rounds=1)"], sc.IncompatibleError, sc.Explicit())
 
 
+@pytest.mark.slow
 def test_a_killed_run_keeps_its_events(tmp_path):
     """A file as it is while the run goes on: what is continued from it has no gravity any more."""
     model = sc.Model()
@@ -710,6 +732,7 @@ def test_a_killed_run_keeps_its_events(tmp_path):
     assert on["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_file_with_an_event_and_no_states_yet(tmp_path):
     """Events are in the file at once, also those that change nothing; states in blocks."""
     model = sc.Model()
@@ -735,6 +758,7 @@ def test_a_file_with_an_event_and_no_states_yet(tmp_path):
     assert ball.mass == 1.0 and early.segment(0).status == "killed"
 
 
+@pytest.mark.slow
 def test_an_event_after_the_last_state_in_the_file_has_not_happened(tmp_path):
     model = sc.Model()
     model.add("ball", sc.MassPoint(1.0))
@@ -782,6 +806,7 @@ def looking(rod, level=1e9):
     }
 
 
+@pytest.mark.slow
 def test_looks_set_nothing_up_anew(monkeypatch, kernels):
     """However many there are."""
     made = dict.fromkeys(("Invariants", "SectionPlaces", "SaddlePoint", "CompiledMotion"), 0)
@@ -836,6 +861,7 @@ LOOKED_AT = {
 }
 
 
+@pytest.mark.slow
 @needs_numba
 @pytest.mark.parametrize("name", [*list(LOOKED_AT)[:3], pytest.param("two orders", marks=SLOW)])
 def test_kernels_agree_on_velocities_and_energies(name):
@@ -884,6 +910,7 @@ def test_energies_by_a_law_are_left_to_the_law():
     assert found == pytest.approx(plain, rel=1e-11) and plain > 1e-3
 
 
+@pytest.mark.slow
 @needs_numba
 def test_kernels_agree_on_the_time_of_an_energy():
     times = []
@@ -909,6 +936,7 @@ def locked_in_flight():
     return model, sc.Event(sc.ConditionTime(0.1013), sc.ActionLock("hinge"), name="lock")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scheme", [sc.EnergyMomentum(), sc.EnergyDecaying(chi=0.05), sc.GeneralizedAlpha()], ids=repr
 )
@@ -953,6 +981,7 @@ def test_a_component_of_a_reaction_has_its_sign(sign):
         sc.ConditionReaction("hold", 5.0, component=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["numpy", pytest.param("numba", marks=needs_numba)])
 @pytest.mark.parametrize("treatment", list(TREATMENTS.values()), ids=list(TREATMENTS))
 def test_a_step_after_a_lock_begins_with_a_change_of_rounding(treatment, kernels):

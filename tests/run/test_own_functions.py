@@ -117,6 +117,7 @@ OWNERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["numpy", "numba"])
 @pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.GeneralizedAlpha(0.9)], ids=repr)
 @pytest.mark.parametrize("late", [boom, lambda x: np.asarray(x) * 1j])
@@ -142,6 +143,7 @@ def test_functions_that_fail_are_named_with_the_time_and_the_states_before(
     assert "np.float64" not in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("until", [0.09, 0.2], ids=["at the end", "on the way"])
 @pytest.mark.parametrize(
     ("late", "told"),
@@ -163,6 +165,7 @@ def test_sensors_that_fail_are_named_and_the_states_are_kept(late, told, until):
     assert len(caught.value.history) > 40
 
 
+@pytest.mark.slow
 def test_sensors_give_one_shape_for_all_instants():
     system, run = scene("sensor", lambda x: x)
     eye = run["sensors"]["eye"]
@@ -196,6 +199,7 @@ def test_functions_of_time_of_an_own_class_are_named():
     assert caught.value.history.times[-1] == pytest.approx(0.06)
 
 
+@pytest.mark.slow
 def test_a_law_that_fails_only_in_the_energies_of_the_end_costs_nothing_else():
     system, run = scene("energy", boom)  # steps of this scheme need the derivatives alone
     with warnings.catch_warnings(record=True) as told:
@@ -207,6 +211,7 @@ def test_a_law_that_fails_only_in_the_energies_of_the_end_costs_nothing_else():
     assert any("stored energy: energy" in str(each.message) for each in told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["numpy", "numba"])
 def test_energies_that_are_not_finite_are_named_with_the_strains(kernels):
     if kernels == "numba":
@@ -219,6 +224,7 @@ def test_energies_that_are_not_finite_are_named_with_the_strains(kernels):
     assert caught.value.history.times[-1] == pytest.approx(0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["numpy", "numba"])
 def test_energies_that_are_not_finite_are_named_on_paths(kernels):
     if kernels == "numba":

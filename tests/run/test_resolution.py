@@ -41,6 +41,7 @@ def steps_warned(history):
     return [text for text in texts if re.search(STEP, text)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scheme", "turns"),
     [(sc.EnergyMomentum(), (0.05, 0.1, 0.2)), (sc.Composition(sc.EnergyMomentum()), (1.0, 1.5))],
@@ -62,11 +63,13 @@ def test_estimate_is_the_error_of_fifty_steps(scheme, turns):
         assert found.item == "mass point 'ball'"
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("turn", [0.05, 0.15])
 def test_resolved_vibrations_are_not_told(turn):
     assert not steps_warned(run(spring(), turn / 10.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.5, 3.0, 30.0])
 def test_vibrations_that_are_not_resolved_are_told(turn):
     with pytest.warns(sc.AccuracyWarning, match=r"steps of \S+ s do not resolve the motion"):
@@ -75,6 +78,7 @@ def test_vibrations_that_are_not_resolved_are_told(turn):
     np.testing.assert_allclose(energy, energy[0], rtol=1e-9)  # which says nothing of it
 
 
+@pytest.mark.slow
 def test_rotations_that_are_not_resolved_are_told():
     """Energy-momentum turns 92.7 rad of 100 at 1 rad in a step."""
     with pytest.warns(sc.AccuracyWarning, match=r"'wheel' turns by 0\.93 rad in each step"):
@@ -84,6 +88,7 @@ def test_rotations_that_are_not_resolved_are_told():
     assert "turns by 1 rad" in steps_warned(run(spinning(1.0), 1.0, every=5))[0]
 
 
+@pytest.mark.slow
 def test_prescribed_rotations_do_not_count():
     model = spinning(1.0)
     place = sc.ground((0, 0, 0)), model["wheel"].at((0, 0, 0))
@@ -92,6 +97,7 @@ def test_prescribed_rotations_do_not_count():
     assert not steps_warned(run(model, 1.0)) + steps_warned(run(model, 1.0, every=5))
 
 
+@pytest.mark.slow
 def test_parts_of_a_composed_step_count():
     """Its steps may be longer, as far as its parts resolve rotations."""
     scheme = sc.Composition(sc.EnergyMomentum())
@@ -102,6 +108,7 @@ def test_parts_of_a_composed_step_count():
         run(spinning(1.0), 1.0, integrator=scheme)
 
 
+@pytest.mark.slow
 def test_a_small_ripple_on_a_slow_motion_is_not_told():
     """Its vibrations are not resolved, and do not matter."""
     quiet = sc.Model()
@@ -131,6 +138,7 @@ def test_one_jolt_does_not_count():
 COMPOSED = sc.Composition(sc.EnergyMomentum())
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("turn", "told", "scheme"),
     [(0.1, False, None), (3.0, True, None), (0.6, False, COMPOSED), (3.0, True, COMPOSED)],
@@ -143,6 +151,7 @@ def test_states_apart_tell_by_their_velocities(turn, told, scheme):
     assert bool(steps_warned(history)) == told
 
 
+@pytest.mark.slow
 def test_a_body_that_turns_too_fast_is_named_where_its_step_fails():
     """The variational scheme has no solution above 1 rad; a finer mesh would not help a body."""
     with pytest.raises(sc.Diverged) as caught:
@@ -190,6 +199,7 @@ def said(history):
     return [each for each in history.meta["warnings"] if SEVERAL in each["text"]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("E", "radius", "seed", "h"),
     [(1e5, 0.01, 1, 0.036), (1e5, 0.01, 5, 0.036), (1e5, 0.03, 4, 0.036), (1e6, 0.01, 4, 0.02)],
@@ -209,6 +219,7 @@ def test_a_step_with_two_solutions_is_told(E, radius, seed, h):
         assert notice["time"] == run.times[run["doubtful_step"] == 1][0]
 
 
+@pytest.mark.slow
 def test_with_short_steps_the_same_ring_has_one_solution():
     system, start = soft_ring(1e5, 0.01, 1)
     runs = by_both(system, 0.002, 30, start=start)
@@ -217,6 +228,7 @@ def test_with_short_steps_the_same_ring_has_one_solution():
         assert not run["doubtful_step"].any() and not said(run)
 
 
+@pytest.mark.slow
 def test_two_halves_of_a_step_do_not_tell():
     """An ordinary rod at 0.04 s: halves are far off, yet there is one solution only."""
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
@@ -232,6 +244,7 @@ def test_two_halves_of_a_step_do_not_tell():
     assert not a["doubtful_step"].any() and not said(a)
 
 
+@pytest.mark.slow
 def test_states_that_are_not_neighbours_tell_no_step():
     """Nor do steps in which the ground moves fast, however many iterations they take."""
     system, start = soft_ring(1e5, 0.01, 1)

@@ -38,6 +38,7 @@ def sensors_of(rod, pin):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", [sc.EnergyMomentum, sc.Variational])
 @pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
 def test_sensors_see_every_step(integrator, treatment):
@@ -65,6 +66,7 @@ def test_sensors_see_every_step(integrator, treatment):
     assert seen["reaction"].times == pytest.approx(whole.times, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_rates_are_of_second_order():
     """Velocities and accelerations of a body on a spherical joint against its exact motion."""
     errors = []
@@ -86,6 +88,7 @@ def test_rates_are_of_second_order():
     assert orders == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_frame_of_a_moving_place():
     """Seen from a turning ground nothing moves that is fixed to it."""
     spin = sc.Motion(rotation=lambda t: (0, 0, 0.5 * t**2))
@@ -103,6 +106,7 @@ def test_frame_of_a_moving_place():
     assert abs(seen["space"].values[-1] - [2.5, 0.5, 0]).max() > 0.5
 
 
+@pytest.mark.slow
 def test_history_keeps_them(tmp_path):
     """Streamed, saved, loaded, truncated; after a failed step up to it."""
     system, rod, pin = pendulum()
@@ -129,6 +133,7 @@ def test_history_keeps_them(tmp_path):
     assert not sc.simulate(system, *run, every=50).sensors
 
 
+@pytest.mark.slow
 def test_spectrum():
     """Amplitudes and frequencies of two sines, one between the lines; a vector."""
     t = np.arange(2000) * 1e-2
@@ -149,6 +154,7 @@ def test_spectrum():
         sc.spectrum(t, np.where(t > 1, np.nan, x))
 
 
+@pytest.mark.slow
 def test_frequency_of_a_cantilever():
     """A tip sensor's spectrum shows the first frequency of `modes`."""
     section = sc.Section.from_constants(

@@ -206,6 +206,7 @@ def test_velocities_of_many_states_by_kernels(theory):
     np.testing.assert_allclose(found.v, alone, rtol=0, atol=1e-11 * abs(np.array(alone)).max())
 
 
+@pytest.mark.slow
 def test_multipliers_of_redundant_rows_have_least_norm():
     """Of a planar four-bar: of all that give the same forces."""
     system = four_bar().freeze()
@@ -220,6 +221,7 @@ def test_multipliers_of_redundant_rows_have_least_norm():
         np.testing.assert_allclose(lam[k], least, rtol=0, atol=1e-8 * abs(least).max())
 
 
+@pytest.mark.slow
 def test_scenes_whose_joints_were_read_do_not_stay():
     """But for the last few, whose factors are kept for what is asked next."""
     known = []

@@ -44,6 +44,7 @@ def test_times_are_multiples_of_the_step(full):
     assert history.status == "completed"
 
 
+@pytest.mark.slow
 def test_thinned_histories_hold_the_same_states(full):
     """The momentum of a state needs the step after it, recorded or not."""
     system, integrator, history = full
@@ -60,6 +61,7 @@ def test_thinned_histories_hold_the_same_states(full):
             assert np.array_equal(thin[name][rows], history[name][ids]), name
 
 
+@pytest.mark.one_quick
 def test_the_last_state_is_known_without_the_step_after(full):
     """A longer run has the same; the last momentum of nodes is on the hidden constraints."""
     system, integrator, history = full
@@ -95,6 +97,7 @@ def test_streamed_history_equals_that_in_memory(full, tmp_path):
             assert np.array_equal(other[name], history[name], equal_nan=True), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
 def test_restart_goes_on_as_if_nothing_had_happened(full, treatment, tmp_path):
     system, integrator, _ = full
@@ -120,6 +123,7 @@ def test_restart_refuses_another_model(full):
         sc.restart(model.freeze(), history, integrator(), 5e-3)
 
 
+@pytest.mark.one_quick
 def test_callbacks_and_progress(full, monkeypatch):
     system, integrator, _ = full
     seen, asked = [], []
@@ -179,6 +183,7 @@ def test_error_in_a_callback_leaves_the_file(full, tmp_path):
     assert np.array_equal(loaded["q"], history["q"][:6])
 
 
+@pytest.mark.slow
 def test_killed_run_is_readable_up_to_the_last_block(tmp_path):
     path = tmp_path / "killed.history"
     script = textwrap.dedent(f"""
@@ -198,6 +203,7 @@ def test_killed_run_is_readable_up_to_the_last_block(tmp_path):
     assert np.allclose(history["q"][:, 0], history.times, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_diverged_run_leaves_its_history(tmp_path):
     """A step far too large for a stiff beam: the error says when, how far and what to try."""
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 8, name="strip")
@@ -248,6 +254,7 @@ def test_history_file_of_another_kind_or_folder(full, tmp_path):
         sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, path=missing)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("name", "value"),
     [("step", 0.0), ("step", -1e-3), ("step", np.nan), ("until", 0.0), ("until", np.inf)],

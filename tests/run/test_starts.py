@@ -76,6 +76,7 @@ def shifted(system, by):
 
 
 # what a wrong momentum adds to the first multipliers is a tension of beams without extension
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("treatment", TREATMENTS)
 @pytest.mark.parametrize("name", NAMES)
@@ -122,6 +123,7 @@ def test_configurations_off_the_constraints_are_refused(name):
 
 
 # two soft elements are drawn somewhat farther than such ones can be
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("treatment", TREATMENTS)
 @pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
@@ -355,6 +357,7 @@ def test_several_rates_and_beams_on_both_sides():
     assert energies[0] < energies[1]
 
 
+@pytest.mark.slow
 def test_rates_add_to_a_velocity_without_straining_more():
     """About a bent state in space, turned anyhow: as seen from there."""
     model, tips = rotor()
@@ -390,6 +393,7 @@ QUICK = {"kernels": "numpy", "watch": False}
 WEIGHT = ("weight", (0, 0, -1.0), None)
 
 
+@pytest.mark.slow
 def test_a_run_from_an_equilibrium_begins_at_zero():
     """A pulse between 0 and 0.2 s was over before the run had begun."""
     pulse = ("pulse", (0, 1.0, 0), sc.Table([0, 0.1, 0.2], [0, 1, 0]))
@@ -467,6 +471,7 @@ CONTROLS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", TREATMENTS)
 @pytest.mark.parametrize("control", CONTROLS)
 def test_functions_of_time_stand_still_while_loads_grow(control, treatment):
@@ -495,6 +500,7 @@ def test_functions_of_time_stand_still_while_loads_grow(control, treatment):
     assert abs(on["q"][0] - path["q"][-1]).max() < 1e-10
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_an_equilibrium_of_a_held_instant_stays_at_rest(treatment):
     """A load and a support that stand still from there on."""
@@ -548,6 +554,7 @@ def test_displacements_that_a_held_drive_holds_are_refused():
         sc.static(model, control=held, time=0.0)
 
 
+@pytest.mark.slow
 def test_branches_know_the_instant_of_their_path():
     model = rod(("push", (-1.0, 0, 0), None), ("pull", (1.0, 0, 0), lambda t: 1 + t))
     path = sc.static(model, control=sc.LoadControl(20.0), time=0.5, kernels="numpy")

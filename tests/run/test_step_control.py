@@ -53,6 +53,7 @@ def caught():
 # -- what comes out --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scheme",
     [
@@ -91,6 +92,7 @@ def test_true_error_of_a_beam_follows_the_tolerance():
     assert ratio.min() > 0.15 and ratio.max() < 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_varying_steps_keep_energy_and_momenta(treatment):
     """Energy-momentum: to rounding in each step, of whatever size."""
@@ -105,6 +107,7 @@ def test_varying_steps_keep_energy_and_momenta(treatment):
         assert abs(np.diff(values, axis=0)).max() < 1e-11 * abs(values[0]).max()
 
 
+@pytest.mark.slow
 def test_cheaper_than_equal_steps_where_something_is_short():
     """Closed form: free flight, half a vibration on the cable, free flight back."""
     end, still = 1.5, 0.5 + np.pi / np.sqrt(4e5)
@@ -116,6 +119,7 @@ def test_cheaper_than_equal_steps_where_something_is_short():
     assert history.meta["step_control"]["iterations"] < fixed.meta["newton_iterations"] / 5
 
 
+@pytest.mark.slow
 def test_times_asked_for_are_met():
     """Output times and the end, exactly; `every` counts steps."""
     at = [0.1, 0.3000001, 0.31, 0.7]
@@ -128,6 +132,7 @@ def test_times_asked_for_are_met():
     assert (every["step"][:-1] % 7 == 0).all() and every.times[-1] == 0.77
 
 
+@pytest.mark.slow
 def test_steps_that_cannot_be_solved_are_made_smaller():
     """Two iterations are not enough for a long step."""
     run = pendulum(), sc.EnergyMomentum(), sc.NullSpace()
@@ -149,6 +154,7 @@ def test_a_smallest_step_that_is_too_large_is_an_error():
     assert caught.value.history.meta["step_control"]["rejected"] == 1
 
 
+@pytest.mark.slow
 def test_a_controlled_run_goes_on_from_its_history():
     """The state as it was: momentum and accelerations are carried on."""
     system, scheme = rubber(), sc.GeneralizedAlpha(0.5)
@@ -164,6 +170,7 @@ def test_a_controlled_run_goes_on_from_its_history():
 # -- steps of other sizes --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS)
 @pytest.mark.parametrize(
     "scheme",
@@ -260,6 +267,7 @@ def test_bad_control(arguments, words):
         sc.StepControl(**arguments)
 
 
+@pytest.mark.slow
 def test_composition_of_energy_momentum_is_controlled():
     """Of order four, energy kept."""
     scheme = sc.Composition(sc.EnergyMomentum())

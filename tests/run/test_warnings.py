@@ -169,6 +169,7 @@ def test_what_a_scene_is_warned_of_goes_with_its_runs():
         assert stepper.notices.found == system.warnings
 
 
+@pytest.mark.slow
 def test_steps_of_a_loop_say_it_once():
     """One list a generator or stepper, at the line that asks for the step."""
     points = [(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 0, 0)]
@@ -208,6 +209,7 @@ def test_notices():
         sum_up("study", "runs", {"p": [], "q": third.found, "r": inner.found[:1]}, "rows")
 
 
+@pytest.mark.slow
 def test_jobs_keep_theirs_and_they_are_said_with_the_name():
     jobs = [sc.Job(f"pull {pull}", swung, pull) for pull in (1e-3, 100.0)]
     with ThreadPoolExecutor(1) as threads:
@@ -231,6 +233,7 @@ def tip(elements: int) -> float:
     return float(path["q"][-1, 0])
 
 
+@pytest.mark.slow
 def test_studies_sum_them_up():
     with pytest.warns(sc.AccuracyWarning) as given:
         study = sc.refine(tip, elements=(2, 4))
@@ -251,6 +254,7 @@ def test_studies_sum_them_up():
     assert str(cells).endswith("1 with warnings")
 
 
+@pytest.mark.slow
 def test_a_time_that_is_no_multiple_of_the_step():
     model = sc.Model()
     ball = model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
@@ -280,6 +284,7 @@ def test_a_time_that_is_no_multiple_of_the_step():
     assert study.rows[0]["warnings"].startswith("argument until")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*may have several solutions")
 def test_frames_that_turn_far_in_a_step():
     """Bounded, but nothing that follows the motion; twenty steps a turn are none of these."""

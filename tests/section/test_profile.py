@@ -88,6 +88,7 @@ def rectangle_shear_factor(a, b, nu):
     return 1 / (6 / 5 + 4 * a * b * c**2 * a * b * 64 * b**2 / np.pi**4 * (1 / squares).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 2.0, 5.0, 10.0])
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_rectangle(ratio, nu):
@@ -101,11 +102,13 @@ def test_rectangle(ratio, nu):
     )
 
 
+@pytest.mark.slow
 def test_rectangle_shear_factor_without_contraction_is_five_sixths():
     found = ProfileRectangle(0.3, 0.2, isotropic(0.0)).constants()
     assert found.shear_factors == pytest.approx([5 / 6, 5 / 6], rel=1e-10)
 
 
+@pytest.mark.slow
 def test_existing_sections_agree():
     """All but the shear factors, for which they take Cowper's definition or 5/6."""
     for section, profile in (
@@ -122,6 +125,7 @@ def test_existing_sections_agree():
         assert abs(mine.stiffness - np.diag(diagonal)).max() < 1e-6 * scale.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [skfem.MeshTri, skfem.MeshQuad])
 def test_torsion_constant_converges(kind):
     """Warping has r^2 log r at a corner: h^4 with order 3, and h^4 (c - log h) with order 2."""
@@ -139,6 +143,7 @@ def test_torsion_constant_converges(kind):
     assert steps[1] == pytest.approx(steps[0], rel=0.02)
 
 
+@pytest.mark.slow
 def test_corners_slow_down_uniform_meshes_and_not_refined_ones():
     """At a corner of 270 degrees the energy converges with 4/3; the default mesh knows."""
     energies = []
@@ -161,6 +166,7 @@ def test_corners_slow_down_uniform_meshes_and_not_refined_ones():
 # -- round sections ----------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("nu", [0.0, 0.3, pytest.param(0.49, marks=pytest.mark.slow)])
 def test_circle(nu):
     found = ProfileCircle(1.0, isotropic(nu)).constants()
@@ -200,6 +206,7 @@ def tube_shear_factor(b, nu):
     return 1 / ((s**2 + t**2) * dA).sum() / (np.pi * (1 - b**2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inner", [0.3, 0.8, 0.98])
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_tube(inner, nu):
@@ -209,6 +216,7 @@ def test_tube(inner, nu):
     assert found.shear_factors == pytest.approx([wanted, wanted], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_ellipse_is_a_mesh_of_the_users():
     disk = ProfileCircle(1.0, isotropic(0.3)).mesh
     ellipse = replace(disk, doflocs=disk.doflocs * [[2.0], [1.0]])
@@ -224,6 +232,7 @@ def half_disk():
     return skfem.MeshTri2(disk.doflocs[:, used], t.reshape(nodes.shape))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("nu", [0.0, 0.3])
 def test_shear_centre_of_a_half_disk(nu):
     """8/(5 pi): Timoshenko & Goodier, section 125, where nu = 0; Trefftz's for all nu."""
@@ -238,6 +247,7 @@ def test_shear_centre_of_a_half_disk(nu):
 # -- polygons and walls ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_equilateral_triangle_is_exact():
     corners = [(0, 0), (1, 0), (0.5, np.sqrt(0.75))]
     found = polygon(corners, isotropic(0.3)).constants()
@@ -264,6 +274,7 @@ def classical(profile, refinements=2):
     return np.trace(moments) - phi @ f, centre + [x_s, -minus_y]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [
@@ -297,6 +308,7 @@ def test_area_and_moments_of_a_polygon_with_a_hole():
     assert profile.outline.shape == (4, 2)
 
 
+@pytest.mark.slow
 def test_thin_walls_open():
     """I and channel: sum of b t^3/3 with an error of order t, shear centre with t^2."""
     wrong_J, wrong_e = [], []
@@ -310,6 +322,7 @@ def test_thin_walls_open():
     assert np.log2(np.divide(wrong_e[:-1], wrong_e[1:])) == pytest.approx([2, 2], abs=0.05)
 
 
+@pytest.mark.slow
 def test_thin_walls_closed():
     """A box by Bredt's second formula, with an error of order t."""
     wrong = []
@@ -320,6 +333,7 @@ def test_thin_walls_closed():
     assert np.log2(np.divide(wrong[:-1], wrong[1:])) == pytest.approx([1.5, 1.5], abs=0.6)
 
 
+@pytest.mark.slow
 def test_polygon_and_rectangles_of_one_shape_agree():
     x, y = 0.05, 0.1
     outline = [(-x, -y), (x, -y), (x, y), (-x, y)]
@@ -330,6 +344,7 @@ def test_polygon_and_rectangles_of_one_shape_agree():
     assert one.stiffness / scale == pytest.approx(two.stiffness / scale, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_tolerance_bounds_the_error():
     best = polygon(L_SHAPE, STEEL).constants()
     for tolerance in (1e-1, 1e-2, 1e-3):
@@ -338,6 +353,7 @@ def test_tolerance_bounds_the_error():
         assert true < found.error <= tolerance
 
 
+@pytest.mark.slow
 def test_rolled_beam_of_the_tables():
     """IPE 200 with its fillets, by the tables of EN 10365 (torsion there is an approximation)."""
     half, web, flange, r = (0.05, 0.1), 0.0028, 0.0085, 0.012
@@ -352,6 +368,7 @@ def test_rolled_beam_of_the_tables():
     assert found.torsion_constant == pytest.approx(6.98e-8, rel=0.03)
 
 
+@pytest.mark.slow
 def test_quadrilaterals():
     """Straight ones are refined all over; curved ones are taken as they are."""
     mesh = skfem.MeshQuad.init_tensor(np.linspace(0, 1, 2), np.linspace(0, 2, 3))
@@ -368,6 +385,7 @@ def test_quadrilaterals():
 # -- several materials -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_concentric_layers():
     """Modulus of composite cylinders (Hill, J. Mech. Phys. Solids 12 (1964) 199), sum of GJ."""
     core, coat = sc.Material(3.0, 0.45, 1.0), sc.Material(1.0, 0.1, 2.0)
@@ -395,6 +413,7 @@ def two_rectangles(top):
     return ProfileRectangles([(x, (-0.01, 0.0), STEEL), (x, (0.0, 0.016), top)])
 
 
+@pytest.mark.slow
 def test_layers_with_one_poisson_ratio_add_up():
     found = two_rectangles(ALUMINIUM).constants()
     areas, heights = 0.02 * np.array([0.01, 0.016]), np.array([0.01, 0.016])
@@ -408,6 +427,7 @@ def test_layers_with_one_poisson_ratio_add_up():
     assert found.EI[1, 1] == pytest.approx((E * areas).sum() * 0.02**2 / 12, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_layers_of_rectangles_and_of_polygons_agree():
     def region(low, high, material):
         return part([(-0.01, low), (0.01, low), (0.01, high), (-0.01, high)], material)
@@ -418,6 +438,7 @@ def test_layers_of_rectangles_and_of_polygons_agree():
     assert one.stiffness / scale == pytest.approx(two.stiffness / scale, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_region_in_a_hole_and_corners_on_edges():
     """A core in a shell, cut so that corners of one region lie on edges of the others."""
     outer = [(0, 0), (3, 0), (3, 2), (0, 2)]
@@ -434,6 +455,7 @@ def test_region_in_a_hole_and_corners_on_edges():
 # -- anisotropic materials ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_orthotropic_rectangle():
     found = ProfileRectangle(1.0, 2.0, PLY).constants()
     assert pytest.approx(140e9 * 2, rel=1e-9) == found.EA
@@ -443,6 +465,7 @@ def test_orthotropic_rectangle():
     assert pytest.approx(wanted, rel=1e-5) == found.GJ
 
 
+@pytest.mark.slow
 def test_fibres_across_couple_tension_and_shear():
     """A homogeneous bar under tension: uniform stress, strains of the material's compliance."""
     c, s = np.cos(0.4), np.sin(0.4)
@@ -454,6 +477,7 @@ def test_fibres_across_couple_tension_and_shear():
     assert abs(found.compliance[1, 2]) < 1e-9 * S[2, 2] / 0.06
 
 
+@pytest.mark.slow
 def test_isotropic_is_a_case_of_anisotropic():
     same = MaterialAnisotropic(elasticity(STEEL), STEEL.rho)
     plain = ProfileRectangle(0.01, 0.02, STEEL).constants()
@@ -469,6 +493,7 @@ def test_isotropic_is_a_case_of_anisotropic():
 # -- frames and units --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("material", [STEEL, PLY], ids=["isotropic", "orthotropic"])
 def test_moved_and_turned(material):
     """The constants of a moved and turned shape are the moved and turned constants."""
@@ -509,6 +534,7 @@ def test_moving_composes():
     assert plain.principal_EI[1] - 0.7 == pytest.approx(once.principal_EI[1], abs=1e-9)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(("tolerance", "same"), [(0.5, 2e-9), (1e-3, 1e-3)])
 def test_units(tolerance, same):
     """Metres and newtons, or millimetres, newtons and tonnes; ties of refinement fall anyhow."""
@@ -526,6 +552,7 @@ def test_units(tolerance, same):
 # -- stresses ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_stresses_have_the_resultants_and_their_energy():
     found = two_rectangles(sc.Material(70e9, 0.2, 2700.0)).constants(1e-3).moved((0.1, 0.3), 0.5)
     dA = found.warping.basis.dx.ravel()
@@ -537,6 +564,7 @@ def test_stresses_have_the_resultants_and_their_energy():
         assert energy.shape == (6, found.elements), k
 
 
+@pytest.mark.slow
 def test_stresses_of_a_twisted_circle():
     found = ProfileCircle(0.1, STEEL).constants()
     x, stress = found.stresses((0, 0, 0, 0, 0, 50.0))
@@ -545,6 +573,7 @@ def test_stresses_of_a_twisted_circle():
     assert abs(stress - wanted).max() < 2e-4 * abs(wanted).max()
 
 
+@pytest.mark.slow
 def test_stresses_of_a_sheared_rectangle():
     """Parabola over the height where nu = 0."""
     found = ProfileRectangle(0.01, 0.02, isotropic(0.0)).constants()
@@ -571,11 +600,13 @@ def test_composite_beam_is_parallel_beams_joined():
     assert np.log2(coarse / fine) == pytest.approx(4, abs=0.2)
 
 
+@pytest.mark.slow
 def test_examples_closed_forms():
     for row in example().closed_forms():
         assert row["computed"] == pytest.approx(row["exact"], rel=1e-5), row["name"]
 
 
+@pytest.mark.slow
 @general_mass
 def test_mass_goes_along():
     profile = two_rectangles(ALUMINIUM)
@@ -600,6 +631,7 @@ def test_shows_itself():
     )
 
 
+@pytest.mark.slow
 def test_plots():
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
@@ -741,6 +773,7 @@ BAD = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input(case):
     call, message = BAD[case]

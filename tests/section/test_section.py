@@ -95,6 +95,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_stiffness_and_inertia_are_the_area_integrals(name):
     """EI_1 = E int X_2^2 dA is bending about d1; M_rho^1 = rho int X_1^2 dA is inertia along d1."""

@@ -262,6 +262,7 @@ def assert_conserved(system, history, integrator):
         assert abs(energy - energy[0]).max() > 1e-6 * energy[0]
 
 
+@pytest.mark.slow
 @energies
 @integrators
 @treatments
@@ -275,6 +276,7 @@ def test_free_flight_keeps_momenta_and_energy(energy, integrator, treatment):
     assert nonlinear.max() > 0.05 * LawQuadratic(FULL).energy(eps).max()
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_joints_and_quadratic_sections_beside(integrator, treatment):
@@ -292,6 +294,7 @@ def test_mean_stress_does_not_keep_the_energy():
     assert abs(lost).max() > 1e-3
 
 
+@pytest.mark.slow
 @integrators
 def test_a_quadratic_energy_as_function_is_the_plain_section(integrator):
     found = [
@@ -303,6 +306,7 @@ def test_a_quadratic_energy_as_function_is_the_plain_section(integrator):
     assert abs(found[0] - found[1]).max() < 1e-13
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 3, 4])
 def test_all_orders_keep_the_energy(order):
     model, _ = free_beam(moving_section(QUARTIC), order, elements=5 - order)
@@ -321,6 +325,7 @@ class Units:
         return self.force * self.energy(eps * self.length)
 
 
+@pytest.mark.slow
 @energies
 def test_units_do_not_matter(energy):
     L, m, t = 1e3, 1e-2, 1e3
@@ -350,6 +355,7 @@ def test_units_do_not_matter(energy):
 
 
 # its elements are few and bent in the reference
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 @energies
 @integrators
@@ -364,6 +370,7 @@ def test_second_order_in_time(energy, integrator):
     assert 3.8 < ratio < 4.2
 
 
+@pytest.mark.one_quick
 @energies
 @integrators
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=lambda t: t.name)
@@ -375,6 +382,7 @@ def test_tangent_of_a_step(energy, integrator, treatment):
     assert worst(step.matrix(), step.derivative()) < 1e-9
 
 
+@pytest.mark.slow
 @treatments
 def test_viscous_energy_balance(treatment):
     """Kelvin-Voigt, its own and Rayleigh's: what is lost is what is dissipated, to rounding."""
@@ -386,6 +394,7 @@ def test_viscous_energy_balance(treatment):
     assert history["energy"][-1] < 0.9 * history["energy"][0]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # one element under tension
 def test_oscillator_with_a_hardening_spring():
     """A mass on a light rod: ``(m + rho L/3) x'' = -W'(x/L)``, by an ODE solver; second order."""
@@ -428,6 +437,7 @@ def rod(made, order=2, elements=4, load=None):
     return model, beam
 
 
+@pytest.mark.slow
 @treatments
 def test_uniform_bending(treatment):
     """M = dW/dK: a clamped rod under an end moment is an arc; axial and shear strains vanish."""
@@ -457,6 +467,7 @@ def axial(force, energy=None):
     return rod(section(energy), 2, 3, lambda b: sc.LoadForce(b.node("rod.end"), (0, 0, force)))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # few elements under tension
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
 def test_axial_bar():
@@ -473,6 +484,7 @@ def test_axial_bar():
     assert diagnostics.strain_energy(system, q) == pytest.approx(W * LENGTH, rel=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "meshes"), [(1, (16, 32, 64)), (2, (4, 8, 16)), (3, (3, 6, 12))])
 def test_convergence_order_of_tips(order, meshes):
     """2 p, as for quadratic energies; the reference: order 4 with 16 elements."""
@@ -491,6 +503,7 @@ def test_convergence_order_of_tips(order, meshes):
     assert orders[-1] == pytest.approx(2 * order, abs=0.15)
 
 
+@pytest.mark.slow
 def test_frequencies_of_a_stretched_bar_follow_the_present_stiffness():
     """Longitudinal vibrations: (2 k - 1) pi/(2 L) sqrt(W''(Gamma_3)/mass)."""
     stretch = 0.3
@@ -507,6 +520,7 @@ def test_frequencies_of_a_stretched_bar_follow_the_present_stiffness():
         assert abs(found - wanted).min() < 1e-8 * wanted
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # few elements under tension
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
 def test_linear_buckling_and_highest_frequency_take_the_stiffness_where_they_are():
@@ -614,6 +628,7 @@ def beside_others(planar=False):
     return model.freeze(planar=sc.Planar() if planar else None)
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_kernels_agree_with_numpy(integrator, treatment):
@@ -623,6 +638,7 @@ def test_kernels_agree_with_numpy(integrator, treatment):
     assert_same(*both(beside_others(), integrator, treatment, 2e-3, 0.03))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scheme", [sc.GeneralizedAlpha(0.8), sc.EnergyDecaying(0.2, velocity=False)], ids=str
 )
@@ -640,11 +656,13 @@ def test_kernels_agree_in_other_schemes(scheme, treatment):
         assert abs(compiled[name] - plain[name]).max() <= 1e-11 * size, name
 
 
+@pytest.mark.slow
 @needs_numba
 def test_kernels_of_steps_of_other_sizes():
     assert_same_in_steps_of_other_sizes(beside_others(), "energy-momentum", "null space")
 
 
+@pytest.mark.slow
 @needs_numba
 def test_kernels_of_space_step_scenes_in_a_plane():
     plain, compiled = both(
@@ -667,6 +685,7 @@ def test_kernels_keep_the_energy_with_kept_factors():
     assert history.meta["factorisations"] < 0.6 * history["newton_iterations"].sum()
 
 
+@pytest.mark.slow
 @needs_numba
 def test_kernels_find_the_same_equilibria():
     system = beside_others()
@@ -735,6 +754,7 @@ WAYS = ("energy", "gradient", "real gradient", "hessian alone", "both")
 SCHEMES = [*INTEGRATORS.values(), sc.EnergyDecaying(0.2, velocity=False)]
 
 
+@pytest.mark.slow
 @needs_numba
 @pytest.mark.parametrize("way", WAYS)
 def test_functions_of_points_are_those_of_stacks(way):
@@ -749,6 +769,7 @@ def test_functions_of_points_are_those_of_stacks(way):
     assert (again.law.stress(eps) == law.stress(eps)).all()
 
 
+@pytest.mark.slow
 @needs_numba
 @pytest.mark.parametrize("way", WAYS)
 def test_kernels_call_compiled_functions_without_python(way):
@@ -767,6 +788,7 @@ def test_kernels_call_compiled_functions_without_python(way):
             assert abs(a - b).max() <= room, (str(scheme), name)
 
 
+@pytest.mark.slow
 @needs_numba
 def test_compiled_functions_beside_those_of_python_and_held_strains():
     energy, derivatives = quartic_of_points()["both"]
@@ -783,6 +805,7 @@ def test_compiled_functions_beside_those_of_python_and_held_strains():
     assert_same(*both(model.freeze(), "energy-momentum", "null space", 2e-3, 0.02))
 
 
+@pytest.mark.slow
 @needs_numba
 def test_compiled_functions_that_do_not_do_are_named():
     from numba import njit
@@ -886,6 +909,7 @@ def test_functions_of_anything_else_are_named():
     refused("expected a function of strains", 3.0)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("energy", "words"),
     [

@@ -51,6 +51,7 @@ def strains(beam, q):
 
 
 # ----------------------------------------------------------------------- objectivity
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_rigid_motion_leaves_the_strains(order, seed):
@@ -105,6 +106,7 @@ def turned(theta):
     return rotation_matrix(exp_quaternion(np.array([theta], dtype=float)))[0]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("theta", [0.3, -0.8, np.pi / 4, 2.5])
 def test_linear_element_bent_or_twisted_between_its_nodes(axis, theta):
@@ -210,6 +212,7 @@ def columns(function, x):
     return np.stack(out, axis=-1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ORDERS)
 def test_b_is_the_derivative_of_the_strains(order):
     beam = network(order)

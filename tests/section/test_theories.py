@@ -132,6 +132,7 @@ def elastica(alpha):
     return np.array([np.sqrt(2 * np.sin(angle) / alpha), down])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "elements"), [(1, (16, 32, 64)), (2, (8, 16, 32)), (3, (8, 12, 16)), (4, (8, 10))]
 )
@@ -148,6 +149,7 @@ def test_elastica_in_order_2p(order, elements):
     assert slopes == pytest.approx(2 * order, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment", [TREATMENTS[0], pytest.param(TREATMENTS[1], marks=pytest.mark.slow)]
 )
@@ -171,6 +173,7 @@ def test_bend_of_45_degrees_to_the_trusted_digits(treatment):
     assert np.log2(errors[1] / errors[2]) == pytest.approx(8, abs=0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_error_of_coarse_meshes_does_not_depend_on_slenderness(order):
     """Nothing locks: with EI = 1 the section's other stiffnesses do not count."""
@@ -185,6 +188,7 @@ def test_error_of_coarse_meshes_does_not_depend_on_slenderness(order):
     assert tips[0] == pytest.approx(tip_of(full, sc.static(full)["q"][-1]), abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theory", [*THEORIES[:2], *UNTWISTED[1:]])
 def test_full_beams_converge_to_the_theory_in_first_order(theory):
     """As the stiffness of what is held grows."""
@@ -207,6 +211,7 @@ def test_full_beams_converge_to_the_theory_in_first_order(theory):
         assert coarse / fine == pytest.approx(10, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 3])
 @pytest.mark.parametrize("theory", THEORIES)
 @pytest.mark.parametrize("treatment", TREATMENTS)
@@ -254,6 +259,7 @@ def test_critical_load_is_eulers():
     assert found == pytest.approx(np.pi**2 / 4 * np.array([1.0, 1.3]), rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theory", THEORIES[:2])
 def test_controls_of_paths_take_theories_in_both_treatments(theory):
     """A column past its critical load: by arc length, and by its tip's displacement."""
@@ -323,6 +329,7 @@ def test_inf_sup_constant_does_not_depend_on_the_mesh(order):
     assert abs(constants[1] / constants[0] - 1) < (2e-3 if order == 1 else 1e-5)
 
 
+@pytest.mark.slow
 def test_one_point_more_locks():
     """All motion is lost in linear elements; others approach the solution slowly."""
     one_more = sc.InterpolationLobatto(1, points=2)
@@ -366,6 +373,7 @@ def system_stiffness(system):
 # -- modes -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theory", [*THEORIES, *UNTWISTED])
 @pytest.mark.parametrize("order", [1, 3])
 def test_modes_are_as_many_as_unknowns_and_six_are_rigid(theory, order):
@@ -389,6 +397,7 @@ def test_modes_are_as_many_as_unknowns_and_six_are_rigid(theory, order):
     assert (found.omega[6:9] >= full.omega[6:9] * (1 - 1e-9)).all()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("eta", "flap", "lag"),
     [
@@ -414,6 +423,7 @@ def test_rotating_blade_to_the_trusted_digits(eta, flap, lag):
     assert found.omega == pytest.approx(expected, rel=2e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "limit"), [(1, 4.0), (2, 24.0)])
 @pytest.mark.parametrize("theory", THEORIES[:2])
 def test_taut_beams_give_way_where_full_ones_do(theory, order, limit):
@@ -451,6 +461,7 @@ SCENES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # large steps
 @chequered("scene, theory", SCENES, "integrator", [sc.EnergyMomentum(), sc.Variational()])
 def test_both_treatments_agree(scene, theory, integrator):
@@ -473,6 +484,7 @@ OTHERS = (
 )
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("integrator", OTHERS)
 @pytest.mark.parametrize("theory", [*THEORIES, pytest.param(UNTWISTED[1], marks=pytest.mark.slow)])
 def test_every_implicit_integrator_takes_every_theory(theory, integrator):
@@ -495,6 +507,7 @@ def flying(theory, order=2, elements=3):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*may have several solutions")
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("theory", [*THEORIES, *UNTWISTED])
@@ -516,6 +529,7 @@ def test_energy_momentum_conserves(theory, order, treatment):
 
 
 # energy is not followed in steps of this size
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("theory", [*THEORIES, *UNTWISTED])
 @pytest.mark.parametrize("treatment", TREATMENTS)
@@ -541,6 +555,7 @@ def test_second_order_in_the_step(integrator):
     assert np.log2(ratio) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.slow
 def test_rigid_theory_is_the_body_with_the_beams_inertia(kernels):
     def run(theory):
         system = flying(theory).freeze()
@@ -562,6 +577,7 @@ def test_rigid_theory_is_the_body_with_the_beams_inertia(kernels):
     assert flying(sc.TheoryRigid()).freeze().unknowns == 6
 
 
+@pytest.mark.slow
 def test_stiffer_beams_converge_to_the_rigid_one_in_first_order():
     def tip(theory, factor=1.0):
         """Of a rod on a hinge that hangs on a spring."""
@@ -584,6 +600,7 @@ def test_stiffer_beams_converge_to_the_rigid_one_in_first_order():
 
 
 # an inextensible ring without torsion is refused, see below
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 @pytest.mark.parametrize(
     ("scene", "theory"),
@@ -641,6 +658,7 @@ def four_bar_with_a_beam(theory, elements, hung=False):
     return model
 
 
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore:.*singular position.*")
 @pytest.mark.parametrize("hung", [False, True])
 @pytest.mark.parametrize("elements", [2, 3, 4])
@@ -668,6 +686,7 @@ SWING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "integrator",
     [sc.EnergyMomentum(), pytest.param(sc.Variational(), marks=pytest.mark.slow)],
@@ -689,6 +708,7 @@ def test_three_bar_swing_on_each_theory(name, integrator):
     assert error < (5e-2 if name == "rigid" else 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["inextensible"]
@@ -758,6 +778,7 @@ def closed_ring(theory, order):
     return model
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize(
     ("build", "theory"),
@@ -782,6 +803,7 @@ def test_beams_that_no_small_motion_leaves_as_they_are_are_refused(build, theory
     assert not system.warnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_arches_that_can_move_do(order):
     """Inextensible ones, and without torsion in their plane: as the extensible one does."""
@@ -797,6 +819,7 @@ def test_arches_that_can_move_do(order):
     assert abs(expected - system.q0).max() > 1e-4
 
 
+@pytest.mark.slow
 def test_long_beams_on_loops_are_for_multipliers():
     model = cantilever(sc.TheoryKirchhoff(), 1, 110)
     model.add("end", sc.JointFixed(sc.ground((1, 0, 0)), model["rod"].node("rod.end")))
@@ -847,18 +870,21 @@ def crooked(theory, order=1):
     return model.freeze()
 
 
+@pytest.mark.slow
 @integrators
 @theories
 def test_kernels_agree_far_from_a_solution(theory, integrator):
     assert_same_iteration(crooked(theory), integrator, "null space", 1)
 
 
+@pytest.mark.slow
 @integrators
 @theories
 def test_kernels_agree_on_trees(theory, integrator):
     assert_same(*both(crooked(theory), integrator, "null space", 2e-3, 0.06))
 
 
+@pytest.mark.slow
 @integrators
 @pytest.mark.parametrize("theory", [*COMPILED, sc.TheoryInextensible(torsion=False)], ids=repr)
 def test_kernels_agree_on_the_swing(theory, integrator):
@@ -869,6 +895,7 @@ def test_kernels_agree_on_the_swing(theory, integrator):
     assert_same(*both(system, integrator, "null space", 2e-3, 0.1, start), iterates=False)
 
 
+@pytest.mark.slow
 @integrators
 def test_kept_factors(integrator):
     """Over steps, turned with the frames: fewer matrices than iterations, the same motion."""
@@ -878,6 +905,7 @@ def test_kept_factors(integrator):
     assert 2 * kept.meta["factorisations"] < whole.meta["factorisations"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", ["null space", "multipliers"])
 @pytest.mark.parametrize("integrator", ["energy-momentum", "variational"])
 @pytest.mark.parametrize(
@@ -902,6 +930,7 @@ def test_kernels_agree_where_strains_are_rows_with_multipliers(make, begin, inte
     assert_same(plain, compiled, iterates=False)
 
 
+@pytest.mark.one_quick
 @needs_numba
 @pytest.mark.parametrize("order", [1, 2])
 def test_oblique_sections_in_a_plane(order):

@@ -51,6 +51,7 @@ def centre(system, q):
     return (system.mass @ q.reshape(-1, 3))[system.origin_rows].sum(axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("before", "after"), PAIRS)
 def test_every_theory_takes_states_of_every_other(before, after):
     """A rod in free flight, on its mesh and on another: on all constraints, in the same place."""
@@ -80,6 +81,7 @@ def test_every_theory_takes_states_of_every_other(before, after):
         assert run["constraint_violation"].max() < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [pytest.param(branched, marks=pytest.mark.slow), looped])
 def test_scenes_with_joints_and_closed_loops(scene):
     source, state = moved(scene, None)
@@ -93,6 +95,7 @@ def test_scenes_with_joints_and_closed_loops(scene):
         assert np.array_equal(back.q, carried.q)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["unshearable", "inextensible"])
 def test_stiff_beams_hardly_move(name):
     """What is left out is the strain that forces give: of first order in the flexibility."""
@@ -149,6 +152,7 @@ def test_finer_meshes_take_over_in_order_2p(order, theory):
     assert orders[-1] == pytest.approx(2 * order, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_without_what_does_not_matter():
     """A stiff cantilever that swings: on as an inextensible one it ends where it would have."""
     stiffness = np.array([1e6, 1e6, 1e6, 1.0, 1.2, 0.8])
@@ -169,6 +173,7 @@ def test_a_run_goes_on_without_what_does_not_matter():
     assert abs(path - other).max() < 2e-4
 
 
+@pytest.mark.slow
 def test_an_equilibrium_goes_on_on_another_theory():
     """It is carried near to that of the theory, nearer than it was, and the path goes on there."""
     stiffness = np.diag(SECTION.stiffness) * np.repeat([1e3, 1.0], 3)
@@ -186,6 +191,7 @@ def test_an_equilibrium_goes_on_on_another_theory():
     assert abs(on - sc.static(target, control=control)["q"][-1]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_what_cannot_be_held_is_refused():
     """Of a bent rod one end is drawn beyond what is its length without extension."""
 

@@ -50,6 +50,7 @@ def test_law_of_the_strains_that_are_left(energy, theory):
     assert (tangent[:, held] == 0).all()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 @pytest.mark.parametrize("integrator", INTEGRATORS, ids=str)
 @pytest.mark.parametrize("theory", THEORIES[:2], ids=repr)
@@ -60,6 +61,7 @@ def test_tangent_of_a_step(theory, integrator, treatment):
     assert abs(step.matrix() - step.derivative()).max() < 1e-8 * abs(step.matrix()).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment", [TREATMENTS[0], pytest.param(TREATMENTS[1], marks=pytest.mark.slow)], ids=str
 )
@@ -82,6 +84,7 @@ def test_free_flight_keeps_momenta_and_energy(theory, treatment):
         assert np.ptp(values, axis=0) == pytest.approx(0, abs=1e-10 * abs(values).max())
 
 
+@pytest.mark.slow
 @one_quick
 def test_full_beams_of_a_stored_energy_converge_to_the_theory(theory):
     """As what is held grows stiff, in first order; moments of both beside."""
@@ -110,6 +113,7 @@ def test_full_beams_of_a_stored_energy_converge_to_the_theory(theory):
     assert errors[1][1] < 5e-3 * abs(resultant).max()
 
 
+@pytest.mark.slow
 def test_nothing_is_left_of_a_stored_energy_that_is_rigid():
     """The rigid theory moves as the one of a plain section does."""
     ends = []
@@ -144,6 +148,7 @@ def pulsing(t):
     return np.sin(np.pi * t) ** 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
 @one_quick
 def test_resultants_in_motion_are_those_of_stiff_beams(theory, treatment):
@@ -171,6 +176,7 @@ def test_resultants_in_motion_are_those_of_stiff_beams(theory, treatment):
     assert max(errors[1]) < 1e-3
 
 
+@pytest.mark.one_quick
 @one_quick
 def test_resultants_of_what_is_held_reach_paraview(tmp_path, theory):
     system = swinging(theory)

@@ -30,6 +30,7 @@ def cantilever(elements, order, theory=None, load=True):
     return model
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("theory", [None, sc.TheoryKirchhoff()])
 @pytest.mark.parametrize(("elements", "order"), [(1, 1), (2, 1), (4, 1), (1, 2), (1, 3)])
 def test_a_cantilever_of_few_elements(elements, order, theory):
@@ -58,6 +59,7 @@ def portal(order, pinned=False):
     return model, frame.node((0, 0, 3))
 
 
+@pytest.mark.slow
 def test_a_portal_frame_of_one_element_a_member():
     """Linear members are far too stiff, and it is told how much is missing; those of order 3 not.
 
@@ -91,6 +93,7 @@ def test_a_truss_bends_nowhere():
     assert not told(sc.static, model, watch=False)[1]
 
 
+@pytest.mark.slow
 def test_linear_members_in_motion():
     """A rod let go from rest under its weight: one linear element is told, four are not."""
     for elements, coarse in ((1, True), (4, False)):

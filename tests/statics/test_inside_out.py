@@ -23,6 +23,7 @@ def guided_bar(share, order=1, curved=False):
     return model
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 3])
 def test_a_path_says_where_a_bar_is_pressed_inside_out(order):
     """N = EA times the axial strain: at -1.5 EA the strain is -1.5, and it is -1 at two thirds."""
@@ -41,6 +42,7 @@ def test_a_bar_pressed_to_a_tenth_of_its_length_is_still_one():
     assert not sc.static(guided_bar(0.9)).meta["warnings"]
 
 
+@pytest.mark.slow
 def test_a_run_says_it_too():
     """A force that sets in at once presses twice as far as at rest: 0.6 EA already to -1.2."""
     model = guided_bar(0.6, order=3)
@@ -52,6 +54,7 @@ def test_a_run_says_it_too():
     assert first in [each["time"] for each in run.meta["warnings"]]
 
 
+@pytest.mark.slow
 def test_sections_at_an_angle_to_their_node():
     """In a bent network the axis of a section is not d3 of the node that two members share."""
     section = sc.Section.from_constants(

@@ -30,6 +30,7 @@ def tip(history, place):
     return history["q"][:, 12 * place.vertex : 12 * place.vertex + 3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "elements"), [(1, 16), (2, 8), (3, 4), (4, 4)])
 @pytest.mark.parametrize("side", [0.005, pytest.param(0.02, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("until", [60.0, pytest.param(80.0, marks=pytest.mark.slow)])
@@ -45,6 +46,7 @@ def test_imperfect_column_bends_the_way_it_is_pushed(order, elements, side, unti
     assert tip(short, end)[-1] == pytest.approx(tip(path, end)[-1], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment", [sc.NullSpace(), pytest.param(sc.Multipliers(), marks=pytest.mark.slow)]
 )
@@ -68,6 +70,7 @@ def test_critical_points_lie_in_their_steps(treatment):
     assert path["q"][-1] == pytest.approx(fine["q"][-1], abs=1e-8)
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("mode", [0, 1])
 @pytest.mark.parametrize("sign", [1, pytest.param(-1, marks=pytest.mark.slow)])
@@ -93,6 +96,7 @@ def test_round_column_buckles_in_a_plane(treatment, mode, sign):
     assert np.linalg.norm(where[-1, 1:]) == pytest.approx(away, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment", [sc.NullSpace(), pytest.param(sc.Multipliers(), marks=pytest.mark.slow)]
 )
@@ -121,6 +125,7 @@ def test_soft_part_on_a_stiff_one_bends(treatment):
     assert more <= few + 2  # rounding does not keep iterations going
 
 
+@pytest.mark.slow
 @treatments
 def test_round_steel_column(treatment):
     """Of a real section, six orders of magnitude between stretching and bending."""
@@ -140,6 +145,7 @@ def test_round_steel_column(treatment):
 
 
 # bent beyond what its elements follow
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @treatments
 @pytest.mark.parametrize("share", [0.999, pytest.param(0.9999, marks=pytest.mark.slow), 0.99999])
@@ -169,6 +175,7 @@ def test_the_end_of_a_path_may_lie_just_below_a_limit_point(treatment, share):
     assert path.meta["critical"] == []
 
 
+@pytest.mark.slow
 def test_lengths_of_critical_points_in_the_first_step():
     """The first step of an arc length goes by the load factor where nothing moves at first."""
     section = sc.Section.from_constants(
@@ -184,6 +191,7 @@ def test_lengths_of_critical_points_in_the_first_step():
     assert (np.diff(path.times) > 0).all()
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_displacement_that_the_loads_do_not_move(treatment, turned):
@@ -232,6 +240,7 @@ taut = pytest.mark.filterwarnings(
 )
 
 
+@pytest.mark.slow
 @taut
 @pytest.mark.parametrize("watch", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_cable_taut_beyond_its_elements_is_told_of(watch):
@@ -259,11 +268,14 @@ def test_a_cable_has_the_elements_that_a_warning_advised():
 @pytest.mark.slow
 def test_a_cable_too_taut_to_go_on_is_to_be_refined():
     """Negative: ArcLength() does not help, and is not advised."""
-    with pytest.raises(sc.Diverged, match=r"refine: it takes 8 elements.*Refine the mesh there") as caught:
+    with pytest.raises(
+        sc.Diverged, match=r"refine: it takes 8 elements.*Refine the mesh there"
+    ) as caught:
         sc.static(cable(4, 3e-4), factors={"weight": 1.0})
     assert "ArcLength" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_representations_are_short():
     model, _ = column()
     path = sc.static(model, control=sc.LoadControl(60.0), derive=False)
@@ -287,6 +299,7 @@ def bars(stiffness, load=-1.0):
     return model
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize(
     ("stiffness", "at", "critical"),
@@ -317,6 +330,7 @@ def test_a_path_starts_at_a_critical_load(treatment):
     assert np.allclose(path["joint/hinge 0/force"][:, 2], [10.0, 11.0, 12.0])
 
 
+@pytest.mark.slow
 @treatments
 def test_beyond_the_load_of_a_limit_point_is_no_step(treatment):
     """Two springs of a toggle: ``P = 2 k (L - l) z/l`` has its maximum at ``l^3 = L``, base 1 m.
@@ -340,6 +354,7 @@ def test_beyond_the_load_of_a_limit_point_is_no_step(treatment):
     assert abs(np.hypot(1.0, path.position(mass.place())[-1, 2]) - length) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_critical_point_at_the_end_of_a_step_has_reactions():
     """A strip rolled up by its end to exactly a full turn: M = EI angle / L in every row."""
     EI = 10.0
@@ -361,6 +376,7 @@ def test_a_critical_point_at_the_end_of_a_step_has_reactions():
     assert abs(path["joint/clamp/moment"][:, 2] + right).max() < 1e-3 * right.max()
 
 
+@pytest.mark.slow
 def test_a_bifurcation_of_a_bow_is_symmetric():
     """It lies on the path that goes on, where the bow does not lean to a side."""
     points = [(x, 0.3 * (1 - x * x), 0) for x in np.linspace(-1, 1, 7)]

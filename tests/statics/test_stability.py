@@ -34,6 +34,7 @@ def banded(shape: str, negative: int, skew: float = 0.0):
     return A + skew * np.triu(A, 1)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("negative", [0, 1, 2, 7])
 def test_pivots_have_the_signs_of_eigenvalues(shape, negative):
@@ -131,6 +132,7 @@ ways = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @ways
 @pytest.mark.parametrize("scene", SCENES)
 def test_counts_are_those_of_eigenvalues(scene, treatment, kernels):
@@ -151,6 +153,7 @@ def test_counts_are_those_of_eigenvalues(scene, treatment, kernels):
         assert path["unstable"].max() > 0
 
 
+@pytest.mark.slow
 @ways
 @pytest.mark.parametrize("scene", ["buckling", "bent", "redundant"])
 def test_eigenproblems_are_for_critical_points_alone(monkeypatch, scene, treatment, kernels):

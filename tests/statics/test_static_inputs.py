@@ -22,6 +22,7 @@ def scene():
     return model.freeze(), tip
 
 
+@pytest.mark.slow
 def test_a_beam_that_is_far_too_soft_for_the_path_is_asked_for_its_units():
     """Steel of 210e3 in place of 210e9 Pa cannot carry itself."""
     soft = sc.SectionRectangle(0.02, 0.01, sc.Material(210e3, 0.3, 7850.0))
@@ -135,6 +136,7 @@ FREE = {
 }
 
 
+@pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize("build", FREE, ids=lambda f: f.__name__)
 def test_free_motions_are_named(build, treatment):
@@ -151,6 +153,7 @@ def test_free_motions_of_a_long_chain_are_named():
         sc.static(hanging_chain(links=401))
 
 
+@pytest.mark.one_quick
 @treatments
 def test_stresses_hold_a_motion(treatment):
     """A string of prestressed springs; a pendulum whose weight is there from the start."""
@@ -181,6 +184,7 @@ def test_weight_on_what_is_not_stressed_yet(treatment):
     assert np.linalg.norm(path["q"][-1]) == pytest.approx(1 + np.hypot(9.81, 1) / 100, rel=1e-12)
 
 
+@pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize("count", [2, 3])
 def test_weight_on_cables_that_just_fit(treatment, count):
@@ -197,6 +201,7 @@ def test_weight_on_cables_that_just_fit(treatment, count):
     assert count * 1e4 * (length - np.hypot(1, 0.5)) * -z / length == pytest.approx(9.81, rel=1e-9)
 
 
+@pytest.mark.slow
 @treatments
 def test_weight_on_springs_that_hold_a_bent_beam(treatment):
     """A box on two springs, a beam at its side: it tilts and swings to below the springs."""
@@ -260,6 +265,7 @@ def point_drawn_along_two_springs():
     return model
 
 
+@pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize(
     "build",
@@ -297,6 +303,7 @@ def test_weight_along_a_motion_that_nothing_holds_yet(treatment):
     assert 20 * (length - 1) * -z / length == pytest.approx(9.81, rel=1e-12)
 
 
+@pytest.mark.one_quick
 @treatments
 def test_weight_holds_what_hangs(treatment):
     """A rod on a hinge, unstressed at the start, and two links, with their weight held."""
@@ -401,6 +408,7 @@ def test_what_turns_about_its_rod_once_it_hangs(treatment):
         sc.static(hanging_chain(rod=True, off=0.05), treatment, factors={"weight": 1.0})
 
 
+@pytest.mark.slow
 @treatments
 def test_motions_of_a_loaded_start_are_those_that_its_stress_leaves(treatment):
     """A box on a cable that just fits: all six are free without its weight, one with it."""
@@ -431,6 +439,7 @@ def slack_stay(slide, fits=True):
 
 
 # where the cable goes slack the number of unstable motions changes by a jump
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:path, .* was not located:skfem_cosserat.IncompleteWarning")
 @treatments
 @pytest.mark.parametrize("slide", [False, True])
@@ -473,6 +482,7 @@ def _along_x():
     return sc.triad((1, 0, 0))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("elements", [5, 500])
 @pytest.mark.parametrize("slenderness", [1e2, 1e4, 1e5])
 def test_slender_meshes_are_held(elements, slenderness):
@@ -487,6 +497,7 @@ def test_slender_meshes_are_held(elements, slenderness):
     assert deflection == pytest.approx(0.1 / 3, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-6, 1e3])
 def test_units_do_not_matter(scale):
     """Lengths in micrometres or kilometres."""
@@ -505,6 +516,7 @@ def test_units_do_not_matter(scale):
 # -- paths that end --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @treatments
 def test_limit_point_under_load_control(treatment):
     """The path up to the limit is kept; reason and a way on are given."""
@@ -528,6 +540,7 @@ def test_limit_point_under_load_control(treatment):
     assert on["load_factor"][-1] == pytest.approx(10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment", [sc.NullSpace(), pytest.param(sc.Multipliers(), marks=pytest.mark.slow)]
 )
@@ -542,6 +555,7 @@ def test_fixed_steps_may_snap(treatment):
         sc.static(model, treatment, sc.LoadControl(1.995))
 
 
+@pytest.mark.slow
 def test_start_without_an_equilibrium_near():
     """Held far above the limit load of linear elements."""
     model, tip = cantilever(elements=1, order=1)
@@ -552,6 +566,7 @@ def test_start_without_an_equilibrium_near():
     assert caught.value.history.status == "diverged"
 
 
+@pytest.mark.slow
 @treatments
 def test_load_that_does_not_move_the_place(treatment):
     system, tip = scene()
@@ -576,6 +591,7 @@ def test_interrupt_keeps_the_path():
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.slow
 def test_callbacks():
     """All are called with each point asked for; True ends the path."""
     system, _ = scene()
@@ -662,6 +678,7 @@ ARGUMENTS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_bad_arguments_are_named(name):
     system, _ = scene()
@@ -767,6 +784,7 @@ def test_controls_that_lead_nowhere():
         sc.DisplacementControl(tip, (0, 1, 0))
 
 
+@pytest.mark.slow
 def test_values_to_record_may_begin_with_the_start():
     system, tip = scene()
     wanted = [0.0, 0.25, 0.5, 0.75, 1.0]
@@ -851,6 +869,7 @@ def test_places_of_displacement_control():
         sc.static(system, control=sc.DisplacementControl(root, (0, 1, 0), 0.1))
 
 
+@pytest.mark.slow
 def test_bad_branches_and_equilibria():
     model, _ = column()
     path = sc.static(model, control=sc.LoadControl(3.0))

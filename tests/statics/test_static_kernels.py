@@ -122,6 +122,7 @@ def snap(system):
     return sc.equilibrium(system, bent), factors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["bend", "half_roll_up", "right_angle"])
 @orders
 def test_iterates(monkeypatch, order, scene):
@@ -157,6 +158,7 @@ def test_snap_through_by_arc_length(monkeypatch):
     assert_same(*both(monkeypatch, system, control=sc.ArcLength(29), **options))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("scene", "way", "until"), [("lee_frame", (1, 0, 0), 5.0), ("toggle", (0, -1, 0), 0.7)]
 )
@@ -196,6 +198,7 @@ def test_a_held_instant(kernels):
     assert max(abs(system.constraints.values(y)).max() for y in rows) < 1e-12
 
 
+@pytest.mark.slow
 def test_snap_through_by_displacement(kernels):
     """To the mirror image of the start, under the mirrored push."""
     system, end = column(3, (0, 1.0, 0))
@@ -263,6 +266,7 @@ KINDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=lambda t: t.name)
 @pytest.mark.parametrize("kind", KINDS)
 def test_kernels_agree_on_equilibria(kind, treatment):
@@ -297,6 +301,7 @@ def thin(GA, direction, mass=1.0):
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=lambda t: t.name)
 @pytest.mark.parametrize("direction", [(1, 0, 0), (1, 2, 2)])
 @pytest.mark.parametrize("GA", [1e7, 1e9])
@@ -315,6 +320,7 @@ def test_thin_rods_take_as_many_iterations(GA, direction, treatment):
     assert abs(other["q"] - one["q"]).max() < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=lambda t: t.name)
 @pytest.mark.parametrize(("order", "bending"), [(3, 1e-5), (3, 1e-6), (4, 1e-5)])
 def test_bent_thin_rods_of_higher_order_take_as_many_iterations(order, bending, treatment):
@@ -345,6 +351,7 @@ def test_bent_thin_rods_of_higher_order_take_as_many_iterations(order, bending, 
     assert abs(other["q"][-1] - one["q"][-1]).max() < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:argument step:skfem_cosserat.AccuracyWarning")
 def test_thin_rods_move_by_as_many_iterations():
     """The same in motion, where masses are too small to hold anything."""
@@ -358,6 +365,7 @@ def test_thin_rods_move_by_as_many_iterations():
     assert abs(other - one) <= 0.05 * one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [linkage_in_plane, tower])
 def test_kernels_agree_along_the_arc(make):
     """The load factor is an unknown: springs and gaps in the border."""

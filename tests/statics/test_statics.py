@@ -90,6 +90,7 @@ def on_a_line(*items):
     return model, point
 
 
+@pytest.mark.one_quick
 @treatments
 def test_spring_and_cable(treatment):
     """F/k; a cable of 0.2 m slack joins in: the law has a kink."""
@@ -127,6 +128,7 @@ def test_free_points_on_springs_alone(treatment):
     assert abs(x).min() > 0.03
 
 
+@pytest.mark.one_quick
 @treatments
 def test_bushing(treatment):
     model = sc.Model()
@@ -148,6 +150,7 @@ def hinged(*items, axis=(0, 1, 0), position=(0, 0, 0.5)):
     return model, hinge, body
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("control", [sc.LoadControl(), sc.LoadControl(steps=8)])
 def test_actuator_against_a_torsion_spring(treatment, control):
@@ -161,6 +164,7 @@ def test_actuator_against_a_torsion_spring(treatment, control):
     assert abs(path["joint/hinge/angle"] - 12.5 * path["load_factor"]).max() < 1e-11
 
 
+@pytest.mark.slow
 @treatments
 def test_heavy_pendulum_with_a_torsion_spring(treatment):
     """Nothing moves before it buckles at m g l = k; beyond: k theta = m g l sin(theta)."""
@@ -183,6 +187,7 @@ def test_heavy_pendulum_with_a_torsion_spring(treatment):
     assert abs(ends[0]) > 1
 
 
+@pytest.mark.slow
 @treatments
 def test_rigid_path_by_arc_length(treatment):
     """Steps are of the load factor while nothing moves."""
@@ -194,6 +199,7 @@ def test_rigid_path_by_arc_length(treatment):
     assert (np.diff(path.times) > 0).all()
 
 
+@pytest.mark.slow
 @treatments
 def test_centrifugal_stretch_of_a_bar(treatment):
     """``L (tan(kL)/(kL) - 1)``, k^2 = rho A Omega^2/EA: element ends converge with h^8."""
@@ -207,6 +213,7 @@ def test_centrifugal_stretch_of_a_bar(treatment):
     assert abs(root + [1e4 * (1 / np.cos(k) - 1), 0, 0]).max() < 1e-5
 
 
+@pytest.mark.one_quick
 @treatments
 def test_spinning_mass_on_a_spring(treatment):
     """``k u = m Omega^2 (r + u)``; the axis need not pass through the origin."""
@@ -218,6 +225,7 @@ def test_spinning_mass_on_a_spring(treatment):
     assert path["joint/wire/force"][-1, 1] == pytest.approx(2 * 9 * 4, rel=1e-12)
 
 
+@pytest.mark.slow
 @treatments
 def test_reactions_balance_the_loads(treatment):
     model, tip = cantilever(order=2, elements=6)
@@ -282,6 +290,7 @@ def assembly(order):
 SPIN = Spin((0.2, 0.1, 0.4), (0, 1, 0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_every_item_in_both_treatments(order):
     """Same equilibrium and constraint forces, of zero residual along the constraints."""
@@ -330,6 +339,7 @@ def braced():
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [linkage, ring, braced])
 def test_closed_loops_in_both_treatments(scene):
     model = scene()
@@ -350,6 +360,7 @@ def _turns(path):
     return path["turns"][-1] if "turns" in path else None
 
 
+@pytest.mark.slow
 @treatments
 def test_linkage_does_the_work_of_its_loads(treatment):
     """Independent: the spring's moment from the angles by virtual work of the closed linkage."""
@@ -414,6 +425,7 @@ def test_critical_points_do_not_hang_on_the_steps():
         assert loads == pytest.approx(found[-1], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_paths_are_equal_in_both_treatments():
     """Steps of equal arc length: point by point; and both lie on the curve."""
     found = []
@@ -430,6 +442,7 @@ def test_paths_are_equal_in_both_treatments():
         assert abs(found[0][name] - found[1][name]).max() < 1e-10
 
 
+@pytest.mark.slow
 @treatments
 def test_controls_agree(treatment):
     """By displacement, by arc length and by load: the same loads at the same places."""
@@ -464,6 +477,7 @@ def test_a_step_that_jumps_over_a_limit_point_is_told():
         ]
 
 
+@pytest.mark.slow
 def test_a_path_that_ends_at_a_limit_point_names_it():
     model, _ = arch()
     with pytest.raises(sc.Diverged) as caught:
@@ -473,6 +487,7 @@ def test_a_path_that_ends_at_a_limit_point_names_it():
     assert "ArcLength() or DisplacementControl()" in text
 
 
+@pytest.mark.slow
 @treatments
 def test_arc_length_comes_back_to_its_first_load_factor(treatment):
     """``until`` at the start: the path ends where it crosses that load again."""
@@ -482,6 +497,7 @@ def test_arc_length_comes_back_to_its_first_load_factor(treatment):
     assert path["q"][-1, 2] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @ways
 @pytest.mark.parametrize("steps", [1, 2, 7])
 def test_end_does_not_depend_on_the_steps(treatment, kernels, steps):
@@ -520,6 +536,7 @@ def trial(system, seed=0, t=0.35, size=0.2):
     return rng, y, Amplitudes(loads, motors, spin)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", SCENES)
 def test_tangent_of_the_balance(scene):
     """dR/dy by the complex step, of all rows of y, off the constraints too."""
@@ -547,6 +564,7 @@ def test_a_wrong_tangent_of_the_balance_is_found():
     assert abs(K - L).max() > 1e-2
 
 
+@pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize("scene", SCENES)
 def test_displacement_is_a_derivative_and_pull_its_adjoint(scene, treatment):
@@ -585,6 +603,7 @@ def test_displacement_is_a_derivative_and_pull_its_adjoint(scene, treatment):
     assert abs(change - derivative).max() < 1e-12 * abs(change).max()
 
 
+@pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize("scene", ["everything 1", "tree", "moving springs"])
 def test_moving_the_ground_is_a_fresh_start(scene, treatment):
@@ -613,6 +632,7 @@ def test_moving_the_ground_is_a_fresh_start(scene, treatment):
     assert abs(found[0] - y).max() > 0.01 or treatment.name == "multipliers"
 
 
+@pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize("scene", ["moving springs", "assembly"])
 def test_derivative_by_the_load_factor(scene, treatment):
@@ -659,6 +679,7 @@ def torsion_bar(turns, driven):
     return model
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize(
     ("driven", "control"),
@@ -677,6 +698,7 @@ def test_torsion_by_three_turns(treatment, driven, control):
         assert path["joint/pin/angle"][-1] == pytest.approx(6 * np.pi, abs=1e-12)
 
 
+@pytest.mark.slow
 @treatments
 def test_motion_that_starts_slowly(treatment):
     """The first tangent leads nowhere: no jump is suspected."""
@@ -693,6 +715,7 @@ def test_motion_that_starts_slowly(treatment):
     assert abs(path["q"][-1] - again["q"][-1]).max() < 1e-10
 
 
+@pytest.mark.slow
 @treatments
 def test_motion_under_the_other_controls(treatment):
     """The load factor moves the ground there too."""
@@ -731,6 +754,7 @@ def two_loads(amplitude=None):
     return model.freeze(), tip
 
 
+@pytest.mark.slow
 @treatments
 def test_order_of_loading_does_not_matter(treatment):
     system, _ = two_loads()
@@ -748,6 +772,7 @@ def test_order_of_loading_does_not_matter(treatment):
     assert abs(both["q"] - both["q"][-1]).max() < 1e-12  # settled at once
 
 
+@pytest.mark.slow
 @treatments
 def test_gravity_held_while_the_tip_is_pulled(treatment):
     """The start is no equilibrium: the path begins at the one near it."""
@@ -770,6 +795,7 @@ def _share(system):
     return out
 
 
+@pytest.mark.slow
 @treatments
 def test_start_from_a_moving_state(treatment):
     """From within a run in time: the velocity is dropped, the nearest equilibrium sought."""
@@ -781,6 +807,7 @@ def test_start_from_a_moving_state(treatment):
     assert abs(path["q"][-1] - sc.static(system)["q"][-1]).max() < 1e-12
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.filterwarnings("ignore:argument history.*by its load factor")  # it is meant
@@ -796,6 +823,7 @@ def test_end_of_a_path_starts_a_run(treatment, integrator):
         assert abs(run["q"] - path["q"][-1]).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_a_run_from_a_path_keeps_the_turns_of_springs():
     model, _, _ = hinged()
     model.add("motor", sc.JointActuator(model["hinge"], 25.0))
@@ -806,6 +834,7 @@ def test_a_run_from_a_path_keeps_the_turns_of_springs():
     assert abs(run["joint/hinge/angle"] - 12.5).max() < 1e-10
 
 
+@pytest.mark.slow
 @treatments
 def test_energy_is_the_work_of_the_loads(treatment):
     """Stored energy against the trapezoidal sum: second order in the step."""
@@ -842,6 +871,7 @@ def test_path_is_a_history_like_any_other(tmp_path):
     assert plot.plot_energy is not None
 
 
+@pytest.mark.slow
 def test_a_path_without_derived_series_starts_runs_too():
     system, _ = two_loads()
     bare = sc.static(system, derive=False)
@@ -866,6 +896,7 @@ CONTROLS = {
 }
 
 
+@pytest.mark.slow
 @ways
 @pytest.mark.parametrize("control", CONTROLS)
 def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
@@ -883,6 +914,7 @@ def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
     assert int(path["unstable"][-1]) == 2
 
 
+@pytest.mark.slow
 @ways
 def test_two_critical_points_in_a_step(treatment, kernels):
     model, _ = column()
@@ -891,6 +923,7 @@ def test_two_critical_points_in_a_step(treatment, kernels):
     assert loads_of(path) == pytest.approx(np.pi**2 / 4 * np.array([1.0, 1.3]), rel=2e-6)
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("mode", [0, 1])
 def test_equal_stiffness_about_both_axes(treatment, mode):
@@ -919,6 +952,7 @@ def elastica(deflection):
     return np.array([load(float(w)) for w in deflection])
 
 
+@pytest.mark.slow
 @treatments
 def test_branches_follow_the_elastica_and_are_mirror_images(treatment):
     model, tip = column()
@@ -962,6 +996,7 @@ def truss_stiffness(z, height, k):
     return load, *(own + other), vertical
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("controlled", ["arc", "displacement"])
 def test_limit_points_of_a_truss(treatment, controlled):
@@ -980,6 +1015,7 @@ def test_limit_points_of_a_truss(treatment, controlled):
     assert path["unstable"].max() == 1
 
 
+@pytest.mark.slow
 @treatments
 def test_bifurcations_before_a_limit_point(treatment):
     """A steep truss gives way sideways first: along x, then y, then it snaps."""
@@ -1013,6 +1049,7 @@ def test_bifurcations_before_a_limit_point(treatment):
     assert abs(sides[0] - sides[1] * mirror).max() < 1e-9
 
 
+@pytest.mark.slow
 @treatments
 def test_rigid_column_with_two_hinges(treatment):
     """k on both angles of a universal joint: two motions at once, on branches of their own."""
@@ -1034,6 +1071,7 @@ def test_rigid_column_with_two_hinges(treatment):
     assert abs(np.hypot(a, b)[-1]) > 0.1
 
 
+@pytest.mark.slow
 @treatments
 def test_twisted_rod_buckles(treatment):
     """Greenhill: both ends clamped, M = 2 * 4.4934 EI/L (tan x = x); the end may come nearer."""
@@ -1046,6 +1084,7 @@ def test_twisted_rod_buckles(treatment):
     assert 2 * loads_of(path)[0] == pytest.approx(2 * x, rel=1e-5)
 
 
+@pytest.mark.one_quick
 @ways
 def test_follower_force_has_no_static_buckling(treatment, kernels):
     """Beck's column is straight and alone up to its flutter load 20.05 EI/L^2, and beyond."""
@@ -1057,6 +1096,7 @@ def test_follower_force_has_no_static_buckling(treatment, kernels):
     assert abs(at(path, tip)[:, 1:]).max() < 1e-12
 
 
+@pytest.mark.slow
 @ways
 def test_moment_about_a_fixed_axis_is_not_conservative(treatment, kernels):
     """Its tangent is not symmetric: no critical point on the way to a full circle."""
@@ -1073,6 +1113,7 @@ def test_moment_about_a_fixed_axis_is_not_conservative(treatment, kernels):
         assert look.smallest > 0.1
 
 
+@pytest.mark.slow
 @treatments
 def test_moment_about_a_hinge_is_conservative(treatment):
     """There the same kind of load has a potential: its limit is found as such."""
@@ -1092,6 +1133,7 @@ def test_moment_about_a_hinge_is_conservative(treatment):
     assert loads_of(path)[:2] == pytest.approx(wanted, rel=1e-9)
 
 
+@pytest.mark.one_quick
 @ways
 def test_no_critical_points_where_there_are_none(treatment, kernels):
     """Tension, and a cantilever bent far by forces across it."""
@@ -1109,6 +1151,7 @@ def test_unwatched_paths_are_not_looked_at():
     assert (path["unstable"] == -1).all()
 
 
+@pytest.mark.slow
 @treatments
 def test_large_systems_find_the_same_critical_load(treatment):
     """Above 300 unknowns eigenvalues are found by shift and invert."""
@@ -1120,6 +1163,7 @@ def test_large_systems_find_the_same_critical_load(treatment):
     assert np.array_equal(one, two)
 
 
+@pytest.mark.slow
 @treatments
 def test_branch_with_loads_held(treatment):
     """Part of the load stays: k theta = (m g l/2 + F l) sin(theta)."""

@@ -115,6 +115,7 @@ def spread(values):
 # -- momentum maps -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @free_scenes
 @integrators
 @treatments
@@ -141,6 +142,7 @@ def without_third_blocks(system, history):
     return diagnostics.angular_momentum(system, history["q"], p.reshape(len(history), -1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["beam", "tree"])
 def test_momentum_of_the_third_director_is_needed(scene):
     """Negative: without it the angular momentum of the variational scheme oscillates, O(h^2)."""
@@ -156,6 +158,7 @@ def test_momentum_of_the_third_director_is_needed(scene):
     assert 3.7 < errors[1] / errors[2] < 4.3
 
 
+@pytest.mark.slow
 def test_midpoint_angular_momentum_only_oscillates():
     """Negative: in terms of (q_n, q_{n+1}) it is not the conserved quantity."""
     for integrator in INTEGRATORS:
@@ -164,6 +167,7 @@ def test_midpoint_angular_momentum_only_oscillates():
         assert 1e-6 < spread(L) < 1e-2
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment, kernels):
@@ -177,6 +181,7 @@ def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment, kerne
 # -- energy --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "scene", ["beam", "tree", "body", pytest.param("hanging", marks=pytest.mark.slow)]
 )
@@ -223,6 +228,7 @@ def total_energy(scene, step, until):
     return history["energy_projected"] + history["external"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", ["top", pytest.param("bouncing", marks=pytest.mark.slow)])
 def test_variational_energy_oscillates_without_drift(scene):
     energy = total_energy(scene, STEP, 12.0)
@@ -245,6 +251,7 @@ def test_variational_energy_of_a_violent_motion(scene):
 # -- constraints ---------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", ["beam", "quadratic beam", "tree", "body", "hanging"])
 @integrators
 @treatments
@@ -255,6 +262,7 @@ def test_constraints(scene, integrator, treatment, kernels):
     assert history["hidden_violation"].max() < 1e-12 * (1 + abs(history["v"]).max())
 
 
+@pytest.mark.slow
 @integrators
 def test_hidden_constraints_need_the_projection(integrator):
     """Negative: M^-1 p without it violates them, with O(h^2)."""
@@ -274,6 +282,7 @@ def test_hidden_constraints_need_the_projection(integrator):
 
 
 # momenta of the variational scheme, turned round, have parts along the constraints
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 @pytest.mark.parametrize("scene", ["beam", "tree", "hanging"])
 @integrators

@@ -106,6 +106,7 @@ def test_second_order(scene, integrator, treatment, name):
     assert abs(order(values) - 2) < 0.1
 
 
+@pytest.mark.slow
 @over_pairs
 @pytest.mark.parametrize("name", ["force", "moment"])
 def test_reactions_have_second_order_at_the_states(scene, integrator, treatment, name):

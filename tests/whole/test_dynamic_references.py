@@ -65,6 +65,7 @@ def test_order_in_space(name, integrator):
 
 
 # the largest steps do not follow the energy
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 @scenes
@@ -118,6 +119,7 @@ def test_loads_as_given_spaghetti(integrator):
     assert (found["position"] < 4e-5).all(), found["position"]
 
 
+@pytest.mark.slow
 @integrators
 def test_loads_as_given_pendulum(integrator):
     found = dynamic.as_given("D1", integrator, 4, 16, (1 / 1600,), 0.2)
@@ -139,6 +141,7 @@ def test_kinks_of_the_load_leave_positions_but_not_velocities_their_order(integr
     assert orders["velocities"][-1] < 1
 
 
+@pytest.mark.slow
 def test_spaghetti_needs_the_inertia_along_d3():
     """Negative: as a plane section with 10 along d1 and d2, so 20 about d3, it moves otherwise."""
     section = sc.Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
@@ -195,6 +198,7 @@ def test_loads_as_given_order_in_space():
 # -- invariants -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 def test_spaghetti_momentum_and_centre_of_mass(integrator):
     """50 along e1 and x = 3 + 5 (t - 2.5) from t = 5 on; angular momentum constant."""
@@ -213,6 +217,7 @@ def test_spaghetti_momentum_and_centre_of_mass(integrator):
     assert abs(turn - turn[0]).max() < 1e-9 * abs(turn[0]).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "end"), [("D2", 2.0), pytest.param("D3", 5.0, marks=pytest.mark.slow)]
 )
@@ -231,6 +236,7 @@ def test_energy_after_the_load(name, end):
     assert abs(moved[-third:].mean() - moved[:third].mean()) < 2e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["D2", "D3"])
 @integrators
 def test_multipliers_give_the_same(name, integrator):
@@ -245,6 +251,7 @@ def test_multipliers_give_the_same(name, integrator):
 
 
 # the largest steps do not follow the energy
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize(
     ("name", "step", "until"), [("D1", 0.02, 0.6), ("D2", 0.4, 20.0), ("D3", 0.2, 10.0)]
@@ -300,6 +307,7 @@ def test_main_writes_tables_and_chart(tmp_path):
     assert sum("p = " in line for line in report.lines(result)) == 60
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # coarse: its elements fold
 @pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
 @pairs

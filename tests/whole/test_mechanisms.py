@@ -41,6 +41,7 @@ def slider_crank(motion) -> sc.Model:
 
 
 # --------------------------------------------------------------------------------------- drives
+@pytest.mark.slow
 @BOTH
 def test_torque_of_a_ramped_drive_is_inertia_times_acceleration(integrator, treatment):
     """About its end the rod has J = m (l^2 + b^2)/12 + m (l/2)^2."""
@@ -58,6 +59,7 @@ def test_torque_of_a_ramped_drive_is_inertia_times_acceleration(integrator, trea
     assert history["work_drives"] == pytest.approx(work, abs=1e-3 * work[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # half a radian a step
 @BOTH
 def test_a_drive_of_many_turns(integrator, treatment):
@@ -69,6 +71,7 @@ def test_a_drive_of_many_turns(integrator, treatment):
     assert wanted[-1] > 6 * 2 * np.pi
 
 
+@pytest.mark.slow
 @BOTH
 def test_driven_slider_crank_follows_its_closed_form(integrator, treatment):
     """A loop without a freedom left: x = r cos a + sqrt(l^2 - r^2 sin^2 a), and no unknowns."""
@@ -82,6 +85,7 @@ def test_driven_slider_crank_follows_its_closed_form(integrator, treatment):
     assert history["joint/shaft/angle"][-1] > np.pi  # past both dead centres of the slider
 
 
+@pytest.mark.slow
 @pytest.mark.plain
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_drive_between_free_bodies_keeps_their_momenta(integrator):
@@ -102,6 +106,7 @@ def test_a_drive_between_free_bodies_keeps_their_momenta(integrator):
     assert abs(history["joint/track/displacement"][-1] - 0.8 * np.cos(6.0)) < 1e-12
 
 
+@pytest.mark.slow
 def test_energy_balance_of_a_drive():
     """Exact with energy-momentum, second order with the variational scheme."""
     system = slider_crank(lambda t: 5 * t**2 / (1 + t)).freeze()
@@ -149,6 +154,7 @@ def test_a_drive_needs_its_joint_in_the_model():
         other.freeze()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_a_dead_point_with_a_drive_against_it_says_so(treatment):
     """The rocker of a four-bar cannot turn round: it is driven until crank and coupler align."""
@@ -164,6 +170,7 @@ def test_a_dead_point_with_a_drive_against_it_says_so(treatment):
 
 
 # ---------------------------------------------------------------------------------------- loops
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_four_bar_in_both_treatments(integrator):
     """Three of the 20 rows of its hinges are redundant; energy, closure and reactions agree."""
@@ -186,6 +193,7 @@ def test_four_bar_in_both_treatments(integrator):
 
 
 # whether a step is seen to pass it is up to rounding
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 def test_a_flat_parallelogram_is_passed():
     """Three equal bars: at 90 degrees all lie on a line, where another branch begins."""

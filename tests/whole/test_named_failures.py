@@ -35,6 +35,7 @@ def rod():
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_plain_newton_needs_many_load_steps():
     """45-degree bend, linear elements: steps are rejected below 8; mixed iteration needs one step.
 
@@ -90,6 +91,7 @@ def test_first_multiplier_of_the_variational_scheme_is_of_first_order():
     assert orders[:, 1] == pytest.approx([2, 2], abs=0.1)
 
 
+@pytest.mark.slow
 def test_multipliers_carry_an_error_of_rounding_by_h_squared():
     """A ball on its circle: the force is constant but for eps m r/h^2, whatever the treatment."""
     steps = np.array([1e-2, 1e-3, 1e-4, 1e-5])
@@ -105,6 +107,7 @@ def test_multipliers_carry_an_error_of_rounding_by_h_squared():
         assert size.min() > 0.05 and size.max() < 5
 
 
+@pytest.mark.slow
 def test_energy_is_kept_as_well_as_newton_converges():
     """Loose: errors add up over the steps, and ``energy_balance`` tells; else it is rounding."""
     run = rod(), sc.EnergyMomentum(), sc.NullSpace(), 5e-3
@@ -157,6 +160,7 @@ def arm_turned_by_its_hinge():
     return system, sc.initial_state(system, v=sc.project(system, system.q0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=lambda t: t.name)
 def test_reactions_of_a_drive_alternate_by_h(treatment):
     """Energy-momentum: the centripetal force at midpoints is off by O(h), one side then the other.

@@ -36,6 +36,7 @@ def run(system, until=0.1, **options):
     return sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, until, **options)
 
 
+@pytest.mark.slow
 def test_swing_whose_first_step_fails_returns():
     """An empty history of midpoints could not be reshaped."""
     result = swing().main(step=2.0, until=6.0, section="stiff")
@@ -138,6 +139,7 @@ def test_swing_looks_at_its_folder_before_it_runs(tmp_path):
         swing().main(until=1e9, out=tmp_path / "file" / "results")
 
 
+@pytest.mark.slow
 def test_condition_number_of_a_run_that_fails():
     """It raised where a step could not be solved."""
     value = swing().condition_number("variational", "null-space", 0.1, section="stiff")
@@ -263,6 +265,7 @@ def test_swing_shorter_than_a_step():
     assert result["times"].tolist() == [0.0, 0.01] and result["diverged_at"] is None
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "wrong",
     [
@@ -308,6 +311,7 @@ def test_a_negative_number_of_refinements():
 
 
 # elements are folded on purpose
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 def test_no_step_by_half_turns(kernels):
     """Nodes turned by 180 degrees in a step: the energy went from 0.06 to 611 J, "converged".

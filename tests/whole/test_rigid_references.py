@@ -94,6 +94,7 @@ def seen_bob(history):
     return np.c_[history["q"], history["v"]]
 
 
+@pytest.mark.slow
 @pairs
 def test_spherical_pendulum(integrator, treatment):
     system, pair = pendulum.scene(), (integrator, treatment)
@@ -107,6 +108,7 @@ def test_spherical_pendulum_for_ten_seconds(integrator, treatment):
     converge(system, pair, 1 / 80, DATA["R1"]["t"], seen_bob, R1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_spherical_pendulum_as_a_body(integrator):
     """A body of length (J + m l^2)/(m l) = 1 without spin moves as the bob does: l = 3/4."""
@@ -141,6 +143,7 @@ def seen_axis(history):
     return seen_directors_and_rates(history)[:, AXIS]
 
 
+@pytest.mark.slow
 @pairs
 def test_heavy_top_at_the_first_time(integrator, treatment):
     """With the whole triad, which turns by 15 rad about the axis of the top until then."""
@@ -156,6 +159,7 @@ def test_heavy_top(integrator, treatment):
     converge(top.scene(), (integrator, treatment), 1 / 600, times, seen_axis, R2[:, AXIS])
 
 
+@pytest.mark.slow
 @pairs
 @pytest.mark.parametrize(("name", "times"), [("slow", [0.2, 0.4]), ("fast", [0.1, 0.2])])
 def test_steady_precession(integrator, treatment, name, times):
@@ -173,6 +177,7 @@ def test_steady_precession(integrator, treatment, name, times):
 R3 = np.array([directors_and_rates(row) for row in DATA["R3"]["state"]])
 
 
+@pytest.mark.slow
 @pairs
 def test_free_body(integrator, treatment):
     pair = (integrator, treatment)
@@ -186,6 +191,7 @@ def test_free_body_for_a_hundred_seconds(integrator, treatment):
     converge(free.scene(), pair, 1 / 25, DATA["R3"]["t"], seen_directors_and_rates, R3, levels=4)
 
 
+@pytest.mark.slow
 def test_first_order_start_would_be_seen():
     """Negative: a momentum that is off by O(h) at the start spoils the ratio of 4."""
     system = free.scene()
@@ -238,6 +244,7 @@ def converge_windows(pair, h, times, **options):
     converge(system, pair, h, times, seen, reference, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # passes a singular position
 @first_pair
 def test_four_bar_windows(integrator, treatment):
@@ -254,6 +261,7 @@ def test_four_bar_windows_for_ten_seconds(integrator, treatment):
     converge_windows((integrator, treatment), 0.02, DATA["R5"]["t"], levels=4)
 
 
+@pytest.mark.slow
 def test_passing_several_rows_at_once_is_reported(caplog):
     """Both loops lie flat together: the sign of a determinant would not change."""
     passes = pytest.warns(sc.AccuracyWarning, match="has passed a singular position")
@@ -266,6 +274,7 @@ def test_passing_several_rows_at_once_is_reported(caplog):
     assert len(history.meta["warnings"]) == 1  # the first time
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # passes a singular position
 @pairs
 def test_four_bar_windows_stay_parallelograms(integrator, treatment):
@@ -285,6 +294,7 @@ def test_four_bar_windows_stay_parallelograms(integrator, treatment):
 
 
 # the windows pass singular positions
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pairs
 @pytest.mark.parametrize("off", [0.0, 0.5, 1e-6, 0.5 + 1e-6])
@@ -311,6 +321,7 @@ def test_four_bar_windows_at_singular_nodes_and_midpoints(integrator, treatment,
 
 
 # the windows pass singular positions
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pairs
 def test_four_bar_windows_start_in_a_singular_position(integrator, treatment):
@@ -358,11 +369,13 @@ def converge_squeezer(pair, h, times, motor, levels=3):
     return limit
 
 
+@pytest.mark.slow
 @first_pair
 def test_squeezer(integrator, treatment):
     converge_squeezer((integrator, treatment), 2e-4, [0.005, 0.01], "actuator")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_squeezer_with_its_torque_as_a_load(integrator):
     converge_squeezer((integrator, sc.Multipliers), 2e-4, [0.005], "moment")
@@ -376,6 +389,7 @@ def test_squeezer_to_the_end(integrator, treatment):
     assert abs(limit[-1] - DATA["R6"]["literature"]).max() < 3e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
 def test_squeezer_energy_balance(treatment):
     """Energy-momentum: kinetic and spring energy grow by torque times angle."""
@@ -407,6 +421,7 @@ def converge_chain(pair, count, until, h, **options):
     converge(system, pair, h, times, seen, reference, **options)
 
 
+@pytest.mark.slow
 @pairs
 @pytest.mark.parametrize(("count", "until", "h"), [(1, 2.0, 0.02), (2, 1.0, 0.01), (5, 0.5, 0.02)])
 def test_chain(integrator, treatment, count, until, h):

@@ -35,6 +35,7 @@ def bifurcation(scene, until, treatment=sc.NullSpace):
     return criticals(history, "bifurcation")[0]["load_factor"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "direction", "until"),
     [
@@ -56,6 +57,7 @@ def test_treatments_end_in_one_state(scene, direction, until):
 # -- S6: Lee's frame -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("elements", "order", "treatment", "tolerance"),
     [
@@ -82,6 +84,7 @@ def test_lee_frame(elements, order, treatment, tolerance):
 CURVE = np.array(DATA["S7"]["curve"])
 
 
+@pytest.mark.slow
 @treatments
 def test_toggle_limit_points(treatment):
     scene = scenes.toggle(6, 4)
@@ -98,6 +101,7 @@ def test_toggle_limit_points(treatment):
 WITHOUT_SHEAR = [(0.23205486225, 33.861233003), (0.39168957119, 31.262583109)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("treatment", "arc"),
     [
@@ -118,6 +122,7 @@ def test_toggle_limit_points_beside_a_far_stiffer_motion(treatment, arc):
         assert -scene.displacement(history, entry["state"])[1] == pytest.approx(w, rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_toggle_curve(half):
     """By displacement control; with both members the symmetric path is kept."""
@@ -130,6 +135,7 @@ def test_toggle_curve(half):
     assert len(criticals(history, "limit")) == 2
 
 
+@pytest.mark.slow
 def test_load_steps_end_at_a_limit_point():
     """Negative: the load cannot be raised further; the path is kept and says why."""
     scene = scenes.toggle(4, 3)
@@ -155,6 +161,7 @@ def test_arch():
     assert found["Pcr"] == pytest.approx(data["P"], rel=2e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment", ["null-space", pytest.param("multipliers", marks=pytest.mark.slow)]
 )
@@ -168,6 +175,7 @@ def test_arch_with_either_treatment(treatment):
 PRANDTL = DATA["S9 Prandtl"]["c"] * np.sqrt(scenes.STRIP["across"] * scenes.STRIP["GJ"]) / 240**2
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize(("elements", "order"), [(12, 3), (8, 4)])
 def test_strip(elements, order, treatment):
@@ -178,6 +186,7 @@ def test_strip(elements, order, treatment):
     )
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize(("elements", "order"), [(8, 3), (6, 4)])
 def test_right_angle_frame(elements, order, treatment):
@@ -186,6 +195,7 @@ def test_right_angle_frame(elements, order, treatment):
     assert load == pytest.approx(DATA["S9b"]["again"]["critical"], rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("build", "until", "expected"),
     [
@@ -204,6 +214,7 @@ def test_without_deflections_before_buckling(build, until, expected):
     assert linear == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 @treatments
 def test_hinged_frame(treatment):
     """With deflections before buckling it is 2.2e-5 above the closed form."""
@@ -219,6 +230,7 @@ EULER = {
 }
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("pinned", [True, False])
 def test_column(pinned, treatment):
@@ -231,6 +243,7 @@ def test_column(pinned, treatment):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(6, abs=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment", [sc.NullSpace, pytest.param(sc.Multipliers, marks=pytest.mark.slow)]
 )
@@ -275,6 +288,7 @@ def ring_limits(elements, slenderness, treatment=sc.NullSpace, GJ=1.5):
     return scenes.ring_limits(scene, expected, treatment())[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("elements", "treatment", "GJ", "tolerance"),
     [

@@ -57,6 +57,7 @@ def matrix(quaternion):
     return rotation_matrix(np.array(quaternion)[None])[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "until"),
     [
@@ -83,6 +84,7 @@ def test_treatments_end_in_one_state(scene, until):
 # -- S1: roll-up -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("treatment", "turns", "slenderness"),
     [
@@ -104,6 +106,7 @@ def test_roll_up(treatment, turns, slenderness):
     assert left == pytest.approx(4.42e-7 * turns, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_roll_up_converges_with_order_two_p():
     errors = []
     for elements in (8, 16, 32):
@@ -113,6 +116,7 @@ def test_roll_up_converges_with_order_two_p():
     assert np.log2(errors[-2] / errors[-1]) == pytest.approx(6, abs=0.3)
 
 
+@pytest.mark.slow
 def test_roll_up_on_the_way():
     """Tip at shares of two circles."""
     scene = scenes.roll_up(24, 4, 2)
@@ -126,6 +130,7 @@ def test_roll_up_on_the_way():
 # -- S2: elastica ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", DATA["S2 Reissner"]["values"])
 def test_elastica(row):
     """To the eleven digits of the reference; the root moment is force times lever arm."""
@@ -140,6 +145,7 @@ def test_elastica(row):
     assert abs(root) == pytest.approx(load * scene.position(history)[0], rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", DATA["S2 inextensible"]["values"])
 def test_elastica_inextensible(row):
     """Axial and shear compliance extrapolated to zero."""
@@ -154,6 +160,7 @@ def test_elastica_inextensible(row):
     assert abs(limit - expected).max() < {1: 1e-14, 2: 1e-13, 5: 4e-12, 10: 5e-11}[load]
 
 
+@pytest.mark.slow
 @treatments
 def test_elastica_converges_with_order_two_p(treatment):
     thickness, load, *expected = DATA["S2 Reissner"]["values"][2]
@@ -180,6 +187,7 @@ def bend_error(elements, order):
     return float(np.linalg.norm(scene.position(history) - BEND["plain", 600]["tip"]))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("elements", "order", "limit"),
     [(16, 1, 0.4), (8, 2, 8e-3), (16, 2, 5e-4), (8, 3, 2e-5), (16, 3, 1e-6), (8, 4, 1e-7)],
@@ -188,6 +196,7 @@ def test_bend_error(elements, order, limit):
     assert bend_error(elements, order) <= limit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "elements"), [(1, (16, 32)), (2, (16, 32)), (3, (8, 16)), (4, (8, 16))]
 )
@@ -197,6 +206,7 @@ def test_bend_order(order, elements):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * order, abs=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in BEND if name[0] in SHEAR_FACTOR])
 def test_bend_values(name):
     """Tip, rotation, root moment and strain energy to the digits of the reference."""
@@ -212,6 +222,7 @@ def test_bend_values(name):
         assert history["strain_energy"][-1] == pytest.approx(ENERGY[P], rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("P", [300.0, 450.0, 600.0])
 def test_bend_inextensible(P):
     found = []
@@ -222,6 +233,7 @@ def test_bend_inextensible(P):
     assert extrapolated(found, 2) == pytest.approx(expected, abs=2e-10)
 
 
+@pytest.mark.slow
 def test_bend_ends_in_one_state_however_it_is_loaded():
     """Any number of load steps, either treatment, one step in twelve iterations or fewer."""
     scene, ends = scenes.bend(8, 3), []
@@ -236,6 +248,7 @@ def test_bend_ends_in_one_state_however_it_is_loaded():
     assert max(abs(q - ends[0]).max() for q in ends) < 1e-10 * scale
 
 
+@pytest.mark.slow
 def test_equidistant_nodes_lose_orders():
     """Negative: of the sixth order of cubic elements four are left, of the eighth six."""
     for order, left in ((3, 4), (4, 6)):
@@ -262,12 +275,14 @@ def helix_errors(elements, order, rows, treatment=sc.NullSpace):
     return tips, np.array(turns)
 
 
+@pytest.mark.slow
 def test_helix_for_three_turns():
     tips, turns = helix_errors(40, 4, 6)
     assert tips.max() < 2e-8
     assert turns.max() < 2e-7
 
 
+@pytest.mark.slow
 def test_helix_with_multipliers():
     tips, turns = helix_errors(32, 4, 2, sc.Multipliers)
     assert tips.max() < 1e-9
@@ -293,6 +308,7 @@ def test_helix_to_the_end_with_cubic_elements():
 # -- S5: Princeton beam ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", DATA["S5"]["values"])
 def test_princeton_beam(row):
     P, degrees = row[:2]
@@ -312,6 +328,7 @@ def test_princeton_beam(row):
 RING = np.array(DATA["S11"]["values"])
 
 
+@pytest.mark.slow
 def test_deployable_ring_closes():
     """After a full turn: a third of the radius everywhere, no torque."""
     scene = scenes.deployable_ring(24, 4)
@@ -324,6 +341,7 @@ def test_deployable_ring_closes():
     assert abs(history["joint/drive/moment"][-1]).max() < 1e-6 * RING[:, 1].max()
 
 
+@pytest.mark.slow
 @treatments
 def test_deployable_ring_for_half_a_turn(treatment):
     rows = RING[RING[:, 0] <= 180][::4]
@@ -351,6 +369,7 @@ def test_deployable_ring_to_nine_digits():
 # -- S13: objectivity and path independence --------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("treatment", "turns"),
     [
@@ -376,6 +395,7 @@ def test_strains_do_not_see_superposed_turns():
     assert s13.superposed(scene, q, 10, axis) < 1e-12
 
 
+@pytest.mark.slow
 @treatments
 def test_load_and_unload(treatment):
     """The way back ends in the reference."""
@@ -391,6 +411,7 @@ def test_load_and_unload(treatment):
     assert abs(back["beam/rod/strain"][-1]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_the_end_does_not_depend_on_the_way():
     """Two forces one after the other, in either order, and both at once."""
     system = s13.two_forces(8, 3).system
@@ -422,6 +443,7 @@ def slender_error(elements, order, slenderness):
     return np.linalg.norm(scene.position(history) - TIPS[slenderness])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slenderness", ["100", "1000"])
 def test_slender_arc(slenderness):
     case = DATA["S14"]["cases"][slenderness]
@@ -432,12 +454,14 @@ def test_slender_arc(slenderness):
     assert -history["joint/clamp/moment"][-1] == pytest.approx(case["root_moment"], abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "elements"), [(1, 16), (2, 8), (3, 8), (4, 4)])
 def test_error_does_not_grow_with_slenderness(order, elements):
     thick, *slender = [slender_error(elements, order, z) for z in (100.0, 1000.0, 1e4)]
     assert slender == pytest.approx(2 * [thick], rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "elements"), [(1, 16), (2, 8), (3, 8), (4, 4)])
 def test_full_quadrature_locks(order, elements):
     """Negative: one Gauss point more, and the error grows with slenderness."""

@@ -77,6 +77,7 @@ MESHES = {
 QUARTIC = {"1": (6, 8), "2": (6, 8), "5": (10, 12), "10": (12, 16)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("problem", "load", "order"), STATIC)
 def test_tips_in_order_2p(problem, load, order):
     meshes = QUARTIC[load] if (problem, order) == (elastica, 4) else MESHES[problem, order]

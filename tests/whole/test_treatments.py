@@ -68,6 +68,7 @@ def run(scene, integrator, treatment, again=0):
 
 
 # a coarse swing is quick: its tension is somewhat above what four elements can hold
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @scenes
 @integrators
@@ -81,6 +82,7 @@ def test_both_treatments_give_the_same_motion(scene, integrator):
 
 
 # a coarse swing is quick: its tension is somewhat above what four elements can hold
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @scenes
 @integrators
@@ -96,6 +98,7 @@ def test_few_newton_iterations(scene, integrator, treatment):
 
 
 # a coarse swing is quick: its tension is somewhat above what four elements can hold
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("scene", ["everything", "swing", "distance"])
 @pairs
@@ -106,6 +109,7 @@ def test_repeated_runs_are_identical(scene, integrator, treatment):
         assert np.array_equal(one[name], two[name], equal_nan=True), name
 
 
+@pytest.mark.slow
 @integrators
 def test_unscaled_multipliers_solve_the_same(integrator):
     one = run("spherical", integrator, "multipliers")
@@ -116,6 +120,7 @@ def test_unscaled_multipliers_solve_the_same(integrator):
     assert unscaled.name == "multipliers"
 
 
+@pytest.mark.slow
 @integrators
 def test_loop_of_joints(integrator):
     """Closed loops have tests of their own; here: the same motion in both treatments."""
@@ -144,6 +149,7 @@ def stiff_whip():
     return model.freeze()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # a step far too large
 @integrators
 @treatments
@@ -213,6 +219,7 @@ def pendulum():
     return model.freeze()
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_interrupt_raised_in_a_callback(pendulum, integrator, treatment, tmp_path):
@@ -239,6 +246,7 @@ def test_interrupt_raised_in_a_callback(pendulum, integrator, treatment, tmp_pat
     assert abs(rest["q"] - whole["q"][7:]).max() < 1e-11
 
 
+@pytest.mark.slow
 @pairs
 def test_restart_from_a_loaded_history(pendulum, integrator, treatment, tmp_path):
     """The same run to the Newton tolerance; another step or integrator: the same to O(h^2)."""
@@ -279,6 +287,7 @@ def exact(system):
     return (4 * b - a) / 3
 
 
+@pytest.mark.slow
 @integrators
 def test_callback_stops_the_run(pendulum, integrator):
     pair = INTEGRATORS[integrator], sc.NullSpace()

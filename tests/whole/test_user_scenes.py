@@ -99,6 +99,7 @@ def test_baseline():
     assert abs(sc.MotionShake(t, a).frame(place, 2.0)[0]).max() > 0.1
 
 
+@pytest.mark.slow
 def test_oscillator_on_a_shaking_ground():
     """A mass on a spring, relative motion against the convolution with its response."""
     t = np.linspace(0, 1, 51)
@@ -122,6 +123,7 @@ def test_oscillator_on_a_shaking_ground():
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.slow
 def test_turning_hub_stretches_a_beam():
     """Steady spin of a cantilever along e1: L (tan(k L)/(k L) - 1), k = Omega sqrt(A_rho/EA)."""
     speed, ready = 6.0, 2.0
@@ -149,6 +151,7 @@ def test_turning_hub_stretches_a_beam():
     assert abs(tip[-1, 1:]).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_shaken_supports_of_one_body_must_agree():
     """Two clamps of a rigid body, one on the shaking ground and one on the ground at rest."""
     t = np.linspace(0, 1, 11)
@@ -210,6 +213,7 @@ def test_frequencies_on_a_foundation():
     assert close.any(axis=0).sum() >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_deflection_on_a_foundation(order):
     """A long rail under a load: P lambda/(2 k), lambda^4 = k/(4 EI); nodes converge with 2p."""
@@ -261,6 +265,7 @@ def test_energy_on_a_foundation(integrator, treatment):
         assert drift[1] < 1e-2 and np.log2(drift[0] / drift[1]) > 1.8
 
 
+@pytest.mark.slow
 def test_damped_foundation():
     """What its dampers take is accounted for."""
     model, beam = founded(3, 2, 2e3, damping=20.0)
@@ -298,6 +303,7 @@ def test_bad_foundations():
 # -- pressure --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_pressure_rolls_up_a_ring():
     """Pressure along d2 on a clamped-free strip: a third of a closed form, by its end moment.
 
