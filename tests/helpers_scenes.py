@@ -419,6 +419,45 @@ def null_space(system: System, y: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     return P
 
 
+def assert_null_space(system: System, y: np.ndarray, fixed: np.ndarray) -> None:
+    """``P(y)`` spans all rates that the rows leave free: G P = 0, and ranks add up to n."""
+    G, P = system.constraints.jacobian(y).toarray(), null_space(system, y, fixed)
+    assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
+    assert np.linalg.matrix_rank(P) == P.shape[1] == system.unknowns
+    assert np.linalg.matrix_rank(G) == system.n - system.unknowns == system.rank
+
+
+def two_states(
+    system: System, seed: int = 3, size: float = 0.7
+) -> tuple[np.ndarray, np.ndarray, Reparametrisation]:
+    """Two configurations far from the reference and from each other, and the way between."""
+    rng = np.random.default_rng(seed)
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(system.extend(system.q0, 0.0), system.ground(0.3))
+    for _ in range(3):
+        nodal.add(size * rng.standard_normal(system.unknowns))
+    y0 = nodal.configuration()
+    nodal.begin(y0, system.ground(0.5))
+    for _ in range(2):
+        nodal.add(0.5 * size * rng.standard_normal(system.unknowns))
+    return y0, nodal.configuration(), nodal
+
+
+def assert_constraints(system: System, y: np.ndarray) -> None:
+    """All rows hold, compared with the sizes of their terms."""
+    size = np.maximum(system.constraints.magnitudes(y), 1.0)
+    assert (abs(system.constraints.values(y)) / size).max() < 1e-13
+
+
+def seen(system: System, place: Place, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Position of a place at a configuration (rows, 3), and its rotation since the reference."""
+    r = system.row_of(place)
+    if place.triad is None:
+        return y[r], None
+    directors = y[r + 1 : r + 4]
+    return y[r] + place.offset @ directors, directors.T @ place.triad
+
+
 def triangle(last: type = JointSpherical, **options: Any) -> Model:
     """Three bodies in a ring, hung at one corner: all joints spherical but the last."""
     corners = np.array([[0.0, 0, 0], [1, 0, 0.2], [0.3, 1, 0]])
