@@ -229,25 +229,6 @@ def test_tangent_of_couplings_alone(scheme, size):
     assert abs(K - wanted).max() < 1e-12 * abs(wanted).max()
 
 
-def test_stiffness_is_that_of_the_energy():
-    """At the neutral state the tangent of the energy is the material stiffness."""
-    model = sc.Model()
-    rng = np.random.default_rng(1)
-    a, b = (model.add(n, sc.RigidBody.box(1.0, (1, 2, 3), position=rng.random(3))) for n in "ab")
-    model.add("mount", sc.Bushing(a.at((0, 0, 0)), b.at((0.1, 0, 0)), semidefinite(rng, 6, 6)))
-    model.add("spring", sc.SpringDamper(a.at((1, 0, 0)), b.at((0, 1, 0)), 7.0))
-    system = model.freeze()
-    y = system.extend(system.q0, 0.0)
-    K = np.zeros((system.n, system.n))
-    pairs, blocks = system.couplings.pairs, system.couplings.stiffness(y)
-    for (i, j), block in zip(pairs, blocks, strict=True):
-        K[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] += block
-    d = rng.standard_normal(system.n)
-    h = 1e-4
-    plus, minus = (diagnostics.coupling_energy(system, system.q0 + s * h * d) for s in (1.0, -1.0))
-    assert (plus + minus) / h**2 == pytest.approx(d @ K @ d, rel=1e-5)
-
-
 # -- coordinates -----------------------------------------------------------------------------------
 
 
@@ -521,28 +502,6 @@ def test_spring_pendulum(integrator):
     assert abs((4 * ends[1] - ends[0]) / 3 - exact).max() < 2e-7
 
 
-@pytest.mark.slow
-@integrators
-def test_actuator_between_free_bodies(integrator):
-    """Equal and opposite: each gets ``-+ torque * t``, their centre of mass stays."""
-    model = sc.Model()
-    one = model.add("one", sc.RigidBody(1.0, (0.3, 0.4, 0.5)))
-    two = model.add("two", sc.RigidBody(2.0, (0.6, 0.5, 0.7)))
-    axle = model.add("axle", sc.JointRevolute(one.at((0, 0, 0)), two.at((0, 0, 0)), (0, 0, 1)))
-    ramp = sc.Table([0, 0.5, 1.0], [0, 2.0, 0])
-    model.add("motor", sc.JointActuator(axle, ramp))
-    history = simulate(model.freeze(), integrator, 0.01, 1.0)
-    impulse = 1.0  # of the ramp, N m s
-    rate = history["joint/axle/angle_rate"][-1]
-    assert rate == pytest.approx(impulse / 0.5 + impulse / 0.7, rel=2e-3)
-    assert abs(history["angular_momentum"]).max() < 1e-12
-    work = history["work_actuators"][-1]
-    assert work == pytest.approx(impulse**2 / 2 * (1 / 0.5 + 1 / 0.7), rel=2e-3)
-    assert history["kinetic"][-1] == pytest.approx(
-        work, rel=1e-12 if "energy" in integrator else 1e-2
-    )
-
-
 # -- cables ----------------------------------------------------------------------------------------
 
 
@@ -702,45 +661,6 @@ def test_elements_in_a_closed_loop(integrator, kernels):
         limit = 1e-12 if integrator == "energy-momentum" else 1e-4
         assert abs(history["energy_balance"]).max() < limit * scale
     assert np.ptp(found[0]["joint/pin 2/angle"]) > 0.1
-
-
-def driven(motion):
-    """A crank driven by a motor through gravity, a follower load and a damped spring."""
-    model = sc.Model()
-    crank = model.add("crank", sc.RigidBody.box(2.0, (1, 0.1, 0.1), position=(0.5, 0, 0)))
-    slider = model.add("slider", sc.RigidBody.box(1.0, (0.2, 0.2, 0.2), position=(1, 0, 0)))
-    pin = sc.JointRevolute(sc.ground((0, 0, 0)), crank.at((0, 0, 0)), axis=(0, 1, 0))
-    pin = model.add("pin", pin)
-    rail = sc.JointPrismatic(crank.at((1, 0, 0)), slider.at((1, 0, 0)), axis=(1, 0, 0))
-    rail = model.add("rail", rail)
-    model.add("motor", sc.JointDrive(pin, motion))
-    model.add("spring", sc.JointSpringDamper(rail, 200.0, 1.0))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
-    place = slider.at((1, 0, 0))
-    model.add("thrust", sc.LoadForce(place, (0, 0, 1.0), follower=True))
-    return model.freeze()
-
-
-@pytest.mark.slow
-@treatments
-def test_energy_balance_with_a_drive_and_loads(treatment):
-    history = simulate(driven(lambda t: -2 * t**2), "energy-momentum", 0.01, 1.0, treatment)
-    scale = history["energy"].max()
-    assert history["work_drives"][-1] > 0.5 * scale
-    assert abs(history["work_loads"]).max() > 0.1 * scale
-    assert abs(history["energy_balance"]).max() < 1e-9 * scale
-    assert history["joint/pin/angle"][-1] == pytest.approx(-2.0, abs=1e-12)
-
-
-@pytest.mark.slow
-@treatments
-def test_variational_energy_balance_with_a_drive(treatment):
-    errors = []
-    for h in (0.005, 0.0025):
-        history = simulate(driven(lambda t: -2 * t**2), "variational", h, 0.6, treatment)
-        errors.append(abs(history["energy_balance"]).max())
-    assert errors[0] < 1e-2 * history["energy"].max()
-    assert 1.85 < np.log2(errors[0] / errors[1]) < 2.15
 
 
 @pytest.mark.slow

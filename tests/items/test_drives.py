@@ -335,26 +335,6 @@ def test_a_drive_that_leaves_some_mobility(integrator):
             assert abs(history["energy_balance"]).max() < 1e-11 * abs(history["energy"]).max()
 
 
-@pytest.mark.one_quick
-@treatments
-def test_several_turns(treatment):
-    """A motor on a tree that hangs on a free body: the angle goes on counting."""
-    model = sc.Model()
-    hub = model.add("hub", sc.RigidBody(2.0, TENSOR, angular_velocity=(0.1, 0.2, 0)))
-    x, omega = (0.5, 0, 0), (0.1, 0.2, 0)
-    speed = {"velocity": np.cross(omega, x), "angular_velocity": omega}
-    wheel = sc.RigidBody(0.5, TENSOR, position=x, **speed)
-    model.add("wheel", wheel)
-    axle = model.add("axle", sc.JointRevolute(hub.at((0.5, 0, 0)), wheel.at((0.5, 0, 0)), Z))
-    model.add("motor", sc.JointDrive(axle, lambda t: -15 * t**2))
-    system = model.freeze()
-    assert system.unknowns == 6
-    history = sc.simulate(system, sc.EnergyMomentum(), treatment, 0.02, 1.0)
-    assert abs(history["joint/axle/angle"] + 15 * history.times**2).max() < 1e-12
-    L = history["angular_momentum"]
-    assert abs(L - L[0]).max() < 1e-11 * abs(L[0]).max()  # the motor is an internal force
-
-
 # such steps are much too large
 @pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
