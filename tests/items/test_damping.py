@@ -410,8 +410,8 @@ def test_a_turning_beam_is_not_damped(integrator):
 
 
 @cache
-def damped_crossing(integrator, treatment="null space", step=0.01, kernels="auto"):
-    return run(crossing(), integrator, step, 0.2, treatment, kernels=kernels)
+def damped_crossing(integrator, treatment="null space", step=0.01, until=0.2, kernels="auto"):
+    return run(crossing(), integrator, step, until, treatment, kernels=kernels)
 
 
 @pytest.mark.slow
@@ -458,7 +458,7 @@ def test_balance_of_energy(kernels):
 @pytest.mark.slow
 def test_second_order_in_the_step(integrator):
     """Of motion, forces and dissipation; of the balance of energy with the variational scheme."""
-    runs = [damped_crossing(integrator, step=step) for step in (0.004, 0.002, 0.001)]
+    runs = [damped_crossing(integrator, step=h, until=0.12) for h in (0.004, 0.002, 0.001)]
     for name in ("q", "v", "dissipated", "beam/frame/resultant"):
         coarse, fine = (abs(a[name][-1] - b[name][-1]).max() for a, b in pairwise(runs))
         assert np.log2(coarse / fine) == pytest.approx(2, abs=0.03), name
@@ -498,7 +498,7 @@ def test_section_forces_with_the_viscous_part(integrator, central):
     system, found = crossing(), []
     frame, boom = system.structures[:2]
     for step in (0.004, 0.002, 0.001):
-        history = damped_crossing(integrator, step=step)
+        history = damped_crossing(integrator, step=step, until=0.12)
         q, v = history["q"], history["v"]
         if central:
             v = np.gradient(q, history.times, axis=0)

@@ -250,7 +250,7 @@ def run(kind, integrator, treatment):
     start = sc.initial_state(system, v=sc.project(system, system.q0, v))
     reports = []
     options = {"start": start, "callbacks": [reports.append]}
-    history = sc.simulate(system, integrator, treatment, 0.01, 0.1, **options)
+    history = sc.simulate(system, integrator, treatment, 0.01, 0.06, **options)
     STEPS[kind, integrator, treatment] = reports
     return history
 
@@ -261,7 +261,7 @@ def run(kind, integrator, treatment):
 def test_both_treatments_give_the_same_motion(kind, integrator):
     one, two = (run(kind, integrator, treatment) for treatment in TREATMENTS)
     assert abs(one["q"] - two["q"]).max() < 1e-10
-    assert abs(one["q"][-1] - one["q"][0]).max() > 0.1
+    assert abs(one["q"][-1] - one["q"][0]).max() > 0.05
     assert one["constraint_violation"].max() < 1e-12
     assert two["constraint_violation"].max() < 1e-11
     for history in (one, two):
@@ -440,7 +440,7 @@ def random_run(seed, integrator, treatment):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(100, 108))
+@pytest.mark.parametrize("seed", range(100, 104))
 @integrators
 def test_treatments_agree_on_random_trees(seed, integrator):
     one, two = (random_run(seed, integrator, treatment) for treatment in TREATMENTS)
