@@ -38,29 +38,6 @@ def test_imperfect_column_bends_the_way_it_is_pushed(order, elements, side, unti
 
 
 @pytest.mark.slow
-def test_critical_points_lie_in_their_steps():
-    """A portal frame that sways in its plane passes two motions out of it, in order and once."""
-    section = sc.Section([4e8, 4e8, 1e9, 2e6, 2e6, 1e6], mass=20.0, inertia=(0.1, 0.1))
-    points = [(0, 0, 0), (0, 0, 4), (6, 0, 4), (6, 0, 0)]
-    mesh = sc.MeshCurve.init_polyline(points, 2, name="f", nodes={"A": 2 / 7, "B": 5 / 7})
-    model = sc.Model()
-    frame = model.add("f", sc.Beam(mesh, section, order=4, director=(0, 1, 0)))
-    for name, where in (("start", points[0]), ("end", points[3])):
-        model.add(name, sc.JointFixed(sc.ground(where), frame.node(f"f.{name}")))
-    for name in "AB":
-        model.add(name, sc.LoadForce(frame.node(name), (1e3 * (name == "A"), 0, -1e5)))
-    path, fine = (
-        sc.static(model, control=sc.LoadControl(10.0, **options), derive=False)
-        for options in ({}, {"longest": 0.2})
-    )
-    assert (np.diff(path.times) > 0).all()
-    loads, kept = ([c["load_factor"] for c in h.meta["critical"]] for h in (path, fine))
-    assert len(loads) == 2
-    assert loads == pytest.approx(kept, rel=1e-6)
-    assert path["q"][-1] == pytest.approx(fine["q"][-1], abs=1e-8)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("treatment", "mode", "sign"), [(sc.NullSpace(), 0, 1), (sc.Multipliers(), 1, -1)]
 )

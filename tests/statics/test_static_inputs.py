@@ -162,20 +162,6 @@ def test_stresses_hold_a_motion(treatment):
     assert path["q"][-1, 0] / -path["q"][-1, 2] == pytest.approx(1 / 9.81, rel=1e-12)
 
 
-@treatments
-def test_weight_on_what_is_not_stressed_yet(treatment):
-    """Nothing holds the motion at the start, the tension of the weight does."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -1)))
-    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), ball.place(), 100.0))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    model.add("force", sc.LoadForce(ball.place(), (1.0, 0, 0)))
-    path = sc.static(model, treatment, factors={"weight": 1.0})
-    assert path["q"][0] == pytest.approx([0, 0, -1 - 9.81 / 100], abs=1e-12)
-    assert path["q"][-1, 0] / -path["q"][-1, 2] == pytest.approx(1 / 9.81, rel=1e-12)
-    assert np.linalg.norm(path["q"][-1]) == pytest.approx(1 + np.hypot(9.81, 1) / 100, rel=1e-12)
-
-
 @pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize("count", [2, 3])
@@ -223,16 +209,6 @@ def beam_on_springs_with_its_weight():
     return model
 
 
-def point_drawn_along_two_springs():
-    """A string without tension: the weight acts along the motion that nothing holds."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, (1, 0, 0)))
-    for k in (0, 2):
-        model.add(f"spring {k}", sc.SpringDamper(sc.ground((k, 0, 0)), ball.place(), 10.0))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    return model
-
-
 @pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize(
@@ -259,16 +235,6 @@ def test_a_beam_that_hangs_bent_may_turn_about_its_axis(treatment):
     for name in ("rod.start", "rod.end"):
         sag = path.position(model["rod"].node(name))[-1, 2]
         assert sag == pytest.approx(-1 - 0.05 / 1e3, abs=1e-7)
-
-
-@treatments
-def test_weight_along_a_motion_that_nothing_holds_yet(treatment):
-    """It draws two springs in a line, whose tension holds it in the end."""
-    system = point_drawn_along_two_springs().freeze()
-    path = sc.static(system, treatment, sc.LoadControl(2.0), factors={"weight": 1.0})
-    z = path["q"][-1, 2]
-    length = np.hypot(1, z)
-    assert 20 * (length - 1) * -z / length == pytest.approx(9.81, rel=1e-12)
 
 
 @treatments
@@ -365,22 +331,6 @@ def test_what_turns_about_its_rod_once_it_hangs(treatment):
     words = r"'last': can move freely in the equilibrium .*about \(0, 0, 1\)"
     with pytest.raises(sc.InputError, match=words):
         sc.static(hanging_chain(rod=True, off=0.05), treatment, factors={"weight": 1.0})
-
-
-@pytest.mark.slow
-@treatments
-def test_motions_of_a_loaded_start_are_those_that_its_stress_leaves(treatment):
-    """A box on a cable that just fits: all six are free without its weight, one with it."""
-    model = sc.Model()
-    box = model.add("box", sc.RigidBody.box(1.0, (0.2, 0.2, 0.2), position=(0, 0, -1.1)))
-    top = box.at((0, 0, -1))
-    model.add("cable", sc.Cable(sc.ground((0, 0, 0)), top, stiffness=1e3, length=1.0))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    with pytest.raises(sc.InputError, match=r"at the start .*one of 6 such"):
-        sc.static(model, treatment)
-    words = r"rigid body 'box': can move freely in the equilibrium .*about \(0, 0, 1\)"
-    with pytest.raises(sc.InputError, match=words):
-        sc.static(model, treatment, factors={"weight": 1.0})
 
 
 def slack_stay(slide, fits=True):

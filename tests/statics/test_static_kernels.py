@@ -10,12 +10,11 @@ import itertools
 import numpy as np
 import pytest
 import static_scenes as scenes
-from helpers_scenes import SHAKE, lattice
+from helpers_scenes import SHAKE
 from test_static_inputs import hanging_without_weight
 from test_statics import SPIN, assembly, braced, cantilever, linkage, ring, treatments
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled import plan
 
 
 def both(system, *arguments, **options):
@@ -141,16 +140,6 @@ def test_frames_by_displacement(scene, way, until):
     difference = abs(other["q"] - one["q"])[-1].max()
     assert difference < 1e-11 * scene.system.length
     assert other["load_factor"] == pytest.approx(one["load_factor"], rel=1e-9)
-
-
-def test_lattices(monkeypatch):
-    """What elimination in blocks leaves goes to another solver; stability is looked at plainly."""
-    monkeypatch.setattr(plan, "FILLED", 0)
-    monkeypatch.setattr(plan, "THIN", -1)
-    system = lattice(2, 2)
-    plain, compiled = both(system, control=sc.LoadControl(steps=2))
-    assert "blocks, " in compiled.meta["solver"]
-    assert_same(plain, compiled)
 
 
 def test_a_held_instant(kernels):
@@ -294,20 +283,6 @@ def test_bent_thin_rods_of_higher_order_take_as_many_iterations(order, bending, 
     total, found = (path["newton_iterations"].sum() for path in (one, other))
     assert found <= 1.2 * total
     assert abs(other["q"][-1] - one["q"][-1]).max() < 1e-11
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:argument step:skfem_cosserat.AccuracyWarning")
-def test_thin_rods_move_by_as_many_iterations():
-    """The same in motion, where masses are too small to hold anything."""
-    pytest.importorskip("numba")
-    run = thin(1e8, (1, 0, 0), 1e-6), sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.3
-    settings = sc.NewtonSettings(reuse=0)
-    one, other = (
-        sc.simulate(*run, kernels=kernels, settings=settings)["newton_iterations"].sum()
-        for kernels in ("numpy", "numba")
-    )
-    assert abs(other - one) <= 0.05 * one
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_scenes import TENSOR, everything, random_tree, swing, triangle
+from helpers_scenes import TENSOR, everything, random_tree, swing
 
 import skfem_cosserat as sc
 
@@ -109,19 +109,6 @@ def test_unscaled_multipliers_solve_the_same():
     assert abs(one["q"] - two["q"]).max() < 1e-10
 
 
-@pytest.mark.slow
-def test_loop_of_joints():
-    """Closed loops have tests of their own; here: the same motion in both treatments."""
-    system = triangle().freeze()
-    one, two = (
-        sc.simulate(system, sc.EnergyMomentum(), treatment, 0.01, 0.3)
-        for treatment in TREATMENTS.values()
-    )
-    assert one["constraint_violation"].max() < 1e-12
-    assert two["constraint_violation"].max() < 1e-11
-    assert abs(one["q"] - two["q"]).max() < 1e-10
-
-
 # -- failures --------------------------------------------------------------------------------------
 
 
@@ -207,32 +194,6 @@ def pendulum():
 
 @pytest.mark.slow
 @straight
-def test_interrupt_raised_in_a_callback(pendulum, integrator, treatment, tmp_path):
-    def stop(report):
-        if report.state.index == 7:
-            raise KeyboardInterrupt
-
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    path = tmp_path / "run.history"
-    history = sc.simulate(pendulum, *pair, 0.01, 0.3, callbacks=[stop], path=path)
-    assert history.status == "interrupted"
-    whole = sc.simulate(pendulum, *pair, 0.01, 0.3)
-    loaded = sc.History.load(path)
-    assert loaded.status == "interrupted"
-    for h in (history, loaded):
-        assert h["step"].tolist() == list(range(8))
-        assert np.array_equal(h["q"], whole["q"][:8])
-        assert np.array_equal(h["p"][:-1], whole["p"][:7])
-        assert np.isfinite(h["p"]).all()
-        assert np.isfinite(h["energy"]).all()
-    # and it goes on from there
-    start = sc.restart(pendulum, loaded, pair[0], 0.01)
-    rest = sc.simulate(pendulum, *pair, 0.01, 0.3, start=start)
-    assert abs(rest["q"] - whole["q"][7:]).max() < 1e-11
-
-
-@pytest.mark.slow
-@straight
 def test_restart_from_a_loaded_history(pendulum, integrator, treatment, tmp_path):
     """The same run to the Newton tolerance; another step or integrator: the same to O(h^2)."""
     pair = INTEGRATORS[integrator], TREATMENTS[treatment]
@@ -270,20 +231,3 @@ def exact(system):
         for h in (0.002, 0.001)
     )
     return (4 * b - a) / 3
-
-
-@pytest.mark.slow
-def test_callback_stops_the_run(pendulum):
-    pair = sc.Variational(), sc.NullSpace()
-    history = sc.simulate(
-        pendulum, *pair, 0.01, 0.3, callbacks=[lambda report: report.state.time > 0.1499]
-    )
-    assert history.status == "stopped"
-    assert history["step"][-1] == 15
-    whole = sc.simulate(pendulum, *pair, 0.01, 0.3)
-    assert np.array_equal(history["q"], whole["q"][:16])
-    for name in ("p", "constraint_force"):  # the last ones follow from the steps before alone
-        assert np.array_equal(history[name][:15], whole[name][:15]), name
-    # what is not True itself does not stop it
-    longer = sc.simulate(pendulum, *pair, 0.01, 0.05, callbacks=[lambda report: 1])
-    assert longer.status == "completed"
