@@ -209,15 +209,6 @@ def test_resumed_map(tmp_path):
     assert len((tmp_path / "calls").read_text().splitlines()) == 24  # judged anew
 
 
-@pytest.mark.slow
-def test_processes_give_what_one_process_gives(oscillator):
-    with sc.Processes(2) as executor:
-        axes = {"omega": OMEGAS, "step": STEPS}
-        there = stability_map(helpers.leapfrog, axes, helpers.judged, executor)
-    for name in ("status", "time", "energy_error", "newton_residual"):
-        np.testing.assert_array_equal(getattr(there, name), getattr(oscillator, name))
-
-
 # -- files -----------------------------------------------------------------------------------------
 
 

@@ -38,25 +38,6 @@ def test_imperfect_column_bends_the_way_it_is_pushed(order, elements, side, unti
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("treatment", "mode", "sign"), [(sc.NullSpace(), 0, 1), (sc.Multipliers(), 1, -1)]
-)
-def test_round_column_buckles_in_a_plane(treatment, mode, sign):
-    """Its plane of bending is free: nothing may turn it on the way."""
-    model, end = column(EI=(20.0, 20.0))
-    path = sc.static(model, control=sc.LoadControl(60.0), derive=False)
-    assert [(c["kind"], c["multiplicity"]) for c in path.meta["critical"]] == [("bifurcation", 2)]
-    start = sc.branch(model, path, sign=sign, mode=mode)
-    assert repr(start).startswith("Branch(t=49.3") and len(repr(start)) < 60
-    bent = sc.static(model, treatment, sc.ArcLength(until=60.0), start=start, derive=False)
-    assert len(bent) < 30
-    assert (bent["unstable"][1:] == 0).all()
-    where = at(bent, end)
-    normal = np.cross(where[-1], (1.0, 0, 0))
-    assert abs(where @ normal).max() < 1e-6 * np.linalg.norm(normal)
-
-
-@pytest.mark.slow
 def test_soft_part_on_a_stiff_one_bends():
     """That a stiffness is rounding beside that of another part does not make it rounding."""
 

@@ -238,22 +238,6 @@ def test_a_beam_that_hangs_bent_may_turn_about_its_axis(treatment):
 
 
 @treatments
-def test_weight_holds_what_hangs(treatment):
-    """Two links with their weight held: what each pulls at is what hangs below its hinge."""
-    model, y = sc.Model(), {"axis": (0, 1, 0)}
-    first = model.add("first", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, -0.5)))
-    second = model.add("second", sc.RigidBody.box(2.0, (0.1, 0.1, 1.0), position=(0, 0, -1.5)))
-    model.add("one", sc.JointRevolute(sc.ground((0, 0, 0)), first.at((0, 0, 0)), **y))
-    model.add("two", sc.JointRevolute(first.at((0, 0, -1)), second.at((0, 0, -1)), **y))
-    model.add("weight", sc.LoadGravity((0, 0, -10.0)))
-    model.add("push", sc.LoadForce(second.at((0, 0, -2)), (2.0, 0, 0)))
-    path = sc.static(model, treatment, factors={"weight": 1.0})
-    angles = [path[f"joint/{name}/angle"][-1] for name in ("one", "two")]
-    assert -angles[0] == pytest.approx(np.arctan(2 / (0.5 * 10 + 20)), rel=1e-12)
-    assert -sum(angles) == pytest.approx(np.arctan(2 / (0.5 * 20)), rel=1e-12)
-
-
-@treatments
 def test_spin_holds_a_blade(treatment):
     """On a flapping hinge: m Omega^2 L^2/3 tan(beta) cos^2(beta) = F L cos(beta)."""
     model = sc.Model()

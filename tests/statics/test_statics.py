@@ -831,9 +831,12 @@ def test_equal_stiffness_about_both_axes(treatment, mode):
     sideways = [d[4 * tip.vertex, 1:] for d in (one, two)]
     assert abs(np.linalg.det(sideways)) > 0.1 * np.prod(np.linalg.norm(sideways, axis=1))
     start = sc.branch(model, path, mode=mode)
+    assert repr(start).startswith("Branch(t=2.467") and len(repr(start)) < 60
     side = sc.static(model, treatment, sc.ArcLength(8, length=0.05), start=start)
     assert side.meta["critical"] == []  # the plane of bending is free to turn: no crossing
-    away = np.linalg.norm(at(side, tip)[:, 1:], axis=1)
+    where = at(side, tip)
+    away = np.linalg.norm(where[:, 1:], axis=1)
+    assert abs(where @ np.cross(where[-1], (1.0, 0, 0))).max() < 1e-6 * away[-1]  # in a plane
     assert away[-1] > 0.1
     assert abs(side["load_factor"] - elastica(away)).max() < 1e-5
 

@@ -100,30 +100,6 @@ def test_baseline():
 
 
 @pytest.mark.slow
-def test_oscillator_on_a_shaking_ground():
-    """A mass on a spring, relative motion against the convolution with its response."""
-    t = np.linspace(0, 1, 51)
-    a = 2.0 * np.sin(7 * t) * (1 - t)
-    shake = sc.MotionShake(t, np.outer(a, (1.0, 0, 0)))
-    base = sc.ground((0, 0, 0), shake)
-    omega = 12.0
-    errors = []
-    for step in (5e-3, 2.5e-3):
-        model = sc.Model()
-        block = model.add("block", sc.RigidBody.box(1.0, (0.1, 0.1, 0.1)))
-        rail = model.add("rail", sc.JointPrismatic(base, block.at((0, 0, 0)), axis=(1, 0, 0)))
-        model.add("spring", sc.JointSpringDamper(rail, stiffness=omega**2))
-        run = sc.EnergyMomentum(), sc.NullSpace(), step, 1.0
-        history = sc.simulate(model.freeze(), *run)
-        relative = history["joint/rail/displacement"].ravel()
-        kernel = lambda r: -np.interp(r, t, a) * np.sin(omega * (1 - r)) / omega  # noqa: E731
-        exact = quad(kernel, 0, 1, limit=400, epsabs=1e-11)[0]
-        errors.append(abs(relative[-1] - exact))
-    assert errors[-1] < 2e-5
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
-
-
-@pytest.mark.slow
 def test_turning_hub_stretches_a_beam():
     """Steady spin of a cantilever along e1: L (tan(k L)/(k L) - 1), k = Omega sqrt(A_rho/EA)."""
     speed, ready = 6.0, 2.0
