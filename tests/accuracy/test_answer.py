@@ -9,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from answer_scenes import ALUMINIUM, STEEL, Scene, clamp, drawn, rod, weight
+from test_answer_scenes import ALUMINIUM, STEEL, Scene, clamp, drawn, rod, weight
 
 import skfem_cosserat as sc
 from skfem_cosserat.accuracy import Component, Maximum

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 from functools import partial
-from itertools import pairwise
 
 import helpers_studies as problems
 import numpy as np
@@ -457,16 +456,6 @@ def test_values_that_are_not_finite_fail_their_level():
     assert "fewer than four levels" in study.verdicts["value"]
 
 
-def test_a_series_of_which_nothing_comes():
-    def problem(elements, order):
-        return problems.trapezoid(elements) if order == 1 else np.nan
-
-    study = refine(problem, elements=(4, 8, 16, 32), order=(1, 2))
-    assert abs(study.orders["value, order = 1"].order - 2) < 0.02
-    assert study.verdicts["value, order = 2"] == "fewer than four levels"
-    assert np.isnan(study.estimate["value, order = 2"]).all()
-
-
 def test_all_levels_may_fail():
     study = refine(lambda elements: 1 / 0, elements=(4, 8))
     assert {row["status"] for row in study.rows} == {"error"}
@@ -692,13 +681,6 @@ def test_bad_instants(times):
         AtInstants(times)
 
 
-def test_pairs_shown_are_those_of_the_errors():
-    study = refine(problems.trapezoid, elements=FOUR, reference=math.e - 1)
-    errors = study.orders["value"].errors
-    expected = [np.log2(a / b) for a, b in pairwise(errors)]
-    assert [row["order_value"] for row in study.rows[1:]] == pytest.approx(expected)
-
-
 def test_histories_become_paraview_series(tmp_path):
     levels = {"elements": (2, 4), "step": (0.05, 0.025)}
     quantities = {"tip": problems.last_tip}
@@ -709,8 +691,5 @@ def test_histories_become_paraview_series(tmp_path):
     for folder, paths in zip(folders, written.values(), strict=True):
         assert folder / "beams.pvd" in paths
         assert (folder / "beams.pvd").read_text().count("<DataSet") == 7
-    last = study.values["tip"]["elements = 4, step = 0.025"]
-    again = refine(problems.swing_up, **levels, quantities=quantities, folder=tmp_path / "kept")
-    np.testing.assert_array_equal(again.values["tip"]["elements = 4, step = 0.025"], last)
     with pytest.raises(InputError, match=r"its result is a float, ParaView series need a History"):
         refine(problems.trapezoid, elements=(2, 4)).paraview(tmp_path)

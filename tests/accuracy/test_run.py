@@ -67,7 +67,10 @@ def threads():
         yield executor
 
 
-@pytest.fixture(params=["serial", "processes", "pool", "threads"])
+POOL = pytest.param("pool", marks=pytest.mark.slow)  # its workers take seconds to start
+
+
+@pytest.fixture(params=["serial", "processes", POOL, "threads"])
 def executor(request):
     """Each way of running jobs."""
     return None if request.param == "serial" else request.getfixturevalue(request.param)
@@ -324,17 +327,6 @@ def test_an_executor_that_does_not_pay_is_told(monkeypatch):
         assert [outcome.value for outcome in sc.run_all(jobs, Late())] == [2.0, 3.0]
 
 
-def test_order_of_jobs_not_of_ends(threads):
-    """The first one is done last; progress tells them as they come."""
-    told = []
-    waits = (0.3, 0.05, 0.1)
-    jobs = [sc.Job(f"{wait}", slow, wait) for wait in waits]
-    out = sc.run_all(jobs, threads, progress=lambda done, count, outcome: told.append(outcome.name))
-    assert [outcome.value for outcome in out] == list(waits)
-    assert told == ["0.05", "0.1", "0.3"]
-    assert out[0].seconds >= 0.3 > out[1].seconds
-
-
 def test_line_of_progress(capsys):
     sc.run_all([sc.Job("a", math.sqrt, 1.0), sc.Job("b", math.sqrt, -1.0)], progress=True)
     assert "2 of 2 jobs done, last 'b'" in capsys.readouterr().err
@@ -389,7 +381,7 @@ def test_any_error_travels(executor):
     assert good.value == 2.0
 
 
-@pytest.mark.parametrize("name", ["processes", "pool", "threads"])
+@pytest.mark.parametrize("name", ["processes", POOL, "threads"])
 def test_what_cannot_travel_back_is_an_outcome(name, request):
     """An exception that cannot be read breaks a ProcessPoolExecutor that gets it by itself."""
     jobs = [
@@ -590,16 +582,6 @@ def test_a_local_function_and_an_object_that_cannot_travel():
     with pytest.raises(sc.InputError, match=r"argument callbacks: .*lock"):
         sc.run_all([sc.Job("a", print, callbacks=threading.Lock())], Refusing())
     assert sc.run_all([sc.Job("a", local)])[0].value == 1
-
-
-@pytest.mark.plain
-def test_ready_objects_and_module_functions_travel(processes):
-    """A table, and a function at the top level of a module, also with parameters."""
-    for amplitude in (sc.Table([0, 1], [0, 2]), waving, partial(pow, 2.0)):
-        system = loaded(value=(1, 0, 0), amplitude=amplitude).freeze()
-        arguments = system, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 0.5
-        (outcome,) = sc.run_all([sc.Job("a", sc.simulate, *arguments)], processes)
-        equal_histories(outcome.result(), sc.simulate(*arguments))
 
 
 @pytest.mark.one_quick

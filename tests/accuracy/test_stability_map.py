@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import warnings
-from dataclasses import replace
 from functools import partial
 
 import helpers_precision as helpers
@@ -276,17 +275,6 @@ def test_chart_with_the_explicit_limit(oscillator, tmp_path):
     assert texts[2:] == ["soft (no cell beyond)", "stiff (all cells beyond)"]
     with pytest.raises(InputError, match=r"map\.xyz'.*\.xyz, expected one of"):
         oscillator.chart(tmp_path / "map.xyz")
-
-
-def test_chart_with_words_of_the_user(oscillator, tmp_path):
-    pytest.importorskip("matplotlib")
-    cells = oscillator.cells.copy()
-    cells[0, 0] = Verdict("not run")
-    words = {"omega": "frequency in rad/s", "blowup": "it blows up"}
-    figure = replace(oscillator, cells=cells).chart(tmp_path / "map.svg", labels=words)
-    assert figure.axes[0].get_ylabel() == "frequency in rad/s"
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["solved", "it blows up", "not run"]
 
 
 @pytest.mark.slow

@@ -393,18 +393,6 @@ def _raises(problem):
     raise RuntimeError("out of order")
 
 
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # two elements under tension
-def test_a_history_as_reference():
-    fine = partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=1e-3)
-    setups = [("coarse", partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=4e-3))]
-    errors = [
-        work_precision(2, setups, reference, {"tip": helpers.tip}, repeats=1).rows[0]["error_tip"]
-        for reference in (fine, fine(2))
-    ]
-    assert errors[0] > 1e-6 and errors == [errors[0]] * 2
-
-
 @pytest.mark.parametrize("cost", ["cheap", -1.0, math.nan])
 def test_costs_that_are_none(cost):
     setups = [("odd", lambda problem: {"x": 1.0, "cost_s": cost})]

@@ -55,34 +55,6 @@ def test_a_cantilever_of_few_elements(elements, order, theory):
         assert not texts
 
 
-def portal(order):
-    """A frame of three straight members, one element each, pushed at its beam."""
-    corners = [(0, 0, 0), (0, 0, 3), (4, 0, 3), (4, 0, 0)]
-    mesh = sc.MeshCurve.init_polyline(corners, 1, name="frame")
-    model = sc.Model()
-    frame = model.add("frame", sc.Beam(mesh, TUBE, order=order))
-    for name in ("frame.start", "frame.end"):
-        node = frame.node(name)
-        model.add(name, sc.JointFixed(sc.ground(node.position), node))
-    model.add("push", sc.LoadForce(frame.node((0, 0, 3)), (10.0, 0, 0)))
-    return model, frame.node((0, 0, 3))
-
-
-@pytest.mark.slow
-def test_a_portal_frame_of_one_element_a_member():
-    """Linear members are far too stiff, and it is told how much is missing; those of order 3 not.
-
-    The estimate is compared with the displacement of the finer frame.
-    """
-    sway = {}
-    for order in (1, 2, 3):
-        model, knee = portal(order)
-        path, texts = told(sc.static, model, watch=False)
-        sway[order] = path.position(knee)[-1, 0]
-        assert bool(texts) == (order == 1)
-    assert sway[1] < 0.7 * sway[3] and sway[2] == pytest.approx(sway[3], rel=1e-3)
-
-
 def test_a_truss_bends_nowhere():
     """Bars with spherical joints at their ends carry tension only: linear elements are exact."""
     model = sc.Model()

@@ -63,21 +63,6 @@ def test_soft_part_on_a_stiff_one_bends():
     assert more <= few + 2  # rounding does not keep iterations going
 
 
-@pytest.mark.slow
-def test_round_steel_column():
-    """Of a real section, six orders of magnitude between stretching and bending."""
-    steel = sc.Material(E=210e9, nu=0.3, rho=7850)
-    model, tip = cantilever(sc.SectionCircle(5e-3, steel))
-    model.add("push", sc.LoadForce(tip, (-1.0, 0, 0)))
-    euler = np.pi**2 / 4 * 210e9 * np.pi / 4 * 5e-3**4
-    path = sc.static(model, control=sc.LoadControl(1.2 * euler), derive=False)
-    assert path.meta["critical"][0]["load_factor"] == pytest.approx(euler, rel=1e-3)
-    start, on = sc.branch(model, path), sc.ArcLength(until=1.2 * euler)
-    bent = sc.static(model, control=on, start=start, derive=False)
-    assert bent["load_factor"][-1] == pytest.approx(1.2 * euler)
-    assert len(bent) < 30
-
-
 #: where the shallow truss snaps through, ``l^3 = l0``: height, load
 CREST = np.sqrt(1.09 ** (1 / 3) - 1)
 MOST = 400 * CREST**3

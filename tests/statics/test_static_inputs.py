@@ -317,46 +317,33 @@ def test_what_turns_about_its_rod_once_it_hangs(treatment):
         sc.static(hanging_chain(rod=True, off=0.05), treatment, factors={"weight": 1.0})
 
 
-def slack_stay(slide, fits=True):
-    """A boom, or a slider, whose cable goes slack when half of a lift has grown."""
+def slack_stay(fits=True):
+    """A boom on a hinge, whose cable goes slack when half of a lift has grown."""
     model = sc.Model()
     boom = model.add("boom", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(0.5, 0, 0)))
-    below, at, up = sc.ground((0, 0, 0)), boom.at((0, 0, 0)), (0, 0, 1)
-    hinge = sc.JointRevolute(below, at, axis=(0, 1, 0))
-    model.add("joint", sc.JointPrismatic(below, at, axis=up) if slide else hinge)
-    end, mast = (boom.at((0.5, 0, 0)), (0.5, 0, 1)) if slide else (boom.at((1, 0, 0)), up)
-    model.add("stay", sc.Cable(sc.ground(mast), end, 1e3, length=None if fits else 1.4))
+    pin = sc.JointRevolute(sc.ground((0, 0, 0)), boom.at((0, 0, 0)), axis=(0, 1, 0))
+    model.add("joint", pin)
+    length = None if fits else 1.4
+    stay = sc.Cable(sc.ground((0, 0, 1)), boom.at((1, 0, 0)), 1e3, length=length)
+    model.add("stay", stay)
     model.add("weight", sc.LoadForce(boom.at((0.5, 0, 0)), (0, 0, -10.0)))
-    model.add("lift", sc.LoadForce(boom.at((1, 0, 0)), (0, 0, 20.0 if slide else 10.0)))
+    model.add("lift", sc.LoadForce(boom.at((1, 0, 0)), (0, 0, 10.0)))
     return model
 
 
-# where the cable goes slack the number of unstable motions changes by a jump
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:path, .* was not located:skfem_cosserat.IncompleteWarning")
-@pytest.mark.parametrize(
-    ("slide", "treatment"), [(False, sc.NullSpace()), (True, sc.Multipliers())]
-)
-def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
+def test_arc_length_is_not_advised_where_a_cable_goes_slack():
     """It leads to no larger load either; what is known is said."""
-    model, loads = slack_stay(slide), {"weight": 1.0}
     with pytest.raises(sc.Diverged, match=r"cable 'stay' is slack .* Hold by") as caught:
-        sc.static(model, treatment, factors=loads)
+        sc.static(slack_stay(), factors={"weight": 1.0})
     assert caught.value.time == pytest.approx(0.5, abs=1e-5)
     assert "which pass limit points" not in str(caught.value)
-    assert "mesh" not in str(caught.value)
-    try:
-        path = sc.static(model, treatment, sc.ArcLength(points=15), factors=loads)
-    except sc.Diverged as error:
-        path = error.history
-    assert path["load_factor"].max() < 0.5 + 1e-6
 
 
 def test_a_start_whose_cable_does_not_stay_taut():
     """Nothing pulls at it, and then nothing holds the boom."""
-    model = slack_stay(False, fits=False)
     with pytest.raises(sc.InputError, match="'boom': can move freely in the equilibrium"):
-        sc.static(model)
+        sc.static(slack_stay(fits=False))
 
 
 @treatments

@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_scenes import TENSOR, everything, random_tree, swing
+from test_convergence import pendulum
 
 import skfem_cosserat as sc
 
@@ -179,31 +180,19 @@ def test_overflow_is_not_a_small_residual(treatment):
         assert not np.isfinite(bound.relative(residual, largest))
 
 
-@pytest.fixture(scope="module")
-def pendulum():
-    model = sc.Model()
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, "beam")
-    section = sc.Section([60, 60, 80, 3, 4, 2.5], mass=0.8, inertia=(0.05, 0.06))
-    beam = model.add("beam", sc.Beam(mesh, section))
-    body = model.add("body", sc.RigidBody(0.8, TENSOR, position=(1.2, 0, 0)))
-    model.add("hook", sc.JointSpherical(sc.ground((0, 0, 0)), beam.node("beam.start")))
-    model.add("hinge", sc.JointRevolute(beam.node("beam.end"), body.at((1, 0, 0)), (0, 1, 0)))
-    model.add("gravity", sc.LoadGravity((0, 0, -9.81), sc.Table([0, 0.0333, 1], [0, 1, 0.7])))
-    return model.freeze()
-
-
 @pytest.mark.slow
 @straight
-def test_restart_from_a_loaded_history(pendulum, integrator, treatment, tmp_path):
+def test_restart_from_a_loaded_history(integrator, treatment, tmp_path):
     """The same run to the Newton tolerance; another step or integrator: the same to O(h^2)."""
+    system = pendulum()
     pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    whole = sc.simulate(pendulum, *pair, 0.005, 0.4)
-    half = sc.simulate(pendulum, *pair, 0.005, 0.2)
+    whole = sc.simulate(system, *pair, 0.005, 0.4)
+    half = sc.simulate(system, *pair, 0.005, 0.2)
     half.save(tmp_path / "half.history")
     loaded = sc.History.load(tmp_path / "half.history")
-    start = sc.restart(pendulum, loaded, pair[0], 0.005)
+    start = sc.restart(system, loaded, pair[0], 0.005)
     assert start.index == 40
-    rest = sc.simulate(pendulum, *pair, 0.005, 0.4, start=start)
+    rest = sc.simulate(system, *pair, 0.005, 0.4, start=start)
     assert rest["step"][-1] == 80
     # what is lost is the guess of the next step: the Newton tolerance is what differs
     assert abs(rest["q"] - whole["q"][40:]).max() < 1e-11
@@ -212,20 +201,21 @@ def test_restart_from_a_loaded_history(pendulum, integrator, treatment, tmp_path
     for name, other in INTEGRATORS.items():
         errors = []
         for h in (0.01, 0.005):
-            first = sc.simulate(pendulum, *pair, h, 0.2)
+            first = sc.simulate(system, *pair, h, 0.2)
             finer = h if name != integrator else h / 2
-            start = sc.restart(pendulum, first, other, finer)
+            start = sc.restart(system, first, other, finer)
             assert start.fresh
-            rest = sc.simulate(pendulum, other, pair[1], finer, 0.4, start=start)
-            reference = exact(pendulum)
+            rest = sc.simulate(system, other, pair[1], finer, 0.4, start=start)
+            reference = exact()
             errors.append(abs(rest["q"][-1] - reference).max())
         assert errors[1] < 2e-3
         assert 3 < errors[0] / errors[1] < 5, (name, errors)
 
 
 @cache
-def exact(system):
+def exact():
     """Richardson value at 0.4 s of the variational scheme."""
+    system = pendulum()
     a, b = (
         sc.simulate(system, sc.Variational(), sc.Multipliers(), h, 0.4, derive=False)["q"][-1]
         for h in (0.002, 0.001)
