@@ -127,35 +127,37 @@ def test_a_pulse_that_lies_between_what_steps_look_at(integrator, rate):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("kept_kernels")
 def test_a_force_that_cancels_in_the_means_of_first_steps():
     """An oscillator near its resonance, driven by one period a step: x'' + w0^2 x = f cos(w t)."""
     model, w, f = sc.Model(), 2 * np.pi * 64, 1e3
     ball = model.add("ball", sc.MassPoint(1.0))
-    model.add("push", sc.LoadForce(ball.place(), (f, 0, 0), lambda t: np.cos(w * t)))
+    wave = sc.Harmonic(1.0, frequency=64.0, phase=np.pi / 2)
+    model.add("push", sc.LoadForce(ball.place(), (f, 0, 0), wave))
     spring = sc.SpringDamper(sc.ground((-1, 0, 0)), ball.place(), stiffness=1.05 * w**2)
     model.add("spring", spring)
     place = Component(sc.SensorPosition(ball.place()), 0)
-    found = sc.answer(model, {"x": place}, 1e-2, 1.0)
+    found = sc.answer(model, {"x": place}, 2e-3, 1.0)
     w0 = w * np.sqrt(1.05)
     exact = f / (w0**2 - w**2) * (np.cos(w * found.times) - np.cos(w0 * found.times))
     assert found.reached
-    assert abs(found.values["x"] - exact).max() < 1e-2 < abs(exact).max() / 10
+    assert abs(found.values["x"] - exact).max() < 2e-3 < abs(exact).max() / 50
 
 
-def falls_with(force):
+def falls_with(force, until):
     """A ball that is pushed from rest until it has gone 1 cm, and the time of that."""
     model = sc.Model()
     ball = model.add("ball", sc.MassPoint(1.0))
     model.add("push", sc.LoadForce(ball.place(), (1.0, 0, 0), force))
     gone = sc.ConditionSensor(sc.SensorPosition(ball.place()), 0.01, component=0)
-    return sc.answer(model, {"gone": sc.Event(gone, sc.ActionStop(), name="gone")}, 1e-4, 50.0)
+    return sc.answer(model, {"gone": sc.Event(gone, sc.ActionStop(), name="gone")}, 1e-4, until)
 
 
 @pytest.mark.slow
 def test_what_comes_after_the_end_of_a_motion_is_not_asked_for():
     """An event ends it after 0.14 s, far before `until`: x = t^2/2 of a force of 1 N."""
     end = np.sqrt(0.02)
-    found = falls_with(lambda t: 1.0 if t < 1.0 else np.sin(1e9 * t))
+    found = falls_with(lambda t: 1.0 if t < 1.0 else np.sin(1e9 * t), 1.05)
     assert found.reached and abs(found.values["gone"] - end) < 1e-4
 
     def until_a_second(t):
@@ -163,7 +165,7 @@ def test_what_comes_after_the_end_of_a_motion_is_not_asked_for():
             raise ValueError("nobody knows")
         return 1.0
 
-    found = falls_with(until_a_second)
+    found = falls_with(until_a_second, 5000.0)
     assert found.reached and abs(found.values["gone"] - end) < 1e-4
 
 
@@ -194,7 +196,7 @@ def test_the_meshes_of_the_model_do_not_matter():
 @pytest.mark.slow
 def test_a_smaller_tolerance_takes_shorter_steps_and_richer_meshes():
     scene = drawn("arm", 0)
-    rough, good = (asked(scene._replace(tolerance=t)) for t in (2e-2, 2e-3))
+    rough, good = (asked(scene._replace(tolerance=t)) for t in (2e-2, 5e-4))
     assert rough.reached and good.reached
     assert good.step < rough.step and good.cost_of_run_s > rough.cost_of_run_s
     near = np.array([abs(good.times - t).argmin() for t in rough.times])
@@ -337,6 +339,7 @@ def test_an_unstable_equilibrium_is_said(load):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # of the rough runs
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 def test_ctrl_c_hands_back_the_best_so_far():
     scene = drawn("rope", 1)._replace(tolerance=1e-9)
@@ -428,6 +431,7 @@ def proposed(found):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # of one element
 def test_a_heavy_load_on_a_steel_rope_has_a_rigid_rope():
     scene = pendulum_on_a_rope()
     found = asked(scene)

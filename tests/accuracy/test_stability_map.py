@@ -130,10 +130,6 @@ def test_problems_that_take_settings_get_the_full_protocol():
     assert found.newton_residual[0] == found.newton_residual[2] > 1e-8
     assert "4 attempts with 400 Newton iterations" in found.reason[0]
     assert "settings=FULL_PROTOCOL" in found.reason[1]
-    assert sc.NewtonSettings().iterations == 20  # elsewhere nothing has changed
-    with pytest.raises(sc.Diverged) as caught:
-        helpers.blow(None)
-    assert max(len(each) for each in caught.value.residuals[:2]) <= 21
     chosen = partial(helpers.blow, settings=sc.NewtonSettings(5, damped_iterations=5))
     found = stability_map(chosen, {"iterations": (None,)}, JudgeEnergy(since=0.35))
     assert found.status.tolist() == ["error"]  # it has settings already

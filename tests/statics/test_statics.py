@@ -386,6 +386,7 @@ def bow():
     return model, top
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # of few elements
 def test_critical_points_do_not_hang_on_the_steps():
     """Two bifurcations of a flat arch, which lie in one step where the steps are long."""
