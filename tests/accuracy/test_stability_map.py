@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import warnings
-from dataclasses import replace
 from functools import partial
 
 import helpers_precision as helpers
@@ -14,8 +13,8 @@ import pytest
 
 import skfem_cosserat as sc
 from skfem_cosserat import InputError, stability_map
-from skfem_cosserat.accuracy import FULL_PROTOCOL, JudgeEnergy, Map, TimedOut, Verdict
-from skfem_cosserat.accuracy.verdict import full_protocol, mechanism
+from skfem_cosserat.accuracy import FULL_PROTOCOL, JudgeEnergy, TimedOut, Verdict
+from skfem_cosserat.accuracy.verdict import mechanism
 
 KINDS = ("ok", "drift", "blowup", "newton", "half-hearted", "timeout", "error")
 OMEGAS, STEPS = (0.5, 1.9, 2.1, 30.0), (0.05, 0.5, 1.0)
@@ -62,19 +61,6 @@ def test_reasons(kinds):
     assert reason["error"] == "LookupError: no such section"
 
 
-@pytest.mark.slow
-def test_a_failed_step_has_had_the_full_protocol():
-    """The stepper's own attempts are counted as such only with 100 iterations each."""
-    for settings, full in ((None, False), (FULL_PROTOCOL, True)):
-        with pytest.raises(sc.Diverged) as caught:
-            sc.simulate(*helpers.struck(), step=0.1, until=1.0, settings=settings)
-        assert len(caught.value.residuals) == 4
-        assert full_protocol(caught.value) is full
-        state = JudgeEnergy(since=0.35)(caught.value).status
-        assert state == ("newton" if full else "error")
-    assert max(len(each) for each in caught.value.residuals) == 101
-
-
 def test_explicit_limit_at_step_times_omega_2(oscillator):
     """The leapfrog scheme blows up where theory says, and nowhere else."""
     for i, omega in enumerate(OMEGAS):
@@ -98,8 +84,6 @@ def test_a_run_that_is_stopped_tells_how_far_it_came():
         found = judge(error)
         assert found.status == "timeout" and found.time == pytest.approx(0.08)
         assert np.isnan(found.energy_error)
-    found = JudgeEnergy(_constant)(error)
-    assert (found.status, found.energy_error) == ("timeout", 0.0)
 
 
 @pytest.mark.slow
@@ -107,10 +91,6 @@ def test_a_limit_of_time_stops_a_simulation():
     # of short steps: in a limit of longer ones the rod folds, which is warned of
     (row,) = stability_map(helpers.slow_rod, {"step": (1e-6,)}, timeout_s=0.5).rows
     assert row["status"] == "timeout" and row["seconds"] < 5
-
-
-def _constant(history):
-    return np.ones(len(history))
 
 
 def test_energy_before_a_time_does_not_count():
@@ -150,10 +130,6 @@ def test_problems_that_take_settings_get_the_full_protocol():
     assert found.newton_residual[0] == found.newton_residual[2] > 1e-8
     assert "4 attempts with 400 Newton iterations" in found.reason[0]
     assert "settings=FULL_PROTOCOL" in found.reason[1]
-    assert sc.NewtonSettings().iterations == 20  # elsewhere nothing has changed
-    with pytest.raises(sc.Diverged) as caught:
-        helpers.blow(None)
-    assert max(len(each) for each in caught.value.residuals[:2]) <= 21
     chosen = partial(helpers.blow, settings=sc.NewtonSettings(5, damped_iterations=5))
     found = stability_map(chosen, {"iterations": (None,)}, JudgeEnergy(since=0.35))
     assert found.status.tolist() == ["error"]  # it has settings already
@@ -228,15 +204,6 @@ def test_resumed_map(tmp_path):
     assert len((tmp_path / "calls").read_text().splitlines()) == 24  # judged anew
 
 
-@pytest.mark.slow
-def test_processes_give_what_one_process_gives(oscillator):
-    with sc.Processes(2) as executor:
-        axes = {"omega": OMEGAS, "step": STEPS}
-        there = stability_map(helpers.leapfrog, axes, helpers.judged, executor)
-    for name in ("status", "time", "energy_error", "newton_residual"):
-        np.testing.assert_array_equal(getattr(there, name), getattr(oscillator, name))
-
-
 # -- files -----------------------------------------------------------------------------------------
 
 
@@ -253,9 +220,9 @@ def test_csv(kinds, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.plain
-@pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.Variational()], ids=repr)
-def test_kernels_that_ran_are_told(scheme, tmp_path):
+def test_kernels_that_ran_are_told(tmp_path):
     """A column in both kinds of tables, as the history has it; of failed runs, too."""
+    scheme = sc.EnergyMomentum()
 
     def run(step, stiffness):
         model = sc.Model()
@@ -273,13 +240,11 @@ def test_kernels_that_ran_are_told(scheme, tmp_path):
     text = found.csv(tmp_path / "map.csv").read_text()
     assert ",seconds,kernels,mechanism,reason,warnings\n" in text
     assert ",numpy,,RuntimeError: enough," in text
-    setups = [(str(k), partial(run, 0.01)) for k in (1.0, 100.0)]
+    setups = [("own", partial(run, 0.01)), ("raises", lambda k: 1 / 0)]
     setups += [("peer", lambda k: {"x": k, "cost_s": 1.0, "kernels": "other"})]
-    setups += [("mute", lambda k: {"x": k, "cost_s": 1.0}), ("raises", lambda k: 1 / 0)]
     table = sc.work_precision(1.0, setups, {"x": 1.0}, {"x": reached})
     kernels = {row["label"]: row["kernels"] for row in table.rows}
-    assert kernels == {"1.0": "numpy", "100.0": "numpy", "peer": "other", "mute": "", "raises": ""}
-    assert "# kernels" not in table.csv(tmp_path / "table.csv").read_text()
+    assert kernels == {"own": "numpy", "raises": "", "peer": "other"}
 
 
 def reached(result):
@@ -301,27 +266,11 @@ def test_chart_with_the_explicit_limit(oscillator, tmp_path):
     at = np.interp(points[:, 1], range(4), np.log(OMEGAS))
     at += np.interp(points[:, 0], range(3), np.log(STEPS))
     np.testing.assert_allclose(at, math.log(2), atol=1e-9)
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["solved", "energy grew", "h omega = 2"]
     outside = {"soft": lambda omega, step: 1e-3 * omega, "stiff": np.full((4, 3), 3.0)}
     texts = [text.get_text() for text in oscillator.chart(lines=outside).legends[0].get_texts()]
     assert texts[2:] == ["soft (no cell beyond)", "stiff (all cells beyond)"]
     with pytest.raises(InputError, match=r"map\.xyz'.*\.xyz, expected one of"):
         oscillator.chart(tmp_path / "map.xyz")
-    turned = oscillator.chart(x="omega", lines={"same": np.outer(OMEGAS, STEPS) / 2})
-    assert turned.axes[0].get_ylabel() == "step in s"
-
-
-def test_chart_with_words_of_the_user(oscillator, tmp_path):
-    pytest.importorskip("matplotlib")
-    cells = oscillator.cells.copy()
-    cells[0, 0] = Verdict("not run")
-    words = {"omega": "frequency in rad/s", "blowup": "it blows up"}
-    figure = replace(oscillator, cells=cells).chart(tmp_path / "map.svg", labels=words)
-    assert figure.axes[0].get_ylabel() == "frequency in rad/s"
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["solved", "it blows up", "not run"]
-    assert figure.axes[0].patches[0].get_hatch() and not figure.axes[0].patches[1].get_hatch()
 
 
 @pytest.mark.slow
@@ -337,25 +286,6 @@ def test_chart_with_panels(tmp_path):
         found.chart(lines={"wrong": np.ones(2)})
     with pytest.raises(InputError, match=r"line 'wrong': takes \(h, k\)"):
         found.chart(lines={"wrong": lambda h, k: 1.0})
-    single = stability_map(helpers.every_kind, {"kind": ("ok",), "step": (1.0,)}, JUDGE)
-    assert single.chart(tmp_path / "single.png", {"none": lambda kind, step: 1.0}) is not None
-
-
-@pytest.mark.slow
-def test_chart_of_many_panels(tmp_path):
-    """Six panels are laid out in rows; a third axis of values lies beside the cells."""
-    pytest.importorskip("matplotlib")
-    many = {"kind": ("ok",), "step": (0.5,), "more": (1, 2)}
-    third = stability_map(_third, many, JUDGE)
-    names = [str(k) for k in range(6)]
-    panels = Map(
-        "six",
-        {"name": names, "step": [0.5], "more": [1, 2]},
-        np.array([third.cells[0, 0]] * 6)[:, None],
-        np.ones((6, 1, 2)),
-    )
-    figure = panels.chart(tmp_path / "six.png")
-    assert sum(axis.axison for axis in figure.axes) == 6 and len(figure.axes) == 8
 
 
 def _bare_blow(step):
@@ -376,7 +306,6 @@ def never(step, omega):
 GOOD = {"step": (1.0,), "omega": (1.0,)}
 BAD = {
     "no axes": ({"axes": {}}, "argument axes: {}, expected values of parameters"),
-    "no values": ({"axes": {"step": (), "omega": (1.0,)}}, "axis 'step': ()"),
     "a number": ({"axes": {"step": 1.0, "omega": (1.0,)}}, "axis 'step': 1.0, expected a sequence"),
     "twice": ({"axes": {"step": (1.0, 1.0), "omega": (1.0,)}}, "the same value twice"),
     "no problem": ({"problem": 3}, "argument problem: 3 cannot be called"),
@@ -446,13 +375,8 @@ def test_the_surest_mechanism_is_named():
     assert names == ["compression", "rotation", "branch", "unresolved", "elements"]
     assert mechanism("blowup", numbers) == "energy" and mechanism("newton", numbers) == ""
     assert mechanism("ok", {"h_omega_c": 3.0}) == ""
-
-
-def test_what_the_scheme_took_or_added_is_named_last():
-    assert mechanism("drift", {"lost": 0.02}) == mechanism("drift", {"lost": 0.5}) == "damping"
-    assert mechanism("drift", {"lost": 0.002}) == mechanism("newton", {"lost": 0.5}) == ""
-    assert mechanism("error", {"lost": -1.0}) == "energy"
-    assert mechanism("blowup", {"elements": 1.0}) == mechanism("blowup", {}) == "energy"
+    # what the scheme took or added comes last
+    assert [mechanism("drift", {"lost": lost}) for lost in (0.02, 0.002)] == ["damping", ""]
     assert mechanism("drift", {"lost": 0.5, "elements": 1.0}) == "elements"
 
 

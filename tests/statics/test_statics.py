@@ -21,11 +21,10 @@ from scipy.special import ellipk
 from test_couplings import zoo
 
 import skfem_cosserat as sc
-from skfem_cosserat import Spin, equilibrium, write_paraview
+from skfem_cosserat import Spin, equilibrium
 from skfem_cosserat.diagnostics.stacked import blocks_matrix
 from skfem_cosserat.model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
 from skfem_cosserat.statics.control import Functional, Point
-from skfem_cosserat.statics.critical import inspect
 from skfem_cosserat.statics.path import STATIC
 from skfem_cosserat.statics.problem import PathSolver, Problem, Schedule
 
@@ -42,7 +41,6 @@ ways = pytest.mark.parametrize(
     ],
     ids=["null space", "compiled", "multipliers"],
 )
-INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 
 
 def stiff(EA=1e4, EI=(1.0, 1.0), GJ=2.0):
@@ -50,9 +48,9 @@ def stiff(EA=1e4, EI=(1.0, 1.0), GJ=2.0):
     return sc.Section([EA, EA, EA, *EI, GJ], mass=1.0, inertia=(1e-3, 1e-3))
 
 
-def rod(model, section=None, elements=4, order=3, ends=((0, 0, 0), (1, 0, 0)), name="rod"):
+def rod(model, section=None, elements=4, order=3, ends=((0, 0, 0), (1, 0, 0)), name="rod", **how):
     mesh = sc.MeshCurve.init_line(*ends, elements, name=name)
-    return model.add(name, sc.Beam(mesh, section or stiff(), order=order))
+    return model.add(name, sc.Beam(mesh, section or stiff(), order=order, **how))
 
 
 def cantilever(section=None, **options):
@@ -104,28 +102,6 @@ def test_spring_and_cable(treatment):
     assert abs(path["coupling/item 0/force"] - 10 * np.array(wanted)).max() < 1e-11
     assert abs(path["joint/wire/force"][-1] - [0, -5, 4]).max() < 1e-11
     assert path.meta["critical"] == []
-
-
-@treatments
-def test_free_points_on_springs_alone(treatment):
-    """No constraint rows at all."""
-    model = sc.Model()
-    point = model.add("point", sc.MassPoint(1.0))
-    for k, x in enumerate(np.eye(3)):
-        for side in (-1, 1):
-            anchor = sc.ground(side * x)
-            model.add(f"spring {k}{side}", sc.SpringDamper(anchor, point.place(), 10.0 * (k + 1)))
-    model.add("pull", sc.LoadForce(point.place(), (1.0, 2.0, 3.0)))
-    path = sc.static(model, treatment)
-    x = path["q"][-1]
-    force = np.zeros(3)
-    for k, e in enumerate(np.eye(3)):
-        for side in (-1, 1):
-            line = side * e - x
-            length = np.linalg.norm(line)
-            force += 10.0 * (k + 1) * (length - 1) * line / length
-    assert abs(force + [1, 2, 3]).max() < 1e-12
-    assert abs(x).min() > 0.03
 
 
 @pytest.mark.one_quick
@@ -188,12 +164,11 @@ def test_heavy_pendulum_with_a_torsion_spring(treatment):
 
 
 @pytest.mark.slow
-@treatments
-def test_rigid_path_by_arc_length(treatment):
+def test_rigid_path_by_arc_length():
     """Steps are of the load factor while nothing moves."""
     model, *_ = hinged()
     model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
-    path = sc.static(model, treatment, sc.ArcLength(20, first=0.09, until=0.65))
+    path = sc.static(model, control=sc.ArcLength(20, first=0.09, until=0.65))
     assert path["load_factor"][-1] == pytest.approx(0.65, abs=1e-14)
     assert loads_of(path) == pytest.approx([0.4], abs=1e-12)
     assert (np.diff(path.times) > 0).all()
@@ -226,14 +201,13 @@ def test_spinning_mass_on_a_spring(treatment):
 
 
 @pytest.mark.slow
-@treatments
-def test_reactions_balance_the_loads(treatment):
+def test_reactions_balance_the_loads():
     model, tip = cantilever(order=2, elements=6)
     model.add("line", sc.LoadLine(model["rod"], (0.2, 0.5, -0.4)))
     model.add("force", sc.LoadForce(tip, (0.3, 0.1, 0.2)))
     model.add("moment", sc.LoadMoment(tip, (0.1, -0.2, 0.3)))
     model.add("gravity", sc.LoadGravity((0, 0, -0.7)))
-    path = sc.static(model, treatment)
+    path = sc.static(model)
     total = np.array([0.2 + 0.3, 0.5 + 0.1, -0.4 + 0.2 - 0.7])
     assert abs(path["joint/clamp/force"][-1] + total).max() < 1e-10
     beam = model["rod"]
@@ -291,7 +265,7 @@ SPIN = Spin((0.2, 0.1, 0.4), (0, 1, 0))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("order", [1, 2])
 def test_every_item_in_both_treatments(order):
     """Same equilibrium and constraint forces, of zero residual along the constraints."""
     system = assembly(order)
@@ -342,81 +316,81 @@ def braced():
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", [linkage, ring, braced])
 def test_closed_loops_in_both_treatments(scene):
-    model = scene()
-    system = model.freeze()
+    system = scene().freeze()
     ends = [sc.static(system, t) for t in TREATMENTS.values()]
     q, other = (path["q"][-1] for path in ends)
     assert abs(q - other).max() < 1e-10
     assert abs(q - system.q0).max() > 1e-4
     force, second = (path["constraint_force"][-1] for path in ends)
     assert abs(force - second).max() < 1e-9 * abs(force).max()
-    schedule = Schedule(system)
-    at_end = balance(system, system.extend(q, 1.0), schedule.at(1.0), turns=_turns(ends[0]))
-    assert abs(system.null_space(q).T @ at_end.R.ravel()).max() < 1e-10 * at_end.size
     assert ends[0]["constraint_violation"].max() < 1e-12
 
 
-def _turns(path):
-    return path["turns"][-1] if "turns" in path else None
-
-
 @pytest.mark.slow
-@treatments
-def test_linkage_does_the_work_of_its_loads(treatment):
+def test_linkage_does_the_work_of_its_loads():
     """Independent: the spring's moment from the angles by virtual work of the closed linkage."""
     model = linkage()
-    path = sc.static(model, treatment)
-    crank = path["joint/pin 0/angle"]
-    h = 1e-4
-    around = []
+    path, h, around = sc.static(model), 1e-4, []
+    crank = path["joint/pin 0/angle"][-1]
     for shift in (-h, h):
-        drive = four_bar()
-        turn = float(crank[-1]) + shift
+        drive, turn = four_bar(), crank + shift
         drive.add("drive", sc.JointDrive(drive["pin 0"], lambda t, turn=turn: turn * t))
-        around.append(sc.static(drive, treatment))
-    place = model["coupler"].at((1, 1.25, 0))
-    first = model.freeze().offset(place)
-    ends = [
-        p["q"][-1, first : first + 3]
-        + place.offset @ p["q"][-1, first + 3 : first + 12].reshape(3, 3)
-        for p in around
-    ]
-    angles = [float(p["joint/pin 2/angle"][-1]) for p in around]
-    power = ((ends[1] - ends[0]) @ [10, 3, 4] + 4 * (angles[1] - angles[0])) / (2 * h)
-    assert 5 * crank[-1] == pytest.approx(power, rel=1e-6)
+        moved = sc.static(drive)
+        x = moved.position(drive["coupler"].at((1, 1.25, 0)))[-1]
+        around.append([*x, moved["joint/pin 2/angle"][-1]])
+    power = np.subtract(*around[::-1]) @ [10, 3, 4, 4] / (2 * h)
+    assert 5 * crank == pytest.approx(power, rel=1e-6)
 
 
 # -- controls --------------------------------------------------------------------------------------
 
 
-def arch():
-    """A mass point on four springs, that snaps through."""
+def truss(height=0.3, stiffness=(100.0, 100.0)):
+    """A mass point on two pairs of springs, at right angles: a shallow one snaps through."""
     model = sc.Model()
-    point = model.add("point", sc.MassPoint(1.0, (0, 0, 0.3)))
-    for k, x in enumerate([(-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0)]):
-        model.add(f"spring {k}", sc.SpringDamper(sc.ground(x), point.place(), 100.0))
+    point = model.add("point", sc.MassPoint(1.0, (0, 0, height)))
+    for k, x in enumerate([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]):
+        spring = sc.SpringDamper(sc.ground(x), point.place(), stiffness[k // 2])
+        model.add(f"spring {k}", spring)
     model.add("load", sc.LoadForce(point.place(), (0, 0, -1.0)))
     return model, point
 
 
+def truss_stiffness(z, height=0.3, k=(100.0, 100.0)):
+    """Load, and stiffness in x (springs k[0]), y and z, of the truss at height z."""
+    l0, length = np.hypot(1, height), np.hypot(1, z)
+    k = np.asarray(k)
+    load = 2 * k.sum() * (l0 / length - 1) * z
+    own = 2 * k * (1 - l0 / length + l0 / length**3)
+    other = 2 * k[::-1] * (1 - l0 / length)
+    vertical = 2 * k.sum() * (1 - l0 / length + l0 * z**2 / length**3)
+    return load, *(own + other), vertical
+
+
 def pushed_down(z):
-    """Load of the arch at height z, all four springs alike."""
+    """Load of the shallow truss at height z."""
     return 400 * (np.hypot(1, 0.3) / np.hypot(1, z) - 1) * z
 
 
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # of few elements
-def test_critical_points_do_not_hang_on_the_steps():
-    """Two bifurcations of a flat arch, which lie in one step where the steps are long."""
+def bow():
+    """A flat arch between two hinges, pushed at its top, and that node."""
     points = [(x, 0.3 * (1 - x * x), 0) for x in np.linspace(-1, 1, 7)]
     mesh, model = sc.MeshCurve.init_polyline(points, 1, name="rod"), sc.Model()
     section = sc.Section([2e4, 2e4, 5e4, 40.0, 60.0, 30.0], mass=1.0, inertia=(1e-3, 1e-3))
-    beam = model.add("arch", sc.Beam(mesh, section, director=(0, 0, 1)))
+    beam = model.add("bow", sc.Beam(mesh, section, director=(0, 0, 1)))
     for end in ("start", "end"):
         node = beam.node(f"rod.{end}")
         model.add(end, sc.JointRevolute(sc.ground(node.position), node, axis=(0, 0, 1)))
     top = beam.node((0, 0.3, 0))
     model.add("push", sc.LoadForce(top, (0.0, -60.0, 0)))
-    found = []
+    return model, top
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # of few elements
+def test_critical_points_do_not_hang_on_the_steps():
+    """Two bifurcations of a flat arch, which lie in one step where the steps are long."""
+    (model, top), found = bow(), []
     for steps in (4, 5, 24):
         path = sc.static(model, control=sc.DisplacementControl(top, (0, -1, 0), 0.1, steps=steps))
         found.append(loads_of(path))
@@ -426,27 +400,20 @@ def test_critical_points_do_not_hang_on_the_steps():
 
 
 @pytest.mark.slow
-def test_paths_are_equal_in_both_treatments():
-    """Steps of equal arc length: point by point; and both lie on the curve."""
-    found = []
-    for treatment in TREATMENTS.values():
-        model, _ = arch()
-        control = sc.ArcLength(40, first=1.2, longest=0.03)
-        path = sc.static(model, treatment, control)
-        z, load = path["q"][:, 2], path["load_factor"]
-        assert abs(load - pushed_down(z)).max() < 1e-10
-        assert z[-1] < -0.3
-        found.append(path)
-    assert len(found[0]) == len(found[1])
-    for name in ("q", "load_factor", "t"):
-        assert abs(found[0][name] - found[1][name]).max() < 1e-10
+def test_a_bifurcation_of_a_bow_is_symmetric():
+    """It lies on the path that goes on, where the bow does not lean to a side."""
+    path = sc.static(bow()[0], control=sc.ArcLength(12, first=0.2))
+    (found,) = path.meta["critical"]
+    x = path["q"][found["state"]].reshape(-1, 12)[:, :2]
+    assert found["kind"] == "bifurcation"
+    assert x == pytest.approx(x[::-1] * [-1, 1], abs=1e-10)
 
 
 @pytest.mark.slow
 @treatments
 def test_controls_agree(treatment):
     """By displacement, by arc length and by load: the same loads at the same places."""
-    model, point = arch()
+    model, point = truss()
     stops = [0.05, 0.1, 0.2, 0.4, 0.65]
     control = sc.DisplacementControl(point.place(), (0, 0, -2.0), at=stops)
     path = sc.static(model, treatment, control)
@@ -464,7 +431,7 @@ def test_controls_agree(treatment):
 
 def test_a_step_that_jumps_over_a_limit_point_is_told():
     """Ends of all steps are stable: only the tangents tell. Shorter ones on one branch do not."""
-    model, _ = arch()
+    model, _ = truss()
     crest = pushed_down(np.linspace(0, 0.3, 10001)).max()
     beyond = rf"path, load factor {2 * crest:.6g}: from load factor 0 on .* jumped .*ArcLength"
     with pytest.warns(sc.AccuracyWarning, match=beyond):
@@ -478,47 +445,33 @@ def test_a_step_that_jumps_over_a_limit_point_is_told():
 
 
 @pytest.mark.slow
-def test_a_path_that_ends_at_a_limit_point_names_it():
-    model, _ = arch()
-    with pytest.raises(sc.Diverged) as caught:
-        sc.static(model, control=sc.LoadControl(until=20.0))
-    text = str(caught.value)
-    assert "a limit point is near" in text
-    assert "ArcLength() or DisplacementControl()" in text
-
-
-@pytest.mark.slow
-@treatments
-def test_arc_length_comes_back_to_its_first_load_factor(treatment):
+def test_arc_length_comes_back_to_its_first_load_factor():
     """``until`` at the start: the path ends where it crosses that load again."""
-    model, _ = arch()
-    path = sc.static(model, treatment, sc.ArcLength(100, first=0.9, until=0.0))
+    model, _ = truss()
+    path = sc.static(model, control=sc.ArcLength(100, first=0.9, until=0.0))
     assert path["load_factor"][-1] == pytest.approx(0.0, abs=1e-12)
     assert path["q"][-1, 2] == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.slow
 @ways
-@pytest.mark.parametrize("steps", [1, 2, 7])
-def test_end_does_not_depend_on_the_steps(treatment, kernels, steps):
+def test_end_does_not_depend_on_the_steps(treatment, kernels):
     model, tip = cantilever(stiff(1e5))
     model.add("load", sc.LoadForce(tip, (-1.0, 3.0, 2.0)))
-    path = sc.static(model, treatment, sc.LoadControl(steps=steps), kernels=kernels)
-    assert len(path) == steps + 1
-    assert path["load_factor"] == pytest.approx(np.linspace(0, 1, steps + 1), abs=1e-15)
     reference = sc.static(model)
-    assert abs(path["q"][-1] - reference["q"][-1]).max() < 1e-10
-    assert int(path["newton_iterations"].sum()) == path.meta["newton_iterations"]
-    assert int(path["attempts"].sum()) == path.meta["attempts"] == steps + path.meta["rejected"]
+    for steps in (1, 7):
+        path = sc.static(model, treatment, sc.LoadControl(steps=steps), kernels=kernels)
+        assert path["load_factor"] == pytest.approx(np.linspace(0, 1, steps + 1), abs=1e-15)
+        assert abs(path["q"][-1] - reference["q"][-1]).max() < 1e-10
+        assert int(path["newton_iterations"].sum()) == path.meta["newton_iterations"]
+        assert int(path["attempts"].sum()) == path.meta["attempts"] == steps + path.meta["rejected"]
 
 
 # -- tangents --------------------------------------------------------------------------------------
 
 SCENES = {
     "everything 1": lambda: everything(1),
-    "everything 3": lambda: everything(3),
     "tree": lambda: random_tree(0),
-    "springs": lambda: zoo(0),
     "moving springs": lambda: zoo(1, moving=True),
     "assembly": lambda: assembly(2),
     "linkage": lambda: linkage().freeze(),
@@ -553,15 +506,6 @@ def test_tangent_of_the_balance(scene):
         wanted[:, k] = balance(system, z, amplitudes, start).R.ravel().imag / EPS
     assert abs(wanted).max() > 1
     assert abs(K - wanted).max() < 1e-13 * abs(wanted).max()
-
-
-def test_a_wrong_tangent_of_the_balance_is_found():
-    system = everything(1)
-    _, y, amplitudes = trial(system)
-    found = balance(system, y, amplitudes)
-    other = Amplitudes(amplitudes.loads, amplitudes.actuators, Spin((0, 0, 1e-3)))
-    K, L = (blocks_matrix(system, balance_tangent(system, found, a)) for a in (amplitudes, other))
-    assert abs(K - L).max() > 1e-2
 
 
 @pytest.mark.one_quick
@@ -601,35 +545,6 @@ def test_displacement_is_a_derivative_and_pull_its_adjoint(scene, treatment):
     derivative = bound.configure().imag[: system.rows] / EPS
     bound.sought = sought
     assert abs(change - derivative).max() < 1e-12 * abs(change).max()
-
-
-@pytest.mark.one_quick
-@treatments
-@pytest.mark.parametrize("scene", ["everything 1", "tree", "moving springs"])
-def test_moving_the_ground_is_a_fresh_start(scene, treatment):
-    """With the same increments; and twice is as good as once."""
-    system = SCENES[scene]()
-    rng, y, _ = trial(system, t=0.3)
-    increment = 0.1 * rng.standard_normal(system.unknowns)
-    found, before = [], None
-    for way in ("once", "twice", "fresh"):
-        bound = treatment.bind(system, 1.0, large=True)
-        bound.begin(y, system.ground(0.5 if way == "fresh" else 0.3), 1.0)
-        bound.guess(False)
-        if treatment.name == "null-space":
-            bound.move(increment)
-        if way == "twice":
-            bound.ground1 = system.ground(0.41)
-            bound.configure()
-        if way != "fresh":
-            bound.ground1 = system.ground(0.5)
-        elif before is not None and treatment.name == "multipliers":
-            bound.sought = before  # there the unknowns are all coordinates
-        before = bound.sought
-        found.append(bound.configure())
-    assert abs(found[0] - found[2]).max() < 1e-14
-    assert abs(found[1] - found[2]).max() < 1e-14
-    assert abs(found[0] - y).max() > 0.01 or treatment.name == "multipliers"
 
 
 @pytest.mark.one_quick
@@ -680,10 +595,13 @@ def torsion_bar(turns, driven):
 
 
 @pytest.mark.slow
-@treatments
 @pytest.mark.parametrize(
-    ("driven", "control"),
-    [(False, sc.LoadControl(steps=2)), (True, sc.LoadControl(steps=2)), (True, sc.LoadControl())],
+    ("treatment", "driven", "control"),
+    [
+        (sc.Multipliers(), False, sc.LoadControl(steps=2)),
+        (sc.NullSpace(), True, sc.LoadControl(steps=2)),
+        (sc.NullSpace(), True, sc.LoadControl()),
+    ],
     ids=["ground-2", "drive-2", "drive-auto"],
 )
 def test_torsion_by_three_turns(treatment, driven, control):
@@ -698,20 +616,22 @@ def test_torsion_by_three_turns(treatment, driven, control):
         assert path["joint/pin/angle"][-1] == pytest.approx(6 * np.pi, abs=1e-12)
 
 
+def gripped(**motion):
+    """A rod along x whose end is held by a moving support, and that end."""
+    model, end = cantilever()
+    model.add("grip", sc.JointSpherical(sc.ground((1, 0, 0), sc.Motion(**motion)), end))
+    return model, end
+
+
 @pytest.mark.slow
 @treatments
 def test_motion_that_starts_slowly(treatment):
     """The first tangent leads nowhere: no jump is suspected."""
-    model, end = cantilever(elements=8)
-    motion = sc.Motion(displacement=lambda t: (0, -0.3 * t**2, 0.1 * t**3))
-    held = sc.JointSpherical(sc.ground((1, 0, 0), motion), end)
-    model.add("grip", held)
+    model, end = gripped(displacement=lambda t: (0, -0.3 * t**2, 0.1 * t**3))
     path = sc.static(model, treatment)
     assert at(path, end, -1) == pytest.approx([1, -0.3, 0.1], abs=1e-14)
-    other = cantilever(elements=8)
-    straight = sc.Motion(displacement=lambda t: (0, -0.3 * t, 0.1 * t))
-    other[0].add("grip", sc.JointSpherical(sc.ground((1, 0, 0), straight), other[1]))
-    again = sc.static(other[0], treatment, sc.LoadControl(steps=3))
+    straight, _ = gripped(displacement=lambda t: (0, -0.3 * t, 0.1 * t))
+    again = sc.static(straight, treatment, sc.LoadControl(steps=3))
     assert abs(path["q"][-1] - again["q"][-1]).max() < 1e-10
 
 
@@ -719,19 +639,17 @@ def test_motion_that_starts_slowly(treatment):
 @treatments
 def test_motion_under_the_other_controls(treatment):
     """The load factor moves the ground there too."""
-    ends = []
-    for control in (sc.LoadControl(0.5), sc.ArcLength(60, until=0.5), None):
-        model, end = cantilever()
-        motion = sc.Motion(displacement=lambda t: (0, -0.6 * t, 0), rotation=lambda t: (0, 0, t))
-        model.add("grip", sc.JointFixed(sc.ground((1, 0, 0), motion), end))
-        middle = sc.Place(model["rod"], 6, np.array([0.5, 0, 0]), np.zeros(3), np.eye(3))
-        if control is None:
-            to = float(at(ends[0], middle, -1)[1])
-            control = sc.DisplacementControl(middle, (0, 1, 0), until=to)
-        ends.append(sc.static(model, treatment, control))
-    assert [p["load_factor"][-1] for p in ends] == pytest.approx([0.5] * 3, abs=1e-9)
-    assert abs(ends[0]["q"][-1] - ends[1]["q"][-1]).max() < 1e-11
-    assert abs(ends[0]["q"][-1] - ends[2]["q"][-1]).max() < 1e-9
+    model, _ = gripped(displacement=lambda t: (0, -0.6 * t, 0))
+    middle = sc.Place(model["rod"], 6, np.array([0.5, 0, 0]), np.zeros(3), np.eye(3))
+    by_load, by_arc = (
+        sc.static(model, treatment, control)
+        for control in (sc.LoadControl(0.5), sc.ArcLength(60, until=0.5))
+    )
+    control = sc.DisplacementControl(middle, (0, 1, 0), until=float(at(by_load, middle, -1)[1]))
+    by_place = sc.static(model, treatment, control)
+    for other, tolerance in ((by_arc, 1e-11), (by_place, 1e-9)):
+        assert other["load_factor"][-1] == pytest.approx(0.5, abs=1e-9)
+        assert abs(other["q"][-1] - by_load["q"][-1]).max() < tolerance
 
 
 @treatments
@@ -762,14 +680,11 @@ def test_order_of_loading_does_not_matter(treatment):
     q = sc.static(system, treatment)["q"][-1]
     one = sc.static(system, treatment, factors={"weight": early, "force": late})
     two = sc.static(system, treatment, factors={"weight": late, "force": early})
-    held = sc.static(system, treatment, factors={"weight": 1.0})
     half = equilibrium(system, one, len(one) // 2)
     both = sc.static(system, treatment, start=half, factors={"weight": 1, "force": lambda t: 1.0})
-    for path in (one, two, held, both):
+    for path in (one, two, both):
         assert abs(path["q"][-1] - q).max() < 1e-12
-    assert half.load_factor not in (0, 1)
-    assert both["load_factor"][0] == half.load_factor
-    assert abs(both["q"] - both["q"][-1]).max() < 1e-12  # settled at once
+    assert both["load_factor"][0] == half.load_factor not in (0, 1)
 
 
 @pytest.mark.slow
@@ -782,44 +697,33 @@ def test_gravity_held_while_the_tip_is_pulled(treatment):
     assert path["load_factor"][0] == 0
     assert abs(path["q"][0] - alone["q"][-1]).max() < 1e-12
     assert at(path, tip, 0)[2] < -0.2
-    # the potential of the loads acts in full at load factor 0
-    centre = alone["q"][-1].reshape(-1, 12)[:, 2]
-    assert path["external"][0] == pytest.approx(3.0 * float(_share(system) @ centre), rel=1e-12)
-
-
-def _share(system):
-    """Mass of each node of the first beam."""
-    beam = system.structures[0]
-    out = np.zeros(len(beam.basis.nodes))
-    np.add.at(out, beam.basis.connectivity, beam.line_weights(np.arange(4)))
-    return out
 
 
 @pytest.mark.slow
-@treatments
-def test_start_from_a_moving_state(treatment):
+def test_start_from_a_moving_state():
     """From within a run in time: the velocity is dropped, the nearest equilibrium sought."""
     system, _ = two_loads()
-    run = sc.simulate(system, sc.EnergyMomentum(), treatment, 1e-2, until=0.37)
+    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, until=0.37)
     state = sc.restart(system, run, sc.EnergyMomentum(), 1e-2)
-    path = sc.static(system, treatment, start=state)
+    path = sc.static(system, start=state)
     assert path["load_factor"][0] == pytest.approx(0.37)
     assert abs(path["q"][-1] - sc.static(system)["q"][-1]).max() < 1e-12
 
 
 @pytest.mark.slow
-@treatments
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize(
+    ("treatment", "scheme"),
+    [(sc.NullSpace(), sc.Variational()), (sc.Multipliers(), sc.EnergyMomentum())],
+)
 @pytest.mark.filterwarnings("ignore:argument history.*by its load factor")  # it is meant
-def test_end_of_a_path_starts_a_run(treatment, integrator):
+def test_end_of_a_path_starts_a_run(treatment, scheme):
     """At rest it stays at rest; restart() gives the same start."""
     system, _ = two_loads(sc.Table([0, 1], [0, 1]))
     path = sc.static(system, treatment, factors={"weight": 1.0})
-    scheme = INTEGRATORS[integrator]
     for start in (equilibrium(system, path, time=1.0), sc.restart(system, path, scheme, 1e-2)):
         assert start.time == 1.0
-        run = sc.simulate(system, scheme, treatment, 1e-2, until=2.0, start=start, derive=False)
-        assert len(run) == 101
+        run = sc.simulate(system, scheme, treatment, 1e-2, until=1.5, start=start, derive=False)
+        assert len(run) == 51
         assert abs(run["q"] - path["q"][-1]).max() < 1e-10
 
 
@@ -835,13 +739,12 @@ def test_a_run_from_a_path_keeps_the_turns_of_springs():
 
 
 @pytest.mark.slow
-@treatments
-def test_energy_is_the_work_of_the_loads(treatment):
+def test_energy_is_the_work_of_the_loads():
     """Stored energy against the trapezoidal sum: second order in the step."""
     system, _ = two_loads()
     errors = []
     for steps in (6, 12, 24):
-        path = sc.static(system, treatment, sc.LoadControl(steps=steps), watch=False)
+        path = sc.static(system, control=sc.LoadControl(steps=steps), watch=False)
         errors.append(path["work_loads"][-1] - path["energy"][-1])
         assert path["energy"][-1] == pytest.approx(path["strain_energy"][-1], rel=1e-14)
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -857,21 +760,11 @@ def test_path_is_a_history_like_any_other(tmp_path):
     assert {"q", "energy", "external", "v"} <= set(again.series) <= set(path.series)
     for name in again.series:
         assert np.array_equal(again[name], path[name]), name
-    names = {p.name for p in write_paraview(again, tmp_path / "view")}
-    assert names == {"beams.pvd", "joints.pvd"}
     assert np.array_equal(equilibrium(system, again, 2).q, path["q"][2])
     short = again.truncated(3)
     assert equilibrium(system, short).load_factor == path["load_factor"][2]
-    (tmp_path / "cut.history").write_bytes(file.read_bytes()[:-100])
-    with pytest.raises(sc.HistoryError, match="cut short"):
-        sc.History.load(tmp_path / "cut.history")
-    pytest.importorskip("matplotlib")
-    from skfem_cosserat import plot
-
-    assert plot.plot_energy is not None
 
 
-@pytest.mark.slow
 def test_a_path_without_derived_series_starts_runs_too():
     system, _ = two_loads()
     bare = sc.static(system, derive=False)
@@ -897,8 +790,15 @@ CONTROLS = {
 
 
 @pytest.mark.slow
-@ways
-@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.parametrize(
+    ("control", "treatment", "kernels"),
+    [
+        ("load", sc.Multipliers(), "numpy"),
+        pytest.param("arc", sc.NullSpace(), "numba", marks=needs_numba),
+        ("displacement", sc.NullSpace(), "numpy"),
+    ],
+    ids=CONTROLS,
+)
 def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
     """``pi^2 EI/4`` about both axes, shortened by P/EA and softened by P/GA, 1e-6 each."""
     model, tip = column()
@@ -906,8 +806,6 @@ def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
     assert criticals(path) == [("bifurcation", 1)] * 2
     wanted = np.pi**2 / 4 * np.array([1.0, 1.3])
     assert loads_of(path) == pytest.approx(wanted, rel=2e-6)
-    reference = sc.static(model, control=sc.LoadControl(8.0))
-    assert loads_of(path) == pytest.approx(loads_of(reference), rel=1e-8)
     for c in path.meta["critical"]:
         assert path["load_factor"][c["state"]] == c["load_factor"]
         assert path["critical"][c["state"]] == 2
@@ -924,8 +822,7 @@ def test_two_critical_points_in_a_step(treatment, kernels):
 
 
 @pytest.mark.slow
-@treatments
-@pytest.mark.parametrize("mode", [0, 1])
+@pytest.mark.parametrize(("treatment", "mode"), [(sc.NullSpace(), 0), (sc.Multipliers(), 1)])
 def test_equal_stiffness_about_both_axes(treatment, mode):
     """Two motions at once; each branch is the plane elastica, turned about the column."""
     model, tip = column(EI=(1.0, 1.0))
@@ -935,9 +832,12 @@ def test_equal_stiffness_about_both_axes(treatment, mode):
     sideways = [d[4 * tip.vertex, 1:] for d in (one, two)]
     assert abs(np.linalg.det(sideways)) > 0.1 * np.prod(np.linalg.norm(sideways, axis=1))
     start = sc.branch(model, path, mode=mode)
+    assert repr(start).startswith("Branch(t=2.467") and len(repr(start)) < 60
     side = sc.static(model, treatment, sc.ArcLength(8, length=0.05), start=start)
     assert side.meta["critical"] == []  # the plane of bending is free to turn: no crossing
-    away = np.linalg.norm(at(side, tip)[:, 1:], axis=1)
+    where = at(side, tip)
+    away = np.linalg.norm(where[:, 1:], axis=1)
+    assert abs(where @ np.cross(where[-1], (1.0, 0, 0))).max() < 1e-6 * away[-1]  # in a plane
     assert away[-1] > 0.1
     assert abs(side["load_factor"] - elastica(away)).max() < 1e-5
 
@@ -953,55 +853,12 @@ def elastica(deflection):
 
 
 @pytest.mark.slow
-@treatments
-def test_branches_follow_the_elastica_and_are_mirror_images(treatment):
-    model, tip = column()
-    path = sc.static(model, treatment, sc.LoadControl(3.0))
-    ends = []
-    for sign in (1, -1):
-        start = sc.branch(model, path, sign=sign)
-        side = sc.static(model, treatment, sc.ArcLength(12, length=0.02), start=start)
-        place = at(side, tip)
-        assert abs(place[:, 1]).max() < 1e-8  # d1 is along y: bent about it
-        assert abs(side["load_factor"] - elastica(abs(place[:, 2]))).max() < 1e-5
-        rise, away = np.diff(side["load_factor"][:4]), abs(place[1:4, 2])
-        assert (rise > 0).all()
-        root = away / np.sqrt(side["load_factor"][1:4] - side["load_factor"][0])
-        assert np.ptp(root) < 2e-3 * root[0]  # the pitchfork opens with a root
-        ends.append(place)
-    mirror = np.array([1, 1, -1])
-    assert abs(ends[0] - ends[1] * mirror).max() < 1e-8
-    assert abs(ends[0][-1, 2]) > 0.3
-
-
-def truss(height, stiffness=(100.0, 100.0)):
-    """A mass point on two pairs of springs, at right angles."""
-    model = sc.Model()
-    point = model.add("point", sc.MassPoint(1.0, (0, 0, height)))
-    for k, x in enumerate([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]):
-        spring = sc.SpringDamper(sc.ground(x), point.place(), stiffness[k // 2])
-        model.add(f"spring {k}", spring)
-    model.add("load", sc.LoadForce(point.place(), (0, 0, -1.0)))
-    return model, point
-
-
-def truss_stiffness(z, height, k):
-    """Load, and stiffness in x (springs k[0]), y and z, of the truss at height z."""
-    l0, length = np.hypot(1, height), np.hypot(1, z)
-    k = np.asarray(k)
-    load = 2 * k.sum() * (l0 / length - 1) * z
-    own = 2 * k * (1 - l0 / length + l0 / length**3)
-    other = 2 * k[::-1] * (1 - l0 / length)
-    vertical = 2 * k.sum() * (1 - l0 / length + l0 * z**2 / length**3)
-    return load, *(own + other), vertical
-
-
-@pytest.mark.slow
-@treatments
-@pytest.mark.parametrize("controlled", ["arc", "displacement"])
+@pytest.mark.parametrize(
+    ("treatment", "controlled"), [(sc.NullSpace(), "arc"), (sc.Multipliers(), "displacement")]
+)
 def test_limit_points_of_a_truss(treatment, controlled):
     """Where ``l^3 = l0``: 4 k z^3 down; and the same up again."""
-    model, point = truss(0.3)
+    model, point = truss()
     control = sc.ArcLength(100, until=20.0, first=0.5)
     if controlled == "displacement":
         control = sc.DisplacementControl(point.place(), (0, 0, -1), until=0.7)
@@ -1010,7 +867,6 @@ def test_limit_points_of_a_truss(treatment, controlled):
     wanted = 400 * z**3
     assert criticals(path) == [("limit", 1)] * 2
     assert loads_of(path) == pytest.approx([wanted, -wanted], rel=1e-9)
-    assert truss_stiffness(z, 0.3, (100, 100))[0] == pytest.approx(wanted, rel=1e-12)
     assert path["unstable"][0] == path["unstable"][-1] == 0
     assert path["unstable"].max() == 1
 
@@ -1104,13 +960,6 @@ def test_moment_about_a_fixed_axis_is_not_conservative(treatment, kernels):
     model.add("moment", sc.LoadMoment(tip, (0, 0, 2 * np.pi)))
     path = sc.static(model, treatment, kernels=kernels)
     assert path.meta["critical"] == []
-    system = model.freeze()
-    schedule = Schedule(system)
-    for k in (1, -1):
-        t = float(path["load_factor"][k])
-        look = inspect(system, Point(system.extend(path["q"][k], t), t), schedule.at(t))
-        assert not look.symmetric
-        assert look.smallest > 0.1
 
 
 @pytest.mark.slow
@@ -1118,10 +967,7 @@ def test_moment_about_a_fixed_axis_is_not_conservative(treatment, kernels):
 def test_moment_about_a_hinge_is_conservative(treatment):
     """There the same kind of load has a potential: its limit is found as such."""
     model, _, body = hinged(position=(0, 0, -0.5))
-    model.add(
-        "weight",
-        sc.LoadGravity((0, 0, -10.0)),
-    )
+    model.add("weight", sc.LoadGravity((0, 0, -10.0)))
     model.add("moment", sc.LoadMoment(body.at((0, 0, 0)), (0, 6.0, 0)))
     control = sc.ArcLength(24, longest=0.4, first=0.2, length=0.4)
     path = sc.static(model, treatment, control, factors={"weight": 1.0})
@@ -1152,11 +998,10 @@ def test_unwatched_paths_are_not_looked_at():
 
 
 @pytest.mark.slow
-@treatments
-def test_large_systems_find_the_same_critical_load(treatment):
+def test_large_systems_find_the_same_critical_load():
     """Above 300 unknowns eigenvalues are found by shift and invert."""
     model, _ = column(elements=20)
-    path = sc.static(model, treatment, sc.LoadControl(3.0))
+    path = sc.static(model, control=sc.LoadControl(3.0))
     assert model.freeze().unknowns > 300
     assert loads_of(path) == pytest.approx([np.pi**2 / 4], rel=2e-6)
     one, two = (sc.branch(model, path).direction for _ in range(2))

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import static_scenes as scenes
 from rounding import energy_limit
-from test_static_references import scenes
 
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper
