@@ -20,7 +20,6 @@ FAMILIES = {"M1": M1, "M2": M2, "M3": M3, "M4": M4}
 #: relative to the largest of a field, a few times what was measured: M1, M2 and M3 by rounding, M4
 #: by 48 cubic elements
 QUICK = {"M1": 2e-13, "M2": 2e-12, "M3": 2e-13, "M4": 6e-7}
-TAKEN = {"cost_s", "unknowns", "newton_iterations", "converged", "order", "elements", "step"}
 
 
 def values(module, case):
@@ -29,9 +28,7 @@ def values(module, case):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "family", [pytest.param(f, marks=[pytest.mark.slow] * (f != "M1")) for f in FAMILIES]
-)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_quick_rows(family):
     rows = FAMILIES[family].rows()
     assert {row["case"] for row in rows} == set(FAMILIES[family].QUICK)
@@ -43,41 +40,14 @@ def test_quick_rows(family):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("family", "tolerance"), [("M2", 2e-12), ("M4", 2e-8)])
-def test_all_rows(family, tolerance):
-    for row in FAMILIES[family].rows(quick=False):
-        scale = abs(np.array(row["reference"], dtype=float)).max()
-        assert row["error"] <= tolerance * scale, row
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("family", FAMILIES)
-def test_names_and_shapes(family):
-    module = FAMILIES[family]
-    for case in module.QUICK:
-        found = module.main(case, elements=12, step=0.1, times=[1.0])
-        wanted = values(module, case)
-        assert set(found) >= {*wanted, *TAKEN}
-        for name, x in wanted.items():
-            assert np.shape(found[name]) == x.shape
-        assert (found["elements"], found["order"]) == (12, 3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize(
-    ("module", "case", "name", "mode"),
-    [
-        (M1, "h=0.1,CF", "omega", 1),
-        (M3, "1", "omega_bending", 1),
-    ],
+    ("order", "counts"), [(1, (24, 48)), (2, (16, 32)), (3, (12, 24)), (4, (6, 12))]
 )
-def test_order_in_space(module, case, name, mode, order):
+def test_order_in_space(order, counts):
     """Frequencies converge with h^(2p); those of the ring in test_modes.py."""
-    counts = {1: (24, 48), 2: (16, 32), 3: (12, 24), 4: (6, 12)}[order]
-    wanted = values(module, case)[name][mode]
-    found = [module.main(case, order=order, elements=n)[name][mode] for n in counts]
-    coarse, fine = abs(np.array(found) / wanted - 1)
+    case = "h=0.1,CF"
+    found = [M1.main(case, order=order, elements=n)["omega"][1] for n in counts]
+    coarse, fine = abs(np.array(found) / values(M1, case)["omega"][1] - 1)
     assert np.log2(coarse / fine) == pytest.approx(2 * order, abs=0.2)
 
 
@@ -97,12 +67,10 @@ def test_beam_of_another_material_and_size():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("h", "nu"), [(0.05, 0.3), (0.2, 0.0)])
-def test_simply_supported_beam_of_closed_form(h, nu):
+def test_simply_supported_beam_of_closed_form():
     """Roots of Timoshenko's quadratic for each wavenumber, both branches in one list."""
-    data = {"nu": nu, "kappa": 0.85}
-    found = M1.main(f"h={h},SS", data)["omega"]
-    assert found == pytest.approx(simply_supported(h, nu, 0.85)[:5], rel=1e-11)
+    found = M1.main("h=0.05,SS", {"nu": 0.3, "kappa": 0.85})["omega"]
+    assert found == pytest.approx(simply_supported(0.05, 0.3, 0.85)[:5], rel=1e-11)
 
 
 def simply_supported(h, nu, kappa):
@@ -117,18 +85,15 @@ def simply_supported(h, nu, kappa):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("h", [0.1, 0.2])
-def test_as_many_modes_as_wanted(h):
+def test_as_many_modes_as_wanted():
     """Second spectrum, too: it starts with sections that all turn alike, the line at rest."""
-    found = M1.main(f"h={h},SS", {"modes": 30}, order=4, elements=100)
-    assert found["omega"] == pytest.approx(simply_supported(h, 0.3, 5 / 6)[:30], rel=5e-9)
+    found = M1.main("h=0.2,SS", {"modes": 30}, order=4, elements=100)
+    assert found["omega"] == pytest.approx(simply_supported(0.2, 0.3, 5 / 6)[:30], rel=5e-9)
     assert {len(found[name]) for name in ("omega", "f_Hz", "omega_norm")} == {30}
-    few = M1.main(f"h={h},SS", {"modes": 2}, order=4, elements=100)
-    assert few["omega"] == pytest.approx(found["omega"][:2], rel=1e-10)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ends", ["CF", "FF", "CC", "CS"])
+@pytest.mark.parametrize("ends", ["FF", "CS"])
 def test_no_mode_is_missing(ends):
     """Between frequencies the determinant of Timoshenko's equations has one sign, then the other.
 
@@ -154,19 +119,11 @@ def test_no_mode_is_missing(ends):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("modes", [0, 2.5, "many"])
-def test_number_of_modes_that_is_none(modes):
-    bad(lambda: M1.main(data={"modes": modes}), "modes", "positive integer")
-    bad(lambda: M1.main(data={"modes": 500}, elements=4), "elements", "too few for 500")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("ends", "first"), [("CS", 3.92660231), ("SC", 3.92660231), ("FS", None)])
-def test_other_supports(ends, first):
+@pytest.mark.parametrize("ends", ["CS", "SC", "FS"])
+def test_other_supports(ends):
     """Slender: Euler-Bernoulli's (kL)^2; a beam on one hinge has those of clamped and hinged."""
     found = M1.main(f"h=0.001,{ends}", elements=24)["omega_norm"]
-    wanted = (3.92660231 if first is None else first) ** 2
-    assert found[0] == pytest.approx(wanted, rel=2e-5)
+    assert found[0] == pytest.approx(3.92660231**2, rel=2e-5)
 
 
 @pytest.mark.slow
@@ -176,11 +133,21 @@ def test_rotating_cantilever_in_units():
     found = M2.main(data=data, elements=24)
     wanted = values(M2, "hub=0,eta=3")
     assert found["flap"][:2] == pytest.approx(wanted["flap"][:2], rel=1e-8)
-    assert found["estimated_error"] < 1e-6
-    assert "estimated_error" not in M2.main("hub=0,eta=3", elements=2)  # nothing coarser
     thick = M2.main("hub=0,eta=3", {"slenderness": 20.0}, elements=8)
     ratio = np.array(thick["flap"]) / wanted["flap"]
     assert ((ratio > 0.7) & (ratio < 1)).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [1, 3])
+def test_blade_extrapolated_from_three_meshes(order):
+    """Well below what the finest gives, and what is estimated."""
+    found = M2.main("hub=1,eta=5", order=order)
+    wanted = values(M2, "hub=1,eta=5")
+    for name in ("flap", "lag"):
+        assert abs(found[name] - wanted[name]).max() < {1: 2e-7, 3: 1e-10}[order]
+    assert found["estimated_error"] < {1: 1e-4, 3: 1e-9}[order]
+    assert "estimated_error" not in M2.main("hub=1,eta=5", elements=2)  # nothing coarser
 
 
 @pytest.mark.slow
@@ -192,32 +159,24 @@ def test_flap_and_lag_differ_by_the_speed():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_blade_of_every_order(order):
-    """Extrapolated from three meshes: well below what the finest gives."""
-    found = M2.main("hub=1,eta=5", order=order)
-    wanted = values(M2, "hub=1,eta=5")
-    limit = {1: 2e-7, 2: 5e-9, 3: 1e-10, 4: 1e-10}[order]
-    for name in ("flap", "lag"):
-        assert abs(found[name] - wanted[name]).max() < limit
-    assert found["estimated_error"] < {1: 1e-4, 2: 2e-7, 3: 1e-9, 4: 1e-9}[order]
-
-
-@pytest.mark.slow
 def test_prestress_by_force_and_by_factor():
     """T and fac say the same; another length: omega goes with h/L^2 and fac stays."""
-    T = values(M3, "1")["T"]
+    T, wanted = values(M3, "1")["T"], values(M3, "1")["omega_bending"]
     by_force = M3.main(data={"T": float(T)}, elements=24)
-    wanted = values(M3, "1")
-    assert by_force["omega_bending"] == pytest.approx(wanted["omega_bending"], rel=2e-6)
+    assert by_force["omega_bending"] == pytest.approx(wanted, rel=2e-6)
     data = {"L": 3.0, "h": 0.15, "E": 70e9, "rho": 2700.0}
     found = M3.main("1", data, elements=24)
     scale = np.sqrt(70e9 / 210e9 * 7850 / 2700) / 3
-    assert found["omega_bending"] == pytest.approx(scale * wanted["omega_bending"], rel=2e-6)
+    assert found["omega_bending"] == pytest.approx(scale * wanted, rel=2e-6)
     assert found["T"] == pytest.approx(float(T) * 9 * 70 / 210, rel=1e-12)
-    assert M3.main(data={"fac": -0.9}, elements=24)["omega_bending"][0] == pytest.approx(
-        values(M3, "-0.9")["omega_bending"][0], rel=1e-8
-    )
+
+
+@pytest.mark.slow
+def test_thin_ring_vibrates_by_hoppes_formula():
+    h, n = 0.005, 3
+    thin = M4.main(data={"h": h, "n": n}, elements=24)["inplane_omega"][0]
+    hoppe = n * (n**2 - 1) / np.sqrt(n**2 + 1) * h * np.sqrt(210e9 / 12 / 7850)
+    assert thin == pytest.approx(hoppe, rel=1e-4)
 
 
 def test_buckled_beam_has_no_frequency():
@@ -235,21 +194,6 @@ def test_prestress_with_both_treatments(treatment):
     )
 
 
-@pytest.mark.slow
-def test_ring_of_another_size():
-    """omega goes with sqrt(E/rho)/R for equal shape; n = 3 of a thin ring by Hoppe's formula."""
-    data = {"R": 0.5, "h": 0.05, "E": 70e9, "rho": 2700.0}
-    found = M4.main("n=2", data, elements=24)
-    wanted = values(M4, "n=2")
-    scale = np.sqrt(70e9 / 210e9 * 7850 / 2700) / 0.5
-    for name in ("inplane_omega", "outplane_omega"):
-        assert found[name][:2] == pytest.approx(scale * wanted[name][:2], rel=1e-5)
-    h, n = 0.005, 3
-    thin = M4.main(data={"h": h, "n": n}, elements=24)["inplane_omega"][0]
-    hoppe = n * (n**2 - 1) / np.sqrt(n**2 + 1) * h * np.sqrt(210e9 / 12 / 7850)
-    assert thin == pytest.approx(hoppe, rel=1e-4)
-
-
 # -- what cannot be done ---------------------------------------------------------------------------
 
 
@@ -257,21 +201,17 @@ def test_ring_of_another_size():
 def test_bad_arguments_are_named(module):
     bad(lambda: module.main("Q7"), "case", "'Q7'", next(iter(module.QUICK)))
     bad(lambda: module.main(data={"lenght": 2.0}), "data", "'lenght'")
-    bad(lambda: module.main(order=0), "order", "0")
     bad(lambda: module.main(elements=2.5), "elements", "2.5")
-    bad(lambda: module.main(step=0.0), "step", "0.0")
-    bad(lambda: module.main(times=["soon"]), "times", "'soon'")
-    bad(lambda: module.main(integrator="newmark"), "integrator", "'newmark'")
-    bad(lambda: module.main(treatment="penalty"), "treatment", "'penalty'")
 
 
 @pytest.mark.slow
 def test_bad_data_is_named():
     bad(lambda: M1.main("h=-0.1,CF"), "h = '-0.1'")
     bad(lambda: M1.main("h=0.1,CX"), "ends", "'CX'")
-    bad(lambda: M1.main(data={"E": np.nan}), "E = nan")
     bad(lambda: M1.main(data={"kappa": "5/0"}), "kappa = '5/0'")
     bad(lambda: M1.main(elements=1, order=1), "elements")
+    bad(lambda: M1.main(data={"modes": 2.5}), "modes", "positive integer")
+    bad(lambda: M1.main(data={"modes": 500}, elements=4), "elements", "too few for 500")
     bad(lambda: M2.main("hub=0,eta=fast"), "eta = 'fast'")
     bad(lambda: M2.main(data={"slenderness": 0.0}), "slenderness = 0.0")
     bad(lambda: M3.main(data={"T": -1e12}), "T = -1e+12")

@@ -6,18 +6,15 @@ step, and what it has grown to. Tolerances are a few times what was measured.
 
 import importlib
 import sys
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from test_modes import bad
 
-import skfem_cosserat as sc
-
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples" / "benchmarks"))
 
-common, motion = (importlib.import_module(f"collection.{name}") for name in ("common", "motion"))
+common = importlib.import_module("collection.common")
 R1, R2, R3, R4, R5, R6, R8 = (
     importlib.import_module(f"collection.{name}")
     for name in (
@@ -31,7 +28,6 @@ pairs = pytest.mark.parametrize(("integrator", "treatment"), PAIRS)
 #: errors of the quick rows relative to 1 or the size of a field, a few times those measured; that
 #: of R5 is rounding of its steps (4e-13), which extrapolation magnifies to 4e-12 or 1.1e-11
 QUICK = {"R1": 5e-12, "R2": 2e-11, "R3": 5e-12, "R4": 5e-12, "R5": 5e-11, "R6": 5e-13, "R8": 5e-11}
-LONG = [pytest.param(family, marks=pytest.mark.slow) for family in ("R2", "R4", "R5", "R6", "R8")]
 #: instants of a short run of each family
 SHORT = {"R1": 0.5, "R2": 0.05, "R3": 1.0, "R4": 0.5, "R5": 0.5, "R6": 0.002, "R8": 0.5}
 TAKEN = {"cost_s", "unknowns", "newton_iterations", "converged", "order", "elements", "step"}
@@ -43,12 +39,6 @@ def field(family, result):
     return np.array(result[name][-1])
 
 
-@cache
-def limit(family):
-    """The main field after a short run, extrapolated."""
-    return field(family, FAMILIES[family].main(times=[SHORT[family]]))
-
-
 def size(reference):
     return max(1.0, abs(np.array(reference, dtype=float)).max())
 
@@ -57,16 +47,8 @@ def size(reference):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings(
-    "ignore::skfem_cosserat.AccuracyWarning"
-)  # some pass a singular position
-@pytest.mark.parametrize(
-    "family",
-    [
-        pytest.param(f, marks=[pytest.mark.slow] * (f in ("R1", "R2", "R5", "R6", "R8")))
-        for f in FAMILIES
-    ],
-)
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # singular positions
+@pytest.mark.parametrize("family", FAMILIES)
 def test_quick_rows(family):
     rows = FAMILIES[family].rows()
     assert rows
@@ -76,61 +58,29 @@ def test_quick_rows(family):
         assert row["error"] < QUICK[family] * size(row["reference"]), row
 
 
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # passes a singular position
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("family", "tolerance"),
-    [("R1", 5e-11), ("R2", 2e-10), ("R3", 5e-9), ("R4", 1e-8), ("R5", 1e-8), ("R6", 1e-9)],
-)
-def test_all_rows(family, tolerance):
-    """To the last instant: what rounding has grown to, and R4's 8 digits.
-
-    Of R2's centre to 4e-11 or 1.1e-10, as products of quaternions are normalised or not.
-    """
-    for row in FAMILIES[family].rows(quick=False):
-        assert row["error"] < tolerance * size(row["reference"]), row
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("case", "until", "tolerance"),
-    [("R8_chain_N1", 10.0, 1e-9), ("R8_chain_N2", 6.0, 1e-8), ("R8_chain_N5", 3.0, 1e-8)],
-)
-def test_chains_as_long_as_they_are_followed(case, until, tolerance):
-    """Chaotic: two rods to 6 s; the error estimated bounds the true one by a factor."""
-    known = common.entry(case)["values"]
-    times = [t for t in known["t"] if t <= until]
-    result = R8.main(case, times=times)
+def test_a_chaotic_chain_as_long_as_it_is_followed():
+    """Two rods to 3 s: the error estimated bounds the true one by a factor."""
+    known = common.entry("R8_chain_N2")["values"]
+    times = [t for t in known["t"] if t <= 3.0]
+    result = R8.main("R8_chain_N2", times=times)
     for k in range(len(times)):
         wanted = np.array(known["taylor_longdouble"][k], dtype=float)
         error = abs(np.array(result["state"][k]) - wanted).max()
         assert error < 30 * result["estimated_error"][k] + 1e-10
-        assert error < tolerance
+        assert error < 1e-8
 
 
 @pytest.mark.slow
 @pairs
-@pytest.mark.parametrize("family", ["R1", "R3", *LONG])
-def test_all_methods_agree(family, integrator, treatment):
-    """Whatever integrator and treatment, extrapolated: the same numbers."""
-    main, times = FAMILIES[family].main, [SHORT[family]]
-    usual = limit(family)
-    other = main(times=times, integrator=integrator, treatment=treatment)
-    assert other["converged"]
-    assert abs(field(family, other) - usual).max() < 10 * QUICK[family] * size(usual)
-
-
-STEPS = {"R1": 0.05, "R2": 1e-3, "R3": 0.05, "R4": 0.05, "R5": 0.025, "R6": 2.5e-4, "R8": 0.02}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("integrator", ["energy-momentum", "variational"])
-@pytest.mark.parametrize("family", ["R1", "R3", *LONG])
-def test_second_order_at_given_steps(family, integrator):
-    main, times, h = FAMILIES[family].main, [SHORT[family]], STEPS[family]
-    runs = [main(times=times, step=h / 2**k, integrator=integrator) for k in range(3)]
-    assert [run["step"] for run in runs] == pytest.approx([h, h / 2, h / 4], rel=1e-12)
-    errors = [np.linalg.norm(field(family, run) - limit(family)) for run in runs]
+def test_every_pair_of_methods_comes_to_the_reference_in_second_order(integrator, treatment):
+    """A free body after 1 s: extrapolated, and with given steps."""
+    wanted = np.array(common.entry("R3_free_rigid_body_general")["values"]["state"][0], float)
+    options = {"times": [1.0], "integrator": integrator, "treatment": treatment}
+    assert field("R3", R3.main(**options)) == pytest.approx(wanted, abs=5e-11)
+    runs = [R3.main(step=0.05 / 2**k, **options) for k in range(3)]
+    assert [run["step"] for run in runs] == pytest.approx([0.05, 0.025, 0.0125], rel=1e-12)
+    errors = [np.linalg.norm(field("R3", run) - wanted) for run in runs]
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.1)
 
 
@@ -150,8 +100,6 @@ def test_names_and_shapes(family):
     for name in set(values) & set(result) - {"t", "q0", "jacobi", "literature_t0p03"}:
         found, wanted = np.array(result[name]), np.array(values[name], dtype=float)
         assert found.shape == (3, *wanted.shape[1:]), name
-    both = module.main(times=times[::2], step=0.05 * SHORT[family])
-    assert abs(field(family, both) - field(family, result)).max() < 1e-13
     key = str(times[0])
     one = module.main(case=key, step=0.05 * SHORT[family])
     assert one["t"] == times[0]
@@ -161,17 +109,11 @@ def test_names_and_shapes(family):
 @pytest.mark.slow
 def test_an_instant_of_the_reference_is_a_case():
     """As text, as a number; alone it is that instant's numbers, else all are lists."""
-    wanted = common.entry("R1_spherical_pendulum")["values"]["state"][0]
-    found = R1.main("1")
-    assert np.array(found["state"]) == pytest.approx(np.array(wanted, dtype=float), abs=5e-12)
-    for case in ("1", 1, 1.0):
-        found = R1.main(case, step=0.1)
-        assert found["t"] == 1.0
+    found = [R1.main(case, step=0.1) for case in ("1", 1, 1.0)]
+    assert [each["t"] for each in found] == [1.0] * 3
     several = R1.main("state", times=[1.0], step=0.1)
     assert R1.main(times=1.0, step=0.1)["state"] == several["state"]
-    twice = R1.main(times=[1.0, 0.5, 1.0], step=0.1)
-    assert twice["t"] == [1.0, 0.5, 1.0] and twice["state"][0] == twice["state"][2]
-    assert several["state"][0] == several["1"]["state"] == found["state"]
+    assert several["state"][0] == several["1"]["state"] == found[0]["state"]
 
 
 @pytest.mark.slow
@@ -192,14 +134,9 @@ def test_pendulum_of_another_length():
     scale = np.sqrt(length / g * 9.81)
     data = {"l": length, "g": g, "m": 7.0, "v0": (0, 2.0 * length / scale, 0)}
     found = R1.main(data=data, times=[scale * 1.0])["state"][0]
-    wanted = np.array(R1.main(times=[1.0])["state"][0])
+    wanted = np.array(common.entry("R1_spherical_pendulum")["values"]["state"][0], dtype=float)
     units = np.repeat([length, length / scale], 3)
     assert found / units == pytest.approx(wanted, abs=1e-11)
-    start = np.array(R1.DATA["x0"])
-    same = R1.main(
-        data={"x0": tuple(length * start), **{k: data[k] for k in ("g", "v0")}}, times=[scale]
-    )
-    assert same["state"][0] == pytest.approx(found, abs=1e-11)
 
 
 @pytest.mark.slow
@@ -216,8 +153,7 @@ def test_heavy_top_without_gravity_is_a_free_body():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("theta", [0.3, 1.2, 2.0])
-@pytest.mark.parametrize("case", ["slow", "fast"])
+@pytest.mark.parametrize(("case", "theta"), [("slow", 0.3), ("fast", 2.0)])
 def test_steady_precession_at_another_tilt(case, theta):
     """The rate solves the quadratic equation, and the tilt stays."""
     data = {"theta": theta, "Omega3": 25.0, "l": 0.4, "A": 0.3}
@@ -242,23 +178,9 @@ def test_free_body_returns_after_its_period():
 
 
 @pytest.mark.slow
-def test_bricard_of_another_size():
-    """Twice as long, four times the gravity over length: half the time; mass does not matter."""
-    data = {"L": 2.0, "width": 0.2, "m": 3.0, "g": 8 * 9.81}
-    found = R4.main(data=data, times=[0.25])["P3"][0]
-    wanted = common.entry("R4_bricard")["values"]["P3"][0]
-    assert np.array(found) / 2 == pytest.approx(np.array(wanted), abs=1e-8)
-    axes = [(0, 2, 0), (0, 0, 1), (1, 0, 0)] * 2
-    same = [
-        R4.main(data=d, times=[0.1], step=0.05)["P3"][0] for d in (data, {**data, "axes": axes})
-    ]
-    assert same[0] == pytest.approx(same[1], abs=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("windows", [1, pytest.param(4, marks=pytest.mark.slow)])
-def test_windows_of_other_numbers(windows):
+def test_windows_of_other_numbers():
     """Energy: columns (N + 1)/6 and beams N/2 of m l^2 phi'^2, weight (N + 1)/2 + N of m g l."""
+    windows = 4
     data = {"N": windows, "l": 0.5, "m": 2.0, "g": 4.0, "vx": 0.7}
     result = R5.main(data=data, times=[0.4])
     inertia = 2.0 * 0.25 * ((windows + 1) / 6 + windows / 2)
@@ -268,19 +190,6 @@ def test_windows_of_other_numbers(windows):
         assert energy == pytest.approx(inertia * 1.96 + weight, rel=1e-11)
     ends = [(0.5 * np.sin(phi), 0.5 * np.cos(phi)) for phi, _ in result["phi_omega"]]
     assert np.array(result["B0"]) == pytest.approx(np.array(ends), abs=1e-11)
-
-
-@pytest.mark.slow
-def test_squeezer_with_another_link():
-    """Its loops are closed anew; the crank starts with the torque over the reduced inertia."""
-    data = {"ss": 0.0352, "mom": 0.05}
-    result = R6.main(data=data, times=[0.002], step=2e-4)
-    d = common.overridden(R6.defaults(), data)
-    for q in (result["q0"], result["q"][0]):
-        assert abs(R6.gaps(q, d)).max() < 1e-13
-    assert abs(np.array(result["q0"]) - R6.defaults()["q0"]).max() > 1e-3
-    unlike = R6.main(data={"mom": 0.05}, times=[0.002], step=2e-4)
-    assert abs(np.array(unlike["q"][0]) - result["q"][0]).max() > 1e-3
 
 
 def chain_energy(state, d):
@@ -299,7 +208,7 @@ def chain_energy(state, d):
 
 @pytest.mark.slow
 def test_chain_of_three():
-    """Energy of closed form; the tip from the angles; the same in other units."""
+    """Energy of closed form; the tip from the angles."""
     data = {"N": 3, "l": 0.6, "m": 2.0, "g": 5.0, "theta0": (0.3, -0.4, 1.0)}
     result = R8.main(data=data, times=[0.4])
     start = chain_energy([*data["theta0"], 0, 0, 0], data)
@@ -307,9 +216,6 @@ def test_chain_of_three():
         assert chain_energy(state, data) == pytest.approx(start, abs=1e-9)
         ends = [0.6 * f(state[:3]).sum() for f in (np.cos, np.sin)]
         assert tip == pytest.approx(ends, abs=1e-11)
-    scale = np.sqrt(0.6 / 5.0)
-    other = R8.main(data={**data, "l": 1.0, "g": 1.0, "m": 1.0}, times=[0.4 / scale])
-    assert np.array(other["state"][0][:3]) == pytest.approx(result["state"][0][:3], abs=1e-10)
 
 
 # -- what cannot be done ---------------------------------------------------------------------------
@@ -318,17 +224,20 @@ def test_chain_of_three():
 @pytest.mark.parametrize("module", FAMILIES.values())
 def test_bad_arguments_are_named(module):
     bad(lambda: module.main("Q7"), "case", "'Q7'", module.ENTRIES[0])
-    bad(lambda: module.main(-1.0), "case", "-1.0")
     bad(lambda: module.main(data={"lenght": 2.0}), "data", "'lenght'")
-    bad(lambda: module.main(order=5), "order", "5")
-    bad(lambda: module.main(elements=0), "elements", "0")
-    bad(lambda: module.main(step=-0.1), "step", "-0.1")
-    bad(lambda: module.main(times=[]), "times")
-    bad(lambda: module.main(data=5), "data", "5")
-    bad(lambda: module.main(times=[-1.0]), "times", "-1.0")
-    bad(lambda: module.main("0.5", times=[0.25]), "times", "0.5")
-    bad(lambda: module.main(integrator="newmark"), "integrator", "'newmark'")
-    bad(lambda: module.main(treatment="penalty"), "treatment", "'penalty'")
+
+
+def test_bad_arguments_of_all_families_are_named():
+    bad(lambda: R1.main(-1.0), "case", "-1.0")
+    bad(lambda: R1.main(order=5), "order", "5")
+    bad(lambda: R1.main(elements=0), "elements", "0")
+    bad(lambda: R1.main(step=-0.1), "step", "-0.1")
+    bad(lambda: R1.main(times=[]), "times")
+    bad(lambda: R1.main(times=[-1.0]), "times", "-1.0")
+    bad(lambda: R1.main("0.5", times=[0.25]), "times", "0.5")
+    bad(lambda: R1.main(data=5), "data", "5")
+    bad(lambda: R1.main(integrator="newmark"), "integrator", "'newmark'")
+    bad(lambda: R1.main(treatment="penalty"), "treatment", "'penalty'")
 
 
 def test_bad_data_is_named():
@@ -348,28 +257,10 @@ def test_bad_data_is_named():
     bad(lambda: R8.main(data={"N": 3, "theta0": (0, 0)}), "theta0")
 
 
-@pytest.mark.slow
-def test_a_run_that_cannot_be_solved_gives_no_number(monkeypatch):
-    """NaN and no error; a ladder goes on without its longest steps."""
-    longest = 0.03
-
-    def limited(system, integrator, treatment, step, until, **options):
-        history = simulate(system, integrator, treatment, step, until, **options)
-        if step > longest:
-            error = sc.Diverged(0.0, 1, 1.0, "not this step", "a shorter one")
-            error.history = history
-            raise error
-        return history
-
-    simulate = sc.simulate
-    monkeypatch.setattr(sc, "simulate", limited)
-    result = R3.main(times=[0.5, 1.0], step=0.05)
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
+def test_a_run_that_cannot_be_solved_gives_no_number():
+    """NaN and no error: three rods fall for two seconds in one step."""
+    result = R8.main(data={"N": 3}, times=[2.0, 4.0], step=2.0)
     assert result["converged"] is False
     assert np.isnan(result["state"]).all()
-    assert np.shape(result["state"]) == (2, 7)
-    assert result["newton_iterations"] > 0
-    found = R3.main(times=[1.0])
-    assert found["converged"]
-    assert np.array(found["state"][0]) == pytest.approx(limit("R3"), abs=1e-11)
-    longest = 0.0
-    assert np.isnan(R3.main(times=[1.0])["state"]).all()
+    assert np.shape(result["state"]) == (2, 6)

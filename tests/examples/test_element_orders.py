@@ -21,16 +21,6 @@ def result(tmp_path_factory):
     return orders.main(out=folder) | {"folder": folder}
 
 
-def _row(result, nodes, order, quantity):
-    rows = [
-        r
-        for r in result["orders"]
-        if (r["nodes"], r["order"], r["quantity"]) == (nodes, order, quantity)
-    ]
-    assert len(rows) == 1
-    return rows[0]
-
-
 ENDS = [
     "displacement at element ends",
     "rotation at element ends",
@@ -84,15 +74,6 @@ def test_recovered_resultants_are_far_better_than_those_at_gauss_points(result):
         assert all(a < 0.1 * b for a, b in zip(nodes, gauss, strict=True))
 
 
-def _locking(result, slenderness, order, points):
-    (row,) = [
-        r
-        for r in result["locking"]
-        if (r["slenderness"], r["order"], r["points"]) == (slenderness, order, points)
-    ]
-    return row["error"]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_slenderness_does_not_matter(result, order):
@@ -120,14 +101,19 @@ def test_files_and_report(result):
     assert all((result["folder"] / f"element_{name}.csv").exists() for name in parts)
 
 
-@pytest.mark.slow
-def test_one_load_step_takes_few_iterations(result):
-    """60 m of displacement at once; nearly as many whatever the element."""
-    assert all(row["newton_iterations"] <= 12 for row in result["costs"])
-    best = min(row["error"] for row in result["costs"] if row["unknowns"] <= 100)
-    assert best < 1e-4
-
-
 def test_slopes_are_taken_above_rounding():
     assert orders.order_of([1, 2, 4], [1e-2, 1e-3, 1e-16]) == pytest.approx(math.log2(10))
     assert math.isnan(orders.order_of([1, 2], [1e-2, 1e-15]))
+
+
+def _row(result, nodes, order, quantity):
+    wanted = nodes, order, quantity
+    (row,) = (r for r in result["orders"] if (r["nodes"], r["order"], r["quantity"]) == wanted)
+    return row
+
+
+def _locking(result, slenderness, order, points):
+    wanted = slenderness, order, points
+    rows = result["locking"]
+    (row,) = (r for r in rows if (r["slenderness"], r["order"], r["points"]) == wanted)
+    return row["error"]

@@ -1,6 +1,5 @@
 """The paper's flexible example: counts, conservation, equivalence, failures, output."""
 
-import importlib.util
 import sys
 from pathlib import Path
 
@@ -11,14 +10,9 @@ from scipy.spatial.transform import Rotation
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 
-ROOT = Path(__file__).resolve().parents[2]
-spec = importlib.util.spec_from_file_location(
-    "three_bar_swing", ROOT / "examples" / "three_bar_swing.py"
-)
-assert spec is not None and spec.loader is not None
-swing = importlib.util.module_from_spec(spec)
-sys.modules["three_bar_swing"] = swing
-spec.loader.exec_module(swing)
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
+
+import three_bar_swing as swing
 
 INTEGRATORS = ("variational", "energy-momentum")
 PULSE_END = 0.25
@@ -36,47 +30,26 @@ def ten_seconds(request):
 
 
 @pytest.mark.slow
-def test_counts():
-    system = swing.build()
-    assert system.counts() == {"n": 276, "m": 154, "rank": 154, "unknowns": 122}
-    for integrator in INTEGRATORS:
-        for treatment, unknowns in (("multipliers", 430), ("null-space", 122)):
-            result = swing.main(integrator, treatment, until=0.02)
-            assert (result["n"], result["m"], result["unknowns"]) == (276, 154, unknowns)
+@pytest.mark.parametrize(("treatment", "unknowns"), [("multipliers", 430), ("null-space", 122)])
+def test_counts(treatment, unknowns):
+    assert swing.build().counts() == {"n": 276, "m": 154, "rank": 154, "unknowns": 122}
+    result = swing.main(treatment=treatment, until=0.02)
+    assert (result["n"], result["m"], result["unknowns"]) == (276, 154, unknowns)
 
 
 @pytest.mark.slow
 def test_all_four_pairs_run_ten_seconds_and_treatments_agree(ten_seconds):
-    _, histories = ten_seconds
+    """Constraints hold, and the motion stays in its plane."""
+    system, histories = ten_seconds
     q = histories["null-space"]["q"]
     assert all(len(h) == 1001 and h.status == "completed" for h in histories.values())
     apart = abs(q - histories["multipliers"]["q"]).max(1) / abs(q).max(1)
     assert apart[:501].max() < 1e-10
     assert apart.max() < 1e-8
-
-
-@pytest.mark.slow
-def test_constraints(ten_seconds):
-    system, histories = ten_seconds
     for history in histories.values():
         assert diagnostics.constraint_violation(system, history["q"]).max() < 1e-12
-
-
-@pytest.mark.slow
-def test_motion_stays_in_the_plane(ten_seconds):
-    _, histories = ten_seconds
-    for history in histories.values():
         out = history["q"].reshape(len(history), -1, 4, 3)[:501, :, 0, 0]
         assert abs(out).max() < 1e-10
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_side_load_shows_how_out_of_plane_disturbances_grow(integrator):
-    """A side load of 1e-8 of the pulse stays small to 5 s."""
-    out = out_of_plane(integrator, 5.0)
-    assert 1e-10 < out[100] < 1e-8
-    assert out.max() < 1e-7
 
 
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # disturbances grow
@@ -133,13 +106,6 @@ def test_energy_momentum_keeps_the_energy(ten_seconds):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("treatment", ["null-space", "multipliers"])
-def test_energy_momentum_keeps_the_energy_at_fine_steps(treatment):
-    energy = _after_pulse(swing.main("energy-momentum", treatment, 1e-3, 10.0), "energy")
-    assert np.ptp(energy) < 1e-9 * energy[0]
-
-
-@pytest.mark.slow
 def test_variational_energy_oscillates_with_the_square_of_the_step():
     coarse, fine = (swing.main("variational", step=h) for h in (1e-2, 1e-3))
     for name in ("energy", "energy_midpoint"):
@@ -189,13 +155,6 @@ def test_contract():
     assert result["mass_position"][0].tolist() == [0.0, 0.36, 0.0]
 
 
-@pytest.mark.slow
-def test_same_call_gives_identical_arrays():
-    first, second = (swing.main(until=0.5) for _ in range(2))
-    for name, value in first.items():
-        assert np.array_equal(value, second[name]), name
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [
@@ -203,8 +162,6 @@ def test_same_call_gives_identical_arrays():
         ("treatment", "penalty"),
         ("section", "round"),
         ("elements", 7),
-        ("elements", 0),
-        ("step", 0.0),
         ("step", float("nan")),
         ("until", -1.0),
     ],
@@ -224,7 +181,6 @@ def test_other_meshes_converge_and_the_file_is_the_built_one():
 
 
 #: Table 2 of the paper, steps 1e-2, 1e-3, 1e-4
-LONG = {("variational", "multipliers"), ("energy-momentum", "null-space")}
 TABLE_2 = {
     ("energy-momentum", "multipliers"): (2e12, 2e14, 2e17),
     ("variational", "multipliers"): (6e11, 5e13, 5e16),
@@ -234,18 +190,21 @@ TABLE_2 = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("pair", "published"),
-    [
-        pytest.param(*each, marks=pytest.mark.slow if each[0] in LONG else ())
-        for each in TABLE_2.items()
-    ],
-)
+@pytest.mark.parametrize(("pair", "published"), TABLE_2.items())
 def test_condition_numbers_of_table_2(pair, published):
     factor = 1.6 if pair[1] == "multipliers" else 1.3
     for step, value in zip((1e-2, 1e-3, 1e-4), published, strict=True):
         computed = swing.condition_number(*pair, step)
         assert value / factor < computed < value * factor
+
+
+@pytest.mark.slow
+def test_files(tmp_path):
+    result = swing.main("energy-momentum", until=0.05, out=tmp_path)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"beams.pvd", "bodies.pvd", "joints.pvd"} <= names
+    history = sc.History.load(tmp_path / "three_bar_swing.history")
+    assert np.array_equal(history.times, result["times"])
 
 
 @pytest.mark.slow
@@ -256,27 +215,3 @@ def test_scaling_removes_the_growth_with_small_steps(integrator):
         scaled = swing.condition_number(integrator, "multipliers", step, scaled=True, steps=(1, 10))
         reduced = swing.condition_number(integrator, "null-space", step, steps=(1, 10))
         assert scaled < 8 * reduced
-
-
-@pytest.mark.slow
-def test_output_is_read_back_with_vtk(tmp_path):
-    pytest.importorskip("vtk")
-    import pyvista
-
-    result = swing.main("energy-momentum", until=0.05, out=tmp_path)
-    for layer, cells in (("beams", 20), ("bodies", 13), ("joints", 4)):
-        reader = pyvista.PVDReader(str(tmp_path / f"{layer}.pvd"))
-        assert np.allclose(reader.time_values, result["times"], rtol=0, atol=0)
-        for k in range(len(result["times"])):
-            reader.set_active_time_point(k)
-            assert reader.read()[0].n_cells == cells
-    reader = pyvista.PVDReader(str(tmp_path / "beams.pvd"))
-    reader.set_active_time_point(3)
-    grid = reader.read()[0]
-    assert {"u", "v", "d1", "d2", "d3", "q_wxyz", "node_id"} <= set(grid.point_data)
-    assert {"N", "M", "n", "m", "Gamma", "K", "beam_id", "section_id"} <= set(grid.cell_data)
-    mid = np.argmin(abs(grid.points - result["mass_position"][3]).sum(1))
-    assert np.array_equal(grid.points[mid], result["mass_position"][3])
-    assert grid.cell_data["N"][10, 2] == result["axial_force"][3]
-    history = sc.History.load(tmp_path / "three_bar_swing.history")
-    assert np.array_equal(history.times, result["times"])
