@@ -80,7 +80,7 @@ class SensorSpeed(sc.Sensor):
 
     def values(self, system: sc.System, window: Any) -> Any:
         """The distance (k,) at the k states of the window, with coordinates q (k, n)."""
-        x = window.q[:, system.dofs(self.point.place())]
+        x = window.position(self.point.place())
         return np.linalg.norm(x - self.point.place().position, axis=1)
 
 

@@ -26,7 +26,7 @@ def _warm(arguments: argparse.Namespace) -> str:
     """Compile the kernels of runs and equilibria, which takes minutes; runs find them on disk."""
     from .constraints import Multipliers, NullSpace
     from .integrators import EnergyDecaying, EnergyMomentum, GeneralizedAlpha, Stepper
-    from .integrators.compiled_scene import CompiledMotion
+    from .integrators.compiled_step import CompiledMotion
     from .newton import NewtonSettings
     from .statics import static
 

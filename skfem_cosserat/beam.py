@@ -24,9 +24,9 @@ from .kernels import (
     beam_tangent,
 )
 from .mesh import MeshCurve
-from .mesh.bends import check_bends
 from .mesh.divide import places_in
 from .mesh.topology import places_along
+from .mesh.triads import check_bends
 from .section import Section
 from .theory import LawHeld, Theory, TheoryReissner, released
 from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, shaped, switch

@@ -15,6 +15,8 @@ from .kernels import cross, exp_quaternion, rotation_matrix
 from .types import TOLERANCE, ArrayLike, Floats, finite, numbers, shaped, switch
 
 if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
     from .beam import Beam
 
 # -- places: the material points on which joints and loads act, on items or on the ground ----------
@@ -540,8 +542,7 @@ class MotionShake(Motion):
 
     times: Floats
     accelerations: Floats
-    _x: Floats
-    _v: Floats
+    _path: BSpline
 
     def __init__(self, times: ArrayLike, accelerations: ArrayLike, baseline: bool = False) -> None:
         super().__init__()
@@ -558,33 +559,25 @@ class MotionShake(Motion):
         if (np.diff(t) <= 0).any():
             bad = int(np.argmax(np.diff(t) <= 0))
             raise InputError(item, f"times do not increase: {t[bad]} is followed by {t[bad + 1]}")
-        x, v = _integrated(t, a)
         if switch(item, baseline, "baseline"):
-            a = a - _drift(t, x[-1], v[-1])
-            x, v = _integrated(t, a)
-        self.__dict__.update(times=t, accelerations=a, _x=x, _v=v)
+            path = _integrated(t, a)
+            a = a - _drift(t, path(t[-1]), path(t[-1], 1))
+        self.__dict__.update(times=t, accelerations=a, _path=_integrated(t, a))
 
     def frame(self, place: Place, t: float) -> Floats:
         """Rows ``(x, d1, d2, d3)`` (4, 3) of a ground place that shakes, at time ``t``."""
-        times, a, x, v = self.times, self.accelerations, self._x, self._v
         out = np.vstack([place.position, np.eye(3)])
-        if t <= times[0]:
-            return out
-        k = min(int(np.searchsorted(times, t, side="right")) - 1, len(times) - 1)
-        s = t - times[k]
-        out[0] += x[k] + s * v[k]
-        if k < len(times) - 1:
-            slope = (a[k + 1] - a[k]) / (times[k + 1] - times[k])
-            out[0] += s**2 * (a[k] / 2 + s * slope / 6)
+        if t > self.times[0]:
+            last = min(t, self.times[-1])
+            out[0] += self._path(last) + (t - last) * self._path(last, 1)
         return out
 
 
-def _integrated(t: Floats, a: Floats) -> tuple[Floats, Floats]:
-    """Displacements and velocities (k, 3) of accelerations linear in between, from rest."""
-    h = np.diff(t)[:, None]
-    v = np.vstack([np.zeros((1, 3)), np.cumsum(h * (a[1:] + a[:-1]) / 2, axis=0)])
-    step = h * v[:-1] + h**2 * (2 * a[:-1] + a[1:]) / 6
-    return np.vstack([np.zeros((1, 3)), np.cumsum(step, axis=0)]), v
+def _integrated(t: Floats, a: Floats) -> BSpline:
+    """Displacement (3,), from rest, of accelerations (k, 3) that are linear in between."""
+    from scipy.interpolate import make_interp_spline
+
+    return make_interp_spline(t, a, k=1).antiderivative(2)
 
 
 def _drift(t: Floats, x: Floats, v: Floats) -> Floats:

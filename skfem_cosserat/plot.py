@@ -366,28 +366,6 @@ def _look(surface: PolyData, strength: float, style: Mapping[str, Any]) -> dict[
     return {**look, "show_scalar_bar": strength == 1.0}
 
 
-def _aim(plotter: Plotter, points: Floats) -> None:
-    """Parallel projection that just shows all points."""
-    camera = plotter.camera
-    forward = np.array(camera.focal_point) - np.array(camera.position)
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, camera.up)
-    right /= np.linalg.norm(right)
-    axes = np.array([right, np.cross(right, forward)])
-    seen = points @ axes.T
-    width, height = np.ptp(seen, axis=0)
-    aim = points.mean(0) + ((seen.max(0) + seen.min(0)) / 2.0 - points.mean(0) @ axes.T) @ axes
-    distance = 2.0 * np.linalg.norm(np.ptp(points, axis=0)) + 1.0
-    ratio = plotter.window_size[0] / plotter.window_size[1]
-    scale = 0.68 * max(height, width / ratio, 1e-3 * distance)
-    aim -= 0.1 * scale * axes[1]  # room for the scale of colours below
-    camera.focal_point = aim
-    camera.position = aim - distance * forward
-    plotter.enable_parallel_projection()
-    camera.parallel_scale = scale
-    plotter.renderer.reset_camera_clipping_range()
-
-
 def _draw(
     plotter: Plotter, history: History, i: int, strength: float, style: Mapping[str, Any]
 ) -> None:
@@ -486,7 +464,9 @@ def render(
         _draw(plotter, history, i, 1.0 - 0.75 * (len(instants) - 1 - k) / len(instants), style)
     plotter.camera_position = camera
     if isinstance(camera, str):
-        _aim(plotter, points)
+        plotter.enable_parallel_projection()
+        plotter.renderer.ResetCameraScreenSpace(0.72)
+        plotter.camera.SetWindowCenter(0.0, -0.18)  # room for the scale of colours below
     plotter.screenshot(str(path))
     plotter.close()
     return Path(path)

@@ -47,8 +47,7 @@ from measuring import EXPLICIT, INTEGRATORS, METHODS, family_of
 
 from skfem_cosserat import AccuracyWarning, CosseratError, IncompatibleError
 from skfem_cosserat.accuracy import PrecisionTable, TimeLimit
-from skfem_cosserat.accuracy.precision import pareto
-from skfem_cosserat.accuracy.setups import ended
+from skfem_cosserat.accuracy.precision import ended, pareto
 from skfem_cosserat.figures import write_figure
 
 OURS, OWN = "skfem-cosserat", "own"

@@ -8,7 +8,7 @@ iterations each, *timeout* if it took too long. One second, in which the right l
 reverses (event X, 0.66 s).
 
 Why a cell has failed its `mechanism` tells, as far as the steps of the run do: see
-:data:`skfem_cosserat.accuracy.verdict.MECHANISMS`.
+:data:`skfem_cosserat.accuracy.stability.MECHANISMS`.
 
 Theory's lines: ``h omega = 2``, the limit of explicit methods for the highest frequency of the
 beam; and ``h omega_c = 2``, with the frequency of the constraint force of compressed beams (see

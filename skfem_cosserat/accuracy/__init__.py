@@ -6,23 +6,24 @@ executor, resumed from a folder), `ResultTable` with `provenance`, `convergence`
 """
 
 from ..export import write_rows
-from .asked import Component, Maximum
+from ..export.table import ResultTable, provenance
 from .orders import Convergence, convergence
-from .precision import Front, Level, PrecisionTable, Standing, work_precision
-from .reading import AtInstants, MaximumOverTime, OverTime, RootMeanSquare
-from .reference import (
+from .precision import Front, Level, PrecisionTable, Setup, Standing, setup_grid, work_precision
+from .reading import (
+    AtInstants,
+    MaximumOverTime,
+    OverTime,
     ReferenceFinest,
     ReferenceKnown,
     ReferencePair,
     ReferenceRun,
+    RootMeanSquare,
 )
 from .refinement import Refinement, refine
 from .run import Executor, Job, Outcome, Processes, TimedOut, TimeLimit, run_all
-from .setups import Setup, setup_grid
-from .stability import Map, stability_map
-from .table import ResultTable, provenance
+from .scene import Component, Maximum
+from .stability import FULL_PROTOCOL, JudgeEnergy, Map, Verdict, stability_map
 from .tolerance import Answer, Band, answer
-from .verdict import FULL_PROTOCOL, JudgeEnergy, Verdict
 
 __all__ = [
     "FULL_PROTOCOL",

@@ -1,33 +1,221 @@
-"""Refinement studies in one call, with their tables, verdicts and charts."""
+"""Refinement studies in one call: levels, tables, verdicts and charts."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import skfem
 
 from ..arguments import checked
 from ..errors import InputError
 from ..export import write_paraview
-from ..export.table import WIDE, column_names
+from ..export.table import WIDE, Report, ResultTable, column_names, provenance
 from ..history import History
-from ..types import Array, FilePath, Floats, positive, switch
-from ..warn import counted, sum_up, told
+from ..types import Array, FilePath, Floats, check_kind, positive, switch, whole
+from ..warn import counted, told
 from .chart import Line, convergence_chart
-from .levels import ARGUMENTS, Series, case_name, check_call, series_of, text
 from .orders import ROUNDING, Convergence, convergence, left
-from .reading import OverTime, Quantities, Samples, aligned
-from .reference import Reference, ReferenceFinest, ReferenceKnown, reference_of
-from .run import Executor, Job, OnOutcome, Outcome, in_words, run_all
-from .table import Report, ResultTable, provenance
+from .reading import (
+    OverTime,
+    Quantities,
+    Reference,
+    ReferenceFinest,
+    ReferenceKnown,
+    Samples,
+    aligned,
+    reference_of,
+)
+from .run import (
+    Executor,
+    Job,
+    OnOutcome,
+    Outcome,
+    case_name,
+    check_call,
+    in_words,
+    longest,
+    run_study,
+    text,
+    title_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+# -- what a study varies, and the series of levels that this makes ---------------------------------
+
+
+class _Varied(NamedTuple):
+    """An argument: its check, how it falls or grows, sizes, and how it is refined once more."""
+
+    fits: Callable[[str, Any], Any]
+    way: str
+    size: Callable[[Any], float]
+    axis: str
+    finer: Callable[[Any], Any]
+    words: str
+
+
+def _mesh(item: str, value: Any) -> Any:
+    check_kind(item, value, skfem.Mesh)
+    return value
+
+
+_COUNTS = _Varied(
+    lambda item, value: whole(item, value, 1),
+    "growing numbers",
+    lambda count: 1.0 / count,
+    "1/elements",
+    lambda count: 2 * count,
+    "twice as many",
+)
+ARGUMENTS = {
+    "elements": _COUNTS,
+    "mesh": _Varied(
+        _mesh,
+        "finer and finer meshes",
+        longest,
+        "longest element",
+        lambda mesh: mesh.refined(),
+        "a finer one",
+    ),
+    "order": _COUNTS,
+    "step": _Varied(
+        lambda item, value: positive(item, "value", value),
+        "falling numbers",
+        float,
+        "step",
+        lambda step: step / 2,
+        "half of it",
+    ),
+}
+
+
+class Series(NamedTuple):
+    """Levels that belong together, coarsest first: those of one order.
+
+    Attributes
+    ----------
+    label : str
+        What tells it from others, empty if there are no others.
+    varied : list of str
+        Names of the arguments that differ from level to level.
+    levels : dict
+        Arguments of the problem by the name of the level.
+    """
+
+    label: str
+    varied: list[str]
+    levels: dict[str, dict[str, Any]]
+
+    @property
+    def kind(self) -> str:
+        """Name of the sizes, for the axis of a chart."""
+        return ARGUMENTS[self.varied[0]].axis + " (with the step)" * (len(self.varied) > 1)
+
+    @property
+    def sizes(self) -> Floats:
+        """Size of each level."""
+        first = self.varied[0]
+        return np.array([ARGUMENTS[first].size(each[first]) for each in self.levels.values()])
+
+    @property
+    def finest(self) -> str:
+        """Name of the finest level."""
+        return [*self.levels][-1]
+
+    @property
+    def held(self) -> list[str]:
+        """Names of arguments that stand for a mesh or a step and are not varied."""
+        return [name for name in self.levels[self.finest] if name not in (*self.varied, "order")]
+
+    def key(self, quantity: str) -> str:
+        """Name of a quantity in this series."""
+        return f"{quantity}, {self.label}" if self.label else quantity
+
+    def probe(self, name: str) -> dict[str, Any]:
+        """The finest level, with what is held once more refined: half the step, or elements."""
+        arguments = self.levels[self.finest]
+        return arguments | {name: ARGUMENTS[name].finer(arguments[name])}
+
+
+def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -> list[Series]:
+    """Series of the levels that are asked for.
+
+    Parameters
+    ----------
+    elements, mesh, order, step : value, sequence or None
+        See :func:`refine`.
+    together : bool
+        Whether mesh and step are refined together, or one after the other at the finest other.
+
+    Raises
+    ------
+    InputError
+        For sequences that are no refinement.
+
+    Examples
+    --------
+    >>> [series.label for series in series_of((2, 4), None, (1, 2), 0.1, together=True)]
+    ['order = 1', 'order = 2']
+    """
+    if elements is not None and mesh is not None:
+        raise InputError("arguments elements, mesh", "got both, expected one of them")
+    space, given = ("elements", elements) if mesh is None else ("mesh", mesh)
+    by_order = isinstance(given, Mapping)
+    if by_order and order is not None:
+        raise InputError("argument order", f"{order!r}, but {space} says the orders already")
+    orders = _values("order", tuple(given) if by_order else order)
+    steps, switched = _values("step", step), switch("argument together", together)
+    found = []
+    for p in orders or [None]:
+        counted = _values(space, given[p] if by_order and orders else given)
+        values = {space: counted, "order": orders and [p], "step": steps}
+        varied = [name for name, each in values.items() if len(each) > 1]
+        if not varied:
+            raise InputError(
+                "arguments elements, mesh, step",
+                "got no sequence, expected at least two levels of one of them, such as"
+                " elements=(4, 8, 16, 32)",
+            )
+        for names in [varied] if switched else [[name] for name in varied]:
+            counts = [len(values[name]) for name in names]
+            if counts[0] != counts[-1]:
+                raise InputError(
+                    f"arguments {space}, step",
+                    f"got {counts[0]} and {counts[1]} levels, expected equally many (or"
+                    " together=False)",
+                )
+            levels = [
+                {n: each[k if n in names else -1] for n, each in values.items() if each}
+                for k in range(counts[0])
+            ]
+            parts = [f"order = {p}"] * (len(orders) > 1)
+            parts += [f"{names[0]} varied"] * (len(varied) > len(names))
+            named = {case_name(level): level for level in levels}
+            found.append(Series(", ".join(parts), names, named))
+    return found
+
+
+def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
+    """Checked values of a sequence or a single value; empty if there is none."""
+    if given is None:
+        return []
+    kind, label = ARGUMENTS[name], f"argument {name}"
+    single = np.isscalar(given) or isinstance(given, skfem.Mesh | Mapping)
+    values = [kind.fits(label, each) for each in ([given] if single else given)]
+    if any(a <= b for a, b in pairwise(map(kind.size, values))):
+        shown = ", ".join(map(text, values))
+        raise InputError(label, f"({shown}), expected {kind.way}, coarsest level first")
+    return values
+
 
 # -- what came of a refinement study: tables, verdicts, charts -------------------------------------
 
@@ -467,28 +655,17 @@ def refine(
     for arguments in plan.calls.values():
         check_call(problem, arguments)
     jobs = [Job(name, problem, **arguments) for name, arguments in plan.calls.items()]
-    outcomes = run_all(
+    title = title_of(problem)
+    outcomes = run_study(
+        (f"refinement of {title}", "levels", "study.rows, print(study)"),
         jobs,
         executor,
         folder=folder,
         progress=progress,
         check=plan.check,
         retry=switch("argument retry", retry),
-        tell=False,
     )
-    study = plan.result(title_of(problem), {each.name: each for each in outcomes})
-    about = {each.name: each.warnings for each in outcomes}
-    sum_up(f"refinement of {study.title}", "levels", about, "study.rows, print(study)")
-    return study
-
-
-def title_of(problem: Any) -> str:
-    """Name of the problem, with what is bound to it as far as it is short."""
-    bound = problem.keywords if isinstance(problem, partial) else {}
-    function = problem.func if isinstance(problem, partial) else problem
-    name = str(getattr(function, "__name__", type(function).__name__))
-    short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
-    return f"{name} ({case_name(short)})" if short else name
+    return plan.result(title, {each.name: each for each in outcomes})
 
 
 class _Plan:

@@ -18,6 +18,8 @@ from concurrent.futures import Executor as FuturesExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
+from inspect import signature
 from itertools import count, islice
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import wait
@@ -26,6 +28,9 @@ from queue import SimpleQueue
 from subprocess import TimeoutExpired
 from types import FrameType, FunctionType
 from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import skfem
 
 from ..analysis.progress import Interrupt, Progress
 from ..arguments import checked
@@ -194,6 +199,71 @@ def in_words(error: BaseException) -> str:
 
 def _text(error: BaseException) -> str:
     return "".join(traceback.format_exception(error))
+
+
+# -- calls in words, and what results tell of their runs -----------------------------------------
+
+
+def case_name(arguments: Mapping[str, Any]) -> str:
+    """Arguments in words.
+
+    Examples
+    --------
+    >>> case_name({"elements": 8, "step": 1e-3})
+    'elements = 8, step = 0.001'
+    """
+    return ", ".join(f"{name} = {text(value)}" for name, value in arguments.items())
+
+
+def text(value: Any) -> str:
+    """A number or a mesh in a few characters."""
+    if isinstance(value, skfem.Mesh):
+        return f"{value.nelements} elements up to {longest(value):.9g}"
+    return repr(value)
+
+
+def longest(mesh: skfem.Mesh) -> float:
+    """Length of the longest element of a mesh."""
+    ends = mesh.p[:, mesh.t]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, -1], axis=0).max())
+
+
+def title_of(problem: Any) -> str:
+    """Name of the problem, with what is bound to it as far as it is short."""
+    bound = problem.keywords if isinstance(problem, partial) else {}
+    function = problem.func if isinstance(problem, partial) else problem
+    name = str(getattr(function, "__name__", type(function).__name__))
+    short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
+    return f"{name} ({case_name(short)})" if short else name
+
+
+def check_call(problem: Any, arguments: Mapping[str, Any], item: str = "argument problem") -> None:
+    """Refuse a problem that does not take these arguments by keyword."""
+    if not callable(problem):
+        raise InputError(item, f"{problem!r} cannot be called")
+    try:
+        signature(problem).bind(**arguments)
+    except ValueError:
+        return  # a builtin that does not tell
+    except TypeError as error:
+        raise InputError(
+            item,
+            f"takes {signature(problem)}, but the study calls it with {', '.join(arguments)} as"
+            f" keywords: {error}",
+        ) from error
+
+
+def told_of(result: Any) -> Mapping[str, Any]:
+    """Names and values that a history, that of an error, or a mapping tells of its run."""
+    if isinstance(result, Exception):
+        result = getattr(result, "history", None)
+    found = result.meta if isinstance(result, History) else result
+    return found if isinstance(found, Mapping) else {}
+
+
+def ran(result: Any) -> str:
+    """Kernels that ran, as far as a result or an error tells; empty: not told."""
+    return str(told_of(result).get("kernels", ""))
 
 
 # -- A limit on the time that a call may take ------------------------------------------------------

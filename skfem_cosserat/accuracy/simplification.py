@@ -16,6 +16,7 @@ from ..beam import Beam
 from ..constraints import NullSpace
 from ..diagnostics import section_strains
 from ..errors import CosseratError
+from ..export.table import ResultTable, provenance
 from ..kernels import beam_stress
 from ..load import Load
 from ..model import Model, Planar, planarity
@@ -24,9 +25,7 @@ from ..theory import Theory, TheoryInextensible, TheoryKirchhoff, TheoryRigid
 from ..time_function import Constant
 from ..types import Floats
 from ..warn import Notices
-from .asked import Run
-from .case import Case, Scene
-from .table import ResultTable, provenance
+from .scene import Case, Run, Scene
 
 #: energy that may be left out, as a part of what it is compared with, for a trial to be worth it
 SLIGHT = 0.01

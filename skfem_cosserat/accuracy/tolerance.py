@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -21,13 +20,12 @@ from ..model import Model, System, model_of
 from ..statics import Control
 from ..types import TOLERANCE, Array, Floats, positive
 from ..warn import Notices, counted, repeat
-from .asked import Asked, NotHere, Run
-from .case import Case, Scene
 from .orders import left
+from .scene import Asked, Case, NotHere, Run, Scene
 from .simplification import Simpler, simplified
 
-#: a run has no more steps, and no beam is divided more often
-MOST_STEPS, MOST_PARTS = 2**18, 64
+#: a run has no more steps, no beam is divided more often, and so many runs fail in a row
+MOST_STEPS, MOST_PARTS, MOST_FAILURES = 2**18, 64, 4
 
 
 class Band(float):
@@ -263,9 +261,9 @@ class _Search:
         #: processor time (s) of each, also of those that failed
         self.costs: dict[Case, float] = {}
         self.count, self.spent = 0, 0.0
-        #: what made the last run fail, and the cases in which such a text came
+        #: what made the last run fail, and how many have failed without a pair that came through
         self.error: Exception | None = None
-        self.failed: dict[str, list[Case]] = {}
+        self.failures = 0
         #: the run that is handed back, its errors and its case
         self.best: tuple[Run, dict[str, Band], Case] | None = None
         #: errors by the step, in tolerances, by the number of steps
@@ -298,16 +296,11 @@ class _Search:
             of_quantity = isinstance(error, InputError) and error.item.startswith("quantity ")
             if of_quantity and not isinstance(error, NotHere):
                 raise
-            self.error = error
-            cases = self.failed.setdefault(re.sub(r"\d[\d.e+-]*", "", str(error)), [])
-            cases.append(case)
-            meshes, steps = ({c[k] for c in cases} for k in (0, 2))
-            if len(meshes) > (2 if of_quantity else 1) and (
-                of_quantity or len(steps) > 1 or not self.scene.moves
-            ):  # neither mesh nor step changes it
+            self.error, self.failures = error, self.failures + 1
+            if self.failures == MOST_FAILURES:  # neither mesh nor step changes it
                 if isinstance(error, NotHere) and self.best is None:
                     raise InputError(error.item, error.message) from error
-                raise _Ended(self.stuck(case)) from error
+                raise _Ended(self.stuck()) from error
         self.spent += time.process_time() - begun
         self.count += 1
         if run is not None and run.history.status == "interrupted":
@@ -337,6 +330,7 @@ class _Search:
             if fine is None:
                 coarse, before, case = None, np.inf, case.finer
                 continue
+            self.failures = 0
             gaps = dict.fromkeys(fine.values, 0.0 if not self.scene.beams else np.inf)
             if coarse is not None and self.scene.beams:
                 gaps = _largest(coarse.distances(fine))
@@ -346,7 +340,7 @@ class _Search:
             if 2 * size <= 1 and (size <= before < np.inf or not self.scene.beams):
                 return ""
             coarse, before, case = fine, size, case.richer
-        return self.stuck(case)
+        return self.stuck()
 
     def motion(self) -> str:
         """Motions: a shorter step or a richer mesh, or both where both matter."""
@@ -354,16 +348,16 @@ class _Search:
         begun = time.process_time()
         count, unseen = self.scene.steps_that_see(counts)
         self.spent += time.process_time() - begun
-        case, failures = Case(1, 2, counts[0] if unseen else count), 0
+        case = Case(1, 2, counts[0] if unseen else count)
         while case.steps <= MOST_STEPS and case.parts <= MOST_PARTS:
             coarse = self.tried(case)
             fine = None if coarse is None else self.tried(case.shorter)
             if coarse is None or fine is None:
-                failures += 1
                 coarse_mesh = isinstance(self.error, MeshError | NotHere)
-                bent = isinstance(self.error, Diverged) and self.scene.beams and failures % 2
+                bent = isinstance(self.error, Diverged) and self.scene.beams and self.failures % 2
                 case = case.finer if coarse_mesh or bent else case._replace(steps=4 * case.steps)
                 continue
+            self.failures = 0
             mesh = dict.fromkeys(self.tolerance, 0.0)
             if self.scene.beams:
                 rich = self.tried(case.richer)
@@ -393,7 +387,7 @@ class _Search:
             if by_mesh > 0.25:
                 for _ in range(2 if by_mesh > 10 else 1):
                     case = case.richer
-        return self.stuck(case)
+        return self.stuck()
 
     def size(self, *errors: Mapping[str, float]) -> float:
         """The largest sum of errors in units of its tolerance."""
@@ -456,7 +450,7 @@ class _Search:
             ends.append(t[max(beyond[0] - 1, 0)] if len(beyond) else np.inf)
         return float(min(ends))
 
-    def stuck(self, case: Case) -> str:
+    def stuck(self) -> str:
         """Reason why no finer case is tried."""
         if self.best is None and self.error is not None:
             return f"no run came to its end: {type(self.error).__name__}: {self.error}"
@@ -464,14 +458,11 @@ class _Search:
 
     def answer(self, reason: str) -> Answer:
         """The best run so far as an answer."""
-        if self.best is None:
-            unknown = dict.fromkeys(self.tolerance, Band(np.inf, np.inf))
-            for last, done in self.runs.items():
-                if done is not None:
-                    self.best = done, unknown, last
-        run = self.best[0] if self.best else None
-        band = self.best[1] if self.best else {}
-        case = self.best[2] if self.best else None
+        best = self.best
+        for last, done in self.runs.items() if best is None else ():
+            if done is not None:
+                best = done, dict.fromkeys(self.tolerance, Band(np.inf, np.inf)), last
+        run, band, case = best or (None, {}, None)
         values = {} if run is None else run.values
         times = [each.times for each in values.values() if each.times is not None]
         history = None if run is None else run.history
@@ -489,7 +480,7 @@ class _Search:
             cost_of_run_s=np.nan if run is None else run.cost_s,
             warnings=[] if history is None else _told(history),
             tolerance=self.tolerance,
-            _of=None if run is None or case is None else (self.scene, run, case),
+            _of=best and (self.scene, best[0], best[2]),
         )
 
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import pickle
 import platform
 from collections.abc import Callable, Sequence
-from copy import copy
-from functools import cache, cached_property
+from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -39,6 +37,7 @@ from ..diagnostics.stacked import all_rows
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import Place, is_beam
 from ..history import History
+from ..history.container import BALANCE, Formula, Formulas, Kind
 from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
 from ..model.groups import lumped
@@ -46,7 +45,7 @@ from ..model.theories import theory_of
 from ..time_function import of_the_user
 from ..types import FilePath, Floats, IndexArray, names_known
 from ..version import VERSION
-from ..warn import Notices, logger, warn
+from ..warn import Notices, warn
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -150,16 +149,6 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
 
 # -- series that follow from the states: energies, velocities, momenta, forces, reactions ----------
 
-#: how series follow from others of a history; of a system, by the names of those that come together
-Formula = Callable[[History], Sequence[Floats]]
-Formulas = dict[tuple[str, ...], Formula]
-#: energy less all that explains its changes
-BALANCE = "energy_balance"
-#: series of a run that are saved in any case, beside those of its items
-SAVED = (
-    *("v", "kinetic", "strain_energy", "external", "coupling_energy", "energy", BALANCE),
-    *("linear_momentum", "angular_momentum"),
-)
 #: works since the start of a run, which explain changes of its energy
 WORKS = "work_loads", "work_actuators", "work_drives"
 
@@ -217,102 +206,7 @@ def derive_series(system: System, history: History) -> None:
     found = history.meta.get("fingerprint")
     if found is not None and (difference := other_model(system, found)):
         raise HistoryError("history", f"belongs to another model: {difference}")
-    history.derive_by(SystemSeries([system], kind_of(history)))
-
-
-#: the formulas of a system, for one kind of history
-Kind = Callable[[System], Formulas]
-
-
-class SystemSeries:
-    """Derives the series of a history from its systems; see :func:`derive_series`.
-
-    Parameters
-    ----------
-    systems : sequence of System
-        Of each segment.
-    kind : callable
-        The formulas of a system, for a history of this kind.
-    """
-
-    def __init__(self, systems: Sequence[System], kind: Kind) -> None:
-        self._systems, self._kind = list(systems), kind
-        self._packed = b""
-
-    @cached_property
-    def _made(self) -> list[Formulas]:
-        """Formulas of each system, made when a series is first asked for: many runs are not."""
-        return [self._kind(system) for system in self._systems]
-
-    @cached_property
-    def names(self) -> Sequence[str]:
-        """Names of all series, in their order."""
-        every = [name for made in self._made for together in made for name in together]
-        return list(dict.fromkeys(every))
-
-    @property
-    def saved(self) -> Sequence[str]:
-        """Names of the series that a file has in any case."""
-        items = ("beam/", "joint/", "coupling/")
-        return [name for name in self.names if name in SAVED or name.startswith(items)]
-
-    @property
-    def systems(self) -> Sequence[System]:
-        """Systems of the segments."""
-        return self._systems if self._formulas else ()
-
-    @property
-    def _formulas(self) -> list[Formulas]:
-        """Formulas of each system; out of a pickle they are frozen again here."""
-        packed = self._packed
-        if packed:
-            try:
-                systems = pickle.loads(packed)
-            except Exception as error:  # whatever modules of the user's raise
-                text = f"its scene cannot be read here ({error}): derive its series before pickling"
-                raise HistoryError("history", text) from error
-            # in this order, as others may be here at the same time
-            self._made, self._systems = [self._kind(system) for system in systems], systems
-            self._packed = b""
-        return self._made
-
-    def derive(self, history: History, name: str) -> dict[str, Floats]:
-        """A series of a history, with those that come with it.
-
-        A series that a segment does not have, of a joint that is gone say, is NaN there.
-        Multipliers are in the order of their own system's rows, behind them NaN.
-        """
-        if not len(history):
-            raise HistoryError("history", f"has no state that {name!r} could follow from")
-        first, *others = self._formulas
-        if not others or name == BALANCE:
-            together = next(names for names in first if name in names)
-            return dict(zip(together, first[together](history), strict=True))
-        parts = [history.segment(k) for k in range(len(self._made))]
-        own = [part[name] if len(part) and name in part else None for part in parts]
-        shapes = [values.shape[1:] for values in own if values is not None]
-        size = tuple(int(each) for each in np.max(shapes, axis=0)) if shapes and shapes[0] else ()
-        out = np.full((len(history), *size), np.nan)
-        for (start, stop), values in zip(history.segments, own, strict=True):
-            if values is not None:
-                out[(slice(start, stop), *(slice(length) for length in values.shape[1:]))] = values
-        return {name: out}
-
-    def segment(self, k: int) -> SystemSeries:
-        """The derivation of one segment."""
-        return SystemSeries([self._systems[k]], self._kind) if len(self._formulas) > 1 else self
-
-    def packed(self) -> SystemSeries | None:
-        """Itself as it goes into a pickle; None if its systems cannot go there."""
-        _ = self.names  # they are known where the systems are not read yet
-        out = copy(self)
-        out._systems, out._made = [], []
-        try:
-            out._packed = self._packed or pickle.dumps(self._systems)
-        except Exception as error:  # noqa: BLE001, whatever a user's own items raise
-            logger.info("the system of a history cannot be pickled: %s", error)
-            return None
-        return out
+    history.derive_by([system], kind_of(history))
 
 
 #: what a run derives when it ends: all (True), some, nothing yet (None), or nothing ever (False)
@@ -326,7 +220,7 @@ def checked_asked(derive: Asked, system: System, kind: Kind) -> Asked:
     item = "argument derive"
     if isinstance(derive, str) or not isinstance(derive, Sequence):
         raise InputError(item, f"{derive!r}, expected True, False or a list of names of series")
-    known = SystemSeries([system], kind).names
+    known = [name for together in kind(system) for name in together]
     for name in derive:
         if name not in known:
             raise InputError(item, f"no series {name!r} is derived; {names_known(name, known)}")
@@ -344,9 +238,9 @@ def finish(
     Nothing is lost by an interrupt: states are in the file already, series are derived later. What
     depends on functions of the user's own is derived now, while they are as they were.
     """
+    history.derive_by([] if derive is False else systems, kind_of(history))
     if derive is False:
         return
-    history.derive_by(SystemSeries(systems, kind_of(history)))
     try:
         if derive is True or any(map(_moved_by_the_user, systems)):
             history.derive()
@@ -395,7 +289,7 @@ def take_along(
         history = full.history
         if full is not error:
             error.add_note(str(full))
-    history.derive_by(SystemSeries(systems, kind_of(history)))
+    history.derive_by(systems, kind_of(history))
     error.history = history  # type: ignore[attr-defined]
     if not isinstance(error, StorageError):
         error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")

@@ -1,7 +1,7 @@
 """Doubts about results: a table of checks that look at what is finished, once, at its end.
 
 To add one, write a function that yields the :class:`Doubt` s that it finds in a result, in the
-module of its subject, and name it in :data:`CHECKS`, from which the guide's list is made.
+module of its subject, and name it in :data:`CHECKS`; the guide's list names them, too.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
+from itertools import chain
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,8 +20,7 @@ from ..model.tree import Coordinate, Edge, Spot
 from ..strain import strain_factors
 from ..theory import LawHeld
 from ..types import Floats, IndexArray
-from . import structures
-from .kept import VECTOR, Source, address, cold
+from .kept import VECTOR, Key, Source, address, cold, helped
 from .numbers import (
     BEAM_PARTS,
     COMPLEX_ENERGY,
@@ -32,10 +32,11 @@ from .numbers import (
     LOGGED,
     NEXT_LOADS,
     NUMBERS,
+    RECORD,
     TREE_PARTS,
 )
 from .plan import Plan, RowBlock, following, places_of
-from .structures import Groups, flags, integers
+from .structures import STEPS, Groups, flags, integers, structure
 from .tables import (
     ABSOLUTE,
     ANGLE,
@@ -68,7 +69,6 @@ from .tables import (
     SUMS,
     TURNED,
 )
-from .warm import helped
 
 # -- from force elements to the arrays of the compiled kernels -------------------------------------
 
@@ -81,7 +81,7 @@ COUPLING_KINDS = {
 
 
 def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
-    """Force elements; see :mod:`.couplings`."""
+    """Force elements; see :mod:`.forces`."""
     items = system.couplings.items
     places = np.zeros((len(items), ROW + ROWS), dtype=np.int64)
     laws = np.zeros((len(items), 3, MOST_XI, MOST_XI))
@@ -192,17 +192,35 @@ def parts_of(
     return [name for name in (*TREE_PARTS, *BEAM_PARTS) if name not in unused]
 
 
-def compiling(
-    system: System, names: Sequence[str], source: Source = Source.COMPILER
-) -> AbstractContextManager[None]:
-    """While these parts and the structures they take are compiled, with help on an empty cache.
+def keys_of(names: Sequence[str], structures: Sequence[Any]) -> dict[str, list[Key]]:
+    """Kernels of these parts, of beams one for each group; by the kinds of their structures."""
+    *kinds, beams = *(each.kind for each in structures[:3]), structures[3]
+    of_beams = [(g.kind, kinds[2], VECTOR, int) for g in beams.members]
+    return {
+        name: [("tree", name, own) for own in of_beams]
+        if name in BEAM_PARTS
+        else [("tree", name, (*kinds, VECTOR, int))]
+        for name in names
+    }
 
-    `source`: see :func:`.kept.address`.
+
+def compiling(
+    coordinates: Coordinates,
+    arrays: dict[str, Any],
+    names: Sequence[str],
+    structures: Sequence[Any],
+    source: Source = Source.COMPILER,
+) -> AbstractContextManager[None]:
+    """While these parts are compiled, with help on an empty cache; the loop over a step, too.
+
+    `arrays` are those of :func:`bound_work`, the others see :func:`addresses`.
     """
-    orders = sorted({group.vertices.shape[1] - 1 for group in system.beam_groups}) or [1]
-    if source == Source.COMPILER and cold("tree", names[0]):
-        return helped(orders, names)
-    return nullcontext()
+    if source < Source.COMPILER or not cold("tree", names[0]):
+        return nullcontext()
+    ends = np.zeros(len(NUMBERS)), np.zeros(len(RECORD)), bound_carried(coordinates, arrays)[0]
+    given = dict(zip(STEPS, (integers([]), *structures, *ends), strict=True))
+    loop = "step", "solve", (structure("steps", given).kind, int)
+    return helped([loop, *reversed([*chain(*keys_of(names, structures).values())])])
 
 
 def addresses(
@@ -219,17 +237,10 @@ def addresses(
     source : Source
         See :func:`.kept.address`.
     """
-    *kinds, beams = *(each.kind for each in structures[:3]), structures[3]
     found: dict[str, int] = {}
-    for name in names:
-        if name in BEAM_PARTS:
-            own = [
-                address("tree", name, (g.kind, kinds[2], VECTOR, int), source)
-                for g in beams.members
-            ]
-            found[name] = beams.place(name, own)
-        else:
-            found[name] = address("tree", name, (*kinds, VECTOR, int), source)
+    for name, keys in keys_of(names, structures).items():
+        own = [address(*key, source) for key in keys]
+        found[name] = structures[3].place(name, own) if name in BEAM_PARTS else own[0]
     # the last ones are those of Python code, if some is called back
     each = [found.get(name, 0) for name in (*TREE_PARTS, *BEAM_PARTS)]
     return np.array([*each, *[0] * (1 + NEXT_LOADS - len(each))])
@@ -307,7 +318,7 @@ def bound_beams(
         "S": S.copy(),
         "predicted": S.copy(),
     }
-    return structures.structure("beams", fields), fields
+    return structure("beams", fields), fields
 
 
 def _kinds(each: Floats) -> tuple[Floats, IndexArray]:
@@ -360,10 +371,10 @@ def bound_by_law(
     moduli = np.repeat(group.elements.stiffness[:, None], ng, axis=1)
     fields |= {"stiffness": moduli, "diagonal": False, "strains": np.zeros((ne, ng, 6))}
     own = _law_points(group, fields)
-    fields["points"] = structures.structure("law_points", own)
+    fields["points"] = structure("law_points", own)
     kinds = fields["points"].kind, VECTOR, int
     fields["law"] = integers([address("laws", "law_points", kinds, source)])
-    return structures.structure("beams_by_law", fields), fields | {"law_points": own}
+    return structure("beams_by_law", fields), fields | {"law_points": own}
 
 
 def _functions(law: Law) -> list[int]:
@@ -435,10 +446,12 @@ def bound_plan(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
         # how many are eliminated in blocks, and what solves for the rest (0: none)
         "rest": integers([plan.blocks, 0]),
     }
-    return structures.structure("plan", fields), fields
+    return structure("plan", fields), fields
 
 
-def bound_tree(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any]]:
+def bound_tree(
+    coordinates: Coordinates, plan: Plan, held: bool = False
+) -> tuple[Any, dict[str, Any]]:
     """Vertices, edges and coordinates; the structure, and its arrays by name."""
     system = coordinates.system
     kin, tree = coordinates.kinematics, coordinates.tree
@@ -454,7 +467,7 @@ def bound_tree(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
         **_mass(system),
         **_edges(coordinates),
         **_coordinates(coordinates),
-        **bound_rows(coordinates, plan),
+        **bound_rows(coordinates, plan, held),
         **bound_nodal_masses(system.frame_group, system.point_group),
         **bound_following(system, plan),
         **bound_couplings(system, plan),
@@ -462,7 +475,7 @@ def bound_tree(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
         "hold": np.zeros(3),
         "held_by": np.zeros(1),
     }
-    return structures.structure("tree", fields), fields
+    return structure("tree", fields), fields
 
 
 def _mass(system: System) -> dict[str, Any]:
@@ -642,7 +655,7 @@ def bound_work(
     if not late:
         arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]
     flow, own = bound_flow(plan, separate)
-    work = structures.structure("work", arrays | {"flow": flow})
+    work = structure("work", arrays | {"flow": flow})
     return work, arrays | {"flow": SimpleNamespace(structure=flow, **own)}
 
 
@@ -691,7 +704,7 @@ def bound_flow(plan: Plan, separate: SeparateParts | None) -> tuple[Any, dict[st
         "begin": integers([0 if free.any() else SHIFTS]),
         **{name: np.zeros(shape) for name, shape in shapes.items()},
     }
-    return structures.structure("flow", fields), fields
+    return structure("flow", fields), fields
 
 
 def bound_carried(
@@ -725,7 +738,7 @@ def bound_carried(
     rows = system.rows
     count, before, moved = rates
     none = np.zeros((0, 3))
-    function, structure, *near = (0, 0, none, none, none) if nearest is None else nearest
+    function, taken, *near = (0, 0, none, none, none) if nearest is None else nearest
     fields = {
         **{name: arrays[name] for name in ("y0", "y1", "p0", "carried")},
         "drift": arrays["drift"],
@@ -737,7 +750,7 @@ def bound_carried(
         "before": np.zeros(before),
         "moved": np.zeros(moved),
         "scratch": np.zeros((rows, 3)),
-        "nearest": integers([function, structure]),
+        "nearest": integers([function, taken]),
         **dict(zip(("near_y", "near_p", "velocity"), near, strict=True)),
         "change": np.zeros((rows, 3)),
         "flow": arrays["flow"].structure,
@@ -754,7 +767,7 @@ def bound_carried(
         "log_numbers": np.empty((most, len(LOGGED))),
         "viscous": np.zeros((0, len(NUMBERS))) if viscous is None else viscous,
     }
-    return structures.structure("carried", fields), fields
+    return structure("carried", fields), fields
 
 
 def _vectors(values: Sequence[Any]) -> Floats:
@@ -764,8 +777,11 @@ def _vectors(values: Sequence[Any]) -> Floats:
 # -- constraint rows with multipliers --------------------------------------------------------------
 
 
-def bound_rows(coordinates: Coordinates, plan: Plan) -> dict[str, Any]:
-    """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`."""
+def bound_rows(coordinates: Coordinates, plan: Plan, held: bool = False) -> dict[str, Any]:
+    """Constraint rows with multipliers, as lists of terms; see :mod:`.rows`.
+
+    `held`: the part `hold` is called, all rows have weights.
+    """
     system = coordinates.system
     count = len(system.origin_rows)
     vertex, component = places_of(system)
@@ -784,16 +800,6 @@ def bound_rows(coordinates: Coordinates, plan: Plan) -> dict[str, Any]:
     k, a, n = each[of_vectors], linear[of_vectors], n[of_vectors]
     e, v = block[k], vertex[a]
     vectors = [e, place[k], a, n, v, component[a], plan.slots(e, v), plan.slots(v, e)]
-    inner = [[v for v in each.vertices if v < count] for each in plan.rows]
-    u, e, v = (
-        np.array(
-            [(u, k, v) for k, own in enumerate(inner, count) for u in own for v in own],
-            dtype=np.int64,
-        )
-        .reshape(-1, 3)
-        .T
-    )
-    pairs = np.stack([plan.slots(u, e), plan.slots(e, v), plan.slots(u, v)], axis=-1)
     turned = np.zeros((len(cosines.row), 16), dtype=np.int64)
     turned[:, [BLOCK, LEFT, RIGHT]] = np.column_stack(cosines[:3])
     turned[:, [DRIVE, COMPONENT]] = np.column_stack(cosines[4:6])
@@ -802,8 +808,7 @@ def bound_rows(coordinates: Coordinates, plan: Plan) -> dict[str, Any]:
         "row_factors": terms.factor[own],
         "row_linear": np.stack(vectors, axis=-1),
         "row_linear_factors": np.repeat(terms.linear_factor, 3)[of_vectors],
-        **_of_blocks(coordinates, plan, numbers, terms.constant),
-        "row_pairs": pairs,
+        **_of_blocks(coordinates, plan, numbers, terms.constant, held),
         "cosines": turned,
         "cosine_factors": np.array(cosines.factor, dtype=float),
         "cosine_constant": np.array(cosines.constant, dtype=float),
@@ -828,7 +833,7 @@ def _numbered(
 
 
 def _of_blocks(
-    coordinates: Coordinates, plan: Plan, numbers: IndexArray, constant: Floats
+    coordinates: Coordinates, plan: Plan, numbers: IndexArray, constant: Floats, held: bool
 ) -> dict[str, Any]:
     """Constants, sizes and weights of constraint rows by block; the frame a block turns with."""
     system = coordinates.system
@@ -837,7 +842,8 @@ def _of_blocks(
     first = [[v for v in (*b.waits, *b.vertices) if v in b.vertices] for b in plan.rows]
     count = len(system.origin_rows)
     framed = [[v for v in own if v < count and system.is_frame[v]] for own in first]
-    weight, weighted = _weights(system, numbers, plan.rows), []
+    weight = np.ones(numbers.shape) if held else _weights(system, numbers, plan.rows)
+    weighted = []
     for k in np.flatnonzero(weight.any(1)).tolist():
         own = [v for v in plan.rows[k].vertices if v < count]
         weighted += [(k, u, v) for u in own for v in own]

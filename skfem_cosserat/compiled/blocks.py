@@ -18,22 +18,24 @@ from typing import Any
 import numpy as np
 
 from ..types import Floats
-from .block_algebra import (
-    add_block,
+from .jit import call_back, inlined, part
+from .simd import (
+    WIDTH,
     add_crossed,
+    add_product,
     add_times,
-    entry,
+    copy,
     put_crossed,
-    put_entry,
+    put_product,
+    put_rows,
     put_times,
     put_turned,
+    rows,
     subtract_crossed,
     transpose,
     triangles,
 )
-from .jit import call_back, inlined, part
-from .simd import WIDTH, add_product, copy, put_product, put_rows, rows
-from .small import Rotation, block, chosen, combine, directors, frames, times, turned
+from .small import Rotation, block, chosen, combine, directors, frames, turned
 
 
 @inlined
@@ -48,37 +50,32 @@ def triangles_exchanging(
     size = A.shape[1]
     for r in range(size):
         for c in range(size):
-            put_entry(W, 0, r, c, entry(A, k, r, c))
-            put_entry(lower, v, r, c, 1.0 if r == c else 0.0)
-            put_entry(upper, v, r, c, 1.0 if r == c else 0.0)
+            W[0, r, c] = A[k, r, c]
+            lower[v, r, c] = 1.0 if r == c else 0.0
+            upper[v, r, c] = 1.0 if r == c else 0.0
     sign = 1.0
     for n in range(size):
         p = n
         for i in range(n + 1, size):
-            if abs(entry(W, 0, i, n)) > abs(entry(W, 0, p, n)):
+            if abs(W[0, i, n]) > abs(W[0, p, n]):
                 p = i
-        pivot = entry(W, 0, p, n)
+        pivot = W[0, p, n]
         if not abs(pivot) > 0.0:
             return 0.0
         if (pivot < 0.0) != (p != n):
             sign = -sign
         for c in range(size):
-            own, new = entry(W, 0, n, c), entry(W, 0, p, c) / pivot
-            put_entry(W, 0, p, c, own)
-            put_entry(W, 0, n, c, new)
-            own, new = entry(lower, v, c, n), entry(lower, v, c, p) / pivot
-            put_entry(lower, v, c, p, own)
-            put_entry(lower, v, c, n, new)
+            W[0, p, c], W[0, n, c] = W[0, n, c], W[0, p, c] / pivot
+            lower[v, c, p], lower[v, c, n] = lower[v, c, n], lower[v, c, p] / pivot
         for i in range(n + 1, size):
-            f = entry(W, 0, i, n)
+            f = W[0, i, n]
             for c in range(size):
-                put_entry(W, 0, i, c, entry(W, 0, i, c) - f * entry(W, 0, n, c))
-                put_entry(lower, v, c, i, entry(lower, v, c, i) - f * entry(lower, v, c, n))
+                W[0, i, c] -= f * W[0, n, c]
+                lower[v, c, i] -= f * lower[v, c, n]
     for n in range(size - 1, 0, -1):
         for i in range(n):
             for c in range(n, size):
-                left = entry(upper, v, c, i) - entry(W, 0, i, n) * entry(upper, v, c, n)
-                put_entry(upper, v, c, i, left)
+                upper[v, c, i] -= W[0, i, n] * upper[v, c, n]
     return sign
 
 
@@ -96,7 +93,7 @@ def to_own_coordinates(m: Any, w: Any, t: int) -> None:
     n = m.ptr[t + 1] - first
     u0 = m.update_ptr[t]
     p = m.parent_at[t]
-    S, X, C_child = w.S_right, w.X_right, w.C_child
+    S, X, C_child, C_parent = w.S_right, w.X_right, w.C_child, w.C_parent
     for j in range(n + 1):  # the last one is the pivot itself
         own = m.down[first + j] if j < n else k
         if p >= 0:
@@ -115,9 +112,11 @@ def to_own_coordinates(m: Any, w: Any, t: int) -> None:
     if p >= 0:
         to = m.right[first + p]
         add_times(C_child, e, X, e, A, to)
-        add_block(w.C_parent, e, A, to)
+        for r in range(A.shape[1]):
+            for c in range(A.shape[1]):
+                A[to, r, c] += C_parent[e, r, c]
     for i in range(m.size[v], A.shape[1]):
-        put_entry(A, k, i, i, 1.0)
+        A[k, i, i] = 1.0
 
 
 @part
@@ -158,88 +157,36 @@ def factor(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
 
 
 @inlined
-def carry(D: Rotation, E: Rotation, sign: float, a: Floats, v: int, c: int, out: Floats) -> None:
+def carry(D: Rotation, E: Rotation, a: Floats, v: int, c: int) -> None:
     """Turn three components, from c on, with a frame: from where it was D to where it is E."""
     u = combine(turned(D, (a[v, c], a[v, c + 1], a[v, c + 2])), E)
-    out[v, c] = sign * u[0]
-    out[v, c + 1] = sign * u[1]
-    out[v, c + 2] = sign * u[2]
+    a[v, c] = u[0]
+    a[v, c + 1] = u[1]
+    a[v, c + 2] = u[2]
 
 
 @inlined
-def turn_all(s: Any, y: Floats, z: Floats, sign: float, a: Floats, out: Floats) -> None:
-    """``out = sign R a`` (nv, 6) of free frames, R from where they are at y to where at z."""
-    loose, first = s.loose, s.row
-    count = len(loose)
+def turn_own(s: Any, w: Any, y: Floats, z: Floats) -> None:
+    """Turn x (nv, 6) with the frames of the vertices, from where they are at y to where at z."""
+    x, child, loose, first, triple = w.x, s.child, s.loose, s.row, s.triple
+    owner, vectors, count = s.row_owner, s.row_triple, len(loose)
     for k in range(0, count, WIDTH):
         vs = chosen(loose, block(k, count))
         own = chosen(first, vs)
         D, E = frames(y, own)[1], frames(z, own)[1]
-        u, v = rows(a, vs, 6, 0), rows(a, vs, 6, 2)
+        u, v = rows(x, vs, 6, 0), rows(x, vs, 6, 2)
         f = combine(turned(D, (u[0], u[1], u[2])), E)
         m = combine(turned(D, (u[3], v[2], v[3])), E)
-        f, m = times(sign, f), times(sign, m)
-        put_rows(out, vs, 6, 0, (f[0], f[1], f[2], m[0]))
-        put_rows(out, vs, 6, 2, (f[2], m[0], m[1], m[2]))
-
-
-@inlined
-def turn_back(s: Any, m: Any, w: Any) -> None:
-    """Increments from the frames of kept factors to where these are now."""
-    x, twist, y1, then_y, first, triple = w.x, w.twist, w.y1, w.frames, s.row, s.triple
-    child = s.child
-    turn_all(s, then_y, y1, 1.0, x, x)
-    for k in range(len(s.free)):
-        v = s.free[k]
-        for c in range(6):
-            twist[v, c] = x[v, c]
+        put_rows(x, vs, 6, 0, (f[0], f[1], f[2], m[0]))
+        put_rows(x, vs, 6, 2, (f[2], m[0], m[1], m[2]))
     for e in range(len(child)):
-        v = child[e]
-        if not s.framed[v]:
-            continue
-        now, then = directors(y1, first[v]), directors(then_y, first[v])
-        carry(then, now, 1.0, twist, v, 0, twist)
-        carry(then, now, 1.0, twist, v, 3, twist)
-        if triple[v] >= 0:
-            carry(then, now, 1.0, x, v, triple[v], x)
-    turn_rows(s, w, then_y, y1, 1.0, x)
-
-
-@inlined
-def turn_rows(s: Any, w: Any, y: Floats, z: Floats, sign: float, a: Floats) -> None:
-    """Turn vectors among constraint rows, with a frame that they hold: ``x = sign R a``."""
-    owner, triple, first, x = s.row_owner, s.row_triple, s.row, w.x
-    for k in range(len(triple)):
-        if triple[k] >= 0:
+        c, r = child[e], first[child[e]]
+        if triple[c] >= 0:
+            carry(directors(y, r), directors(z, r), x, c, triple[c])
+    for k in range(len(vectors)):  # among constraint rows, with a frame that they hold
+        if vectors[k] >= 0:
             r = first[owner[k]]
-            carry(directors(y, r), directors(z, r), sign, a, len(first) + k, triple[k], x)
-
-
-@inlined
-def begin_sweep(s: Any, w: Any, flag: int) -> None:
-    """X = -b; flag 1: turned with the frames to where they were."""
-    b, x, extra, y1, then_y, first, triple = w.b, w.x, w.extra, w.y1, w.frames, s.row, s.triple
-    child, free, framed = s.child, s.free, s.framed
-    for k in range(len(free)):
-        v = free[k]
-        if flag == 0 or not framed[v]:
-            for c in range(6):
-                x[v, c] = -b[v, c]
-    if flag == 1:
-        turn_all(s, y1, then_y, -1.0, b, x)
-    for e in range(len(child)):
-        v = child[e]
-        for c in range(6):
-            x[v, c] = -b[v, c]
-            extra[v, c] = 0.0
-        if flag == 1 and triple[v] >= 0:
-            now, then = directors(y1, first[v]), directors(then_y, first[v])
-            carry(now, then, -1.0, b, v, triple[v], x)
-    for v in range(len(first), x.shape[0]):
-        for c in range(6):
-            x[v, c] = -b[v, c]
-    if flag == 1:
-        turn_rows(s, w, y1, then_y, -1.0, b)
+            carry(directors(y, r), directors(z, r), x, len(first) + k, vectors[k])
 
 
 @part
@@ -249,10 +196,27 @@ def sweep(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     Flag 1: with factors kept from before. Each vertex takes its part of them along, turned with its
     frame: so they are out of date by strains only, not by rotations.
     """
-    begin_sweep(s, w, flag)
-    solve_blocks(m, w)
+    b, x, extra, twist, now, then, child = w.b, w.x, w.extra, w.twist, w.y1, w.frames, s.child
+    for v in range(x.shape[0]):
+        for c in range(6):
+            x[v, c] = -b[v, c]
+    for e in range(len(child)):
+        for c in range(6):
+            extra[child[e], c] = 0.0
     if flag == 1:
-        turn_back(s, m, w)
+        turn_own(s, w, now, then)
+    solve_blocks(m, w)
+    if flag == 0:
+        return 0.0
+    turn_own(s, w, then, now)
+    for k in range(len(s.free)):
+        for c in range(6):
+            twist[s.free[k], c] = x[s.free[k], c]
+    for e in range(len(child)):
+        v, r = child[e], s.row[child[e]]
+        if s.framed[v]:
+            carry(directors(then, r), directors(now, r), twist, v, 0)
+            carry(directors(then, r), directors(now, r), twist, v, 3)
     return 0.0
 
 
@@ -262,9 +226,9 @@ def twist_of(S: Floats, X: Floats, e: int, x: Floats, v: int, p: int, twist: Flo
     for r in range(S.shape[1]):
         own = 0.0
         for c in range(S.shape[1]):
-            own += entry(S, e, r, c) * x[v, c]
+            own += S[e, r, c] * x[v, c]
             if p >= 0:
-                own += entry(X, e, r, c) * twist[p, c]
+                own += X[e, r, c] * twist[p, c]
         twist[v, r] = own
 
 

@@ -277,22 +277,25 @@ def measured(D: Floats, section: Places, i: int, diagonal: bool, eps: Any) -> fl
 
 
 @inlined
-def measure(g: Any, y: Floats, out: Floats, X: Floats) -> None:
-    """Stresses at y, or strains for laws; X is for the nodes."""
+def measure(g: Any, y: Floats, out: Floats, X: Floats) -> float:
+    """Stresses at y, or strains for laws; X is for the nodes. Gives the energy of the stresses."""
     lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
-    base, turned, rotations = g.base, g.turned, g.rotations
-    section, diagonal = g.section, g.diagonal
+    base, turned, rotations, weights = g.base, g.turned, g.rotations, g.weights
+    section, diagonal, total = g.section, g.diagonal, pack((0.0, 0.0, 0.0, 0.0))
     ne, ng = len(base), len(N)
     for e in range(0, ne, WIDTH):
         es = block(e, ne)
         take_elements(base, turned, rotations, es, y, X)
-        inverse = 1.0 / gather(lengths, es, 1, 0)
-        own = chosen(section, es)
+        length, own = gather(lengths, es, 1, 0), chosen(section, es)
+        inverse, once = 1.0 / length, 0.5 * counted(e, ne) * length
         for p in range(ng):
-            G = at_point(N[p], dN[p], inverse, X)
-            eps = strained(reference, es, ng, p, G)
+            eps = strained(reference, es, ng, p, at_point(N[p], dN[p], inverse, X))
             for i in range(6):
-                scatter(out, es, 6 * ng, 6 * p + i, measured(stiffness, own, i, diagonal, eps))
+                found = measured(stiffness, own, i, diagonal, eps)
+                scatter(out, es, 6 * ng, 6 * p + i, found)
+                total = total + weights[p] * once * strain_of(eps, i) * found
+    store(X, 0, total)
+    return X[0] + X[1] + X[2] + X[3]
 
 
 @inlined
@@ -321,25 +324,7 @@ def beam_start(g: Any, w: Any, numbers: Floats, flag: int) -> float:
 @part
 def beam_energy(g: Any, w: Any, numbers: Floats, flag: int) -> float:
     """``w.found[0] += int eps . D eps/2 ds`` where the step starts."""
-    lengths, N, dN, reference, stiffness = g.lengths, g.N, g.dN, g.reference, g.stiffness
-    weights, y = g.weights, w.y0
-    base, turned, rotations = g.base, g.turned, g.rotations
-    section, diagonal = g.section, g.diagonal
-    ne, nn = base.shape
-    ng = len(N)
-    X, total = local(12 * nn * WIDTH), pack((0.0, 0.0, 0.0, 0.0))
-    for e in range(0, ne, WIDTH):
-        es = block(e, ne)
-        take_elements(base, turned, rotations, es, y, X)
-        length, own = gather(lengths, es, 1, 0), chosen(section, es)
-        for p in range(ng):
-            eps = strained(reference, es, ng, p, at_point(N[p], dN[p], 1.0 / length, X))
-            weight = 0.5 * weights[p] * counted(e, ne) * length
-            for i in range(6):
-                own_stress = stress(stiffness, own, i, diagonal, eps)
-                total = total + weight * strain_of(eps, i) * own_stress
-    store(X, 0, total)
-    w.found[0] += X[0] + X[1] + X[2] + X[3]
+    w.found[0] += measure(g, w.y0, g.S0, local(12 * g.base.shape[1] * WIDTH))
     return 0.0
 
 
@@ -587,6 +572,18 @@ def product(a: Floats, r: int, L: int, T: int, count: int) -> Vector:
 
 
 @inlined
+def diagonal(a: float, o: float) -> Rotation:
+    """A times the unit matrix; o is zero."""
+    return (a, o, o), (o, a, o), (o, o, a)
+
+
+@inlined
+def crossing(v: Vector, o: float) -> Rotation:
+    """``v^``, rows of the matrix of the product ``v x``."""
+    return (o, o - v[2], v[1]), (v[2], o, o - v[0]), (o - v[1], v[0], o)
+
+
+@inlined
 def start_block(
     masses: Floats, es: Places, factor: float, u: int, v: int, table: Floats, X: Any, a: Floats
 ) -> None:
@@ -618,18 +615,13 @@ def start_block(
     c = times(factor, (c3[1], c3[2], c3[3]))
     z = combine((c[0] + skew[1], c[1] - skew[0], c[2]), F)
     trace, one = dot(x, E[0]) + dot(y, E[1]) + dot(z, E[2]), factor * c0[0]
-    keep(a, 0, (one, o, o))
-    keep(a, 3, (o, s[2], o - s[1]))
-    keep(a, 6, (o, one, o))
-    keep(a, 9, (o - s[2], o, s[0]))
-    keep(a, 12, (o, o, one))
-    keep(a, 15, (s[1], o - s[0], o))
-    keep(a, 18, (o, o - t[2], t[1]))
-    keep(a, 21, minus((trace, o, o), combine((x[0], y[0], z[0]), E)))
-    keep(a, 24, (t[2], o, o - t[0]))
-    keep(a, 27, minus((o, trace, o), combine((x[1], y[1], z[1]), E)))
-    keep(a, 30, (o - t[1], t[0], o))
-    keep(a, 33, minus((o, o, trace), combine((x[2], y[2], z[2]), E)))
+    straight, S, T = diagonal(one, o), crossing(s, o), crossing(t, o)
+    turns = diagonal(trace, o)
+    for r in range(3):
+        keep(a, 6 * r, straight[r])
+        keep(a, 6 * r + 3, times(-1.0, S[r]))
+        keep(a, 6 * r + 18, T[r])
+        keep(a, 6 * r + 21, minus(turns[r], combine((x[r], y[r], z[r]), E)))
 
 
 @inlined

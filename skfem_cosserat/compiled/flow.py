@@ -1,6 +1,6 @@
 """Velocities of a step whose relative part is damped, in kernels: a border around the tree.
 
-The theory is that of :mod:`skfem_cosserat.integrators.energy_decaying`. Of each connected part of a
+The theory is that of :mod:`skfem_cosserat.integrators.energy_momentum`. Of each connected part of a
 scene three numbers s turn all velocities alike, and what nothing ties to the ground is shifted as
 well: the matrix is one that stays within elements and up to six products of a column and a row for
 each part, ``A + sum_k U_k V_k^T``. Newton's method solves with the factors of A: parts do not

@@ -63,7 +63,7 @@ def shared(function: Kernel) -> Kernel:
 #: modules of the parts of a scene; those of other families are in the module of its name
 _OF_SCENES = (
     *("nodes", "tree", "rows", "flow", "blocks"),
-    *("elements", "loads", "couplings", "static"),
+    *("elements", "forces", "static"),
 )
 
 

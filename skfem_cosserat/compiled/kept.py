@@ -15,11 +15,14 @@ import ctypes
 import hashlib
 import json
 import os
+import pickle
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from enum import IntEnum, auto
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -292,3 +295,53 @@ def entry(
 
     call.structure = structure  # type: ignore[attr-defined]  # lives as long
     return call
+
+
+# -- help on an empty disk -------------------------------------------------------------------------
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+#: what a helper does
+HELP = "import pickle, sys; pickle.load(sys.stdin.buffer)()"
+
+
+def help_with(keys: Sequence[Key]) -> None:
+    """Compile these kernels, in this order, and keep them."""
+    for key in keys:
+        address(*key)
+
+
+@contextmanager
+def helped(keys: Sequence[Key]) -> Iterator[None]:
+    """While kernels are compiled, a second process compiles these and keeps them on disk.
+
+    Where both meet, the rest is read from the disk. Whatever happens to the helper, nothing is lost
+    but time.
+    """
+    helper = None
+    # embedded in another program, the executable may be anything
+    if processors() > 1 and Path(sys.executable).stem.lower().startswith(("python", "pypy")):
+        path, none = os.pathsep.join(filter(None, sys.path)), subprocess.DEVNULL
+        with suppress(OSError):
+            helper = subprocess.Popen(
+                [sys.executable, "-c", HELP],
+                env={**os.environ, "PYTHONPATH": path},
+                stdin=subprocess.PIPE,
+                stdout=none,
+                stderr=none,
+            )
+            assert helper.stdin is not None
+            with helper.stdin as given:
+                pickle.dump(partial(help_with, keys), given)
+    try:
+        yield
+    finally:
+        if helper is not None:
+            helper.kill()  # files get into the cache whole or not at all
+            helper.wait()

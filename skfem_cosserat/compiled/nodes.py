@@ -246,23 +246,13 @@ def node_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     return 0.0
 
 
-@inlined
-def capped(shift: float, turn: float, numbers: Floats, found: Floats) -> tuple[float, float]:
-    """Size of an increment of these largest displacement and rotation, and what to scale it with.
-
-    ``found`` is its rotation, and 1 where the next matrix is to be taken with the predicted
-    stresses, else 0.
-    """
-    out = max(shift / numbers[LENGTH], turn)
-    factor = numbers[ROTATION] / turn if turn > numbers[ROTATION] else 1.0
-    found[0] = turn
-    found[1] = 1.0 if factor * out > numbers[MIXED] else 0.0
-    return out, factor
-
-
 @part
 def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
-    """Size of the increment; one with large rotations is scaled down. See :func:`capped`."""
+    """Size of the increment; one with large rotations is scaled down.
+
+    ``w.found`` is its rotation, and 1 where the next matrix is to be taken with the predicted
+    stresses, else 0.
+    """
     x, twist, turning, found = w.x, w.twist, s.turning, w.found
     shift, turn, sum_of_all = 0.0, 0.0, 0.0
     for v in range(len(s.framed)):
@@ -273,7 +263,10 @@ def cap(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                 turn = max(turn, a)
             else:
                 shift = max(shift, a)
-    out, factor = capped(shift, turn, numbers, found)
+    out = max(shift / numbers[LENGTH], turn)
+    factor = numbers[ROTATION] / turn if turn > numbers[ROTATION] else 1.0
+    found[0] = turn
+    found[1] = 1.0 if factor * out > numbers[MIXED] else 0.0
     if not sum_of_all < np.inf:  # NaN as well, whatever follows it
         out = sum_of_all
     for v in range(x.shape[0]):

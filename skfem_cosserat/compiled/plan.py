@@ -376,7 +376,7 @@ class _Graph:
         heap = [len(around[v]) * count + v for v in range(count) if not (done[v] or waiting[v])]
         heapq.heapify(heap)
         known = [len(near) for near in around]  # degree in the heap
-        work, every = 0, 64 + count // 32
+        work = 0
         while heap:
             degree, v = divmod(heapq.heappop(heap), count)
             if done[v] or degree != known[v]:
@@ -388,10 +388,9 @@ class _Graph:
                 continue
             if degree > largest:
                 break
-            least = self._least() if len(self.order) % every == 0 else degree**2
-            if work + least > most:
-                return False
             work += degree**2
+            if work > most:
+                return False
             done[v] = True
             self.order.append(v)
             self.later.append(near)
@@ -407,16 +406,6 @@ class _Graph:
                 known[p] = len(around[p])
                 heapq.heappush(heap, known[p] * count + p)
         return True
-
-    def _least(self) -> float:
-        """Products that the elimination of all that are left takes at least.
-
-        The first of two neighbours is eliminated beside the other, and neighbours stay so: degrees
-        are as many as pairs in sum, and their squares are least where all degrees are equal.
-        """
-        both = zip(self.around, self._done, strict=True)
-        degrees = [len(near) for near, done in both if not done]
-        return (sum(degrees) / 2) ** 2 / max(len(degrees), 1)
 
     def _released(self, v: int) -> list[int]:
         """Count v as eliminated, and give the vertices that wait for no other one any more."""

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from ..types import Floats
-from .block_algebra import add_times, entry, put_entry
 from .jit import inlined, part
 from .numbers import MASS, WEIGHT
+from .simd import add_times
 from .small import Vector, add_skew, cross, dot, pulled, row, times, unit
 from .tables import (
     BLOCK,
@@ -166,15 +166,18 @@ def add_curvature(A: Floats, k: int, i: int, j: int, c: float, a: Vector, b: Vec
 
 
 @inlined
-def add_weighted(s: Any, w: Any, numbers: Floats) -> None:
-    """Add ``G_L^T W G_R`` to the blocks of vertices, from what stands in those with the rows."""
-    table, weight, A, scratch, mass = s.row_weighted, s.row_weight, w.A, w.scratch, numbers[MASS]
+def add_weighted(s: Any, w: Any, factor: float) -> None:
+    """Add ``G_L^T W G_R`` to the blocks of vertices, from what stands in those with the rows.
+
+    W are the weights of rows times a factor.
+    """
+    table, weight, A, scratch = s.row_weighted, s.row_weight, w.A, w.scratch
     for t in range(table.shape[0]):
         k, left, right, to = table[t, 0], table[t, 1], table[t, 2], table[t, 3]
         for r in range(weight.shape[1]):
-            f = mass * weight[k, r]
+            f = factor * weight[k, r]
             for c in range(weight.shape[1]):
-                put_entry(scratch, 0, r, c, f * entry(A, right, r, c))
+                scratch[0, r, c] = f * A[right, r, c]
         add_times(A, left, scratch, 0, A, to)
 
 
@@ -212,8 +215,8 @@ def row_matrix(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
         add_line(A, linear[t, TERM_BACK], place, i, row(yL, a), unit(n, f), True)
     for k in range(on.shape[0]):  # no row is there, or it is switched off
         for c in range(on.shape[1]):
-            put_entry(A, m.diag[count + k], c, c, 1.0 - on[k, c])
-    add_weighted(s, w, numbers)
+            A[m.diag[count + k], c, c] = 1.0 - on[k, c]
+    add_weighted(s, w, numbers[MASS])
     return 0.0
 
 

@@ -15,6 +15,7 @@ from ..types import Floats
 from . import numbers as n
 from .blocks import triangles_exchanging
 from .jit import inlined, part
+from .rows import add_weighted
 from .simd import clear, local
 from .step import ask, ask_beams, evaluate, given, matrix, start
 
@@ -51,19 +52,6 @@ def hold_plane(s: Any, m: Any, A: Floats, stiffness: float) -> None:
                 A[diag[v], 3 + i, 3 + i] += stiffness
 
 
-@inlined
-def hold_rows(s: Any, A: Floats, stiffness: float) -> None:
-    """Hold what constraint rows with multipliers hold: ``A += stiffness G^T G``."""
-    pairs = s.row_pairs
-    for k in range(len(pairs)):
-        left, right, own = pairs[k, 0], pairs[k, 1], pairs[k, 2]
-        for i in range(6):
-            for c in range(6):
-                f = stiffness * A[left, i, c]
-                for j in range(6):
-                    A[own, i, j] += f * A[right, c, j]
-
-
 @part
 def hold(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     """Stiffness against motions that are none of a scene's, so that all pivots are regular.
@@ -78,7 +66,7 @@ def hold(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     stiffness = HELD * size if size > 0.0 else 1.0
     s.held_by[0] = stiffness
     hold_plane(s, m, w.A, stiffness)
-    hold_rows(s, w.A, stiffness)
+    add_weighted(s, w, stiffness)  # what constraint rows hold
     return 0.0
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# -- force elements, see :mod:`.couplings` ---------------------------------------------------------
+# -- force elements, see :mod:`.forces` ---------------------------------------------------------
 
 #: kinds of the last coordinate
 DISPLACEMENT, DISTANCE, ANGLE, ROTATION = range(4)

@@ -304,7 +304,8 @@ class BoundTreatment(ABC):
         """True if the rows that close loops are far from dependent at y; sets `clearance` there."""
         system = self.system
         T = system.kinematics.values_at(y)
-        pivots = system.closure.independence(self._taken, y, T)
+        again = system.closure.again(self._taken, y, T)
+        pivots = np.array([s.pivots.min(initial=1.0) for s in again])
         self.clearance = CLEAR * float(pivots.min())
         return bool((pivots > self._least / 2).all())  # else others may do better
 

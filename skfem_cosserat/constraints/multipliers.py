@@ -12,8 +12,7 @@ from ..linear import LinearSolver
 from ..model import System
 from ..model.closure import SINGULAR, Selected
 from ..model.groups import Blocks, Parts
-from ..model.loops import way_off
-from ..model.plane_rows import coordinates_in_plane, rows_in_plane
+from ..model.loops import coordinates_in_plane, rows_in_plane, way_off
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
 from ..types import Array, Floats, switch

@@ -24,9 +24,6 @@ from .geometry import BeamShape, beam_shapes, body_shapes, quaternions
 
 # -- the layers of a scene as grids with data: beams, swept surfaces, bodies, joints, springs ------
 
-#: Relative coordinates that joints have as numbers at their points.
-_COORDINATES = ("angle", "displacement")
-
 #: Names of the six numbers of a strain or resultant series.
 _STRAIN = ("Gamma", "K")
 _RESULTANT = ("N", "M")
@@ -64,14 +61,12 @@ class Cells:
             "types": np.concatenate(kinds),
         }
         self.at_points, self.at_cells = at_points or {}, at_cells or {}
+        #: texts of these three, made for the first file
+        self.encoded: list[bytes] = []
 
 
 class Grid(NamedTuple):
-    """A layer in k states: points ``(k, np, 3)``, cells, data ``(k, np, ...)``, ``(k, nc, ...)``.
-
-    What `cells` has is written to all files as it was encoded for the first one: a layer keeps the
-    object as long as it is valid.
-    """
+    """A layer in k states: points ``(k, np, 3)``, data ``(k, np, ...)`` and ``(k, nc, ...)``."""
 
     points: Floats
     cells: Cells
@@ -133,15 +128,20 @@ def _stack(parts: list[Fields], sizes: list[int]) -> Fields:
     return joined
 
 
-def _several(states: States, names: Sequence[str], shape: tuple[int, ...]) -> Floats | None:
-    """Entries of several items ``(k, items, *shape)``, NaN where one is missing; None: all are."""
-    known = [name in states for name in names]
-    if not any(known):
+def _several(
+    states: States, items: Sequence[str], field: str, shape: tuple[int, ...]
+) -> Floats | None:
+    """A field of items ``(k, items, *shape)``, NaN where one has none, or no number; None: all."""
+    known = [
+        k
+        for k, item in enumerate(items)
+        if item + field in states and (shape or states[item + field].ndim == 1)
+    ]
+    if not known:
         return None
-    found = np.full((len(states["q"]), len(names), *shape), np.nan)
-    for k, name in enumerate(names):
-        if known[k]:
-            found[:, k] = entry(states, name, shape)
+    found = np.full((len(states["q"]), len(items), *shape), np.nan)
+    for k in known:
+        found[:, k] = entry(states, items[k] + field, shape)
     return found
 
 
@@ -286,181 +286,113 @@ class BodyLayer(Layer):
         return np.concatenate([shape.points(q) for shape in self._shapes], axis=-2)
 
 
-class _KnownLayer(Layer):
-    """Items that have something to show where a series of theirs is recorded.
+class ItemLayer(Layer):
+    """Items where their places are recorded: joints as points, couplings as lines.
 
     Parameters
     ----------
-    kind : str
-        Of the items: the first part of the names of their series.
-    names : list of str
+    name, kind : str
+        Of the layer in `meta`, and of its items: the first part of the names of their series.
+    meta : mapping
+    places : str
+        The series without which an item is left out: its place, or both of its ends.
+    shapes : mapping of str to tuple
+        Of further series; those of no shape are read where they are numbers.
+    numbers : mapping of str to array
         Of all items.
-    needed : str
-        The series without which an item is left out.
-    others : sequence of str
-        Further ones.
     """
 
-    def __init__(self, kind: str, names: list[str], needed: str, others: Sequence[str]) -> None:
-        self._kind, self._names, self._needed = kind, names, needed
-        self.series = [f"{kind}/{name}/{each}" for name in names for each in (needed, *others)]
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        meta: Mapping[str, Any],
+        places: str,
+        shapes: Mapping[str, tuple[int, ...]],
+        numbers: Fields,
+    ) -> None:
+        self.name, self._places, self._shapes, self._numbers = name, places, shapes, numbers
+        self._items = [f"{kind}/{item['name']}/" for item in meta[name]]
+        self.series = [item + each for item in self._items for each in (places, *shapes)]
         self._known: list[int] = []
-        self._cells: Cells | None = None
+        self._cells: Any = None
 
-    def _keys(self, field: str) -> list[str]:
-        """Names of a series of the items that are shown."""
-        return [f"{self._kind}/{self._names[k]}/{field}" for k in self._known]
-
-    def _cells_of(self, states: States) -> Cells | None:
-        """Cells of the items that are shown; None if there are none."""
-        named = enumerate(self._names)
-        known = [k for k, name in named if f"{self._kind}/{name}/{self._needed}" in states]
+    def grid(self, states: States, reference: Floats) -> Grid | None:
+        """Grid of some states, see `Layer.grid`."""
+        known = [k for k, item in enumerate(self._items) if item + self._places in states]
+        items = [self._items[k] for k in known]
+        width = 2 if self._places == "ends" else 1
+        x = _several(states, items, self._places, (2, 3)[2 - width :])
+        if x is None:
+            return None
         if known != self._known:
-            self._known, self._cells = known, self._made(np.array(known)) if known else None
-        return self._cells
-
-    @abstractmethod
-    def _made(self, known: IndexArray) -> Cells:
-        """Cells of the items of these numbers."""
-
-
-class JointLayer(_KnownLayer):
-    """Joints as points with type, reaction force and moment, as far as places are recorded."""
-
-    name = "joints"
-
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
-        joints = meta.get("joints", [])
-        names = [joint["name"] for joint in joints]
-        super().__init__("joint", names, "position", ("force", "moment", *_COORDINATES))
-        self.types = sorted({str(joint["type"]) for joint in joints})
-        self._codes = np.array([self.types.index(str(joint["type"])) for joint in joints])
-
-    def _made(self, known: IndexArray) -> Cells:
-        vertices = np.arange(len(known))[:, None]
-        return Cells([(_VTK["vertex"], vertices)], {"joint_id": known, "type": self._codes[known]})
-
-    def grid(self, states: States, reference: Floats) -> Grid | None:
-        """Grid of some states, see `Layer.grid`."""
-        cells = self._cells_of(states)
-        x = _several(states, self._keys("position"), (3,))
-        if cells is None or x is None:
-            return None
-        fields = {}
-        shapes = {"force": (3,), "moment": (3,), **dict.fromkeys(_COORDINATES, ())}
-        for field, shape in shapes.items():
-            values = _several(states, self._keys(field), shape)
-            if values is not None:
-                fields[field] = values
-        return Grid(x, cells, fields, {})
-
-
-class CouplingLayer(_KnownLayer):
-    """Springs, cables, bushings as lines between their ends, with length and force of scalars."""
-
-    name = "couplings"
-
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
-        names = [coupling["name"] for coupling in meta.get("couplings", [])]
-        super().__init__("coupling", names, "ends", ("coordinate", "force"))
-
-    def _made(self, known: IndexArray) -> Cells:
-        lines = np.arange(2 * len(known)).reshape(-1, 2)
-        return Cells([(_VTK["line"], lines)], at_cells={"coupling_id": known})
-
-    def grid(self, states: States, reference: Floats) -> Grid | None:
-        """Grid of some states, see `Layer.grid`."""
-        cells = self._cells_of(states)
-        ends = _several(states, self._keys("ends"), (2, 3))
-        if cells is None or ends is None:
-            return None
-        scalars = {name: values for name, values in states.items() if np.ndim(values) == 1}
-        nothing = np.full(ends.shape[:2], np.nan)
-        data = {}
-        for field in ("coordinate", "force"):
-            values = _several({**scalars, "q": states["q"]}, self._keys(field), ())
-            data[field] = nothing if values is None else values
-        return Grid(ends.reshape(len(ends), -1, 3), cells, {}, data)
+            cells = np.arange(width * len(known)).reshape(-1, width)
+            own = {name: values[known] for name, values in self._numbers.items()}
+            at = (own, None) if width == 1 else (None, own)
+            kind = _VTK["vertex" if width == 1 else "line"]
+            self._known, self._cells = known, Cells([(kind, cells)], *at)
+        found = {name: _several(states, items, name, each) for name, each in self._shapes.items()}
+        fields = {name: values for name, values in found.items() if values is not None}
+        at_points, at_cells = (fields, {}) if width == 1 else ({}, fields)
+        return Grid(x.reshape(len(x), -1, 3), self._cells, at_points, at_cells)
 
 
 # -- a grid as files of VTK's XML format for unstructured grids (``.vtu``) -------------------------
 
 _KINDS = {"f": "Float64", "i": "Int64"}
 _ORDER = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
-_BLOCK = 32768  # bytes that are compressed at once
 
 
-class _Files:
-    """Texts of the files of a layer; those parts that do not change are made once.
+def _texts(grid: Grid, compress: bool) -> list[bytes]:
+    """Contents of the files of a layer, one a state; by zlib if they are to be compressed."""
+    cells, count = grid.cells, len(grid.points)
+    if not cells.encoded:
+        for fields in (cells.topology, cells.at_points, cells.at_cells):
+            once = _arrays({name: values[None] for name, values in fields.items()}, compress)
+            cells.encoded.append(b"".join(text for texts in once for text in texts))
+    topology, at_points, at_cells = cells.encoded
+    packed = ' compressor="vtkZLibDataCompressor"' if compress else ""
+    head = (
+        f'<VTKFile type="UnstructuredGrid" version="0.1" byte_order="{_ORDER}"{packed}>\n'
+        f'<UnstructuredGrid>\n<Piece NumberOfPoints="{grid.points.shape[1]}"'
+        f' NumberOfCells="{cells.count}">\n<Points>\n'
+    )
+    parts = [
+        [head.encode()],
+        *_arrays({"Points": grid.points}, compress),
+        [b"</Points>\n<Cells>\n"],
+        [topology],
+        [b"</Cells>\n<PointData>\n"],
+        [at_points],
+        *_arrays(grid.at_points, compress),
+        [b"</PointData>\n<CellData>\n"],
+        [at_cells],
+        *_arrays(grid.at_cells, compress),
+        [b"</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"],
+    ]
+    return [b"".join(part[min(k, len(part) - 1)] for part in parts) for k in range(count)]
 
-    Parameters
-    ----------
-    compress : bool
-        By zlib.
-    """
 
-    def __init__(self, compress: bool) -> None:
-        self._compress = compress
-        attribute = ' compressor="vtkZLibDataCompressor"' if compress else ""
-        self._head = (
-            f'<VTKFile type="UnstructuredGrid" version="0.1" byte_order="{_ORDER}"{attribute}>\n'
-            "<UnstructuredGrid>\n"
-        )
-        self._cells: Cells | None = None
-        self._constant = self._at_points = self._at_cells = b""
-
-    def texts(self, grid: Grid) -> list[bytes]:
-        """Contents of the files, one a state."""
-        cells = grid.cells
-        if cells is not self._cells:
-            self._cells = cells
-            topology, self._at_points, self._at_cells = (
-                b"".join(self._constants(fields))
-                for fields in (cells.topology, cells.at_points, cells.at_cells)
-            )
-            self._constant = b"</Points>\n<Cells>\n" + topology + b"</Cells>\n<PointData>\n"
-        size = f'<Piece NumberOfPoints="{grid.points.shape[1]}" NumberOfCells="{cells.count}">\n'
-        head = f"{self._head}{size}<Points>\n".encode()
-        middle = self._at_points + b"</PointData>\n<CellData>\n"
-        tail = self._at_cells + b"</CellData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
-        count = len(grid.points)
-        parts = [[head] * count]
-        parts += self._changing({"Points": grid.points})
-        parts.append([self._constant] * count)
-        parts += self._changing(grid.at_points)
-        parts.append([middle] * count)
-        parts += self._changing(grid.at_cells)
-        parts.append([tail] * count)
-        return [b"".join(pieces) for pieces in zip(*parts, strict=True)]
-
-    def _constants(self, fields: Fields) -> list[bytes]:
-        stacked = {name: np.asarray(values)[None] for name, values in fields.items()}
-        return [text for texts in self._changing(stacked) for text in texts]
-
-    def _changing(self, fields: Fields) -> list[list[bytes]]:
-        """Elements of data arrays ``(k, n, ...)``: for each field its text in all states."""
-        return [self._elements(name, values) for name, values in fields.items()]
-
-    def _elements(self, name: str, values: Array) -> list[bytes]:
+def _arrays(fields: Fields, compress: bool) -> list[list[bytes]]:
+    """Elements of data arrays ``(k, n, ...)``: for each field its text in all states."""
+    found = []
+    for name, values in fields.items():
         kind = _KINDS[values.dtype.kind]
         size = f' NumberOfComponents="{values.shape[2]}"' if values.ndim == 3 else ""
         head = f'<DataArray type="{kind}" Name="{name}"{size} format="binary">\n'.encode()
         data = np.ascontiguousarray(values, dtype=kind.lower())
-        encode = self._compressed if self._compress else self._plain
-        return [b"".join((head, encode(one.tobytes()), b"\n</DataArray>\n")) for one in data]
+        texts = (_encoded(one.tobytes(), compress) for one in data)
+        found.append([b"".join((head, text, b"\n</DataArray>\n")) for text in texts])
+    return found
 
-    @staticmethod
-    def _plain(data: bytes) -> bytes:
-        length = len(data).to_bytes(4, sys.byteorder)
-        return b2a_base64(length + data, newline=False)
 
-    @staticmethod
-    def _compressed(data: bytes) -> bytes:
-        blocks = [zlib.compress(data[k : k + _BLOCK]) for k in range(0, len(data), _BLOCK)]
-        last = len(data) - (len(blocks) - 1) * _BLOCK
-        numbers = [len(blocks), _BLOCK, last, *map(len, blocks)]
-        header = np.array(numbers, dtype=np.uint32).tobytes()
-        return b2a_base64(header, newline=False) + b2a_base64(b"".join(blocks), newline=False)
+def _encoded(data: bytes, compress: bool) -> bytes:
+    """Behind its length; compressed in one block, the last of whose numbers is that of bytes."""
+    if not compress:
+        return b2a_base64(len(data).to_bytes(4, sys.byteorder) + data, newline=False)
+    packed = zlib.compress(data)
+    header = np.array([1, len(data), 0, len(packed)], dtype=np.uint32).tobytes()
+    return b2a_base64(header, newline=False) + b2a_base64(packed, newline=False)
 
 
 # -- paraView series: an index (``.pvd``) for each layer and one file (``.vtu``) for each frame ----
@@ -485,9 +417,12 @@ class _Index:
         self._end = len(_HEAD)
         path.write_bytes(_HEAD + _TAIL)
 
-    def add(self, time: float, name: str) -> None:
-        """Append a frame; ``name`` is relative to the index."""
-        line = f'    <DataSet timestep="{float(time)!r}" part="0" file="{name}"/>\n'.encode()
+    def add(self, times: Sequence[float], names: Sequence[str]) -> None:
+        """Append frames; names are relative to the index."""
+        line = "".join(
+            f'    <DataSet timestep="{float(time)!r}" part="0" file="{name}"/>\n'
+            for time, name in zip(times, names, strict=False)
+        ).encode()
         with self.path.open("r+b", buffering=0) as handle:
             try:
                 _write_at(handle, self._end, line + _TAIL)
@@ -603,16 +538,15 @@ class ParaViewWriter:
         read = ["q", *(name for layer in self._layers for name in layer.series)]
         self._names = list(dict.fromkeys(read))
         prepare_folder(self.folder)
-        self._indices, self._files = [], []
+        self._indices, self._compress = [], compress
         self._frame = 0
-        names = json.dumps(_names(meta, self._layers), indent=1)
+        names = json.dumps(_names(meta), indent=1)
         with writing(self.folder, "folder"):
             for layer in self._layers:
                 (self.folder / layer.name).mkdir(exist_ok=True)
                 for frame in (self.folder / layer.name).glob("[0-9]" * 6 + ".vtu"):
                     frame.unlink()  # of a longer earlier export: the index would not name it
                 self._indices.append(_Index(self.folder / f"{layer.name}.pvd"))
-                self._files.append(_Files(compress))
             (self.folder / "names.json").write_text(names, encoding="utf-8")
 
     @property
@@ -677,26 +611,27 @@ class ParaViewWriter:
         if self._reference is None:
             self._reference = np.array(states["q"][0], dtype=float)
         reference = self._reference
+        written: list[list[Path]] = [[] for _ in times]
         grids = [layer.grid(states, reference) for layer in self._layers]
-        texts = []
-        for index, files, grid in zip(self._indices, self._files, grids, strict=True):
-            texts.append([] if grid is None else files.texts(grid))
-            if grid is None and not self._frame:
-                text = "nothing is recorded for this layer"
-                warn(f"layer {str(index.path)!r}", text, IncompleteWarning)
-        written: list[list[Path]] = []
-        for k, time in enumerate(times):
-            written.append([])
-            for layer, index, frames in zip(self._layers, self._indices, texts, strict=True):
-                if frames:
-                    name = f"{layer.name}/{self._frame:06d}.vtu"
+        for layer, index, grid in zip(self._layers, self._indices, grids, strict=True):
+            if grid is None:
+                if not self._frame:
+                    reason = "nothing is recorded for this layer"
+                    warn(f"layer {str(index.path)!r}", reason, IncompleteWarning)
+                continue
+            names: list[str] = []
+            try:
+                for k, text in enumerate(_texts(grid, self._compress)):
+                    name = f"{layer.name}/{self._frame + k:06d}.vtu"
                     path = self.folder / name
                     with writing(path):
-                        path.write_bytes(frames[k])
-                    with writing(index.path):
-                        index.add(time, name)
-                    written[-1].append(path)
-            self._frame += 1
+                        path.write_bytes(text)
+                    names.append(name)
+                    written[k].append(path)
+            finally:  # also of those before one that found no room
+                with writing(index.path):
+                    index.add(times, names)
+        self._frame += len(times)
         return written
 
 
@@ -709,18 +644,30 @@ def _layers(meta: Mapping[str, Any], static: Mapping[str, Array], surfaces: bool
             layers.append(SurfaceLayer(meta, static))
     if meta.get("bodies") or meta.get("points"):
         layers.append(BodyLayer(meta, static))
-    if meta.get("joints"):
-        layers.append(JointLayer(meta, static))
-    if meta.get("couplings"):
-        layers.append(CouplingLayer(meta, static))
+    if joints := meta.get("joints"):
+        types = _types(meta)
+        numbers = {
+            "joint_id": np.arange(len(joints)),
+            "type": np.array([types.index(str(joint["type"])) for joint in joints]),
+        }
+        shapes = {"force": (3,), "moment": (3,), "angle": (), "displacement": ()}
+        layers.append(ItemLayer("joints", "joint", meta, "position", shapes, numbers))
+    if couplings := meta.get("couplings"):
+        shapes = {"coordinate": (), "force": ()}
+        numbers = {"coupling_id": np.arange(len(couplings))}
+        layers.append(ItemLayer("couplings", "coupling", meta, "ends", shapes, numbers))
     return layers
 
 
-def _names(meta: Mapping[str, Any], layers: list[Layer]) -> dict[str, Any]:
+def _types(meta: Mapping[str, Any]) -> list[str]:
+    """Types of the joints, in the order of their numbers."""
+    return sorted({str(joint["type"]) for joint in meta.get("joints", [])})
+
+
+def _names(meta: Mapping[str, Any]) -> dict[str, Any]:
     """Names behind the numbers in the files."""
     beams = meta.get("beams", [])
     bodies = [*meta.get("bodies", []), *meta.get("points", [])]
-    types = [name for layer in layers if isinstance(layer, JointLayer) for name in layer.types]
     return {
         "beam_id": [beam["name"] for beam in beams],
         "part_id": {beam["name"]: list(beam.get("parts", [])) for beam in beams},
@@ -728,7 +675,7 @@ def _names(meta: Mapping[str, Any], layers: list[Layer]) -> dict[str, Any]:
         "body_id": [body["name"] for body in bodies],
         "joint_id": [joint["name"] for joint in meta.get("joints", [])],
         "coupling_id": [coupling["name"] for coupling in meta.get("couplings", [])],
-        "type": types,
+        "type": _types(meta),
     }
 
 
@@ -745,10 +692,7 @@ def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
         return []
     count = int(np.floor((times[-1] - times[0]) * fps * (1.0 + 1e-12))) + 1
     wanted = times[0] + np.arange(count) / fps
-    right = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))
-    left = right - 1
-    right = np.minimum(right, len(times) - 1)
-    nearest = np.where(wanted - times[left] <= times[right] - wanted, left, right)
+    nearest = np.searchsorted((times[1:] + times[:-1]) / 2, wanted)
     return [int(i) for i in np.unique(nearest)]
 
 
@@ -803,17 +747,8 @@ def write_paraview(
     ['bodies.pvd']
     """
     chosen = _selection(history.times, every, fps)
-    reference = history.static.get("reference")
-    if reference is None and len(history):
-        reference = history["q"][0]
-    writer = ParaViewWriter(
-        folder,
-        history.meta,
-        history.static,
-        reference=reference,
-        surfaces=surfaces,
-        compress=compress,
-    )
+    data = history.meta, history.static
+    writer = ParaViewWriter(folder, *data, surfaces=surfaces, compress=compress)
     writer.write_states(history, chosen)
     logger.info("%d frames written to %s", len(chosen), folder)
     return writer.indices

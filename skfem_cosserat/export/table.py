@@ -1,20 +1,32 @@
-"""Files of comma separated values: series of a history, rows of a study."""
+"""Tables: series of a history, rows of a study, and where they come from."""
 
 from __future__ import annotations
 
 import csv
+import io
 import json
+import os
+import platform
+import subprocess
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
+import skfem
 
 from ..arguments import checked
 from ..errors import InputError, writing
 from ..history import History
 from ..history.file import plain
 from ..types import FilePath
+from ..version import VERSION
 
 #: numbers per state above which a quantity is not in a table unless named
 WIDE = 6
@@ -135,3 +147,213 @@ def write_rows(
         writer.writerow(header)
         writer.writerows(rows)
     return path
+
+
+# -- where numbers come from: versions, machine, commit, threads of the linear algebra -------------
+
+COMMIT = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--abbrev=10"]
+
+
+@checked
+def provenance(folder: FilePath | None = None) -> dict[str, Any]:
+    """Versions, machine, commit and threads, now.
+
+    Parameters
+    ----------
+    folder : path-like, optional
+        In the tree whose commit is wanted. Default: the working directory.
+
+    Returns
+    -------
+    dict
+        ``versions`` by package, that of numba if it is installed, ``commit`` (``-dirty`` with
+        changes, ``unknown`` outside of a tree of git), ``machine``, ``blas_threads``. Which
+        kernels a run took is in its history: tables have a column for it.
+
+    Examples
+    --------
+    >>> list(provenance())
+    ['versions', 'commit', 'machine', 'blas_threads']
+    """
+    compiled = () if find_spec("numba") is None else ("numba",)
+    return {
+        "versions": {
+            "skfem-cosserat": VERSION,
+            "scikit-fem": skfem.__version__,
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "python": platform.python_version(),
+            **{name: version(name) for name in compiled},
+        },
+        "commit": _commit(Path.cwd() if folder is None else Path(folder)),
+        "machine": f"{platform.system()} {platform.machine()}, {_processor()},"
+        f" {os.cpu_count()} processors",
+        "blas_threads": os.environ.get("OPENBLAS_NUM_THREADS", "not set"),
+    }
+
+
+def _commit(folder: Path) -> str:
+    try:
+        done = subprocess.run(
+            COMMIT, cwd=folder, capture_output=True, text=True, timeout=20, check=True
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return done.stdout.strip()
+
+
+def _processor() -> str:
+    """Name of the processor, where the system tells it."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or "unknown processor"
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else "unknown processor"
+
+
+# -- rows with names, and where they come from -----------------------------------------------------
+
+
+@checked
+@dataclass(frozen=True, eq=False)
+class ResultTable:
+    """Rows of results under their names; what a row does not have stays empty.
+
+    Attributes
+    ----------
+    rows : sequence of mappings
+        Numbers and text.
+    notes : mapping
+        JSON data on where they come from.
+
+    Examples
+    --------
+    >>> rows = [{"step": 0.5, "status": "diverged"}, {"step": 0.25, "status": "ok", "tip": 1.5}]
+    >>> print(ResultTable(rows).to_markdown())
+    | step | status | tip |
+    | --- | --- | --- |
+    | 0.5 | diverged |  |
+    | 0.25 | ok | 1.5 |
+    """
+
+    rows: Sequence[Mapping[str, Any]]
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, path: FilePath) -> ResultTable:
+        """A table that :meth:`to_csv` has written: numbers are numbers again, empty cells None.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = ResultTable([{"step": 0.5, "status": "ok"}], {"n": 1}).to_csv(f"{folder}/s")
+        ...     again = ResultTable.read(path)
+        >>> again.rows, again.notes
+        ([{'step': 0.5, 'status': 'ok'}], {'n': 1})
+        """
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except OSError as error:
+            reason = f"cannot be read: {error.strerror}"
+            raise InputError(f"file {str(path)!r}", reason) from error
+        notes, table = {}, io.StringIO(text, newline="")
+        start = table.tell()
+        while (line := table.readline()).startswith("# "):
+            name, _, value = line[2:].partition(": ")
+            with suppress(json.JSONDecodeError):
+                notes[name] = json.loads(value)
+            start = table.tell()
+        table.seek(start)
+        return cls([{k: _cell(v) for k, v in row.items()} for row in csv.DictReader(table)], notes)
+
+    @property
+    def columns(self) -> list[str]:
+        """The names of all rows."""
+        return list(dict.fromkeys(name for row in self.rows for name in row))
+
+    @property
+    def cells(self) -> list[list[Any]]:
+        """By row and column; None where a row has nothing."""
+        columns = self.columns
+        return [[row.get(name) for name in columns] for row in self.rows]
+
+    def to_csv(self, path: FilePath) -> Path:
+        """Write rows with all digits, the notes in front of them; an older file is replaced.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+
+        Examples
+        --------
+        >>> import tempfile
+        >>> table = ResultTable([{"step": 0.5}], {"problem": "bend"})
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     path = table.to_csv(f"{folder}/study.csv")
+        ...     path.read_text().splitlines()
+        ['# problem: "bend"', 'step', '0.5']
+        """
+        return write_rows(path, self.notes, self.columns, self.cells)
+
+    def to_markdown(self) -> str:
+        """The rows as text, numbers with six digits."""
+        lines = [self.columns, ["---"] * len(self.columns), *self.cells]
+        return "\n".join(f"| {' | '.join(map(_short, line))} |" for line in lines)
+
+    def to_pandas(self) -> Any:
+        """The rows as a ``pandas.DataFrame``, the notes as its ``attrs``.
+
+        Raises
+        ------
+        ImportError
+            Without pandas.
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError as error:
+            raise ImportError("pandas is needed here: pip install pandas") from error
+        frame = DataFrame(self.cells, columns=self.columns)
+        frame.attrs |= self.notes
+        return frame
+
+
+def _cell(text: str) -> Any:
+    """A number where the text is one, None if there is none."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return {"True": True, "False": False, "": None}.get(text, text)
+
+
+def _short(cell: Any) -> str:
+    if cell is None:
+        return ""
+    shown = f"{cell:.6g}" if isinstance(cell, float) else str(cell)
+    return shown.replace("|", "\\|").replace("\n", " ")
+
+
+class Report(ABC):
+    """Base of the results of studies, which give their rows as a table."""
+
+    @property
+    @abstractmethod
+    def table(self) -> ResultTable:
+        """Its rows, with where they come from."""
+
+    def csv(self, path: FilePath) -> Path:
+        """Write the :attr:`table`.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        return self.table.to_csv(path)

@@ -2,18 +2,17 @@
 
 A `History` holds numbers and names: export, charts and studies can read a run that was made on
 another computer, by another version, or that was killed. Series that follow from the states are
-derived by an object that a run gives to its history, a `Derivation`, when they are first asked for.
+derived by formulas that a run gives to its history, when they are first asked for.
 Where a point is, a history says of places that it is given, by the names of their items.
 """
 
 from __future__ import annotations
 
-from .container import Derivation, History, SensorRecord, Spectrum, spectrum
+from .container import History, SensorRecord, Spectrum, spectrum
 from .file import EventRecord, read_meta
 from .writer import HistoryWriter
 
 __all__ = [
-    "Derivation",
     "EventRecord",
     "History",
     "HistoryWriter",

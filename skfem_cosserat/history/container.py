@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+import pickle
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from ..types import (
     numbers,
     whole,
 )
-from ..warn import Notices, counted, listed, warn
+from ..warn import Notices, counted, listed, logger, warn
 from .file import (
     BASIC,
     ORIGINS,
@@ -326,38 +327,20 @@ def _check_reference(
 ADVICE = "skfem_cosserat.run.derive_series(model, history) adds those that follow from the states"
 
 
-class Derivation(Protocol):
-    """Makes the series of a history that were not recorded, each when it is first asked for.
+#: how series follow from others of a history
+Formula = Callable[["History"], Sequence[Floats]]
+#: those of a system, by the names of series that come together
+Formulas = dict[tuple[str, ...], Formula]
+#: the formulas of a system, for histories of one kind
+Kind = Callable[[Any], Formulas]
 
-    A run gives one to its history, see :func:`skfem_cosserat.run.derive_series`.
-    """
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Names of all series that it makes, in their order."""
-
-    @property
-    def saved(self) -> Sequence[str]:
-        """Names of those that a file has in any case: energies, and what pictures need."""
-
-    def derive(self, history: History, name: str) -> Mapping[str, Array]:
-        """A series of a history, with those that come with it.
-
-        Raises
-        ------
-        CosseratError
-            Where it cannot be made.
-        """
-
-    @property
-    def systems(self) -> Sequence[Any]:
-        """Systems of the history's segments."""
-
-    def segment(self, k: int) -> Derivation:
-        """That of one of the history's segments."""
-
-    def packed(self) -> Derivation | None:
-        """Itself as it goes into a pickle; None if it cannot go there."""
+#: energy less all that explains its changes, of a whole run
+BALANCE = "energy_balance"
+#: series that a file has in any case, beside those of items: energies, and what pictures need
+SAVED = (
+    *("v", "kinetic", "strain_energy", "external", "coupling_energy", "energy", BALANCE),
+    *("linear_momentum", "angular_momentum"),
+)
 
 
 class _Available(Mapping[str, Array]):
@@ -412,8 +395,10 @@ class History:
     sensors : mapping of str to array, optional
         Of each sensor its instants ``NAME/t (K,)`` and what it has seen, ``NAME/x (K, ...)``;
         ``meta["sensors"][NAME]`` has its unit and how often it is differentiated.
-    derivation : Derivation, optional
-        Makes series that are not among `series`; without it there are no others.
+    systems : sequence of System, optional
+        Of its segments; without them there are no series but `series`.
+    kind : callable, optional
+        Gives the formulas of a system, by which other series follow; a function of a module.
 
     Raises
     ------
@@ -439,7 +424,8 @@ class History:
         static: Mapping[str, Any],
         series: Mapping[str, Any],
         sensors: Mapping[str, Any] | None = None,
-        derivation: Derivation | None = None,
+        systems: Sequence[Any] | bytes = (),
+        kind: Kind = dict,
     ) -> None:
         self.meta: dict[str, Any] = plain(meta, "meta")
         self.static: dict[str, Array] = {
@@ -458,16 +444,21 @@ class History:
                 name: series_numbers(value, f"sensor array {name!r}")
                 for name, value in self._sensors.items()
             }
-        self._derivation = derivation
         self._segments: dict[int, History] = {}
+        self.derive_by(systems, kind)
 
     def __getstate__(self) -> dict[str, Any]:
-        """With what derives its series, or with all of them where that cannot be pickled."""
-        own = self._derivation
-        packed = None if own is None else own.packed()
-        if own is not None and packed is None:
-            self.derive()
-        return vars(self) | {"_derivation": packed, "_segments": {}}
+        """With its systems, which are read when they are asked for; without them all series."""
+        packed = self._systems
+        if not isinstance(packed, bytes) and packed:
+            self._names()  # they are known where the systems are not read yet
+            try:
+                packed = pickle.dumps(packed)
+            except Exception as error:  # noqa: BLE001, whatever a user's own items raise
+                logger.info("the system of a history cannot be pickled: %s", error)
+                self.derive()
+                packed = ()
+        return vars(self) | {"_systems": packed, "_made": None, "_segments": {}}
 
     def _put(self, name: str, value: Any) -> None:
         array = series_numbers(value, f"series {name!r}")
@@ -491,15 +482,38 @@ class History:
         """Names of the series that are there: recorded, added, or derived so far."""
         return list(self._series)
 
-    def derive_by(self, derivation: Derivation | None) -> None:
-        """Have what is not recorded derived like this; None: there are no other series."""
-        self._derivation = derivation
+    def derive_by(self, systems: Sequence[Any] | bytes, kind: Kind) -> None:
+        """Have what is not recorded derived by the formulas of its systems."""
+        #: systems of the segments, pickled as long as nobody has asked for them
+        self._systems, self._kind = systems, kind
+        #: formulas of each system, and names of all, made when a series is first asked for
+        self._made: list[Formulas] | None = None
+        self._known: list[str] | None = None
         self._segments.clear()
 
     @property
     def systems(self) -> Sequence[Any]:
         """Systems of its segments; none where they are not known, as of a file."""
-        return () if self._derivation is None else self._derivation.systems
+        if isinstance(self._systems, bytes):
+            try:
+                self._systems = pickle.loads(self._systems)
+            except Exception as error:  # whatever modules of the user's raise
+                text = f"its scene cannot be read here ({error}): derive its series before pickling"
+                raise HistoryError("history", text) from error
+        return self._systems
+
+    def _formulas(self) -> list[Formulas]:
+        """Formulas of each system; many runs are never asked for a series."""
+        if self._made is None:
+            self._made = [self._kind(system) for system in self.systems]
+        return self._made
+
+    def _names(self) -> list[str]:
+        """Names of all series that follow from the states, in their order."""
+        if self._known is None:
+            each = (name for made in self._formulas() for names in made for name in names)
+            self._known = list(dict.fromkeys(each))
+        return self._known
 
     def derive(self, names: Sequence[str] | None = None) -> None:
         """Derive series now, not when they are first asked for; what fails is a warning.
@@ -521,13 +535,35 @@ class History:
                 warn("derived series", text, IncompleteWarning)
 
     def _derive(self, name: str) -> None:
-        """Derive a series, with those that come with it."""
-        assert self._derivation is not None
+        """Derive a series, with those that come with it.
+
+        A series that a segment does not have, of a joint that is gone say, is NaN there.
+        Multipliers are in the order of their own system's rows, behind them NaN.
+        """
+        if not len(self):
+            raise HistoryError("history", f"has no state that {name!r} could follow from")
+        first, *others = self._formulas()
         with self._noting(), np.errstate(all="ignore"):
-            found = self._derivation.derive(self, name)
+            if not others or name == BALANCE:
+                together = next(names for names in first if name in names)
+                found = dict(zip(together, first[together](self), strict=True))
+            else:
+                found = {name: self._of_segments(name)}
         for each, values in found.items():
             if each not in self._series:
                 self._put(each, values)
+
+    def _of_segments(self, name: str) -> Floats:
+        """A series by those of its segments."""
+        parts = [self.segment(k) for k in range(len(self._formulas()))]
+        own = [part[name] if len(part) and name in part else None for part in parts]
+        shapes = [values.shape[1:] for values in own if values is not None]
+        size = tuple(int(each) for each in np.max(shapes, axis=0)) if shapes and shapes[0] else ()
+        out = np.full((len(self), *size), np.nan)
+        for (start, stop), values in zip(self.segments, own, strict=True):
+            if values is not None:
+                out[(slice(start, stop), *(slice(length) for length in values.shape[1:]))] = values
+        return out
 
     @contextmanager
     def _noting(self) -> Iterator[None]:
@@ -580,10 +616,9 @@ class History:
             about = meta.pop("segments", [{}])[k]
             if "fingerprint" in about:
                 meta["fingerprint"] = about["fingerprint"]
-            rows, own = slice(*segments[k]), self._derivation
+            rows, systems = slice(*segments[k]), self.systems[k : k + 1]
             part = {name: s[rows] for name, s in self._series.items()}
-            derivation = None if own is None else own.segment(k)
-            self._segments[k] = History(meta, self.static, part, derivation=derivation)
+            self._segments[k] = History(meta, self.static, part, None, systems, self._kind)
         return self._segments[k]
 
     def check_one_system(self) -> None:
@@ -638,13 +673,11 @@ class History:
         return "\n".join([repr(self), *listed(self.meta.get("warnings", ()))])
 
     def __contains__(self, name: object) -> bool:
-        own = self._derivation
-        return name in self._series or (own is not None and name in own.names)
+        return name in self._series or name in self._names()
 
     def __iter__(self) -> Iterator[str]:
         """Names of all series, of those that are still to be derived, too."""
-        names = () if self._derivation is None else self._derivation.names
-        later = dict.fromkeys(names)
+        later = dict.fromkeys(self._names())
         return iter([*(name for name in self._series if name not in later), *later])
 
     def __getitem__(self, name: str) -> Array:
@@ -660,7 +693,7 @@ class History:
         if name not in self._series:
             if name not in self:
                 text = names_known(name, list(self), "recorded", "list(history)")
-                more = f"; {ADVICE}" if self._derivation is None else ""
+                more = "" if self._systems else f"; {ADVICE}"
                 raise InputError(f"series {name!r}", f"not recorded; {text}{more}")
             self._derive(name)
         return self._series[name]
@@ -840,7 +873,7 @@ class History:
             name: values[self._sensors[f"{name[:-2]}/t"] <= end]
             for name, values in self._sensors.items()
         }
-        return History(self.meta, self.static, cut, seen, self._derivation)
+        return History(self.meta, self.static, cut, seen, self._systems, self._kind)
 
     def save(self, path: FilePath) -> None:
         """Write it to one file; an older file is replaced only when the new is complete.
@@ -861,8 +894,8 @@ class History:
         StorageError
             If the disk is full, say.
         """
-        if self._derivation is not None:
-            self.derive(self._derivation.saved)
+        items = ("beam/", "joint/", "coupling/")
+        self.derive([n for n in self._names() if n in SAVED or n.startswith(items)])
         meta = plain(self.meta, "meta")
         try:
             save_file(path, meta, self.static, self._series, self._sensors)

@@ -78,14 +78,14 @@ class HistoryWriter:
         self._meta: dict[str, Any] = {**plain(meta, "meta"), "status": "running"}
         self._static = {k: series_numbers(v, f"static array {k!r}") for k, v in static.items()}
         self._block = block
-        #: the present block, in parts, its number of states, that of all, of blocks of sensors
-        self._parts: list[dict[str, Array]] = []
-        self._fill = self._rows = self._seen = 0
+        #: states and blocks of sensors that are not in the file
+        self._parts: list[Mapping[str, Array]] = []
+        self._sensed: list[Mapping[str, Array]] = []
+        #: number of states, of those in the file, of blocks of sensors
+        self._rows = self._stored = self._seen = 0
         #: type and shape of each entry of the rows
         self._like: dict[str, tuple[Any, ...]] = {}
         self._closed = False
-        #: blocks that are not in the file
-        self._kept: dict[str, list[Mapping[str, Array]]] = {"series": [], "sensors": []}
         #: the file as long as it takes blocks, its name, and why it takes no more
         self._file: FileWriter | None = None
         self._path: Path | None = None
@@ -154,16 +154,9 @@ class HistoryWriter:
             self._block = max(1, min(self._block, SAVE_BYTES // max(size, 1)))
             self._like = like
         self._check(like)
-        done, count = 0, len(rows["t"])
-        while done < count:
-            if self._fill >= self._block:
-                self._flush()
-            taken = self._block - self._fill if self._file else count
-            here = slice(done, min(count, done + taken))
-            self._parts.append({name: values[here].copy() for name, values in rows.items()})
-            self._fill += here.stop - done
-            self._rows += here.stop - done
-            done = here.stop
+        self._parts.append({name: values.copy() for name, values in rows.items()})
+        self._rows += len(rows["t"])
+        self._flush(self._block + 1)
         self._say()
 
     def note(self, **meta: Any) -> None:
@@ -203,7 +196,8 @@ class HistoryWriter:
             name: series_numbers(value, f"sensor array {name!r}").copy()
             for name, value in arrays.items()
         }
-        self._write("sensors", self._seen, values)
+        if not self._write("sensors", self._seen, values):
+            self._sensed.append(values)
         self._seen += 1
         self._say()
 
@@ -225,12 +219,9 @@ class HistoryWriter:
                     raise
                 text = f"{error}; the states before those in memory are missing"
                 warn(error.item, text, IncompleteWarning)
-        parts = stored, *self._kept["series"], *self._parts
-        series = [part for part in parts if len(part.get("t", ()))]
-        sensors = [part for part in (seen, *self._kept["sensors"]) if part]
-        return History(
-            self._meta, self._static, _joined(series) or empty_series(), _joined(sensors)
-        )
+        series = [part for part in (stored, *self._parts) if len(part.get("t", ()))]
+        sensors = [part for part in (seen, *self._sensed) if part]
+        return History(self._meta, self._static, joined(series) or empty_series(), joined(sensors))
 
     def close(self, status: str = "completed", **meta_updates: Any) -> None:
         """Write what is left and the status; a second call is an error.
@@ -249,7 +240,7 @@ class HistoryWriter:
         """
         self._check_open()
         updates = {**plain(meta_updates, "meta"), "status": status}
-        self._flush()
+        self._flush(1)
         self._closed = True
         self._meta |= updates
         self._write("tail", self._rows, json_array(updates))
@@ -257,16 +248,15 @@ class HistoryWriter:
             self._file.close()
         self._say()
 
-    def _write(self, kind: str, first: int, arrays: Mapping[str, Array]) -> None:
-        """Hand a block to the file; arrays that it does not take are kept."""
+    def _write(self, kind: str, first: int, arrays: Mapping[str, Array]) -> bool:
+        """Hand a block to the file; False if it does not take it."""
         if self._file is not None:
             try:
-                return self._file.append(kind, first, arrays)
+                self._file.append(kind, first, arrays)
             except OSError as error:  # from now on all is kept in memory
                 self._file.close()
                 self._file, self._failure = None, error
-        if kind in self._kept:
-            self._kept[kind].append(arrays)
+        return self._file is not None
 
     def _say(self) -> None:
         """Raise, once, that the file takes no more."""
@@ -275,9 +265,8 @@ class HistoryWriter:
         assert self._path is not None
         reason, self._failure = self._failure, None
         history = self.history()
-        count = self._rows - self._fill - sum(len(part["t"]) for part in self._kept["series"])
         advice = (
-            f"; {count} states are in the file, all states in .history of this error:"
+            f"; {self._stored} states are in the file, all states in .history of this error:"
             " error.history.save(another file) keeps them"
         )
         time = float(history.times[-1]) if len(history) else None
@@ -298,13 +287,17 @@ class HistoryWriter:
                 text = "got {} of shape {}, expected {} of shape {} as in the first row"
                 raise InputError(f"row entry {name!r}", text.format(*entry, *self._like[name]))
 
-    def _flush(self) -> None:
-        if self._fill:
-            self._write("series", self._rows - self._fill, _joined(self._parts))
-            self._parts, self._fill = [], 0
+    def _flush(self, least: int) -> None:
+        """Hand blocks to the file as long as so many states are left for it."""
+        while self._file is not None and self._rows - self._stored >= least:
+            rows = joined(self._parts)
+            block = {name: values[: self._block] for name, values in rows.items()}
+            if self._write("series", self._stored, block):
+                self._stored += len(block["t"])
+                self._parts = [{name: values[self._block :] for name, values in rows.items()}]
 
 
-def _joined(parts: Sequence[Mapping[str, Array]]) -> Mapping[str, Array]:
+def joined(parts: Sequence[Mapping[str, Array]]) -> Mapping[str, Array]:
     """Arrays of several blocks one after the other; of a single one they are not copied."""
     if len(parts) == 1:
         return parts[0]

@@ -3,8 +3,7 @@
 from .base import Integrator
 from .block import Block, StepReport
 from .composition import Composition
-from .energy_decaying import EnergyDecaying
-from .energy_momentum import EnergyMomentum
+from .energy_momentum import EnergyDecaying, EnergyMomentum
 from .explicit import Explicit
 from .generalized_alpha import GeneralizedAlpha
 from .scheme import Scheme, State, StepOrigin, StepWork

@@ -22,9 +22,8 @@ from ..model.system import Coordinates
 from ..newton import NewtonSettings
 from ..warn import warn
 from .base import Integrator
-from .compiled_scene import CompiledMotion
-from .compiled_step import kernel_coordinates
-from .energy_decaying import DecayingBalance
+from .compiled_step import CompiledMotion, kernel_coordinates
+from .energy_momentum import DecayingBalance
 from .step_balance import StepBalance
 
 # -- what scenes compiled kernels refuse, and why --------------------------------------------------

@@ -493,8 +493,8 @@ class StepBalance:
             work += float(((system.drag @ velocity[: system.rows]) * e.dq).sum())
         if coupled is not None and e.coupled is not None:
             for own, ended in zip(coupled.responses, e.coupled.responses, strict=True):
-                assert own.damped is not None
-                work += float((own.damped * ended.travel).sum())
+                assert own.forces.damped is not None
+                work += float((own.forces.damped * ended.forces.travel).sum())
         return work
 
     # -- reports ---------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 from ..element import gauss_rule
 from ..errors import InputError, MeshError
 from ..frozen import Frozen
-from ..types import SAME, ArrayLike, Floats, VectorLike, finite, numbers, shown, switch
+from ..types import SAME, ArrayLike, Floats, VectorLike, finite, numbers, shaped, shown, switch
 
 #: Gauss rule used to measure splines, on [0, 1].
 _GAUSS_X, _GAUSS_W = gauss_rule(16)
@@ -31,59 +31,46 @@ class Curve(Protocol):
         """Unit tangents (3, ...) at arc lengths s (...)."""
 
 
-def _vector(value: VectorLike, item: str) -> Floats:
+def vector(value: VectorLike, item: str) -> Floats:
     """Three finite numbers, or a MeshError naming the item."""
     try:
-        vector = np.array(value, dtype=float)
-    except (OverflowError, TypeError, ValueError) as error:
-        raise MeshError(item, f"got {shown(value)}, expected three numbers") from error
-    if vector.shape != (3,):
-        raise MeshError(item, f"got {value!r}, expected three numbers")
-    if not np.isfinite(vector).all():
-        raise MeshError(item, f"got {vector.tolist()}, expected finite numbers")
-    return vector
+        return shaped(item, "value", value, (3,))
+    except InputError as error:
+        raise MeshError(item, f"got {shown(value)}, expected three finite numbers") from error
 
 
 def _unit(value: VectorLike, item: str) -> Floats:
     """Direction of a vector that must not vanish."""
-    vector = _vector(value, item)
-    size = float(np.linalg.norm(vector))
+    found = vector(value, item)
+    size = float(np.linalg.norm(found))
     if size == 0.0:
         raise MeshError(item, "got the zero vector, expected a direction")
-    return vector / size
+    return found / size
 
 
 def _normal_to(value: VectorLike, unit: Floats, item: str) -> Floats:
     """Unit vector along the part of a vector that is normal to a unit vector."""
-    vector = _unit(value, item)
+    found = _unit(value, item)
     for _ in range(2):
-        part = vector - (vector @ unit) * unit
+        part = found - (found @ unit) * unit
         size = float(np.linalg.norm(part))
         if size < 1e-8:
             raise MeshError(item, f"{value} is parallel to {unit.tolist()}, give another direction")
-        vector = part / size
-    return vector
+        found = part / size
+    return found
 
 
 def _positive(value: float, item: str) -> float:
     """A finite positive number."""
-    number = _number(value, item, "a positive number")
-    if number <= 0:
-        raise MeshError(item, f"got {value}, expected a positive number")
-    return number
+    return _number(value, item, "a positive number", np.nextafter(0.0, 1.0))
 
 
-def _number(value: float, item: str, expected: str) -> float:
+def _number(value: float, item: str, expected: str, least: float = -np.inf) -> float:
     """A finite number; text and truth values are none."""
     try:
-        return finite(item, "value", value, expected)
+        return finite(item, "value", value, expected, least)
     except InputError as error:
         raise MeshError(item, f"got {shown(value)}, expected {expected}") from error
-
-
-def _outer(vector: Floats, scalar: Floats) -> Floats:
-    """Products (3, ...) of a vector (3,) and numbers (...)."""
-    return np.multiply.outer(vector, scalar)
 
 
 class CurveLine(Frozen):
@@ -107,7 +94,7 @@ class CurveLine(Frozen):
     """
 
     def __init__(self, start: VectorLike, end: VectorLike) -> None:
-        self.start, self.end = _vector(start, "line start"), _vector(end, "line end")
+        self.start, self.end = vector(start, "line start"), vector(end, "line end")
         self.length = float(np.linalg.norm(self.end - self.start))
         if self.length == 0.0:
             raise MeshError("line", f"start and end are the same point {self.start.tolist()}")
@@ -115,11 +102,11 @@ class CurveLine(Frozen):
     def point(self, s: ArrayLike) -> Floats:
         """Points (3, ...) at arc lengths s (...), in m."""
         w = np.asarray(s, dtype=float) / self.length
-        return _outer(self.start, 1.0 - w) + _outer(self.end, w)
+        return np.multiply.outer(self.start, 1.0 - w) + np.multiply.outer(self.end, w)
 
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (3, ...) at arc lengths s (...)."""
-        return _outer((self.end - self.start) / self.length, np.ones(np.shape(s)))
+        return np.multiply.outer((self.end - self.start) / self.length, np.ones(np.shape(s)))
 
 
 class _Winding(Frozen):
@@ -137,10 +124,10 @@ class _Winding(Frozen):
         """Points (3, ...) at arc lengths s (...), in m."""
         turn = np.asarray(s, dtype=float) / self._reach
         radial, around, axis = self._frame
-        along = _outer(around, self.radius * np.sin(turn))
-        inward = _outer(radial, -2.0 * self.radius * np.sin(0.5 * turn) ** 2)
+        along = np.multiply.outer(around, self.radius * np.sin(turn))
+        inward = np.multiply.outer(radial, -2.0 * self.radius * np.sin(0.5 * turn) ** 2)
         start = self.start.reshape((3,) + (1,) * turn.ndim)
-        return start + along + inward + _outer(axis, self._rise * turn)
+        return start + along + inward + np.multiply.outer(axis, self._rise * turn)
 
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (3, ...) at arc lengths s (...)."""
@@ -148,9 +135,9 @@ class _Winding(Frozen):
         radial, around, axis = self._frame
         speed, rise = self.radius / self._reach, np.full(turn.shape, self._rise / self._reach)
         return (
-            _outer(around, speed * np.cos(turn))
-            + _outer(radial, -speed * np.sin(turn))
-            + _outer(axis, rise)
+            np.multiply.outer(around, speed * np.cos(turn))
+            + np.multiply.outer(radial, -speed * np.sin(turn))
+            + np.multiply.outer(axis, rise)
         )
 
 
@@ -192,7 +179,7 @@ class CurveArc(_Winding):
         angle: float,
     ) -> None:
         self.direction = _unit(tangent, "arc tangent")
-        self.start = _vector(start, "arc start")
+        self.start = vector(start, "arc start")
         self.normal = _normal_to(normal, self.direction, "arc normal")
         self.radius = _positive(radius, "arc radius")
         self.angle = _positive(angle, "arc angle")
@@ -243,9 +230,9 @@ class CurveHelix(_Winding):
         pitch: float,
         turns: float,
     ) -> None:
-        self.start = _vector(start, "helix start")
+        self.start = vector(start, "helix start")
         self.axis = _unit(axis, "helix axis")
-        self.centre = _vector(centre, "helix centre")
+        self.centre = vector(centre, "helix centre")
         self.pitch, self.turns = pitch, turns
         arm = self.start - self.centre
         arm = arm - (arm @ self.axis) * self.axis

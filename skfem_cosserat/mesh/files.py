@@ -540,18 +540,17 @@ def _cleaned(
             raise MeshError(f"node '{name}'", f"at {place} belongs to no line of the mesh")
     keep = np.arange(len(lines))
     key = lines.astype(np.int64) @ np.array([len(points), 1])
-    _, same, times = np.unique(key, return_inverse=True, return_counts=True)
-    repeated = np.flatnonzero(times[same] > 1)
-    owners: dict[int, set[str]] = {e: set() for e in repeated.tolist()}
-    for name, index in beams.items() if owners else ():
-        for e in np.intersect1d(index, repeated).tolist():
-            owners[e].add(name)
-    seen: dict[int, int] = {}
-    for e, own in owners.items():
-        first = seen.setdefault(int(same[e]), e)
-        if first != e and own and owners[first] and not own & owners[first]:
-            owners[first] |= own
-            keep[e] = first
+    if len(np.unique(key)) < len(key):
+        owners: list[set[str]] = [set() for _ in key]
+        for name, index in beams.items():
+            for e in index.tolist():
+                owners[e].add(name)
+        seen: dict[int, int] = {}
+        for e, (line, own) in enumerate(zip(key.tolist(), owners, strict=True)):
+            first = seen.setdefault(line, e)
+            if first != e and own and owners[first] and not own & owners[first]:
+                owners[first] |= own
+                keep[e] = first
     kept = np.flatnonzero(keep == np.arange(len(lines)))
     place = np.searchsorted(kept, keep)
     found = LineData(

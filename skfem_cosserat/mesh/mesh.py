@@ -27,13 +27,12 @@ from ..types import (
     switch,
 )
 from . import topology
-from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
+from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline, vector
 from .topology import (
-    CurveChain,
     beam_nodes,
+    chain_arrays,
     check_arrays,
     check_geometry,
-    curve_chain,
     element_count,
 )
 
@@ -197,9 +196,7 @@ def moved_arrays(mesh: MeshCurve, rotation: Any, shift: Any) -> dict[str, Any]:
     turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-12):
         raise MeshError("argument rotation", f"{turn.tolist()} is no orthogonal matrix")
-    by = np.asarray(shift, dtype=float)
-    if by.shape != (3,) or not np.isfinite(by).all():
-        raise MeshError("argument shift", f"got {shift}, expected three finite numbers")
+    by = vector(shift, "argument shift")
     return {
         "doflocs": turn @ mesh.p + by[:, None],
         "curves": [CurveMoved(curve, turn, by) for curve in mesh.curves],
@@ -395,22 +392,15 @@ class MeshCurve(Frozen, MeshLine1):
     @classmethod
     def _from_chain(
         cls,
-        chain: CurveChain,
-        curves: Sequence[Curve],
+        arrays: dict[str, Any],
         name: str,
         nodes: Mapping[str, float] | None,
         closed: bool = False,
     ) -> Self:
         """Mesh of one beam."""
-        return cls(
-            doflocs=chain.points,
-            t=chain.t,
-            _boundaries=beam_nodes(name, chain.spans, closed, nodes),
-            _subdomains={name: np.arange(chain.t.shape[1])},
-            curves=curves,
-            curve_ids=chain.curve_ids,
-            spans=chain.spans,
-        )
+        named = beam_nodes(name, arrays["spans"], closed, nodes)
+        every = {name: np.arange(arrays["t"].shape[1])}
+        return cls(_boundaries=named, _subdomains=every, **arrays)
 
     @classmethod
     def init_curve(
@@ -444,8 +434,8 @@ class MeshCurve(Frozen, MeshLine1):
         """
         count = element_count(elements, f"beam '{name}'")
         closed = switch(f"beam '{name}'", closed, "closed")
-        chain = curve_chain([curve], [np.linspace(0.0, curve.length, count + 1)], closed)
-        return cls._from_chain(chain, [curve], name, nodes, closed)
+        arcs = np.linspace(0.0, curve.length, count + 1)
+        return cls._from_chain(chain_arrays([curve], [arcs], closed), name, nodes, closed)
 
     @classmethod
     def init_line(
@@ -532,7 +522,7 @@ class MeshCurve(Frozen, MeshLine1):
             np.linspace(0.0, leg.length, element_count(count, f"beam '{name}'") + 1)
             for leg, count in zip(legs, counts, strict=True)
         ]
-        return cls._from_chain(curve_chain(legs, arcs, closed), legs, name, nodes, closed)
+        return cls._from_chain(chain_arrays(legs, arcs, closed), name, nodes, closed)
 
     @classmethod
     def init_points(
@@ -552,9 +542,9 @@ class MeshCurve(Frozen, MeshLine1):
             As in :meth:`init_curve`.
         """
         curve = CurveSpline(points, closed)
-        chain = curve_chain([curve], [curve.knots], closed)
-        chain = replace(chain, points=np.array(points, dtype=float).T)
-        return cls._from_chain(chain, [curve], name, nodes, closed)
+        arrays = chain_arrays([curve], [curve.knots], closed)
+        arrays["doflocs"] = np.array(points, dtype=float).T
+        return cls._from_chain(arrays, name, nodes, closed)
 
     @classmethod
     def load(cls, filename: FilePath, out: Any = None, **kwargs: Any) -> Self:

@@ -322,16 +322,13 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     ends = mesh.p.T[mesh.t]
     along = ends[1] - ends[0]
     size, middle = np.linalg.norm(along, axis=1), ends.mean(axis=0)
-    if len(size) <= 200:
-        e, f = np.triu_indices(len(size), 1)
-    else:
-        from scipy.spatial import cKDTree  # slow to import
+    from scipy.spatial import cKDTree  # slow to import
 
-        # of two that meet the middles are not farther apart than the longer one is long
-        near = cKDTree(middle).query_ball_point(middle, size + tol)
-        first = np.repeat(np.arange(len(size)), [len(each) for each in near])
-        pairs = np.stack([first, np.concatenate(near)], axis=1).astype(np.int64)
-        e, f = np.unique(np.sort(pairs, axis=1), axis=0).T
+    # of two that meet the middles are not farther apart than the longer one is long
+    near = cKDTree(middle).query_ball_point(middle, size + tol)
+    first = np.repeat(np.arange(len(size)), [len(each) for each in near])
+    pairs = np.stack([first, np.concatenate(near)], axis=1).astype(np.int64)
+    e, f = np.unique(np.sort(pairs, axis=1), axis=0).T
     apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
     e, f = e[apart], f[apart]
     # the points that are closest: s of the way along e, r along f
@@ -369,28 +366,6 @@ def warn_of_crossings(mesh: MeshCurve, part: IndexArray) -> None:
 MOST_ELEMENTS = 10**7
 
 
-@dataclass(frozen=True, eq=False)
-class CurveChain:
-    """A chain of elements on curves that follow each other.
-
-    Attributes
-    ----------
-    points : (3, nv)
-        Vertices (m).
-    t : (2, ne)
-        Vertices of the elements.
-    curve_ids : (ne,)
-        Curve of each element.
-    spans : (2, ne)
-        Arc lengths on that curve at which the element starts and ends (m).
-    """
-
-    points: Floats
-    t: IndexArray
-    curve_ids: IndexArray
-    spans: Floats
-
-
 def element_count(value: int, item: str) -> int:
     """A number of elements, at least one."""
     if not is_whole(value) or value < 1:
@@ -402,22 +377,22 @@ def element_count(value: int, item: str) -> int:
     return int(value)
 
 
-def curve_chain(curves: Sequence[Curve], arcs: Sequence[Floats], closed: bool) -> CurveChain:
-    """Chain with vertices at given arc lengths ``arcs[k]`` (n_k + 1,) of each curve."""
+def chain_arrays(curves: Sequence[Curve], arcs: Sequence[Floats], closed: bool) -> dict[str, Any]:
+    """Fields of a mesh with vertices at arc lengths ``arcs[k]`` (n_k + 1,) of each curve."""
     points = [curve.point(s[:-1]) for curve, s in zip(curves, arcs, strict=True)]
     if not closed:
         points.append(curves[-1].point(arcs[-1][-1:]))
     counts = [len(s) - 1 for s in arcs]
-    ne = sum(counts)
-    t = np.stack([np.arange(ne), np.arange(1, ne + 1)])
+    t = np.arange(sum(counts)) + np.array([[0], [1]])
     if closed:
         t[1, -1] = 0
-    return CurveChain(
-        points=np.concatenate(points, axis=1),
-        t=t,
-        curve_ids=np.repeat(np.arange(len(curves)), counts),
-        spans=np.concatenate([np.stack([s[:-1], s[1:]]) for s in arcs], axis=1),
-    )
+    return {
+        "doflocs": np.concatenate(points, axis=1),
+        "t": t,
+        "curves": curves,
+        "curve_ids": np.repeat(np.arange(len(curves)), counts),
+        "spans": np.concatenate([np.stack([s[:-1], s[1:]]) for s in arcs], axis=1),
+    }
 
 
 def relative_length(node: str, value: float) -> float:

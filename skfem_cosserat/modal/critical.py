@@ -20,6 +20,7 @@ from ..law import STEP
 from ..linear import EIGENVALUES, Factorised
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
+from ..model.force_elements import CoupledForce
 from ..model.limits import owner
 from ..types import SAME, Floats, finite
 from ..warn import Notices, counted
@@ -235,14 +236,19 @@ def _geometric(
         R = R - system.loading.force(y[: system.rows], loads.loads)
         system.loading.add_tangent(blocks, y[: system.rows], loads.loads, -1.0)
     if system.couplings.count:
-        # the derivative along the response by the complex step
-        moved = y.astype(complex)
-        moved[: system.rows] += 1j * STEP * dq
-        factors = 1j * STEP * loads.actuators
-        start = system.couplings.starting(y, None, factors, 1.0, loads.time)
-        coupled = system.couplings.static(start, moved)
-        R = R + coupled.force[: system.rows].imag / STEP
-        blocks.append(system.couplings.tangent(coupled, 1.0).imag / STEP)
+
+        def moved(step: complex) -> CoupledForce:
+            factors, there = step * loads.actuators, y + 0 * step
+            there[: system.rows] += step * dq
+            start = system.couplings.starting(y, None, factors, 1.0, loads.time)
+            return system.couplings.static(start, there)
+
+        # along the response: of forces by the complex step, of tangents by differences
+        R = R + moved(1j * STEP).force[: system.rows].imag / STEP
+        h = 1e-4 * min(1.0, system.length) / (float(abs(dq).max()) or 1.0)
+        sides = (1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)
+        tangents = [w * system.couplings.tangent(moved(k * h), 1.0) for k, w in sides]
+        blocks.append(np.sum(tangents, axis=0) / (12 * h))
     multipliers = balancing_multipliers(system, y, R.ravel())
     A = blocks_matrix(system, blocks) + curvature_matrix(system, y, multipliers)
     return congruent(P, A), stresses, multipliers

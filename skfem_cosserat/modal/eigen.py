@@ -62,12 +62,6 @@ class Eigenpairs:
     zero: Array
     factorisations: int = 0
 
-    def first(self, count: int) -> Eigenpairs:
-        """The first of them."""
-        keep = slice(0, count)
-        each = self.values[keep], self.vectors[:, keep], self.zero[keep]
-        return Eigenpairs(*each, self.factorisations)
-
 
 def lowest(
     K: csr_matrix, M: csr_matrix, count: int, energies: Energies, dense: int = EIGENVALUES
@@ -127,8 +121,8 @@ def lowest(
         if not whole:
             text = f"{missing} of the lowest eigenvalues may be missing"
             warn("modes", text, IncompleteWarning)
-    found.factorisations = made
-    return found.first(count)
+    first = found.values[:count], found.vectors[:, :count], found.zero[:count]
+    return Eigenpairs(*first, made)
 
 
 def _dense(K: csr_matrix, M: csr_matrix, shift: float, k: int) -> Floats:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import checks
-from ..analysis.describe import SystemSeries, configuration_formulas, describe
+from ..analysis.describe import configuration_formulas, describe
 from ..arguments import checked
 from ..checks.coarseness import energies_of_motion
 from ..errors import InputError
@@ -58,8 +58,7 @@ def animation(
         "v": v,
         "constraint_force": np.full((count, system.n), np.nan),
     }
-    derivation = SystemSeries([system], configuration_formulas)
-    return History(meta, static, series, derivation=derivation)
+    return History(meta, static, series, None, [system], configuration_formulas)
 
 
 def checked_index(index: int, count: int) -> int:

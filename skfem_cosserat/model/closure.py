@@ -13,7 +13,6 @@ rows of joints count as far as motions go that these leave free.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -289,18 +288,6 @@ class Closure:
             return Selected(c, local, rows, R, Q)
         Q, R = np.linalg.qr(C[local].T, mode="complete")
         return Selected(c, local, rows, R[: c.rank], Q[:, : c.rank], Q[:, c.rank :])
-
-    def independence(self, chosen: Sequence[Selected], y: Array, T: Array) -> Floats:
-        """Smallest of the pivots (components,) of the chosen rows at y, see :class:`Selected`.
-
-        By Cholesky's factors of C C^T, which are R to half of the digits: zero below 1e-8.
-        """
-        out = np.zeros(len(chosen))
-        for k, (s, C) in enumerate(zip(chosen, self.matrices(y, T), strict=True)):
-            with suppress(np.linalg.LinAlgError):
-                d = np.diagonal(np.linalg.cholesky(C[s.local] @ C[s.local].T))
-                out[k] = (d[s.component.held :] / d.max(initial=1e-300)).min(initial=1.0)
-        return out
 
     def null_pattern(self) -> tuple[IndexArray, IndexArray, int]:
         """Rows and columns of the entries of Z, and how many of the first ones are 1."""

@@ -8,13 +8,13 @@ conserve energy ``Psi`` with
 
 exactly where both ends fulfil the constraints. Both multiply the gradients of the invariants at the
 midpoint, which are objective: momentum is conserved. Everything takes stacks (..., k) and complex
-numbers.
+numbers:
+slopes of forces come from complex steps.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
 
 import numpy as np
 
@@ -45,16 +45,8 @@ class Kind(ABC):
         """``dxi/dpi`` (..., m, k)."""
 
     @abstractmethod
-    def curvature(self, pi: Array) -> Array:
-        """``d^2 xi/dpi^2`` (..., m, k, k)."""
-
-    @abstractmethod
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi`` (..., m, k)."""
-
-    @abstractmethod
-    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """``dPsi/dpi_1`` (..., m, k, k), the last index that of ``pi_1``."""
 
     def continued(self, pi: Array, before: Array) -> Array:
         """``xi``, an angle by less than half a turn from the value `before`."""
@@ -75,17 +67,9 @@ class Displacement(Kind):
         """``dxi/dpi = 1``."""
         return np.ones((*pi.shape, 1))
 
-    def curvature(self, pi: Array) -> Array:
-        """``d^2 xi/dpi^2 = 0``."""
-        return np.zeros((*pi.shape, 1, 1))
-
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1``."""
         return np.ones((*pi1.shape, 1))
-
-    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """``dPsi/dpi_1 = 0``."""
-        return np.zeros((*pi1.shape, 1, 1))
 
 
 class Distance(Kind):
@@ -99,17 +83,9 @@ class Distance(Kind):
         """``dxi/dpi = 1/(2 sqrt(pi))``."""
         return 0.5 / np.sqrt(pi)[..., None]
 
-    def curvature(self, pi: Array) -> Array:
-        """``d^2 xi/dpi^2 = -1/(4 pi sqrt(pi))``."""
-        return -0.25 / (pi * np.sqrt(pi))[..., None, None]
-
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1/(xi_0 + xi_1)``."""
         return 1 / (xi0 + xi1)[..., None]
-
-    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """``dPsi/dpi_1 = -1/(2 xi_1 (xi_0 + xi_1)^2)``."""
-        return -0.5 / (xi1 * (xi0 + xi1) ** 2)[..., None, None]
 
 
 class Angle(Kind):
@@ -131,28 +107,10 @@ class Angle(Kind):
         c, s = pi[..., 0], pi[..., 1]
         return (np.stack([-s, c], -1) / (c * c + s * s)[..., None])[..., None, :]
 
-    def curvature(self, pi: Array) -> Array:
-        """Second derivatives (..., 1, 2, 2) of the angle by the cosine and the sine."""
-        c, s = pi[..., 0], pi[..., 1]
-        twice, difference = 2 * c * s, s * s - c * c
-        rows = np.stack([twice, difference, difference, -twice], -1)
-        rows = rows / (c * c + s * s)[..., None] ** 2
-        return rows.reshape(*pi.shape[:-1], 1, 2, 2)
-
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = (D/2)/sin(D/2) (-sin m, cos m)`` (..., 1, 2)."""
         mean, factor = 0.5 * (xi0 + xi1), _half_over_sine(0.5 * (xi1 - xi0))
         return factor[..., None] * np.stack([-np.sin(mean), np.cos(mean)], -1)
-
-    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """Derivative (..., 1, 2, 2) of ``Psi`` by the cosine and the sine at the second end."""
-        mean, half = 0.5 * (xi0 + xi1), 0.5 * (xi1 - xi0)
-        factor, rate = _half_over_sine(half), _half_over_sine_rate(half)
-        sine, cosine = np.sin(mean), np.cos(mean)
-        by_angle = 0.5 * np.stack(
-            [-rate * sine - factor * cosine, rate * cosine - factor * sine], -1
-        )
-        return by_angle[..., None] * self.slope(pi1)[..., None, :]
 
 
 class Rotation(Kind):
@@ -174,33 +132,12 @@ class Rotation(Kind):
         phi = turn_factors(pi[..., 3] - 0.5)
         return _bordered(phi[0], phi[1][..., None] * pi[..., :3])
 
-    def curvature(self, pi: Array) -> Array:
-        """Second derivatives (..., 3, 4, 4) of the rotation vector by ``pi``."""
-        phi = turn_factors(pi[..., 3] - 0.5)
-        out = np.zeros((*pi.shape[:-1], 3, 4, 4), dtype=pi.dtype)
-        out[..., _XYZ, _XYZ, 3] = out[..., _XYZ, 3, _XYZ] = phi[1][..., None]
-        out[..., 3, 3] = phi[2][..., None] * pi[..., :3]
-        return out
-
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = [phi_m I, a_m (phi_1 - phi_0)/(c_1 - c_0)]`` (..., 3, 4)."""
-        phi0, phi1, quotient, _ = self._ends(pi0, pi1)
-        mean = 0.5 * (pi0 + pi1)[..., :3]
-        return _bordered(0.5 * (phi0[0] + phi1[0]), quotient[..., None] * mean)
-
-    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """Derivative (..., 3, 4, 4) of ``Psi`` by ``pi_1``."""
-        _, phi1, quotient, rate = self._ends(pi0, pi1)
-        out = np.zeros((*pi1.shape[:-1], 3, 4, 4), dtype=pi1.dtype)
-        out[..., _XYZ, _XYZ, 3] = 0.5 * phi1[1][..., None]
-        out[..., _XYZ, 3, _XYZ] = 0.5 * quotient[..., None]
-        out[..., 3, 3] = rate[..., None] * 0.5 * (pi0 + pi1)[..., :3]
-        return out
-
-    def _ends(self, pi0: Array, pi1: Array) -> tuple[Array, Array, Array, Array]:
         c0, c1 = pi0[..., 3] - 0.5, pi1[..., 3] - 0.5
-        phi0, phi1 = turn_factors(c0), turn_factors(c1)
-        return phi0, phi1, *_turn_quotient(c0, c1, phi0, phi1)
+        phi0, phi1 = turn_factors(c0)[0], turn_factors(c1)[0]
+        mean = 0.5 * (pi0 + pi1)[..., :3]
+        return _bordered(0.5 * (phi0 + phi1), _turn_quotient(c0, c1, phi0, phi1)[..., None] * mean)
 
 
 class Joined(Kind):
@@ -225,10 +162,6 @@ class Joined(Kind):
         """Block diagonal array (..., m, k) of the slopes of all coordinates."""
         return self._blocks([kind.slope(pi[..., p]) for kind, _, p in self._each])
 
-    def curvature(self, pi: Array) -> Array:
-        """Block diagonal array (..., m, k, k) of the second derivatives of all coordinates."""
-        return self._blocks([kind.curvature(pi[..., p]) for kind, _, p in self._each], 2)
-
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """Block diagonal array (..., m, k) of ``Psi`` of all coordinates."""
         return self._blocks(
@@ -238,23 +171,12 @@ class Joined(Kind):
             ]
         )
 
-    def discrete_slope(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """Block diagonal array (..., m, k, k) of ``dPsi/dpi_1`` of all coordinates."""
-        return self._blocks(
-            [
-                kind.discrete_slope(pi0[..., p], xi0[..., x], pi1[..., p], xi1[..., x])
-                for kind, x, p in self._each
-            ],
-            2,
-        )
-
-    def _blocks(self, parts: list[Array], axes: int = 1) -> Array:
-        """Block diagonal arrays (..., m, k) or (..., m, k, k)."""
-        shape = (*parts[0].shape[: -1 - axes], self.size, *(self.invariants,) * axes)
+    def _blocks(self, parts: list[Array]) -> Array:
+        """Block diagonal array (..., m, k)."""
+        shape = *parts[0].shape[:-2], self.size, self.invariants
         out = np.zeros(shape, dtype=np.result_type(*parts))
         for part, (_, x, p) in zip(parts, self._each, strict=True):
-            place: Any = (..., x, *[p] * axes)
-            out[place] = part
+            out[..., x, p] = part
         return out
 
 
@@ -292,25 +214,10 @@ _COSECANT = np.array([1, 1 / 6, 7 / 360, 31 / 15120, 127 / 604800, 73 / 3421440]
 _SMALL_ANGLE = 0.1
 
 
-def _polynomial(coefficients: Floats, x: Array) -> Array:
-    out = np.full(x.shape, coefficients[-1], dtype=x.dtype)
-    for a in coefficients[-2::-1]:
-        out = out * x + a
-    return out
-
-
 def _half_over_sine(x: Array) -> Array:
     small = abs(x.real) < _SMALL_ANGLE
     safe = np.where(small, 1.0, x)
-    return np.where(small, _polynomial(_COSECANT, x * x), safe / np.sin(safe))
-
-
-def _half_over_sine_rate(x: Array) -> Array:
-    small = abs(x.real) < _SMALL_ANGLE
-    safe = np.where(small, 1.0, x)
-    sine = np.sin(safe)
-    series = x * _polynomial(_COSECANT[1:] * 2 * np.arange(1, 6), x * x)
-    return np.where(small, series, (sine - safe * np.cos(safe)) / (sine * sine))
+    return np.where(small, np.polyval(_COSECANT[::-1], x * x), safe / np.sin(safe))
 
 
 # -- phi(c) = theta / sin theta, c = cos theta -----------------------------------------------------
@@ -338,8 +245,8 @@ NEAR_ONE = 0.25
 QUADRATURE = 0.5 * (np.column_stack(np.polynomial.legendre.leggauss(5)) + [1.0, 0.0])
 
 
-def turn_factors(c: Array) -> Array:
-    """``phi = theta / sin(theta)`` of ``c = cos(theta)``, phi' and phi'' (3, ...); analytic at 1.
+def turn_factors(c: Array) -> tuple[Array, Array]:
+    """``phi = theta / sin(theta)`` of ``c = cos(theta)``, and phi'; analytic at 1.
 
     Beside the series at c = 1 by ``(1 - c^2) phi' = c phi - 1``.
 
@@ -353,29 +260,21 @@ def turn_factors(c: Array) -> Array:
     small = np.where(near, u, 0.0)
     powers = np.ones((*c.shape, len(_TURN)), dtype=c.dtype)
     powers[..., 1:] = small[..., None]
-    series = np.cumprod(powers, axis=-1) @ TURN_POWERS
+    series = powers.cumprod(axis=-1) @ TURN_POWERS[:, :2]
     # no rotation has a cosine below -1: NaN, so that Newton's method steps back
     safe = np.where(near, 0.0, np.where(c.real > -1, c, np.nan))
     square = 1 - safe * safe
     sine = np.sqrt(square)
     phi = _atan2(sine, safe) / sine
     first = (safe * phi - 1) / square
-    second = (phi + 3 * safe * first) / square
-    return np.where(near, np.moveaxis(series, -1, 0), np.stack([phi, first, second]))
+    return np.where(near, series[..., 0], phi), np.where(near, series[..., 1], first)
 
 
-def _turn_quotient(c0: Array, c1: Array, phi0: Array, phi1: Array) -> tuple[Array, Array]:
-    """``(phi_1 - phi_0)/(c_1 - c_0)`` and its derivative by ``c_1``.
-
-    From phi and its derivatives at both ends; where these are close to each other as the mean of
-    phi' between them, by quadrature.
-    """
+def _turn_quotient(c0: Array, c1: Array, phi0: Array, phi1: Array) -> Array:
+    """``(phi_1 - phi_0)/(c_1 - c_0)``; of close ends the mean of phi' between, by quadrature."""
     step = c1 - c0
     close = abs(step.real) < 0.05 * (1 + np.minimum(c0.real, c1.real))
-    safe = np.where(close, 1.0, step)
-    quotient = (phi1[0] - phi0[0]) / safe
-    rate = (phi1[1] - quotient) / safe
     share, weight = QUADRATURE.T
-    inside = turn_factors(c0 + np.multiply.outer(share, np.where(close, step, 0.0)))
-    mean, mean_rate = weight @ inside[1], (weight * share) @ inside[2]
-    return np.where(close, mean, quotient), np.where(close, mean_rate, rate)
+    inside = turn_factors(c0 + np.multiply.outer(share, np.where(close, step, 0.0)))[1]
+    quotient = (phi1 - phi0) / np.where(close, 1.0, step)
+    return np.where(close, np.tensordot(weight, inside, 1), quotient)

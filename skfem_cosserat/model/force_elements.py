@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -28,8 +28,8 @@ from .loading import FunctionLoad, Push
 # -- laws of force elements: generalised force, stored energy, and what is dissipated in a step ----
 
 
-class CouplingLaw(ABC):
-    """Generalised force of c couplings by their stretch e (..., c, m).
+class LinearLaw:
+    """Generalised force ``K e + C de/dt`` of c couplings by their stretch e (..., c, m).
 
     The stretch is the coordinate less its neutral value. Numbers may be complex.
 
@@ -42,67 +42,29 @@ class CouplingLaw(ABC):
     def __init__(self, members: Sequence[Coupling]) -> None:
         self.K = np.array([c.stiffness for c in members])
         self.C = np.array([c.damping for c in members])
+        values, vectors = np.linalg.eigh(self.C)
+        # so that what is dissipated is a sum of squares
+        self._root = np.sqrt(values.clip(0))[..., None] * vectors.swapaxes(-1, -2)
 
-    @abstractmethod
     def energy(self, e: Array) -> Array:
         """Stored energy (..., c)."""
+        return 0.5 * (e * apply(self.K, e)).sum(-1)
 
-    @abstractmethod
     def force(self, e: Array, rate: Array) -> Array:
         """Force (..., c, m) against a larger stretch: tension is positive."""
+        return apply(self.K, e) + apply(self.C, rate)
 
     def acts(self, e: Array) -> Array:
         """Mask (..., c, m) of the stretches e with a force: a cable may be slack."""
         return np.ones(e.shape, dtype=bool)
 
-    @abstractmethod
     def discrete(
         self, e0: Array, e1: Array, h: float, decay: float = 0.0
-    ) -> tuple[Array, Array, Array, Array]:
-        """Force sigma (c, m), ``dsigma/de_1`` (c, m, m), what is dissipated (c,), numerically (c,).
+    ) -> tuple[Array, Array, Array]:
+        """Force sigma (..., c, m), what is dissipated (..., c), numerically (..., c).
 
         ``sigma . (e_1 - e_0)`` is the change of energy plus what is dissipated. `decay` is for
         EnergyDecaying, which damps by the stiffness with the factor ``h decay/2``.
-        """
-
-    @abstractmethod
-    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
-        """:meth:`force` with its derivatives (c, m, m) by e and by `rate`."""
-
-    @abstractmethod
-    def midpoint(
-        self, e: Array, rate: Array, e0: Array, e1: Array, h: float
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Force sigma with its derivatives by e, by `rate`, and by e_1; what is dissipated.
-
-        e is that of the midpoint configuration.
-        """
-
-
-class LinearLaw(CouplingLaw):
-    """``K e + C de/dt``."""
-
-    def __init__(self, members: Sequence[Coupling]) -> None:
-        super().__init__(members)
-        values, vectors = np.linalg.eigh(self.C)
-        # so that what is dissipated is a sum of squares
-        self._root = np.sqrt(values.clip(0))[..., None] * vectors.swapaxes(-1, -2)
-        self._none = np.zeros_like(self.K)
-
-    def energy(self, e: Array) -> Array:
-        """Stored energy ``e . K e/2`` (..., c)."""
-        return 0.5 * (e * apply(self.K, e)).sum(-1)
-
-    def force(self, e: Array, rate: Array) -> Array:
-        """Force ``K e + C de/dt`` (..., c, m)."""
-        return apply(self.K, e) + apply(self.C, rate)
-
-    def discrete(
-        self, e0: Array, e1: Array, h: float, decay: float = 0.0
-    ) -> tuple[Array, Array, Array, Array]:
-        """Force ``K (e_0 + e_1)/2 + C (e_1 - e_0)/h``, its slope, and what is dissipated.
-
-        With `decay` the force of EnergyDecaying is added.
         """
         change = e1 - e0
         sigma = apply(self.K, 0.5 * (e0 + e1)) + apply(self.C, change) / h
@@ -112,21 +74,16 @@ class LinearLaw(CouplingLaw):
             more = 0.5 * decay * apply(self.K, change)
             numerical = (more * change).sum(-1)
             sigma, dissipated = sigma + more, dissipated + numerical
-        return sigma, 0.5 * (1 + decay) * self.K + self.C / h, dissipated, numerical
-
-    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
-        """Force ``K e + C de/dt`` with its derivatives K and C."""
-        return self.force(e, rate), self.K, self.C
+        return sigma, dissipated, numerical
 
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Force ``K e + C de/dt`` with its derivatives K, C and 0, and what is dissipated."""
-        dissipated = h * (apply(self._root, rate) ** 2).sum(-1)
-        return self.force(e, rate), self.K, self.C, self._none, dissipated
+    ) -> tuple[Array, Array]:
+        """Force sigma, and what is dissipated; e is that of the midpoint configuration."""
+        return self.force(e, rate), h * (apply(self._root, rate) ** 2).sum(-1)
 
 
-class SlackLaw(CouplingLaw):
+class SlackLaw(LinearLaw):
     """Tension only: ``k e + c de/dt`` while e > 0, never negative.
 
     The damper takes the part of a step in which the cable is taut.
@@ -150,47 +107,31 @@ class SlackLaw(CouplingLaw):
 
     def discrete(
         self, e0: Array, e1: Array, h: float, decay: float = 0.0
-    ) -> tuple[Array, Array, Array, Array]:
-        """Tension with the discrete derivative of the energy, its slope, what is dissipated."""
+    ) -> tuple[Array, Array, Array]:
+        """Tension with the discrete derivative of the energy, what is dissipated."""
         up0, up1 = _positive(e0), _positive(e1)
-        taut1 = e1.real > 0
-        both = taut1 & (e0.real > 0)
+        taut0, taut1 = e0.real > 0, e1.real > 0
         # (V_1 - V_0)/(e_1 - e_0); without cancellation where only one end is taut
-        change = np.where(taut1 ^ (e0.real > 0), e1 - e0, 1.0)
-        quotient = np.where(both, 0.5 * (up0 + up1), 0.5 * (up1 * up1 - up0 * up0) / change)
-        slope = np.where(both, 0.5, (taut1 * up1 - quotient) / change)
-        slope = np.where(taut1 | (e0.real > 0), slope, 0.0)
+        change = np.where(taut1 ^ taut0, e1 - e0, 1.0)
+        squares = 0.5 * (up1 * up1 - up0 * up0) / change
+        spring = self.k * np.where(taut1 & taut0, 0.5 * (up0 + up1), squares)
         own = 0.5 * h * decay * self.k
         c = self.c + own
-        spring, damper = self.k * quotient, c * (up1 - up0) / h
-        pulls = (spring + damper).real > 0
-        sigma = np.where(pulls, spring + damper, 0.0)
-        by_e1 = np.where(pulls, self.k * slope + c * taut1 / h, 0.0)
+        sigma = _positive(spring + c * (up1 - up0) / h)
         lost = (sigma - spring) * (e1 - e0)
         numerical = (lost * own / np.where(c > 0, c, 1.0)).sum(-1)
-        return sigma, by_e1[..., None], lost.sum(-1), numerical
-
-    def moving(self, e: Array, rate: Array) -> tuple[Array, Array, Array]:
-        """Tension with its derivatives by e and by `rate`; all 0 where the cable does not pull."""
-        force = self.force(e, rate)
-        pulls = force.real > 0
-        return force, (self.k * pulls)[..., None], (self.c * pulls)[..., None]
+        return sigma, lost.sum(-1), numerical
 
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float
-    ) -> tuple[Array, Array, Array, Array, Array]:
-        """Tension with its derivatives by e, by `rate` (0) and by e_1, and what is dissipated.
+    ) -> tuple[Array, Array]:
+        """Tension, and what is dissipated.
 
         The damper acts by the change of the positive parts of e_0 and e_1.
         """
         spring = self.k * _positive(e)
-        damper = self.c * (_positive(e1) - _positive(e0)) / h
-        pulls = (spring + damper).real > 0
-        sigma = np.where(pulls, spring + damper, 0.0)
-        by_e = np.where(pulls, self.k * (e.real > 0), 0.0)[..., None]
-        by_e1 = np.where(pulls, self.c * (e1.real > 0) / h, 0.0)[..., None]
-        dissipated = h * ((sigma - spring) * rate).sum(-1)
-        return sigma, by_e, np.zeros_like(by_e), by_e1, dissipated
+        sigma = _positive(spring + self.c * (_positive(e1) - _positive(e0)) / h)
+        return sigma, h * ((sigma - spring) * rate).sum(-1)
 
 
 def _positive(e: Array) -> Array:
@@ -302,25 +243,46 @@ class _Start:
     amplitude: Array
 
 
+#: of the complex steps that give slopes: without differences, any that is small enough
+TINY = 1e-40
+
+
+class _Forces(NamedTuple):
+    """Forces of a group as a function of invariants.
+
+    `s` (c, k) are the factors of their gradients, `travel` (c, m) is what the forces sigma do work
+    on; `numerical` is what the scheme has of what is dissipated, `damped` (c, m) the part of
+    dampers in the forces where these are of one instant.
+    """
+
+    s: Array
+    travel: Array
+    dissipated: Array
+    numerical: Array | None = None
+    damped: Array | None = None
+
+
 @dataclass(eq=False)
 class _Response:
     """A group at a trial configuration.
 
-    `travel` (c, m) is what the forces sigma do work on, `slopes` gives the derivatives of s by the
-    invariants at the midpoint (or None) and at the end, (c, k, k) each; `share` is the factor of
-    the end in the configuration at which the force acts, `numerical` what the scheme has of what is
-    dissipated, `damped` (c, m) the part of dampers in the forces where these are of one instant.
+    Its forces depend on invariants `at` (c, K), of derivatives `by_end` (c, K, R, 3) by the end;
+    `share` is the factor of the end in the configuration at which the force acts.
     """
 
-    s: Array
+    function: Callable[[Array], _Forces]
+    at: Array
     gradients: Array
-    gradients1: Array
-    travel: Array
-    dissipated: Array
-    slopes: Callable[[], tuple[Array | None, Array]]
+    by_end: Array
     share: float = 0.5
-    numerical: Array | None = None
-    damped: Array | None = None
+
+    def __post_init__(self) -> None:
+        self.forces = self.function(self.at)
+
+    def slopes(self) -> Array:
+        """Derivatives (c, k, K) of s by the invariants, by complex steps: exact to round-off."""
+        steps = 1j * TINY * np.eye(self.at.shape[-1])[:, None]
+        return (self.function(self.at.real + steps).s.imag / TINY).transpose(1, 2, 0)
 
 
 class _Group:
@@ -361,76 +323,53 @@ class _Group:
 
     def discrete(self, start: _Start, h: float, mid: Array, y1: Array, decay: float) -> _Response:
         """``s = Psi^T sigma`` with the discrete derivatives of coordinates and energy."""
-        kind, pi0, xi0 = self.kind, start.pi, start.xi
-        pi1 = self.invariants.values(y1)
-        xi1 = kind.continued(pi1, xi0)
-        Psi = kind.discrete(pi0, xi0, pi1, xi1)
-        e0, e1 = self.stretch(xi0), self.stretch(xi1)
-        law, by_e1, dissipated, numerical = self.law.discrete(e0, e1, h, decay)
-        sigma = law - start.amplitude
 
-        def slopes() -> tuple[Array | None, Array]:
-            H = Psi.swapaxes(-1, -2) @ by_e1 @ kind.slope(pi1)
-            turned = kind.discrete_slope(pi0, xi0, pi1, xi1)
-            return None, H + (sigma[..., None, None] * turned).sum(-3)
+        def forces(pi1: Array) -> _Forces:
+            xi1 = self.kind.continued(pi1, start.xi)
+            Psi = self.kind.discrete(start.pi, start.xi, pi1, xi1)
+            ends = self.stretch(start.xi), self.stretch(xi1)
+            law, dissipated, numerical = self.law.discrete(*ends, h, decay)
+            s = apply(Psi.swapaxes(-1, -2), law - start.amplitude)
+            return _Forces(s, xi1 - start.xi, dissipated, numerical)
 
-        return _Response(
-            apply(Psi.swapaxes(-1, -2), sigma),
-            self.invariants.gradients(mid),
-            self.invariants.gradients(y1),
-            xi1 - xi0,
-            dissipated,
-            slopes,
-            numerical=numerical,
-        )
+        gradients, by_end = (self.invariants.gradients(y) for y in (mid, y1))
+        return _Response(forces, self.invariants.values(y1), gradients, by_end)
 
     def midpoint(self, start: _Start, h: float, mid: Array, y1: Array) -> _Response:
         """``s = xi'(pi_mid)^T sigma`` of the coordinates of the midpoint configuration."""
-        kind = self.kind
-        pi, pi1 = self.invariants.values(mid), self.invariants.values(y1)
-        xi, xi1 = kind.continued(pi, start.xi), kind.continued(pi1, start.xi)
-        J, change = kind.slope(pi), pi1 - start.pi
-        travel = apply(J, change)
-        law, by_e, by_rate, by_e1, dissipated = self.law.midpoint(
-            self.stretch(xi), travel / h, self.stretch(start.xi), self.stretch(xi1), h
-        )
-        sigma = law - start.amplitude
+        count = self.kind.invariants
 
-        def slopes() -> tuple[Array | None, Array]:
-            X, left = kind.curvature(pi), J.swapaxes(-1, -2)
-            rate = (X * change[..., None, None, :]).sum(-1) / h
-            at_mid = left @ (by_e @ J + by_rate @ rate) + (sigma[..., None, None] * X).sum(-3)
-            return at_mid, left @ (by_rate @ J / h + by_e1 @ kind.slope(pi1))
+        def forces(both: Array) -> _Forces:
+            pi, pi1 = both[..., :count], both[..., count:]
+            xi, xi1 = (self.kind.continued(each, start.xi) for each in (pi, pi1))
+            J = self.kind.slope(pi)
+            travel = apply(J, pi1 - start.pi)
+            ends = self.stretch(start.xi), self.stretch(xi1)
+            law, dissipated = self.law.midpoint(self.stretch(xi), travel / h, *ends, h)
+            return _Forces(apply(J.swapaxes(-1, -2), law - start.amplitude), travel, dissipated)
 
-        return _Response(
-            apply(J.swapaxes(-1, -2), sigma),
-            self.invariants.gradients(mid),
-            self.invariants.gradients(y1),
-            travel,
-            dissipated,
-            slopes,
-        )
+        both = np.concatenate([self.invariants.values(y) for y in (mid, y1)], axis=-1)
+        gradients = self.invariants.gradients(mid)
+        by_end = np.concatenate([0.5 * gradients, self.invariants.gradients(y1)], axis=1)
+        return _Response(forces, both, gradients, by_end)
 
     def static(self, start: _Start, y: Array, ydot: Array, share: float) -> _Response:
         """``s = xi'(pi)^T sigma`` at y, angles counted on from `start`; see the caller."""
-        kind, pi = self.kind, self.invariants.values(y)
-        xi = kind.continued(pi, start.xi)
-        J, e, flow = kind.slope(pi), self.stretch(xi), self.invariants.rates(y, ydot)
-        rate = apply(J, flow)
-        law, by_e, by_rate = self.law.moving(e, rate)
-        sigma = law - start.amplitude
+        count = self.kind.invariants
 
-        def slopes() -> tuple[Array | None, Array]:
-            X, left = kind.curvature(pi), J.swapaxes(-1, -2)
-            by_pi = by_e @ J + by_rate @ (X * flow[..., None, None, :]).sum(-1)
-            return left @ by_pi + (sigma[..., None, None] * X).sum(-3), left @ by_rate @ J
+        def forces(both: Array) -> _Forces:
+            pi, flow = both[..., :count], both[..., count:]
+            xi, J = self.kind.continued(pi, start.xi), self.kind.slope(pi)
+            e, rate = self.stretch(xi), apply(J, flow)
+            law = self.law.force(e, rate)
+            damped = law - self.law.force(e, 0 * rate)
+            s = apply(J.swapaxes(-1, -2), law - start.amplitude)
+            return _Forces(s, xi - start.xi, (damped * rate).sum(-1), damped=damped)
 
-        gradients = self.invariants.gradients(y)
-        damped = law - self.law.force(e, 0 * rate)
-        s = apply(J.swapaxes(-1, -2), sigma)
-        faster = self.invariants.gradients(ydot) + share * gradients
-        own = s, gradients, faster, xi - start.xi, (damped * rate).sum(-1), slopes
-        return _Response(*own, share=1.0, damped=damped)
+        values = self.invariants.values(y), self.invariants.rates(y, ydot)
+        gradients, faster = (self.invariants.gradients(each) for each in (y, ydot))
+        by_end = np.concatenate([gradients, faster + share * gradients], axis=1)
+        return _Response(forces, np.concatenate(values, axis=-1), gradients, by_end, 1.0)
 
     def stiffness(self, y: Array, taut: bool = False) -> Array:
         """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; of a cable while taut."""
@@ -453,14 +392,11 @@ class _Group:
     def tangent(self, response: _Response) -> Array:
         """Derivative of the force on row a by row b of y_1, at :attr:`pairs`; (k, 3, 3)."""
         r = response
-        at_mid, at_end = r.slopes()
         c, k, R, _ = r.gradients.shape
-        left = r.gradients.reshape(c, k, 3 * R)
-        right = at_end @ r.gradients1.reshape(c, k, 3 * R)
-        if at_mid is not None:
-            right = right + r.share * (at_mid @ left)
-        K = (left.swapaxes(1, 2) @ right).reshape(c, R, 3, R, 3).swapaxes(2, 3)
-        curved = r.share * (r.s[:, :, None, None] * self.invariants.A).sum(1)
+        right = r.slopes() @ r.by_end.reshape(c, -1, 3 * R)
+        K = r.gradients.reshape(c, k, 3 * R).swapaxes(1, 2) @ right
+        K = K.reshape(c, R, 3, R, 3).swapaxes(2, 3)
+        curved = r.share * (r.forces.s[:, :, None, None] * self.invariants.A).sum(1)
         for i in range(3):
             K[..., i, i] += curved
         return K[self.kept]
@@ -669,7 +605,10 @@ class Couplings:
 
     def _assemble(self, responses: list[_Response], pushes: list[Push]) -> CoupledForce:
         if responses:
-            nodal = [(r.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3) for r in responses]
+            nodal = [
+                (r.forces.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3)
+                for r in responses
+            ]
             force = self._scatter @ np.concatenate(nodal)
         else:
             force = np.zeros((self._total, 3))
@@ -688,7 +627,7 @@ class Couplings:
 
     def work(self, start: CoupledStart, force: CoupledForce, y1: Floats) -> CouplingWork:
         """Work of actuators, dampers, moving ground and loads in a solved step."""
-        pairs = list(zip(start.groups, force.responses, strict=True))
+        pairs = [(s, r.forces) for s, r in zip(start.groups, force.responses, strict=True)]
         moved = y1[self._free :] - start.y0[self._free :]
         return CouplingWork(
             sum(float((s.amplitude * r.travel).sum()) for s, r in pairs),

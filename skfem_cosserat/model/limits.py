@@ -205,7 +205,7 @@ def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
     """Label of the beam that :func:`over_rotated` reports, and the message; None: none."""
     if not system.beams:  # a scene without beams imports no meshes
         return None
-    from ..mesh.bends import gives_way
+    from ..mesh.triads import gives_way
 
     worst, found = 1.0, None
     for beam in system.beams:
@@ -249,7 +249,7 @@ def _rotated(beam: Beam, nodal: Floats) -> Floats:
 
     `nodal`: triads (..., nodes, 3, 3).
     """
-    from ..mesh.bends import turns
+    from ..mesh.triads import turns
 
     inner = beam.basis.connectivity
     now, then = _steps(nodal[..., inner, :, :]), _steps(beam.triads[inner])

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 
 from ..errors import InputError, failed
 from ..frames import Place
-from ..kernels import cross, skew
+from ..kernels import cross
 from ..load import (
     Load,
     Term,
@@ -294,16 +294,15 @@ class Loading:
             rows = self._group(number).rows[ids]
             np.add.at(out, rows, amplitudes[channel] * (block @ y[rows]))
         if len(self._moment_block):
-            reciprocal, m = self._moments(y, amplitudes)
-            np.add.at(out, self._moment_rows, 0.5 * cross(m[:, None, :], reciprocal))
+            np.add.at(out, self._moment_rows, self._moments(y[self._moment_rows], amplitudes))
         return out
 
-    def _moments(self, y: Array, amplitudes: Floats) -> tuple[Array, Array]:
-        D = y[self._moment_rows]
-        reciprocal = np.linalg.inv(D).transpose(0, 2, 1)
+    def _moments(self, D: Array, amplitudes: Floats) -> Array:
+        """``m x d^j/2`` (..., k, 3, 3) on directors D, with the reciprocal ones d^j."""
         value = amplitudes[self._moment_channel][:, None] * self._moment_value
-        spatial = (value[:, :, None] * D).sum(1)
-        return reciprocal, np.where(self._moment_follows[:, None], spatial, value)
+        spatial = (value[:, :, None] * D).sum(-2)
+        m = np.where(self._moment_follows[:, None], spatial, value)
+        return 0.5 * cross(m[..., None, :], np.linalg.inv(D).swapaxes(-1, -2))
 
     def add_tangent(self, blocks: list[Array], y: Array, amplitudes: Floats, factor: float) -> None:
         """Add ``factor * df/dy`` to the groups' blocks (beam groups first, then frames)."""
@@ -312,21 +311,12 @@ class Loading:
             scaled = factor * amplitudes[channel] * np.kron(block, np.eye(3)[None])
             np.add.at(blocks[k], ids, scaled)
         if len(self._moment_block):
-            reciprocal, m = self._moments(y, amplitudes)
-            f = 0.5 * cross(m[:, None, :], reciprocal)
-            derivative = np.zeros((len(m), 4, 3, 4, 3), dtype=y.dtype)
-            # d f_i / d d_j = -(1/2)(m x d^j) (x) d^i, and the follower's own turning
-            derivative[:, 1:, :, 1:, :] = -np.einsum("ejc,eid->eicjd", f, reciprocal)
-            value = amplitudes[self._moment_channel][:, None] * self._moment_value
-            value = value * self._moment_follows[:, None]
-            derivative[:, 1:, :, 1:, :] -= 0.5 * np.einsum(
-                "eicd,ej->eicjd", skew(reciprocal), value
-            )
-            np.add.at(
-                blocks[len(self._beam_groups)],
-                self._moment_block,
-                factor * derivative.reshape(-1, 12, 12),
-            )
+            D = y[self._moment_rows]
+            steps = 1j * TINY * np.eye(9).reshape(9, 1, 3, 3)
+            slopes = self._moments(D + steps, amplitudes).imag.reshape(9, -1, 9) / TINY
+            derivative = np.zeros((len(D), 12, 12))
+            derivative[:, 3:, 3:] = slopes.transpose(1, 2, 0)
+            np.add.at(blocks[len(self._beam_groups)], self._moment_block, factor * derivative)
 
 
 # -- forces that are functions of points, their velocities and time --------------------------------
@@ -463,30 +453,13 @@ class FunctionLoad:
             raise InputError(self.load.label, f"{text}, v = {v.tolist()}")
         return out
 
-    def slopes(self, x: Array, v: Array, t: float) -> tuple[Array, Array]:
-        """Derivatives (k, 3, k, 3) of the force by x and v.
-
-        In complex points, as of a complex step through a tangent, by differences along their
-        imaginary part.
-        """
-        size = max(float(abs(each.imag).max(initial=0.0)) for each in (x, v))
-        if not size:
-            return self._real_slopes(x.real, v.real, t)
-        step = self._steps(x, v)[0]
-        dx, dv = step / size * np.array([x.imag, v.imag])
-        near, far = (
-            self._real_slopes(x.real + sign * dx, v.real + sign * dv, t) for sign in (-1, 1)
-        )
-        factor = 1j * size / (2 * step)
-        by_x, by_v = (0.5 * (a + b) + factor * (b - a) for a, b in zip(near, far, strict=True))
-        return by_x, by_v
-
     def _steps(self, x: Array, v: Array) -> tuple[float, float]:
         """Steps of differences by x and v: longer far from the origin, where rounding is larger."""
         sizes = max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max()))
         return SMALL * sizes[0], SMALL * sizes[1]
 
-    def _real_slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
+    def slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
+        """Derivatives (k, 3, k, 3) of the force by x and v."""
         shape = *x.shape, *x.shape
         if self.term.slopes is not None:
             try:

@@ -111,35 +111,21 @@ class Reparametrisation:
     def _prepare_rotations(self) -> None:
         """Relative rotation of each child: of one or two hinges, or none."""
         kin, tree = self.kin, self.kin.tree
-        frame = set(kin.frames.tolist())
-        self._relative = [e for e in tree.edges if e.child in frame and e.freedom.turns is not None]
+        ends = [(e.child, e.parent, tree.depth[e.child]) for e in tree.edges]
+        child, parent, depth = np.array(ends, dtype=np.int64).reshape(-1, 3).T
+        turned = np.array([e.freedom.turns is not None for e in tree.edges], dtype=bool)
+        turned &= np.isin(child, kin.frames)
+        self._relative = [tree.edges[k] for k in np.flatnonzero(turned)]
         number = {c.number: i for i, c in enumerate(kin.guided)}
         self._layers = _layers([tree.turns.get(e.child, []) for e in self._relative], number)
         self._ground_rows = kin.row[self._grounds][:, None] + np.arange(1, 4)
-        place = {e.child: i for i, e in enumerate(tree.edges)}
-        turned = {e.child: i for i, e in enumerate(self._relative)}
         self._prepare_order()
-        levels: dict[int, list[Edge]] = {}
-        for e in tree.edges:
-            levels.setdefault(tree.depth[e.child], []).append(e)
+        relative, order = np.cumsum(turned) - 1, np.argsort(depth, kind="stable")
         self._levels = []
-        for depth in sorted(levels):
-            es = levels[depth]
-            rs = [e for e in es if e.child in turned]
-
-            def array(numbers: Sequence[int]) -> IndexArray:
-                return np.array(numbers, dtype=np.int64)
-
-            self._levels.append(
-                _Level(
-                    child_row=kin.row[[e.child for e in es]],
-                    parent_row=kin.row[[e.parent for e in es]],
-                    edge=array([place[e.child] for e in es]),
-                    child=array([e.child for e in rs]),
-                    parent=array([e.parent for e in rs]),
-                    relative=array([turned[e.child] for e in rs]),
-                )
-            )
+        for at in np.split(order, np.flatnonzero(np.diff(depth[order])) + 1):
+            own = at[turned[at]]
+            rows = kin.row[child[at]], kin.row[parent[at]]
+            self._levels.append(_Level(*rows, at, child[own], parent[own], relative[own]))
         self._turning = [level for level in self._levels if len(level.child)]
 
     def _prepare_order(self) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from skfem import Mesh, MeshTri1, MeshTri2
 
 from ..errors import InputError
-from ..types import Floats, IndexArray, numbers, positive
+from ..types import Floats, IndexArray, positive, shaped
 from .profile import AnyMaterial, Profile
 
 #: A rectangle of a profile: its ends along d1, along d2 (m), and its material.
@@ -62,9 +62,7 @@ class ProfileRectangles(Profile):
     def __init__(self, parts: Sequence[Part]) -> None:
         if len(parts) == 0:
             raise InputError(self.item, "no rectangles are given")
-        ends = numbers(self.item, "ends", [part[:2] for part in parts])
-        if ends.shape != (len(parts), 2, 2) or not np.isfinite(ends).all():
-            raise InputError(self.item, f"ends = {ends.tolist()}, expected (a, b), (c, d) of each")
+        ends = shaped(self.item, "ends", [part[:2] for part in parts], (len(parts), 2, 2))
         for k, part in enumerate(ends):
             if (part[:, 1] <= part[:, 0]).any():
                 raise InputError(
@@ -321,13 +319,8 @@ class ProfileRings(Profile):
     def __init__(
         self, radii: Sequence[float], materials: Sequence[AnyMaterial], segments: int = 48
     ) -> None:
-        r = numbers(self.item, "radii", radii)
-        if r.shape != (len(materials) + 1,) or len(r) < 2:
-            raise InputError(
-                self.item,
-                f"radii = {r.tolist()} for {len(materials)} materials, expected one more radius",
-            )
-        if not np.isfinite(r).all() or r[0] < 0 or (np.diff(r) <= 0).any():
+        r = shaped(self.item, "radii", radii, (max(len(materials), 1) + 1,))
+        if r[0] < 0 or (np.diff(r) <= 0).any():
             raise InputError(self.item, f"radii = {r.tolist()}, expected 0 <= first < second ...")
         if segments < 12 or segments % 6:
             raise InputError(self.item, f"segments = {segments!r}, expected a multiple of 6 >= 12")

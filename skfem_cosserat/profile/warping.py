@@ -16,7 +16,7 @@ from skfem.element import Element, ElementQuad2, ElementQuadP, ElementTriP2, Ele
 from ..errors import InputError
 from ..frozen import Frozen
 from ..section import Material, Section
-from ..types import Array, ArrayLike, Floats, IndexArray, numbers, positive
+from ..types import Array, ArrayLike, Floats, IndexArray, finite, positive, shaped, symmetric
 
 # -- three-dimensional elasticity of what a profile is made of -------------------------------------
 
@@ -26,19 +26,13 @@ VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 def _checked(item: str, value: ArrayLike) -> Floats:
     """Finite, symmetric, positive definite (6, 6)."""
-    C = numbers(item, "elasticity", value)
-    if C.shape != (6, 6):
-        raise InputError(item, f"elasticity has shape {C.shape}, expected (6, 6)")
-    if not np.isfinite(C).all():
-        raise InputError(item, f"elasticity is not finite: {C.tolist()}")
-    if not np.allclose(C, C.T, rtol=1e-9, atol=1e-12 * abs(C).max()):
-        raise InputError(item, f"elasticity is not symmetric by {abs(C - C.T).max():.3g}")
-    lowest, highest = np.linalg.eigvalsh((C + C.T) / 2)[[0, -1]]
+    C = symmetric(item, "elasticity", shaped(item, "elasticity", value, (6, 6)))
+    lowest, highest = np.linalg.eigvalsh(C)[[0, -1]]
     if lowest <= 1e-12 * highest:
         raise InputError(
             item, f"elasticity is not positive definite: its lowest eigenvalue is {lowest:.3g}"
         )
-    return (C + C.T) / 2
+    return C
 
 
 class MaterialAnisotropic(Frozen):
@@ -94,17 +88,14 @@ class MaterialAnisotropic(Frozen):
         """
         item = "material"
         given = {"E": E, "G": G, "nu": nu}
-        for name, value in given.items():
-            if np.shape(value) != (3,):
-                raise InputError(item, f"{name} = {value!r}, expected three numbers")
-        moduli, shear, ratio = (numbers(item, name, value) for name, value in given.items())
+        moduli, shear, ratio = (shaped(item, name, value, (3,)) for name, value in given.items())
         for name, values in (("E", moduli), ("G", shear)):
-            if not (np.isfinite(values).all() and (values > 0).all()):
+            if (values <= 0).any():
                 raise InputError(item, f"{name} = {values.tolist()}, expected positive numbers")
         compliance = np.diag(np.concatenate([1 / moduli, 1 / shear]))
         for (i, j), value in zip(VOIGT[3:], ratio, strict=True):
             compliance[i, j] = compliance[j, i] = -value / moduli[i]
-        if not np.isfinite(compliance).all() or np.linalg.eigvalsh(compliance)[0] <= 0:
+        if np.linalg.eigvalsh(compliance)[0] <= 0:
             raise InputError(
                 item,
                 f"nu = {ratio.tolist()} is too large for E = {moduli.tolist()}: some strain"
@@ -131,8 +122,8 @@ class MaterialAnisotropic(Frozen):
         >>> bool(abs(off.elasticity[2, 4]) > 1e9)              # tension shears it
         True
         """
-        Q = numbers("material", "rotation", rotation)
-        if Q.shape != (3, 3) or not np.allclose(Q.T @ Q, np.eye(3), atol=1e-9):
+        Q = shaped("material", "rotation", rotation, (3, 3))
+        if not np.allclose(Q.T @ Q, np.eye(3), atol=1e-9):
             raise InputError("material", f"rotation = {Q.tolist()} is no (3, 3) rotation")
         T = np.empty((6, 6))  # stress_new = T stress_old
         for row, (i, j) in enumerate(VOIGT):
@@ -521,11 +512,7 @@ class ProfileConstants(Frozen):
         True
         """
         item = "profile"
-        o, turn = numbers(item, "origin", origin), numbers(item, "angle", angle)
-        if o.shape != (2,) or turn.shape != () or not np.isfinite([*o, turn]).all():
-            raise InputError(
-                item, f"origin = {origin!r}, angle = {angle!r}, expected two numbers and one"
-            )
+        o, turn = shaped(item, "origin", origin, (2,)), finite(item, "angle", angle)
         c, s = np.cos(turn), np.sin(turn)
         R = np.array([[c, s], [-s, c]])
         R3 = np.eye(3)
@@ -551,7 +538,7 @@ class ProfileConstants(Frozen):
             shear_moduli=R @ self.shear_moduli @ R.T,
             outline=(self.outline - o) @ R.T,
             origin=self.origin + np.array([[c, -s], [s, c]]) @ o,
-            angle=self.angle + float(turn),
+            angle=self.angle + turn,
         )
 
     def section(self, viscosity: ArrayLike | None = None) -> Section:
@@ -600,9 +587,7 @@ class ProfileConstants(Frozen):
         >>> bool(np.allclose(stress[2], 100 * x[1] / (0.02 * 0.04**3 / 12)))
         True
         """
-        given = numbers("profile", "resultants", resultants)
-        if given.shape != (6,) or not np.isfinite(given).all():
-            raise InputError("profile", f"resultants = {given.tolist()}, expected six numbers")
+        given = shaped("profile", "resultants", resultants, (6,))
         c, s = np.cos(self.angle), np.sin(self.angle)
         R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
         N = R.T @ given[:3]

@@ -14,7 +14,7 @@ from ..frozen import Attached
 from ..history import History
 from ..integrators import Block, Integrator, State, Stepper
 from ..integrators.choice import motion_by_kernels
-from ..integrators.compiled_scene import CompiledMotion, Motion
+from ..integrators.compiled_step import CompiledMotion, Motion
 from ..model import System, takes_scene
 from ..types import Floats, IndexArray, positive, switch
 from ..warn import logger
@@ -129,10 +129,6 @@ def comes_near(before: Any, start: Any, end: Any, ratio: float = 1.0) -> Any:
     """
     second = (end - start - (start - before) / ratio) / (1 + ratio)
     return start < ((1 + ASIDE) ** 2 + WRONG) * second
-
-
-def _sign(value: float) -> int:
-    return (value > 0) - (value < 0)
 
 
 # -- events: what happens when a condition is met, and how it is found in time ---------------------
@@ -388,36 +384,38 @@ class EventMonitor:
         self, events: list[Event], factory: StepperFactory, stepper: Stepper, state: State
     ) -> None:
         self.events, self.factory = list(events), factory
-        self._sides: dict[str, int] = {}
         self._times: dict[str, list[float]] = {event.name: [] for event in events}
+        #: sign of each event's number, of one that is zero that before it
+        self._sides = [0] * len(events)
         #: solves steps of other sizes
         self._stepper: Stepper | None = None
         self.go_on(stepper, state)
 
     def go_on(self, stepper: Stepper, state: State, found: Found | None = None) -> None:
         """Begin at a state, after events that were found there."""
-        if found is not None:
-            done = [event for event, _ in found.events]
-            after = {event.name: -self._sides[event.name] for event in done}
-            self.events = [e for e in self.events if not (e.once and e in done)]
+        before = dict(zip([event.name for event in self.events], self._sides, strict=True))
+        done = {} if found is None else {event.name: value for event, value in found.events}
+        for name in done:
+            before[name] *= -1
+        self.events = [each for each in self.events if not (each.once and each.name in done)]
         if self._stepper is not None and self._stepper.system is not stepper.system:
             self._stepper = None
         self.system, self._motions = stepper.system, _Motions(stepper)
         self.view = self.seen(state)
         #: times of the last two states, and the numbers there
-        self._looks = [(state.time, {e.name: e.value(self.view) for e in self.events})]
-        sides = {name: _sign(value) for name, value in self._now.items()}
+        self._last = np.array([state.time])
+        self._numbers = np.array([[event.value(self.view) for event in self.events]])
+        self._sides = [before.get(event.name, 0) for event in self.events]
         # what is at zero there has passed it
-        before = self._sides | ({} if found is None else after)
-        for event, value in () if found is None else found.events:
-            if self._now.get(event.name) == value:
-                sides[event.name] = after[event.name]
-        self._sides = {name: side or before.get(name, 0) for name, side in sides.items()}
+        anew = [
+            value != done.get(each.name) for each, value in zip(self.events, self._now, strict=True)
+        ]
+        self._pass(self._last, self._numbers, np.array(anew, dtype=bool))
 
     @property
-    def _now(self) -> dict[str, float]:
+    def _now(self) -> list[float]:
         """Numbers at the last state."""
-        return self._looks[-1][1]
+        return self._numbers[-1].tolist()
 
     def seen(self, state: State) -> View:
         """View of a state of the run."""
@@ -427,21 +425,23 @@ class EventMonitor:
 
     def look(self, block: Block) -> Found | None:
         """The first events of some steps; None: there are none."""
-        times = np.array([*(time for time, _ in self._looks), *block.times])
         values = self._together(block)
         alone = np.arange(len(block)) if values is None else self._near(values)
-        for k in alone.tolist():
-            self._go_by(times, values, k)
+        times = np.append(self._last, block.times)
+        for k in [*alone.tolist(), len(block)]:
+            if values is not None and k:  # nothing has happened in the first k steps
+                self._pass(times[k : k + 2], values[k : k + 2])
+            if k == len(block):
+                return None
             self.passed = k
             found = self._look(block, k)
             if found is not None:
                 return found
-        self._go_by(times, values, len(block))
         return None
 
     def _together(self, block: Block) -> Floats | None:
         """Numbers (2 + k, events) of the last two states and of a block's; None: not together."""
-        if len(self._looks) < 2 or len(block) == 1:
+        if len(self._last) < 2 or len(block) == 1:
             return None
         given = block.times, block.q, block.p, block.turns, self._motions
         states = Window(self.system, *given)
@@ -449,8 +449,7 @@ class EventMonitor:
         known = [column for column in columns if column is not None]
         if len(known) < len(columns) or not known:
             return None
-        earlier = [[look[event.name] for event in self.events] for _, look in self._looks]
-        return np.concatenate([np.array(earlier), np.array(known).T])
+        return np.concatenate([self._numbers, np.array(known).T])
 
     @staticmethod
     def _near(values: Floats) -> IndexArray:
@@ -460,90 +459,77 @@ class EventMonitor:
         apart = (start > near) & (end > near) & ~comes_near(before, start, end)
         return np.flatnonzero(~apart.all(axis=1))
 
-    def _go_by(self, times: Floats, values: Floats | None, k: int) -> None:
-        """Go on behind the first k steps, in which nothing has happened."""
-        if values is None or not k:
-            return
-        names = [event.name for event in self.events]
-        self._looks = [
-            (float(times[i]), dict(zip(names, values[i].tolist(), strict=True))) for i in (k, k + 1)
-        ]
-        self._pass()
-
-    def _pass(self) -> None:
-        """Take the signs of the numbers at the last state."""
-        for name, value in self._now.items():
-            self._sides[name] = _sign(value) or self._sides[name]
+    def _pass(self, times: Floats, numbers: Floats, which: Any = True) -> None:
+        """Go on behind states at these times, with the signs of some numbers at the last one."""
+        self._last, self._numbers = times[-2:], numbers[-2:]
+        signs = np.sign(numbers[-1])
+        self._sides = np.where(which & (signs != 0), signs, self._sides).astype(int).tolist()
 
     def _look(self, block: Block, k: int) -> Found | None:
         """The first events of step k; None: there were none."""
         view = self.seen(block.state_after(k))
-        values = {event.name: event.value(view) for event in self.events}
-        trials, brackets = _Trials(self, block, k), dict[str, Bracket]()
-        for event in self.events:
-            bracket = self._bracket(event, trials, values[event.name])
-            if bracket is not None:
-                brackets[event.name] = bracket
-        if not brackets:
-            self._looks = [self._looks[-1], (view.time, values)]
-            self._pass()
+        values = [event.value(view) for event in self.events]
+        trials = _Trials(self, block, k)
+        found = [self._bracket(j, trials, value) for j, value in enumerate(values)]
+        if not any(found):
+            times = np.append(self._last, view.time)
+            self._pass(times, np.vstack([self._numbers, values]))
             return None
         where = [
-            located(found, trials.of(event, found.side), self._width(event, trials))
-            for event in self.events
-            if (found := brackets.get(event.name))
+            located(each, trials.of(event, each.side), self._width(event, trials))
+            for event, each in zip(self.events, found, strict=True)
+            if each
         ]
         last = min(where, key=lambda each: each.state.time)
         view = self.seen(last.state)
-        events = self._there(view, last.state.time - trials.state.time, brackets)
+        events = self._there(view, last.state.time - trials.state.time, found)
         for event, _ in events:
             self._often(event, last.state, float(trials.step.sizes[0]))
         return Found(block.part(0, k) if k else None, last, events, view)
 
     def _there(
-        self, view: View, size: float, brackets: dict[str, Bracket]
+        self, view: View, size: float, brackets: list[Bracket | None]
     ) -> list[tuple[Event, float]]:
         """Events that have happened at the end of a step of this size (s), and their numbers."""
         events = []
-        for event in self.events:
-            value, side = event.value(view), self._sides[event.name]
-            bracket = brackets.get(event.name)
+        for j, (event, bracket) in enumerate(zip(self.events, brackets, strict=True)):
+            value, side = event.value(view), self._sides[j]
             if bracket is not None and size > bracket.a[0]:
                 side = bracket.side
-            if self._met(event, value, side):
-                self._sides[event.name] = side
+            if self._met(j, value, side):
+                self._sides[j] = side
                 events.append((event, value))
         return events
 
-    def _met(self, event: Event, value: float, before: int) -> bool:
-        """True if its number has passed through zero, in the direction asked for."""
-        if before in (0, event.direction):
+    def _met(self, j: int, value: float, before: int) -> bool:
+        """True if a number has passed through zero, in the direction asked for."""
+        if before in (0, self.events[j].direction):
             return False
         # just before it, as well: a step of rounding size would have no velocity
-        if before * value > LOCATED * max(before * (self._now[event.name] - value), 0.0):
+        if before * value > LOCATED * max(before * (self._now[j] - value), 0.0):
             return False
-        return not self._jumps(event, value)
+        return not self._jumps(j, value)
 
-    def _jumps(self, event: Event, value: float) -> bool:
+    def _jumps(self, j: int, value: float) -> bool:
         """True if an angle has passed the point half a turn from its level, where it jumps."""
-        period = event.condition.period
-        return period is not None and abs(value - self._now[event.name]) >= period / 2
+        period = self.events[j].condition.period
+        return period is not None and abs(value - self._now[j]) >= period / 2
 
-    def _bracket(self, event: Event, trials: _Trials, value: float) -> Bracket | None:
-        """Bracket of a zero of its number in the step to this value; None: there is none."""
-        side, start = self._sides[event.name], self._now[event.name]
+    def _bracket(self, j: int, trials: _Trials, value: float) -> Bracket | None:
+        """Bracket of a zero of a number in the step to this value; None: there is none."""
+        event, side, start = self.events[j], self._sides[j], self._now[j]
         a, b = (0.0, max(start * side, 1e-300)), (trials.h, value * side)
-        if self._met(event, value, side):
+        if self._met(j, value, side):
             return Bracket(side, a, b, trials.step)
-        if not b[1] > 0 or event.condition.monotonic or self._jumps(event, value):
+        if not b[1] > 0 or event.condition.monotonic or self._jumps(j, value):
             return None
         trial = trials.of(event, side)
         try:
-            if len(self._looks) > 1:
-                time, earlier = self._looks[0]
-                before, ratio = earlier[event.name], (trials.state.time - time) / trials.h
-                if self._jumps(event, before):
+            if len(self._last) > 1:
+                before, time = float(self._numbers[0, j]), float(self._last[0])
+                if self._jumps(j, before):
                     return None
+                ratio = (trials.state.time - time) / trials.h
                 near = comes_near(side * before, a[1], b[1], ratio)
             else:  # the middle stands for the step before
                 middle = trial(trials.h / 2)[0]

@@ -312,7 +312,7 @@ def simulate(
         warnings that it gives (:class:`CosseratWarning`), each once;
         ``history.meta["energy_balance"]`` what energies and works there were (J): ``start, end,
         loads, actuators, drives, dissipated`` (by dampers and events), ``lost`` (by the scheme;
-        negative: gained) and their ``scale``, the largest of them at any time. More than 1 % lost
+        negative: gained) and their ``scale``, the largest of them at any time. More than 3 % lost
         or gained, at the end or at one of a hundred recorded states, is an
         :class:`AccuracyWarning`; of schemes that are meant to lose, 10 % lost.
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import checks
-from ..analysis.describe import describe, recorded_turns, take_along
+from ..analysis.describe import describe, recorded_turns, run_formulas, take_along
 from ..constraints.saddle import nearest_momentum
 from ..diagnostics import Projection
 from ..errors import (
@@ -21,6 +21,7 @@ from ..errors import (
     StorageError,
 )
 from ..history import EventRecord, History, HistoryWriter
+from ..history.writer import joined
 from ..integrators import Block, Integrator, State, StepOrigin, Stepper, StepReport
 from ..integrators.block import OF_USERS, force_at, forces_between
 from ..model import System, takes_scene
@@ -136,6 +137,10 @@ def _along(force: Floats, change: Floats) -> Floats:
 Wanted = Callable[[IndexArray, Floats, Floats], Any]
 
 
+#: rows that are written, and that sensors look at, together
+TOGETHER = 50
+
+
 class Segment(NamedTuple):
     """Rows of a history from `row` on that belong to a system."""
 
@@ -191,6 +196,7 @@ class Record:
         self.bank = SensorBank(checked, self.writer)
         self.works, self.iterations = Works(), 0
         self._complete: History | None = None
+        self._status = "failed"
         self._finished: Mapping[str, Any] = {}
         self.closed: History | None = None
         #: rows so far, with those that wait
@@ -302,25 +308,21 @@ class Record:
         self._end = block.state
         self._rows += int(done["wanted"].sum())
         self._waiting.append(done)
-        if len(self._early) == 3:
+        if sum(len(each["t"]) for each in self._waiting) >= TOGETHER:
             self._write()
 
     def _write(self) -> None:
         """Write rows that wait; the force of the start is known by now."""
-        waiting, self._waiting = self._waiting, []
-        for rows in waiting:
-            if rows["step"][0] == self._start.index:
-                rows["constraint_force"][0] = self._start_force()
-            wanted = rows["wanted"]
-            kept = {name: values[wanted] for name, values in rows.items() if name != "wanted"}
-            try:
-                self.bank.take(self.system, rows)
-            except InputError:  # of a sensor: the states are kept
-                if len(kept["t"]):
-                    self.writer.extend(kept)
-                raise
-            if len(kept["t"]):
+        rows, self._waiting = joined(self._waiting), []
+        if rows["step"][0] == self._start.index:
+            rows["constraint_force"][0] = self._start_force()
+        wanted = rows["wanted"]
+        try:
+            if wanted.any():
+                kept = {name: values[wanted] for name, values in rows.items() if name != "wanted"}
                 self.writer.extend(kept)
+        finally:  # of a full disk: nothing is lost
+            self.bank.look(self.system, rows)
 
     def _start_force(self) -> Floats:
         """Constraint force of the state that the steps started from."""
@@ -371,7 +373,7 @@ class Record:
             return self.closed
         if not self.writer.closed:
             try:
-                return self.close("failed", None)
+                return self.close(self._status, None)
             except StorageError:
                 raise
             except Exception as other:  # noqa: BLE001, of a user's own class: what is there is kept
@@ -417,9 +419,8 @@ class Record:
     def complete(self) -> History:
         """All rows, the last one with all that can be known of it; the file is not closed."""
         if self._complete is None:
-            self._finish()
             try:
-                self.bank.flush()
+                self._finish()
             except StorageError:
                 raise
             except (CosseratError, *OF_USERS) as error:  # a user's function: the history is kept
@@ -429,6 +430,7 @@ class Record:
 
     def close(self, status: str, failure: Diverged | None) -> History:
         """Close the file and give the history, with warnings of all that is doubtful about it."""
+        self._status = status  # a full disk may be met from here on
         history = self.complete()
         extra: dict[str, Any] = {
             "factorisations": self.stepper.factorisations,
@@ -437,7 +439,9 @@ class Record:
             **self.more(),
         }
         history.meta |= {**extra, "status": status}
-        run = checks.Run([segment.system for segment in self.segments], history)
+        systems = [segment.system for segment in self.segments]
+        history.derive_by(systems, run_formulas)  # for the checks
+        run = checks.Run(systems, history)
         extra |= run.numbers()
         if failure is not None:
             failure.hint = run.hint

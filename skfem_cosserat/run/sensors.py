@@ -21,7 +21,7 @@ from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements
 from ..history import HistoryWriter
 from ..integrators import State
-from ..integrators.compiled_scene import Motion
+from ..integrators.compiled_step import Motion
 from ..joint import Joint
 from ..model import Model, System, system_of
 from ..model.scene import joint_of
@@ -298,9 +298,6 @@ class View:
 
 # -- sensors: what is recorded at every step while whole states are recorded now and then ----------
 
-#: states that are looked at together
-BLOCK = 128
-
 
 class Sensor(Attached, ABC):
     """Base of the sensors, and of one's own.
@@ -333,7 +330,7 @@ class Sensor(Attached, ABC):
     ...         return [self.a, self.b]
     ...
     ...     def values(self, system, window):
-    ...         a, b = (window.q[:, system.dofs(each.place())] for each in self.items())
+    ...         a, b = (window.position(each.place()) for each in self.items())
     ...         return np.linalg.norm(b - a, axis=1)
     >>> model = sc.Model()
     >>> a = model.add("a", sc.MassPoint(1.0))
@@ -638,7 +635,7 @@ class SensorQuantity(Sensor):
 
 
 class SensorBank:
-    """All sensors of a run: collects states and writes what the sensors see, window by window.
+    """All sensors of a run: writes what they see, window by window.
 
     Parameters
     ----------
@@ -653,33 +650,15 @@ class SensorBank:
 
     def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter) -> None:
         self.sensors, self.writer = sensors, writer
-        self._system: System | None = None
-        self._rows: list[Mapping[str, Any]] = []
         self._shapes: dict[str, Floats] = {}
         self._last = np.nan
 
-    def take(self, system: System, rows: Mapping[str, Any]) -> None:
-        """Look at more states of a run, whose rows are complete; a sensor may raise."""
+    def look(self, system: System, rows: Mapping[str, Any]) -> None:
+        """Look at states of a run, whose rows are complete; a sensor may raise."""
         if not self.sensors:
             return
-        if system is not self._system:
-            self.flush()
-            self._system = system
-        self._rows.append(rows)
-        if sum(len(each["t"]) for each in self._rows) >= BLOCK:
-            self.flush()
-
-    def flush(self) -> None:
-        """Write what has been looked at; a sensor may raise."""
-        rows, self._rows = self._rows, []
-        if not rows or self._system is None:
-            return
-
-        def of(name: str) -> Any:
-            return np.concatenate([each[name] for each in rows]) if name in rows[0] else None
-
-        t, states = of("t"), (of("q"), of("carried"), of("turns"))
-        window = Window(self._system, t, *states, force=of("constraint_force"))
+        t, states = rows["t"], (rows["q"], rows["carried"], rows.get("turns"))
+        window = Window(system, t, *states, force=rows["constraint_force"])
         # a state after an event is where that before it is
         apart = np.diff(t, prepend=self._last) != 0
         self._last, arrays = t[-1], {}
@@ -724,7 +703,7 @@ def check_items(sensor: Sensor, system: System, item: str, text: str) -> None:
     """Raise InputError if the sensor looks at something that the system does not have."""
     known = {id(each) for each in (*system.structures, *system.joints)}
     for each in sensor.items():
-        if id(each) not in known:
+        if each is not None and id(each) not in known:  # None: the item of a place on the ground
             raise InputError(item, f"the {each.label} {text}")
 
 

@@ -795,7 +795,9 @@ def static(
                         first, direction, recorder, callbacks, show, interrupt
                     )
                 if failure is None:
-                    checks.apply(checks.Path([system], recorder.writer.history()))
+                    found = recorder.writer.history()
+                    found.derive_by([system], path_formulas)
+                    checks.apply(checks.Path([system], found))
                 else:
                     notices.tell(failure)
                 history = recorder.close(

@@ -29,8 +29,7 @@ from ..diagnostics.stacked import weights
 from ..errors import InputError
 from ..integrators.called_back import CalledAtRest
 from ..integrators.choice import Choice, built
-from ..integrators.compiled_scene import CompiledScene
-from ..integrators.compiled_step import Coupled, kernel_coordinates
+from ..integrators.compiled_step import CompiledScene, Coupled, kernel_coordinates
 from ..integrators.scheme import Scheme
 from ..linear import SingularMatrixError, Solver, checked_solver
 from ..load import Load

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat.accuracy import Component, Maximum, asked, case
+from skfem_cosserat.accuracy import Component, Maximum
+from skfem_cosserat.accuracy import scene as asked
 from skfem_cosserat.accuracy.reading import Reading
 
 DOWN, ACROSS = (0, 0, -9.81), (0, 1, 0)
@@ -326,10 +327,10 @@ def independent(found, scene):
     """Readings of the other run."""
     wanted = asked.Asked(scene.quantities, scene.tolerance)
     method = scene.options.get("integrator") if scene.until is None else scene.other
-    other = case.Scene(scene.model, wanted, scene.until, None, method)
+    other = asked.Scene(scene.model, wanted, scene.until, None, method)
     parts = [found.model[n].mesh.nelements // other.pieces[n] for n in other.beams]
     steps = 0 if scene.until is None else 8 * round(scene.until / found.step)
-    return other.run(case.Case(4 * min(parts, default=1), 4, steps)).values
+    return other.run(asked.Case(4 * min(parts, default=1), 4, steps)).values
 
 
 def judged(kind, seed):

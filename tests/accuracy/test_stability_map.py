@@ -14,7 +14,7 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat import InputError, stability_map
 from skfem_cosserat.accuracy import FULL_PROTOCOL, JudgeEnergy, TimedOut, Verdict
-from skfem_cosserat.accuracy.verdict import mechanism
+from skfem_cosserat.accuracy.stability import mechanism
 
 KINDS = ("ok", "drift", "blowup", "newton", "half-hearted", "timeout", "error")
 OMEGAS, STEPS = (0.5, 1.9, 2.1, 30.0), (0.05, 0.5, 1.0)

@@ -394,7 +394,7 @@ def test_only_insides_of_struts_are_eliminated_in_lattices():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_an_elimination_is_given_up_exactly_where_it_takes_too_much(seed):
-    """It is stopped early by what the rest takes at least: never where there is just enough."""
+    """It is stopped as soon as it does: never where there is just enough."""
     rng = np.random.default_rng(seed)
     count, pairs = links(7, 1) if seed == 0 else (300, rng.integers(0, 300, (700, 2)).tolist())
     whole, enough, less, early = (_Graph(count, pairs, [-1] * count, (), {}) for _ in range(4))

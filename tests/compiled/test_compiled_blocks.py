@@ -5,7 +5,7 @@ import pytest
 
 numba = pytest.importorskip("numba")
 blocks = pytest.importorskip("skfem_cosserat.compiled.blocks")
-algebra = pytest.importorskip("skfem_cosserat.compiled.block_algebra")
+algebra = pytest.importorskip("skfem_cosserat.compiled.simd")
 EPS = np.finfo(float).eps
 
 

@@ -546,7 +546,7 @@ def test_an_index_that_finds_no_room_stays_complete(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
         try:
             with pytest.raises(OSError, match="too large"):
-                list(map(index.add, range(100), names))
+                list(map(index.add, np.arange(100)[:, None], np.array([*names])[:, None]))
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         frames = [each.get("file") for each in ET.parse(path).findall(".//DataSet")]

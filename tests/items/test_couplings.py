@@ -272,19 +272,9 @@ def test_discrete_derivative_is_exact(name):
 @pytest.mark.parametrize("name", [*KINDS, "joined"])
 def test_slopes_of_coordinates(name):
     kind = KINDS[name] if name in KINDS else Joined((KINDS["distance"], KINDS["rotation"]))
-    pi0, pi1 = pairs_of(name) if name in KINDS else map(np.hstack, joined_pairs())
-    xi0 = kind.value(pi0)
-
-    def discrete(pi):
-        return kind.discrete(pi0, xi0, pi, kind.continued(pi, xi0))
-
-    xi1 = kind.continued(pi1, xi0)
-    for function, found in (
-        (kind.value, kind.slope(pi1)),
-        (kind.slope, kind.curvature(pi1)),
-        (discrete, kind.discrete_slope(pi0, xi0, pi1, xi1)),
-    ):
-        assert abs(found - derivative(function, pi1)).max() < 3e-12 * max(1, abs(found).max())
+    pi1 = pairs_of(name)[1] if name in KINDS else np.hstack(list(joined_pairs())[1])
+    found = kind.slope(pi1)
+    assert abs(found - derivative(kind.value, pi1)).max() < 3e-12 * max(1, abs(found).max())
 
 
 def joined_pairs():
@@ -567,7 +557,7 @@ def test_law_of_cables():
     law = SlackLaw([Member()] * count)
     e0, e1 = 0.1 * rng.standard_normal((2, count, 1))
     e1[:50] = e0[:50] + 1e-12 * rng.standard_normal((50, 1))
-    sigma, slope, dissipated, numerical = law.discrete(e0, e1, h)
+    sigma, dissipated, numerical = law.discrete(e0, e1, h)
     assert sigma.min() == 0 and dissipated.min() >= 0 and dissipated.max() > 0
     work = (sigma * (e1 - e0))[:, 0]
     change = law.energy(e1) - law.energy(e0)
@@ -575,8 +565,6 @@ def test_law_of_cables():
     assert not numerical.any()
     *_, whole, numerical = law.discrete(e0, e1, h, decay=0.1)
     assert numerical == pytest.approx(whole * 0.5 * h * 0.1 * 30.0 / (0.7 + 0.5 * h * 0.1 * 30.0))
-    z = e1 + 1j * EPS
-    assert abs(law.discrete(e0, z, h)[0].imag / EPS - slope[..., 0]).max() < 1e-11
     rate = (e1 - e0) / h
     middle = law.midpoint(0.5 * (e0 + e1), rate, e0, e1, h)
     assert middle[0].min() == 0 and middle[-1].min() >= 0

@@ -14,7 +14,7 @@ from skfem_cosserat.diagnostics import strain_energy
 from skfem_cosserat.diagnostics.stacked import reduced_tangent
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 from skfem_cosserat.mesh import CurveSpline
-from skfem_cosserat.mesh.bends import turns
+from skfem_cosserat.mesh.triads import turns
 from skfem_cosserat.model.balance import amplitudes_at
 from skfem_cosserat.model.limits import (
     first_over_rotated,

@@ -16,8 +16,8 @@ import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
 from skfem_cosserat.constraints import saddle
 from skfem_cosserat.history import read_meta
-from skfem_cosserat.integrators import compiled_scene
-from skfem_cosserat.integrators.compiled_scene import CompiledMotion
+from skfem_cosserat.integrators import compiled_step
+from skfem_cosserat.integrators.compiled_step import CompiledMotion
 from skfem_cosserat.model import force_elements
 from skfem_cosserat.run import sensors
 from skfem_cosserat.run.events import dip
@@ -824,7 +824,7 @@ def test_looks_set_nothing_up_anew(monkeypatch, kernels):
     counting(force_elements, "Invariants")
     counting(sensors, "SectionPlaces")
     counting(saddle, "SaddlePoint")
-    counting(compiled_scene, "CompiledMotion")
+    counting(compiled_step, "CompiledMotion")
     counts = []
     for steps in (10, 40):
         system, rod = swinging_rod()

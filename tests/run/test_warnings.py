@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
+from skfem_cosserat import checks
 from skfem_cosserat.accuracy.run import run_sent
-from skfem_cosserat.checks import CHECKS
 from skfem_cosserat.warn import Notices, in_words, repeat, sum_up, warn
 
 SOFT = sc.Section([1e4, 1e4, 1e4, 1e-3, 1e-3, 1e-3], mass=1.0, inertia=(1e-3, 1e-3))
@@ -97,10 +97,29 @@ def test_a_history_is_checked_at_any_time(tmp_path):
             sc.check(loaded, wire(names=("other",)))
 
 
+@pytest.mark.parametrize("kind", [checks.Run, checks.Path])
+def test_a_check_may_read_any_series(kind, monkeypatch):
+    """Also while the run or path ends, as those of the table are applied."""
+
+    def moved(result):
+        yield checks.Doubt("energy", f"it is {result.history['strain_energy'][-1]:.0f} J")
+
+    table = (checks.Check(moved, kind, "energy", "as it is", "none"),)
+    monkeypatch.setattr(checks, "CHECKS", table)
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, -1)), ball.place(), 1.0, length=1.0))
+    guide = sc.JointPointOnLine(sc.ground((0, 0, 0)), ball.place(), (0, 0, 1))
+    model.add("guide", guide)
+    run = partial(sc.simulate, model, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 0.2)
+    with pytest.warns(sc.AccuracyWarning, match="it is 0 J"):
+        run() if kind is checks.Run else sc.static(model)
+
+
 def test_the_guide_lists_all_checks():
     page = Path(__file__).parents[2] / "examples" / "guide" / "05_trust.md"
     text = page.read_text(encoding="utf-8")
-    for each in CHECKS:
+    for each in checks.CHECKS:
         assert f"| {each.about} | {each.says} | {each.remedy} |" in text
 
 

@@ -1,4 +1,4 @@
-"""Springs, dampers, cables, bushings and actuators in kernels.
+"""Springs, dampers, cables, bushings and actuators in kernels, and loads that follow the motion.
 
 As in :mod:`skfem_cosserat.model.force_elements`: the force of an element on its rows of y is
 ``sum_k s_k A_k y`` at the midpoint, with its invariants ``pi_k = y . A_k y / 2`` of at most two
@@ -35,8 +35,22 @@ from .numbers import (
     XI0,
     S,
 )
-from .simd import clear, local
-from .small import cross, dot, increase, minus, plus, pulled, row, times
+from .simd import clear, copy, local
+from .small import (
+    Rotation,
+    Vector,
+    combine,
+    cross,
+    directors,
+    dot,
+    increase,
+    minus,
+    plus,
+    pulled,
+    row,
+    times,
+    unit,
+)
 from .tables import (
     ANGLE,
     DAMPING,
@@ -63,7 +77,6 @@ from .tables import (
 AT_MID, AT_END, BEGIN = range(3)
 #: below, x/sin(x) is a series
 SMALL = 0.1
-Three = tuple[float, float, float]
 
 
 @inlined
@@ -87,7 +100,7 @@ def over_sine(x: float) -> tuple[float, float]:
 
 
 @shared
-def turn_factors(c: float) -> Three:
+def turn_factors(c: float) -> Vector:
     """``phi = theta/sin(theta)`` of the cosine c, phi' and phi''."""
     u = 1 - c
     if abs(u) < NEAR_ONE:
@@ -148,7 +161,7 @@ def continued(kind: int, d: int, pi: Floats, p: int, before: float, xi: Floats, 
 
 
 @inlined
-def unit(kind: int, d: int, J: Floats, j: int) -> None:
+def shifts(kind: int, d: int, J: Floats, j: int) -> None:
     """``J_j``, of displacements only."""
     m, k = numbers_of_kind(kind)
     for i in range(d + m):
@@ -157,7 +170,7 @@ def unit(kind: int, d: int, J: Floats, j: int) -> None:
 
 
 @inlined
-def bordered(d: int, diagonal: float, column: Three, J: Floats, j: int) -> None:
+def bordered(d: int, diagonal: float, column: Vector, J: Floats, j: int) -> None:
     """``J_j`` of a rotation vector: ``[diagonal I, column]``."""
     for i in range(3):
         J[j, d + i, d + i] = diagonal
@@ -167,7 +180,7 @@ def bordered(d: int, diagonal: float, column: Three, J: Floats, j: int) -> None:
 @shared
 def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     """``J_j = dxi/dpi`` at ``pi_p``."""
-    unit(kind, d, J, j)
+    shifts(kind, d, J, j)
     a = pi[p, d]
     if kind == DISTANCE:
         J[j, d, d] = 0.5 / np.sqrt(a)
@@ -202,7 +215,7 @@ def curvature(kind: int, d: int, pi: Floats, p: int, X: Floats) -> None:
 @shared
 def discrete(kind: int, d: int, P: Floats, xi0: float, xi1: float, J: Floats) -> None:
     """``J_0 = Psi``; xi0, xi1 of a distance or an angle."""
-    unit(kind, d, J, 0)
+    shifts(kind, d, J, 0)
     if kind == DISTANCE:
         J[0, d, d] = 1.0 / (xi0 + xi1)
     elif kind == ANGLE:
@@ -252,7 +265,7 @@ Factors = tuple[float, float, float, float]
 
 
 @inlined
-def slack_law(k: float, e: float, e0: float, e1: float, ends: bool) -> Three:
+def slack_law(k: float, e: float, e0: float, e1: float, ends: bool) -> Vector:
     """Force of the spring, with its derivatives by e and by the end."""
     if not ends:
         return k * max(e, 0.0), 1.0 if e > 0.0 else 0.0, 0.0
@@ -266,15 +279,43 @@ def slack_law(k: float, e: float, e0: float, e1: float, ends: bool) -> Three:
 
 
 @shared
+def linear(
+    laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool, decay: float
+) -> Factors:
+    """Forces of springs and dampers into V, dissipated energy into the state.
+
+    Gives factors of the derivatives.
+    """
+    h = state[c, STEP]
+    lost, numerical = 0.0, 0.0
+    for i in range(m):
+        force, damping, more = 0.0, 0.0, 0.0
+        for n in range(m):
+            k, change = laws[c, STIFFNESS, i, n], V[CHANGE, n]
+            xi = 0.5 * (state[c, XI0 + n] + V[XI1, n]) if ends else V[XI, n]
+            force += k * (xi - laws[c, NEUTRAL, 0, n])
+            damping += laws[c, DAMPING, i, n] * change
+            more += 0.5 * decay * k * change
+        lost += damping * V[CHANGE, i] / h
+        numerical += more * V[CHANGE, i]
+        V[SIGMA, i] = force + damping / h + more - state[c, AMPLITUDE + i]
+    if h > 0.0:  # a step back gives what was lost
+        lost = max(lost, 0.0)
+    state[c, LOST], state[c, NUMERICAL] = lost + numerical, numerical
+    if ends:
+        return 0.0, 0.0, 0.5 * (1 + decay), 1 / h
+    return 1.0, 1.0, 0.0, 0.0
+
+
+@shared
 def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats) -> Factors:
     """Forces of a cable by the velocity at the end of a step, in V."""
-    K, C, h = laws[c, STIFFNESS, 0, 0], laws[c, DAMPING, 0, 0], state[c, STEP]
-    e, change = V[XI, 0] - laws[c, NEUTRAL, 0, 0], V[CHANGE, 0]
-    sigma, pulls = K * e + C * change / h, 1.0
-    if not (e > 0.0 and sigma > 0.0):
-        sigma, pulls = 0.0, 0.0
-    V[SIGMA, 0] = sigma - state[c, AMPLITUDE]
-    return pulls, pulls, 0.0, 0.0
+    found = linear(laws, state, c, 1, V, False, 0.0)
+    slack = -state[c, AMPLITUDE]
+    if V[XI, 0] > laws[c, NEUTRAL, 0, 0] and V[SIGMA, 0] > slack:
+        return found
+    V[SIGMA, 0] = slack
+    return 0.0, 0.0, 0.0, 0.0
 
 
 @shared
@@ -295,32 +336,6 @@ def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: flo
     state[c, LOST] = lost
     state[c, NUMERICAL] = lost * own / (C + own) if C + own > 0.0 else 0.0
     return by_e, 0.0, by_end + 0.5 * decay * taut, taut / h
-
-
-@shared
-def linear(
-    laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool, decay: float
-) -> Factors:
-    """Forces of springs and dampers into V, dissipated energy into the state; factors as above."""
-    h = state[c, STEP]
-    lost, numerical = 0.0, 0.0
-    for i in range(m):
-        force, damping, more = 0.0, 0.0, 0.0
-        for n in range(m):
-            k, change = laws[c, STIFFNESS, i, n], V[CHANGE, n]
-            xi = 0.5 * (state[c, XI0 + n] + V[XI1, n]) if ends else V[XI, n]
-            force += k * (xi - laws[c, NEUTRAL, 0, n])
-            damping += laws[c, DAMPING, i, n] * change
-            more += 0.5 * decay * k * change
-        lost += damping * V[CHANGE, i] / h
-        numerical += more * V[CHANGE, i]
-        V[SIGMA, i] = force + damping / h + more - state[c, AMPLITUDE + i]
-    if h > 0.0:  # a step back gives what was lost
-        lost = max(lost, 0.0)
-    state[c, LOST], state[c, NUMERICAL] = lost + numerical, numerical
-    if ends:
-        return 0.0, 0.0, 0.5 * (1 + decay), 1 / h
-    return 1.0, 1.0, 0.0, 0.0
 
 
 @shared
@@ -468,7 +483,7 @@ def gradients(s: Any, c: int, y: Floats, G: Floats, j: int, P: Floats, p: int) -
 
 
 @inlined
-def force_on(state: Floats, c: int, count: int, G: Floats, a: int) -> Three:
+def force_on(state: Floats, c: int, count: int, G: Floats, a: int) -> Vector:
     """Force on row a, of the gradients of the invariants."""
     f = (0.0, 0.0, 0.0)
     for k in range(count):
@@ -590,4 +605,81 @@ def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
                     continue
                 a, b = places[c, ROW + SIDE * one], places[c, ROW + SIDE * two]
                 scalar_block(by_sides, 2 * one + two, force * share, yL, a, w.y1, b, A, slot)
+    return 0.0
+
+
+# -- loads that follow the motion: moments, forces fixed in bodies and sections --------------------
+#
+# Forces fixed in a body are components times its directors, so linear in y: ``f_a = C_ab y_b`` with
+# scalars C (4, 4) for a pair of frames. A moment m acts on directors as ``m x d^i / 2``, d^i the
+# reciprocal ones: at midpoints triads are not orthonormal. Both are taken at ``w.mid``.
+
+
+@inlined
+def reciprocal(D: Rotation) -> Rotation:
+    """Vectors with ``d^i . d_j = 1`` for i = j, else 0."""
+    a, b, c = cross(D[1], D[2]), cross(D[2], D[0]), cross(D[0], D[1])
+    factor = 1.0 / dot(D[0], a)
+    return times(factor, a), times(factor, b), times(factor, c)
+
+
+@inlined
+def moment_on(s: Any, w: Any, k: int) -> tuple[Vector, Rotation, Rotation]:
+    """Components of the k-th moment if it follows, else zero; forces on directors; d^i."""
+    D = directors(w.mid, s.row[s.moment_vertex[k]])
+    E = reciprocal(D)
+    own, moment = (0.0, 0.0, 0.0), row(w.moments, k)
+    if s.moment_follows[k]:
+        own = moment
+        moment = combine(moment, D)
+    moment = times(0.5, moment)
+    return own, (cross(moment, E[0]), cross(moment, E[1]), cross(moment, E[2])), E
+
+
+@inlined
+def moment_change(own: Vector, f: Rotation, E: Rotation, change: Rotation, i: int) -> Vector:
+    """Change of the force on director i by that of all three: ``d(d^i) = -(d^i . d(d_j)) d^j``."""
+    by = dot(E[i], change[0]), dot(E[i], change[1]), dot(E[i], change[2])
+    return minus(times(0.5, cross(combine(own, change), E[i])), combine(by, f))
+
+
+@inlined
+def load_force(s: Any, w: Any) -> None:
+    """All loads: the dead ones, and those that follow the motion."""
+    external, mid, pairs, C = w.external, w.mid, s.follower, w.followers
+    copy(w.dead, external)
+    for k in range(len(pairs)):
+        for i in range(4):
+            for j in range(4):
+                if C[k, i, j] != 0.0:  # points have one row only
+                    for c in range(3):
+                        external[pairs[k, 0] + i, c] += C[k, i, j] * mid[pairs[k, 1] + j, c]
+    for k in range(len(s.moment_vertex)):
+        _, f, _ = moment_on(s, w, k)
+        for i in range(3):
+            increase(external, s.row[s.moment_vertex[k]] + 1 + i, f[i])
+
+
+@part
+def load(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
+    """Loads at ``w.mid``; flag 1: their tangent ``-share force P(y_L)^T df/dy P(y_1)``."""
+    if flag == 0:
+        load_force(s, w)
+        return 0.0
+    A, pairs, followers = w.A, s.follower, w.followers
+    factor = -numbers[SHARE] * numbers[FORCE]
+    yL, yR = pulled(w.y0, w.mid, numbers), w.y1
+    for k in range(len(pairs)):
+        scalar_block(followers, k, factor, yL, pairs[k, 0], yR, pairs[k, 1], A, pairs[k, 2])
+    for k in range(len(s.moment_vertex)):
+        v = s.moment_vertex[k]
+        own, f, E = moment_on(s, w, k)
+        D, B = directors(yR, s.row[v]), directors(yL, s.row[v])
+        for c in range(3):
+            turn = unit(c, 1.0)
+            change = cross(turn, D[0]), cross(turn, D[1]), cross(turn, D[2])
+            for i in range(3):
+                torque = cross(B[i], moment_change(own, f, E, change, i))
+                for r in range(3):
+                    A[m.diag[v], 3 + r, 3 + c] += factor * torque[r]
     return 0.0
