@@ -18,8 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
-import skfem
 
 from ..arguments import checked
 from ..errors import InputError, writing
@@ -179,9 +177,9 @@ def provenance(folder: FilePath | None = None) -> dict[str, Any]:
     return {
         "versions": {
             "skfem-cosserat": VERSION,
-            "scikit-fem": skfem.__version__,
+            "scikit-fem": version("scikit-fem"),
             "numpy": np.__version__,
-            "scipy": scipy.__version__,
+            "scipy": version("scipy"),
             "python": platform.python_version(),
             **{name: version(name) for name in compiled},
         },

@@ -156,7 +156,7 @@ class HistoryWriter:
         self._check(like)
         self._parts.append({name: values.copy() for name, values in rows.items()})
         self._rows += len(rows["t"])
-        self._flush(self._block + 1)
+        self._flush(self._block)
         self._say()
 
     def note(self, **meta: Any) -> None:

@@ -314,6 +314,10 @@ def _check_names(mesh: MeshCurve) -> None:
 # -- lines that cross without a common vertex ------------------------------------------------------
 
 
+#: elements of which all pairs are looked at
+FEW = 200
+
+
 def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     """Elements (2, k) that meet between the vertices of one of them at least, and where (k, 3).
 
@@ -322,13 +326,16 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     ends = mesh.p.T[mesh.t]
     along = ends[1] - ends[0]
     size, middle = np.linalg.norm(along, axis=1), ends.mean(axis=0)
-    from scipy.spatial import cKDTree  # slow to import
+    if len(size) <= FEW:
+        e, f = np.triu_indices(len(size), 1)
+    else:
+        from scipy.spatial import cKDTree  # slow to import
 
-    # of two that meet the middles are not farther apart than the longer one is long
-    near = cKDTree(middle).query_ball_point(middle, size + tol)
-    first = np.repeat(np.arange(len(size)), [len(each) for each in near])
-    pairs = np.stack([first, np.concatenate(near)], axis=1).astype(np.int64)
-    e, f = np.unique(np.sort(pairs, axis=1), axis=0).T
+        # of two that meet the middles are not farther apart than the longer one is long
+        near = cKDTree(middle).query_ball_point(middle, size + tol)
+        first = np.repeat(np.arange(len(size)), [len(each) for each in near])
+        pairs = np.stack([first, np.concatenate(near)], axis=1).astype(np.int64)
+        e, f = np.unique(np.sort(pairs, axis=1), axis=0).T
     apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
     e, f = e[apart], f[apart]
     # the points that are closest: s of the way along e, r along f

@@ -135,7 +135,7 @@ def examples(tmp_path_factory):
 
 
 #: bases of what a user writes anew, and what those are given
-WRITTEN = {"Integrator", "Joint", "Load", "StepBalance", "Theory", "Window"}
+WRITTEN = {"Integrator", "Joint", "Load", "StepBalance", "Theory"}
 WRITTEN |= {"Evaluation", "StepData", "StepWork"}
 
 
