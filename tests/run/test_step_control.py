@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import cycle
+
 import numpy as np
 import pytest
 from helpers_schemes import SCHEMES
@@ -55,15 +57,11 @@ def caught():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "scheme",
-    [
-        sc.EnergyMomentum(),
-        pytest.param(sc.GeneralizedAlpha(0.8, stabilized=False), marks=pytest.mark.slow),
-    ],
+    "scheme", [sc.EnergyMomentum(), sc.GeneralizedAlpha(0.8, stabilized=False)], ids=repr
 )
 def test_true_error_follows_the_tolerance(scheme):
-    """Over three decades in proportion, and of the same size (closed form)."""
-    errors, tolerances = [], [1e-2, 1e-3, 1e-4, 1e-5]
+    """Over two decades in proportion, and of the same size (closed form)."""
+    errors, tolerances = [], [1e-2, 1e-3, 1e-4]
     for tolerance in tolerances:
         control = sc.StepControl(tolerance)
         run = pendulum(), scheme, sc.NullSpace(), control, 1.0
@@ -79,7 +77,7 @@ def test_true_error_follows_the_tolerance(scheme):
 def test_true_error_of_a_beam_follows_the_tolerance():
     """A soft rod in flight, against a scheme of order six."""
     system, end = rubber(), 0.1
-    truth = sc.Composition(sc.Variational(), order=6), sc.NullSpace(), 1e-3, end
+    truth = sc.Composition(sc.Variational(), order=6), sc.NullSpace(), 2e-3, end
     exact = sc.simulate(system, *truth, every=10**6, derive=False)["q"][-1]
     errors, tolerances = [], [1e-2, 1e-3, 1e-4]
     for tolerance in tolerances:
@@ -110,11 +108,11 @@ def test_varying_steps_keep_energy_and_momenta(treatment):
 @pytest.mark.slow
 def test_cheaper_than_equal_steps_where_something_is_short():
     """Closed form: free flight, half a vibration on the cable, free flight back."""
-    end, still = 1.5, 0.5 + np.pi / np.sqrt(4e5)
+    end, still = 0.9, 0.5 + np.pi / np.sqrt(4e5)
     exact, run = 1.0 - (end - still), (caught(), sc.EnergyMomentum(), sc.NullSpace())
     history = sc.simulate(*run, sc.StepControl(1e-2), end, every=10**6, derive=False)
     error = abs(history["q"][-1, 0] - exact)
-    fixed = sc.simulate(*run, end / 1600, end, every=10**6, derive=False)
+    fixed = sc.simulate(*run, end / 960, end, every=10**6, derive=False)
     assert error < 2e-5 < abs(fixed["q"][-1, 0] - exact)
     assert history.meta["step_control"]["iterations"] < fixed.meta["newton_iterations"] / 5
 
@@ -170,21 +168,21 @@ def test_a_controlled_run_goes_on_from_its_history():
 # -- steps of other sizes --------------------------------------------------------------------------
 
 
+ALTERNATING = [
+    *(scheme for scheme in SCHEMES if scheme.order == 2 and scheme.part is None),
+    sc.GeneralizedAlpha(0.3, stabilized=False),
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("treatment", TREATMENTS)
 @pytest.mark.parametrize(
-    "scheme",
-    [
-        *(scheme for scheme in SCHEMES if scheme.order == 2 and scheme.part is None),
-        sc.GeneralizedAlpha(0.3, stabilized=False),
-    ],
-    ids=repr,
+    ("scheme", "treatment"), zip(ALTERNATING, cycle(TREATMENTS.values())), ids=repr
 )
 def test_order_with_alternating_steps(scheme, treatment):
     """Second order although each step is half or twice as long as the one before it."""
     errors = []
     for n in (100, 200):
-        stepper = sc.Stepper(pendulum(), scheme, TREATMENTS[treatment], 1.0 / n)
+        stepper = sc.Stepper(pendulum(), scheme, treatment, 1.0 / n)
         state = sc.initial_state(stepper.system)
         for k in range(2 * n // 3):
             state = stepper.advance(state, h=(1 + k % 2) / n).state
@@ -199,7 +197,7 @@ def test_symplectic_energy_drifts_with_varied_steps_only():
     def energies(varied, scheme):
         stepper, out = sc.Stepper(pendulum(), scheme, sc.NullSpace(), 0.02), []
         state, h = sc.initial_state(stepper.system), None
-        for _ in range(1000):
+        for _ in range(500):
             x, before = state.q[0], state.q
             state = stepper.advance(state, h=h).state
             if varied:  # longer steps on the way out
@@ -271,7 +269,7 @@ def test_bad_control(arguments, words):
 def test_composition_of_energy_momentum_is_controlled():
     """Of order four, energy kept."""
     scheme = sc.Composition(sc.EnergyMomentum())
-    history = sc.simulate(pendulum(), scheme, sc.NullSpace(), sc.StepControl(1e-4), until=2.0)
-    assert np.linalg.norm(history["q"][-1] - swung(2.0)) < 1e-4
+    history = sc.simulate(pendulum(), scheme, sc.NullSpace(), sc.StepControl(1e-4), until=1.0)
+    assert np.linalg.norm(history["q"][-1] - swung(1.0)) < 1e-4
     total = history["energy"] + history["external"]
     assert abs(total - total[0]).max() < 1e-11
