@@ -17,7 +17,7 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat import checks
 from skfem_cosserat.accuracy.run import run_sent
-from skfem_cosserat.warn import Notices, in_words, repeat, sum_up, warn
+from skfem_cosserat.warn import Notices, in_words, warn
 
 SOFT = sc.Section([1e4, 1e4, 1e4, 1e-3, 1e-3, 1e-3], mass=1.0, inertia=(1e-3, 1e-3))
 RUN = sc.EnergyMomentum(), sc.NullSpace(), 1e-3
@@ -206,26 +206,6 @@ def test_steps_of_a_loop_say_it_once():
     with pytest.warns(sc.AccuracyWarning, match="passed a singular position") as given:
         times = [next(reports).state.time for _ in range(60)]  # past two flat positions
     assert len(given) == 1 and given[0].filename == __file__ and len(times) == 60
-
-
-def test_notices():
-    with Notices(quiet=True) as outer, Notices(alone=True, quiet=True) as inner:
-        warn("a", "1 of 2", sc.ModelWarning, 1)
-        warn("a", "3 of 4", sc.ModelWarning)
-        warn("b", "1 of 2", sc.ModelWarning)
-        warn("a", "1 of 2", sc.AccuracyWarning)
-    assert outer.found == []
-    assert [(n["item"], n["text"]) for n in inner.found] == [("a", "1 of 2"), ("b", "1 of 2")] + [
-        ("a", "1 of 2")
-    ]
-    third = Notices()
-    with pytest.warns(sc.CosseratWarning) as given, third:
-        repeat(2 * inner.found, "job 'x', ")
-    assert [str(each.message) for each in given] == [
-        *("job 'x', a, t = 1 s: 1 of 2", "job 'x', b: 1 of 2", "job 'x', a: 1 of 2"),
-    ]
-    with pytest.warns(sc.AccuracyWarning, match="study: 2 of 3 runs .* 'q': job 'x', a: 1 of 2"):
-        sum_up("study", "runs", {"p": [], "q": third.found, "r": inner.found[:1]}, "rows")
 
 
 @pytest.mark.slow
