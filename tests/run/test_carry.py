@@ -65,16 +65,6 @@ def test_common_nodes_keep_their_values(moving, order, marked):
     assert abs(diagnostics.hidden_violation(fine, q, v, history.times)).max() < 1e-11
 
 
-def test_there_and_back(moving):
-    """Halved and taken back all nodes of the coarse mesh are as they were."""
-    mesh, coarse, history = moving
-    fine = frame(mesh.refined(), 2).freeze()
-    there = diagnostics.transfer(coarse, fine, history["q"][-1], history["v"][-1])
-    back = diagnostics.transfer(fine, coarse, *there)
-    np.testing.assert_allclose(back[0], history["q"][-1], rtol=0, atol=1e-13)
-    np.testing.assert_allclose(back[1], history["v"][-1], rtol=0, atol=1e-13)
-
-
 def test_rigid_motion_is_carried_over_exactly():
     """A coarse arc, turned and moving: on the fine mesh it is the same rigid motion."""
     mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 3.0, 2.0, 2, name="arc")

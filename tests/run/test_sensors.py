@@ -50,13 +50,12 @@ def test_sensors_see_every_step(integrator, treatment):
     whole = sc.simulate(system, *run)
     thin = sc.simulate(system, *run, every=20, sensors=sensors_of(rod, pin))
     assert len(thin) == 4 and np.array_equal(thin["q"], whole["q"][::20])
-    tip = rod.node("rod.end")
     force = np.hstack([whole["joint/hinge/force"], whole["joint/hinge/moment"]])
     for name, expected in (
-        ("tip", whole.position(tip)),
+        ("tip", whole.position(rod.node("rod.end"))),
         ("inside", whole.position(rod, s=0.3)),
         ("strain", diagnostics.evaluate(system, rod, whole["q"], *rod.along([0.3])).strain[:, 0]),
-        ("length", np.linalg.norm(whole.position(tip), axis=1)),
+        ("length", np.linalg.norm(whole["q"][:, -12:-9], axis=1)),
         ("force", diagnostics.forces_along(system, whole, rod, [0.3])[:, 0]),
         ("reaction", force),
     ):

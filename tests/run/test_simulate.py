@@ -97,32 +97,6 @@ def test_streamed_history_equals_that_in_memory(full, tmp_path):
             assert np.array_equal(other[name], history[name], equal_nan=True), name
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
-def test_restart_goes_on_as_if_nothing_had_happened(full, treatment, tmp_path):
-    system, integrator, _ = full
-    whole = sc.simulate(system, integrator(), treatment(), 5e-3, 0.1)
-    half = sc.simulate(system, integrator(), treatment(), 5e-3, 0.05)
-    half.save(tmp_path / "half.history")
-    start = sc.restart(system, sc.History.load(tmp_path / "half.history"), integrator(), step=5e-3)
-    rest = sc.simulate(system, integrator(), treatment(), 5e-3, 0.1, start=start)
-    assert rest["step"].tolist() == list(range(10, 21))
-    assert abs(rest["q"] - whole["q"][10:]).max() < 1e-11
-    assert abs(rest["p"][1:] - whole["p"][11:]).max() < 1e-11
-    for other, step in ((sc.EnergyMomentum, 2.5e-3), (sc.Variational, 1e-3)):
-        start = sc.restart(system, half, other(), step)
-        rest = sc.simulate(system, other(), treatment(), step, 0.1, start=start)
-        assert abs(rest["q"][-1] - whole["q"][-1]).max() < 2e-3
-
-
-def test_restart_refuses_another_model(full):
-    _, integrator, history = full
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(1.0))
-    with pytest.raises(sc.HistoryError, match="belongs to another model"):
-        sc.restart(model.freeze(), history, integrator(), 5e-3)
-
-
 @pytest.mark.one_quick
 def test_callbacks_and_progress(full, monkeypatch):
     system, integrator, _ = full
@@ -169,20 +143,6 @@ def test_interrupt_keeps_a_valid_history(full, tmp_path):
     assert np.array_equal(loaded["q"], history["q"][: len(loaded)]) and len(loaded) >= 6
 
 
-def test_error_in_a_callback_leaves_the_file(full, tmp_path):
-    system, integrator, history = full
-
-    def fail(report):
-        if report.state.index == 5:
-            raise KeyError("my own mistake")
-
-    path = tmp_path / "run.history"
-    with pytest.raises(KeyError):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, callbacks=[fail], path=path)
-    loaded = sc.History.load(path)
-    assert np.array_equal(loaded["q"], history["q"][:6])
-
-
 @pytest.mark.slow
 def test_killed_run_is_readable_up_to_the_last_block(tmp_path):
     path = tmp_path / "killed.history"
@@ -222,36 +182,13 @@ def test_diverged_run_leaves_its_history(tmp_path):
         assert np.isfinite(history["q"]).all() and np.isfinite(history["p"]).all()
 
 
-def test_history_file_of_another_kind_or_folder(full, tmp_path):
+def test_a_run_of_one_step_and_bad_recording(full):
     system, integrator, _ = full
-    missing = tmp_path / "nowhere" / "run.history"
-    with pytest.raises(sc.InputError, match="nowhere"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, path=missing)
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("step", 0.0), ("step", -1e-3), ("step", np.nan), ("until", 0.0), ("until", np.inf)],
-)
-def test_bad_times(full, name, value):
-    system, integrator, _ = full
-    arguments = {"step": 5e-3, "until": 0.1, name: value}
-    with pytest.raises(sc.InputError, match=name) as info:
-        sc.simulate(system, integrator(), sc.NullSpace(), **arguments)
-    assert repr(value) in str(info.value)
-
-
-def test_bad_recording(full):
-    system, integrator, _ = full
-    with pytest.raises(sc.InputError, match="every"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, every=0)
-    with pytest.raises(sc.InputError, match="outside"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, at=[0.3])
+    run = system, integrator(), sc.NullSpace()
     with pytest.raises(sc.InputError, match="only one"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, every=2, at=[0.05])
+        sc.simulate(*run, 5e-3, 0.1, every=2, at=[0.05])
     with pytest.raises(sc.InputError, match=r"step: 0\.02 s is longer than the run, 0\.01 s"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 0.02, 0.01)
-    short = sc.simulate(system, integrator(), sc.NullSpace(), 0.01, 0.01)
+        sc.simulate(*run, 0.02, 0.01)
+    short = sc.simulate(*run, 0.01, 0.01)
     assert short.times.tolist() == [0.0, 0.01]
     assert np.isfinite(short["p"]).all()

@@ -146,7 +146,7 @@ def test_states_of_runs_are_accepted(scheme, treatment):
 
 
 def test_what_is_driven_has_to_move():
-    """A state at rest is told of, and an equilibrium as a start moves with the drive."""
+    """A state at rest is told of; an equilibrium as a start moves with the drive."""
     box = sc.RigidBody.box(2.0, (1, 0.1, 0.1), position=(0.5, 0, 0))
     system = hinged(box, lambda link: link.local((-0.5, 0, 0)), angle=0.5)
     run = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.02
