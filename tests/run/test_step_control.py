@@ -108,11 +108,11 @@ def test_varying_steps_keep_energy_and_momenta(treatment):
 @pytest.mark.slow
 def test_cheaper_than_equal_steps_where_something_is_short():
     """Closed form: free flight, half a vibration on the cable, free flight back."""
-    end, still = 0.9, 0.5 + np.pi / np.sqrt(4e5)
+    end, still = 1.5, 0.5 + np.pi / np.sqrt(4e5)
     exact, run = 1.0 - (end - still), (caught(), sc.EnergyMomentum(), sc.NullSpace())
     history = sc.simulate(*run, sc.StepControl(1e-2), end, every=10**6, derive=False)
     error = abs(history["q"][-1, 0] - exact)
-    fixed = sc.simulate(*run, end / 960, end, every=10**6, derive=False)
+    fixed = sc.simulate(*run, end / 1600, end, every=10**6, derive=False)
     assert error < 2e-5 < abs(fixed["q"][-1, 0] - exact)
     assert history.meta["step_control"]["iterations"] < fixed.meta["newton_iterations"] / 5
 
