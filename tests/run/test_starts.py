@@ -126,7 +126,7 @@ def test_configurations_off_the_constraints_are_refused(name):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize(
-    ("scheme", "treatment"), zip(SCHEMES, cycle(TREATMENTS.values())), ids=repr
+    ("scheme", "treatment"), list(zip(SCHEMES, cycle(TREATMENTS.values()))), ids=repr
 )
 def test_states_of_runs_are_accepted(scheme, treatment):
     """Whatever their momenta are: those of the variational scheme are off by O(h)."""
@@ -454,7 +454,7 @@ CONTROLS = {
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize(("control", "treatment"), zip(CONTROLS, cycle(TREATMENTS)))
+@pytest.mark.parametrize(("control", "treatment"), list(zip(CONTROLS, cycle(TREATMENTS))))
 def test_functions_of_time_stand_still_while_loads_grow(control, treatment):
     model = rod(WEIGHT, ("wind", (0, 2.0, 0), lambda t: 1 - 0.5 * t))
     start, _ = bar(model, "crank", (0, 1, 0), (0.5, 1, 0))

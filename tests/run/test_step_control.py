@@ -176,7 +176,7 @@ ALTERNATING = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scheme", "treatment"), zip(ALTERNATING, cycle(TREATMENTS.values())), ids=repr
+    ("scheme", "treatment"), list(zip(ALTERNATING, cycle(TREATMENTS.values()))), ids=repr
 )
 def test_order_with_alternating_steps(scheme, treatment):
     """Second order although each step is half or twice as long as the one before it."""
