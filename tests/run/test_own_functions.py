@@ -117,11 +117,20 @@ OWNERS = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kernels", ["numpy", "numba"])
-@pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.GeneralizedAlpha(0.9)], ids=repr)
-@pytest.mark.parametrize("late", [boom, lambda x: np.asarray(x) * 1j])
+def imaginary(x):
+    return np.asarray(x) * 1j
+
+
+@pytest.mark.one_quick
 @pytest.mark.parametrize("what", OWNERS)
+@pytest.mark.parametrize(
+    ("late", "scheme", "kernels"),
+    [
+        (boom, sc.EnergyMomentum(), "numpy"),
+        (imaginary, sc.EnergyMomentum(), "numba"),
+        (boom, sc.GeneralizedAlpha(0.9), "numba"),
+    ],
+)
 def test_functions_that_fail_are_named_with_the_time_and_the_states_before(
     what, late, scheme, kernels
 ):
@@ -149,8 +158,7 @@ def test_functions_that_fail_are_named_with_the_time_and_the_states_before(
     ("late", "told"),
     [
         (boom, r"for times up to t = 0\.\d+ s it failed: KeyError: 'boom'"),
-        (lambda x: 1j, r"values = (.|\n)* expected real numbers"),
-        (lambda x: [1.0, 2.0], "it failed: ValueError"),
+        (imaginary, r"values = (.|\n)* expected real numbers"),
     ],
 )
 def test_sensors_that_fail_are_named_and_the_states_are_kept(late, told, until):
@@ -176,27 +184,6 @@ def test_sensors_give_one_shape_for_all_instants():
     vars(eye)["values"] = lambda system, window: np.ones((len(window.t), 1 + (window.t[0] > 0)))
     with pytest.raises(sc.InputError, match=r"sensor 'eye': gives values \(2,\), and \(1,\) b"):
         sc.simulate(system, *scheme, 0.5, **run)
-
-
-class TimeOwn:
-    """A function of time that is a class of its own."""
-
-    def value(self, t):
-        return 1.0 if t < LATE else boom()
-
-    def average(self, t0, t1):
-        return self.value(t1)
-
-
-def test_functions_of_time_of_an_own_class_are_named():
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0))
-    model.add("push", sc.LoadForce(ball.place(), (0, 0.1, 0), TimeOwn()))
-    with pytest.raises(
-        sc.InputError, match=r"load 'push': its function of time failed at"
-    ) as caught:
-        sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), STEP, 0.08)
-    assert caught.value.history.times[-1] == pytest.approx(0.06)
 
 
 @pytest.mark.slow

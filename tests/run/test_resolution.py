@@ -128,13 +128,6 @@ def test_what_flies_beside_it_does_not_hide_a_vibration():
     assert any("mass point 'ball'" in text for text in steps_warned(run(model, 0.2)))
 
 
-def test_one_jolt_does_not_count():
-    model = spinning(0.0)
-    pulse = sc.Table([0.0, 0.001, 0.002], [0.0, 1.0, 0.0])
-    model.add("blow", sc.LoadForce(model["wheel"].at((0, 0, 0)), (100.0, 0, 0), pulse))
-    assert not steps_warned(run(model, 0.01))
-
-
 COMPOSED = sc.Composition(sc.EnergyMomentum())
 
 
@@ -202,7 +195,7 @@ def said(history):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("E", "radius", "seed", "h"),
-    [(1e5, 0.01, 1, 0.036), (1e5, 0.01, 5, 0.036), (1e5, 0.03, 4, 0.036), (1e6, 0.01, 4, 0.02)],
+    [(1e5, 0.01, 1, 0.036), (1e6, 0.01, 4, 0.02)],
 )
 def test_a_step_with_two_solutions_is_told(E, radius, seed, h):
     """Each treatment finds another one, each with its energy in balance: both runs tell."""
@@ -226,22 +219,6 @@ def test_with_short_steps_the_same_ring_has_one_solution():
     assert abs(runs[0]["q"] - runs[1]["q"]).max() < 1e-9
     for run in runs:
         assert not run["doubtful_step"].any() and not said(run)
-
-
-@pytest.mark.slow
-def test_two_halves_of_a_step_do_not_tell():
-    """An ordinary rod at 0.04 s: halves are far off, yet there is one solution only."""
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
-    rubber = sc.SectionCircle(0.02, sc.Material(E=1e7, nu=0.4, rho=1200.0))
-    model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, rubber, director=(0, 0, 1)))
-    place = sc.ground((0, 0, 0)), rod.node("rod.start")
-    model.add("hinge", sc.JointRevolute(*place, axis=(0, 0, 1)))
-    model.add("weight", sc.LoadGravity((0, -9.81, 0)))
-    a, b = by_both(model, 0.04, 15)
-    halves, _ = by_both(model, 0.02, 30, every=2)
-    assert abs(a["q"] - b["q"]).max() < 1e-10 and abs(a["q"] - halves["q"]).max() > 1e-2
-    assert not a["doubtful_step"].any() and not said(a)
 
 
 @pytest.mark.slow
@@ -315,22 +292,16 @@ def test_parts_of_composed_steps_have_iterations_of_their_own():
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("tolerance", [None, 1.0])
-def test_a_run_that_a_callback_ends_by_an_error_has_numbers_of_its_steps(tolerance):
+def test_a_run_that_a_callback_ends_by_an_error_has_numbers_of_its_steps():
     """And its warnings, in its history alone: the error is what is said."""
 
     def fail(report):
         if report.state.index == 20:
             raise LookupError("no more")
 
-    step = 1.0 if tolerance is None else sc.StepControl(tolerance, first=0.5, largest=0.5)
-    run = spinning(1.0), sc.EnergyMomentum(), sc.NullSpace(), step, 60.0
     with pytest.raises(LookupError, match="no more") as caught:
-        sc.simulate(*run, callbacks=[fail], kernels="numpy")
+        run(spinning(1.0), 1.0, callbacks=[fail])
     history = caught.value.history
     assert history.status == "failed" and history["step"][-1] == 20
-    if tolerance is None:
-        assert history.meta["steps"]["turn"] == pytest.approx(0.93, abs=0.01)
-        assert len(steps_warned(history)) == 1
-    else:
-        assert history.meta["steps"] == {"elements": 0.0} and "step_control" in history.meta
+    assert history.meta["steps"]["turn"] == pytest.approx(0.93, abs=0.01)
+    assert len(steps_warned(history)) == 1

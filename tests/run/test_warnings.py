@@ -17,7 +17,7 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat import checks
 from skfem_cosserat.accuracy.run import run_sent
-from skfem_cosserat.warn import Notices, in_words, repeat, sum_up, warn
+from skfem_cosserat.warn import Notices, in_words, warn
 
 SOFT = sc.Section([1e4, 1e4, 1e4, 1e-3, 1e-3, 1e-3], mass=1.0, inertia=(1e-3, 1e-3))
 RUN = sc.EnergyMomentum(), sc.NullSpace(), 1e-3
@@ -208,26 +208,6 @@ def test_steps_of_a_loop_say_it_once():
     assert len(given) == 1 and given[0].filename == __file__ and len(times) == 60
 
 
-def test_notices():
-    with Notices(quiet=True) as outer, Notices(alone=True, quiet=True) as inner:
-        warn("a", "1 of 2", sc.ModelWarning, 1)
-        warn("a", "3 of 4", sc.ModelWarning)
-        warn("b", "1 of 2", sc.ModelWarning)
-        warn("a", "1 of 2", sc.AccuracyWarning)
-    assert outer.found == []
-    assert [(n["item"], n["text"]) for n in inner.found] == [("a", "1 of 2"), ("b", "1 of 2")] + [
-        ("a", "1 of 2")
-    ]
-    third = Notices()
-    with pytest.warns(sc.CosseratWarning) as given, third:
-        repeat(2 * inner.found, "job 'x', ")
-    assert [str(each.message) for each in given] == [
-        *("job 'x', a, t = 1 s: 1 of 2", "job 'x', b: 1 of 2", "job 'x', a: 1 of 2"),
-    ]
-    with pytest.warns(sc.AccuracyWarning, match="study: 2 of 3 runs .* 'q': job 'x', a: 1 of 2"):
-        sum_up("study", "runs", {"p": [], "q": third.found, "r": inner.found[:1]}, "rows")
-
-
 @pytest.mark.slow
 def test_jobs_keep_theirs_and_they_are_said_with_the_name():
     jobs = [sc.Job(f"pull {pull}", swung, pull) for pull in (1e-3, 100.0)]
@@ -276,7 +256,7 @@ def test_studies_sum_them_up():
 @pytest.mark.slow
 def test_a_time_that_is_no_multiple_of_the_step():
     model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
+    model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
     system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
     with pytest.warns(sc.AccuracyWarning) as given:
         history = sc.simulate(system, *scheme, 0.3, until=1.0)
@@ -294,33 +274,6 @@ def test_a_time_that_is_no_multiple_of_the_step():
     start = sc.restart(system, history, scheme[0], 0.3)  # at 0.7 s
     with pytest.warns(sc.AccuracyWarning, match=r"step = 0.25, which makes 2 steps"):
         sc.simulate(system, *scheme, 0.3, until=1.2, start=start)
-
-    def run(step):
-        return sc.simulate(system, *scheme, step, until=1.0).position(ball.place())[-1]
-
-    with pytest.warns(sc.AccuracyWarning, match=r"1 of 2 levels .* 'step = 0.3': argument until"):
-        study = sc.refine(run, step=(0.3, 0.25))
-    assert study.rows[0]["warnings"].startswith("argument until")
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*may have several solutions")
-def test_frames_that_turn_far_in_a_step():
-    """Bounded, but nothing that follows the motion; twenty steps a turn are none of these."""
-    model = sc.Model()
-    arm = model.add("arm", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, -0.5)))
-    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), arm.at((0, 0, 0)), axis=(1, 0, 0)))
-    system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
-    start = sc.initial_state(system, rates={"pin": 2 * np.pi})
-    with pytest.warns(sc.AccuracyWarning, match=r"put the rigid body 'arm' off by some \d+ %"):
-        history = sc.simulate(system, *scheme, 0.25, 2.0, start=start)
-    several, notice = history.meta["warnings"]
-    assert "may have several solutions" in several["text"]
-    assert notice["item"] == "argument step" and notice["time"] > 0
-    with pytest.warns(sc.AccuracyWarning, match="'arm' turns by"):  # of few steps all
-        sc.simulate(system, *scheme, 0.25, 0.5, start=start, derive=False)
-    for step in (0.05, sc.StepControl(1e-2)):
-        assert sc.simulate(system, *scheme, step, 2.0, start=start).meta["warnings"] == []
 
 
 def test_warnings_that_name_different_things_are_different():
