@@ -9,10 +9,8 @@ import pytest
 
 pytest.importorskip("numba")
 
-import numba
 from numba import njit, typeof
 
-from skfem_cosserat.compiled.jit import inlined
 from skfem_cosserat.compiled.structures import Kind, Structure
 
 NAMES = ("a", "count", "on", "off", "x", "N", "k")
@@ -72,26 +70,3 @@ def test_arrays_with_gaps_and_other_fields_are_refused() -> None:
         Structure("sample", ("a",), (np.zeros((4, 4))[:, ::2],))
     with pytest.raises(TypeError, match="no field of type"):
         Structure("sample", ("a",), ("text",))
-
-
-@pytest.mark.slow
-def test_functions_of_others_compile_as_ever() -> None:
-    """Closures, arrays and exceptions work beside kernels."""
-
-    @inlined
-    def twice(x: float) -> float:
-        return x + x
-
-    @numba.njit
-    def users(a: Any, n: int) -> Any:
-        def shifted(x: Any) -> Any:
-            return x + n
-
-        if n < 0:
-            raise ValueError(n)
-        return shifted(a) * np.array([k + 1.0 for k in range(len(a))])
-
-    assert njit(lambda x: twice(x))(1.5) == 3.0  # noqa: PLW0108
-    assert users(np.ones(3), 1).tolist() == [2.0, 4.0, 6.0]
-    with pytest.raises(ValueError, match="-1"):
-        users(np.ones(3), -1)
