@@ -233,3 +233,14 @@ print(sc.simulate(model.freeze(), *run, kernels="numba")["q"][-1])
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     assert run().stdout == first
     assert run().stdout == first
+
+
+@pytest.mark.slow
+def test_kernels_are_compiled_ahead(capsys):
+    """By `python -m skfem_cosserat warm`, for beams of the orders that are asked for."""
+    from skfem_cosserat.__main__ import main
+
+    assert main(["warm"]) == 0 and capsys.readouterr().out == "kernels are compiled\n"
+    assert not kept.cold("step", "solve") and not kept.cold("tree", "begin")
+    with pytest.raises(SystemExit):
+        main(["warm", "--orders", "high"])
