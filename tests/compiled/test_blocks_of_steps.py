@@ -158,22 +158,6 @@ def test_sensors_see_each_of_many_steps(blocks, every):
     assert len(many.sensors["place"].values) == 301
 
 
-def test_a_sensor_that_writes_changes_nothing_else(blocks):
-    """It gets arrays of its own."""
-    system = scene(MORE["nothing"][0])
-    given = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.05
-
-    def own(system, q, t):
-        q[:] = 0.0
-        return q[:, :1]
-
-    for more in ({}, {"callbacks": [lambda report: None]}):
-        history, _ = run(*given, sensors={"own": sc.SensorQuantity(own)}, **more)
-        np.testing.assert_array_equal(history["q"][0], system.q0)
-        np.testing.assert_array_equal(history["q"], run(*given)[0]["q"])
-    assert blocks
-
-
 def test_rows_are_kept_where_a_sensor_raises(blocks, tmp_path):
     def own(system, q, t):
         if t[-1] > 0.06:
@@ -356,24 +340,6 @@ def add_known_drive(model, rod, pin, end):
     model.add("strut", sc.SpringDamper(wheel.at((0, 1, 0.1)), bob.place(), 1.0, damping=0.01))
 
 
-def add_driven_loop(model, rod, pin, end):
-    """A motor of a four-bar linkage beside the rod."""
-    bars = [
-        model.add(f"bar {k}", sc.RigidBody(0.1, (1e-3, 1e-3, 1e-3), position=x))
-        for k, x in enumerate(((0, 2, 0.5), (0.5, 2, 1), (1, 2, 0.5)))
-    ]
-    places = (0, 2, 0), (0, 2, 1), (1, 2, 1), (1, 2, 0)
-    sides = [sc.ground(places[0]), bars[0].at(places[0])]
-    crank = model.add("crank", sc.JointRevolute(*sides, axis=(0, 1, 0)))
-    for k in (1, 2):
-        sides = [bars[k - 1].at(places[k]), bars[k].at(places[k])]
-        model.add(f"pin {k}", sc.JointRevolute(*sides, axis=(0, 1, 0)))
-    model.add(
-        "pin 3", sc.JointRevolute(sc.ground(places[3]), bars[2].at(places[3]), axis=(0, 1, 0))
-    )
-    model.add("drive", sc.JointDrive(crank, lambda t: t**2))
-
-
 def add_viscous(model, rod, pin, end):
     """A second rod, whose sections are viscous."""
     mesh = sc.MeshCurve.init_line((0, 1, 0), (1, 1, 0), 5, name="other")
@@ -429,14 +395,12 @@ CHANGING = "loads of all kinds that change"
 WORKING = {
     "loads that change": (MORE[CHANGING][0], 0.12, "work_loads", 1e-4),
     "known loads": (add_known, 0.12, "work_loads", 1e-6),
-    "known forces": (add_over, 0.12, "work_loads", 1e-6),
     "springs": (add_springs, 0.12, "dissipated", 1.0),
     "viscous sections": (add_viscous, 0.09, "dissipated", 1e-6),
     "motors": (add_motors, 0.078, "work_actuators", 1e-3),
     "known motors": (add_known_motors, 0.078, "work_actuators", 1e-6),
     "drives": (add_driven, 0.06, "work_drives", 1e-3),
     "a known drive": (add_known_drive, 0.06, "work_drives", 1e-3),
-    "a driven loop": (add_driven_loop, 0.06, "work_drives", 1e-6),
 }
 #: each scheme with each treatment, each in one of these scenes
 CASES = [
@@ -515,27 +479,6 @@ def test_a_class_of_a_user_is_asked_step_by_step(blocks):
     ) as info:
         sc.simulate(*given, kernels="numba", derive=False)
     assert len(info.value.history) == 51 and 45 < sum(blocks) <= 50
-
-
-def test_a_load_that_fails_once_is_heard(blocks):
-    """It was asked ahead, and would answer when its step comes."""
-    failures = []
-
-    def force(t):
-        if t > 0.05 and not failures:
-            failures.append(t)
-            raise ConnectionError("no wind today")
-        return t
-
-    def add(model, rod, pin, end):
-        model.add("f", sc.LoadForce(end, (0, 0.1, 0), force))
-
-    with pytest.raises(sc.InputError, match="no wind today"):
-        sc.simulate(
-            *(scene(add), sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.1), kernels="numba",
-            derive=False,
-        )  # fmt: skip
-    assert blocks and len(failures) == 1
 
 
 def test_steppers_are_not_copied():

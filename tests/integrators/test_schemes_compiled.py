@@ -79,18 +79,8 @@ def plane() -> sc.System:
     return model.freeze(planar=sc.Planar())
 
 
-def plane_with_follower() -> sc.System:
-    model, tip = arm(planar=True)
-    model.add("push", sc.LoadForce(tip, (1.0, 2.0, 0.0), sc.Harmonic(1.0, 3.0), follower=True))
-    return model.freeze(planar=sc.Planar())
-
-
 def inextensible() -> sc.System:
     return arm(sc.TheoryInextensible())[0].freeze()
-
-
-def unshearable() -> sc.System:
-    return arm(sc.TheoryKirchhoff())[0].freeze()
 
 
 def loop() -> sc.System:
@@ -121,30 +111,9 @@ def springs() -> sc.System:
     return model.freeze()
 
 
-def cable() -> sc.System:
-    """It gets slack and tight."""
-    model, tip = arm()
-    model.add("cable", sc.Cable(sc.ground((1, 1, -1)), tip, 30.0, damping=0.5))
-    return model.freeze()
-
-
-def bushing() -> sc.System:
-    model, tip = arm()
-    shake = sc.Motion(displacement=lambda t: (0.1 * np.sin(3 * t) ** 2, 0.0, 0.0))
-    model.add("mount", sc.Bushing(sc.ground((1.2, 0.02, 0), shake), tip, 5.0, 0.2))
-    model.add("coil", sc.JointSpringDamper(model["hinge"], stiffness=5.0, damping=0.2))
-    return model.freeze()
-
-
 def own_load() -> sc.System:
     model, tip = arm()
     model.add("pull", LoadPull(tip))
-    return model.freeze()
-
-
-def drag() -> sc.System:
-    model, _ = arm()
-    model.add("drag", sc.RayleighDamping(mass=0.5))
     return model.freeze()
 
 
@@ -169,8 +138,8 @@ def loose() -> sc.System:
     return model.freeze()
 
 
-TREES = [loose, tree, plane, plane_with_follower, springs, cable, bushing, own_load, drag, viscous]
-NULL_SPACE_ONLY = [inextensible, unshearable, loop, driven_loop]
+TREES = [loose, tree, plane, springs, own_load, viscous]
+NULL_SPACE_ONLY = [inextensible, loop, driven_loop]
 PAIRS = [(scene, treatment) for scene in TREES for treatment in (NULL, MULTIPLIERS)]
 PAIRS += [(scene, NULL) for scene in NULL_SPACE_ONLY]
 #: each scheme with each treatment, and each scene with one scheme of each kind in turn
