@@ -30,7 +30,6 @@ from helpers_scenes import (
     lattice,
     lattice_mesh,
     random_tree,
-    swing,
 )
 from rounding import EPS, ROOM, nudged
 
@@ -178,22 +177,6 @@ def test_kept_factors_lead_to_the_same_motion(make, order, integrator, treatment
         assert run["constraint_violation"].max() < 1e-12
         if integrator == "energy-momentum":
             assert abs(run["energy_balance"]).max() < 1e-10 * abs(run["energy"]).max()
-
-
-@pytest.mark.one_quick
-@integrators
-def test_kept_factors_of_the_swing_with_multipliers(integrator):
-    """Through kept factors and from better starts the same motion, with few factorisations."""
-    system = swing(20)
-    plain, compiled = both(system, integrator, "multipliers", 1e-2, 0.3, sc.initial_state(system))
-    assert_same(plain, compiled)
-    kept = sc.simulate(
-        system, INTEGRATORS[integrator], sc.Multipliers(), 1e-2, 0.3, derive=False, kernels="numba"
-    )
-    assert abs(kept["q"] - plain["q"]).max() < 1e-10
-    force = plain["constraint_force"][:-1]
-    assert abs(kept["constraint_force"][:-1] - force).max() < 1e-6 * abs(force).max()
-    assert kept.meta["factorisations"] < 0.8 * compiled.meta["factorisations"]
 
 
 @integrators

@@ -58,13 +58,6 @@ def test_products(name):
         assert np.array_equal(X[others], kept)
 
 
-def test_transposed_in_place():
-    X = random_blocks(0, 2)
-    kept = X.copy()
-    called(algebra.transpose)(X, 1)
-    assert np.array_equal(X, [kept[0], kept[1].T])
-
-
 @pytest.mark.slow
 def test_positive_definite_blocks_take_no_exchange(inverses):
     """With small skew parts, in any units of rows and columns."""

@@ -9,9 +9,9 @@ import pytest
 
 pytest.importorskip("numba")
 
-from numba import njit, typeof
+from numba import njit
 
-from skfem_cosserat.compiled.structures import Kind, Structure
+from skfem_cosserat.compiled.structures import Structure
 
 NAMES = ("a", "count", "on", "off", "x", "N", "k")
 
@@ -51,18 +51,6 @@ def test_kernels_read_and_write_what_python_has() -> None:
     wanted = [a[1, 2, 3], a.shape[1], a.size, 5, 1, 0, -0.1, 0.25, 0.75, 1.5, -2.0, k[0], len(k)]
     assert out.tolist() == wanted
     assert a[0, 0, 1] == 7.0  # shared, not copied
-
-
-def test_kinds_depend_on_fields_and_types_on_kinds() -> None:
-    s, other = made()[0], Structure("sample", ("a",), (np.zeros(3),))
-    assert made()[0].kind is s.kind and typeof(made()[0]) is typeof(s)
-    assert other.kind.name != s.kind.name and typeof(other) != typeof(s)
-    flat = Structure("sample", ("a",), (np.zeros(3, dtype=np.int64),))
-    named = Structure("sample", ("b",), (np.zeros(3),))
-    kinds = [each.kind for each in (s, other, flat, named, Structure("other", ("a",), (1.0,)))]
-    assert len({kind.name for kind in kinds}) == 5
-    # the same name in any process: it tells files of kernels apart
-    assert Kind("sample", dict(s.kind.fields)).name == s.kind.name
 
 
 def test_arrays_with_gaps_and_other_fields_are_refused() -> None:

@@ -18,7 +18,6 @@ from test_blocks_of_steps import (
 from test_events import swinging_rod
 
 import skfem_cosserat as sc
-from skfem_cosserat import Stepper
 from skfem_cosserat.run.events import comes_near
 
 from helpers_kernels import INTEGRATORS, TREATMENTS  # isort: skip
@@ -148,22 +147,6 @@ def test_loads_that_change_are_those_of_steps_that_are_solved_anew(blocks, integ
         *(sc.Event(sc.ConditionTime(t), name=f"at {t}") for t in (0.0101, 0.05, 0.0777)),
     ]
     assert_the_same_events(blocks, *given, events=events, least=4)
-
-
-@pytest.mark.parametrize("name", ["nothing", CHANGING])
-def test_a_stepper_goes_on_from_within_a_block(name):
-    """As one that has not solved the steps behind, but for what Newton's method begins with."""
-    system = scene(MORE[name][0])
-    own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
-    one, many = (Stepper(*own, kernels="numba") for _ in range(2))
-    alone = start = sc.initial_state(system)
-    state = many.advance_block(start, 20)[6].state
-    for k in range(12):
-        alone = one.advance(alone).state
-        if k >= 7:
-            state = many.advance(state).state
-    np.testing.assert_allclose(state.q, alone.q, atol=1e-10)
-    np.testing.assert_allclose(state.p, alone.p, atol=1e-10 * abs(alone.p).max() / 1e-3)
 
 
 def test_a_number_that_only_dips_below_zero(blocks):

@@ -161,20 +161,6 @@ def test_second_order_in_position_and_velocity(order):
         assert abs(orders - 2).max() < 0.1, name
 
 
-@pytest.mark.slow
-def test_lumped_and_consistent_mass_meet_under_refinement():
-    tips = []
-    for n in (4, 8, 16):
-        ends = []
-        for lumped in (True, False):
-            system = pendulum(n, 1, RUBBER, lumped)
-            h = run(system, sc.EnergyMomentum(), 4e-3, 0.2, every=50, derive=False)
-            ends.append(h["q"][-1][system.offset(system.structures[0].node("rod.end")) :][:3])
-        tips.append(np.linalg.norm(ends[0] - ends[1]))
-    orders = np.log2(np.divide(tips[:-1], tips[1:]))
-    assert abs(orders - 2).max() < 0.3
-
-
 # -- what is conserved -----------------------------------------------------------------------------
 
 

@@ -771,21 +771,6 @@ def test_compositions_with_dampers():
     assert energy[-1] > 10 * energy[0]
 
 
-# parts along the constraints are what the warning is about
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
-def test_parts_of_the_momentum_along_constraints_do_not_move_the_variational_scheme():
-    """So that stabilising it changes no motion: (q, p) and (q, Qp) start the same one."""
-    system, start = double_pendulum()
-    G = system.constraints.jacobian(system.extend(start.q, 0.0))
-    off = start.p + G.T @ np.random.default_rng(1).standard_normal(system.m)
-    runs = [
-        sc.simulate(system, sc.Variational(), NULL, 0.01, 0.2, start=sc.State(0.0, 0, start.q, p))
-        for p in (start.p, off)
-    ]
-    assert runs[1]["q"] == pytest.approx(runs[0]["q"], abs=1e-10)
-    assert runs[1]["Qp"][1:] == pytest.approx(runs[0]["Qp"][1:], abs=1e-8)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
 def test_stabilized_variational_scheme_is_the_plain_one_with_momenta_projected(treatment):
