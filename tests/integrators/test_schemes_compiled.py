@@ -254,7 +254,7 @@ def test_works_of_steps_that_are_not_recorded(scheme):
 
 ALPHA = [sc.GeneralizedAlpha(0.8), sc.GeneralizedAlpha(0.8, stabilized=False)]
 alphas = pytest.mark.parametrize(
-    ("scheme", "treatment"), zip(ALPHA, (NULL, MULTIPLIERS), strict=True), ids=repr
+    ("scheme", "treatment"), [(ALPHA[0], NULL), (ALPHA[1], MULTIPLIERS)], ids=repr
 )
 
 
