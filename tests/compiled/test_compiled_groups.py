@@ -11,12 +11,10 @@ from helpers_kernels import (
     both,
     integrators,
     treatments,
-    with_kept_factors,
 )
 from helpers_scenes import full_section
 
 import skfem_cosserat as sc
-from skfem_cosserat.integrators.compiled_step import CompiledStep
 
 pytest.importorskip("numba")
 
@@ -67,9 +65,10 @@ def test_runs(integrator, treatment):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("damped", [(0, 1), (1,)])
-@treatments
-@integrators
+@pytest.mark.parametrize(
+    ("integrator", "treatment", "damped"),
+    [("variational", "multipliers", (0, 1)), ("energy-momentum", "null space", (1,))],
+)
 def test_viscous_sections(integrator, treatment, damped):
     """Of all groups, or of some; what they take is counted."""
     system = joined(damped=damped)
@@ -77,37 +76,6 @@ def test_viscous_sections(integrator, treatment, damped):
     assert_same_in_steps_of_other_sizes(system, integrator, treatment)
 
 
-@integrators
-def test_kept_factors(integrator):
-    whole, kept = with_kept_factors(joined((1, 2)), integrator, "null space", 1e-3, 0.05)
-    assert kept["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-9)
-    assert kept.meta["factorisations"] < 0.4 * whole.meta["factorisations"]
-
-
-@pytest.mark.slow
-def test_equilibria():
-    system = joined(held=True)
-    plain, compiled = (
-        sc.static(system, control=sc.LoadControl(0.2, longest=0.05), kernels=kernels)
-        for kernels in ("numpy", "numba")
-    )
-    assert (plain.meta["kernels"], compiled.meta["kernels"]) == ("numpy", "numba")
-    assert plain["newton_iterations"].tolist() == compiled["newton_iterations"].tolist()
-    assert abs(plain["q"] - compiled["q"]).max() < 1e-11
-
-
 @pytest.mark.slow
 def test_all_orders():
     assert_same(*both(joined((3, 1, 4, 2)), "energy-momentum", "null space", 2e-3, 0.04))
-
-
-@pytest.mark.parametrize("tied", [True, False])
-def test_steps_are_compiled_once_for_whatever_groups(tied):
-    """Their loop knows no orders: the type of what it takes is the same."""
-    from numba import typeof
-
-    scenes = joined((1, 2)), joined((2, 1), damped=(0,)), joined((1, 2, 1))
-    own = sc.EnergyMomentum(), 1e-3, sc.NewtonSettings()
-    kinds = [s.joint_coordinates if tied else s.vertex_coordinates for s in scenes]
-    made = [CompiledStep(each, *own) for each in kinds]
-    assert len({typeof(fast._all[-2]) for fast in made}) == 1

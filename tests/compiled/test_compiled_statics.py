@@ -46,8 +46,9 @@ SCENES = {
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("spin", [None, SPIN], ids=["rest", "turning"])
-@pytest.mark.parametrize("make", SCENES.values(), ids=SCENES)
+@pytest.mark.parametrize(
+    ("make", "spin"), [*((make, None) for make in SCENES.values()), (mobile, SPIN)]
+)
 def test_residual_and_increments_at_a_random_state(make, spin):
     """Far from equilibrium: loads, ground and target in the border, then predicted stresses."""
     system, t = make(2), 0.7
@@ -91,8 +92,9 @@ def test_residual_and_increments_at_a_random_state(make, spin):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("theory", [sc.TheoryKirchhoff(), sc.TheoryInextensible(torsion=False)])
+@pytest.mark.parametrize(
+    ("order", "theory"), [(1, sc.TheoryKirchhoff()), (2, sc.TheoryInextensible(torsion=False))]
+)
 def test_equilibria_with_held_strains(theory, order):
     """Their rows are among the unknowns of kernels, those of numpy fulfil them by themselves."""
     model = cantilever(theory, order, 4, load=(0, 30.0, 20.0))

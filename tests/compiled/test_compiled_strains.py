@@ -23,7 +23,7 @@ from skfem_cosserat.strain import strain_table
 # linear elements are bent too far; formulas hold all the same
 pytestmark = pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 
-orders = pytest.mark.parametrize("order", [1, 2, 3, 4])
+orders = pytest.mark.parametrize("order", [1, 3])
 
 
 class Expected(NamedTuple):

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers_kernels import INTEGRATORS, TREATMENTS, integrators, treatments
 from helpers_scenes import (
     FULL,
     TENSOR,
@@ -20,11 +21,7 @@ from scipy.sparse import csr_matrix
 import skfem_cosserat as sc
 from skfem_cosserat import Projection, diagnostics
 
-TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
-INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 SHARP = sc.NewtonSettings(increment=1e-17)
-treatments = pytest.mark.parametrize("treatment", TREATMENTS)
-integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 
 
 def section():
@@ -109,10 +106,15 @@ def null_space(system, q, t):
 
 
 @pytest.mark.slow
-@treatments
 @pytest.mark.parametrize(
-    ("scene", "step", "until"),
-    [("swing", 1e-2, 0.5), ("chain", 1e-2, 0.5), ("everything", 5e-3, 0.1), ("free", 1e-2, 0.4)],
+    ("scene", "step", "until", "treatment"),
+    [
+        ("swing", 1e-2, 0.5, "null space"),
+        ("chain", 1e-2, 0.5, "multipliers"),
+        ("everything", 5e-3, 0.1, "null space"),
+        ("everything", 5e-3, 0.1, "multipliers"),
+        ("free", 1e-2, 0.4, "multipliers"),
+    ],
 )
 def test_both_legendre_transforms_are_equal(scene, step, until, treatment):
     """To 1e-12 of the largest momentum; also with the force made of multipliers, G^T lambda."""
@@ -223,6 +225,8 @@ def test_transforms_where_a_run_goes_on():
     minus, plus = diagnostics.legendre_transforms(system, second)
     assert abs(minus - plus)[:-1].max() < 1e-12 * abs(second["p"]).max()
     assert abs(minus - whole["p"][10:])[:-1].max() < 1e-11 * abs(second["p"]).max()
+    minus, plus = diagnostics.legendre_transforms(system, second.truncated(1))
+    assert minus.shape == (1, system.n) and np.isnan(minus).all() and np.isnan(plus).all()
 
 
 @pytest.mark.slow
@@ -244,16 +248,6 @@ def test_transforms_with_springs_and_dampers():
     minus, plus = diagnostics.legendre_transforms(system, history)
     assert abs(history["turns"]).max() == 3
     assert abs(minus - plus)[1:-1].max() < 1e-12 * abs(history["p"]).max()
-    start = sc.restart(system, history.truncated(150), sc.Variational(), 0.005)
-    again = sc.simulate(system, *run, 1.0, start=start)
-    assert abs(again["q"][-1] - history["q"][-1]).max() < 1e-11
-
-
-def test_transforms_of_a_run_that_ends_early_or_at_once():
-    system = system_of("chain")
-    history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1)
-    minus, plus = diagnostics.legendre_transforms(system, history.truncated(1))
-    assert minus.shape == (1, system.n) and np.isnan(minus).all() and np.isnan(plus).all()
 
 
 def test_transforms_refuse_other_histories():
@@ -298,15 +292,6 @@ def test_null_space_form_on_random_trees(seed):
     q, p, t = random_case(system, seed)
     v, w = (Projection(system, method)(q, p, t)[0] for method in ("saddle-point", "reduced"))
     assert abs(v - w).max() < 1e-11 * abs(v).max()
-
-
-def test_driven_velocity_is_not_that_of_ground_at_rest():
-    """The part g_t counts: at t = 0 another velocity comes out than at t = 0.4."""
-    system = system_of("everything")
-    q, p, _ = random_case(system, 0, 0.4)
-    v = Projection(system)(q, p, 0.4)[0]
-    assert diagnostics.hidden_violation(system, q, v, 0.4) < 1e-12 * abs(v).max()
-    assert diagnostics.hidden_violation(system, q, v, 0.0) > 1e-2
 
 
 def beam_on_ground(joint=None):
@@ -450,9 +435,8 @@ def test_closed_loops(scene, treatment):
     """With and without redundant rows: the same statements as for trees."""
     system = scene().freeze()
     start = sc.initial_state(system, nu=np.linspace(1, 2, system.unknowns))
-    history = sc.simulate(
-        system, sc.Variational(), TREATMENTS[treatment], 0.01, 0.3, start=start, settings=SHARP
-    )
+    run = system, sc.Variational(), TREATMENTS[treatment], 0.01, 0.15
+    history = sc.simulate(*run, start=start, settings=SHARP)
     q, p, t = history["q"], history["p"], history.times
     minus, plus = diagnostics.legendre_transforms(system, history)
     assert abs(minus - plus)[1:-1].max() < 1e-12 * abs(p).max()
@@ -461,14 +445,14 @@ def test_closed_loops(scene, treatment):
     force = np.array([system.constraints.jacobian(row).T @ lam for row, lam in pairs])
     assert abs(force - history["constraint_force"])[1:-1].max() < 1e-10 * abs(force).max()
     v = Projection(system).stack(q, p, t)[0]
-    w = Projection(system, "reduced").stack(q, p, t)[0]
-    assert abs(v - w).max() < 1e-12 * abs(v).max()
+    pi = diagnostics.reduced_momentum(system, q, p, t)
+    for other in (
+        Projection(system, "reduced").stack(q, p, t)[0],
+        diagnostics.velocity_from_reduced(system, q, pi, t),
+    ):
+        assert abs(other - v).max() < 1e-12 * abs(v).max()
     assert diagnostics.hidden_violation(system, q, v, t).max() < 1e-12 * abs(v).max()
     assert diagnostics.momentum_violation(system, q, p, t)[1:].max() > 1e-7 * abs(v).max()
-    pi = diagnostics.reduced_momentum(system, q, p, t)
-    back = diagnostics.velocity_from_reduced(system, q, pi, t)
-    assert abs(back - v).max() < 1e-12 * abs(v).max()
-    assert abs(q[-1] - q[0]).max() > 0.1
 
 
 # -- reduced momenta and velocities ----------------------------------------------------------------
@@ -509,8 +493,6 @@ def test_reduced_momentum_and_back(scene):
     assert abs(of_projected - pi).max() < 1e-12 * abs(p).max()
     back = diagnostics.velocity_from_reduced(system, q, pi, 0.2)
     assert abs(back - v).max() < 1e-12 * abs(v).max()
-    one = diagnostics.velocity_from_reduced(system, q[0], pi[0], 0.2)
-    assert abs(one - back[0]).max() == 0
     with pytest.raises(sc.InputError, match=r"argument reduced.*shape"):
         diagnostics.velocity_from_reduced(system, q[0], pi[0][1:], 0.2)
 
@@ -549,12 +531,7 @@ def test_driven_joint():
     assert abs(start.p - diagnostics.momentum(system, v)).max() < 1e-14
     history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.3, start=start)
     q, p, t = history["q"], history["p"], history.times
-    minus, plus = diagnostics.legendre_transforms(system, history)
-    assert abs(minus - plus)[1:-1].max() < 1e-12 * abs(p).max()
     one = Projection(system).stack(q, p, t)[0]
-    two = Projection(system, "reduced").stack(q, p, t)[0]
-    assert abs(one - two).max() < 1e-12 * abs(one).max()
-    assert diagnostics.hidden_violation(system, q, one, t).max() < 1e-12 * abs(one).max()
     rate = np.cos(2 * t)[:, None] * axis
     assert abs(one[:, :3] - np.cross(rate, q[:, :3])).max() < 1e-9
 
@@ -574,18 +551,6 @@ def test_start_from_reduced_velocities():
     assert abs(history["v"][0] - v).max() < 1e-11 * abs(v).max()
 
 
-def test_start_from_a_reduced_velocity_at_another_configuration():
-    """A door that is open: the hinge's rate is nu."""
-    model = sc.Model()
-    door = model.add("door", sc.RigidBody.box(1.0, (1, 0.1, 2), position=(0.5, 0, 0)))
-    model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), door.at((0, 0, 0)), (0, 0, 1.0)))
-    system = model.freeze()
-    q = random_state(system, np.random.default_rng(2), size=3.0)
-    start = sc.initial_state(system, q, nu=[2.0])
-    assert abs(start.p[:3] - np.cross((0, 0, 2.0), q[:3])).max() < 1e-14
-    assert abs(q[:3] - system.q0[:3]).max() > 0.1
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -593,7 +558,6 @@ def test_start_from_a_reduced_velocity_at_another_configuration():
         ({"nu": np.full(6, np.nan)}, "finite"),
         ({"nu": "fast"}, "nu = 'fast', expected real numbers"),
         ({"nu": np.zeros(6), "v": np.zeros(39)}, "v or p or nu"),
-        ({"p": np.zeros(39), "v": np.zeros(39)}, "v or p or nu"),
     ],
 )
 def test_bad_reduced_velocities(arguments, words):
@@ -673,7 +637,6 @@ def drift(integrator, h, kind):
     [
         ("variational", "massive"),
         ("variational", "dropped"),
-        ("variational", "midpoint"),
         ("energy-momentum", "midpoint"),
     ],
 )
@@ -682,16 +645,6 @@ def test_angular_momentum_without_third_blocks_only_oscillates(integrator, kind)
     errors = [drift(integrator, h, kind) for h in (0.0025, 0.00125)]
     assert errors[0] > 1e-6
     assert abs(orders(errors)[0] - 2) < 0.1
-
-
-def test_dropped_directors_keep_what_is_left():
-    """(116) changes nothing of the angular momentum of the blocks with mass."""
-    system, history = system_of("free"), run("free", "variational", "null space", 0.01, 0.4)
-    q, p = history["q"], history["p"]
-    dropped = Projection(system, "directors-dropped").stack(q, p, history.times)[1]
-    one = diagnostics.angular_momentum(system, q, dropped)
-    two = diagnostics.angular_momentum(system, q, p, massive_only=True)
-    assert abs(one - two).max() < 1e-13 * np.linalg.norm(one[0])
 
 
 @pytest.mark.slow

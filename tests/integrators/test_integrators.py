@@ -1,7 +1,6 @@
 """Integrators beyond the two classic ones: orders, damping, what they keep, what they do not."""
 
-from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -19,9 +18,6 @@ from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper, diagnostics
-from skfem_cosserat.constraints.saddle import accelerations, nearest_velocity
-from skfem_cosserat.integrators import StepOrigin
-from skfem_cosserat.integrators.block import Code, Failure
 
 SCHEMES = {
     "alpha": sc.GeneralizedAlpha(0.7, stabilized=False),
@@ -40,24 +36,25 @@ def at_nodes(scheme):
 # -- orders ----------------------------------------------------------------------------------------
 
 
-@cache
-def levels(scene, name, treatment="null space"):
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "scene", "treatment"),
+    [
+        ("alpha", "pendulum", "null space"),
+        ("alpha, stabilized", "cantilever", "multipliers"),
+        ("decaying, first order", "cantilever", "null space"),
+        ("decaying, second order", "pendulum", "multipliers"),
+        ("energy-momentum, stabilized", "pendulum", "null space"),
+    ],
+)
+def test_orders(name, scene, treatment):
+    """In q, v, p and multipliers, all at the states."""
     make, steps = SCENES[scene]
     system, runs = make(), []
     for level in range(4):
         h = UNTIL / (steps * 2**level)
         pair = SCHEMES[name], TREATMENTS[treatment]
         runs.append(sc.simulate(system, *pair, h, UNTIL, at=[UNTIL - h, UNTIL]))
-    return system, runs
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("treatment", TREATMENTS)
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("name", SCHEMES)
-def test_orders(name, scene, treatment):
-    """In q, v, p and multipliers, all at the states."""
-    system, runs = levels(scene, name, treatment)
     found = {
         "q": order([run["q"][-1] for run in runs]),
         "v": order([run["v"][-1][massive(system)] for run in runs]),
@@ -79,39 +76,6 @@ def double_pendulum():
     rng = np.random.default_rng(4)
     nu = rng.standard_normal(system.unknowns)
     return system, sc.initial_state(system, nu=nu)
-
-
-@cache
-def quick_levels(scheme, base=10, count=4, treatment=NULL):
-    system, start = double_pendulum()
-    runs = []
-    for level in range(count):
-        h = 0.5 / (base * 2**level)
-        runs.append(sc.simulate(system, scheme, treatment, h, 0.5, start=start, at=[0.5 - h, 0.5]))
-    return system, runs
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "treatment",
-    [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
-    ids=["null space", "multipliers"],
-)
-@pytest.mark.parametrize(
-    ("scheme", "base", "band"),
-    [
-        (sc.Composition(sc.Variational()), 10, 0.3),
-        (sc.Composition(sc.EnergyMomentum()), 10, 0.3),
-        (sc.Composition(sc.Variational(), order=6), 8, 0.3),
-    ],
-    ids=lambda x: getattr(x, "name", None),
-)
-def test_orders_of_compositions(scheme, base, band, treatment):
-    """The multipliers, too: those of the continuous equations at the composed states."""
-    _, runs = quick_levels(scheme, base, 4, treatment)
-    for name in ("q", "v", "Qp", "multipliers"):
-        d = [np.linalg.norm(b[name][-1] - a[name][-1]) for a, b in pairwise(runs)]
-        assert abs(np.log2(d[0] / d[1]) - scheme.order) < band, name
 
 
 @pytest.mark.slow
@@ -154,62 +118,19 @@ def test_energy_momentum_is_not_composed_to_order_six():
     assert (changes[1:] * changes[:-1] < 0).all()
 
 
-FEW = [pytest.param(k, marks=pytest.mark.slow) if "first" in k else k for k in SCHEMES]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FEW)
-def test_orders_of_two_bodies(name):
-    scheme = SCHEMES[name]
-    system, start = double_pendulum()
-    runs = [
-        # a step further, as steps on both sides tell the multipliers
-        sc.simulate(system, scheme, NULL, h, 0.5 + h, start=start, at=[0.5])
-        for h in 0.5 / (100 if scheme.order == 1 else 40) / np.array([1, 2, 4])
-    ]
-    for key in ("q", "v", "multipliers"):
-        values = [run[key][-2] for run in runs]
-        d = [np.linalg.norm(b - a) for a, b in pairwise(values)]
-        assert abs(np.log2(d[0] / d[1]) - scheme.order) < 0.1, key
-
-
-def order_of_first_multipliers(scheme):
-    system, start = double_pendulum()
-    errors = []
+@pytest.mark.parametrize("stabilized", [False, True])
+def test_multipliers_of_generalized_alpha_in_the_first_steps(stabilized):
+    """Of second order at once, with a start that is consistent."""
+    (system, start), errors = double_pendulum(), []
+    fine = sc.Composition(sc.Variational())
     for h in (4e-3, 2e-3):
+        scheme = sc.GeneralizedAlpha(0.5, stabilized)
         found = sc.simulate(system, scheme, NULL, h, h, start=start)["multipliers"]
-        fourth = sc.Composition(sc.Variational())
-        right = sc.simulate(system, fourth, NULL, h / 4, h, start=start)["multipliers"]
+        right = sc.simulate(system, fine, NULL, h / 4, h, start=start)["multipliers"]
         assert found[0] == pytest.approx(right[0], rel=1e-9, abs=1e-9 * abs(right).max())
         errors.append(abs(found[1] - right[4]).max())
-    return np.log2(errors[0] / errors[1])
-
-
-@pytest.mark.slow
-def test_multipliers_of_generalized_alpha_in_the_first_steps(monkeypatch):
-    """Of second order at once, with a start that is consistent; each of its two parts is needed."""
-    index3, index2 = sc.GeneralizedAlpha(0.5, stabilized=False), sc.GeneralizedAlpha(0.5)
-    assert order_of_first_multipliers(index3) == pytest.approx(2, abs=0.1)
-    assert order_of_first_multipliers(index2) == pytest.approx(2, abs=0.1)
-    rates = sc.GeneralizedAlpha._rates
-
-    def plain(number):
-        """Take v or alpha of a start as the equations of motion have them."""
-
-        def changed(self, system, state, h):
-            out = np.array(rates(self, system, state, h))
-            if state.rates is None:
-                v = nearest_velocity(system, system.extend(state.q, 0.0), state.p, 0.0)
-                exact = v, accelerations(system, state.q, v, 0.0)[0]
-                out[number] = exact[number // 2]
-            return out
-
-        return changed
-
-    monkeypatch.setattr(sc.GeneralizedAlpha, "_rates", plain(0))
-    assert order_of_first_multipliers(index3) == pytest.approx(1, abs=0.1)
-    monkeypatch.setattr(sc.GeneralizedAlpha, "_rates", plain(2))
-    assert order_of_first_multipliers(index2) == pytest.approx(1, abs=0.1)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
 
 
 @pytest.mark.one_quick
@@ -243,26 +164,19 @@ def test_multipliers_of_the_first_step(make, plain, stabilized):
 # -- damping ---------------------------------------------------------------------------------------
 
 
-def oscillator(k):
-    model = sc.Model()
+def oscillator(k, rail=False):
+    """A mass point on a spring; perhaps with two constraints, which leave the way along it."""
+    model, ground = sc.Model(), sc.ground((0, 0, 0))
     bob = model.add("bob", sc.MassPoint(1.0, (1.0, 0, 0)))
-    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), bob.place(), stiffness=k))
+    model.add("spring", sc.SpringDamper(ground, bob.place(), stiffness=k))
+    if rail:
+        model.add("rail", sc.JointPointOnLine(ground, bob.place(), axis=(1, 0, 0)))
     return model.freeze()
 
 
-def on_a_rail(k):
-    """The same with two constraints, which leave the freedom along the spring."""
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, (1.0, 0, 0)))
-    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), bob.place(), stiffness=k))
-    rail = sc.JointPointOnLine(sc.ground((1.0, 0, 0)), bob.place(), axis=(1, 0, 0))
-    model.add("rail", rail)
-    return model.freeze()
-
-
-def amplification(scheme, h=1e-2, k=1e14, make=oscillator, treatment=NULL):
+def amplification(scheme, h=1e-2, k=1e14, rail=False, treatment=NULL):
     """Matrix of a step on (u, h v) of a stiff spring, and h^2 alpha of generalized-alpha."""
-    system = make(k)
+    system = oscillator(k, rail)
     stepper = Stepper(system, scheme, treatment, h)
     size, columns = 1e-6, []
     for unit in np.eye(3 if at_nodes(scheme) else 2):
@@ -291,7 +205,7 @@ def test_spectral_radius_of_generalized_alpha(rho):
 @pytest.mark.parametrize("stabilized", [False, True])
 def test_spectral_radius_with_constraints(stabilized, treatment):
     """The stabilized forms damp as the plain ones do; energy-momentum does not."""
-    rail = {"make": on_a_rail, "treatment": treatment}
+    rail = {"rail": True, "treatment": treatment}
     for rho in (0.0, 0.5, 0.8):
         found = np.poly(amplification(sc.GeneralizedAlpha(rho, stabilized), **rail))
         assert found == pytest.approx(np.array([1, 3 * rho, 3 * rho**2, rho**3]), abs=1e-5)
@@ -313,25 +227,15 @@ def test_spectral_radius_of_energy_decaying(chi):
 
 
 @pytest.mark.parametrize(
-    "scheme", [sc.Variational(), sc.EnergyMomentum(), sc.EnergyMomentum(stabilized=True)]
+    "scheme", [sc.Variational(), sc.EnergyMomentum(), sc.EnergyMomentum(stabilized=True)], ids=repr
 )
-def test_classic_schemes_do_not_damp(scheme):
+def test_classic_schemes_and_their_compositions_do_not_damp(scheme):
+    """Both eigenvalues on the unit circle: of a composition their product is one, the sum small."""
     assert np.poly(amplification(scheme, k=1e10)) == pytest.approx(np.array([1, 2, 1]), abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    "scheme",
-    [
-        sc.Composition(sc.Variational()),
-        sc.Composition(sc.Variational(), order=6),
-        sc.Composition(sc.EnergyMomentum()),
-    ],
-    ids=repr,
-)
-def test_compositions_do_not_damp(scheme):
-    """Both eigenvalues on the unit circle: their product is one, their sum below two."""
-    one, sum_, product = np.poly(amplification(scheme, k=1e8))
-    assert product == pytest.approx(1, abs=1e-5) and abs(sum_) < 2 * one
+    orders = [] if scheme.stabilized else [4, 6] if scheme.name == "variational" else [4]
+    for stages in orders:
+        one, sum_, product = np.poly(amplification(sc.Composition(scheme, stages), k=1e8))
+        assert product == pytest.approx(1, abs=1e-5) and abs(sum_) < 2 * one
 
 
 def test_damping_fades_with_the_step_in_the_second_order_scheme():
@@ -353,7 +257,7 @@ def scale(system, start):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment",
-    [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
+    [NULL, MULTIPLIERS],
     ids=["null space", "multipliers"],
 )
 @pytest.mark.parametrize("make", [free_beam, free_tree])
@@ -382,14 +286,8 @@ def test_momenta_are_kept(scheme, make, treatment):
         assert np.diff(history["energy"]).max() < 1e-11
         assert abs(history["energy_balance"]).max() < 1e-11
         assert history["dissipated"][-1] > 1e-8
-
-
-@pytest.mark.slow
-def test_composed_energy_momentum_keeps_energy():
-    system, start = free_tree()
-    scheme = sc.Composition(sc.EnergyMomentum())
-    energy = sc.simulate(system, scheme, NULL, 0.02, 0.3, start=start)["energy"]
-    assert abs(energy - energy[0]).max() < 1e-10
+    elif isinstance(scheme.part, sc.EnergyMomentum) and make is free_tree:
+        assert abs(history["energy"] - history["energy"][0]).max() < 1e-10
 
 
 @pytest.mark.slow
@@ -519,31 +417,10 @@ def test_parts_that_do_not_turn_leave_the_others_alone():
     assert runs[0]["q"] == pytest.approx(runs[1]["q"], abs=1e-11)
 
 
-@pytest.mark.plain
-def test_a_residual_that_does_not_vanish_is_no_solution(monkeypatch):
-    """A balance with jumps: it converges by its increments, but asks for more of them."""
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
-    system = model.freeze()
-    evaluate = sc.StepBalance.evaluate
-
-    def jumping(self, step, y1):
-        e = evaluate(self, step, y1)
-        e.R = e.R + 1e-3 * e.size * np.sign(y1 - 0.1 - 1e-9)  # where there was the solution
-        return e
-
-    run = system, sc.EnergyMomentum(), NULL, 0.1, 0.2
-    settings = sc.NewtonSettings(stagnation=1.0)
-    assert sc.simulate(*run, settings=settings)["residual"].max() < 1e-12
-    monkeypatch.setattr(sc.StepBalance, "evaluate", jumping)
-    with pytest.raises(sc.Diverged, match=r"a residual of 0\.00\d+ is left"):
-        sc.simulate(*run, settings=settings)
-
-
 # its few elements are drawn farther than such ones can be, which these figures do not mind
 @pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.parametrize("seed", [0, 4, 6, 14, 19, 30])
+@pytest.mark.parametrize("seed", [0, 6, 19])
 @pytest.mark.filterwarnings("ignore:balance of energy")  # is not resolved
 def test_generalized_alpha_starts_calmly_where_steps_resolve_nothing(seed):
     """With the third derivative in full energy got 1.6 to 38 times as large in three steps."""
@@ -568,15 +445,9 @@ def test_what_energy_decaying_takes_is_kept_and_told_above_a_tenth():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(0, 50, 10))
-def test_energy_never_grows(first):
+@pytest.mark.parametrize("first", range(0, 40, 10))
+def test_energy_never_grows_in_random_scenes(first):
     assert sum(energy_decays(seed) for seed in range(first, first + 10)) >= 45
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("first", range(50, 1050, 100))
-def test_energy_never_grows_in_many_scenes(first):
-    assert sum(energy_decays(seed) for seed in range(first, first + 100)) >= 450
 
 
 # -- what goes on around a step --------------------------------------------------------------------
@@ -596,7 +467,7 @@ def blocks_and_border(step):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("order", [1, 3])
 def test_tangents(order):
     system = everything(order)
     for scheme in (sc.EnergyDecaying(0.3, velocity=False), sc.GeneralizedAlpha(0.6)):
@@ -706,11 +577,8 @@ def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
     ("one", "other"),
     [
         (sc.Variational(), sc.EnergyMomentum()),
-        (sc.Variational(), sc.Variational()),
-        (sc.EnergyMomentum(stabilized=True), sc.GeneralizedAlpha(0.7)),
         (sc.GeneralizedAlpha(0.7), sc.GeneralizedAlpha(0.7, stabilized=False)),
         (sc.GeneralizedAlpha(0.7), sc.GeneralizedAlpha(0.7)),
-        (sc.Variational(stabilized=True), sc.EnergyMomentum(stabilized=True)),
         (sc.Composition(sc.Variational()), sc.EnergyDecaying(0.1)),
     ],
     ids=repr,
@@ -731,22 +599,6 @@ def test_a_state_of_another_scheme_or_step_starts_anew(one, other):
         assert found[name][:-1] == pytest.approx(right[name][:-1], abs=1e-9 * size), name
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.7), sc.EnergyDecaying(0.1)], ids=repr)
-def test_both_treatments_give_the_same_motion(scheme):
-    loop = four_bar()
-    loop.add("gravity", sc.LoadGravity((0.3, -9.81, 0.1)))
-    for system, start in ((sprung(), None), double_pendulum(), (loop.freeze(), None)):
-        found = []
-        for treatment in (NULL, MULTIPLIERS):
-            history = sc.simulate(system, scheme, treatment, 0.01, 0.1, start=start)
-            found.append((history["q"], history["constraint_force"][:-1]))
-        assert abs(found[0][0] - found[0][0][0]).max() > 1e-3
-        assert found[0][0] == pytest.approx(found[1][0], abs=1e-9)
-        size = abs(found[0][1]).max()
-        assert found[0][1] == pytest.approx(found[1][1], abs=1e-7 * size)
-
-
 def hanging():
     """A weight of 20 N on a rod, its support shaken along it."""
     model = sc.Model()
@@ -758,7 +610,6 @@ def hanging():
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 4])
 @pytest.mark.parametrize(
     ("scheme", "tolerance"),
     [
@@ -769,12 +620,12 @@ def hanging():
     ],
     ids=repr,
 )
-def test_constraint_forces_are_at_the_nodes(scheme, tolerance, every):
+def test_constraint_forces_are_at_the_nodes(scheme, tolerance):
     """In the history, in reactions and in sensors; against the closed form."""
     system = hanging()
     rod = system.joints[0]
     history = sc.simulate(
-        system, scheme, NULL, 0.01, 0.4, every=every, sensors={"rod": sc.SensorReaction(rod)}
+        system, scheme, NULL, 0.01, 0.4, every=4, sensors={"rod": sc.SensorReaction(rod)}
     )
 
     def force(t):
@@ -808,7 +659,7 @@ def test_other_stored_energies(scheme):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment",
-    [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
+    [NULL, MULTIPLIERS],
     ids=["null space", "multipliers"],
 )
 @pytest.mark.parametrize(
@@ -839,22 +690,6 @@ def test_composed_steps_say_where_they_fail():
             system, sc.Composition(sc.Variational()), NULL, 0.5, 1.0, start=start, settings=settings
         )
     assert (caught.value.step, caught.value.time) == (1, 0.0)
-    stepper = Stepper(system, sc.Variational(), NULL, 0.5, settings)
-    failure = stepper.attempts(start, 0.5, 0.5, StepOrigin("variational", 0.5))
-    assert isinstance(failure, Failure) and failure.code is Code.UNSOLVED
-    assert failure.state is start and len(failure.residuals) == 4
-    stepper, calls = Stepper(system, sc.Composition(sc.Variational()), NULL, 0.1), []
-    solve = stepper.attempts
-
-    def attempts(*given):
-        calls.append(given)
-        return solve(*given) if len(calls) < 2 else replace(failure, state=given[0])
-
-    stepper.attempts = attempts
-    part = r"step 1 from t = 0 s .*: its part 2 of 5, from t = 0\.0414"
-    with pytest.raises(sc.Diverged, match=part) as caught:
-        stepper.advance(start)
-    assert (caught.value.step, caught.value.time) == (1, 0.0)  # the last state that is valid
     stepper = Stepper(system, sc.Composition(sc.EnergyMomentum()), NULL, 0.1)
     with pytest.raises(sc.IncompatibleError, match=r"Composition\(Energy.*see EnergyMomentum\(\)"):
         stepper.iteration_matrix(start)
@@ -892,20 +727,6 @@ def test_a_step_back_and_other_sizes_need_no_other_stepper():
                 stepper.advance(start, h=bad)
 
 
-@pytest.mark.slow  # compiles
-def test_composition_with_compiled_kernels():
-    system, start = double_pendulum()
-    scheme = sc.Composition(sc.Variational(), order=6)
-    runs = [
-        sc.simulate(system, scheme, NULL, 0.05, 0.5, start=start, kernels=kernels)
-        for kernels in ("numpy", "numba")
-    ]
-    assert runs[1].meta["kernels"] == "numba"
-    for name in ("q", "p", "constraint_force"):
-        size = abs(runs[0][name]).max()
-        assert runs[1][name] == pytest.approx(runs[0][name], abs=1e-10 * size)
-
-
 @pytest.mark.slow
 def test_smaller_steps_get_no_worse_with_compiled_kernels():
     """A free symmetric top: what iterations leave adds up over 14400 parts of steps, 7e-14 in each.
@@ -920,7 +741,7 @@ def test_smaller_steps_get_no_worse_with_compiled_kernels():
     model = sc.Model()
     model.add("top", sc.RigidBody(1.0, J, angular_velocity=w))
     scheme, system = sc.Composition(sc.Variational(), order=6), model.freeze()
-    for steps in (800, 1600):
+    for steps in (400, 800):
         run = sc.simulate(system, scheme, NULL, until / steps, until, every=steps, kernels="numba")
         found = run["q"][-1].reshape(4, 3)[1:]
         assert found == pytest.approx((around * about).as_matrix().T, abs=1e-9)
@@ -948,21 +769,6 @@ def test_compositions_with_dampers():
     with pytest.warns(sc.AccuracyWarning, match="dampers give"):
         energy = sc.simulate(dashpot(1e-9), scheme, NULL, h, 2 * h)["energy"]
     assert energy[-1] > 10 * energy[0]
-
-
-# parts along the constraints are what the warning is about
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
-def test_parts_of_the_momentum_along_constraints_do_not_move_the_variational_scheme():
-    """So that stabilising it changes no motion: (q, p) and (q, Qp) start the same one."""
-    system, start = double_pendulum()
-    G = system.constraints.jacobian(system.extend(start.q, 0.0))
-    off = start.p + G.T @ np.random.default_rng(1).standard_normal(system.m)
-    runs = [
-        sc.simulate(system, sc.Variational(), NULL, 0.01, 0.2, start=sc.State(0.0, 0, start.q, p))
-        for p in (start.p, off)
-    ]
-    assert runs[1]["q"] == pytest.approx(runs[0]["q"], abs=1e-10)
-    assert runs[1]["Qp"][1:] == pytest.approx(runs[0]["Qp"][1:], abs=1e-8)
 
 
 @pytest.mark.slow
@@ -1016,46 +822,33 @@ def test_stabilized_energy_momentum_holds_hidden_constraints_and_loses_little():
     assert np.log2(lost[0] / lost[1]) == pytest.approx(3, abs=0.1)  # a step: of fourth order
 
 
-BAD = [
-    (lambda: sc.GeneralizedAlpha(1.0), r"rho_inf.*1\.0, expected a number in \[0, 1\)"),
-    (lambda: sc.GeneralizedAlpha(1.2), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha(np.nan), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha(None), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha("0.8"), r"rho_inf.*'0\.8', expected a number in \[0, 1\)"),
-    (lambda: sc.GeneralizedAlpha(False), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha([0.8]), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha(0.8, "no"), "stabilized.*'no', expected True or False"),
-    (lambda: sc.EnergyMomentum(stabilized="no"), "stabilized"),
-    (lambda: sc.EnergyDecaying(velocity=0), "velocity"),
-    (lambda: sc.EnergyDecaying("0.1"), "chi"),
-    (lambda: sc.EnergyDecaying(True), "chi"),
-    (lambda: sc.EnergyDecaying(np.nan), "chi"),
-    (lambda: sc.Explicit(checked="no"), "checked"),
-    (lambda: sc.Composition(sc.Variational(), order=None), "order"),
-    (lambda: sc.Composition(sc.Variational(), order=[4]), "order"),
-    (lambda: sc.Composition(sc.Variational(), order=4.0), "order"),
-    (lambda: sc.Composition(sc.Variational), "expected an integrator"),
-    (lambda: sc.Composition(sc.Explicit()), "Explicit.*only symmetric implicit schemes"),
-    (lambda: sc.Composition(sc.EnergyDecaying(), 6), "only symmetric implicit schemes"),
-    (lambda: sc.EnergyDecaying(-0.1), r"chi.*-0\.1, expected a number in \[0, 1\]"),
-    (lambda: sc.EnergyDecaying(1.5), "chi"),
-    (lambda: sc.EnergyDecaying("a little"), "chi"),
-    (lambda: sc.EnergyDecaying(rate=0.0), "rate"),
-    (lambda: sc.EnergyDecaying(0.1, rate=1.0), "expected one of them"),
-    (lambda: sc.Composition(sc.Variational(), order=5), r"order.*5, expected one of \[4, 6\]"),
-    (lambda: sc.Composition("leapfrog"), "expected an integrator"),
-    (
-        lambda: sc.Composition(sc.Composition(sc.Variational())),
-        "symmetric implicit schemes of one step",
-    ),
-    (lambda: sc.Composition(sc.GeneralizedAlpha()), "only symmetric implicit schemes"),
-    (lambda: sc.Composition(sc.EnergyDecaying()), "only symmetric implicit schemes"),
-    (lambda: sc.Composition(sc.EnergyMomentum(stabilized=True)), "only symmetric implicit schemes"),
-]
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("make", "message"), BAD)
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: sc.GeneralizedAlpha(1.0), r"rho_inf.*1\.0, expected a number in \[0, 1\)"),
+        (lambda: sc.GeneralizedAlpha(np.nan), "rho_inf"),
+        (lambda: sc.GeneralizedAlpha("0.8"), "rho_inf"),
+        (lambda: sc.GeneralizedAlpha(False), "rho_inf"),
+        (lambda: sc.GeneralizedAlpha([0.8]), "rho_inf"),
+        (lambda: sc.GeneralizedAlpha(0.8, "no"), "stabilized.*'no', expected True or False"),
+        (lambda: sc.EnergyMomentum(stabilized="no"), "stabilized"),
+        (lambda: sc.EnergyDecaying(velocity=0), "velocity"),
+        (lambda: sc.EnergyDecaying(-0.1), r"chi.*-0\.1, expected a number in \[0, 1\]"),
+        (lambda: sc.EnergyDecaying(True), "chi"),
+        (lambda: sc.EnergyDecaying(rate=0.0), "rate"),
+        (lambda: sc.EnergyDecaying(0.1, rate=1.0), "expected one of them"),
+        (lambda: sc.Explicit(checked="no"), "checked"),
+        (lambda: sc.Composition(sc.Variational(), order=5), r"order.*5, expected one of \[4, 6\]"),
+        (lambda: sc.Composition(sc.Variational(), order=4.0), "order"),
+        (lambda: sc.Composition(sc.Variational(), order=[4]), "order"),
+        (lambda: sc.Composition(sc.Variational), "expected an integrator"),
+        (lambda: sc.Composition(sc.Composition(sc.Variational())), "implicit schemes of one step"),
+        (lambda: sc.Composition(sc.Explicit()), "Explicit.*only symmetric implicit schemes"),
+        (lambda: sc.Composition(sc.GeneralizedAlpha()), "only symmetric implicit schemes"),
+        (lambda: sc.Composition(sc.EnergyDecaying()), "only symmetric implicit schemes"),
+        (lambda: sc.Composition(sc.EnergyMomentum(stabilized=True)), "only symmetric implicit"),
+    ],
+)
 def test_bad_arguments(make, message):
     with pytest.raises(sc.CosseratError, match=message):
         make()

@@ -75,20 +75,21 @@ def worst(found, wanted):
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("swapped", [False, True], ids=["a-b", "b-a"])
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("treatment", TREATMENTS[:2], ids=lambda t: t.name)
+@pytest.mark.parametrize(
+    ("order", "swapped", "treatment"),
+    [
+        (1, False, NullSpace()),
+        (1, True, Multipliers()),
+        (2, True, NullSpace()),
+        (2, False, Multipliers()),
+        (3, False, NullSpace()),
+        (4, True, NullSpace()),
+    ],
+)
 @pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda i: i.name)
 def test_tangent_of_a_step_with_every_item(integrator, treatment, order, swapped):
+    """Of beams of each order; the two sides of joints in either order."""
     step = Step(everything(order, swapped), integrator, treatment, seed=order)
-    assert worst(step.matrix(), step.derivative()) < TOLERANCE
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [3, 4])
-@pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda i: i.name)
-def test_tangent_with_higher_orders(integrator, order):
-    step = Step(everything(order), integrator, NullSpace(), seed=order)
     assert worst(step.matrix(), step.derivative()) < TOLERANCE
 
 
@@ -163,11 +164,6 @@ def test_loads_alone():
         wanted[:, k] = loading.force(z, amplitudes).ravel().imag / EPS
     assert abs(wanted).max() > 1
     assert abs(K - wanted).max() < 1e-12 * abs(wanted).max()
-
-
-def test_dead_loads_have_no_tangent():
-    assert swing(2).loading.dead_only
-    assert not everything(1).loading.dead_only
 
 
 def virtual_power(system, y, amplitudes, q_rate):
