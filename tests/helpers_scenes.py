@@ -49,6 +49,8 @@ FULL = np.diag([40.0, 50.0, 90.0, 12.0, 15.0, 8.0]) + _COUPLING @ _COUPLING.T
 #: Products of inertia, about the centre of mass (kg m^2).
 TENSOR = np.array([[0.5, 0.06, -0.04], [0.06, 0.6, 0.09], [-0.04, 0.09, 0.45]])
 
+IDENTITY = np.eye(3)
+
 
 def chequered(
     one: str, ones: Sequence[Any], other: str, others: Sequence[Any], **options: Any
@@ -489,19 +491,23 @@ def four_bar(
     model: Model | None = None,
     z: float = 0.0,
     name: str = "",
+    turned: np.ndarray = IDENTITY,
 ) -> Model:
-    """A planar four-bar linkage in or above the xy plane: ground, crank, coupler, rocker."""
-    points = np.array([[0.0, 0, z], [0, 1, z], [2, 1.5, z], [2, 0, z]])
+    """A planar four-bar linkage in or above the xy plane: ground, crank, coupler, rocker.
+
+    Or in the plane to which the rotation matrix `turned` takes it.
+    """
+    points = np.array([[0.0, 0, z], [0, 1, z], [2, 1.5, z], [2, 0, z]]) @ turned.T
     model = Model() if model is None else model
-    size = 0.2, 0.3, 0.4
+    shape: dict[str, Any] = {"edges": (0.2, 0.3, 0.4), "triad": turned.T}
     bars = [
-        model.add(f"{own}{name}", RigidBody.box(1.0, size, position=points[k : k + 2].mean(0)))
+        model.add(f"{own}{name}", RigidBody.box(1.0, position=points[k : k + 2].mean(0), **shape))
         for k, own in enumerate(("crank", "coupler", "rocker"))
     ]
     before = [ground(points[0]), *(bar.at(x) for bar, x in zip(bars, points[1:], strict=True))]
     after = [*(bar.at(x) for bar, x in zip(bars, points[:3], strict=True)), ground(points[3])]
     for k, (kind, a, b) in enumerate(zip(kinds, before, after, strict=True)):
-        options = {"axis": (0, 0, 1.0)} if kind is JointRevolute else {}
+        options = {} if kind is JointSpherical else {"axis": turned[:, 2]}
         model.add(f"pin {k}{name}", kind(a, b, **options))
     return model
 
