@@ -1,10 +1,12 @@
 import math
 from dataclasses import replace
+from functools import reduce
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import skfem
+from scipy.integrate import quad
 from skfem import Basis, BilinearForm, ElementLineP1, ElementLineP2, FacetBasis, Functional
 
 from skfem_cosserat import MeshCurve, MeshError
@@ -62,24 +64,13 @@ def test_curves_are_parametrised_by_arc_length(name):
 @pytest.mark.parametrize("name", ["spline", "closed spline"])
 def test_spline_arc_length_to_1e_12(name):
     curve = CURVES[name]
-    total = 0.0
-    grid = np.linspace(0, 1, 2001)
-    u = np.concatenate([a + (b - a) * grid[:-1] for a, b in zip(*_knots(curve), strict=True)])
-    u = np.append(u, _knots(curve)[1][-1])
-    x, w = np.polynomial.legendre.leggauss(5)
-    nodes = u[:-1, None] + np.diff(u)[:, None] * 0.5 * (x + 1)
-    speed = np.linalg.norm(curve._rate(nodes), axis=-1)
-    total = (0.5 * np.diff(u)[:, None] * speed * w).sum()
-    assert abs(total - curve.length) < 1e-12 * curve.length
+
+    def speed(u):
+        return np.linalg.norm(curve._spline(u, 1))
+
+    lengths = [quad(speed, *ends, epsabs=0, epsrel=1e-13)[0] for ends in pairwise(curve._spline.x)]
+    assert abs(sum(lengths) - curve.length) < 1e-12 * curve.length
     assert np.abs(curve.point(curve.knots[: len(curve.points)]).T - curve.points).max() < 1e-14
-    steps = np.linspace(0, curve.length, 4001)
-    chords = np.linalg.norm(np.diff(curve.point(steps)), axis=0)
-    assert np.ptp(chords) < 3e-5 * chords.mean()
-
-
-def _knots(curve):
-    u = curve._spline.x
-    return u[:-1], u[1:]
 
 
 def test_spline_through_points_of_a_circle_approaches_it():
@@ -111,27 +102,22 @@ def test_helix_advances_by_its_pitch_on_either_hand():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: CurveLine((1, 2, 3), (1, 2, 3)), ["line", "[1.0, 2.0, 3.0]"]),
-        (lambda: CurveLine((1, 2), (1, 2, 3)), ["line start", "(1, 2)"]),
-        (lambda: CurveLine((1, 2, 3), (1, np.nan, 3)), ["line end", "nan"]),
-        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (2, 0, 0), 1, 1), ["arc normal", "(2, 0, 0)"]),
-        (lambda: CurveArc((0, 0, 0), (0, 0, 0), (2, 0, 0), 1, 1), ["arc tangent", "zero"]),
-        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), -2.5, 1), ["arc radius", "-2.5"]),
-        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1, 7.0), ["arc angle", "7.0"]),
-        (lambda: CurveHelix((0, 0, 3), (0, 0, 0), (0, 0, 1), 1, 1), ["helix start", "axis"]),
-        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), np.inf, 1), ["helix pitch", "inf"]),
-        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), 1, 0), ["helix turns", "0"]),
-        (lambda: CurveSpline([(0, 0, 0)]), ["spline points", "(1, 3)"]),
-        (lambda: CurveSpline([(0, 0, 0), (1, 0, 0)], closed=True), ["spline points", "(2, 3)"]),
-        (lambda: CurveSpline([(0, 0, 0), (0, 0, 0), (1, 0, 0)]), ["spline points", "0 and 1"]),
-        (lambda: CurveSpline([(0, 0, 0), (0, np.nan, 0)]), ["spline points", "point 1"]),
+        (lambda: CurveLine((1, 2, 3), (1, 2, 3)), r"line.*\[1.0, 2.0, 3.0\]"),
+        (lambda: CurveLine((1, 2, 3), (1, np.nan, 3)), "line end.*nan"),
+        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (2, 0, 0), 1, 1), r"arc normal.*\(2, 0, 0\)"),
+        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), -2.5, 1), "arc radius.*-2.5"),
+        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1, 7.0), "arc angle.*7.0"),
+        (lambda: CurveHelix((0, 0, 3), (0, 0, 0), (0, 0, 1), 1, 1), "helix start.*axis"),
+        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), np.inf, 1), "helix pitch.*inf"),
+        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), 1, 0), "helix turns.*0"),
+        (lambda: CurveSpline([(0, 0, 0)]), r"spline points.*\(1, 3\)"),
+        (lambda: CurveSpline([(0, 0, 0), (1, 0, 0)], closed=True), r"spline points.*\(2, 3\)"),
+        (lambda: CurveSpline([(0, 0, 0), (0, 0, 0), (1, 0, 0)]), "spline points.*0 and 1"),
     ],
 )
 def test_impossible_curves(make, words):
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError, match=words):
         make()
-    for word in words:
-        assert word in str(caught.value)
 
 
 # ----------------------------------------------------------------------- exact integrals
@@ -142,25 +128,22 @@ def test_integrals_over_an_arc_are_exact():
     assert integral(mesh, lambda x: x[0], 20) == pytest.approx(4 * (1 - math.cos(1.2)), rel=1e-14)
 
 
-def test_integrals_over_a_ring():
-    assert integral(ring(), lambda x: 1 + 0 * x[0]) == pytest.approx(4 * np.pi, rel=1e-15)
-    assert integral(ring(), lambda x: x[0] ** 2, 20) == pytest.approx(8 * np.pi, rel=1e-13)
-    assert ring().nvertices == 7
-    assert list(ring().nodes) == ["ring.start"]
-
-
-def test_a_ring_of_two_elements_is_no_duplicate():
-    mesh = ring(2)
-    assert mesh.nvertices == 2
+@pytest.mark.parametrize("elements", [2, 7])
+def test_integrals_over_a_ring(elements):
+    """Two elements between the same vertices are no duplicates."""
+    mesh = ring(elements)
+    assert integral(mesh, lambda x: 1 + 0 * x[0], 30) == pytest.approx(4 * np.pi, rel=1e-15)
     assert integral(mesh, lambda x: x[0] ** 2, 30) == pytest.approx(8 * np.pi, rel=1e-13)
+    assert mesh.nvertices == elements
+    assert list(mesh.nodes) == ["ring.start"]
 
 
 def test_integrals_over_a_branching_network():
     mesh = tee()
-    assert integral(mesh, lambda x: 1 + 0 * x[0]) == pytest.approx(5.0, rel=1e-15)
     assert integral(mesh, lambda x: x[2]) == pytest.approx(-4.5, rel=1e-15)
     mass = BilinearForm(lambda u, v, w: u * v).assemble(Basis(mesh, ElementLineP1()))
     j = mesh.node("web.start")
+    assert mass.sum() == pytest.approx(5.0, rel=1e-15)
     assert mass[j, j] == pytest.approx((0.5 + 0.5 + 1.0) / 3, rel=1e-15)  # all three elements
 
 
@@ -168,18 +151,9 @@ def test_gradient_is_the_derivative_with_respect_to_arc_length():
     mesh = MeshCurve.init_helix((1, 0, 0), (0, 0, 0), (0, 0, 1), 0.5, 1.0, 5)
     basis = Basis(mesh, ElementLineP2(), intorder=6)
     s = np.empty(basis.N)
-    s[basis.dofs.element_dofs] = mesh.arc_starts + mesh.lengths * np.array([0.0, 1.0, 0.5])[:, None]
-    form = Functional(lambda w: (w["u"].grad[0] - 2 * w["u"] * 0 - w["t"]) ** 2)
-    along = basis.interpolate(s)
-    value = form.assemble(basis, u=basis.interpolate(s**2), t=2 * np.asarray(along))
-    assert value < 1e-24
-
-
-def test_project_and_functional_on_a_curve():
-    mesh = MeshCurve.init_line((0, 0, 0), (0, 3, 4), 6)
-    basis = Basis(mesh, ElementLineP2())
-    y = basis.project(lambda x: x[1] * x[2])
-    assert np.abs(y - basis.doflocs[1] * basis.doflocs[2]).max() < 1e-12
+    s[basis.dofs.element_dofs] = mesh.arc_starts + mesh.lengths * np.array([[0], [1], [0.5]])
+    along, square = basis.interpolate(s), basis.interpolate(s**2)
+    assert np.abs(square.grad[0] - 2 * np.asarray(along)).max() < 1e-12
 
 
 def test_laplacian_on_a_branching_network_gives_kirchhoff():
@@ -230,10 +204,9 @@ def test_probes_and_inverse_mapping():
     assert elements.tolist() == (s // mesh.lengths[0]).astype(int).tolist()
     xi = mesh.mapping().invF(x[:, :, None], elements)
     assert np.abs(xi[0, :, 0] - (s % mesh.lengths[0]) / mesh.lengths[0]).max() < 1e-13
-    wanted = (basis.probes(x) @ y) - basis.interpolator(y)(x)
-    assert np.abs(wanted).max() == 0
+    assert np.array_equal(basis.probes(x) @ y, basis.interpolator(y)(x))
     with pytest.raises(MeshError, match=r"\[9.0, 0.0, 0.0\]"):
-        mesh.element_finder()(np.array([9.0]), np.array([0.0]), np.array([0.0]))
+        mesh.element_finder()(*np.array([[9.0], [0], [0]]))
 
 
 # ----------------------------------------------------------------------- refinement
@@ -252,116 +225,101 @@ def test_refinement_stays_on_the_curve_and_keeps_names(how):
 
 
 def test_refinement_of_a_network_by_beam_name():
-    mesh = tee()
-    fine = mesh.refined("web")
+    fine = tee().refined("web")
     assert len(fine.elements_of("web")) == 6
     assert len(fine.elements_of("flange")) == 4
     assert len(fine.elements_at("web.start")) == 3
-    middle = fine.mapping().F(np.array([[0.5]]))[:, fine.elements_of("web"), 0]
-    assert (middle[2] < 0).all()
-    again = fine.refined(2).refined(0)
-    assert integral(again, lambda x: x[2]) == pytest.approx(-4.5, rel=1e-15)
+    assert (fine.p[2, fine.t[1, fine.elements_of("web")]] < 0).all()
+    assert integral(fine.refined(2).refined(0), lambda x: x[2]) == pytest.approx(-4.5, rel=1e-15)
 
 
 def test_refining_nothing_or_nonsense():
     mesh = tee()
     assert mesh.refined([]).nelements == mesh.nelements
-    for bad, words in [([99], "99"), ([0.5], "float"), ("boom", "'flange', 'web'")]:
+    nothing = np.array([True, False]), r"\(2,\)"
+    for bad, words in [([99], "99"), ([0.5], "float"), ("boom", "'flange', 'web'"), nothing]:
         with pytest.raises(MeshError, match=words):
             mesh.refined(bad)
-    with pytest.raises(MeshError, match=r"\(2,\)"):
-        mesh.refined(np.array([True, False]))
 
 
 # ----------------------------------------------------------------------- factories and names
 def test_polyline_with_named_corner():
-    mesh = MeshCurve.init_polyline(
-        [(0, 0, 0), (0, 3, 0), (4, 3, 0)], [3, 2], name="frame", nodes={"elbow": 3 / 7}
-    )
-    assert np.allclose(mesh.p[:, mesh.node("elbow")], (0, 3, 0))
-    assert mesh.nelements == 5
-    assert mesh.node("frame.end") == mesh.node((4, 3, 0)) == 5
-    square = MeshCurve.init_polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)], 2, closed=True)
-    assert square.nvertices == 6
-    assert square.chains[0].closed
+    corners = np.array([(0, 0, 0), (0, 3, 0), (4, 3, 0)])
+    mesh = MeshCurve.init_polyline(corners, [3, 2], name="frame", nodes={"elbow": 3 / 7})
+    assert np.allclose(mesh.p[:, mesh.node("elbow")], corners[1])
+    assert mesh.nelements == mesh.node("frame.end") == mesh.node(corners[2]) == 5
+    triangle = MeshCurve.init_polyline(corners, 2, closed=True)
+    assert triangle.nvertices == 6
+    assert triangle.chains[0].closed
 
 
-def test_points_are_the_vertices():
+@pytest.mark.parametrize("closed", [False, True])
+def test_points_are_the_vertices(closed):
     points = np.array([(0, 0, 0), (1, 0.1, 0.0), (2, 0.5, 0.3), (2.5, 1.5, 1)])
-    mesh = MeshCurve.init_points(points)
+    mesh = MeshCurve.init_points(points, closed=closed)
     assert np.array_equal(mesh.p.T, points)
     assert np.array_equal(mesh.refined(2).p.T[:4], points)
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    assert (mesh.lengths > chords).all()
-    loop = MeshCurve.init_points(points, closed=True)
-    assert loop.nelements == 4
-    assert loop.chains[0].closed
+    assert (mesh.lengths[:3] > np.linalg.norm(np.diff(points, axis=0), axis=1)).all()
+    assert mesh.nelements == 3 + closed
+    assert mesh.chains[0].closed == closed
 
 
 def test_names_and_lookup():
     mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="boom", nodes={"mid": 0.5, "a": 0})
     assert [mesh.node(k) for k in ("boom.start", "a", "mid", "boom.end")] == [0, 0, 2, 4]
-    assert mesh.node(3) == mesh.node((0.75, 0, 0)) == mesh.node(np.array([0.75, 0, 0])) == 3
+    assert mesh.node(3) == mesh.node((0.75, 0, 0)) == 3
     assert mesh.with_nodes({"hook": (0.25, 0, 0), "eye": 3}).node("hook") == 1
     assert mesh.elements_of("boom").tolist() == [0, 1, 2, 3]
     assert mesh.unnamed_elements().size == 0
-    bare = replace(mesh, _subdomains=None)
-    assert bare.unnamed_elements().tolist() == [0, 1, 2, 3]
-    assert bare.with_beams({"left": [0, 1]}).unnamed_elements().tolist() == [2, 3]
+    bare = replace(mesh, _subdomains=None).with_beams({"left": [0, 1]})
+    assert bare.unnamed_elements().tolist() == [2, 3]
 
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda m: m.node("tipp"), ["node 'tipp'", "'flange.start'", "'web.end'"]),
-        (lambda m: m.node(77), ["node 77", "0 .. 7"]),
-        (lambda m: m.node((5, 0, 0)), ["[5.0, 0.0, 0.0]", "nearest", "4 m"]),
-        (lambda m: m.node((5, 0)), ["(5, 0)", "position"]),
-        (lambda m: m.node((5, 0, np.nan)), ["nan"]),
-        (lambda m: m.node(True), ["True"]),
-        (lambda m: m.elements_of("webb"), ["beam 'webb'", "'flange', 'web'"]),
-        (lambda m: m.with_nodes({"web.end": 0}), ["node 'web.end'", "taken"]),
-        (lambda m: m.with_nodes({"x": "web.end"}), ["node 'x'", "'web.end'"]),
-        (lambda m: m.with_nodes({"x": 100}), ["node 100"]),
-        (lambda m: m.with_beams({"web": [0]}), ["beam 'web'", "taken"]),
-        (lambda m: m.with_beams({"x": [70]}), ["beam 'x'", "70"]),
-        (lambda m: m.with_beams({"x": [0.5]}), ["beam 'x'", "float"]),
-        (lambda m: replace(m, feature_angle=-1.0), ["feature_angle", "-1.0"]),
-        (lambda m: replace(m, curve_ids=m.curve_ids[:-1]), ["curve_ids", "(6,)"]),
-        (lambda m: replace(m, curve_ids=m.curve_ids + 5), ["curve_ids", "number 5"]),
-        (lambda m: replace(m, spans=m.spans + 1.5), ["element 1", "[2.0, 2.5]", "2.0 m"]),
-        (lambda m: replace(m, doflocs=m.p + 1.0), ["element 0", "off its curve"]),
-        (lambda m: m.moved(2 * np.eye(3)), ["rotation", "orthogonal"]),
-        (lambda m: m.translated((1, 2)), ["shift", "(1, 2)"]),
-        (lambda m: m.joined(m), ["beam 'flange'", "several meshes"]),
-        (lambda m: m.joined(m, tol=np.nan), ["tol", "nan"]),
-        (lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 0), ["beam 'beam'", "0"]),
-        (lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2.0, "b"), ["beam 'b'", "2.0"]),
+        (lambda m: m.node("tipp"), "node 'tipp'.*'flange.start'.*'web.end'"),
+        (lambda m: m.node(77), "node 77.*0 .. 7"),
+        (lambda m: m.node((5, 0, 0)), r"\[5.0, 0.0, 0.0\].*nearest.*4 m"),
+        (lambda m: m.node((5, 0)), r"\(5, 0\).*position"),
+        (lambda m: m.node(True), "True"),
+        (lambda m: m.elements_of("webb"), "beam 'webb'.*'flange', 'web'"),
+        (lambda m: m.with_nodes({"web.end": 0}), "node 'web.end'.*taken"),
+        (lambda m: m.with_nodes({"x": "web.end"}), "node 'x'.*'web.end'"),
+        (lambda m: m.with_beams({"web": [0]}), "beam 'web'.*taken"),
+        (lambda m: m.with_beams({"x": [70]}), "beam 'x'.*70"),
+        (lambda m: replace(m, feature_angle=-1.0), "feature_angle.*-1.0"),
+        (lambda m: replace(m, curve_ids=m.curve_ids[:-1]), r"curve_ids.*\(6,\)"),
+        (lambda m: replace(m, curve_ids=m.curve_ids + 5), "curve_ids.*number 5"),
+        (lambda m: replace(m, spans=m.spans + 1.5), r"element 1.*\[2.0, 2.5\].*2.0 m"),
+        (lambda m: replace(m, doflocs=m.p + 1.0), "element 0.*off its curve"),
+        (lambda m: m.moved(2 * np.eye(3)), "rotation.*orthogonal"),
+        (lambda m: m.translated((1, 2)), r"shift.*\(1, 2\)"),
+        (lambda m: m.joined(m), "beam 'flange'.*several meshes"),
+        (lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 0), "beam 'beam'.*0"),
         (
             lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"m": 0.3}),
-            ["node 'm'", "0.3", "0.25"],
+            "node 'm'.*0.3.*0.25",
         ),
         (
             lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"m": np.nan}),
-            ["node 'm'", "nan"],
+            "node 'm'.*nan",
         ),
         (
             lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"beam.end": 0}),
-            ["node 'beam.end'", "given"],
+            "node 'beam.end'.*given",
         ),
-        (lambda m: MeshCurve.init_polyline([(0, 0, 0)], 2), ["beam 'beam'", "(1, 3)"]),
+        (lambda m: MeshCurve.init_polyline([(0, 0, 0)], 2), r"beam 'beam'.*\(1, 3\)"),
         (
             lambda m: MeshCurve.init_polyline([(0, 0, 0), (1, 0, 0)], [2, 3]),
-            ["beam 'beam'", "2 numbers", "1 legs"],
+            "beam 'beam'.*2 numbers.*1 legs",
         ),
     ],
 )
 def test_errors_name_the_item_and_the_value(call, words):
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError, match=words):
         call(tee())
-    for word in words:
-        assert word in str(caught.value)
 
 
 LINE = np.array([[0.0, 1.0, 2.0], [0, 0, 0], [0, 0, 0]])
@@ -371,23 +329,20 @@ LINE = np.array([[0.0, 1.0, 2.0], [0, 0, 0], [0, 0, 0]])
 @pytest.mark.parametrize(
     ("points", "t", "words"),
     [
-        (LINE, np.zeros((2, 0), int), ["no elements", "(2, 0)"]),
-        (LINE[:2], [[0, 1], [1, 2]], ["(2, 3)", "expected (3, nv)"]),
-        (LINE, [[0, 1, 2]], ["connectivity", "(1, 3)"]),
-        (LINE, [[0.0, 1.0], [1.0, 2.0]], ["connectivity", "float64"]),
-        (LINE, [[0, 1], [1, 3]], ["element 1", "[1, 3]"]),
-        (LINE, [[0], [1]], ["node 2", "[2.0, 0.0, 0.0]", "no element"]),
-        (LINE, [[0, 1, 2], [1, 2, 2]], ["element 2", "nodes 2 and 2"]),
-        (LINE, [[0, 1, 2], [1, 2, 1]], ["element 2", "duplicates element 1", "[1, 2]"]),
-        (LINE * [[1], [np.nan], [1]], [[0, 1], [1, 2]], ["node 0", "nan"]),
-        (LINE[:, [0, 1, 1]], [[0, 1], [1, 2]], ["element 1", "1 and 2", "zero length"]),
+        (LINE, np.zeros((2, 0), int), r"no elements.*\(2, 0\)"),
+        (LINE[:2], [[0, 1], [1, 2]], r"\(2, 3\).*expected \(3, nv\)"),
+        (LINE, [[0, 1, 2]], r"connectivity.*\(1, 3\)"),
+        (LINE, [[0, 1], [1, 3]], r"element 1.*\[1, 3\]"),
+        (LINE, [[0], [1]], r"node 2.*\[2.0, 0.0, 0.0\].*no element"),
+        (LINE, [[0, 1, 2], [1, 2, 2]], "element 2.*nodes 2 and 2"),
+        (LINE, [[0, 1, 2], [1, 2, 1]], r"element 2.*duplicates element 1.*\[1, 2\]"),
+        (LINE * [[1], [np.nan], [1]], [[0, 1], [1, 2]], "node 0.*nan"),
+        (LINE[:, [0, 1, 1]], [[0, 1], [1, 2]], "element 1.*1 and 2.*zero length"),
     ],
 )
 def test_bad_arrays_are_refused_at_construction(points, t, words):
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError, match=words):
         MeshCurve(points, np.array(t))
-    for word in words:
-        assert word in str(caught.value)
 
 
 def test_a_name_of_two_nodes_is_no_node():
@@ -403,11 +358,9 @@ def test_joined_merges_and_keeps_both_automatic_names():
     c = MeshCurve.init_line((1, 2, 0), (0, 0, 0), 3, "c")
     mesh = a.joined(b, c)
     assert mesh.nvertices == 3 + 4 + 2
-    assert mesh.node("a.end") == mesh.node("b.start")
-    assert mesh.node("b.end") == mesh.node("c.start")
-    assert mesh.node("c.end") == mesh.node("a.start")
+    for end, start in ("ab", "bc", "ca"):
+        assert mesh.node(f"{end}.end") == mesh.node(f"{start}.start")
     assert mesh.lengths.sum() == pytest.approx(1 + np.pi + np.sqrt(5), rel=1e-15)
-    assert (a + b).nvertices == 7
     assert len(mesh.chains) == 3
     assert mesh.arc_starts[mesh.elements_of("c")][0] == 0
 
@@ -430,7 +383,7 @@ def test_unwelded_beams_keep_their_own_nodes():
 def test_tolerance_of_joining():
     a = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "a")
     b = MeshCurve.init_line((1 + 1e-7, 0, 0), (1, 1, 0), 2, "b")
-    assert a.joined(b).nvertices == 6
+    assert (a + b).nvertices == 6
     assert a.joined(b, tol=1e-6).nvertices == 5
     with pytest.raises(MeshError, match=r"tol: 0.6 m would collapse|several nodes"):
         a.joined(b, tol=0.6)
@@ -462,8 +415,7 @@ def test_restrict_keeps_curves_and_names():
 
 
 def test_directed_turns_opposing_elements():
-    points = LINE[:, [0, 1, 2]]
-    mesh = MeshCurve(points, np.array([[0, 2], [1, 1]]), _subdomains={"b": np.array([0, 1])})
+    mesh = MeshCurve(LINE, np.array([[0, 2], [1, 1]]), _subdomains={"b": np.array([0, 1])})
     with pytest.raises(MeshError, match=r"beam 'b': elements 0 and 1 point against .* node 1"):
         _ = mesh.chains
     turned = mesh.directed()
@@ -498,44 +450,35 @@ def test_defaults_and_parameters():
     assert isinstance(MeshCurve.init_refdom(), skfem.MeshLine1)
 
 
-HUGE = 10**400, 10**15
-
-
-@pytest.mark.parametrize("number", HUGE)
-def test_huge_numbers_are_refused_at_once(number):
-    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3)
-    calls = {
-        "refinement: 1000.* times, expected at most 21": lambda: mesh.refined(number),
-        "number of elements is 10000": lambda: MeshCurve.init_line((0, 0, 0), (1, 0, 0), number),
-        "beam': number of elements is": lambda: MeshCurve.init_polyline(np.eye(3), number),
-        "elements? ": lambda: mesh.restrict([number]),
-    }
-    for words, call in calls.items():
-        with pytest.raises(MeshError, match=words) as caught:
-            call()
-        assert len(str(caught.value)) < 200
+@pytest.mark.one_quick
+@pytest.mark.parametrize("number", [10**400, 10**15], ids=["float overflows", "huge"])
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda number: tee().refined(number), "refinement: 1000.* times, expected at most 20"),
+        (ring, "number of elements is 10000"),
+        (lambda number: MeshCurve.init_polyline(np.eye(3), number), "beam': number of elements is"),
+        (lambda number: tee().restrict([number]), "elements? "),
+    ],
+)
+def test_huge_numbers_are_refused_at_once(call, words, number):
+    with pytest.raises(MeshError, match=words) as caught:
+        call(number)
+    assert len(str(caught.value)) < 200
     with pytest.raises(MeshError, match="line start"):
         MeshCurve.init_line((0, 0, 10**400), (1, 0, 0), 2)
 
 
 def test_many_meshes_are_joined_as_one_by_one():
     """Rings of struts that meet, in one call and one after the other."""
-    angles = np.linspace(0, 2 * np.pi, 13)[:-1]
+    angles = np.linspace(0, 2 * np.pi, 13)
     corners = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    struts = [
-        MeshCurve.init_line(a, b, 2, name=f"strut{k}")
-        for k, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-    ]
-    once, each = struts[0].joined(*struts[1:]), struts[0]
-    for strut in struts[1:]:
-        each = each + strut
+    struts = [MeshCurve.init_line(a, b, 2, name=str(a)) for a, b in pairwise(corners)]
+    once, each = struts[0].joined(*struts[1:]), reduce(MeshCurve.joined, struts)
     assert once.p.shape == (3, 24)
     assert np.array_equal(once.p, each.p) and np.array_equal(once.t, each.t)
-    assert {k: v.tolist() for k, v in once.nodes.items()} == {
-        k: v.tolist() for k, v in each.nodes.items()
-    }
-    apart = struts[0].joined(*struts[1:], weld=False)
-    assert apart.p.shape == (3, 36)
+    assert all(each.node(name) == once.node(name) for name in once.nodes)
+    assert struts[0].joined(*struts[1:], weld=False).nvertices == 36
 
 
 def walked(t, owner):
