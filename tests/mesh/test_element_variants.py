@@ -103,18 +103,17 @@ def test_equidistant_nodes_everywhere(p):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: InterpolationLobatto(5), ["argument order", "5"]),
-        (lambda: InterpolationEquidistant(0), ["argument order", "0"]),
-        (lambda: InterpolationLobatto(3, points=2), ["argument points", "2 Gauss", "mechanisms"]),
-        (lambda: InterpolationLobatto(1, points=True), ["argument points", "True"]),
-        (lambda: InterpolationLobatto(2, points=2.5), ["argument points", "2.5"]),
-        (lambda: Beam(arc(2), SECTION, order="lobatto"), ["argument order", "'lobatto'"]),
+        (lambda: InterpolationLobatto(5), "argument order.*5"),
+        (lambda: InterpolationEquidistant(0), "argument order.*0"),
+        (lambda: InterpolationLobatto(3, points=2), "argument points.*2 Gauss.*mechanisms"),
+        (lambda: InterpolationLobatto(1, points=True), "argument points.*True"),
+        (lambda: InterpolationLobatto(2, points=2.5), "argument points.*2.5"),
+        (lambda: Beam(arc(2), SECTION, order="lobatto"), "argument order.*'lobatto'"),
     ],
 )
 def test_impossible_interpolations(make, words):
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=words):
         make()
-    assert all(word in str(caught.value) for word in words), str(caught.value)
 
 
 # ----------------------------------------------------------------------- in a system
