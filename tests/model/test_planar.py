@@ -202,16 +202,6 @@ def test_runs_with_force_elements_go_on(pin: type | None, integrator: Any):
         assert abs(rest["q"][-1] - whole["q"][-1]).max() < 1e-9
 
 
-def test_momenta_out_of_the_plane_are_refused():
-    """A director that moves out of the plane does leave it, whatever holds the triad."""
-    system = held_body(None, TURNED).freeze(planar=sc.Planar(TURNED[:, 2]))
-    p = np.zeros((system.rows, 3))
-    p[1] = TURNED[:, 2]
-    start = sc.State(0.0, 0, system.q0, p.ravel())
-    with pytest.raises(sc.InputError, match="momentum leaves the plane"):
-        sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.1, 0.1, start=start)
-
-
 def linkage(Q: np.ndarray, *kinds: type) -> sc.Model:
     """A heavy four-bar linkage in the plane normal to Q e3, with pins of these kinds."""
     model = four_bar(kinds, turned=Q)
@@ -619,14 +609,12 @@ def test_curved_beams():
     """An arc lies in a plane, a helix in none; it is found without being told."""
     arc = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 0.6, 0.8), 2.0, 1.5, 4, name="rod")
     helix = sc.MeshCurve.init_helix((1, 0, 0), (0, 0, 0), (0, 0, 1), 0.4, 0.5, 6, name="rod")
-    models = sc.Model(), sc.Model()
-    models[0].add("rod", sc.Beam(arc, section(), order=2, director=(0, -0.8, 0.6)))
-    models[1].add("rod", sc.Beam(helix, section(), director=(0, 0, 1)))
-    found = sc.planarity(models[0])
-    assert found and repr(found) == "<planar, normal [0.0, 0.8, -0.6]>"
-    assert abs(found.plane.normal - (0, 0.8, -0.6)).max() < 1e-12
+    model, other = sc.Model(), sc.Model()
+    model.add("rod", sc.Beam(arc, section(), order=2, director=(0, -0.8, 0.6)))
+    assert repr(sc.planarity(model)) == "<planar, normal [0.0, 0.8, -0.6]>"
+    other.add("rod", sc.Beam(helix, section(), director=(0, 0, 1)))
     with pytest.raises(sc.InputError, match=r"beam 'rod': node \d+ at .* m off the plane"):
-        models[1].freeze(planar=sc.Planar())
+        other.freeze(planar=sc.Planar())
 
 
 def test_a_straight_rod_has_the_plane_of_what_acts_on_it():
@@ -764,15 +752,9 @@ LOOPS = {"linkage": loop} | {f"swing {theory!r}": partial(stiff_swing, theory) f
 
 
 def started_in_plane(system: sc.System) -> sc.State:
-    """In motion, each frame with a twist of the plane."""
-    assert system.plane is not None
-    rng, y, n = np.random.default_rng(4), system.q0.reshape(-1, 3), system.plane.normal
-    v = np.zeros_like(y)
-    for r, framed in zip(system.origin_rows, system.is_frame, strict=True):
-        v[r] = rng.standard_normal(2) @ system.plane.axes
-        if framed:
-            v[r + 1 : r + 4] = rng.standard_normal() * np.cross(n, y[r + 1 : r + 4])
-    return sc.initial_state(system, v=sc.project(system, system.q0, v.ravel()))
+    """In motion, by random rates."""
+    nu = np.random.default_rng(4).standard_normal(system.unknowns)
+    return sc.initial_state(system, nu=nu)
 
 
 # a swing of four elements folds
