@@ -461,41 +461,26 @@ def test_huge_numbers_are_refused_at_once(call, words, number):
         MeshCurve.init_line((0, 0, 10**400), (1, 0, 0), 2)
 
 
-def walked(t, owner):
-    """Chains of directed elements (elements, closed, owner), found by walking from each."""
-
-    def next_of(e):
-        at = [f for f in range(t.shape[1]) if owner[f] == owner[e] and t[1, e] in t[:, f]]
-        return next((f for f in at if f != e), None) if len(at) == 2 else None
-
-    follower = {e: next_of(e) for e in range(t.shape[1])}
-    chains = []
-    for beam in np.unique(owner).tolist():
-        own, used = np.flatnonzero(owner == beam).tolist(), set()
-        heads = [e for e in own if e not in follower.values()]
-        for first in [*heads, *own]:
-            path, e = [], first
-            while e is not None and e not in used:
-                used.add(e)
-                path.append(e)
-                e = follower[e]
-            if path:
-                chains.append((path, follower[path[-1]] == first, beam))
-    return chains
-
-
-def test_chains_of_random_networks_are_those_that_a_walk_finds():
-    rng = np.random.default_rng(1)
-    closed = 0
+def test_chains_of_random_networks():
+    """Head to tail within one beam, each element in one chain, ended by branches and free ends."""
+    rng, closed = np.random.default_rng(1), 0
     for _ in range(200):
         count = int(rng.integers(3, 9))
         t = np.array([rng.choice(count, 2, replace=False) for _ in range(rng.integers(1, 11))]).T
         owner = rng.integers(-1, 2, t.shape[1])
         t = np.where(topology.directed_flips(t, owner), t[::-1], t)
         order = topology.find_chains(t, owner, ["a", "b"])
-        found = [(c.elements.tolist(), c.closed, c.owner) for c in order.chains()]
-        assert found == walked(t, owner)
-        closed += sum(c for _, c, _ in found)
-        pairs = [p for path, c, _ in found for p in pairwise([*path, *path[: int(c)]])]
-        assert list(zip(order.before.tolist(), order.after.tolist(), strict=True)) == pairs
+        chains, follows = order.chains(), []
+        assert sorted(np.concatenate([c.elements for c in chains])) == list(range(t.shape[1]))
+        for chain in chains:
+            e = chain.elements.tolist()
+            pairs = list(pairwise([*e, e[0]] if chain.closed else e))
+            assert all(t[1, one] == t[0, other] for one, other in pairs)
+            assert (owner[e] == chain.owner).all()
+            there = np.bincount(t[:, owner == chain.owner].ravel(), minlength=count)
+            assert (there[t[1, e[:-1]]] == 2).all()
+            assert chain.closed or 2 not in there[[t[0, e[0]], t[1, e[-1]]]]
+            closed += chain.closed
+            follows += pairs
+        assert list(zip(order.before.tolist(), order.after.tolist(), strict=True)) == follows
     assert closed > 10
