@@ -414,18 +414,6 @@ def pendulum_on_a_rope():
     return Scene(model, {"load": sc.SensorPosition(rope.node("rope.end"))}, 2e-2, 0.5)
 
 
-def tower():
-    """A tower with an arm under a gust: the tower bends, the arm goes with it."""
-    model = sc.Model()
-    leg = rod(model, "leg", (0, 0, 0), (0, 0, 3), 0.03, STEEL)
-    arm = rod(model, "arm", (0, 0, 3), (1, 0, 3), 0.03, STEEL)
-    clamp(model, leg.node("leg.start"))
-    model.add("corner", sc.JointFixed(leg.node("leg.end"), arm.node("arm.start")))
-    gust = sc.Table([0, 0.2, 0.5], [0, 1, 0])
-    model.add("gust", sc.LoadForce(leg.node("leg.end"), (0, 20, 0), gust))
-    return Scene(model, {"top": sc.SensorPosition(leg.node("leg.end"))}, 2e-4, 0.8)
-
-
 def proposed(found):
     return {row["left_out"] for row in found.rows if row["proposed"]}
 
@@ -435,6 +423,9 @@ def proposed(found):
 def test_a_heavy_load_on_a_steel_rope_has_a_rigid_rope():
     scene = pendulum_on_a_rope()
     found = asked(scene)
+    lines = str(found).splitlines()
+    assert len(lines) <= 8 and lines[0] == "within the tolerance"
+    assert repr(found) == f"<Answer: reached, {found.runs} runs>"
     less = found.simpler()
     assert "strains of rope" in proposed(less)
     assert less.model is not None and isinstance(less.model["rope"].theory, sc.TheoryRigid)
@@ -454,19 +445,6 @@ def test_a_slow_press_is_statics():
     assert "inertia (statics)" in proposed(less) and less.statics and np.isnan(less.step)
     energies = less.notes["energy of bar (J)"]
     assert less.notes["kinetic energy (J)"] < 1e-4 * sum(energies.values())
-
-
-@pytest.mark.slow
-def test_a_tower_under_a_gust_has_a_rigid_arm():
-    found = asked(tower())
-    lines = str(found).splitlines()
-    assert len(lines) <= 8 and lines[0] == "within the tolerance"
-    assert repr(found) == f"<Answer: reached, {found.runs} runs>"
-    less = found.simpler()
-    assert "strains of arm" in proposed(less) and "strains of leg" not in proposed(less)
-    assert isinstance(less.model["arm"].theory, sc.TheoryRigid)
-    strains = {name: sum(less.notes[f"energy of {name} (J)"].values()) for name in ("leg", "arm")}
-    assert strains["arm"] < 0.01 * strains["leg"]
 
 
 @pytest.mark.slow
