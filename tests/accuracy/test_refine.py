@@ -417,10 +417,14 @@ def test_a_table_of_results_as_text_and_for_pandas(monkeypatch):
 
 
 def test_values_that_are_not_finite_fail_their_level():
-    study = refine(lambda elements: np.nan, elements=(4, 8))
-    assert [row["status"] for row in study.rows] == ["error", "error"]
+    study = refine(lambda elements: np.nan if elements == 8 else 1 / elements, elements=(4, 8))
     assert study.failed["elements = 8"].endswith("quantity 'value' is not finite")
-    assert study.orders == {}
+
+
+def test_all_levels_may_fail():
+    study = refine(lambda elements: 1 / 0, elements=(4, 8))
+    assert study.orders == {} and {row["status"] for row in study.rows} == {"error"}
+    assert "elements = 4: error: ZeroDivisionError" in str(study)
     with pytest.raises(InputError, match="no level was solved; elements = 4: error: "):
         study.chart()
 

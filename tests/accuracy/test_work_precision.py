@@ -197,6 +197,17 @@ def test_a_result_of_another_shape_disturbs_no_others():
     assert found.rows[1]["error_x"] == 0.5 and "shape" in found.rows[0]["reason"]
 
 
+def test_kernels_of_our_own_runs_and_of_others():
+    """As the history or the other program tells."""
+    setups = [
+        ("own", lambda rod: helpers.swing_down(rod, sc.EnergyMomentum(), 0.02)),
+        ("peer", lambda rod: {"x": 1.0, "cost_s": 1.0, "kernels": "other"}),
+    ]
+    read = {"x": lambda result: result["x"] if isinstance(result, dict) else result.times[-1]}
+    table = work_precision(2, setups, {"x": 1.0}, read, repeats=1)
+    assert [row["kernels"] for row in table.rows] == ["numpy", "other"]
+
+
 # -- fronts ----------------------------------------------------------------------------------------
 
 
