@@ -289,19 +289,3 @@ def test_parts_of_composed_steps_have_iterations_of_their_own():
     assert not found[0].any()
     third = (2 * np.sin(0.5)) ** 3 * max(map(abs, scheme.shares)) ** 3
     assert found[1][1:].all() == (third > 0.25)
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_run_that_a_callback_ends_by_an_error_has_numbers_of_its_steps():
-    """And its warnings, in its history alone: the error is what is said."""
-
-    def fail(report):
-        if report.state.index == 20:
-            raise LookupError("no more")
-
-    with pytest.raises(LookupError, match="no more") as caught:
-        run(spinning(1.0), 1.0, callbacks=[fail])
-    history = caught.value.history
-    assert history.status == "failed" and history["step"][-1] == 20
-    assert history.meta["steps"]["turn"] == pytest.approx(0.93, abs=0.01)
-    assert len(steps_warned(history)) == 1
