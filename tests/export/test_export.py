@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import BOX, LEG, NODES, OUTLINE, turn
+from conftest import BOX, LEG, OUTLINE, turn
 
 from skfem_cosserat import (
     IncompleteWarning,
@@ -26,7 +26,7 @@ from skfem_cosserat import (
     write_paraview,
 )
 from skfem_cosserat.export import ParaViewWriter, paraview, write_rows
-from skfem_cosserat.export.geometry import BeamShape, piece_weights, quaternions
+from skfem_cosserat.export.geometry import BeamShape, quaternions
 from skfem_cosserat.export.paraview import _Index
 
 HERE = Path(__file__).resolve().parents[1]
@@ -91,9 +91,6 @@ def test_beams(make_scene, tmp_path, order):
         assert [len(cell) for cell in cells] == [3 if order == 2 else 2] * len(cells)
         assert set(types) == {QUADRATIC if order == 2 else LINE}
         assert len(cells) == (4 if order <= 2 else 4 * order)
-        if order == 2:
-            ends, mid = points[np.array(cells)[:, :2]], points[np.array(cells)[:, 2]]
-            np.testing.assert_allclose(ends.mean(1), mid, atol=1e-14)
         lengths = np.linalg.norm(np.diff(points[np.array(cells)[:, :2]], axis=1), axis=2)
         np.testing.assert_allclose(lengths, (1.0 + 0.1 * t) * 4.0 / len(cells), rtol=1e-13)
         check_beam_points(scene, order, t, points, at_points, half)
@@ -206,7 +203,6 @@ def test_surfaces(make_scene, tmp_path, order):
         assert set(types) == {QUAD}
         assert len(cells) == 3 * 4 * order  # the leg of the angle has no outline
         np.testing.assert_array_equal(at_cells["section_id"], 0)
-        assert at_cells["N"].shape == (len(cells), 3)
         corners = points[np.array(cells)]
         normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]) / 2.0
         area = np.linalg.norm(normal, axis=1).sum()
@@ -221,19 +217,10 @@ def test_surfaces(make_scene, tmp_path, order):
         assert (out > 0.0).all()
         if t == 0.0:
             np.testing.assert_array_equal(at_points["u"], 0.0)
-
-
-def test_surface_fields_are_those_of_the_piece(make_scene, tmp_path):
-    scene = make_scene(4)
-    write_paraview(scene.history(1), tmp_path, surfaces=True)
-    points, cells, _, _, at_cells = read_vtu(tmp_path / "beam_surfaces" / "000000.vtu")
-    first = at_cells["beam_id"] == 0
-    x = points[np.array(cells)].mean(1)[first, 0]
-    piece = np.floor(4 * x).astype(int)
-    np.testing.assert_allclose(at_cells["N"][first, 0], 6.0 * piece, atol=1e-12)
-    plain = {k: v for k, v in scene.static.items() if "outline" not in k}
-    with pytest.raises(InputError, match="outline"):
-        ParaViewWriter(tmp_path, scene.meta, plain, surfaces=True)
+            piece = np.floor(order * back[at_cells["beam_id"] == 0, 0])  # where the beam is
+            if order == 4:  # forces are those of the piece
+                forces = at_cells["N"][at_cells["beam_id"] == 0, 0]
+                np.testing.assert_allclose(forces, 6.0 * piece, atol=1e-12)
 
 
 def test_two_orders_and_missing_fields(make_scene, tmp_path):
@@ -256,35 +243,20 @@ def test_two_orders_and_missing_fields(make_scene, tmp_path):
     assert "v" not in at_points
 
 
-@pytest.mark.parametrize("surfaces", [False, True])
-def test_reference_state(make_scene, tmp_path, surfaces):
+def test_reference_state(make_scene, tmp_path):
     """Displacements from a given reference, also when the first frame is not the reference."""
     scene = make_scene()
     history = scene.history(3)
     history.static["reference"] = scene.coordinates(-1.0)
-    write_paraview(history, tmp_path, surfaces=surfaces)
+    write_paraview(history, tmp_path)
     points, _, _, at_points, _ = read_vtu(tmp_path / "beams" / "000000.vtu")
     want = scene.coordinates(-1.0)[:36].reshape(-1, 12)[:, :3]
     np.testing.assert_allclose((points - at_points["u"])[:3], want, atol=1e-15)
     writer = ParaViewWriter(tmp_path / "b", scene.meta, scene.static)
     writer.write(0.1, scene.row(1))  # the first frame is the reference
-    for path in writer.write(0.2, scene.row(2))[:1]:
-        points, _, _, at_points, _ = read_vtu(path)
-        now = scene.row(1)["q"][:36].reshape(-1, 12)[:, :3]
-        np.testing.assert_allclose((points - at_points["u"])[:3], now, atol=1e-15)
-
-
-@pytest.mark.slow
-def test_pyvista_reads_the_index(make_scene, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
-    history = make_scene(2).history(3)
-    reader = pyvista.get_reader(str(write_paraview(history, tmp_path)[0]))
-    assert reader.time_values == history.times.tolist()
-    for k, t in enumerate(reader.time_values):
-        reader.set_active_time_value(t)
-        grid = reader.read()[0]
-        np.testing.assert_array_equal(grid.points[1], history["q"][k][12:15])
-        assert set(grid.point_data) == {"u", "v", "d1", "d2", "d3", "q_wxyz", "node_id"}
+    points, _, _, at_points, _ = read_vtu(writer.write(0.2, scene.row(2))[0])
+    now = scene.row(1)["q"][:36].reshape(-1, 12)[:, :3]
+    np.testing.assert_allclose((points - at_points["u"])[:3], now, atol=1e-15)
 
 
 @pytest.mark.parametrize("compress", [False, True])
@@ -303,27 +275,6 @@ def test_meshio_reads_the_same(make_scene, tmp_path, compress):
                 np.testing.assert_array_equal(mesh.point_data[field], values)
             for field, values in at_cells.items():
                 np.testing.assert_array_equal(np.concatenate(mesh.cell_data[field]), values)
-
-
-def test_what_does_not_change_is_encoded_once(make_scene, tmp_path, monkeypatch):
-    """Cells and labels: the later frames of a run encode what depends on the state alone."""
-    scene, counts = make_scene(), []
-    writer = ParaViewWriter(tmp_path, scene.meta, scene.static)
-    encode = paraview.b2a_base64
-    monkeypatch.setattr(
-        paraview, "b2a_base64", lambda *a, **k: counts.append(len(a[0])) or encode(*a, **k)
-    )
-    found = []
-    for k in range(3):
-        files = writer.write(0.1 * k, scene.row(k))
-        found.append(len(counts))
-        counts.clear()
-    changing = 0
-    for path in files:
-        arrays = [each.get("Name") for each in ET.parse(path).iter("DataArray")]
-        labels = [name for name in arrays if name.endswith("_id") or name == "type"]
-        changing += len(arrays) - len(labels) - 3
-    assert found[1] == found[2] == changing < found[0]
 
 
 def test_many_states_at_once_are_those_one_by_one(make_scene, tmp_path, monkeypatch):
@@ -356,17 +307,15 @@ def test_frames_are_thinned(make_scene, tmp_path):
         return [t for t, _ in read_index(write_paraview(history, tmp_path, **options)[0])]
 
     assert times(every=10) == [history.times[k] for k in (0, 10, 20, 30)]
-    assert times(fps=2.0) == [history.times[k] for k in (0, 5, 10, 15, 20, 25, 30)]
     assert times(fps=1000.0) == history.times.tolist()
     assert times(fps=3.0) == [history.times[k] for k in (0, 3, 7, 10, 13, 17, 20, 23, 27, 30)]
     assert times(fps=0.1) == [0.0]
     for options in ({"every": 0}, {"fps": 0.0}, {"fps": -1.0}, {"every": 2, "fps": 1.0}):
         with pytest.raises(InputError, match=next(iter(options))):
             times(**options)
-    assert write_paraview(history.truncated(0), tmp_path / "none", fps=1.0)
-    assert read_index(tmp_path / "none" / "beams.pvd") == []
-    single = history.truncated(1)
-    assert len(read_index(write_paraview(single, tmp_path / "one", fps=5.0)[0])) == 1
+    for count in (0, 1):
+        (index, *_) = write_paraview(history.truncated(count), tmp_path / f"{count}", fps=5.0)
+        assert len(read_index(index)) == count
 
 
 def test_bad_folder_and_rows(make_scene, tmp_path):
@@ -468,27 +417,6 @@ def test_quaternions_of_all_rotations():
     np.testing.assert_allclose(quaternions(1.2 * directors), got, atol=1e-14)
 
 
-@pytest.mark.parametrize("order", [3, 4])
-def test_higher_orders_are_evaluated_on_the_curve(make_scene, order):
-    """A curve of the order of the element is met exactly between the nodes."""
-    scene = make_scene(order)
-    shape = BeamShape("boom", scene.static)
-    s = np.concatenate([np.array(NODES[order]), 1.0 + np.array(NODES[order][1:])])
-    q = np.zeros(scene.size)
-    q[: 12 * len(s) : 12] = s
-    q[1 : 12 * len(s) : 12] = s**order
-    points = shape.points(q)
-    np.testing.assert_allclose(points[:, 1], points[:, 0] ** order, atol=1e-13)
-    np.testing.assert_allclose(np.sort(points[:, 0]), np.arange(2 * order + 1) / order, atol=1e-14)
-
-
-def test_piece_weights():
-    gauss = np.array([0.1, 0.4, 0.6, 0.9])
-    np.testing.assert_array_equal(piece_weights(gauss, 1), [[0.25] * 4])
-    np.testing.assert_array_equal(piece_weights(gauss, 2), [[0.5, 0.5, 0, 0], [0, 0, 0.5, 0.5]])
-    np.testing.assert_array_equal(piece_weights(np.array([0.5]), 3), [[1.0]] * 3)
-
-
 def test_outline_may_repeat_its_first_point(make_scene):
     scene = make_scene()
     before = BeamShape("boom", scene.static).surface()
@@ -518,8 +446,7 @@ def test_csv_keeps_every_digit(make_scene, tmp_path):
     columns = [[float(row[f"momentum_{axis}"]) for row in table] for axis in "xyz"]
     np.testing.assert_array_equal(np.array(columns).T, history["momentum"])
     write_csv(history, path, ["energy", "q"])
-    header = next(line for line in path.read_text().splitlines() if not line.startswith("#"))
-    assert header.startswith("energy,q_0,q_1")
+    assert "\nenergy,q_0,q_1" in path.read_text()
     write_csv(history.truncated(0), path)
 
 
