@@ -279,25 +279,20 @@ def test_meshio_reads_the_same(make_scene, tmp_path, compress):
 
 def test_many_states_at_once_are_those_one_by_one(make_scene, tmp_path, monkeypatch):
     scene = make_scene(3)
-    history = scene.history(7)
+    history = scene.history(4)
     monkeypatch.setattr(paraview, "TOGETHER", 3 * history["q"].shape[1])  # blocks of three
     write_paraview(history, tmp_path / "all", surfaces=True)
-    reference = history["q"][0]
-    writer = ParaViewWriter(
-        tmp_path / "each", scene.meta, scene.static, surfaces=True, reference=reference
-    )
-    for k in range(7):
-        writer.write(float(history.times[k]), history.row(k))
-    for path in sorted((tmp_path / "all").rglob("*.vtu")):
-        other = tmp_path / "each" / path.relative_to(tmp_path / "all")
-        points, cells, types, *data = read_vtu(path)
-        again, *same, at_points, at_cells = read_vtu(other)
-        assert same == [cells, types]
-        np.testing.assert_allclose(points, again, rtol=0, atol=1e-13)
-        for one, two in zip(data, (at_points, at_cells), strict=True):
-            assert set(one) == set(two)
-            for name, values in one.items():
-                np.testing.assert_allclose(values, two[name], rtol=0, atol=1e-12)
+    writer = ParaViewWriter(tmp_path / "each", scene.meta, scene.static, surfaces=True)
+    for k in range(4):
+        for path in writer.write(float(history.times[k]), history.row(k)):
+            points, cells, types, *data = read_vtu(path)
+            again, *same = read_vtu(tmp_path / "all" / path.relative_to(tmp_path / "each"))
+            assert same[:2] == [cells, types]
+            np.testing.assert_allclose(points, again, rtol=0, atol=1e-13)
+            for one, two in zip(data, same[2:], strict=True):
+                assert set(one) == set(two)
+                for name, values in one.items():
+                    np.testing.assert_allclose(values, two[name], rtol=0, atol=1e-12)
 
 
 def test_frames_are_thinned(make_scene, tmp_path):
