@@ -175,8 +175,6 @@ def test_many_states_at_once_give_what_each_gives_alone(made):
     y = np.array([system.extend(system.q0, t) for t in np.linspace(0, 1, 7)])
     y[:, : system.rows] += 0.1 * rng.standard_normal((7, system.rows, 3))
     G = [system.constraints.jacobian(each).toarray() for each in y]
-    v = rng.standard_normal(system.n)
-    assert np.allclose(system.constraints.rate(y[0], v), G[0] @ v, rtol=0, atol=1e-12)
     c, ydot = system.constraints, rng.standard_normal(y.shape)
     values = [c.values(each) for each in y]
     assert np.allclose(c.stacked_values(y), values, rtol=0, atol=1e-12)
@@ -204,12 +202,10 @@ def test_many_states_at_once_give_what_each_gives_alone(made):
         b = int(system.vertex_rows[jr.b.vertex])
         x = y[0, b] + np.array(jr.b.offset) @ y[0, b + 1 : b + 4] if any(jr.b.offset) else y[0, b]
         assert np.allclose(force, f[r], rtol=0, atol=1e-12)
-        for axis in np.eye(3):  # power of a rotation about the point on B
-            rate = np.cross(axis, y[0, r : r + 4] - np.outer([1, 0, 0, 0], x))
-            framed = system.is_frame[jr.b.vertex if on_b else jr.a.vertex]
-            rows = 4 if framed else 1
-            power = (f[r : r + rows] * rate[:rows]).sum()
-            assert power == pytest.approx(axis @ moment, abs=1e-11)
+        rows = 4 if system.is_frame[jr.b.vertex if on_b else jr.a.vertex] else 1
+        arms = (y[0, r : r + 4] - np.outer([1, 0, 0, 0], x))[:rows]  # about the point on B
+        about = np.cross(arms, f[r : r + rows]).sum(axis=0)
+        assert moment == pytest.approx(about, abs=1e-11)
 
 
 # -- joints that carry little beside others that carry much ----------------------------------------
