@@ -268,24 +268,3 @@ def test_numbers_are_those_of_each_state_alone():
     }
     assert found.turning == "rigid body 'box'" and turns["box"] > turns["wheel"]
     assert abs(found.turn - turns["box"]) < 1e-12
-    history = with_iterations(history, 9)
-    jumps = np.diff(y, 3, axis=0)
-    jumps[:, [0, 4, 5]] = 0  # what goes straight, or stays, is resolved
-    far = np.linalg.norm(jumps, axis=2).max(1) > 0.25
-    steps = [far[max(0, k - 3) : k].any() for k in range(31)]
-    assert any(steps) and not all(steps)
-    assert doubtful_steps(model.freeze(), history).tolist() == steps
-
-
-def test_parts_of_composed_steps_have_iterations_of_their_own():
-    """Three usual ones and a hard one; the angle that counts is that of the longest part."""
-    scheme = sc.Composition(sc.EnergyMomentum())
-    model = spinning(1.0)
-    history = run(model, 1.0, 10, integrator=scheme)
-    parts = len(scheme.shares)
-    assert history.meta["shares"] == list(scheme.shares) and parts > 1
-    usual = 4 * (parts - 1)
-    found = [doubtful_steps(model.freeze(), with_iterations(history, usual + k)) for k in (5, 6)]
-    assert not found[0].any()
-    third = (2 * np.sin(0.5)) ** 3 * max(map(abs, scheme.shares)) ** 3
-    assert found[1][1:].all() == (third > 0.25)
