@@ -152,11 +152,6 @@ def stopped(elements, log):
     return noted(elements, log)
 
 
-def other(elements, log, fatal=()):
-    """Another problem than `noted`."""
-    return noted(elements, log, fatal)
-
-
 # -- random scenes, to count how often bands cover the error ---------------------------------------
 
 

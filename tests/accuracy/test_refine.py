@@ -469,18 +469,6 @@ def test_ctrl_c_ends_a_study_in_good_order(tmp_path):
     assert calls(tmp_path) == [4, 8, 16, 32]
 
 
-def test_another_problem_or_argument_is_another_level(tmp_path):
-    """A level is known by the problem's name, what is bound to it, and its arguments."""
-    log, options = tmp_path, {"elements": (4, 8), "folder": tmp_path / "study"}
-    refine(partial(problems.noted, log=log), **options)
-    refine(partial(problems.noted, log=log), **options)
-    assert calls(log) == [4, 8]
-    refine(partial(problems.other, log=log), **options)
-    refine(partial(problems.noted, log=log, fatal=(1,)), **options)
-    assert calls(log) == [4, 8, 4, 8, 4, 8]
-    assert len(list((tmp_path / "study").glob("*.case"))) == 6
-
-
 @pytest.mark.slow
 def test_two_processes_give_the_same(tmp_path):
     levels = {"elements": (4, 8, 16, 32)}

@@ -180,21 +180,6 @@ def test_paths_and_modes_are_read_alike():
     assert not shown.position(base).any()
 
 
-def test_changed_scenes_are_read_through():
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, position=(1, 0, 0)))
-    rod = model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
-    event = sc.Event(sc.ConditionTime(0.05), sc.ActionRelease(rod), name="cut")
-    scheme = sc.EnergyMomentum(), sc.NullSpace()
-    history = sc.simulate(model, *scheme, 0.01, 0.1, events=[event], kernels="numpy")
-    assert len(history.segments) == 2
-    x, v = history.position(bob.place()), history.velocity(bob.place())
-    assert np.array_equal(x, history["q"])
-    assert len(v) == len(history) == len(x)
-    assert len(history.segment(1).position(bob.place())) < len(history)
-
-
 def test_numbers_of_places():
     model, items = scene()
     system = model.freeze()
