@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from helpers_scenes import ball_on_rod
 from test_answer_scenes import ALUMINIUM, STEEL, Scene, clamp, drawn, rod, weight
 
 import skfem_cosserat as sc
@@ -64,11 +65,7 @@ def test_a_pendulum_by_its_integral():
     """A rigid pendulum from 1 rad: the period is 4 K(sin^2(1/2)) sqrt(l/g), half of it a level."""
     from scipy.special import ellipk
 
-    model = sc.Model()
-    start = (np.sin(1.0), 0, -np.cos(1.0))
-    bob = model.add("bob", sc.MassPoint(1.0, position=start))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    weight(model)
+    model, bob, _ = ball_on_rod((np.sin(1.0), 0, -np.cos(1.0)), g=9.81)
     quarter = ellipk(np.sin(0.5) ** 2) / np.sqrt(9.81)
     lowest = sc.ConditionSensor(sc.SensorPosition(bob.place()), 0.0, component=0)
     tolerance = 1e-4

@@ -21,7 +21,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers_scenes import everything, four_bar, growing, swing, waving
+from helpers_scenes import ball_on_rod, everything, four_bar, growing, swing, waving
 from test_statics import cantilever
 
 import skfem_cosserat as sc
@@ -152,10 +152,7 @@ def environment(name):
 
 
 def pendulum(length, blow=0.0):
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, position=(length, 0, 0)))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    model, bob, _ = ball_on_rod((length, 0, 0), g=9.81)
     if blow:
         model.add("blow", sc.LoadForce(bob.place(), (0, blow, 0), sc.Table([0.3, 0.4], [0, 1])))
     return model.freeze()

@@ -8,7 +8,7 @@ from itertools import cycle
 import numpy as np
 import pytest
 from helpers_kernels import chain, corner, needs_numba
-from helpers_scenes import four_bar, full_section
+from helpers_scenes import ball_on_rod, four_bar, full_section
 from helpers_schemes import SCHEMES, stabilized
 from scipy.optimize import brentq
 from scipy.special import ellipk
@@ -36,11 +36,8 @@ def both_steps(schemes):
 
 def pendulum(rate=None):
     """A ball on a rod of 1 m, let go horizontally, or at the lowest point with a velocity."""
-    model = sc.Model()
-    start = {"position": (-1, 0, 0)} if rate is None else {"velocity": (rate, 0, 0)}
-    bob = model.add("bob", sc.MassPoint(1.0, **({"position": (0, 0, -1)} | start)))
-    rod = model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    start = ((-1, 0, 0), (0, 0, 0)) if rate is None else ((0, 0, -1), (rate, 0, 0))
+    model, bob, rod = ball_on_rod(*start, g=G)
     return model.freeze(), bob, rod
 
 
@@ -463,11 +460,7 @@ def test_what_is_fast_for_less_than_the_first_step(what):
     """A pendulum passes its lowest point in it; also in the step behind another event."""
     h, v = 0.05, 1.0
     c, s = np.cos(v * h / 2), -np.sin(v * h / 2)
-    model = sc.Model()
-    moving = {"position": (s, 0, -c), "velocity": (v * c, 0, v * s)}
-    bob = model.add("bob", sc.MassPoint(1.0, **moving))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    model, bob, _ = ball_on_rod((s, 0, -c), (v * c, 0, v * s), g=G)
     lowest = np.sqrt(v**2 + 2 * G * (1 - c))
     condition = {
         "kinetic": sc.ConditionEnergy((lowest**2 + v**2) / 4, kinetic=True),

@@ -6,6 +6,7 @@ from itertools import cycle
 
 import numpy as np
 import pytest
+from helpers_scenes import ball_on_rod
 from helpers_schemes import SCHEMES
 from scipy.special import ellipj, ellipk
 
@@ -19,11 +20,7 @@ RUBBER = sc.SectionCircle(radius=0.02, material=sc.Material(E=2e5, nu=0.5, rho=1
 
 def pendulum():
     """A ball on a rod of 1 m, let go horizontally."""
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, position=(1, 0, 0)))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
-    return model.freeze()
+    return ball_on_rod((1, 0, 0), g=G)[0].freeze()
 
 
 def swung(t):
