@@ -41,6 +41,14 @@ def pendulum(rate=None):
     return model.freeze(), bob, rod
 
 
+def ball(height=0.0, up=0.0, gravity=(0, 0, -G)):
+    """A ball of 1 kg in free flight from a height (m), thrown upwards (m/s)."""
+    model = sc.Model()
+    flying = model.add("ball", sc.MassPoint(1.0, position=(0, 0, height), velocity=(0, 0, up)))
+    model.add("gravity", sc.LoadGravity(gravity))
+    return model, flying
+
+
 def across(bob):
     """The ball passes below the hinge."""
     return sc.ConditionSensor(sc.SensorPosition(bob.place()), level=0.0, component=0)
@@ -323,15 +331,9 @@ def test_load_switched_off(scheme, treatment):
 @pytest.mark.slow
 def test_function_gives_the_model_to_go_on_with():
     """A second model with the gravity turned."""
-
-    def scene(g):
-        model = sc.Model()
-        model.add("ball", sc.MassPoint(1.0, position=(0, 0, 1)))
-        model.add("gravity", sc.LoadGravity(g))
-        return model
-
-    turn = sc.Event(sc.ConditionTime(0.1), lambda t, view: scene((5.0, 0, 0)), name="turn")
-    run = scene((0, 0, -G)).freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2
+    other, _ = ball(height=1.0, gravity=(5.0, 0, 0))
+    turn = sc.Event(sc.ConditionTime(0.1), lambda t, view: other, name="turn")
+    run = ball(height=1.0)[0], sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2
     history = sc.simulate(*run, events=[turn])
     expected = 5.0 * 0.1**2 / 2, 0.0, 1 - G * 0.1**2 / 2 - G * 0.1 * 0.1
     assert history["q"][-1] == pytest.approx(expected, abs=1e-10)
@@ -373,16 +375,13 @@ def test_what_does_not_happen():
 @pytest.mark.slow
 def test_endless_repetition_is_an_error():
     """A ball that is lifted by a hair's breadth each time it falls below the floor."""
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(1.0, position=(0, 0, 0.1)))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
 
     def lifted(time, view):
         q = view.q + np.array([0, 0, 1e-9])
         return sc.initial_state(view.system, q, view.v, time=time)
 
     floor = sc.Event(lambda t, view: view.q[2], lifted, once=False, name="floor")
-    run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.02, 2.0
+    run = ball(height=0.1)[0], sc.EnergyMomentum(), sc.NullSpace(), 0.02, 2.0
     with pytest.raises(sc.Diverged, match="event 'floor' repeats at once: 20 times") as caught:
         sc.simulate(*run, events=[floor])
     assert caught.value.history.times[-1] == pytest.approx(np.sqrt(0.02), abs=1e-6)
@@ -394,10 +393,8 @@ def test_endless_repetition_is_an_error():
 
 def thrown(apex):
     """A ball of 1 kg thrown upwards, at rest after a time (s) at G apex^2/2."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, velocity=(0, 0, G * apex)))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
-    return model.freeze(), sc.SensorPosition(ball.place())
+    model, flying = ball(up=G * apex)
+    return model.freeze(), sc.SensorPosition(flying.place())
 
 
 #: of the step: where the ball is at rest, for how long it is above the level, half of it
@@ -437,9 +434,6 @@ def test_threshold_is_touched_for_less_than_a_step(scheme, rest, direction):
 @pytest.mark.slow
 def test_bounces_shorter_than_a_step():
     """Of a ball that keeps 30 % of its velocity: all times by the closed form."""
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(1.0, position=(0, 0, 1)))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
 
     def back(time, view):
         return sc.initial_state(view.system, view.q, -0.3 * view.v, time=time)
@@ -448,7 +442,7 @@ def test_bounces_shorter_than_a_step():
     flights = np.sqrt(2 / G) * np.array([1.0, *(2 * 0.3 ** np.arange(1, 7))])
     expected = flights.cumsum()
     until = expected[-1] + 1e-4
-    run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.05
+    run = ball(height=1.0)[0], sc.EnergyMomentum(), sc.NullSpace(), 0.05
     history = sc.simulate(*run, until, events=[floor], derive=False)
     assert flights[3] < 0.05
     assert history.events[0].loss == pytest.approx((1 - 0.3**2) * G, abs=1e-9)
@@ -526,12 +520,10 @@ def test_explicit_schemes_are_refused():
 @pytest.mark.slow
 def test_a_killed_run_has_the_events_of_its_states(tmp_path):
     """A file as it is while the run goes on: states are written in blocks, events with them."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0))
-    gravity = model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    model, flying = ball()
     events = [
         sc.Event(sc.ConditionTime(0.05), lambda t, view: None, name="seen"),
-        sc.Event(sc.ConditionTime(0.1), sc.ActionLoad(gravity, 0.0), name="off"),
+        sc.Event(sc.ConditionTime(0.1), sc.ActionLoad("gravity", 0.0), name="off"),
     ]
     path, killed = tmp_path / "run.history", tmp_path / "killed.history"
 
@@ -540,7 +532,7 @@ def test_a_killed_run_has_the_events_of_its_states(tmp_path):
             shutil.copy(path, killed)
 
     run = model, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 5.0
-    seen = {"ball": sc.SensorPosition(ball.place())}
+    seen = {"ball": sc.SensorPosition(flying.place())}
     whole = sc.simulate(*run, path=path, events=events, sensors=seen, callbacks=[look])
     history = sc.History.load(killed)
     assert history.status == "killed" and 300 < len(history) < 450
