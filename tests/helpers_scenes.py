@@ -460,6 +460,17 @@ def seen(system: System, place: Place, y: np.ndarray) -> tuple[np.ndarray, np.nd
     return y[r] + place.offset @ directors, directors.T @ place.triad
 
 
+def ball_on_rod(
+    position: Sequence[float] = (0, 0, -1), velocity: Sequence[float] = (0, 0, 0), g: float = 10.0
+) -> tuple[Model, MassPoint, JointDistance]:
+    """A pendulum: a ball of 1 kg on a rod without mass, hung at the origin; the ball, the rod."""
+    model = Model()
+    bob = model.add("bob", MassPoint(1.0, position=position, velocity=velocity))
+    rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    model.add("gravity", LoadGravity((0, 0, -g)))
+    return model, bob, rod
+
+
 def triangle(last: type = JointSpherical, **options: Any) -> Model:
     """Three bodies in a ring, hung at one corner: all joints spherical but the last."""
     corners = np.array([[0.0, 0, 0], [1, 0, 0.2], [0.3, 1, 0]])

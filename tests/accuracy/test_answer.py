@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from helpers_scenes import ball_on_rod
 from test_answer_scenes import ALUMINIUM, STEEL, Scene, clamp, drawn, rod, weight
 
 import skfem_cosserat as sc
@@ -64,11 +65,7 @@ def test_a_pendulum_by_its_integral():
     """A rigid pendulum from 1 rad: the period is 4 K(sin^2(1/2)) sqrt(l/g), half of it a level."""
     from scipy.special import ellipk
 
-    model = sc.Model()
-    start = (np.sin(1.0), 0, -np.cos(1.0))
-    bob = model.add("bob", sc.MassPoint(1.0, position=start))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    weight(model)
+    model, bob, _ = ball_on_rod((np.sin(1.0), 0, -np.cos(1.0)), g=9.81)
     quarter = ellipk(np.sin(0.5) ** 2) / np.sqrt(9.81)
     lowest = sc.ConditionSensor(sc.SensorPosition(bob.place()), 0.0, component=0)
     tolerance = 1e-4
@@ -107,12 +104,12 @@ def test_a_cantilever_at_rest():
 
 
 def pushed(force, integrator=None):
-    """Position of a free ball of 1 kg under a force along x (N), a function of time, up to 1 s."""
+    """Position of a free ball of 1 kg under a force along x (N), a function of time, for 0.4 s."""
     model = sc.Model()
     ball = model.add("ball", sc.MassPoint(1.0))
     model.add("push", sc.LoadForce(ball.place(), (1.0, 0, 0), force))
     place = Component(sc.SensorPosition(ball.place()), 0)
-    return sc.answer(model, {"x": place}, 1e-3, 1.0, integrator=integrator)
+    return sc.answer(model, {"x": place}, 1e-3, 0.4, integrator=integrator)
 
 
 @pytest.mark.slow
@@ -165,7 +162,7 @@ def test_what_comes_after_the_end_of_a_motion_is_not_asked_for():
             raise ValueError("nobody knows")
         return 1.0
 
-    found = falls_with(until_a_second, 5000.0)
+    found = falls_with(until_a_second, 50.0)
     assert found.reached and abs(found.values["gone"] - end) < 1e-4
 
 
@@ -414,18 +411,6 @@ def pendulum_on_a_rope():
     return Scene(model, {"load": sc.SensorPosition(rope.node("rope.end"))}, 2e-2, 0.5)
 
 
-def tower():
-    """A tower with an arm under a gust: the tower bends, the arm goes with it."""
-    model = sc.Model()
-    leg = rod(model, "leg", (0, 0, 0), (0, 0, 3), 0.03, STEEL)
-    arm = rod(model, "arm", (0, 0, 3), (1, 0, 3), 0.03, STEEL)
-    clamp(model, leg.node("leg.start"))
-    model.add("corner", sc.JointFixed(leg.node("leg.end"), arm.node("arm.start")))
-    gust = sc.Table([0, 0.2, 0.5], [0, 1, 0])
-    model.add("gust", sc.LoadForce(leg.node("leg.end"), (0, 20, 0), gust))
-    return Scene(model, {"top": sc.SensorPosition(leg.node("leg.end"))}, 2e-4, 0.8)
-
-
 def proposed(found):
     return {row["left_out"] for row in found.rows if row["proposed"]}
 
@@ -435,6 +420,9 @@ def proposed(found):
 def test_a_heavy_load_on_a_steel_rope_has_a_rigid_rope():
     scene = pendulum_on_a_rope()
     found = asked(scene)
+    lines = str(found).splitlines()
+    assert len(lines) <= 8 and lines[0] == "within the tolerance"
+    assert repr(found) == f"<Answer: reached, {found.runs} runs>"
     less = found.simpler()
     assert "strains of rope" in proposed(less)
     assert less.model is not None and isinstance(less.model["rope"].theory, sc.TheoryRigid)
@@ -454,19 +442,6 @@ def test_a_slow_press_is_statics():
     assert "inertia (statics)" in proposed(less) and less.statics and np.isnan(less.step)
     energies = less.notes["energy of bar (J)"]
     assert less.notes["kinetic energy (J)"] < 1e-4 * sum(energies.values())
-
-
-@pytest.mark.slow
-def test_a_tower_under_a_gust_has_a_rigid_arm():
-    found = asked(tower())
-    lines = str(found).splitlines()
-    assert len(lines) <= 8 and lines[0] == "within the tolerance"
-    assert repr(found) == f"<Answer: reached, {found.runs} runs>"
-    less = found.simpler()
-    assert "strains of arm" in proposed(less) and "strains of leg" not in proposed(less)
-    assert isinstance(less.model["arm"].theory, sc.TheoryRigid)
-    strains = {name: sum(less.notes[f"energy of {name} (J)"].values()) for name in ("leg", "arm")}
-    assert strains["arm"] < 0.01 * strains["leg"]
 
 
 @pytest.mark.slow

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import re
-import signal
-import subprocess
 import sys
 from functools import partial
 
@@ -104,16 +101,6 @@ def test_statics_of_order_two_p_at_nodes():
         assert abs(found.order - 2 * order) < 0.1
         assert "three finest of four levels" in found.verdict
         assert np.linalg.norm(found.extrapolated - true) < found.uncertainty
-
-
-@pytest.mark.slow
-def test_strains_of_order_p_plus_one():
-    """In two series, against a known value."""
-    levels = (8, 16, 32, 64)
-    study = refine(problems.bend_moments, elements=levels, order=(2, 3), reference=0.0)
-    for order in (2, 3):
-        assert abs(study.orders[f"value, order = {order}"].order - (order + 1)) < 0.1
-    assert [row["order"] for row in study.rows] == 4 * [2] + 4 * [3]
 
 
 @pytest.mark.slow
@@ -263,18 +250,6 @@ def test_step_loads_are_not_in_the_asymptotic_range(levels):
     assert np.isnan(found.errors[-1]) and np.isfinite(found.errors[:-1]).all()
     assert study.estimate["value"][0] == found.differences[-2]
     assert ("see together=False" in study.verdicts["value"]) == isinstance(levels["step"], tuple)
-    # orders follow from the numbers that are printed
-    text = str(study)
-    changes = [float(number) for number in re.findall(r" change (\d\S+)", text)]
-    orders = [float(number) for number in re.findall(r"change \S+  order (\S+)", text)]
-    assert len(changes) == len(orders) + 1 >= 3
-    np.testing.assert_allclose(np.log2(np.array(changes[:-1]) / changes[1:]), orders, atol=0.006)
-
-
-@pytest.mark.slow
-def test_chaos_is_not_in_the_asymptotic_range():
-    study = refine(problems.double_pendulum, step=(0.08, 0.04, 0.02, 0.01))
-    assert study.verdicts["value"].startswith("not in the asymptotic range: pairwise orders ")
 
 
 @pytest.mark.parametrize("reference", [None, 1 - 1 / math.pi])
@@ -401,14 +376,6 @@ def test_differences_that_turn_take_five_levels():
     assert five.extrapolated is None
 
 
-def test_known_values_with_an_error_are_a_reference_too():
-    levels = (4, 8, 16, 32)
-    known = refine(problems.trapezoid, elements=levels, reference=ReferenceKnown(math.e - 1, 1e-9))
-    plain = refine(problems.trapezoid, elements=levels, reference=math.e - 1)
-    assert known.orders["value"].errors.tolist() == plain.orders["value"].errors.tolist()
-    assert known.notes == plain.notes == {"reference": "given"}
-
-
 def test_no_order_is_told_below_the_error_of_known_values():
     """True to 2e-3 only: differences of 1e-3 to it are no errors of the levels."""
     off = ReferenceKnown(math.e - 1 + 1e-3, errors=2e-3)
@@ -450,19 +417,15 @@ def test_a_table_of_results_as_text_and_for_pandas(monkeypatch):
 
 
 def test_values_that_are_not_finite_fail_their_level():
-    study = refine(lambda elements: np.nan if elements == 8 else 1 / elements, elements=(4, 8, 16))
-    assert [row["status"] for row in study.rows] == ["ok", "error", "ok"]
+    study = refine(lambda elements: np.nan if elements == 8 else 1 / elements, elements=(4, 8))
     assert study.failed["elements = 8"].endswith("quantity 'value' is not finite")
-    assert "fewer than four levels" in study.verdicts["value"]
 
 
 def test_all_levels_may_fail():
     study = refine(lambda elements: 1 / 0, elements=(4, 8))
-    assert {row["status"] for row in study.rows} == {"error"}
-    assert "ZeroDivisionError" in study.rows[0]["reason"]
-    assert study.orders == {}
+    assert study.orders == {} and {row["status"] for row in study.rows} == {"error"}
     assert "elements = 4: error: ZeroDivisionError" in str(study)
-    with pytest.raises(InputError, match="no level was solved; elements = 4: error: ZeroDiv"):
+    with pytest.raises(InputError, match="no level was solved; elements = 4: error: "):
         study.chart()
 
 
@@ -494,25 +457,6 @@ def test_killed_and_resumed(tmp_path):
     np.testing.assert_array_equal(more.orders["value"].errors, direct.orders["value"].errors)
 
 
-@pytest.mark.slow
-def test_a_process_that_is_killed_leaves_its_levels(tmp_path):
-    code = (
-        "import sys, pathlib, functools\n"
-        f"sys.path[:] = {sys.path!r}\n"
-        "import helpers_studies as problems, skfem_cosserat as sc\n"
-        f"folder = pathlib.Path({str(tmp_path)!r})\n"
-        "problem = functools.partial(problems.killed, log=folder)\n"
-        "sc.refine(problem, elements=(4, 8, 16, 32), folder=folder / 'study')\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], check=False)
-    assert done.returncode == -signal.SIGKILL
-    (tmp_path / "on").touch()
-    problem = partial(problems.killed, log=tmp_path)
-    study = refine(problem, elements=(4, 8, 16, 32), folder=tmp_path / "study")
-    assert calls(tmp_path) == [4, 8, 16, 16, 32]
-    assert abs(study.orders["value"].order - 2) < 0.02
-
-
 def test_ctrl_c_ends_a_study_in_good_order(tmp_path):
     """The level at work is finished, the others are rows without a result, and run later."""
     problem = partial(problems.stopped, log=tmp_path)
@@ -525,38 +469,17 @@ def test_ctrl_c_ends_a_study_in_good_order(tmp_path):
     assert calls(tmp_path) == [4, 8, 16, 32]
 
 
-def test_another_problem_or_argument_is_another_level(tmp_path):
-    """A level is known by the problem's name, what is bound to it, and its arguments."""
-    log, options = tmp_path, {"elements": (4, 8), "folder": tmp_path / "study"}
-    refine(partial(problems.noted, log=log), **options)
-    refine(partial(problems.noted, log=log), **options)
-    assert calls(log) == [4, 8]
-    refine(partial(problems.other, log=log), **options)
-    refine(partial(problems.noted, log=log, fatal=(1,)), **options)
-    assert calls(log) == [4, 8, 4, 8, 4, 8]
-    assert len(list((tmp_path / "study").glob("*.case"))) == 6
-
-
-@pytest.mark.filterwarnings(
-    "ignore::skfem_cosserat.AccuracyWarning"
-)  # four elements are few for the bend
 @pytest.mark.slow
-def test_two_processes_give_the_same(tmp_path, monkeypatch):
-    # kernels, if there were some, would depend on what a worker did before
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
-    levels = {"elements": (4, 8, 16, 32), "order": (1, 2)}
-    alone = refine(problems.bend, **levels)
+def test_two_processes_give_the_same(tmp_path):
+    levels = {"elements": (4, 8, 16, 32)}
+    alone = refine(problems.trapezoid, **levels).orders["value"]
     with sc.Processes(2) as executor:
-        there = refine(problems.bend, **levels, executor=executor, folder=tmp_path)
-    for key, found in alone.orders.items():
-        np.testing.assert_array_equal(found.errors, there.orders[key].errors)
-        assert found.verdict == there.orders[key].verdict
-    assert len(list(tmp_path.glob("*.case"))) == 8
-
-
-def test_an_executor_refuses_what_cannot_travel():
-    with sc.Processes(1) as executor, pytest.raises(InputError, match="cannot be sent"):
-        refine(lambda elements: 1.0, elements=(4, 8), executor=executor)
+        study = refine(problems.trapezoid, **levels, executor=executor, folder=tmp_path)
+        with pytest.raises(InputError, match="cannot be sent"):
+            refine(lambda elements: 1.0, **levels, executor=executor)
+    there = study.orders["value"]
+    assert there.errors.tolist() == alone.errors.tolist() and there.verdict == alone.verdict
+    assert len(list(tmp_path.glob("*.case"))) == 4
 
 
 def test_meshes_and_progress():
@@ -594,13 +517,6 @@ def test_chart(tmp_path):
     assert len(line.get_xdata()) == 5  # the finest has no error: nothing is drawn twice
 
 
-@pytest.mark.slow
-def test_quantities_by_name():
-    study = refine(problems.swing_up, elements=2, step=(0.05, 0.025), quantities=["q", "energy"])
-    assert study.values["energy"]["elements = 2, step = 0.05"].shape == ()
-    assert study.values["q"]["elements = 2, step = 0.05"].shape == (36,)
-
-
 # -- bad input -------------------------------------------------------------------------------------
 
 FOUR = (4, 8, 16, 32)
@@ -611,21 +527,17 @@ FOUR = (4, 8, 16, 32)
     ("problem", "options", "words"),
     [
         (problems.trapezoid, {}, "got no sequence, expected at least two levels"),
-        (problems.trapezoid, {"elements": (4,)}, "at least two levels"),
         (problems.trapezoid, {"elements": (4, 8, 8)}, r"\(4, 8, 8\), expected growing numbers"),
         (problems.trapezoid, {"elements": (-4, 8)}, "elements: -4, expected an integer from 1"),
         (problems.fourth, {"step": (0.1, 0.2)}, "argument step: .*expected falling numbers"),
-        (problems.fourth, {"step": (0.1, np.nan)}, "step: value = nan, expected a positive"),
         (problems.bend, {"elements": FOUR, "order": (2, 1)}, "argument order: .*growing"),
         (problems.trapezoid, {"mesh": (4, 8)}, "argument mesh: 4, expected an object of type Mesh"),
         (problems.trapezoid, {"mesh": 4, "elements": 4}, "got both, expected one"),
         (problems.swing_up, {"elements": FOUR, "step": (0.1, 0.05)}, "got 4 and 2 levels"),
         (problems.trapezoid, {"step": (0.1, 0.05)}, r"takes \(elements\), but .* with step"),
         (problems.bend, {"elements": {1: FOUR}, "order": 1}, "elements says the orders already"),
-        (problems.bend, {"elements": {}}, "argument elements: {}, expected an integer"),
         (3, {"elements": FOUR}, "argument problem: 3 cannot be called"),
         (problems.trapezoid, {"elements": FOUR, "reference": "x"}, "reference: 'x', expected"),
-        (problems.trapezoid, {"elements": FOUR, "reference": (1, 2)}, r"shape \(2,\), expected"),
         (problems.trapezoid, {"elements": FOUR, "reference": PAIR}, "expected finite numbers"),
         (problems.trapezoid, {"elements": FOUR, "rounding": -1.0}, "argument rounding: value"),
         (problems.trapezoid, {"elements": FOUR, "quantities": 3}, "quantities: 3, expected names"),
@@ -638,11 +550,6 @@ FOUR = (4, 8, 16, 32)
             r"AtInstants: times = \[0.05\], not all of which all levels have recorded",
         ),
         (problems.swing_up, {"elements": 2, "step": (0.1, 0.05)}, "gives a History: say what"),
-        (
-            problems.swing_up,
-            {"elements": 2, "step": (0.1, 0.05), "quantities": ["Q"]},
-            "series 'Q': not recorded",
-        ),
         (
             problems.trapezoid,
             {"elements": FOUR, "reference": ReferenceRun(order=4)},
@@ -687,9 +594,8 @@ def test_histories_become_paraview_series(tmp_path):
     study = refine(problems.swing_up, **levels, quantities=quantities, folder=tmp_path / "kept")
     written = study.paraview(tmp_path / "series")
     assert list(written) == ["elements = 2, step = 0.05", "elements = 4, step = 0.025"]
-    folders = [tmp_path / "series" / f"elements_{n}_step_{h}" for n, h in ((2, 0.05), (4, 0.025))]
-    for folder, paths in zip(folders, written.values(), strict=True):
-        assert folder / "beams.pvd" in paths
-        assert (folder / "beams.pvd").read_text().count("<DataSet") == 7
+    index = tmp_path / "series" / "elements_4_step_0.025" / "beams.pvd"
+    assert index in written["elements = 4, step = 0.025"]
+    assert index.read_text().count("<DataSet") == 7
     with pytest.raises(InputError, match=r"its result is a float, ParaView series need a History"):
         refine(problems.trapezoid, elements=(2, 4)).paraview(tmp_path)

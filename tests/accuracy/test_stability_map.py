@@ -107,7 +107,7 @@ def test_energy_before_a_time_does_not_count():
 # its two elements are drawn farther than such ones can be, which is quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 def test_energy_that_is_zero_by_the_choice_of_a_height():
-    """A rod let go at the height of its hinge: changes are compared with the work of gravity."""
+    """Let go at the height of its hinge: changes are compared with the work of gravity."""
     t = np.arange(4.0)
     series = {"t": t, "step": t, "q": np.zeros((4, 3)), "p": np.zeros((4, 3))}
     work = np.array([0.0, -1.0, -2.0, -4.0])
@@ -118,8 +118,6 @@ def test_energy_that_is_zero_by_the_choice_of_a_height():
         history.add_series("external", work)
         found = JudgeEnergy()(history)
         assert (found.status, found.energy_error) == (status, pytest.approx(error / 4))
-    (row,) = stability_map(helpers.swing_from_rest, {"step": (1e-2,)}).rows
-    assert row["status"] == "ok" and row["energy_error"] < 1e-9
 
 
 @pytest.mark.slow
@@ -133,8 +131,6 @@ def test_problems_that_take_settings_get_the_full_protocol():
     chosen = partial(helpers.blow, settings=sc.NewtonSettings(5, damped_iterations=5))
     found = stability_map(chosen, {"iterations": (None,)}, JudgeEnergy(since=0.35))
     assert found.status.tolist() == ["error"]  # it has settings already
-    bare = stability_map(_bare_blow, {"step": (0.1,)}, JudgeEnergy(since=0.35))
-    assert "settings=FULL_PROTOCOL" in bare.reason[0]  # it takes none
 
 
 @pytest.mark.slow
@@ -219,37 +215,13 @@ def test_csv(kinds, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.plain
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # a blow in a single step
 def test_kernels_that_ran_are_told(tmp_path):
-    """A column in both kinds of tables, as the history has it; of failed runs, too."""
-    scheme = sc.EnergyMomentum()
-
-    def run(step, stiffness):
-        model = sc.Model()
-        ball = model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
-        model.add("spring", sc.SpringDamper(sc.ground((0, -1.0, 0)), ball.place(), stiffness))
-        more = {"callbacks": [stopped]} if stiffness > 50 else {}
-        return sc.simulate(model.freeze(), scheme, sc.NullSpace(), step, 10 * step, **more)
-
-    def stopped(report):
-        raise RuntimeError("enough")
-
-    found = sc.stability_map(run, {"step": (0.01,), "stiffness": (1.0, 100.0)})
-    assert found.status.tolist() == [["ok", "error"]]
-    assert [row["kernels"] for row in found.rows] == ["numpy", "numpy"]
+    """In a map's column, as the history has it: of failed runs, too."""
+    found = stability_map(helpers.blow, {"iterations": (5,)}, JudgeEnergy(since=0.35))
+    assert [row["kernels"] for row in found.rows] == ["numpy"]
     text = found.csv(tmp_path / "map.csv").read_text()
-    assert ",seconds,kernels,mechanism,reason,warnings\n" in text
-    assert ",numpy,,RuntimeError: enough," in text
-    setups = [("own", partial(run, 0.01)), ("raises", lambda k: 1 / 0)]
-    setups += [("peer", lambda k: {"x": k, "cost_s": 1.0, "kernels": "other"})]
-    table = sc.work_precision(1.0, setups, {"x": 1.0}, {"x": reached})
-    kernels = {row["label"]: row["kernels"] for row in table.rows}
-    assert kernels == {"own": "numpy", "raises": "", "peer": "other"}
-
-
-def reached(result):
-    """A number, of whatever came."""
-    return result["x"] if isinstance(result, dict) else result["q"][-1, 0]
+    assert ",seconds,kernels,mechanism,reason,warnings\n" in text and "Diverged: step " in text
 
 
 @pytest.mark.slow
@@ -266,11 +238,8 @@ def test_chart_with_the_explicit_limit(oscillator, tmp_path):
     at = np.interp(points[:, 1], range(4), np.log(OMEGAS))
     at += np.interp(points[:, 0], range(3), np.log(STEPS))
     np.testing.assert_allclose(at, math.log(2), atol=1e-9)
-    outside = {"soft": lambda omega, step: 1e-3 * omega, "stiff": np.full((4, 3), 3.0)}
-    texts = [text.get_text() for text in oscillator.chart(lines=outside).legends[0].get_texts()]
-    assert texts[2:] == ["soft (no cell beyond)", "stiff (all cells beyond)"]
-    with pytest.raises(InputError, match=r"map\.xyz'.*\.xyz, expected one of"):
-        oscillator.chart(tmp_path / "map.xyz")
+    legend = oscillator.chart(lines={"stiff": np.full((4, 3), 3.0)}).legends[0]
+    assert legend.get_texts()[2].get_text() == "stiff (all cells beyond)"
 
 
 @pytest.mark.slow
@@ -288,10 +257,6 @@ def test_chart_with_panels(tmp_path):
         found.chart(lines={"wrong": lambda h, k: 1.0})
 
 
-def _bare_blow(step):
-    return sc.simulate(*helpers.struck(), step=step, until=1.0)
-
-
 def _third(step, kind, more):
     return helpers.every_kind(step, kind)
 
@@ -305,7 +270,6 @@ def never(step, omega):
 
 GOOD = {"step": (1.0,), "omega": (1.0,)}
 BAD = {
-    "no axes": ({"axes": {}}, "argument axes: {}, expected values of parameters"),
     "a number": ({"axes": {"step": 1.0, "omega": (1.0,)}}, "axis 'step': 1.0, expected a sequence"),
     "twice": ({"axes": {"step": (1.0, 1.0), "omega": (1.0,)}}, "the same value twice"),
     "no problem": ({"problem": 3}, "argument problem: 3 cannot be called"),

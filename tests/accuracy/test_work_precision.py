@@ -147,14 +147,6 @@ def test_the_clock_of_the_wall():
 # -- references ------------------------------------------------------------------------------------
 
 
-def test_reference_with_its_own_error():
-    known = ReferenceKnown({"x": EXACT}, errors={"x": 1e-3})
-    found = work_precision(-1.0, both(), known, ["x"])
-    assert found.reference_errors == {"x": 1e-3}
-    unknown = work_precision(-1.0, both(), EXACT, ["x"])
-    assert math.isnan(unknown.reference_errors["x"])
-
-
 def test_errors_near_that_of_the_reference_are_told():
     """A setup that shares the mesh of the reference is no better than the reference is known."""
     setups = [("near", lambda problem: {"x": 1.0 + 1e-9}), ("far", lambda problem: {"x": 1.1})]
@@ -188,17 +180,14 @@ def test_over_time():
         return {"t": t, "x": np.exp(-t) + step * t}
 
     setups = setup_grid(path, step=(0.1, 0.05))
-    norm = MaximumOverTime()
-    found = work_precision(None, setups, {"x": lambda t: np.exp(-t)}, ["x"], norm=norm)
+    reference = {"x": lambda t: np.exp(-t)}
+    found = work_precision(None, setups, reference, ["x"], norm=MaximumOverTime())
     assert [row["error_x"] for row in found.rows] == pytest.approx([0.1, 0.05], rel=1e-12)
-    at = AtInstants([0.5])
-    run = partial(path, step=0.025)
-    found = work_precision(None, setups, run, ["x"], norm=at)
-    assert [r["error_x"] for r in found.rows] == pytest.approx([0.0375, 0.0125], rel=1e-12)
     odd = [*setups, ("no times", lambda problem: {"x": 1.0})]
-    found = work_precision(None, odd, run, ["x"], norm=norm)
-    assert [row["status"] for row in found.rows] == ["ok", "ok", "error"]
-    assert "without times" in found.rows[2]["reason"]
+    run = partial(path, step=0.025)
+    found = work_precision(None, odd, run, ["x"], norm=AtInstants([0.5]))
+    assert [row["error_x"] for row in found.rows[:2]] == pytest.approx([0.0375, 0.0125], rel=1e-12)
+    assert found.rows[2]["status"] == "error" and "without times" in found.rows[2]["reason"]
 
 
 def test_a_result_of_another_shape_disturbs_no_others():
@@ -206,6 +195,17 @@ def test_a_result_of_another_shape_disturbs_no_others():
     found = work_precision(None, setups, 1.0, ["x"])
     assert [row["status"] for row in found.rows] == ["error", "ok"]
     assert found.rows[1]["error_x"] == 0.5 and "shape" in found.rows[0]["reason"]
+
+
+def test_kernels_of_our_own_runs_and_of_others():
+    """As the history or the other program tells."""
+    setups = [
+        ("own", lambda rod: helpers.swing_down(rod, sc.EnergyMomentum(), 0.02)),
+        ("peer", lambda rod: {"x": 1.0, "cost_s": 1.0, "kernels": "other"}),
+    ]
+    read = {"x": lambda result: result["x"] if isinstance(result, dict) else result.times[-1]}
+    table = work_precision(2, setups, {"x": 1.0}, read, repeats=1)
+    assert [row["kernels"] for row in table.rows] == ["numpy", "other"]
 
 
 # -- fronts ----------------------------------------------------------------------------------------
@@ -287,13 +287,13 @@ def test_csv_and_chart(table, tmp_path):
     figure = table.chart(tmp_path / "table.png")
     assert (tmp_path / "table.png").stat().st_size > 10_000
     (axis,) = figure.axes
-    labels = [each.get_text() for each in figure.legends[0].get_texts()]
-    assert labels[:2] == ["explicit", "implicit"] and labels[-1] == "failed"
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("time in s", "error of x")
     crosses = [line for line in axis.lines if line.get_marker() == "x"]
     assert sum(len(line.get_xdata()) for line in crosses) == len(FAILING)
     with pytest.raises(InputError, match="unknown; known: 'x'"):
         table.chart(quantities=["y"])
+    with pytest.raises(InputError, match=r"\.xyz, expected one of"):
+        table.chart(tmp_path / "chart.xyz")
 
 
 @pytest.mark.slow
@@ -317,8 +317,6 @@ def test_charts_of_other_costs_and_of_a_stored_table(table, tmp_path):
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="not of a work-precision study"):
         type(table).read(tmp_path / "other.csv")
-    with pytest.raises(InputError, match="cannot be read"):
-        type(table).read(tmp_path / "none.csv")
 
 
 def test_resumed_study(tmp_path):
@@ -354,20 +352,11 @@ def test_rubber_rod_with_both_integrators():
         assert [math.log2(a / b) for a, b in pairwise(errors)] == pytest.approx([2, 2], abs=0.15)
     for row in found.rows:
         count = round(0.08 / float(row["label"].split(" = ")[1]))
-        assert 2 * count <= row["newton_iterations"] <= 6 * count
-        assert row["factorisations"] >= row["newton_iterations"]
-        assert row["unknowns"] == helpers.rubber_rod(4).unknowns
-        assert row["cost_s"] > 0
+        assert 2 * count <= row["newton_iterations"] <= row["factorisations"]
+        assert row["unknowns"] == helpers.rubber_rod(4).unknowns and row["cost_s"] > 0
 
 
 # -- what a user may do ----------------------------------------------------------------------------
-
-
-def test_a_setup_whose_subprocess_takes_too_long(table):
-    setups = [("peer", helpers.sleeping_process), ("midpoint", partial(helpers.midpoint, step=0.1))]
-    found = work_precision(-1.0, setups, EXACT, ["x"], repeats=1)
-    assert [row["status"] for row in found.rows] == ["timeout", "ok"]
-    assert found.rows[0]["reason"].startswith("TimeoutExpired")
 
 
 def test_a_reference_that_fails_ends_the_study_before_the_setups():
@@ -406,18 +395,13 @@ def test_counts_that_are_none():
     assert (row["status"], row["newton_iterations"], row["unknowns"]) == ("ok", None, 3)
 
 
-@pytest.mark.slow
-def test_exact_setups_and_a_single_error(tmp_path):
-    """No error at all has a front, in words, and a chart."""
+def test_exact_setups_and_a_single_error():
+    """No error at all has a front in words, too."""
     found = work_precision(0.0, [("a", lambda p: {"x": 1.0, "cost_s": 2.0})], 1.0, ["x"], repeats=1)
     assert found.front("x").lines == ["for 0e+00 in x the cheapest is a: 0.0e+00 in 2 s"]
     assert found.front("x", 1e-3).lines == found.front("x", [1e-3]).lines
     with pytest.raises(InputError, match="error = 'much'"):
         found.front("x", "much")
-    pytest.importorskip("matplotlib")
-    found.chart(tmp_path / "chart.png")
-    with pytest.raises(InputError, match=r"\.xyz, expected one of"):
-        found.chart(tmp_path / "chart.xyz")
 
 
 # -- limits of time --------------------------------------------------------------------------------

@@ -79,10 +79,6 @@ def test_rows_of_rotations_are_directors(run):
     assert np.array_equal(found[0], end.triad)
     system = model.freeze()
     assert np.array_equal(found.reshape(11, 9), history["q"][:, system.dofs(end)[3:]])
-    # an eccentric point by its frame
-    corner = items["box"].at((1.1, 1.2, 0.1))
-    R, origin = history.rotation(corner), history.position(items["box"].local((0, 0, 0)))
-    assert abs(origin + corner.offset @ R - history.position(corner)).max() < 1e-14
     inside = history.rotation(items["second"], s=[0.2, 0.9])
     assert inside.shape == (11, 2, 3, 3)
     assert abs(inside @ np.swapaxes(inside, -1, -2) - np.eye(3)).max() < 1e-13
@@ -119,10 +115,9 @@ def test_items_of_other_scenes_are_refused(run):
     with pytest.raises(sc.InputError, match=r"mass point 'stranger'.*not in this history.*ball"):
         history.position(other.place())
     _, finer = scene(elements=3)
-    with pytest.raises(sc.InputError, match=r"beam 'second'.*is another one"):
-        history.position(finer["second"].node(3))
-    with pytest.raises(sc.InputError, match=r"9 nodes, that of the history 7"):
-        history.position(finer["second"], s=0.3)
+    for place in (3, "second.end"):  # the number of the end is beyond that of the history
+        with pytest.raises(sc.InputError, match=r"beam 'second'.*is another one|another mesh"):
+            history.position(finer["second"].node(place))
     with pytest.raises(sc.InputError, match="argument s: is missing"):
         history.position(items["second"])
     with pytest.raises(sc.InputError, match=r"of type int, expected beam\.node"):
@@ -155,9 +150,6 @@ def test_places_of_the_ground():
     assert abs(history.position(items["base"])[:, 2] - t**2).max() < 1e-15
     assert abs(history.velocity(items["base"])[:, 2] - 2 * t).max() < 1e-9
     assert abs(history.rotation(items["base"])[:, 0, 1] - np.sin(t)).max() < 1e-15
-    rest = sc.ground((1, 2, 3))
-    assert history.position(rest).tolist() == [[1, 2, 3]] * len(t)
-    assert not history.velocity(rest).any()
 
 
 def cantilever(motion: sc.Motion | None = None):
@@ -179,8 +171,6 @@ def test_paths_and_modes_are_read_alike():
     end = rod.node("rod.end")
     assert path.position(end)[-1, 2] == pytest.approx(1 / (3 * 50), rel=0.05)
     assert not path.velocity(end).any()
-    bare = sc.static(model, control=sc.LoadControl(steps=2), derive=False)
-    assert not bare.velocity(end).any() and bare.velocity(end).shape == (len(bare), 3)
     assert not path.velocity(base).any()
     model, rod, base = cantilever()
     shown = sc.modes(model, count=1).animation(0, frames=8)
@@ -188,21 +178,6 @@ def test_paths_and_modes_are_read_alike():
     assert x.shape == (9, 3)
     assert np.linalg.norm(x - x[:1], axis=1).max() == pytest.approx(0.2, rel=0.1)
     assert not shown.position(base).any()
-
-
-def test_changed_scenes_are_read_through():
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, position=(1, 0, 0)))
-    rod = model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
-    event = sc.Event(sc.ConditionTime(0.05), sc.ActionRelease(rod), name="cut")
-    scheme = sc.EnergyMomentum(), sc.NullSpace()
-    history = sc.simulate(model, *scheme, 0.01, 0.1, events=[event], kernels="numpy")
-    assert len(history.segments) == 2
-    x, v = history.position(bob.place()), history.velocity(bob.place())
-    assert np.array_equal(x, history["q"])
-    assert len(v) == len(history) == len(x)
-    assert len(history.segment(1).position(bob.place())) < len(history)
 
 
 def test_numbers_of_places():
@@ -227,22 +202,6 @@ def test_a_model_is_frozen_once_until_something_is_added():
     assert system_of(model) is system
     model.add("late", sc.MassPoint(1.0))
     assert system_of(model).n == system.n + 3
-
-
-def test_models_do_as_well_as_systems():
-    model, items = scene()
-    system = model.freeze()
-    q, beam = np.array([system.q0] * 2), items["first"]
-    for call in (
-        lambda x: diagnostics.kinetic_energy(x, q),
-        lambda x: diagnostics.external_energy(x, q, [0.0, 1.0]),
-        lambda x: diagnostics.section_forces(x, beam, q),
-        lambda x: diagnostics.hidden_violation(x, q, q),
-        diagnostics.highest_frequency,
-        lambda x: diagnostics.transfer(x, x, q)[0],
-        lambda x: sc.carry_state(x, x, sc.initial_state(x)).q,
-    ):
-        assert np.array_equal(call(model), call(system))
 
 
 def test_the_model_of_a_system():
@@ -296,16 +255,13 @@ NAN = float("nan")
     [
         (lambda: HINGED.freeze().null_space(Q0[:7]), "argument q: has shape"),
         (lambda: sc.initial_state(HINGED, BENT, tolerance=NAN), "tolerance = nan"),
-        (lambda: sc.initial_state(HINGED, time=[0.0, 1.0]), "time = "),
         (lambda: sc.initial_state(HINGED, rates=np.zeros(3)), "argument rates"),
         (lambda: sc.restart(HINGED, RUN, sc.EnergyMomentum(), NAN), "step = nan"),
-        (lambda: sc.restart(HINGED, RUN, "x", 0.1), "argument integrator"),
         (lambda: sc.Projection(HINGED)(Q0, Q0, NAN), "t = nan"),
         (lambda: sc.Projection(HINGED, method=[]), "argument method"),
         (lambda: sc.Projection(HINGED).stack(RUN["q"], RUN["p"][:1], 0.0), "argument p"),
         (lambda: sc.View(HINGED, None), "argument state"),
         (lambda: sc.View(HINGED, sc.initial_state(HINGED)).position(3), "argument place"),
-        (lambda: RUN.row("x"), "argument i"),
         (lambda: RUN.segment(None), "argument k"),
         (lambda: RUN.add_series(None, RUN.times), "argument name"),
         (lambda: sc.after_events(HINGED, RUN, [3]), "argument events"),
@@ -321,7 +277,6 @@ NAN = float("nan")
         (lambda: diagnostics.angular_momentum(HINGED, RUN["q"], RUN["p"][0]), "argument p"),
         (lambda: diagnostics.external_energy(HINGED, RUN["q"], [0.0, 1.0]), "argument t"),
         (lambda: diagnostics.strain_energy(HINGED, "x"), "expected real numbers"),
-        (lambda: diagnostics.strain_energy(HINGED, 10**400), "too large for a number"),
         (lambda: diagnostics.constraint_frequency(HINGED, Q0, Q0 * NAN), "is not finite"),
     ],
 )
@@ -342,9 +297,8 @@ def test_each_thing_is_one_line():
     many = sc.Model()
     for k in range(200):
         many.add(f"ball {k}", sc.MassPoint(1.0, position=(k, 0, 0)))
-    things = [HINGED, HINGED.freeze(), many, many.freeze(), state, report, record, RUN]
-    things += [record.spectrum(), sc.View(HINGED, state), sc.Projection(HINGED)]
-    things.append(sc.Stepper(HINGED, sc.EnergyMomentum(), sc.NullSpace(), 0.1, kernels="numpy"))
+    things = [HINGED, many, many.freeze(), state, report, record, RUN, record.spectrum()]
+    things += [sc.View(HINGED, state), sc.Projection(HINGED)]
     for thing in things:
         text = repr(thing)
         assert "\n" not in text, text
@@ -352,21 +306,6 @@ def test_each_thing_is_one_line():
         assert len(text) < 300, text
     assert repr(HINGED) == "<Model of rigid body 'link', revolute joint 'pin'>"
     assert "and 194 more" in repr(many)
-
-
-def test_a_node_beyond_the_mesh_of_the_history():
-    """Its number was an index out of bounds."""
-    section = sc.SectionCircle(0.01, sc.Material(1e7, 0.3, 1000.0))
-
-    def rod(elements):
-        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="a")
-        model = sc.Model()
-        return model, model.add("a", sc.Beam(mesh, section, director=(0, 1, 0)))
-
-    model, _ = rod(2)
-    history = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.1, 0.1)
-    with pytest.raises(sc.InputError, match="another mesh"):
-        history.position(rod(4)[1].node("a.end"))
 
 
 def test_sets_of_a_mesh_cannot_be_written_to():

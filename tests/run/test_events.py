@@ -8,7 +8,7 @@ from itertools import cycle
 import numpy as np
 import pytest
 from helpers_kernels import chain, corner, needs_numba
-from helpers_scenes import four_bar, full_section
+from helpers_scenes import ball_on_rod, four_bar, full_section
 from helpers_schemes import SCHEMES, stabilized
 from scipy.optimize import brentq
 from scipy.special import ellipk
@@ -36,12 +36,17 @@ def both_steps(schemes):
 
 def pendulum(rate=None):
     """A ball on a rod of 1 m, let go horizontally, or at the lowest point with a velocity."""
-    model = sc.Model()
-    start = {"position": (-1, 0, 0)} if rate is None else {"velocity": (rate, 0, 0)}
-    bob = model.add("bob", sc.MassPoint(1.0, **({"position": (0, 0, -1)} | start)))
-    rod = model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    start = ((-1, 0, 0), (0, 0, 0)) if rate is None else ((0, 0, -1), (rate, 0, 0))
+    model, bob, rod = ball_on_rod(*start, g=G)
     return model.freeze(), bob, rod
+
+
+def ball(height=0.0, up=0.0, gravity=(0, 0, -G)):
+    """A ball of 1 kg in free flight from a height (m), thrown upwards (m/s)."""
+    model = sc.Model()
+    flying = model.add("ball", sc.MassPoint(1.0, position=(0, 0, height), velocity=(0, 0, up)))
+    model.add("gravity", sc.LoadGravity(gravity))
+    return model, flying
 
 
 def across(bob):
@@ -123,6 +128,7 @@ def test_released_ball_flies_on_a_parabola(scheme, step, treatment):
     q, v = history["q"][row], history["v"][row]
     expected = q + v * t + np.array([0, 0, -G / 2]) * t**2
     assert abs(history["q"][row:] - expected).max() < 1e-11
+    assert np.array_equal(history.position(bob.place()), history["q"])
     # velocities between nodes are off the hidden constraints by O(h^2): their energy is lost
     assert abs(found.loss) < (1e-9 if step == "equal" else 1e-4)
     if scheme.conserves.startswith("energy"):
@@ -231,8 +237,6 @@ def test_two_bars_lock(scheme, step, treatment):
     balance = history.meta["energy_balance"]
     assert balance["dissipated"] == pytest.approx(found.loss, rel=1e-9)
     assert balance["end"] == pytest.approx(history["energy"][-1], rel=1e-9)
-    for name in ("constraint_violation", "hidden_violation"):
-        assert not stabilized(scheme) or history[name].max() < 1e-13
 
 
 @pytest.mark.slow
@@ -327,15 +331,9 @@ def test_load_switched_off(scheme, treatment):
 @pytest.mark.slow
 def test_function_gives_the_model_to_go_on_with():
     """A second model with the gravity turned."""
-
-    def scene(g):
-        model = sc.Model()
-        model.add("ball", sc.MassPoint(1.0, position=(0, 0, 1)))
-        model.add("gravity", sc.LoadGravity(g))
-        return model
-
-    turn = sc.Event(sc.ConditionTime(0.1), lambda t, view: scene((5.0, 0, 0)), name="turn")
-    run = scene((0, 0, -G)).freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2
+    other, _ = ball(height=1.0, gravity=(5.0, 0, 0))
+    turn = sc.Event(sc.ConditionTime(0.1), lambda t, view: other, name="turn")
+    run = ball(height=1.0)[0], sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.2
     history = sc.simulate(*run, events=[turn])
     expected = 5.0 * 0.1**2 / 2, 0.0, 1 - G * 0.1**2 / 2 - G * 0.1 * 0.1
     assert history["q"][-1] == pytest.approx(expected, abs=1e-10)
@@ -377,38 +375,17 @@ def test_what_does_not_happen():
 @pytest.mark.slow
 def test_endless_repetition_is_an_error():
     """A ball that is lifted by a hair's breadth each time it falls below the floor."""
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(1.0, position=(0, 0, 0.1)))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
 
     def lifted(time, view):
         q = view.q + np.array([0, 0, 1e-9])
         return sc.initial_state(view.system, q, view.v, time=time)
 
     floor = sc.Event(lambda t, view: view.q[2], lifted, once=False, name="floor")
-    run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.02, 2.0
+    run = ball(height=0.1)[0], sc.EnergyMomentum(), sc.NullSpace(), 0.02, 2.0
     with pytest.raises(sc.Diverged, match="event 'floor' repeats at once: 20 times") as caught:
         sc.simulate(*run, events=[floor])
     assert caught.value.history.times[-1] == pytest.approx(np.sqrt(0.02), abs=1e-6)
     assert len(caught.value.history.events) == 20
-
-
-@pytest.mark.slow
-def test_saved_and_loaded(tmp_path):
-    """Events and segments are in the file; sensors go on, the reaction of what is gone is NaN."""
-    system, bob, rod = pendulum()
-    event = sc.Event(across(bob), sc.ActionRelease(rod), name="let go")
-    sensors = {"x": sc.SensorPosition(bob.place()), "force": sc.SensorReaction(rod)}
-    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.8
-    history = sc.simulate(*run, events=[event], sensors=sensors, path=tmp_path / "run.history")
-    again = sc.History.load(tmp_path / "run.history")
-    assert again.events == history.events and again.segments == history.segments
-    assert np.array_equal(again["q"], history["q"])
-    assert "let go" in str(again.events[0]) and "ActionRelease(rod)" in str(again.events[0])
-    record, time = again.sensors["force"], again.events[0].time
-    assert np.isnan(record.values[record.times > time]).all()
-    assert np.isfinite(record.values[record.times < time]).all()
-    assert np.allclose(again.sensors["x"].values[-1], again["q"][-1])
 
 
 # -- twice within a step ---------------------------------------------------------------------------
@@ -416,10 +393,8 @@ def test_saved_and_loaded(tmp_path):
 
 def thrown(apex):
     """A ball of 1 kg thrown upwards, at rest after a time (s) at G apex^2/2."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, velocity=(0, 0, G * apex)))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
-    return model.freeze(), sc.SensorPosition(ball.place())
+    model, flying = ball(up=G * apex)
+    return model.freeze(), sc.SensorPosition(flying.place())
 
 
 #: of the step: where the ball is at rest, for how long it is above the level, half of it
@@ -447,6 +422,9 @@ def test_threshold_is_touched_for_less_than_a_step(scheme, rest, direction):
     history = sc.simulate(system, scheme, sc.NullSpace(), h, 0.2, events=[event])
     plain = sc.simulate(system, scheme, sc.NullSpace(), h, 0.2)
     assert plain["q"][:, 2].max() < level
+    above = sc.ConditionSensor(height, G * apex**2 / 2 + 1e-9, component=2)
+    just_not = [sc.Event(above, name="above it")]
+    assert not sc.simulate(system, scheme, sc.NullSpace(), h, 0.2, events=just_not).events
     times = [apex - HALF * h, apex + HALF * h]
     expected = {0: times, 1: times[:1], -1: times[1:]}[direction]
     # generalized-alpha begins with the acceleration of its own instant: the same parabola
@@ -454,29 +432,8 @@ def test_threshold_is_touched_for_less_than_a_step(scheme, rest, direction):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("scheme", "rest"),
-    [(sc.EnergyMomentum(), "first"), (sc.Variational(), "second"), (sc.EnergyMomentum(), "later")],
-    ids=repr,
-)
-def test_threshold_is_just_not_touched(scheme, rest):
-    """A nanometre above the highest point; a nanometre below it is an event."""
-    h = 0.02
-    apex = RESTS[rest] * h
-    system, height = thrown(apex)
-    for gap, count in ((1e-9, 0), (-1e-9, 2)):
-        condition = sc.ConditionSensor(height, G * apex**2 / 2 + gap, component=2)
-        event = sc.Event(condition, once=False)
-        history = sc.simulate(system, scheme, sc.NullSpace(), h, 0.2, events=[event], derive=False)
-        assert len(history.events) == count
-
-
-@pytest.mark.slow
 def test_bounces_shorter_than_a_step():
     """Of a ball that keeps 30 % of its velocity: all times by the closed form."""
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(1.0, position=(0, 0, 1)))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
 
     def back(time, view):
         return sc.initial_state(view.system, view.q, -0.3 * view.v, time=time)
@@ -485,7 +442,7 @@ def test_bounces_shorter_than_a_step():
     flights = np.sqrt(2 / G) * np.array([1.0, *(2 * 0.3 ** np.arange(1, 7))])
     expected = flights.cumsum()
     until = expected[-1] + 1e-4
-    run = model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.05
+    run = ball(height=1.0)[0], sc.EnergyMomentum(), sc.NullSpace(), 0.05
     history = sc.simulate(*run, until, events=[floor], derive=False)
     assert flights[3] < 0.05
     assert history.events[0].loss == pytest.approx((1 - 0.3**2) * G, abs=1e-9)
@@ -497,23 +454,16 @@ def test_what_is_fast_for_less_than_the_first_step(what):
     """A pendulum passes its lowest point in it; also in the step behind another event."""
     h, v = 0.05, 1.0
     c, s = np.cos(v * h / 2), -np.sin(v * h / 2)
-    model = sc.Model()
-    moving = {"position": (s, 0, -c), "velocity": (v * c, 0, v * s)}
-    bob = model.add("bob", sc.MassPoint(1.0, **moving))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
+    model, bob, _ = ball_on_rod((s, 0, -c), (v * c, 0, v * s), g=G)
     lowest = np.sqrt(v**2 + 2 * G * (1 - c))
     condition = {
         "kinetic": sc.ConditionEnergy((lowest**2 + v**2) / 4, kinetic=True),
         "speed": sc.ConditionSensor(sc.SensorVelocity(bob.place()), (lowest + v) / 2),
     }[what]
-    run = model, sc.EnergyMomentum(), sc.NullSpace(), h, h
-    events = [sc.Event(condition, name="fast")]
-    for names in (["fast"], ["before", "fast"]):
-        found = sc.simulate(*run, events=events, derive=False).events
-        assert [event.name for event in found] == names
-        assert 0 < found[-1].time < h / 2
-        events.append(sc.Event(sc.ConditionTime(1e-4), name="before"))
+    events = [sc.Event(condition, name="fast"), sc.Event(sc.ConditionTime(1e-4), name="before")]
+    run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), h, h, events=events)
+    assert [event.name for event in run.events] == ["before", "fast"]
+    assert 0 < run.events[-1].time < h / 2
 
 
 # -- what is refused -------------------------------------------------------------------------------
@@ -568,37 +518,36 @@ def test_explicit_schemes_are_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("copied", "names"), [(450, ["seen", "off"]), (20, [])])
-def test_a_killed_run_has_the_events_of_its_states(tmp_path, copied, names):
+def test_a_killed_run_has_the_events_of_its_states(tmp_path):
     """A file as it is while the run goes on: states are written in blocks, events with them."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0))
-    gravity = model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    model, flying = ball()
     events = [
         sc.Event(sc.ConditionTime(0.05), lambda t, view: None, name="seen"),
-        sc.Event(sc.ConditionTime(0.1), sc.ActionLoad(gravity, 0.0), name="off"),
+        sc.Event(sc.ConditionTime(0.1), sc.ActionLoad("gravity", 0.0), name="off"),
     ]
     path, killed = tmp_path / "run.history", tmp_path / "killed.history"
 
     def look(report):
-        if report.state.index == copied:
+        if report.state.index == 450:
             shutil.copy(path, killed)
 
     run = model, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 5.0
-    options = {"kernels": "numpy", "derive": False, "callbacks": [look]}
-    seen = {"ball": sc.SensorPosition(ball.place())}
-    whole = sc.simulate(*run, path=path, events=events, sensors=seen, **options)
+    seen = {"ball": sc.SensorPosition(flying.place())}
+    whole = sc.simulate(*run, path=path, events=events, sensors=seen, callbacks=[look])
     history = sc.History.load(killed)
-    assert history.status == "killed" and copied - 150 < len(history) < copied
-    assert [event.name for event in history.events] == names
-    assert len(history.segments) == 1 + ("off" in names)
+    assert history.status == "killed" and 300 < len(history) < 450
+    assert [event.name for event in history.events] == ["seen", "off"]
+    assert len(history.segments) == 2 and len(history.sensors["ball"].times) > 300
     system, left = sc.after_events(model, history, events)
-    assert len(left) == 2 - len(names)
-    if not left:  # what is continued from it has no gravity any more
-        assert len(history.sensors["ball"].times) > 300
-        start = sc.restart(system, history, sc.EnergyMomentum(), 1e-2)
-        on = sc.simulate(system, *run[1:], start=start, derive=False)
-        assert on["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-12)
+    assert left == []
+    # what is continued from it has no gravity any more
+    start = sc.restart(system, history, sc.EnergyMomentum(), 1e-2)
+    on = sc.simulate(system, *run[1:], start=start, derive=False)
+    assert on["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-12)
+    # the whole file has them, too
+    again = sc.History.load(path)
+    assert again.events == whole.events and again.segments == whole.segments
+    assert "off" in str(again.events[1]) and "ActionLoad(gravity" in str(again.events[1])
 
 
 # -- compiled kernels ------------------------------------------------------------------------------
@@ -646,8 +595,20 @@ def two_orders():
     return model.freeze()
 
 
+def unsheared():
+    """A beam whose strains are held by rows."""
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
+    theory = sc.TheoryKirchhoff()
+    rod = model.add("rod", sc.Beam(mesh, full_section(), theory=theory, director=(0, 1, 0)))
+    model.add("hinge", sc.JointSpherical(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    model.add("gravity", sc.LoadGravity((0, -G, 0)))
+    return model.freeze()
+
+
 LOOKED_AT = {
     "rod": lambda: swinging_rod()[0],
+    "unsheared": unsheared,
     "triads of nodes": lambda: corner(1),
     "bodies": lambda: chain(4),
     "two orders": two_orders,

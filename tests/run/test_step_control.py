@@ -6,12 +6,12 @@ from itertools import cycle
 
 import numpy as np
 import pytest
+from helpers_scenes import ball_on_rod
 from helpers_schemes import SCHEMES
 from scipy.special import ellipj, ellipk
 
 import skfem_cosserat as sc
 from skfem_cosserat.history import SensorRecord
-from skfem_cosserat.run.plan import size
 
 G = 10.0
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
@@ -20,11 +20,7 @@ RUBBER = sc.SectionCircle(radius=0.02, material=sc.Material(E=2e5, nu=0.5, rho=1
 
 def pendulum():
     """A ball on a rod of 1 m, let go horizontally."""
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, position=(1, 0, 0)))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
-    return model.freeze()
+    return ball_on_rod((1, 0, 0), g=G)[0].freeze()
 
 
 def swung(t):
@@ -71,23 +67,6 @@ def test_true_error_follows_the_tolerance(scheme):
     assert 0.85 < slope < 1.0
     ratio = np.array(errors) / tolerances
     assert ratio.min() > 0.2 and ratio.max() < 3
-
-
-@pytest.mark.slow
-def test_true_error_of_a_beam_follows_the_tolerance():
-    """A soft rod in flight, against a scheme of order six."""
-    system, end = rubber(), 0.1
-    truth = sc.Composition(sc.Variational(), order=6), sc.NullSpace(), 2e-3, end
-    exact = sc.simulate(system, *truth, every=10**6, derive=False)["q"][-1]
-    errors, tolerances = [], [1e-2, 1e-3, 1e-4]
-    for tolerance in tolerances:
-        run = system, sc.EnergyMomentum(), sc.NullSpace(), sc.StepControl(tolerance), end
-        history = sc.simulate(*run, every=10**6, derive=False)
-        errors.append(size(system, history["q"][-1] - exact))
-    slope = np.polyfit(np.log(tolerances), np.log(errors), 1)[0]
-    assert 0.9 < slope < 1.1
-    ratio = np.array(errors) / tolerances
-    assert ratio.min() > 0.15 and ratio.max() < 0.6
 
 
 @pytest.mark.slow
