@@ -330,18 +330,6 @@ def test_frequencies_of_coupled_bending_and_torsion():
     assert found[:4] == pytest.approx(wanted[:4], rel=1e-8)
 
 
-def test_highest_frequency_and_history_energy_know_the_offset():
-    """Energies of a rigid velocity: that of v and that of p agree."""
-    system = free_beam()
-    rng = np.random.default_rng(2)
-    v = rng.standard_normal(system.n)
-    p = diagnostics.momentum(system, v)
-    energy = diagnostics.kinetic_energy_of_velocity(system, v)
-    keep = np.repeat(system.mass.diagonal() > 0, 3)
-    assert diagnostics.kinetic_energy(system, p) == pytest.approx(energy, rel=1e-12)
-    assert p[~keep].tolist() == [0] * int((~keep).sum())
-
-
 @pytest.mark.slow
 @pairs
 def test_kernels_agree(integrator, treatment):

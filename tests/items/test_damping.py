@@ -281,7 +281,7 @@ def test_free_decay_of_a_mode(integrator, kind, damping):
         x = (history["q"] - system.q0) @ weights / size
         exact = np.exp(-zeta * omega * history.times) * np.sin(damped * history.times) / damped
         errors.append(abs(x - exact).max() * omega)
-    assert errors[1] < 1e-3
+    assert errors[1] < 2e-3  # of the phase: (2 pi)^3/12/120^2
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.02)
 
 

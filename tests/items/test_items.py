@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers_scenes import SHAKE, TENSOR, everything, random_state, rotation
-from helpers_schemes import integrators, treatments
+from helpers_schemes import integrators
 from scipy.spatial.transform import Rotation
 
 from skfem_cosserat import (
@@ -96,28 +96,6 @@ def test_kinetic_energy_of_a_body_with_offset_centre(seed):
     assert p[0] == pytest.approx(1.7 * vc)
     spin = np.cross(system.q0.reshape(-1, 3), p).sum(0)
     assert spin == pytest.approx(1.7 * np.cross(xc, vc) + J @ omega)
-
-
-@pytest.mark.slow
-@integrators
-@treatments
-def test_reference_point_does_not_matter(integrator, treatment):
-    """A free body described from its centre and from another point moves alike, to second order."""
-    c = np.array([0.3, -0.2, 0.1])
-    omega, v = np.array([1.0, 2.0, -0.5]), np.array([0.1, 0.2, 0.3])
-    ends = []
-    for position, center in ((np.zeros(3), np.zeros(3)), (-c, c)):
-        model = Model()
-        speed = v + np.cross(omega, position)
-        moving = {"velocity": speed, "angular_velocity": omega}
-        body = RigidBody(1.5, TENSOR, position=position, center=center, **moving)
-        model.add("body", body)
-        q = simulate(model.freeze(), integrator, treatment, 1e-3, 0.12, derive=False)["q"][-1]
-        q = q.reshape(4, 3)
-        ends.append(np.vstack([q[0] + center @ q[1:], q[1:]]))
-    assert ends[0][0] == pytest.approx(0.12 * v, abs=1e-10)
-    assert abs(ends[0] - ends[1]).max() < 1e-6
-    assert abs(ends[0][1:] - np.eye(3)).max() > 0.2
 
 
 def plate(on_body):
