@@ -88,22 +88,24 @@ def chain(model, rng, frame, Q):
         bodies.append(model.add(f"body {k}", body))
     a = Q @ unit(rng)
     b = np.cross(a, Q @ unit(rng))
-    axes = {name: unit(rng) for name in ("hinge", "tube", "slide", "plane", "wire")}
-    along = {name: {"axis": Q @ axis} for name, axis in axes.items()}
-    normal = axes["plane"]
-    kinds = {
-        "hinge": (sc.JointRevolute, along["hinge"]),
-        "tube": (sc.JointCylindrical, along["tube"]),
-        "slide": (sc.JointPrismatic, along["slide"]),
-        "plane": (sc.JointPlanar, {"normal": Q @ normal, "x": Q @ normals(normal)[0]}),
-        "ball": (sc.JointSpherical, {}),
-        "wire": (sc.JointPointOnLine, along["wire"]),
-        "cardan": (sc.JointUniversal, {"axis_a": a, "axis_b": b / np.linalg.norm(b)}),
-    }
-    joints = []
-    for k, (name, (kind, options)) in enumerate(kinds.items()):
+    hinge, tube, slide, normal, wire = (unit(rng) for _ in range(5))
+
+    def sides(k):
         x = Q @ (k + 0.5, 0.1, 0.2)
-        joints.append(model.add(name, kind(bodies[k].at(x), bodies[k + 1].at(x), **options)))
+        return bodies[k].at(x), bodies[k + 1].at(x)
+
+    joints = [
+        model.add(name, joint)
+        for name, joint in {
+            "hinge": sc.JointRevolute(*sides(0), axis=Q @ hinge),
+            "tube": sc.JointCylindrical(*sides(1), axis=Q @ tube),
+            "slide": sc.JointPrismatic(*sides(2), axis=Q @ slide),
+            "plane": sc.JointPlanar(*sides(3), normal=Q @ normal, x=Q @ normals(normal)[0]),
+            "ball": sc.JointSpherical(*sides(4)),
+            "wire": sc.JointPointOnLine(*sides(5), axis=Q @ wire),
+            "cardan": sc.JointUniversal(*sides(6), axis_a=a, axis_b=b / np.linalg.norm(b)),
+        }.items()
+    ]
     if frame is not None:
         x = Q @ (0, 0, -1)
         post = sc.JointRevolute(frame(x), bodies[0].at(x), axis=Q @ unit(rng))
@@ -233,9 +235,9 @@ def test_tangent_of_couplings_alone(scheme, size):
 
 def invariants_of(psi):
     """``(sin(theta) n, cos(theta) + 1/2)`` from scipy's rotations."""
-    R = Rotation.from_rotvec(psi).as_matrix()
-    sines = [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]]
-    return np.stack([*(0.5 * s for s in sines), 0.5 * np.trace(R, axis1=1, axis2=2)], -1)
+    quaternion = Rotation.from_rotvec(psi).as_quat()
+    vector, scalar = quaternion[:, :3], quaternion[:, 3:]
+    return np.hstack([2 * scalar * vector, 2 * scalar**2 - 0.5])
 
 
 def pairs_of(kind, count=1000):
@@ -375,20 +377,6 @@ def test_full_turns_of_an_angle_beside_a_displacement(kernels):
     ways = modes.T @ (size * [0.0, 9.0]) * np.sin(np.sqrt(roots) * 3.0) / np.sqrt(roots)
     errors = [abs(end - modes @ ways / size).max() for end in ends]
     assert errors[1] < 0.02 and 1.8 < np.log2(errors[0] / errors[1]) < 2.2
-
-
-@pytest.mark.slow
-def test_order_and_number_of_angles_change_nothing():
-    """The angle before the displacement, or twice with half of the stiffness each."""
-    pair = sc.EnergyMomentum(), sc.NullSpace(), 0.02, 1.0
-    run = sc.simulate(helix(), *pair, kernels="numpy")
-    swapped = sc.simulate(helix(("turn", "u"), HELIX[::-1, ::-1]), *pair)
-    share = np.array([[1, 0], [0, 0.5], [0, 0.5]])
-    twice = sc.simulate(helix(("u", "turn", "same"), share @ HELIX @ share.T), *pair)
-    for other in (swapped, twice):
-        assert other.meta["kernels"] == "numpy"
-        assert other["q"] == pytest.approx(run["q"], abs=1e-11)
-    assert twice.meta["turns"] == ["spring/turn", "spring/same"]
 
 
 @pytest.mark.plain
@@ -569,12 +557,9 @@ def test_elements_in_a_closed_loop(integrator, kernels):
     ]
     assert found[0].meta["kernels"] == kernels
     assert abs(found[0]["q"] - found[1]["q"]).max() < 1e-12
-    force, other = (history["constraint_force"][:-1] for history in found)
-    assert abs(force - other).max() < 1e-7 * abs(force).max()
-    scale = found[0]["energy"].max()
+    limit = 1e-12 if integrator == "energy-momentum" else 1e-4
     for history in found:
-        limit = 1e-12 if integrator == "energy-momentum" else 1e-4
-        assert abs(history["energy_balance"]).max() < limit * scale
+        assert abs(history["energy_balance"]).max() < limit * history["energy"].max()
     assert np.ptp(found[0]["joint/pin 2/angle"]) > 0.1
 
 

@@ -68,8 +68,8 @@ def scene(kind):
                 sides = [side, body(f"body {label}").at(x + gap)]
                 joint = model.add(label, kind(*(sides[::-1] if swap else sides), **options))
                 for name, motion in zip(names, MOTIONS, strict=False):
-                    drive = model.add(f"{name} of {label}", sc.JointDrive(joint, motion, name))
-                    driven.append((joint, name, motion, drive))
+                    model.add(f"{name} of {label}", sc.JointDrive(joint, motion, name))
+                    driven.append((joint, name, motion))
     model.add("gravity", sc.LoadGravity((0.3, 0.1, -9.81)))
     return model.freeze(), driven
 
@@ -135,14 +135,11 @@ def test_treatments_agree_and_follow_the_motion(kind, integrator):
     assert abs(one["constraint_force"] - two["constraint_force"])[:-1].max() < 1e-8 * size
     for history in (one, two):
         rows = [system.extend(q, t) for q, t in zip(history["q"], history.times, strict=True)]
-        for joint, name, motion, drive in driven:
+        for joint, name, motion in driven:
             wanted = np.array([motion(t) for t in history.times])
             found = np.array([measured(system, joint, name, y) for y in rows])
             assert abs(found - wanted).max() < 2e-13, (joint.name, name)
             assert abs(history[f"joint/{joint.name}/{name}"] - wanted).max() < 2e-13
-            for what in ("force", "moment"):
-                f, g = (h[f"joint/{drive.name}/{what}"][:-1] for h in (one, two))
-                assert abs(f - g).max() < 1e-8 * size
 
 
 @pytest.mark.one_quick
@@ -362,13 +359,6 @@ def test_velocity_at_the_start_contradicts():
         sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1)
     start = sc.initial_state(system, v=sc.project(system, system.q0, system.v0))
     sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1, start=start)
-
-
-def test_velocity_that_fits_is_taken():
-    motion = sc.Motion(lambda t: (0, 2 * t, 0), lambda t: (0, 0, np.sin(t)))
-    system = driven(motion, velocity=(0, 2, 0), angular_velocity=(0, 0, 1)).freeze()
-    history = sc.simulate(system, sc.EnergyMomentum(), sc.Multipliers(), 0.01, 0.1)
-    assert history["hidden_violation"].max() < 1e-9
 
 
 def test_a_spherical_joint_does_not_feel_the_rotation():

@@ -102,31 +102,20 @@ def plate(on_body):
     """A body with a lump at an offset, attached or welded by a joint."""
     model = Model()
     rng = np.random.default_rng(0)
-    base = model.add(
-        "base", RigidBody(1.5, TENSOR, triad=rotation(rng).T, angular_velocity=(1, 2, 3.0))
-    )
-    x = np.array([0.4, 0.1, -0.3])
-    v = np.cross((1, 2, 3.0), x)
-    point = {"on": base.at(x)} if on_body else {"position": x, "velocity": v}
-    lump = model.add("lump", MassPoint(0.7, **point))
-    y = np.array([-0.2, 0.5, 0.1])
+    base = model.add("base", RigidBody(1.5, TENSOR, triad=rotation(rng).T))
+    x, y, center = (0.4, 0.1, -0.3), (-0.2, 0.5, 0.1), (0.1, 0, 0.2)
     if on_body:
         # the attached body is given in the triad of its host
-        model.add("arm", RigidBody(0.4, TENSOR, center=(0.1, 0, 0.2), on=base.at(y)))
+        lump = model.add("lump", MassPoint(0.7, on=base.at(x)))
+        model.add("arm", RigidBody(0.4, TENSOR, center=center, on=base.at(y)))
     else:
-        arm = RigidBody(
-            *(0.4, TENSOR),
-            center=(0.1, 0, 0.2),
-            position=y,
-            triad=base.triad,
-            velocity=np.cross((1, 2, 3.0), y),
-            angular_velocity=(1, 2, 3.0),
-        )
+        lump = model.add("lump", MassPoint(0.7, position=x))
+        arm = RigidBody(0.4, TENSOR, center=center, position=y, triad=base.triad)
         model.add("arm", arm)
         model.add("weld", JointFixed(base.at(y), arm.at(y)))
         model.add("pin", JointSpherical(base.at(x), lump.place()))
     model.add("gravity", LoadGravity((0, 0, -9.81)))
-    model.add("pull", LoadForce(lump.place(), (1, 0, 0)))
+    model.add("pull", LoadForce(lump.place(), (30, 20, 0)))
     return model.freeze()
 
 

@@ -240,10 +240,6 @@ def test_both_treatments_give_the_same_motion(kind, integrator):
     size = abs(one["constraint_force"][:-1]).max()
     difference = abs(one["constraint_force"] - two["constraint_force"])[:-1]
     assert difference.max() < 1e-8 * size
-    for name in scene(kind)[1]:
-        for what in ("force", "moment"):
-            f, g = (history[f"joint/{name}/{what}"][:-1] for history in (one, two))
-            assert abs(f - g).max() < 1e-8 * size, name
 
 
 def momenta(system, history, item):

@@ -217,17 +217,6 @@ class FactorsInverse(sc.Factors):
         return self.inverse @ rhs
 
 
-class TreatmentByScene(sc.Treatment):
-    """Null space of scenes without closed loops, else multipliers."""
-
-    name = "by scene"
-    reference = "none"
-
-    def bind(self, system, weight, large=False):
-        chosen = sc.Multipliers() if system.tree.loops else sc.NullSpace()
-        return chosen.bind(system, weight, large)
-
-
 class LoadKept(sc.Load):
     """Terms that were made before."""
 
@@ -785,7 +774,7 @@ def test_a_force_may_be_the_same_array_each_time():
     assert model.freeze().unknowns == 3
 
 
-# -- an own integrator, linear solver and treatment ------------------------------------------------
+# -- an own integrator and linear solver (a treatment: test_own_treatment.py) ----------------------
 
 
 @treatments
@@ -847,10 +836,10 @@ def test_an_own_integrator_can_be_composed(treatment):
 
 
 @pytest.mark.slow
-def test_an_own_solver_and_an_own_treatment_give_the_same_motion():
+def test_an_own_solver_gives_the_same_motion():
     known = sc.simulate(arm(True), sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.02)
     own = sc.simulate(
-        arm(True), sc.EnergyMomentum(), TreatmentByScene(), 2e-3, 0.02, solver=SolverInverse()
+        arm(True), sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.02, solver=SolverInverse()
     )
     assert own.meta["solver"] == "inverse"
     assert own["q"] == pytest.approx(known["q"], abs=1e-9)

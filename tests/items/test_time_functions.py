@@ -105,8 +105,6 @@ def test_table_and_function_of_time_average_exactly():
         exact = (integral(b) - integral(a)) / (b - a)
         assert table.average(a, b) == pytest.approx(exact, rel=1e-12)
         assert same.average(a, b) == pytest.approx(exact, rel=1e-9)
-    given = sc.FunctionOfTime(lambda t: float(t >= 0.3), kinks=[0.3])
-    assert given.average(0.0, 1.0) == pytest.approx(0.7, rel=1e-14)
     bumpy = sc.FunctionOfTime(lambda t: abs(np.sin(9 * t)))
     exact = (11 - np.cos(18 - 5 * np.pi)) / 18
     assert bumpy.average(0, 2) == pytest.approx(exact, rel=1e-7)
