@@ -1,4 +1,7 @@
-"""Beams: scikit-fem forms, mass on and off the reference line, networks, nodes."""
+"""Beams: scikit-fem forms, mass on and off the reference line, networks, nodes.
+
+Forms beside a user's own are assembled and solved in examples/skfem_alone.py.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,9 @@ from helpers_kernels import assert_same, both
 from helpers_scenes import FULL, full_section, pairs
 from helpers_schemes import TREATMENTS, integrators, treatments
 from rounding import momentum_limits
-from scipy.sparse import csr_matrix
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
-from skfem_cosserat.kernels import null_space_blocks
 
 ORDERS = [1, 2, 3, 4]
 
@@ -46,42 +47,6 @@ def test_tangent_form_is_the_derivative_of_the_force_form(order):
         z[k] += 1e-40j
         wanted[:, k] = skfem.asm(beam.internal_force_form(), beam.basis, q=z).imag / 1e-40
     assert abs(K - wanted).max() < 1e-10 * abs(K).max()
-
-
-@pytest.mark.parametrize("order", [1, 3])
-def test_forms_add_to_a_users_own(order):
-    """COOData of ours and of a form written with scikit-fem: an elastic foundation."""
-    beam = tee(order)
-    x, w = beam.basis.scalar().quadrature
-    full = skfem.Basis(beam.mesh, beam.basis.elem, quadrature=(x, w))
-    foundation = skfem.BilinearForm(lambda u, v, w: 7.0 * sum(u[k] * v[k] for k in range(3)))
-    q = disturbed(beam)
-    K = beam.tangent_form()
-    total = (K.elemental(beam.basis, q=q) + foundation.elemental(full)).tocsr()
-    apart = K.assemble(beam.basis, q=q) + foundation.assemble(full)
-    assert abs((total - apart).toarray()).max() < 1e-11
-    assert abs(total - K.assemble(beam.basis, q=q)).max() > 0.1
-
-
-def test_a_small_static_problem_with_scikit_fem_alone():
-    """Linear cantilever: condense and solve, against P l^3/(3 EI) + P l/GA."""
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, 2), 8, nodes={"root": 0, "tip": 1})
-    section = sc.Section([1e4, 2e4, 5e4, 300, 400, 100], mass=1.0, inertia=(0, 0))
-    beam = sc.Beam(mesh, section, order=2, director=(1, 0, 0))
-    N = beam.basis.n_nodes
-    K = beam.tangent_form().assemble(beam.basis, q=beam.reference)
-    f = np.zeros(12 * N)
-    tip, root = beam.node("tip").vertex, beam.node("root").vertex
-    f[12 * tip + 1] = 1e-3  # along y = d2: bends about d1
-    # directors move with the rotation: delta d_i = omega x d_i
-    P = np.zeros((12 * N, 6 * N))
-    for k, block in enumerate(null_space_blocks(beam.triads)):
-        P[12 * k : 12 * k + 12, 6 * k : 6 * k + 6] = block
-    held = np.arange(6 * root, 6 * root + 6)
-    u = skfem.solve(*skfem.condense(csr_matrix(P.T @ K @ P), P.T @ f, D=held))
-    wanted = 1e-3 * (8 / (3 * 300) + 2 / 2e4)
-    assert u[6 * tip + 1] == pytest.approx(wanted, rel=1e-10)
-    assert u[6 * tip + 3] == pytest.approx(-1e-3 * 4 / (2 * 300), rel=1e-10)
 
 
 # ----------------------------------------------------------------------- mass

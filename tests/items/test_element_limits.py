@@ -158,34 +158,15 @@ def test_bent_elements_are_named(p, axis):
         return bent(system, beam, lambda s: np.clip(s - 1, 0, 1) * angle * np.array(axis))
 
     assert over_rotated(system, middle(0.98)) is None
+    states = np.array([middle(0.98)] * 250 + [middle(1.04)] * 2)
+    assert first_over_rotated(system, states) == 250
+    assert first_over_rotated(system, states[:250]) is None
     text = over_rotated(system, middle(1.04))
     shown, bound = f"{np.degrees(1.04 * limit):.3g}", f"{np.degrees(limit):.3g}"
     assert text == (
         f"relative rotation between nodes 1 and 2 of beam 'boom' is {shown} degrees, beyond the"
         f" {bound} that a {NAMES[p - 1]} element can be bent by: refine"
     )
-
-
-@pytest.mark.parametrize("p", ORDERS)
-def test_the_first_bent_element_of_many_states_is_found(p):
-    """As one by one: random states about the limit, in a curve and in pieces in any order."""
-    rng = np.random.default_rng(p)
-    nodes = np.array([(0, 0, 0), (0, 0, 1), (0, 0, 2), (0, 0, 3), (0, 1, 1)], dtype=float)
-    pieces = sc.MeshCurve(nodes.T, np.array([[2, 3], [0, 1], [1, 2], [1, 4]]).T)
-    arc = sc.MeshCurve.init_arc((0, 0, 0), (0, 0, 1), (0, -1, 0), 1.0, np.radians(70), 3)
-    for mesh, how in ((pieces, {"director": (1, 0, 0)}), (arc, {"twist": 0.3})):
-        model = sc.Model()
-        beam = model.add("beam", sc.Beam(mesh, SECTION, order=p, **how))
-        system = model.freeze()
-        limit, states = beam.basis.interpolation.turn_limit, []
-        for share in rng.uniform(0.1, 1.0, 40):
-            theta = share * limit / p * rng.normal(size=(beam.basis.n_nodes, 3))
-            states.append(bent(system, beam, lambda s, theta=theta: theta))
-        each = [over_rotated(system, y) is not None for y in states]
-        assert 2 < sum(each) < len(each) - 2
-        assert [first_over_rotated(system, y[None]) == 0 for y in states] == each
-        whole = [first_over_rotated(system, np.array(states[k:])) for k in range(5)]
-        assert whole == [each[k:].index(True) for k in range(5)]
 
 
 def rolled_up(order: int, elements: int):

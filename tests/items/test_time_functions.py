@@ -245,11 +245,9 @@ def test_loads_that_are_over_do_not_change_any_more(last):
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
     loading = model.freeze().loading
     assert loading.constant_after == 0.2
-    for t0, t1 in ((0.1, 0.2), (0.15, 0.3), (0.3, 0.19)):
+    for t0, t1 in ((0.1, 0.2), (0.15, 0.3), (0.2, 0.4)):
         found = loading.averages(t0, t1)
-        assert found[0] == pytest.approx(last.average(t0, t1), rel=1e-14)
-    found = loading.averages(0.2, 0.4)
-    assert found.tolist() == pytest.approx([3.0, 1.0], rel=1e-15)
+        assert found.tolist() == pytest.approx([last.average(t0, t1), 1.0], rel=1e-14)
     model.add("more", sc.LoadForce(ball.place(), (0, 1.0, 0), lambda t: t))
     assert model.freeze().loading.constant_after == np.inf
 

@@ -584,8 +584,6 @@ def test_no_equilibrium_is_refused_by_name():
     y[system.origin_rows] *= 1 + 3e6 / (E * 0.01) * (1 + 1e-5)
     bad(lambda: sc.modes(system, y.ravel()), "relative to all forces 5.0e-06")
     sc.modes(system, y.ravel(), count=2, tolerance=6e-6)
-    turning = straight(2, 2, "CF", square(0.1))
-    bad(lambda: sc.modes(turning, spin=Spin((0, 0, 50.0))), "not in equilibrium")
     windy = straight(2, 2, "CF", square(0.1), extra=[("drag", sc.RayleighDamping(mass=1.0))])
     with pytest.raises(sc.IncompatibleError, match="drag against space"):
         sc.modes(windy, spin=Spin((1.0, 0, 0)))
