@@ -77,15 +77,6 @@ def test_mass_of_a_network_turns_with_its_sections(order):
 # ----------------------------------------------------------------------- construction
 
 
-def test_places_of_nodes():
-    beam = tee(2)
-    by_name, by_position = beam.node("leg.end"), beam.node(beam.node("leg.end").position)
-    assert by_name.vertex == by_position.vertex
-    assert by_name.item is beam
-    assert by_name.triad == pytest.approx(beam.triads[by_name.vertex])
-    assert by_name.offset.tolist() == [0, 0, 0]
-
-
 def test_initial_velocities():
     rng = np.random.default_rng(0)
     omega = rng.standard_normal(3)
