@@ -232,7 +232,7 @@ def model_of_everything(order: int = 1, swapped: bool = False, loads: bool = Tru
     model = build.model
     arc = MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0.3), 1.5, 1.0, 2, "arc")
     curved = model.add("curved", Beam(arc, full_section(), order=order, twist=0.4))
-    frame = model.add("frame", Beam(three_beams(), _two_sections(), order=order))
+    frame = model.add("frame", Beam(_corner(), _two_sections(), order=order))
     build.join(JointRevolute, ground((0, 0, 0), SHAKE), curved.node("arc.start"), axis=unit(rng))
     end = curved.node("arc.end")
     chain = _chain(build, end)
@@ -248,7 +248,7 @@ def model_of_everything(order: int = 1, swapped: bool = False, loads: bool = Tru
     return model
 
 
-def three_beams() -> MeshCurve:
+def _corner() -> MeshCurve:
     """Three beams that meet at a node under angles."""
     base = MeshCurve.init_line((0, 0, -1), (1, 0, -1), 2, "base")
     leg = MeshCurve.init_line((1, 0, -1), (1, 0.8, -1.4), 1, "leg")

@@ -420,7 +420,7 @@ def test_steppers_are_not_copied():
             way(stepper)
 
 
-@pytest.mark.parametrize("steps", [0, 2.5, "x", None, True, np.nan])
+@pytest.mark.parametrize("steps", [0, 2.5, True, np.nan])
 def test_a_number_of_steps_is_a_positive_integer(steps):
     system = scene(add_nothing)
     stepper = Stepper(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, kernels="numpy")

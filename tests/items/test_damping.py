@@ -24,9 +24,9 @@ from helpers_scenes import (
     FULL,
     SHAKE,
     TENSOR,
+    _corner,
     full_section,
     pairs,
-    three_beams,
 )
 from rounding import momentum_limits
 from test_tangents import TOLERANCE, Step, worst
@@ -52,7 +52,7 @@ def crossing(order=1):
     base_section, arm_section = full_section().damped(viscosity=PARTIAL), SLIM.damped(time=0.03)
     sections = {"base": base_section, "leg": SLIM, "arm": arm_section}
     model = sc.Model()
-    frame = model.add("frame", sc.Beam(three_beams(), sections, order=order))
+    frame = model.add("frame", sc.Beam(_corner(), sections, order=order))
     end = frame.node("arm.end")
     line = sc.MeshCurve.init_line(end.position, end.position + (0.5, 0.2, 0.9), 2, "boom")
     boom = model.add("boom", sc.Beam(line, SLIM, order=order))
