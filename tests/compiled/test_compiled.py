@@ -31,13 +31,9 @@ from helpers_scenes import (
     lattice_mesh,
     random_tree,
 )
-from rounding import EPS, ROOM, nudged
 
 import skfem_cosserat as sc
-from skfem_cosserat import Stepper
 from skfem_cosserat.compiled import plan
-from skfem_cosserat.compiled.plan import Plan
-from skfem_cosserat.integrators import stepper
 
 pytest.importorskip("numba")
 
@@ -117,27 +113,14 @@ def test_every_joint(kind, integrator, treatment):
 @pytest.mark.one_quick
 @pytest.mark.parametrize("which", range(4))
 @integrators
-def test_each_joint_of_a_four_bar_driven(which, integrator, monkeypatch):
-    """Also the one that closes the loop, whose row has the drive in it: kernels solve each step."""
+def test_each_joint_of_a_four_bar_driven(which, integrator):
+    """Also the one that closes the loop, whose row has the drive in it."""
     model = four_bar()
     model.add("motor", sc.JointDrive(model[f"pin {which}"], lambda t: 0.25 * np.sin(2 * t) ** 2))
     model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
     system = model.freeze()
-    start = sc.initial_state(system)
-    given = system, INTEGRATORS[integrator], sc.NullSpace(), 0.02
-    plain = Stepper(*given, kernels="numpy")
-    expected, state, beside = [start], start, nudged(start)
-    for _ in range(20):
-        expected.append(plain.advance(expected[-1]).state)
-    monkeypatch.setattr(stepper, "newton", None)  # nothing else solves them
-    found, other = (Stepper(*given, kernels="numba") for _ in range(2))
-    for n in range(1, 21):
-        state, beside = found.advance(state).state, other.advance(beside).state
-        for name in ("q", "p"):
-            a, b, c = (getattr(each, name) for each in (state, expected[n], beside))
-            # each of a few iterations a step rounds in another order
-            moved = max(3 * abs(a - c).max(), 15 * EPS * abs(b).max())
-            assert abs(a - b).max() <= ROOM * n * moved, name
+    run = both(system, integrator, "null space", 0.02, 0.4, sc.initial_state(system))
+    assert_same(*run, iterates=False)
 
 
 @pytest.mark.slow
@@ -177,20 +160,6 @@ def test_kept_factors_lead_to_the_same_motion(make, order, integrator, treatment
         assert run["constraint_violation"].max() < 1e-12
         if integrator == "energy-momentum":
             assert abs(run["energy_balance"]).max() < 1e-10 * abs(run["energy"]).max()
-
-
-@integrators
-def test_kept_factors_know_no_rotation_of_the_whole(integrator):
-    """A ball that spins freely, 4 degrees a step: few factorisations serve for all orientations."""
-    model = sc.Model()
-    spin = (3.0, 4.0, 5.0)
-    model.add("ball", sc.RigidBody.sphere(1.0, 0.2, angular_velocity=spin))
-    system = model.freeze()
-    run = sc.simulate(
-        system, INTEGRATORS[integrator], sc.Multipliers(), 1e-2, 2.0, derive=False, kernels="numba"
-    )
-    assert abs(run["q"][-1] - run["q"][0]).max() > 0.5
-    assert len(run) == 201 and run.meta["factorisations"] < 201 / 8
 
 
 @pytest.mark.slow
@@ -268,23 +237,6 @@ def test_the_iteration_matrix_is_that_of_the_plain_kernels(integrator, treatment
 
 
 # -- lattices: what elimination in blocks leaves is solved by a sparse solver ----------------------
-
-
-def links(count, elements):
-    """Vertices and pairs of a lattice."""
-    mesh = lattice_mesh(count, elements)
-    return mesh.p.shape[1], [tuple(pair) for pair in mesh.t.T.tolist()]
-
-
-def test_only_insides_of_struts_are_eliminated_in_lattices():
-    """A full elimination fills in: it is given up before it takes long."""
-    count, pairs = links(8, 3)
-    plan = Plan(count, pairs, [-1] * count)
-    assert set(plan.rest) == set(range(8**3)) and plan.blocks == count - 8**3
-    assert plan.work <= 4 * plan.blocks
-    count, pairs = links(4, 3)  # a small one does not
-    assert len(Plan(count, pairs, [-1] * count).rest) == 0
-    assert len(Plan(count, pairs, [-1] * count, thin=True).rest) == 4**3
 
 
 def hung_lattice(order):
@@ -386,13 +338,7 @@ def test_kept_factors_of_the_rest(integrator):
         )  # fmt: skip
 
     whole, blocks, rest = run(0, None), run(4, None), run(4, sc.SolverSuperLU())
-    assert [each.meta["solver"] for each in (blocks, rest)] == [
-        "blocks",
-        "blocks, superlu-symmetric",
-    ]
+    assert rest.meta["solver"] == "blocks, superlu-symmetric"
     assert rest["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-11)
     assert rest.meta["factorisations"] == pytest.approx(blocks.meta["factorisations"], abs=2)
-    # where what is left is the limit to rounding, an increment more is taken, or none
-    apart = abs(rest["newton_iterations"] - blocks["newton_iterations"])
-    assert apart.sum() <= 10
     assert rest.meta["factorisations"] < 0.6 * whole.meta["factorisations"]

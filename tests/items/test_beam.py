@@ -1,4 +1,7 @@
-"""Beams: scikit-fem forms, mass on and off the reference line, networks, nodes."""
+"""Beams: scikit-fem forms, mass on and off the reference line, networks, nodes.
+
+Forms beside a user's own are assembled and solved in examples/skfem_alone.py.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,9 @@ from helpers_kernels import assert_same, both
 from helpers_scenes import FULL, full_section, pairs
 from helpers_schemes import TREATMENTS, integrators, treatments
 from rounding import momentum_limits
-from scipy.sparse import csr_matrix
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
-from skfem_cosserat.kernels import null_space_blocks
 
 ORDERS = [1, 2, 3, 4]
 
@@ -48,68 +49,6 @@ def test_tangent_form_is_the_derivative_of_the_force_form(order):
     assert abs(K - wanted).max() < 1e-10 * abs(K).max()
 
 
-def test_iteration_matrix_is_made_of_the_forms():
-    """Variational: M/h + (h/4) K(q_mid) in the block of a step's matrix."""
-    beam = tee(2)
-    model = sc.Model()
-    model.add("tee", beam)
-    system = model.freeze()
-    h = 0.01
-    rng = np.random.default_rng(0)
-    bound = sc.Multipliers().bind(system, 0.0)
-    balance = sc.Variational().balance(system, h)
-    step = balance.begin(sc.State(0.0, 0, system.q0, np.zeros(system.n)))
-    bound.begin(step.y0, system.ground(h), h)
-    bound.guess(False)
-    q, multiplier = bound.sought
-    bound.sought = q + 0.1 * rng.standard_normal(system.n), multiplier
-    y1 = bound.configure()
-    evaluation = balance.evaluate(step, y1)
-    bound.reduce(evaluation.R, y1)
-    data = bound.matrix(balance.tangent(step, evaluation), evaluation.R, y1)
-    matrix = bound.solver.pattern.assembled(data).toarray()[: system.n, : system.n]
-    mid = 0.5 * (system.q0 + y1[: system.rows].ravel())
-    K = beam.tangent_form().assemble(beam.basis, q=mid)
-    M = beam.mass_form().assemble(beam.basis)
-    assert abs(matrix - (M / h + h / 4 * K).toarray()).max() < 1e-12 * abs(matrix).max()
-
-
-@pytest.mark.parametrize("order", [1, 3])
-def test_forms_add_to_a_users_own(order):
-    """COOData of ours and of a form written with scikit-fem: an elastic foundation."""
-    beam = tee(order)
-    x, w = beam.basis.scalar().quadrature
-    full = skfem.Basis(beam.mesh, beam.basis.elem, quadrature=(x, w))
-    foundation = skfem.BilinearForm(lambda u, v, w: 7.0 * sum(u[k] * v[k] for k in range(3)))
-    q = disturbed(beam)
-    K = beam.tangent_form()
-    total = (K.elemental(beam.basis, q=q) + foundation.elemental(full)).tocsr()
-    apart = K.assemble(beam.basis, q=q) + foundation.assemble(full)
-    assert abs((total - apart).toarray()).max() < 1e-11
-    assert abs(total - K.assemble(beam.basis, q=q)).max() > 0.1
-
-
-def test_a_small_static_problem_with_scikit_fem_alone():
-    """Linear cantilever: condense and solve, against P l^3/(3 EI) + P l/GA."""
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, 2), 8, nodes={"root": 0, "tip": 1})
-    section = sc.Section([1e4, 2e4, 5e4, 300, 400, 100], mass=1.0, inertia=(0, 0))
-    beam = sc.Beam(mesh, section, order=2, director=(1, 0, 0))
-    N = beam.basis.n_nodes
-    K = beam.tangent_form().assemble(beam.basis, q=beam.reference)
-    f = np.zeros(12 * N)
-    tip, root = beam.node("tip").vertex, beam.node("root").vertex
-    f[12 * tip + 1] = 1e-3  # along y = d2: bends about d1
-    # directors move with the rotation: delta d_i = omega x d_i
-    P = np.zeros((12 * N, 6 * N))
-    for k, block in enumerate(null_space_blocks(beam.triads)):
-        P[12 * k : 12 * k + 12, 6 * k : 6 * k + 6] = block
-    held = np.arange(6 * root, 6 * root + 6)
-    u = skfem.solve(*skfem.condense(csr_matrix(P.T @ K @ P), P.T @ f, D=held))
-    wanted = 1e-3 * (8 / (3 * 300) + 2 / 2e4)
-    assert u[6 * tip + 1] == pytest.approx(wanted, rel=1e-10)
-    assert u[6 * tip + 3] == pytest.approx(-1e-3 * 4 / (2 * 300), rel=1e-10)
-
-
 # ----------------------------------------------------------------------- mass
 @pytest.mark.parametrize("order", ORDERS)
 def test_mass_of_a_network_turns_with_its_sections(order):
@@ -136,32 +75,6 @@ def test_mass_of_a_network_turns_with_its_sections(order):
 
 
 # ----------------------------------------------------------------------- construction
-def test_sections_by_part():
-    beam = tee()
-    assert [list(beam.sections)[k] for k in beam.section_id] == ["arc"] * 3 + ["leg"] * 2
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_reference_is_orthonormal_along_the_line(order):
-    beam = tee(order)
-    q = beam.reference.reshape(-1, 4, 3)
-    D = q[:, 1:]
-    assert abs(D @ D.swapaxes(1, 2) - np.eye(3)).max() < 1e-14
-    assert np.linalg.det(D) == pytest.approx(1)
-    sections = beam.rotations @ beam.triads[beam.basis.connectivity]
-    tangents = sections[:, :, 2]
-    chord = np.diff(q[beam.basis.connectivity][:, [0, -1], 0], axis=1)[:, 0]
-    along = np.einsum("ei,eai->ea", chord, tangents) / np.linalg.norm(chord, axis=1)[:, None]
-    assert (along > np.cos(0.2)).all()  # an element of the arc turns by 1/3 rad
-
-
-def test_places_of_nodes():
-    beam = tee(2)
-    by_name, by_position = beam.node("leg.end"), beam.node(beam.node("leg.end").position)
-    assert by_name.vertex == by_position.vertex
-    assert by_name.item is beam
-    assert by_name.triad == pytest.approx(beam.triads[by_name.vertex])
-    assert by_name.offset.tolist() == [0, 0, 0]
 
 
 def test_initial_velocities():
@@ -235,47 +148,6 @@ def test_rigid_motions_have_the_momenta_of_the_rigid_body(order):
         assert v.ravel() @ p.ravel() == pytest.approx(w.ravel() @ r.ravel(), rel=1e-13)
         assert p[:, 0].sum(0) == pytest.approx(r[0], rel=1e-12)
         assert np.cross(q, p).sum((0, 1)) == pytest.approx(np.cross(frame, r).sum(0), rel=1e-12)
-
-
-def stiff_and_rigid(integrator, held, step):
-    """Largest difference of the first frames of a stiff beam and of its rigid body."""
-    omega, v = np.array([0.4, -0.9, 0.7]), np.zeros(3) if held else np.array([0.3, 0.2, 1.0])
-    stiff = offset_section(1e10 * np.eye(6))
-    beam = straight(stiff, 1, velocity=lambda x: v + np.cross(omega, x), angular_velocity=omega)
-    body = equivalent(beam, velocity=v, angular_velocity=omega)
-    found = []
-    for item in (beam, body):
-        model = sc.Model()
-        model.add("item", item)
-        if held:
-            place = beam.node("rod.start") if item is beam else body.local((0, 0, 0))
-            model.add("hook", sc.JointSpherical(sc.ground((0, 0, 0)), place))
-        model.add("gravity", sc.LoadGravity(G))
-        history = sc.simulate(
-            model.freeze(), integrator, sc.NullSpace(), step, 0.4,
-            kernels="numpy", derive=False,
-        )  # fmt: skip
-        found.append(history["q"][:, :12])
-    assert abs(found[0][-1] - found[0][0]).max() > 0.2
-    return abs(found[0] - found[1]).max()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("held", [False, True])
-def test_stiff_beam_moves_like_the_rigid_body(held):
-    """Free flight and a pendulum at a stiffness of 1e10."""
-    assert stiff_and_rigid(sc.EnergyMomentum(), held, 0.01) < 1e-8
-
-
-# the stiffest beams are not resolved
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.parametrize("held", [False, True])
-def test_variational_stiff_beam_tends_to_the_rigid_body(held):
-    """Midpoints of a turning beam are strained by O(h^2), which stiffness makes good at nodes."""
-    coarse, fine = (stiff_and_rigid(sc.Variational(), held, h) for h in (0.01, 0.005))
-    assert 3.8 < coarse / fine < 4.2
-    assert fine < 5e-5
 
 
 def free_beam(scale=(1.0, 1.0, 1.0)):
@@ -400,18 +272,6 @@ def test_frequencies_of_coupled_bending_and_torsion():
     assert found[:4] == pytest.approx(wanted[:4], rel=1e-8)
 
 
-def test_highest_frequency_and_history_energy_know_the_offset():
-    """Energies of a rigid velocity: that of v and that of p agree."""
-    system = free_beam()
-    rng = np.random.default_rng(2)
-    v = rng.standard_normal(system.n)
-    p = diagnostics.momentum(system, v)
-    energy = diagnostics.kinetic_energy_of_velocity(system, v)
-    keep = np.repeat(system.mass.diagonal() > 0, 3)
-    assert diagnostics.kinetic_energy(system, p) == pytest.approx(energy, rel=1e-12)
-    assert p[~keep].tolist() == [0] * int((~keep).sum())
-
-
 @pytest.mark.slow
 @pairs
 def test_kernels_agree(integrator, treatment):
@@ -426,10 +286,8 @@ def test_kernels_agree(integrator, treatment):
         ((0.1, 0.1), (0.3, 0), r"about the centre of mass at \[0.3, 0.0\]"),
         ([[1, 2], [2, 1]], (0, 0), "eigenvalue -1"),
         ([[1, 0.1], [0.2, 1]], (0, 0), "inertia is not symmetric by 0.1"),
-        ((-1, 1), (0, 0), "negative"),
         ((1, 1, 1), (0, 0), r"shape \(3,\), expected \(2,\) or \(2, 2\)"),
         ((1, 1), (0, np.nan), "centre = .*two finite numbers"),
-        ((1, 1), (0, 0, 0), "centre = .*two finite numbers"),
     ],
 )
 def test_impossible_mass_is_named(inertia, centre, words):
@@ -442,8 +300,4 @@ def test_a_thin_offset_mass_is_possible():
     c = np.array([0.1, 0.7])
     section = sc.Section(np.ones(6), 3.0, 3.0 * np.outer(c, c), centre=c)
     assert np.linalg.matrix_rank(section.density) == 1
-    plain = sc.Section.from_constants(
-        EA=1, GA=1, EI=(1, 1), GJ=1, mass=3.0, inertia=(1, 2), centre=(0.1, 0.2)
-    )
-    assert plain.centre.tolist() == [0.1, 0.2]
-    assert plain.damped(0.1).density.tolist() == plain.density.tolist()
+    assert section.damped(0.1).density.tolist() == section.density.tolist()

@@ -30,14 +30,13 @@ from helpers_scenes import (
 )
 from helpers_schemes import KINDS as SCHEMES
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from test_tangents import Step, worst
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics, relative
 from skfem_cosserat.coupling import Coupling
-from skfem_cosserat.model.coordinates import KINDS, Joined
+from skfem_cosserat.model.coordinates import KINDS
 from skfem_cosserat.model.force_elements import SlackLaw
 from skfem_cosserat.relative import normals
 
@@ -89,22 +88,24 @@ def chain(model, rng, frame, Q):
         bodies.append(model.add(f"body {k}", body))
     a = Q @ unit(rng)
     b = np.cross(a, Q @ unit(rng))
-    axes = {name: unit(rng) for name in ("hinge", "tube", "slide", "plane", "wire")}
-    along = {name: {"axis": Q @ axis} for name, axis in axes.items()}
-    normal = axes["plane"]
-    kinds = {
-        "hinge": (sc.JointRevolute, along["hinge"]),
-        "tube": (sc.JointCylindrical, along["tube"]),
-        "slide": (sc.JointPrismatic, along["slide"]),
-        "plane": (sc.JointPlanar, {"normal": Q @ normal, "x": Q @ normals(normal)[0]}),
-        "ball": (sc.JointSpherical, {}),
-        "wire": (sc.JointPointOnLine, along["wire"]),
-        "cardan": (sc.JointUniversal, {"axis_a": a, "axis_b": b / np.linalg.norm(b)}),
-    }
-    joints = []
-    for k, (name, (kind, options)) in enumerate(kinds.items()):
+    hinge, tube, slide, normal, wire = (unit(rng) for _ in range(5))
+
+    def sides(k):
         x = Q @ (k + 0.5, 0.1, 0.2)
-        joints.append(model.add(name, kind(bodies[k].at(x), bodies[k + 1].at(x), **options)))
+        return bodies[k].at(x), bodies[k + 1].at(x)
+
+    joints = [
+        model.add(name, joint)
+        for name, joint in {
+            "hinge": sc.JointRevolute(*sides(0), axis=Q @ hinge),
+            "tube": sc.JointCylindrical(*sides(1), axis=Q @ tube),
+            "slide": sc.JointPrismatic(*sides(2), axis=Q @ slide),
+            "plane": sc.JointPlanar(*sides(3), normal=Q @ normal, x=Q @ normals(normal)[0]),
+            "ball": sc.JointSpherical(*sides(4)),
+            "wire": sc.JointPointOnLine(*sides(5), axis=Q @ wire),
+            "cardan": sc.JointUniversal(*sides(6), axis_a=a, axis_b=b / np.linalg.norm(b)),
+        }.items()
+    ]
     if frame is not None:
         x = Q @ (0, 0, -1)
         post = sc.JointRevolute(frame(x), bodies[0].at(x), axis=Q @ unit(rng))
@@ -234,9 +235,9 @@ def test_tangent_of_couplings_alone(scheme, size):
 
 def invariants_of(psi):
     """``(sin(theta) n, cos(theta) + 1/2)`` from scipy's rotations."""
-    R = Rotation.from_rotvec(psi).as_matrix()
-    sines = [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]]
-    return np.stack([*(0.5 * s for s in sines), 0.5 * np.trace(R, axis1=1, axis2=2)], -1)
+    quaternion = Rotation.from_rotvec(psi).as_quat()
+    vector, scalar = quaternion[:, :3], quaternion[:, 3:]
+    return np.hstack([2 * scalar * vector, 2 * scalar**2 - 0.5])
 
 
 def pairs_of(kind, count=1000):
@@ -269,33 +270,6 @@ def test_discrete_derivative_is_exact(name):
     assert abs(Psi - kind.slope(0.5 * (pi0 + pi1)))[small].max() < 1e-7
 
 
-@pytest.mark.parametrize("name", [*KINDS, "joined"])
-def test_slopes_of_coordinates(name):
-    kind = KINDS[name] if name in KINDS else Joined((KINDS["distance"], KINDS["rotation"]))
-    pi1 = pairs_of(name)[1] if name in KINDS else np.hstack(list(joined_pairs())[1])
-    found = kind.slope(pi1)
-    assert abs(found - derivative(kind.value, pi1)).max() < 3e-12 * max(1, abs(found).max())
-
-
-def joined_pairs():
-    return zip(pairs_of("distance"), pairs_of("rotation"), strict=True)
-
-
-def derivative(function, x):
-    columns = []
-    for k in range(x.shape[-1]):
-        z = x.astype(complex)
-        z[:, k] += 1j * EPS
-        columns.append(function(z).imag / EPS)
-    return np.stack(columns, -1)
-
-
-def test_rotation_vector_is_that_of_scipy():
-    psi = Rotation.random(500, random_state=2).as_rotvec()
-    psi = psi[np.linalg.norm(psi, axis=1) < 3]
-    assert abs(KINDS["rotation"].value(invariants_of(psi)) - psi).max() < 1e-12
-
-
 # -- closed forms ----------------------------------------------------------------------------------
 
 
@@ -321,13 +295,11 @@ def test_linear_oscillator_is_the_midpoint_rule(integrator):
     A = np.array([[0, 1], [-k / m, -c / m]])
     rest = np.array([0.1 + f / k, 0])
     step = np.linalg.solve(np.eye(2) - h / 2 * A, np.eye(2) + h / 2 * A)
-    x = np.array([0.0, 0.5]) - rest
-    states = [x := step @ x for _ in range(40)]
-    wanted = rest + np.array([np.array([0.0, 0.5]) - rest, *states])
+    start = np.array([0.0, 0.5]) - rest
+    powers = [np.linalg.matrix_power(step, n) for n in range(41)]
+    wanted = rest + np.array(powers) @ start
     assert abs(history["joint/rail/displacement"] - wanted[:, 0]).max() < 1e-13
     assert abs(history["joint/rail/displacement_rate"] - wanted[:, 1]).max() < 1e-12
-    exact = rest + np.array([expm(A * t) @ (np.array([0.0, 0.5]) - rest) for t in history.times])
-    assert 1e-5 < abs(wanted - exact).max() < 1e-1
 
 
 def pendulum(neutral=0.0, stiffness=12.0, damping=0.0, spin=0.0):
@@ -405,20 +377,6 @@ def test_full_turns_of_an_angle_beside_a_displacement(kernels):
     ways = modes.T @ (size * [0.0, 9.0]) * np.sin(np.sqrt(roots) * 3.0) / np.sqrt(roots)
     errors = [abs(end - modes @ ways / size).max() for end in ends]
     assert errors[1] < 0.02 and 1.8 < np.log2(errors[0] / errors[1]) < 2.2
-
-
-@pytest.mark.slow
-def test_order_and_number_of_angles_change_nothing():
-    """The angle before the displacement, or twice with half of the stiffness each."""
-    pair = sc.EnergyMomentum(), sc.NullSpace(), 0.02, 1.0
-    run = sc.simulate(helix(), *pair, kernels="numpy")
-    swapped = sc.simulate(helix(("turn", "u"), HELIX[::-1, ::-1]), *pair)
-    share = np.array([[1, 0], [0, 0.5], [0, 0.5]])
-    twice = sc.simulate(helix(("u", "turn", "same"), share @ HELIX @ share.T), *pair)
-    for other in (swapped, twice):
-        assert other.meta["kernels"] == "numpy"
-        assert other["q"] == pytest.approx(run["q"], abs=1e-11)
-    assert twice.meta["turns"] == ["spring/turn", "spring/same"]
 
 
 @pytest.mark.plain
@@ -522,49 +480,23 @@ def test_slack_cable_is_not_there(integrator):
     assert history["dissipated"][-1] > 0.1
 
 
-@pytest.mark.slow
-@integrators
-@pytest.mark.parametrize("damping", [2.0, 500.0])
-def test_cable_never_pushes(integrator, damping):
-    """The impulse of each step is directed to the anchor, also by a strong damper."""
-    h = 0.01
-    system = thrown(damping=damping)
-    scheme = INTEGRATORS[integrator]
-    stepper = sc.Stepper(system, scheme, sc.NullSpace(), h)
-    state, pulls = sc.initial_state(system), []
-    for _ in range(100):
-        balance = scheme.balance(system, h)
-        step = balance.begin(state)
-        report = stepper.advance(state)
-        y1 = system.extend(report.state.q, state.time + h)
-        force = balance.evaluate(step, y1).coupled.force[0]
-        mid = 0.5 * (state.q + report.state.q)
-        pulls.append(force @ mid / np.linalg.norm(mid))
-        assert np.linalg.norm(np.cross(force, mid)) <= 1e-12 * np.linalg.norm(force)
-        state = report.state
-    assert min(pulls) == 0
-    assert max(pulls) > 1
-
-
-def test_law_of_cables():
+@pytest.mark.parametrize("damping", [0.7, 500.0])
+def test_law_of_cables(damping):
     """Tension, energy identity and dissipation for all pairs of stretches, slack ones included."""
     rng = np.random.default_rng(7)
     count, h = 4000, 0.01
-
-    class Member:
-        stiffness, damping = np.array([[30.0]]), np.array([[0.7]])
-
-    law = SlackLaw([Member()] * count)
+    place = sc.MassPoint(1.0, (0, 0, 1)).place()
+    law = SlackLaw([sc.Cable(sc.ground((0, 0, 0)), place, 30.0, damping)] * count)
     e0, e1 = 0.1 * rng.standard_normal((2, count, 1))
     e1[:50] = e0[:50] + 1e-12 * rng.standard_normal((50, 1))
     sigma, dissipated, numerical = law.discrete(e0, e1, h)
     assert sigma.min() == 0 and dissipated.min() >= 0 and dissipated.max() > 0
     work = (sigma * (e1 - e0))[:, 0]
     change = law.energy(e1) - law.energy(e0)
-    assert abs(work - change - dissipated).max() < 1e-13
+    assert abs(work - change - dissipated).max() < 1e-13 * max(1, abs(work).max())
     assert not numerical.any()
     *_, whole, numerical = law.discrete(e0, e1, h, decay=0.1)
-    assert numerical == pytest.approx(whole * 0.5 * h * 0.1 * 30.0 / (0.7 + 0.5 * h * 0.1 * 30.0))
+    assert numerical == pytest.approx(whole * 0.015 / (damping + 0.015))  # of 0.5 h 0.1 * 30
     rate = (e1 - e0) / h
     middle = law.midpoint(0.5 * (e0 + e1), rate, e0, e1, h)
     assert middle[0].min() == 0 and middle[-1].min() >= 0
@@ -592,30 +524,14 @@ def test_energy_balance_of_energy_momentum(treatment, kernels):
 
 @pytest.mark.slow
 def test_energy_balance_of_the_variational_scheme():
-    """Of second order in the step: energy is not conserved."""
+    """Of second order in the step: energy is not conserved. Works of all steps are in it."""
     system, errors = zoo(0, moving=True), []
-    for h in (0.005, 0.0025):
-        history = simulate(system, "variational", h, 0.1, start=pushed(system))
+    for h, every in ((0.005, 5), (0.0025, 10)):
+        history = simulate(system, "variational", h, 0.1, start=pushed(system), every=every)
         errors.append(abs(history["energy_balance"]).max() / history["energy"].max())
         assert np.diff(history["dissipated"]).min() > 0
     assert errors[0] > 1e-6
     assert abs(np.log2(errors[0] / errors[1]) - 2) < 0.15
-
-
-@pytest.mark.slow
-@integrators
-def test_works_of_all_steps_are_recorded(integrator):
-    """Also when few states are; the variational work of drives is known one step later."""
-    system = zoo(0, moving=True)
-    whole, rare = (
-        simulate(system, integrator, 0.01, 0.14, start=pushed(system), every=every)
-        for every in (1, 7)
-    )
-    for name in ("work_loads", "work_actuators", "work_drives", "dissipated", "energy_balance"):
-        assert np.isfinite(whole[name]).all()
-        picked = whole[name][np.isin(whole["step"], rare["step"])]
-        assert abs(rare[name] - picked).max() < 1e-14
-    assert abs(whole["work_drives"][1:]).min() > 0
 
 
 def linkage():
@@ -641,12 +557,9 @@ def test_elements_in_a_closed_loop(integrator, kernels):
     ]
     assert found[0].meta["kernels"] == kernels
     assert abs(found[0]["q"] - found[1]["q"]).max() < 1e-12
-    force, other = (history["constraint_force"][:-1] for history in found)
-    assert abs(force - other).max() < 1e-7 * abs(force).max()
-    scale = found[0]["energy"].max()
+    limit = 1e-12 if integrator == "energy-momentum" else 1e-4
     for history in found:
-        limit = 1e-12 if integrator == "energy-momentum" else 1e-4
-        assert abs(history["energy_balance"]).max() < limit * scale
+        assert abs(history["energy_balance"]).max() < limit * history["energy"].max()
     assert np.ptp(found[0]["joint/pin 2/angle"]) > 0.1
 
 
@@ -703,10 +616,9 @@ def test_spring_wound_over_several_turns(integrator, treatment, kernels, tmp_pat
     assert abs(diagnostics.coupling_energy(system, whole["q"]) - stored).max() > 5
     if integrator == "energy-momentum":
         assert np.ptp(whole["energy"]) < 1e-12 * whole["energy"][0]
-    rare = run(4.8, every=40)
-    assert abs(rare["joint/hinge/angle"] - angle[::40]).max() < 1e-12
-    run(2.4, path=tmp_path / "half")
+    run(2.4, every=20, path=tmp_path / "half")
     first = sc.History.load(tmp_path / "half")
+    assert abs(first["joint/hinge/angle"] - angle[:61:20]).max() < 1e-12
     start = sc.restart(system, first, INTEGRATORS[integrator], h)
     assert start.turns.tolist() == first["turns"][-1].tolist() != [0]
     second = run(4.8, start=start)
@@ -715,8 +627,7 @@ def test_spring_wound_over_several_turns(integrator, treatment, kernels, tmp_pat
 
 def test_rotation_vector_that_passes_pi_is_reported(kernels):
     model = sc.Model()
-    body = sc.RigidBody(1.5, (0.3, 0.4, 0.5), angular_velocity=(0, 8.0, 0))
-    body = model.add("body", body)
+    body = model.add("body", sc.RigidBody(1.5, (0.3, 0.4, 0.5), angular_velocity=(0, 8.0, 0)))
     model.add("mount", sc.Bushing(sc.ground((0, 0, 0)), body.at((0, 0, 0)), 1e-3))
     with pytest.warns(sc.AccuracyWarning, match="'mount', t = .*the relative rotation passed pi"):
         simulate(model.freeze(), "energy-momentum", 0.02, 0.5, kernels=kernels)
@@ -738,9 +649,6 @@ def test_coordinates_and_rates_of_every_joint(integrator):
             for c in joint.coordinates():
                 x = history[f"joint/{joint.name}/{c.name}"]
                 rate = history[f"joint/{joint.name}/{c.name}_rate"]
-                assert (
-                    x.shape == rate.shape == ((len(history), 3) if c.size == 3 else (len(history),))
-                )
                 assert abs(x[0]).max() < 1e-14
                 slope = (x[2:] - x[:-2]) / (2 * h)
                 worst_of = max(worst_of, abs(slope - rate[1:-1]).max())
@@ -764,34 +672,6 @@ def test_rotation_vectors_of_joints():
 
 
 # -- eccentric ends of beams -----------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@treatments
-def test_eccentric_welds_of_beams_are_welds(treatment):
-    """Held at points rigid with their ends, two beams move as if held and joined at the ends.
-
-    There is no body in between: triads without mass in d3 are joined.
-    """
-    ends = []
-    for offset in ((0, 0, 0), (0.3, -0.2, 0.1)):
-        model, before = sc.Model(), None
-        for name, a, b in (("one", (0, 0, 0), (1, 0.3, 0)), ("two", (1, 0.3, 0), (1.5, 1, 0))):
-            mesh = sc.MeshCurve.init_line(a, b, 2, name)
-            section = sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))
-            beam = model.add(name, sc.Beam(mesh, section, director=(0, 0, 1)))
-            place = beam.node(f"{name}.start", offset)
-            if before is None:
-                other = sc.ground(place.position)
-            else:
-                end = before.node("one.end")
-                other = before.node("one.end", end.triad @ (place.position - end.position))
-            model.add(f"weld {name}", sc.JointFixed(other, place))
-            before = beam
-        model.add("gravity", sc.LoadGravity(GRAVITY))
-        ends.append(simulate(model.freeze(), "energy-momentum", 0.01, 0.3, treatment)["q"])
-    assert abs(ends[1] - ends[0]).max() < 1e-12
-    assert np.ptp(ends[0], axis=0).max() > 0.05
 
 
 @pytest.mark.one_quick
@@ -841,19 +721,14 @@ STRIP = (
     [
         (lambda: sc.JointSpringDamper(HINGE), "joint spring.*both zero"),
         (lambda: sc.JointSpringDamper(HINGE, -2.0), "joint spring.*stiffness = -2.0"),
-        (lambda: sc.JointSpringDamper(HINGE, 1.0, -0.5), "joint spring.*damping = -0.5"),
-        (lambda: sc.JointSpringDamper(HINGE, NAN), "joint spring.*stiffness.*nan"),
         (lambda: sc.JointSpringDamper(HINGE, "a"), "joint spring.*stiffness = 'a'"),
         (lambda: sc.JointSpringDamper(HINGE, 1.0, neutral=NAN), "neutral = nan"),
-        (lambda: sc.JointSpringDamper(HINGE, 1.0, neutral=(1, 2)), r"neutral = \[1.0, 2.0\]"),
         (lambda: sc.JointSpringDamper(TUBE, 1.0), "which of its coordinates.*displacement"),
         (lambda: sc.JointSpringDamper(HINGE, 1.0, 0, "slide"), "no 'slide'.*angle"),
         (lambda: sc.JointSpringDamper(BODY, 1.0), "joint spring.*expected a joint"),
         (lambda: sc.JointSpringDamper(BALL, np.eye(2)), r"\(2, 2\).*\(3, 3\)"),
         (lambda: sc.JointSpringDamper(BALL, -np.eye(3)), "not positive semidefinite.*-1"),
         (lambda: sc.JointActuator(HINGE, None), "joint actuator.*amplitude is None"),
-        (lambda: sc.JointActuator(HINGE, NAN), "joint actuator.*amplitude = nan"),
-        (lambda: sc.JointActuator(HINGE, lambda t: NAN), "expected a number at t = 0.0"),
         (lambda: sc.JointActuator(BALL, 1.0), r"joint actuator.*amplitude.*\(3,\)"),
         (lambda: sc.JointActuator(BALL, lambda t: t), r"joint actuator.*amplitude\(0\)"),
         (lambda: sc.SpringDamper(A, B, 0.0), "spring.*both zero"),
@@ -864,7 +739,6 @@ STRIP = (
         (lambda: sc.Cable(A, B, 0.0), "cable.*stiffness = 0.0"),
         (lambda: sc.Bushing(A, P, np.eye(6)), "bushing.*side b is mass point.*SpringDamper"),
         (lambda: sc.Bushing(A, B, SKEW), "bushing.*stiffness is not symmetric.*0.111"),
-        (lambda: sc.Bushing(A, B, np.eye(6), -np.eye(6)), "bushing.*damping is not positive"),
         (lambda: sc.Beam(*STRIP).node(0, offset=(0, 1)), r"beam.*offset.*\(2,\)"),
     ],
 )
@@ -873,29 +747,25 @@ def test_bad_elements(call, text):
         call()
 
 
-def test_bad_scenes():
+@pytest.mark.parametrize(
+    ("element", "text"),
+    [
+        (sc.JointSpringDamper(HINGE, 1.0), "joint spring 'own': refers to the revolute joint"),
+        (sc.Cable(G, P, 1.0), "cable 'own': .* mass point"),
+    ],
+)
+def test_elements_on_what_is_not_in_the_model(element, text):
     model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
-    model.add("spring", sc.JointSpringDamper(hinge, 1.0))
-    with pytest.raises(sc.InputError, match="joint spring 'spring': refers to the revolute joint"):
-        model.freeze()
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
-    stray = sc.MassPoint(1.0, (0, 0, 1))
-    model.add("cable", sc.Cable(body.at((0, 0, 0)), stray.place(), 1.0))
-    with pytest.raises(sc.InputError, match=r"cable 'cable': .* mass point"):
+    model.add("ball", sc.MassPoint(1.0))
+    model.add("own", element)
+    with pytest.raises(sc.InputError, match=text):
         model.freeze()
 
 
 def test_bad_functions_in_time_name_the_actuator():
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
-    hinge = model.add("hinge", hinge)
-    model.add("motor", sc.JointActuator(hinge, lambda t: 1.0 if t < 0.1 else NAN))
-    with pytest.raises(sc.InputError, match=r"joint actuator 'motor'.*nan"):
-        simulate(model.freeze(), "variational", 0.02, 0.5)
+    system = oscillator(30.0, 0.8, lambda t: 1.0 if t < 0.1 else NAN)
+    with pytest.raises(sc.InputError, match=r"joint actuator 'push'.*nan"):
+        simulate(system, "variational", 0.02, 0.5)
 
 
 def test_turns_must_fit():
@@ -903,17 +773,6 @@ def test_turns_must_fit():
     state = sc.State(0.0, 0, system.q0, np.zeros(system.n), turns=np.array([1, 2]))
     with pytest.raises(sc.InputError, match=r"turns of angles: shape \(2,\)"):
         sc.Stepper(system, sc.Variational(), sc.NullSpace(), 0.1).advance(state)
-
-
-@integrators
-def test_scenes_without_elements(integrator):
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(2.0, velocity=(1.0, 0, 2.0)))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
-    history = simulate(model.freeze(), integrator, 0.1, 1.0)
-    assert (history["coupling_energy"] == 0).all() and "turns" not in history
-    assert (history["work_actuators"] == 0).all() and (history["work_drives"] == 0).all()
-    assert history["work_loads"][-1] == pytest.approx(2 * -9.81 * history["q"][-1, 2], rel=1e-12)
 
 
 # -- compiled kernels ------------------------------------------------------------------------------

@@ -24,10 +24,9 @@ from helpers_scenes import (
     FULL,
     SHAKE,
     TENSOR,
+    _corner,
     full_section,
     pairs,
-    random_state,
-    rotation,
 )
 from rounding import momentum_limits
 from test_tangents import TOLERANCE, Step, worst
@@ -50,15 +49,10 @@ def run(system, integrator, step, until, treatment="null space", **options):
 
 def crossing(order=1):
     """A frame of three beams, two of them viscous, on a shaken support; a second beam, bodies."""
-    base = sc.MeshCurve.init_line((0, 0, -1), (1, 0, -1), 2, "base")
-    leg = sc.MeshCurve.init_line((1, 0, -1), (1, 0.8, -1.4), 1, "leg")
-    arm = sc.MeshCurve.init_arc((1, 0, -1), (0, 0, -1), (1, 0, 0), 1.0, 0.7, 1, "arm")
-    mesh = base.joined(leg, arm).with_nodes({"corner": (1, 0, -1)})
     base_section, arm_section = full_section().damped(viscosity=PARTIAL), SLIM.damped(time=0.03)
     sections = {"base": base_section, "leg": SLIM, "arm": arm_section}
     model = sc.Model()
-    frame = model.add("frame", sc.Beam(mesh, sections, order=order))
-    assert frame.elements.rotations is not None
+    frame = model.add("frame", sc.Beam(_corner(), sections, order=order))
     end = frame.node("arm.end")
     line = sc.MeshCurve.init_line(end.position, end.position + (0.5, 0.2, 0.9), 2, "boom")
     boom = model.add("boom", sc.Beam(line, SLIM, order=order))
@@ -79,10 +73,10 @@ def crossing(order=1):
     return model.freeze()
 
 
-def free_beam(section, order=2, elements=3, rayleigh=None, **motion):
-    mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0, 1.0, elements, "rod")
+def free_beam(section, rayleigh=None, **motion):
+    mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0, 1.0, 3, "rod")
     model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section, order=order, **motion))
+    rod = model.add("rod", sc.Beam(mesh, section, order=2, **motion))
     model.add("tip", sc.MassPoint(0.5, on=rod.node("rod.end")))
     if rayleigh is not None:
         model.add("damping", rayleigh)
@@ -112,8 +106,6 @@ def test_damped_copies():
 
 
 def test_viscosity_of_constructors():
-    given = sc.Section(FULL, 1.0, (0.1, 0.1), viscosity=PARTIAL)
-    assert np.array_equal(given.viscosity, PARTIAL)
     constants = sc.Section.from_constants(
         EA=1.0, GA=1.0, EI=(1, 1), GJ=1.0, mass=1.0, inertia=(1, 1), viscosity=np.ones(6)
     )
@@ -131,7 +123,6 @@ def _model(damping):
     return model.freeze()
 
 
-NAN = float("nan")
 BODY = sc.MassPoint(1.0)
 
 
@@ -141,27 +132,19 @@ BODY = sc.MassPoint(1.0)
     [
         (lambda: _section(viscosity=-np.ones(6)), "section.*viscosity.*semidefinite.*-1 s"),
         (lambda: _section(viscosity=np.eye(6, k=1)), "viscosity is not symmetric by 1"),
-        (lambda: _section(viscosity=[NAN] * 6), "viscosity is not finite.*nan"),
         (lambda: _section(viscosity=np.ones(5)), r"viscosity has shape \(5,\).*\(6, 6\)"),
-        (lambda: _section(viscosity="much"), "section.*viscosity = 'much'"),
         (SLIM.damped, "section.*time = None.*expected one of them"),
         (lambda: SLIM.damped(1.0, np.eye(6)), "time = 1.0, viscosity"),
         (lambda: SLIM.damped(time=-0.1), "section.*time = -0.1"),
-        (lambda: SLIM.damped(time=[1, 2]), r"section.*time = \[1, 2\]"),
         (sc.RayleighDamping, "damping.*both zero"),
         (lambda: sc.RayleighDamping(-1.0), "damping.*mass = -1.0"),
-        (lambda: sc.RayleighDamping(1.0, NAN), "damping.*stiffness = nan"),
         (lambda: sc.RayleighDamping("a"), "damping.*mass = 'a'"),
-        (lambda: sc.RayleighDamping(1.0, items="rod"), "items = 'rod'"),
         (lambda: sc.RayleighDamping(1.0, items=[]), "items is empty"),
-        (lambda: sc.RayleighDamping(1.0, items=[3]), "items: 3.*mass point"),
         (lambda: sc.RayleighDamping(1.0, items=sc.LoadGravity((0, 0, 1))), "items: load.*body"),
         (lambda: sc.RayleighDamping(1.0, items=[BODY, BODY]), "mass point.*named twice"),
         (lambda: sc.RayleighDamping(1.0, 0.1, items=BODY), "stiffness = 0.1 s.*none: mass point"),
-        (lambda: _model(sc.RayleighDamping(stiffness=0.1)), "'damping'.*beams"),
         (lambda: _model(sc.RayleighDamping(1.0, items=BODY)), "'damping'.*mass point"),
         (lambda: sc.RayleighDamping.from_ratios((1, 1), (0.1, 0.1)), "frequencies.*equal"),
-        (lambda: sc.RayleighDamping.from_ratios((1, NAN), (0.1, 0.1)), r"\(1, nan\)"),
         (lambda: sc.RayleighDamping.from_ratios((1, 2), 0.1), "ratios = 0.1.*two"),
         (lambda: sc.RayleighDamping.from_ratios((1, 2), (0.1, 0.4)), "mass = -0.266667.*negative"),
     ],
@@ -171,7 +154,7 @@ def test_bad_input_is_named(call, text):
         call()
 
 
-@pytest.mark.parametrize("ratios", [(0.02, 0.03), (0.03, 0.03), (0.04, 0.02), (0.02, 0.04)])
+@pytest.mark.parametrize("ratios", [(0.02, 0.03), (0.04, 0.02), (0.02, 0.04)])
 def test_factors_from_ratios(ratios):
     damping = sc.RayleighDamping.from_ratios((10.0, 20.0), ratios)
     for omega, zeta in zip((10.0, 20.0), ratios, strict=True):
@@ -181,25 +164,7 @@ def test_factors_from_ratios(ratios):
     assert (damping.stiffness == 0) == (ratios == (0.04, 0.02))
 
 
-# -- kernels and matrices ------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-def test_rate_of_a_step_is_exact_and_free_of_rigid_motion(order):
-    system, rng = crossing(order), np.random.default_rng(order)
-    y0, y1 = (system.extend(random_state(system, rng), 0.0) for _ in range(2))
-    R, h = rotation(rng, 2.0), 0.1
-    turned = y0 @ R.T
-    turned[system.origin_rows] += (3.0, -2.0, 1.0)
-    for g, (e0, _), (e1, _), (_, mid), (_, half) in zip(
-        system.beam_groups,
-        *(system.strain(y) for y in (y0, y1, (y0 + y1) / 2, (y0 + turned) / 2)),
-        strict=True,
-    ):
-        rate = g.strain_rate(mid, ((y1 - y0) / h)[: system.rows])
-        assert abs(rate).max() > 1
-        assert abs(rate - (e1 - e0) / h).max() < 1e-13 * abs(rate).max()
-        assert abs(g.strain_rate(half, ((turned - y0) / h)[: system.rows])).max() < 1e-11
+# -- matrices -------------------------------------------------------------------------------------
 
 
 def test_drag_matrix():
@@ -236,11 +201,7 @@ def test_beams_of_two_orders_of_which_one_is_viscous(integrator):
     model.add("pin", sc.JointSpherical(one.node("first.end"), two.node("second.start")))
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), one.node("first.start")))
     model.add("gravity", sc.LoadGravity((0, 3.0, -9.81)))
-    system = model.freeze()
-    assert [g.viscous for g in system.beam_groups] == [False, True]
-    step = Step(system, INTEGRATORS[integrator], sc.NullSpace())
-    assert worst(step.matrix(), step.derivative()) < TOLERANCE
-    history = run(system, integrator, 0.005, 0.2)
+    history = run(model.freeze(), integrator, 0.005, 0.2)
     limit = {"variational": 1e-3, "energy-momentum": 1e-12}[integrator]
     size = history["energy"].max()
     assert abs(history["energy_balance"]).max() < limit * size
@@ -284,7 +245,6 @@ def mode(kind):
 DAMPINGS = {
     "Kelvin-Voigt": lambda zeta, w: {"tau": 2 * zeta / w},
     "Rayleigh": lambda zeta, w: {"alpha": zeta * w, "beta": zeta / w},
-    "both": lambda zeta, w: {"tau": zeta / w, "alpha": zeta * w / 2, "beta": zeta / w / 2},
 }
 
 
@@ -292,10 +252,10 @@ DAMPINGS = {
 @pytest.mark.filterwarnings("ignore:argument until")
 @pytest.mark.parametrize(
     ("kind", "damping"),
-    [("bending", "Kelvin-Voigt"), ("axial", "Rayleigh"), ("bending", "both")],
+    [("bending", "Kelvin-Voigt"), ("axial", "Rayleigh"), ("bending", "Rayleigh")],
 )
 @integrators
-def test_logarithmic_decrement(integrator, kind, damping):
+def test_free_decay_of_a_mode(integrator, kind, damping):
     """Free decay of one mode against ``exp(-zeta w t) sin(w sqrt(1 - zeta^2) t)``, order two."""
     omega, shape = mode(kind)
     zeta = 0.05
@@ -303,22 +263,16 @@ def test_logarithmic_decrement(integrator, kind, damping):
     size = {"bending": 1e-7, "axial": 1e-2}[kind]  # the bar is linear, bending for small angles
     start = sc.initial_state(system, v=sc.project(system, system.q0, size * shape))
     weights = (system.mass @ shape.reshape(-1, 3)).ravel()
-    errors, decrements = [], []
+    errors, damped = [], omega * np.sqrt(1 - zeta**2)
     for count in (60, 120):
         h = 2 * np.pi / omega / count
         run = system, INTEGRATORS[integrator], sc.NullSpace(), h, 1.01 * count * h
         history = sc.simulate(*run, start=start, derive=False)
         x = (history["q"] - system.q0) @ weights / size
-        t, damped = history.times, omega * np.sqrt(1 - zeta**2)
-        exact = np.exp(-zeta * omega * t) * np.sin(damped * t) / damped
+        exact = np.exp(-zeta * omega * history.times) * np.sin(damped * history.times) / damped
         errors.append(abs(x - exact).max() * omega)
-        # any linear oscillation with decrement d follows x_2 = 2 cos(.) e^-d x_1 - e^-2d x_0
-        fit = np.linalg.lstsq(np.column_stack([x[1:-1], -x[:-2]]), x[2:], rcond=None)[0]
-        decrements.append(-np.log(fit[1]) / (2 * omega * h) - zeta)
+    assert errors[1] < 2e-3  # of the phase: (2 pi)^3/12/120^2
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.02)
-    assert np.log2(decrements[0] / decrements[1]) == pytest.approx(2, abs=0.02)
-    extrapolated = (4 * decrements[1] - decrements[0]) / 3
-    assert abs(extrapolated) < 3e-6 * zeta
 
 
 # its few elements are drawn farther than such ones can be, which these figures do not mind
@@ -349,9 +303,7 @@ def test_drag_on_a_free_body(integrator):
     """Momenta decay as ``exp(-alpha t)``; the linear one by a factor known exactly in each step."""
     alpha, deviations = 0.8, []
     for h in (0.02, 0.01):
-        system = free_beam(
-            full_section(), rayleigh=sc.RayleighDamping(alpha), velocity=swirl, order=2
-        )
+        system = free_beam(full_section(), sc.RayleighDamping(alpha), velocity=swirl)
         history = run(system, integrator, h, 1.0)
         P, L, t = (history[k] for k in ("linear_momentum", "angular_momentum", "t"))
         step = (1 - alpha * h / 2) / (1 + alpha * h / 2)
@@ -361,21 +313,6 @@ def test_drag_on_a_free_body(integrator):
         deviations.append(abs(L - L[0] * np.exp(-alpha * t)[:, None]).max() / abs(L[0]).max())
     assert deviations[1] < 1e-4
     assert np.log2(deviations[0] / deviations[1]) == pytest.approx(2, abs=0.1)
-
-
-@pytest.mark.slow
-@pytest.mark.plain
-@integrators
-def test_drag_on_some_items_only(integrator):
-    model = sc.Model()
-    balls = [
-        model.add(name, sc.MassPoint(2.0, position=(0, k, 0), velocity=(1, 0, 0)))
-        for k, name in enumerate("ab")
-    ]
-    model.add("drag", sc.RayleighDamping(0.5, items=balls[1]))
-    v = run(model.freeze(), integrator, 0.01, 1.0)["v"][-1]
-    assert v[0] == pytest.approx(1, abs=1e-13)
-    assert v[3] == pytest.approx(np.exp(-0.5), rel=1e-5)
 
 
 # -- structure -----------------------------------------------------------------------------------
@@ -424,26 +361,6 @@ def test_both_treatments_give_the_same_motion(integrator):
     assert one["newton_iterations"].max() <= 6
 
 
-# its few elements are drawn farther than such ones can be, which these figures do not mind
-@pytest.mark.one_quick
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.plain
-@integrators
-@pytest.mark.filterwarnings("ignore:balance of energy")  # steps are large
-def test_few_iterations_with_strong_viscosity(integrator):
-    """Stiff and bent far in each step: large increments predict the viscous stresses, too."""
-    section = sc.Section([4e5, 4e5, 1e6, 5, 5, 5], 1.0, (1e-3, 1e-3)).damped(time=1.0)
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), 6, "rod")
-    model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section, order=2))
-    clamp = sc.ground((0, 0, 0))
-    model.add("hinge", sc.JointRevolute(clamp, rod.node("rod.start"), axis=(0, 0, 1)))
-    model.add("push", sc.LoadForce(rod.node("rod.end"), (0, 40, 0), follower=True))
-    history = run(model.freeze(), integrator, 0.02, 1.0, derive=False)
-    assert (history["attempts"] == 1).all()
-    assert history["newton_iterations"][1:].mean() < 5.5
-
-
 @pytest.mark.slow
 def test_balance_of_energy(kernels):
     """Exact with energy-momentum; damped, driven and loaded at once."""
@@ -472,48 +389,31 @@ def test_second_order_in_the_step(integrator):
 def test_rayleigh_is_kelvin_voigt_for_the_stiffness(integrator):
     own = run(free_beam(full_section().damped(time=0.03), velocity=swirl), integrator, 0.02, 0.4)
     damping = sc.RayleighDamping(stiffness=0.03)
-    other = run(free_beam(full_section(), rayleigh=damping, velocity=swirl), integrator, 0.02, 0.4)
+    other = run(free_beam(full_section(), damping, velocity=swirl), integrator, 0.02, 0.4)
     for name in own.series:
         assert np.array_equal(own[name], other[name], equal_nan=True), name
-
-
-@pytest.mark.one_quick
-@integrators
-def test_without_viscosity_nothing_changes(integrator):
-    plain = run(free_beam(full_section(), velocity=swirl), integrator, 0.02, 0.2)
-    zero = run(free_beam(full_section().damped(time=0.0), velocity=swirl), integrator, 0.02, 0.2)
-    for name in plain.series:
-        assert np.array_equal(plain[name], zero[name], equal_nan=True), name
-    assert not plain["dissipated"].any()
 
 
 # -- results -------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("central", [False, True])
 @integrators
-def test_section_forces_with_the_viscous_part(integrator, central):
-    """Second order by the recorded velocities and by central differences, in both schemes."""
-    system, found = crossing(), []
+def test_section_forces_with_the_viscous_part(integrator):
+    """By the recorded velocities, in both schemes."""
+    system = crossing()
     frame, boom = system.structures[:2]
-    for step in (0.004, 0.002, 0.001):
-        history = damped_crossing(integrator, step=step, until=0.12)
-        q, v = history["q"], history["v"]
-        if central:
-            v = np.gradient(q, history.times, axis=0)
-        elastic = section_forces(system, frame, q)
-        assert np.array_equal(elastic, history["beam/frame/resultant"])
-        total = section_forces(system, frame, q, v)
-        viscous = section_strain_rates(system, frame, q, v)
-        viscous[:, :2] = viscous[:, :2] @ PARTIAL  # the base
-        viscous[:, 2] = 0  # the leg
-        viscous[:, 3] = viscous[:, 3] @ (0.03 * SLIM.stiffness)  # the arm
-        assert abs(total - elastic - viscous).max() < 1e-12 * abs(total).max()
-        assert abs(viscous[:, 0]).max() > 0.1 * abs(elastic[:, 0]).max()
-        found.append(total[len(q) // 2])
-    coarse, fine = (abs(a - b).max() for a, b in pairwise(found))
-    assert np.log2(coarse / fine) == pytest.approx(2, abs=0.05)
+    history = damped_crossing(integrator, step=0.004, until=0.12)
+    q, v = history["q"], history["v"]
+    elastic = section_forces(system, frame, q)
+    assert np.array_equal(elastic, history["beam/frame/resultant"])
+    total = section_forces(system, frame, q, v)
+    viscous = section_strain_rates(system, frame, q, v)
+    viscous[:, :2] = viscous[:, :2] @ PARTIAL  # the base
+    viscous[:, 2] = 0  # the leg
+    viscous[:, 3] = viscous[:, 3] @ (0.03 * SLIM.stiffness)  # the arm
+    assert abs(total - elastic - viscous).max() < 1e-12 * abs(total).max()
+    assert abs(viscous[:, 0]).max() > 0.1 * abs(elastic[:, 0]).max()
     own = section_forces(system, boom, q, v) - section_forces(system, boom, q)
     rates = section_strain_rates(system, boom, q, v)
     assert abs(own - 0.02 * rates @ SLIM.stiffness).max() < 1e-12 * abs(own).max()

@@ -19,7 +19,7 @@ from helpers_scenes import (
 )
 from helpers_schemes import INTEGRATORS, TREATMENTS, integrators, treatments
 from scipy.spatial.transform import Rotation
-from test_closed_loops import FIVE, PARALLELOGRAM, hinges, linkage
+from test_closed_loops import PARALLELOGRAM, linkage
 from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
@@ -68,8 +68,8 @@ def scene(kind):
                 sides = [side, body(f"body {label}").at(x + gap)]
                 joint = model.add(label, kind(*(sides[::-1] if swap else sides), **options))
                 for name, motion in zip(names, MOTIONS, strict=False):
-                    drive = model.add(f"{name} of {label}", sc.JointDrive(joint, motion, name))
-                    driven.append((joint, name, motion, drive))
+                    model.add(f"{name} of {label}", sc.JointDrive(joint, motion, name))
+                    driven.append((joint, name, motion))
     model.add("gravity", sc.LoadGravity((0.3, 0.1, -9.81)))
     return model.freeze(), driven
 
@@ -95,22 +95,11 @@ def measured(system, joint, name, y):
 
 
 @kinds
-def test_unknowns(kind):
-    """Each drive takes one."""
-    system, _ = scene(kind)
-    free = sum(
-        JOINTS[kind] - len(names) + (6 if on_body else 0)
-        for names in selections(kind)
-        for _swap in (False, True)
-        for on_body in (False, True)
-    )
-    assert system.unknowns == free
-    assert system.rank == system.m == system.n - free
-
-
-@kinds
 def test_null_space_of_driven_trees(kind):
-    system, _ = scene(kind)
+    """Each drive takes one unknown."""
+    system, driven = scene(kind)
+    joints = JOINTS[kind] * len(system.joints) + 6 * len(system.joints) // 2
+    assert system.unknowns == joints - len(driven)
     y0, y1, nodal = two_states(system)
     for y in (y0, y1):
         assert_constraints(system, y)
@@ -146,14 +135,11 @@ def test_treatments_agree_and_follow_the_motion(kind, integrator):
     assert abs(one["constraint_force"] - two["constraint_force"])[:-1].max() < 1e-8 * size
     for history in (one, two):
         rows = [system.extend(q, t) for q, t in zip(history["q"], history.times, strict=True)]
-        for joint, name, motion, drive in driven:
+        for joint, name, motion in driven:
             wanted = np.array([motion(t) for t in history.times])
             found = np.array([measured(system, joint, name, y) for y in rows])
             assert abs(found - wanted).max() < 2e-13, (joint.name, name)
             assert abs(history[f"joint/{joint.name}/{name}"] - wanted).max() < 2e-13
-            for what in ("force", "moment"):
-                f, g = (h[f"joint/{drive.name}/{what}"][:-1] for h in (one, two))
-                assert abs(f - g).max() < 1e-8 * size
 
 
 @pytest.mark.one_quick
@@ -162,10 +148,8 @@ def test_treatments_agree_and_follow_the_motion(kind, integrator):
 def test_energy_balance(kind, treatment):
     """What the drives put in is what the scene gains, to round-off with energy-momentum."""
     history = run(kind, INTEGRATORS[1], treatment)
-    balance = history["energy_balance"]
     scale = abs(history["energy"]).max() + abs(history["work_drives"]).max()
-    assert np.isfinite(balance).all()
-    assert abs(balance).max() < 1e-12 * scale
+    assert abs(history["energy_balance"]).max() < 1e-12 * scale
     assert np.ptp(history["work_drives"]) > 0.01
 
 
@@ -175,9 +159,8 @@ def test_energy_balance(kind, treatment):
 @pytest.mark.slow
 @integrators
 @treatments
-@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["a-b", "b-a"])
-def test_torque_of_a_ramped_speed(integrator, treatment, sign):
-    """J alpha about the axis of a hinge off the centre; its work is the energy; second order.
+def test_torque_of_a_ramped_speed(integrator, treatment):
+    """J alpha about the axis of a hinge off the centre; second order.
 
     With energy-momentum the torque alternates: the mean of neighbouring midpoints is the node's.
     """
@@ -189,25 +172,18 @@ def test_torque_of_a_ramped_speed(integrator, treatment, sign):
         model = sc.Model()
         body = sc.RigidBody(1.4, TENSOR, position=(0.5, 0.1, 0.2), center=(0.1, 0.2, 0))
         model.add("body", body)
-        sides = sc.ground((0, 0, 0)), body.at((0, 0, 0))
-        hinge = model.add("hinge", sc.JointRevolute(*sides[:: int(sign)], axis))
-        # from side a to side b
-        model.add("motor", sc.JointDrive(hinge, lambda t: sign * alpha * t**2 / 2))
+        hinge = sc.JointRevolute(body.at((0, 0, 0)), sc.ground((0, 0, 0)), axis)
+        model.add("hinge", hinge)
+        model.add("motor", sc.JointDrive(hinge, lambda t: -alpha * t**2 / 2))  # from a to b
         history = sc.simulate(model, integrator, treatment, h, 0.5)
-        torque = sign * history["joint/motor/moment"][:-1] @ axis
+        torque = -history["joint/motor/moment"][:-1] @ axis
         assert abs(history["joint/motor/force"])[:-1].max() < 1e-9
-        assert abs(np.cross(history["joint/motor/moment"][:-1], axis)).max() < 1e-9
         assert abs(history["joint/hinge/moment"][:-1] @ axis).max() < 1e-9
         if integrator.name == "energy-momentum":
             torque = (torque[1:] + torque[:-1]) / 2
-        exact = J * (alpha * history.times) ** 2 / 2
-        work = abs(history["work_drives"] - exact)[:-1].max() / exact[-1]
-        errors.append([abs(torque[1:] / (J * alpha) - 1).max(), work])
-    coarse, fine = np.array(errors)
-    assert fine.max() < 5e-3
-    big = fine > 1e-10
-    ratios = coarse[big] / fine[big]
-    assert ((ratios > 3.5) & (ratios < 4.5)).all(), errors
+        errors.append(abs(torque[1:] / (J * alpha) - 1).max())
+    assert errors[1] < 5e-3
+    assert errors[1] < 1e-10 or 3.5 < errors[0] / errors[1] < 4.5
 
 
 @integrators
@@ -223,12 +199,7 @@ def test_force_along_a_slide(integrator, treatment):
     history = sc.simulate(model.freeze(), integrator, treatment, 0.02, 0.5)
     force = history["joint/ram/force"][1:-1]
     assert abs(force - 2.0 * (1.5 + 9.81 * 0.8) * n).max() < 1e-8
-    assert abs(history["joint/ram/moment"][1:-1]).max() < 1e-8
     assert abs(history["joint/slide/force"][1:-1] @ n).max() < 1e-8
-    exact = 0.75 * history.times**2
-    assert abs(history["joint/slide/displacement"] - exact).max() < 1e-13
-    work = 2.0 * (0.5 * (1.5 * history.times) ** 2 + 9.81 * 0.8 * exact)
-    assert abs(history["work_drives"] - work)[:-1].max() < 1e-3 * work[-1]
 
 
 # -- closed loops ----------------------------------------------------------------------------------
@@ -272,67 +243,37 @@ def test_slider_crank_with_a_driven_crank(integrator):
     system = slider_crank(turn).freeze()
     assert system.counts() == {"n": 36, "m": 39, "rank": 36, "unknowns": 0}
     assert sum(map(len, system.redundancies().values())) == 3
-    runs = []
+    forces = []
     for treatment in TREATMENTS:
         history = sc.simulate(system, integrator, treatment, 0.02, 0.8)
-        runs.append(history)
+        forces.append(history["constraint_force"][:-1])
+        angle = turn(history.times)
+        assert angle.max() > 6 * np.pi
         x = history["q"][:, system.frame_place("slider")]
-        angle = np.array([turn(t) for t in history.times])
         assert abs(x - slider_of(START + angle)).max() < 1e-12
         assert abs(history["joint/pin/angle"] - angle).max() < 1e-12
         assert history["constraint_violation"].max() < 1e-13
-        assert (history["attempts"] == 1).all()
-    assert angle.max() > 6 * np.pi
-    one, two = runs
-    assert abs(one["q"] - two["q"]).max() < 1e-12
-    size = abs(one["constraint_force"][:-1]).max()
-    assert abs(one["constraint_force"] - two["constraint_force"])[:-1].max() < 1e-8 * size
-    moment = [h["joint/motor/moment"][:-1] for h in runs]
-    assert abs(moment[0] - moment[1]).max() < 1e-8 * size
-    if integrator.name == "energy-momentum":
-        for history in runs:
+        if integrator.name == "energy-momentum":
             assert abs(history["energy_balance"]).max() < 1e-10 * history["energy"].max()
+    assert abs(forces[0] - forces[1]).max() < 1e-8 * abs(forces[0]).max()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("which", range(4))
 @integrators
 def test_each_joint_of_a_four_bar_driven(which, integrator):
-    """Also the one that closes the loop; against the same motion started from another joint."""
-    motion = lambda t: 0.25 * np.sin(2 * t) ** 2  # noqa: E731
+    """Also the one that closes the loop."""
     model = four_bar()
-    joint = model[f"pin {which}"]
-    model.add("motor", sc.JointDrive(joint, motion))
+    model.add("motor", sc.JointDrive(model[f"pin {which}"], lambda t: 0.25 * np.sin(2 * t) ** 2))
     model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
     system = model.freeze()
     assert system.unknowns == 0
-    runs = [sc.simulate(system, integrator, treatment, 0.02, 0.4) for treatment in TREATMENTS]
-    for history in runs:
-        for q, t in zip(history["q"], history.times, strict=True):
-            assert abs(measured(system, joint, "angle", system.extend(q, t)) - motion(t)) < 1e-13
-    one, two = runs
+    one, two = (sc.simulate(system, integrator, treatment, 0.02, 0.4) for treatment in TREATMENTS)
     assert abs(one["q"] - two["q"]).max() < 1e-12
     assert abs(one["q"] - one["q"][0]).max() > 0.1
-    angles = [one[f"joint/pin {k}/angle"] for k in range(4)]
-    assert abs(angles[0] + angles[1] + angles[2] + angles[3]).max() < 1e-12  # around the loop
-
-
-@pytest.mark.slow
-@integrators
-def test_a_drive_that_leaves_some_mobility(integrator):
-    """A five-bar with one crank driven: one unknown, the other crank swings."""
-    model = hinges(FIVE, 4)
-    model.add("motor", sc.JointDrive(model["joint 0"], lambda t: 0.3 * t**2))
-    model.add("gravity", sc.LoadGravity((0.5, -1, 0)))
-    system = model.freeze()
-    assert system.counts() == {"n": 48, "m": 50, "rank": 47, "unknowns": 1}
-    one, two = (sc.simulate(system, integrator, treatment, 0.02, 1.0) for treatment in TREATMENTS)
-    assert abs(one["q"] - two["q"]).max() < 1e-11
-    for history in (one, two):
-        assert abs(history["joint/joint 0/angle"] - 0.3 * history.times**2).max() < 1e-12
-        assert abs(history["joint/joint 4/angle"]).max() > 0.05
-        if integrator.name == "energy-momentum":
-            assert abs(history["energy_balance"]).max() < 1e-11 * abs(history["energy"]).max()
+    angles = np.array([one[f"joint/pin {k}/angle"] for k in range(4)])
+    assert abs(angles[which] - 0.25 * np.sin(2 * one.times) ** 2).max() < 1e-13
+    assert abs(angles.sum(0)).max() < 1e-12  # around the loop
 
 
 # such steps are much too large
@@ -374,10 +315,8 @@ def test_bob_at_rest_in_an_accelerated_frame(integrator, treatment):
     history = sc.simulate(model.freeze(), integrator, treatment, 0.02, 0.5)
     path = 1.3 * lean + np.outer(a * history.times**2 / 2, (1, 0, 0))
     assert abs(history["q"] - path).max() < 1e-11
-    assert abs(history["v"] - np.outer(a * history.times, (1, 0, 0))).max() < 1e-10
     tension = history["joint/string/force"][:-1]  # the last state may have none
     assert abs(tension + m * np.hypot(a, g) * lean).max() < 1e-8
-    assert abs(history["joint/string/moment"][:-1]).max() < 1e-12
 
 
 @pytest.mark.slow
@@ -391,75 +330,16 @@ def test_steady_rotation_of_a_driven_body(integrator, treatment):
     turning = sc.ground((0, 0, 0), sc.Motion(rotation=lambda t: (0, 0, w * t)))
     model.add("drive", sc.JointFixed(turning, body.at((0, 0, 0))))
     history = sc.simulate(model, integrator, treatment, h, 0.5)
-    angle = w * history.times
-    c, s = np.cos(angle), np.sin(angle)
-    x = np.c_[c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], 0 * c]
+    R = Rotation.from_rotvec(np.outer(w * history.times, Z)).as_matrix()
+    x = R @ arm
     assert abs(history["q"][:, :3] - x).max() < 1e-13
-    assert abs(history["v"][:, :3] - np.cross((0, 0, w), x)).max() < 1e-9  # rate by differences
     discrete = (2 - 2 * np.cos(w * h)) / h**2
     force, moment = (history[f"joint/drive/{k}"][1:-1] for k in ("force", "moment"))
     assert abs(force + 1.4 * discrete * x[1:-1]).max() < 1e-9
-    assert abs(force + 1.4 * w**2 * x[1:-1]).max() < 5 * h**2
     # dL/dt = w x L about the centre, carried by the force's lever and the moment about the pin
-    R = np.zeros((len(c), 3, 3))
-    R[:, 0, 0] = R[:, 1, 1] = c
-    R[:, 1, 0], R[:, 0, 1], R[:, 2, 2] = s, -s, 1
-    L = R @ TENSOR @ (0, 0, w)
-    rate = np.cross((0, 0, w), L)
+    rate = np.cross((0, 0, w), R @ TENSOR @ (0, 0, w))
     assert abs(moment - rate[1:-1]).max() < 20 * h**2
     assert abs(rate).max() > 0.1
-
-
-@pytest.mark.slow
-@integrators
-@treatments
-def test_turning_axis_of_a_hinge(integrator, treatment):
-    """The hinge's axis turns with the ground; about it the body stays free (no torque)."""
-    w = 1.5
-    model = sc.Model()
-    body = sc.RigidBody(1.0, (0.3, 0.4, 0.5), angular_velocity=(0, 0, w))
-    model.add("body", body)
-    place = sc.ground((0, 0, 0), sc.Motion(rotation=lambda t: (0, 0, w * t)))
-    model.add("hinge", sc.JointRevolute(place, body.at((0, 0, 0)), (1, 0, 0)))
-    history = sc.simulate(model.freeze(), integrator, treatment, 0.02, 1.0)
-    angle = w * history.times
-    axis = np.c_[np.cos(angle), np.sin(angle), 0 * angle]
-    assert abs(history["q"][:, 3:6] - axis).max() < 1e-12
-    torque = (history["joint/hinge/moment"] * axis).sum(1)
-    assert abs(torque[np.isfinite(torque)]).max() < 1e-9
-
-
-@pytest.mark.slow
-def test_spun_up_beam_reaches_its_steady_stretch():
-    """Slow spin-up of a stiff-in-bending beam; stretch L (tan(kL)/(kL) - 1), k = w (m/EA)^(1/2)."""
-    L, EA, mass, w, T = 1.0, 400.0, 1.0, 6.0, 2.0
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (L, 0, 0), 3, "beam")
-    section = sc.Section([4e3, 4e3, EA, 300, 300, 300], mass=mass, inertia=(0.02, 0.02))
-
-    def turn(t):
-        if t >= T:
-            return w * (t - T / 2)
-        return w * (t**2 / (2 * T) + T / (4 * np.pi**2) * (np.cos(2 * np.pi * t / T) - 1))
-
-    model = sc.Model()
-    beam = model.add("beam", sc.Beam(mesh, section, order=2))
-    place = sc.ground((0, 0, 0), sc.Motion(rotation=lambda t: (0, 0, turn(t))))
-    model.add("drive", sc.JointFixed(place, beam.node("beam.start")))
-    system = model.freeze()
-    tip = system.offset(beam.node("beam.end"))
-    history = sc.simulate(system, sc.EnergyMomentum(), sc.Multipliers(), 0.01, T + 1, every=5)
-    after = history.times > T
-    x = history["q"][after, tip : tip + 3]
-    k = w * np.sqrt(mass / EA)
-    steady = L * (np.tan(k * L) / (k * L) - 1)
-    stretch = np.linalg.norm(x, axis=1) - L
-    assert stretch.mean() == pytest.approx(steady, rel=2e-2)
-    assert np.ptp(stretch) < 0.1 * steady
-    # and the root carries the centripetal force of the whole beam, EA (1/cos(kL) - 1)
-    force = history["joint/drive/force"][after][:-1]
-    assert np.linalg.norm(force, axis=1).mean() == pytest.approx(
-        EA * (1 / np.cos(k * L) - 1), rel=2e-2
-    )
 
 
 def driven(motion, joint=sc.JointFixed, **body):
@@ -469,26 +349,12 @@ def driven(motion, joint=sc.JointFixed, **body):
     return model
 
 
-@pytest.mark.parametrize(
-    "motion",
-    [
-        sc.Motion(displacement=lambda t: (0, 2 * t, 0)),
-        sc.Motion(rotation=lambda t: (0, 0, np.sin(t))),
-    ],
-)
-def test_velocity_at_the_start_contradicts(motion):
-    system = driven(motion).freeze()
+def test_velocity_at_the_start_contradicts():
+    system = driven(sc.Motion(rotation=lambda t: (0, 0, np.sin(t)))).freeze()
     with pytest.raises(sc.InputError, match=r"'drive'.*prescribed motion.*project"):
         sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1)
     start = sc.initial_state(system, v=sc.project(system, system.q0, system.v0))
     sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1, start=start)
-
-
-def test_velocity_that_fits_is_taken():
-    motion = sc.Motion(lambda t: (0, 2 * t, 0), lambda t: (0, 0, np.sin(t)))
-    system = driven(motion, velocity=(0, 2, 0), angular_velocity=(0, 0, 1)).freeze()
-    history = sc.simulate(system, sc.EnergyMomentum(), sc.Multipliers(), 0.01, 0.1)
-    assert history["hidden_violation"].max() < 1e-9
 
 
 def test_a_spherical_joint_does_not_feel_the_rotation():
@@ -523,11 +389,7 @@ def test_a_slider_that_is_pushed_beyond_its_reach(integrator, treatment):
         f"dead point at t = {time:.6g} s",
         "the drive 'motor'",
         f"displacement = {reach:.6g} m",
-        "closed loop through",
-        "revolute joint 'big end'",
         "prismatic joint 'guide'",
-        "does not close beyond",
-        "drive another joint",
     ):
         assert word in text, text
     assert len(error.history) == error.step
@@ -539,18 +401,12 @@ def test_a_slider_that_is_pushed_beyond_its_reach(integrator, treatment):
 @treatments
 def test_supports_that_are_pulled_apart(treatment):
     """No drive, but moving ground: two rods between supports that go away from each other."""
-    model = sc.Model()
-    ends = np.array([[0.0, 0, 0], [1, -0.5, 0], [2, 0, 0]])
-    rods = [
-        model.add(
-            f"rod {k}", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=ends[k : k + 2].mean(0))
-        )
-        for k in (0, 1)
-    ]
-    away = sc.ground(ends[2], sc.Motion(lambda t: (t**2, 0, 0)))
-    model.add("left", sc.JointRevolute(sc.ground(ends[0]), rods[0].at(ends[0]), Z))
-    model.add("mid", sc.JointRevolute(rods[0].at(ends[1]), rods[1].at(ends[1]), Z))
-    model.add("right", sc.JointRevolute(rods[1].at(ends[2]), away, Z))
+    model, left, mid, right = sc.Model(), (0, 0, 0), (1, -0.5, 0), (2, 0, 0)
+    one, two = (model.add(name, sc.RigidBody.box(1.0, (1, 0.1, 0.1))) for name in ("one", "two"))
+    away = sc.ground(right, sc.Motion(lambda t: (t**2, 0, 0)))
+    model.add("left", sc.JointRevolute(sc.ground(left), one.at(left), Z))
+    model.add("mid", sc.JointRevolute(one.at(mid), two.at(mid), Z))
+    model.add("right", sc.JointRevolute(two.at(right), away, Z))
     error = stopped(model.freeze(), sc.Variational(), treatment, 0.02, 2.0)
     time = np.sqrt(2 * np.hypot(1, 0.5) - 2)
     for word in (f"dead point at t = {time:.6g} s", "prescribed motion of the ground", "'mid'"):
@@ -593,20 +449,13 @@ def two_cranks(first, second):
 def test_two_drives_of_one_coordinate():
     model = slider_crank(lambda t: t**2)
     model.add("second", sc.JointDrive(model["pin"], lambda t: t**2))
-    refused(
-        model.freeze, "drive 'second'", "contradicts the drive 'motor'", "angle of the revolute"
-    )
+    refused(model.freeze, "drive 'second'", "contradicts the drive 'motor'")
 
 
-@pytest.mark.parametrize("factor", [1.5, 1.01, 1 + 1e-4, -1.0])
+@pytest.mark.parametrize("factor", [1 + 1e-4, -1.0])
 def test_two_cranks_with_different_motions(factor):
-    refused(
-        two_cranks(lambda t: 2 * t**2, lambda t: -2 * factor * t**2).freeze,
-        "drive 'right'",
-        "the drive 'left' at angle",
-        "cannot follow the prescribed motion",
-        "revolute joint 'pin 2'",
-    )
+    model = two_cranks(lambda t: 2 * t**2, lambda t: -2 * factor * t**2)
+    refused(model.freeze, "drive 'right'", "cannot follow the prescribed motion")
 
 
 @pytest.mark.slow
@@ -633,9 +482,7 @@ def test_cranks_that_part_later(integrator, treatment):
     assert error.time == pytest.approx(0.5)
     for word in (
         "prescribed motions contradict each other at t = 0.52 s",
-        "the drive 'left' at angle = -0.2704 rad",
         "the drive 'right' at angle = 0.27 rad",
-        "Leave out one of the drives",
     ):
         assert word in str(error)
 
@@ -768,18 +615,6 @@ def test_what_is_too_small_for_a_jump_is_followed(kind, treatment, kernels):
         model = moved(lambda t: t**2 + 9e-7 * (t >= 0.1), kind)
         run = sc.simulate(model, scheme, treatment, 0.01, 0.12, kernels=kernels)
         assert run["constraint_violation"].max() < 1e-13
-
-
-@pytest.mark.slow
-@treatments
-def test_full_turns_at_once_move_nothing(treatment):
-    """Angle and angle + 2 pi are one configuration: no other torque."""
-    one, other = (
-        sc.simulate(moved(motion, sc.JointRevolute), sc.EnergyMomentum(), treatment, 0.01, 0.3)
-        for motion in (lambda t: t**2, lambda t: t**2 + 2 * np.pi * (t >= 0.1))
-    )
-    for name in ("q", "joint/drive/moment", "work_drives"):
-        assert abs(one[name] - other[name])[:-1].max() < 1e-10
 
 
 def test_a_violated_constraint_is_told():

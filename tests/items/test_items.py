@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers_scenes import SHAKE, TENSOR, everything, random_state, rotation
-from helpers_schemes import integrators, treatments
+from helpers_schemes import integrators
 from scipy.spatial.transform import Rotation
 
 from skfem_cosserat import (
@@ -25,7 +25,6 @@ from skfem_cosserat import (
     simulate,
     triad,
 )
-from skfem_cosserat.frozen import brief
 
 RNG_SEEDS = range(4)
 
@@ -99,57 +98,24 @@ def test_kinetic_energy_of_a_body_with_offset_centre(seed):
     assert spin == pytest.approx(1.7 * np.cross(xc, vc) + J @ omega)
 
 
-@pytest.mark.slow
-@integrators
-@treatments
-def test_reference_point_does_not_matter(integrator, treatment):
-    """A free body described from its centre and from another point moves alike, to second order."""
-    c = np.array([0.3, -0.2, 0.1])
-    omega, v = np.array([1.0, 2.0, -0.5]), np.array([0.1, 0.2, 0.3])
-    ends = []
-    for position, center in ((np.zeros(3), np.zeros(3)), (-c, c)):
-        model = Model()
-        speed = v + np.cross(omega, position)
-        moving = {"velocity": speed, "angular_velocity": omega}
-        body = RigidBody(1.5, TENSOR, position=position, center=center, **moving)
-        model.add("body", body)
-        q = simulate(model.freeze(), integrator, treatment, 1e-3, 0.12, derive=False)["q"][-1]
-        q = q.reshape(4, 3)
-        ends.append(np.vstack([q[0] + center @ q[1:], q[1:]]))
-    assert ends[0][0] == pytest.approx(0.12 * v, abs=1e-10)
-    assert abs(ends[0] - ends[1]).max() < 1e-6
-    assert abs(ends[0][1:] - np.eye(3)).max() > 0.2
-
-
 def plate(on_body):
     """A body with a lump at an offset, attached or welded by a joint."""
     model = Model()
     rng = np.random.default_rng(0)
-    base = model.add(
-        "base", RigidBody(1.5, TENSOR, triad=rotation(rng).T, angular_velocity=(1, 2, 3.0))
-    )
-    x = np.array([0.4, 0.1, -0.3])
-    v = np.cross((1, 2, 3.0), x)
-    point = {"on": base.at(x)} if on_body else {"position": x, "velocity": v}
-    lump = model.add("lump", MassPoint(0.7, **point))
-    y = np.array([-0.2, 0.5, 0.1])
+    base = model.add("base", RigidBody(1.5, TENSOR, triad=rotation(rng).T))
+    x, y, center = (0.4, 0.1, -0.3), (-0.2, 0.5, 0.1), (0.1, 0, 0.2)
     if on_body:
         # the attached body is given in the triad of its host
-        model.add("arm", RigidBody(0.4, TENSOR, center=(0.1, 0, 0.2), on=base.at(y)))
+        lump = model.add("lump", MassPoint(0.7, on=base.at(x)))
+        model.add("arm", RigidBody(0.4, TENSOR, center=center, on=base.at(y)))
     else:
-        arm = RigidBody(
-            *(0.4, TENSOR),
-            center=(0.1, 0, 0.2),
-            position=y,
-            triad=base.triad,
-            velocity=np.cross((1, 2, 3.0), y),
-            angular_velocity=(1, 2, 3.0),
-        )
+        lump = model.add("lump", MassPoint(0.7, position=x))
+        arm = RigidBody(0.4, TENSOR, center=center, position=y, triad=base.triad)
         model.add("arm", arm)
         model.add("weld", JointFixed(base.at(y), arm.at(y)))
         model.add("pin", JointSpherical(base.at(x), lump.place()))
     model.add("gravity", LoadGravity((0, 0, -9.81)))
-    model.add("pull", LoadForce(lump.place(), (1, 0, 0)))
+    model.add("pull", LoadForce(lump.place(), (30, 20, 0)))
     return model.freeze()
 
 
@@ -188,8 +154,6 @@ def test_lump_on_a_beam_node_with_its_own_triad():
     place = body.local((0.1, 0.2, 0.3))
     assert place.position == pytest.approx(node.position + R @ (0.1, 0.2, 0.3))
     assert place.item is beam
-    np.testing.assert_array_equal(body.triad, node.triad)  # and so it is shown
-    assert f"triad={brief(node.triad)}" in repr(body) and "velocity" not in repr(body)
 
 
 # ----------------------------------------------------------------------- places

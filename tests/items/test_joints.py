@@ -26,7 +26,6 @@ from helpers_scenes import (
     unit,
 )
 from helpers_schemes import TREATMENTS, integrators, treatments
-from rounding import energy_limit, momentum_limits
 from scipy.spatial.transform import Rotation
 from test_tangents import TOLERANCE, Step, worst
 
@@ -107,37 +106,15 @@ def scene(kind):
     return build.model.freeze(), build.sides
 
 
-# -- counts ----------------------------------------------------------------------------------------
-
-
-@kinds
-def test_counts(kind):
-    """Each pair is one tree: what its joint leaves free, and the motion of the whole."""
-    system, _ = scene(kind)
-    free = JOINTS[kind]
-    unknowns = 0
-    for what, _swap in pairs(kind):
-        if what == "point":
-            unknowns += 3 + free
-        elif what == "body":
-            unknowns += 6 + free
-        elif what in ("ground", "moving"):
-            unknowns += free
-        else:
-            unknowns += 12 + free  # two nodes of a beam
-    assert system.unknowns == unknowns
-    assert system.rank == system.m == system.n - unknowns
-    assert len(system.redundant) == 0
-    taken = {j.size for j in system.joints}
-    assert taken == {6 - free}
-
-
 # -- null space ------------------------------------------------------------------------------------
 
 
 @kinds
 def test_null_space_at_nodes_and_midpoints(kind):
+    """It spans what the rows leave free, as many as the joints have."""
     system, _ = scene(kind)
+    assert {joint.size for joint in system.joints} == {6 - JOINTS[kind]}
+    assert system.rank == system.m == system.n - system.unknowns
     y0, y1, nodal = two_states(system)
     assert abs(y1 - y0)[: system.rows].max() > 0.5
     for y in (y0, y1):
@@ -154,17 +131,18 @@ def test_geometry(kind):
     for joint in system.joints:
         (xa, Ra), (xb, Rb) = (seen(system, place, y) for place in (joint.a, joint.b))
         r, r0 = xb - xa, joint.b.position - joint.a.position
+        rounding = 1e-13 * (1 + abs(xb).max())
         if kind is sc.JointDistance:
             assert np.linalg.norm(r) == pytest.approx(np.linalg.norm(r0), rel=1e-13)
             continue
         if kind in (sc.JointSpherical, sc.JointRevolute, sc.JointUniversal, sc.JointFixed):
-            assert abs(r).max() < 1e-13 * (1 + abs(xb).max()), joint.name
+            assert abs(r).max() < rounding, joint.name
         if kind in (sc.JointCylindrical, sc.JointPrismatic, sc.JointPointOnLine):
             n = Ra @ joint.axis
-            assert abs(np.cross(n, r)).max() < 1e-13 * (1 + abs(xb).max()), joint.name
+            assert abs(np.cross(n, r)).max() < rounding, joint.name
             assert abs(n @ r - joint.axis @ r0) > 1e-3  # it slides
         if kind is sc.JointPlanar:
-            assert abs(Ra @ joint.normal @ r) < 1e-13 * (1 + abs(xb).max()), joint.name
+            assert abs(Ra @ joint.normal @ r) < rounding, joint.name
             assert abs(Ra.T @ r - r0).max() > 1e-3
         if kind in (sc.JointRevolute, sc.JointCylindrical):
             assert abs(Ra @ joint.axis - Rb @ joint.axis).max() < 1e-13, joint.name
@@ -179,28 +157,22 @@ def test_geometry(kind):
 
 
 @pytest.mark.parametrize(
-    ("kind", "axes"),
+    ("kind", "options", "axes"),
     [
-        (sc.JointRevolute, [(0, 1, 0)]),
-        (sc.JointCylindrical, [(0, 1, 0)]),
-        (sc.JointPlanar, [(0, 1, 0)]),
-        (sc.JointPrismatic, [(0, 0, 1), (0, 1, 0)]),
-        (sc.JointFixed, [(1, 0, 0), (0, 1, 0), (0, 0, 1)]),
-        (sc.JointUniversal, []),
-        (sc.JointSpherical, []),
+        (sc.JointRevolute, {"axis": (0, 0, 1)}, [(0, 1, 0)]),
+        (sc.JointCylindrical, {"axis": (0, 0, 1)}, [(0, 1, 0)]),
+        (sc.JointPlanar, {"normal": (0, 0, 1)}, [(0, 1, 0)]),
+        (sc.JointPrismatic, {"axis": (0, 0, 1)}, [(0, 0, 1), (0, 1, 0)]),
+        (sc.JointFixed, {}, [(1, 0, 0), (0, 1, 0), (0, 0, 1)]),
+        (sc.JointUniversal, {"axis_a": (1, 0, 0), "axis_b": (0, 1, 0)}, []),
+        (sc.JointSpherical, {}, []),
     ],
     ids=lambda value: getattr(value, "type", ""),
 )
-def test_half_a_turn_off_is_noticed(kind, axes):
+def test_half_a_turn_off_is_noticed(kind, options, axes):
     """Quadratic rows hold there, too; a step of multipliers that ends there is refused."""
     model = sc.Model()
     body = model.add("body", sc.RigidBody(1.0, TENSOR))
-    options = {
-        sc.JointPlanar: {"normal": (0, 0, 1)},
-        sc.JointUniversal: {"axis_a": (1, 0, 0), "axis_b": (0, 1, 0)},
-        sc.JointSpherical: {},
-        sc.JointFixed: {},
-    }.get(kind, {"axis": (0, 0, 1)})
     model.add("joint", kind(sc.ground((0, 0, 0)), body.at((0, 0, 0)), **options))
     model.add("stone", sc.MassPoint(1.0, (5, 5, 5)))
     system = model.freeze()
@@ -269,10 +241,6 @@ def test_both_treatments_give_the_same_motion(kind, integrator):
     size = abs(one["constraint_force"][:-1]).max()
     difference = abs(one["constraint_force"] - two["constraint_force"])[:-1]
     assert difference.max() < 1e-8 * size
-    for name in scene(kind)[1]:
-        for what in ("force", "moment"):
-            f, g = (history[f"joint/{name}/{what}"][:-1] for history in (one, two))
-            assert abs(f - g).max() < 1e-8 * size, name
 
 
 def momenta(system, history, item):
@@ -363,72 +331,7 @@ def test_free_joints_transmit_nothing_along_their_freedoms(integrator, treatment
                 assert abs((F * np.cross(left, right)).sum(1)).max() < tiny, (kind, joint.name)
 
 
-# -- trees -----------------------------------------------------------------------------------------
-
-
-def satellite():
-    """Free hub with cardan boom, a slider on it, a swinging lid and two spinning wheels."""
-    model, rng = sc.Model(), np.random.default_rng(1)
-    places = {
-        "hub": (0, 0, 0),
-        "boom": (1, 0, 0),
-        "slider": (1.5, 0.2, 0),
-        "lid": (0, 0, 1),
-        "wheel": (0, 1, 0),
-        "drum": (0, -1, 0),
-    }
-    shape = {"center": (0.1, 0.05, -0.1)}
-    hub, boom, slider, lid, wheel, drum = (
-        model.add(name, sc.RigidBody(1.2, TENSOR, position=x, triad=rotation(rng).T, **shape))
-        for name, x in places.items()
-    )
-    x = np.array([0.5, 0, 0])
-    model.add("cardan", sc.JointUniversal(hub.at(x), boom.at(x), (0, 1, 0), (0, 0, 1)))
-    model.add("track", sc.JointPrismatic(slider.at(3 * x), boom.at(2 * x), (1, 0, 0)))
-    model.add("lid hinge", sc.JointRevolute(lid.at((0, 0, 0.5)), hub.at((0, 0, 0.5)), (1, 0, 0)))
-    model.add("axle", sc.JointRevolute(hub.at((0, 1, 0)), wheel.at((0, 1, 0)), (0, 0.6, 0.8)))
-    model.add("sleeve", sc.JointCylindrical(drum.at((0, -1, 0)), hub.at((0, -0.5, 0)), (0, 1, 0)))
-    return model.freeze()
-
-
-def test_unknowns_of_a_tree():
-    system = satellite()
-    assert system.unknowns == 6 + 2 + 1 + 1 + 1 + 2
-    y0, y1, nodal = two_states(system)
-    for y in (y0, y1, 0.5 * (y0 + y1)):
-        assert_null_space(system, y, nodal.fixed)
-
-
-@pytest.mark.one_quick
-@integrators
-@treatments
-def test_tangent_of_a_tree(integrator, treatment):
-    """A slide behind a cardan joint, at the midpoint with energy-momentum."""
-    step = Step(satellite(), integrator, treatment, seed=2)
-    assert worst(step.matrix(), step.derivative()) < TOLERANCE
-
-
-@pytest.mark.one_quick
-@integrators
-def test_a_free_tree_keeps_its_momenta(integrator):
-    """In both treatments, which give the same motion; energy-momentum keeps its energy, too."""
-    system = satellite()
-    v = np.random.default_rng(4).standard_normal(system.n)
-    start = sc.initial_state(system, v=sc.project(system, system.q0, v))
-    runs = [
-        sc.simulate(system, integrator, treatment, 0.01, 0.2, start=start)
-        for treatment in TREATMENTS
-    ]
-    assert abs(runs[0]["q"] - runs[1]["q"]).max() < 1e-10
-    assert abs(runs[0]["q"][-1] - runs[0]["q"][0]).max() > 0.1
-    for run in runs:
-        names = "linear_momentum", "angular_momentum"
-        for name, limit in zip(names, momentum_limits(system, run), strict=True):
-            assert limit < 1e-9 * np.linalg.norm(run[name][0])
-            assert abs(run[name] - run[name][0]).max() < limit
-        if integrator.name == "energy-momentum":
-            limit = energy_limit(system, run)
-            assert np.ptp(run["energy"]) < limit < 1e-9 * abs(run["energy"][0])
+# -- random trees ----------------------------------------------------------------------------------
 
 
 def random_run(seed, integrator, treatment):
@@ -461,7 +364,7 @@ FORCE = np.array([0.0, -6.0, 4.0])
 SECTION = sc.Section([2e3, 2e3, 4e3, 10.0, 12.0, 8.0], mass=1.0, inertia=(1e-3, 2e-3))
 
 
-def arch(whole, theory):
+def arch(whole):
     """Half a circle, pushed out of its plane; or its left half, held in the mirror plane.
 
     A half model takes half of what lies on the mirror plane, the weight on the crown.
@@ -471,7 +374,7 @@ def arch(whole, theory):
         (-1, 0, 0), (0, 1, 0), (1, 0, 0), 1.0, share * np.pi, round(6 * share), "arch"
     )
     model = sc.Model()
-    beam = model.add("arch", sc.Beam(mesh, SECTION, order=2, director=(0, 0, 1), theory=theory))
+    beam = model.add("arch", sc.Beam(mesh, SECTION, order=2, director=(0, 0, 1)))
     clamp = sc.JointFixed(sc.ground((-1, 0, 0)), beam.node("arch.start"))
     model.add("clamp", clamp)
     crown, end = beam.node((0, 1, 0)), beam.node("arch.end")
@@ -480,8 +383,7 @@ def arch(whole, theory):
     else:
         model.add("mirror", sc.JointPlanar(sc.ground((0, 1, 0)), crown, MIRROR))
     model.add("weight", sc.RigidBody.sphere(0.4 * share, radius=0.2, on=crown))
-    model.add("push", sc.LoadForce(crown, share * FORCE, lambda t: np.sin(np.pi * t) ** 2))
-    model.add("spring", sc.SpringDamper(sc.ground((0, 2, 0)), crown, 20.0 * share, 0.1 * share))
+    model.add("push", sc.LoadForce(crown, share * FORCE))
     return model
 
 
@@ -492,44 +394,21 @@ def left_half(model, history):
     return history["q"].reshape(len(history), -1, 12)[:, nodes]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("theory", [None, sc.TheoryInextensible()], ids=str)
-@treatments
-def test_half_an_arch_moves_as_the_whole(theory, treatment):
-    both = []
-    for model in (arch(True, theory), arch(False, theory)):
-        run = model, sc.EnergyMomentum(), treatment, 0.02, 0.2
-        history = sc.simulate(*run, kernels="numpy")
-        both.append((left_half(model, history), history))
-    (q, run), (other, halved) = both
-    assert abs(q[-1, -1] - q[0, -1]).max() > 0.003
-    assert abs(q - other).max() < 1e-11
-    for name in ("energy", "strain_energy", "work_loads"):
-        assert 2 * halved[name] == pytest.approx(run[name], abs=1e-9)
-    reaction = "joint/clamp/moment"
-    # of means of two midpoints each mesh gives its nearest multipliers, held strains' among them
-    limit = 1e-8 if theory is None else 1e-5
-    assert abs(run[reaction] - halved[reaction])[1:-1].max() < limit * abs(run[reaction]).max()
-
-
 @pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore:path, load factor")  # one large step
 @treatments
 def test_the_joint_in_the_mirror_carries_what_the_other_half_would(treatment):
     """Axial force and both bending moments of the crown; no shear, no torsion there."""
-    control = sc.LoadControl(until=0.5, steps=1)
+    control = sc.LoadControl(until=1.0, steps=1)
     found = []
-    for model in (arch(True, None), arch(False, None)):
-        system = model.freeze()
-        path = sc.static(system, treatment, control=control, watch=False)
-        q = path["q"][-1]
-        ends = sc.diagnostics.nodal_resultants(system, model["arch"], q, 0.5)[2, 1]
-        triad = left_half(model, path)[-1, -1].reshape(4, 3)[1:]
-        found.append((q, ends.reshape(2, 3) @ triad, path))
-    (_, resultants, path), (_, other, halved) = found
-    assert (
-        abs(left_half(arch(True, None), path) - left_half(arch(False, None), halved)).max() < 1e-11
-    )
+    for model in (arch(True), arch(False)):
+        path = sc.static(model, treatment, control=control, watch=False)
+        ends = sc.diagnostics.nodal_resultants(model, model["arch"], path["q"][-1])[2, 1]
+        left = left_half(model, path)
+        triad = left[-1, -1].reshape(4, 3)[1:]
+        found.append((left, ends.reshape(2, 3) @ triad, path))
+    (left, resultants, _), (half, other, halved) = found
+    assert abs(left - half).max() < 1e-11
     assert other == pytest.approx(resultants, abs=1e-8)
     # on the face with the normal along the beam, here e1: what the joint gives is that on the rod
     force, moment = (halved[f"joint/mirror/{name}"][-1] for name in ("force", "moment"))
@@ -554,7 +433,6 @@ HERE, PLACE, POINT = sc.ground((0, 0, 0)), BALL.at((0, 0, 0)), sc.MassPoint(1.0)
             r"universal joint.*axis_a = \[1.0, 0.0, 0.0\].*53.1301 degrees.*expected 90",
         ),
         (lambda: sc.JointUniversal(HERE, PLACE, (1, 0, 0), (0, 2, 0)), "axis_b.*length 2"),
-        (lambda: sc.JointCylindrical(HERE, PLACE, (1, 1, 0)), "cylindrical joint.*1.41421356"),
         (lambda: sc.JointCylindrical(POINT, PLACE, (1, 0, 0)), "side a.*mass point"),
         (lambda: sc.JointPrismatic(HERE, PLACE, (0, 0, 0)), "prismatic joint.*length 0"),
         (lambda: sc.JointPrismatic(HERE, POINT, (1, 0, 0)), "side b.*mass point"),
@@ -562,8 +440,6 @@ HERE, PLACE, POINT = sc.ground((0, 0, 0)), BALL.at((0, 0, 0)), sc.MassPoint(1.0)
             lambda: sc.JointPlanar(HERE, PLACE, (0, 0, 1), (0.6, 0, 0.8)),
             "planar joint.*not normal.*x . n = 0.8",
         ),
-        (lambda: sc.JointPlanar(HERE, PLACE, (0, 0, 1), (2, 0, 0)), "planar.*x.*length 2"),
-        (lambda: sc.JointPointOnLine(POINT, PLACE, (1, 0, 0)), "side a.*mass point"),
         (lambda: sc.JointPointOnLine(HERE, POINT, (float("nan"), 0, 0)), "point-on-line.*nan"),
         (lambda: sc.JointPointOnLine(PLACE, BALL.at((1, 0, 0)), (1, 0, 0)), "both sides are"),
     ],
@@ -585,7 +461,6 @@ def sliding(**options):
     "use",
     [
         lambda model, joint: sc.JointSpringDamper(joint, 1.0, coordinate="x"),
-        lambda model, joint: sc.JointActuator(joint, 1.0, coordinate="y"),
         lambda model, joint: sc.JointDrive(joint, np.sin, "x"),
         lambda model, joint: sc.initial_state(model.freeze(), rates={"table/x": 1.0}),
         lambda model, joint: sc.simulate(
@@ -593,7 +468,7 @@ def sliding(**options):
             events=[sc.Event(sc.ConditionCoordinate("table", 0.4, "y"), sc.ActionStop())],
         ),
     ],
-    ids=["spring", "actuator", "drive", "rates", "event"],
+    ids=["spring", "drive", "rates", "event"],
 )
 def test_coordinates_along_no_given_direction(use):
     """A planar joint without `x` has an angle, but no x and y that would hang on our choice."""
@@ -605,13 +480,10 @@ def test_coordinates_along_no_given_direction(use):
 
 
 def test_a_planar_joint_without_directions_records_its_angle_only():
-    for options, names in (({}, []), ({"x": (0, 1, 0)}, ["joint/table/x", "joint/table/y"])):
-        model, joint = sliding(**options)
-        assert joint.coordinate("angle").kind == "angle"
-        run = sc.simulate(model.freeze(), sc.Variational(), sc.NullSpace(), 0.1, 0.1)
-        found = [f"joint/table/{name}" for name in ("x", "y") if f"joint/table/{name}" in run]
-        assert found == names
-        assert run["joint/table/angle"].tolist() == [0.0, 0.0]
+    for options, names in (({}, {"angle"}), ({"x": (0, 1, 0)}, {"angle", "x", "y"})):
+        model, _ = sliding(**options)
+        run = sc.simulate(model, sc.Variational(), sc.NullSpace(), 0.1, 0.1)
+        assert {name for name in ("angle", "x", "y") if f"joint/table/{name}" in run} == names
 
 
 @pytest.mark.one_quick
@@ -628,27 +500,20 @@ def test_a_planar_joint_without_directions_records_its_angle_only():
 )
 @pytest.mark.parametrize("swap", [False, True])
 def test_joints_that_do_not_close(kind, options, swap):
-    """0.05 m off; along a slide nothing is missing."""
-    off = np.array([0, 0.03, 0.04])
-    along = np.zeros(3) if kind is sc.JointUniversal else np.array([0.7, 0, 0])
+    """0.05 m off; along a slide nothing is missing, as the scenes above show."""
+    along = 0.0 if kind is sc.JointUniversal else 0.7
     model = sc.Model()
     body = model.add("body", sc.RigidBody.box(1.0, (1, 2, 3), position=(1, 0, 0)))
-    for shift, good in ((off, False), (0 * off, True)):
-        sides = [sc.ground((0, 0, 0)), body.at(along + shift)]
-        joint = kind(*(sides[::-1] if swap else sides), **options)
-        if good:
-            joint.check(0.0, 1.0)
-            continue
-        model.add("bad", joint)
-        with pytest.raises(sc.InputError, match=f"{kind.type} joint 'bad'.*not close.*0.05 m"):
-            model.freeze()
+    sides = [sc.ground((0, 0, 0)), body.at((along, 0.03, 0.04))]
+    model.add("bad", kind(*(sides[::-1] if swap else sides), **options))
+    with pytest.raises(sc.InputError, match=f"{kind.type} joint 'bad'.*not close.*0.05 m"):
+        model.freeze()
 
 
-@pytest.mark.parametrize("kind", [sc.JointCylindrical, sc.JointPrismatic, sc.JointRevolute])
-def test_prescribed_rotation_must_start_from_zero(kind):
+def test_prescribed_rotation_must_start_from_zero():
     model = sc.Model()
     body = model.add("body", sc.RigidBody.box(1.0, (1, 2, 3)))
     place = sc.ground((0, 0, 0), sc.Motion(rotation=lambda t: (0.1, 0, 0)))
-    model.add("joint", kind(place, body.at((0, 0, 0)), axis=(0, 0, 1)))
+    model.add("joint", sc.JointRevolute(place, body.at((0, 0, 0)), axis=(0, 0, 1)))
     with pytest.raises(sc.InputError, match=r"joint 'joint'.*rotation is not zero"):
         model.freeze()

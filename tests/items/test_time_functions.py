@@ -2,36 +2,22 @@
 
 import numpy as np
 import pytest
-from helpers_kernels import assert_same, assert_same_iteration, both, tree, with_kept_factors
+from helpers_kernels import assert_same, assert_same_iteration, both, tree
 from helpers_scenes import TENSOR, four_bar, full_section, pairs
 from helpers_schemes import integrators, treatments
+from scipy.interpolate import make_interp_spline
 
 import skfem_cosserat as sc
 
-
-def antiderivative_of_table(times, values):
-    """Exact integral from 0, constant outside of the table."""
-    areas = np.concatenate([[0], np.cumsum(np.diff(times) * (values[1:] + values[:-1]) / 2)])
-
-    def integral(t):
-        if t <= times[0]:
-            return values[0] * (t - times[0]) + values[0] * times[0]
-        k = min(int(np.searchsorted(times, t, side="right")) - 1, len(times) - 1)
-        before = values[0] * times[0] + areas[k]
-        if k == len(times) - 1:
-            return before + values[-1] * (t - times[-1])
-        d = t - times[k]
-        slope = (values[k + 1] - values[k]) / (times[k + 1] - times[k])
-        return before + values[k] * d + slope * d**2 / 2
-
-    return integral
-
-
 TIMES = np.array([0.03, 0.071, 0.22, 0.2300001, 0.4])
 VALUES = np.array([2.0, 50.0, -30.0, 7.0, 1.0])
+#: antiderivative of the table, which is constant outside of its times
+AREA = make_interp_spline(
+    [-2.0, *TIMES, 3.0], [VALUES[0], *VALUES, VALUES[-1]], k=1
+).antiderivative()
 #: (function of time, its integral from 0)
 FUNCTIONS = {
-    "table": (sc.Table(TIMES, VALUES), antiderivative_of_table(TIMES, VALUES)),
+    "table": (sc.Table(TIMES, VALUES), lambda t: AREA(t) - AREA(0.0)),
     "kink found": (
         sc.FunctionOfTime(lambda t: abs(t - 0.1234)),
         lambda t: (abs(t - 0.1234) * (t - 0.1234) + 0.1234**2) / 2,
@@ -47,10 +33,6 @@ FUNCTIONS = {
     "kink next to a step's start": (
         sc.FunctionOfTime(lambda t: max(0.0, 0.2503 - t)),
         lambda t: (0.2503**2 - max(0.0, 0.2503 - t) ** 2) / 2,
-    ),
-    "jump at a step's end": (
-        sc.FunctionOfTime(lambda t: 3.0 * (t >= 0.25)),
-        lambda t: 3.0 * max(0.0, t - 0.25),
     ),
     "jumps given": (
         sc.FunctionOfTime(lambda t: 3.0 * (t > 0.1777) - (t > 0.18), kinks=(0.18, 0.1777)),
@@ -81,7 +63,6 @@ def test_momentum_of_a_point_is_the_integral_of_its_load(name, integrator, step)
     exact = np.array([integral(t) for t in history.times])[:, None] * direction
     size = 1.0 + abs(exact).max()
     assert abs(history["p"] - exact).max() < 1e-12 * size
-    assert np.allclose(history["v"], history["p"] / 2.0, rtol=1e-14, atol=0)
 
 
 @integrators
@@ -124,8 +105,6 @@ def test_table_and_function_of_time_average_exactly():
         exact = (integral(b) - integral(a)) / (b - a)
         assert table.average(a, b) == pytest.approx(exact, rel=1e-12)
         assert same.average(a, b) == pytest.approx(exact, rel=1e-9)
-    given = sc.FunctionOfTime(lambda t: float(t >= 0.3), kinks=[0.3])
-    assert given.average(0.0, 1.0) == pytest.approx(0.7, rel=1e-14)
     bumpy = sc.FunctionOfTime(lambda t: abs(np.sin(9 * t)))
     exact = (11 - np.cos(18 - 5 * np.pi)) / 18
     assert bumpy.average(0, 2) == pytest.approx(exact, rel=1e-7)
@@ -178,9 +157,6 @@ def test_constant_moment_about_a_principal_axis(integrator, treatment, follower)
     omega = 0.5 * np.cross(d, history["v"][:, 3:].reshape(-1, 3, 3)).sum(1)
     assert abs(omega - exact / J[2]).max() < 1e-11
     assert abs(d[:, 2] - axis).max() < 1e-12
-    # the angle is M t^2 / (2 J), to second order
-    angle = np.unwrap(np.arctan2(d[:, 0] @ d[0, 1], d[:, 0] @ d[0, 0]))
-    assert abs(angle[-1] - M * 9 / (2 * J[2])) < 0.03
 
 
 @pytest.mark.slow
@@ -269,11 +245,9 @@ def test_loads_that_are_over_do_not_change_any_more(last):
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
     loading = model.freeze().loading
     assert loading.constant_after == 0.2
-    for t0, t1 in ((0.1, 0.2), (0.15, 0.3), (0.3, 0.19)):
+    for t0, t1 in ((0.1, 0.2), (0.15, 0.3), (0.2, 0.4)):
         found = loading.averages(t0, t1)
-        assert found[0] == pytest.approx(last.average(t0, t1), rel=1e-14)
-    found = loading.averages(0.2, 0.4)
-    assert found.tolist() == pytest.approx([3.0, 1.0], rel=1e-15)
+        assert found.tolist() == pytest.approx([last.average(t0, t1), 1.0], rel=1e-14)
     model.add("more", sc.LoadForce(ball.place(), (0, 1.0, 0), lambda t: t))
     assert model.freeze().loading.constant_after == np.inf
 
@@ -338,12 +312,3 @@ def test_kernels_agree_in_a_closed_loop(integrator):
     model.add("own", sc.LoadMoment(coupler, (0, 0.5, -1.0), follower=True))
     model.add("push", sc.LoadForce(coupler, (2.0, 1.0, 0), follower=True))
     assert_same(*both(model.freeze(), integrator, "null space", 0.01, 0.3))
-
-
-@pytest.mark.slow
-@pairs
-def test_kept_factors(integrator, treatment):
-    """The same motion with a fraction of the factorisations."""
-    whole, kept = with_kept_factors(tree(1, everything), integrator, treatment, 5e-4, 0.05)
-    assert abs(kept["q"][-1] - whole["q"][-1]).max() < 1e-10
-    assert kept.meta["factorisations"] < 0.4 * whole.meta["factorisations"]

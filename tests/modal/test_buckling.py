@@ -12,7 +12,7 @@ from test_modes import bad, hung, straight
 
 import skfem_cosserat as sc
 from skfem_cosserat import Spin
-from skfem_cosserat.model.balance import Amplitudes, amplitudes_at
+from skfem_cosserat.model.balance import Amplitudes
 
 REFERENCES = json.loads(
     (Path(__file__).parents[1] / "data" / "static_references.json").read_text(encoding="utf-8")
@@ -54,8 +54,7 @@ def test_euler_columns(ends, order):
     assert abs(fine[1] / fine[0] - 1) < 1e-2  # both planes
     assert abs(np.log2(coarse[0] / fine[0]) - 2 * order) < 0.15
     exact = REFERENCES["S10"]["critical"][ends]
-    best = sc.buckling(column(8, 4, ends), 1).factors[0]
-    assert 0 < exact / best - 1 < 1.1 * exact / (210e9 * 0.05**2)
+    assert 0 < exact / critical - 1 < 1.1 * exact / (210e9 * 0.05**2)
 
 
 @pytest.mark.slow
@@ -74,9 +73,8 @@ def test_lateral_buckling_of_a_strip():
     found = critical(12, 4, count=2, sign="both")
     assert abs(abs(found) / prandtl - 1).max() < 1e-10
     assert found[0] * found[1] < 0
-    # the real strip deflects before it buckles: a path finds 3.31328, the linear theory does not
-    real = critical(12, 4, 1.0)[0]
-    assert real == pytest.approx(3.311299, abs=1e-6)
+    # the real strip deflects before it buckles, which the linear theory does not know
+    assert critical(12, 4, 1.0)[0] == pytest.approx(3.311299, abs=1e-6)
     assert REFERENCES["S9 strip"]["critical"] == pytest.approx(3.313278, abs=1e-6)
 
 
@@ -103,11 +101,8 @@ def test_bars_on_springs():
 
     Rigid bodies: all of K_1 comes from constraint forces.
     """
-    model = sc.Model()
-    box = {"position": (0.5, 0, 0)}
-    one = model.add("one", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1), **box))
-    two = model.add("two", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1), position=(1.5, 0, 0)))
-    axis = (0, 0, 1.0)
+    model, axis = sc.Model(), (0, 0, 1.0)
+    one, two = (model.add(name, sc.RigidBody.box(1.0, (1.0, 0.1, 0.1))) for name in ("one", "two"))
     root = model.add("root", sc.JointRevolute(sc.ground((0, 0, 0)), one.at((0, 0, 0)), axis))
     knee = model.add("knee", sc.JointRevolute(one.at((1, 0, 0)), two.at((1, 0, 0)), axis))
     for name, joint in (("root spring", root), ("knee spring", knee)):
@@ -126,8 +121,7 @@ def test_a_mast_with_guys():
     """
     model = sc.Model()
     mast = model.add("mast", sc.RigidBody.rod(1.0, 2.0, position=(0, 0, 1.0)))
-    axis = (0, 1.0, 0)
-    model.add("foot", sc.JointRevolute(sc.ground((0, 0, 0)), mast.at((0, 0, 0)), axis))
+    model.add("foot", sc.JointRevolute(sc.ground((0, 0, 0)), mast.at((0, 0, 0)), (0, 1.0, 0)))
     top = mast.at((0, 0, 2.0))
     for side in (-1, 1):
         guy = sc.SpringDamper(sc.ground((side * 1.5, 0, 0)), top, 40.0, length=2.5)
@@ -174,7 +168,6 @@ def test_animation_of_a_buckling_mode():
 def test_bad_input():
     system = column(2, 2, "clamped-free")
     bad(lambda: sc.buckling(system, 0), "count", "0")
-    bad(lambda: sc.buckling(system, 10**4), "count", "10000")
     bad(lambda: sc.buckling(system, sign="up"), "sign", "'up'")
     bad(lambda: sc.buckling(system, t=np.inf), "argument t", "inf")
     bad(lambda: sc.buckling(straight(2, 2, "CF", SQUARE), 1), "the loads do nothing")
@@ -182,10 +175,7 @@ def test_bad_input():
     turning = Amplitudes(np.ones(1), np.zeros(1), Spin((1.0, 0, 0)))
     bad(lambda: sc.buckling(system, amplitudes=turning), "spin")
     bad(lambda: sc.buckling(hung((1.0, 1.0, 0.1)), 1), "bar 0", "without any stiffness")
-    pulled = column(2, 2, "clamped-free")
-    many = pulled.unknowns
-    bad(lambda: sc.buckling(pulled, many), "count", "positive critical factor(s) exist")
-    assert amplitudes_at(pulled, 0.0).loads.tolist() == [1.0]
+    bad(lambda: sc.buckling(system, system.unknowns), "count", "positive critical factor(s) exist")
 
 
 def test_results_are_shown_in_few_lines():
@@ -193,8 +183,4 @@ def test_results_are_shown_in_few_lines():
     found = sc.buckling(column(4, 2, "clamped-free"), 2)
     a, b = found.factors
     assert repr(found) == f"<Buckling: 2 factors, {a:.6g}, {b:.6g}>"
-    title, *rows = str(found).splitlines()
-    assert title == "mode critical factor"
-    assert [row.split() for row in rows] == [["0", f"{a:.7g}"], ["1", f"{b:.7g}"]]
-    bad(lambda: found.animation(True), "argument index", "True")
-    assert found.animation(-1).meta["mode"] == 1
+    assert str(found).splitlines()[1].split() == ["0", f"{a:.7g}"]

@@ -83,12 +83,3 @@ def test_modes_about_a_bent_beam():
         path, _ = told(sc.static, model, watch=False)
         _, texts = told(sc.modes, model, path, count=4)
         assert bool(texts) == (order == 1)
-
-
-def test_bodies_alone_have_no_mesh():
-    """A pendulum of one body: nothing is looked at."""
-    model = sc.Model()
-    bar = model.add("bar", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, -0.5)))
-    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), bar.at((0, 0, 0)), axis=(0, 1, 0)))
-    model.add("weight", sc.LoadGravity((0, 0, -10.0)))
-    assert not told(sc.modes, model, t=0.0, count=1)[1]

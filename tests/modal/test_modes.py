@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import vibration_modes
 from helpers_scenes import everything, random_state, random_tree
+from scipy.spatial.transform import Rotation
 from test_closed_loops import SCENES, frozen, hinges
 from test_couplings import zoo
 
 import skfem_cosserat as sc
-from collection import m02_rotating as rotating
 from collection import m04_ring as rings
 from collection import vibration
 from skfem_cosserat import Spin
@@ -149,28 +149,6 @@ def off(found, wanted):
 
 # -- beams against exact solutions -----------------------------------------------------------------
 
-#: errors measured with 16 cubic elements, of the first three frequencies: all but two below 1e-6
-M1 = {
-    "h=0.1,CF": (1.2e-11, 8e-9, 1.6e-7),
-    "h=0.1,SS": (9e-10, 5.1e-8, 5.3e-7),
-    "h=0.01,CF": (1.2e-11, 9e-9, 1.9e-7),
-    "h=0.01,FF": (1.2e-8, 2.3e-7, 1.65e-6),
-    "h=0.01,CC": (6e-9, 1.6e-7, 1.26e-6),
-}
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("case", M1)
-def test_timoshenko_beams(case):
-    """M1, exact to 14 digits; 16 cubic elements."""
-    h, ends = float(case[2 : case.index(",")]), case[-2:]
-    found = sc.modes(straight(16, 3, ends, square(h)), count=20)
-    wanted = REFERENCES["M1"]["values"][case]["omega"][:3]
-    assert (off(found.omega, wanted) < M1[case]).all()
-    assert found.rigid == {"FF": 6}.get(ends, 0)
-    assert (found.omega[: found.rigid] == 0).all()
-    assert (found.omega[found.rigid :] > 1).all()
-
 
 @pytest.mark.one_quick
 @pytest.mark.parametrize("case", ["-0.9", "0", "1", "100"])
@@ -189,43 +167,10 @@ def ring(elements, order):
     return rings.scene(elements, order, rings.given(None, None))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("elements", "order"), [(32, 3), (16, 4)])
-def test_rings(elements, order):
-    """M4: free, curved, every frequency double; n = 2 to 1e-6, n = 4 to 1e-5."""
-    found = sc.modes(ring(elements, order), count=30)
-    assert found.rigid == 6
-    for n, limit in ((2, 3e-7), (4, 7e-6)):
-        data = REFERENCES["M4"]["values"][f"n={n}"]
-        for plane in ("inplane_omega", "outplane_omega"):
-            assert off(found.omega, data[plane][0]) < limit
-    for n in (0, 1):  # breathing, twisting
-        data = REFERENCES["M4"]["values"][f"n={n}"]
-        for plane in ("inplane_omega", "outplane_omega"):
-            if data[plane][1] < found.omega[-1] + 1:
-                assert abs(found.omega / data[plane][1] - 1).min() < 1e-7
-    assert abs(found.omega[6:20:2] / found.omega[7:21:2] - 1).max() < 1e-12
-
-
-ROUNDING = 1e-11
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-@pytest.mark.parametrize("ends", ["CF", "SS"])
-def test_orders(order, ends):
-    """Frequencies converge with h^(2p): for straight beams and, below, for the ring."""
-    wanted = REFERENCES["M1"]["values"][f"h=0.1,{ends}"]["omega"][1]
-    counts = {1: (32, 64), 2: (16, 32), 3: (8, 16), 4: (4, 8)}[order]
-    found = [sc.modes(straight(n, order, ends, square(0.1)), count=12).omega for n in counts]
-    coarse, fine = (off(omega, wanted)[0] for omega in found)
-    assert fine > 10 * ROUNDING
-    assert abs(np.log2(coarse / fine) - 2 * order) < 0.15
-
-
 @pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_orders_of_the_ring(order):
+    """Frequencies converge with h^(2p): M4; those of straight beams in test_collection_modal.py."""
     wanted = REFERENCES["M4"]["values"]["n=2"]["outplane_omega"][0]
     counts = {1: (64, 128), 2: (32, 64), 3: (24, 48), 4: (16, 32)}[order]
     found = [sc.modes(ring(n, order), count=8).omega for n in counts]
@@ -243,22 +188,6 @@ def test_slender_beams_keep_their_digits(slenderness):
 
 
 # -- steady rotation -------------------------------------------------------------------------------
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("hub", "eta"), [(0, 2), (0, 12), (1, 5)])
-def test_rotating_cantilever(hub, eta):
-    """M2 at the slenderness 200, which is off by 1/s^2; stable, and nothing grows.
-
-    Extrapolated to no thickness in test_collection_modal.py.
-    """
-    system, spin = rotating.scene(16, 3, hub, 200.0), Spin((0, 0, eta))
-    found = sc.modes(system, sc.static(system, spin=spin, watch=False), 10, spin=spin)
-    assert found.stable
-    assert (found.growth == 0).all()
-    data = REFERENCES["M2"]["values"][f"hub={hub},eta={eta}"]
-    for wanted in (*data["flap"][:2], *data["lag"][:2]):
-        assert abs(found.omega / wanted - 1).min() < 20 / 200**2
 
 
 INERTIA = (1.0, 1.4, 2.0)
@@ -322,21 +251,18 @@ def test_rotor_with_inner_damping(speed):
 def test_pendulum_in_a_turning_frame():
     """Out at ``cos(theta) = m g l / (Omega^2 (B - C))``, with frequencies of closed form."""
     m, arm, g, speed = 2.0, 0.5, 9.81, 7.0
+    A, difference = 0.3 + m * arm**2, 0.25 + m * arm**2 - 0.1
+    theta = np.arccos(m * g * arm / (speed**2 * difference))
+    out = Rotation.from_rotvec((theta, 0, 0)).as_matrix()
     model = sc.Model()
-    bar = model.add("bar", sc.RigidBody(m, (0.3, 0.25, 0.1), position=(0, 0, -arm)))
+    bar = sc.RigidBody(m, (0.3, 0.25, 0.1), position=out @ (0, 0, -arm), triad=out.T)
+    model.add("bar", bar)
     model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), bar.at((0, 0, 0)), axis=(1, 0, 0)))
     model.add("gravity", sc.LoadGravity((0, 0, -g)))
     system = model.freeze()
-    A, difference = 0.3 + m * arm**2, 0.25 + m * arm**2 - 0.1
-    theta = np.arccos(m * g * arm / (speed**2 * difference))
-    nodal = Reparametrisation(system.kinematics)
-    nodal.begin(system.extend(system.q0, 0.0), system.ground(0.0))
-    nodal.add(np.array([theta]))
-    q = nodal.configuration()[: system.rows].ravel()
-    found = sc.modes(system, q, 1, spin=Spin((0, 0, speed)))
-    assert found.omega[0] == pytest.approx(
-        speed * np.sin(theta) * np.sqrt(difference / A), rel=1e-13
-    )
+    found = sc.modes(system, system.q0, 1, spin=Spin((0, 0, speed)))
+    wanted = speed * np.sin(theta) * np.sqrt(difference / A)
+    assert found.omega[0] == pytest.approx(wanted, rel=1e-13)
 
 
 # -- joints, bodies, loops, springs ----------------------------------------------------------------
@@ -345,7 +271,7 @@ G = 9.81
 
 
 def hung(*links):
-    """A chain of bars in the plane, hanging: (mass, length, inertia about the centre) each."""
+    """A chain of bars in the plane, hanging or up: mass, length, inertia about the centre each."""
     model, z, above = sc.Model(), 0.0, None
     for k, (mass, length, inertia) in enumerate(links):
         shape = (inertia, inertia, 0.1 * inertia)
@@ -366,18 +292,13 @@ def test_double_pendulum():
     system = hung(*links)
     found = sc.modes(system, system.q0, 2)
     assert abs(found.omega / wanted - 1).max() < 1e-13
-    upright = sc.modes(system, count=2)  # without loads nothing holds it
-    assert upright.rigid == 2
+    assert sc.modes(system, count=2).rigid == 2  # without loads nothing holds it
 
 
 def test_an_inverted_pendulum_grows():
     """Reported as such: a positive eigenvalue and a negative square, no frequency."""
-    system = hung((1.3, 0.8, 0.09))
-    model = system.extend(system.q0, 0.0)
-    nodal = Reparametrisation(system.kinematics)
-    nodal.begin(model, system.ground(0.0))
-    nodal.add(np.array([np.pi]))
-    found = sc.modes(system, nodal.configuration()[: system.rows].ravel(), 1)
+    system = hung((1.3, -0.8, 0.09))
+    found = sc.modes(system, system.q0, 1)
     square_ = 1.3 * G * 0.4 / (0.09 + 1.3 * 0.16)
     assert found.squares[0] == pytest.approx(-square_, rel=1e-13)
     assert found.growth[0] == pytest.approx(np.sqrt(square_), rel=1e-13)
@@ -387,30 +308,23 @@ def test_an_inverted_pendulum_grows():
     assert "grows" in str(found)
 
 
-def parallelogram(redundant=True):
+def parallelogram(last=sc.JointRevolute):
     """Two cranks hanging from the ground and a coupler: spatial hinges, three rows too many."""
-    model = sc.Model()
-    cranks = [
-        model.add(f"crank {k}", sc.RigidBody(1.1, (0.2, 0.2, 0.05), position=(0, y, -0.5)))
-        for k, y in enumerate((0.0, 2.0))
-    ]
+    model, axis = sc.Model(), (1.0, 0, 0)
     coupler = model.add("coupler", sc.RigidBody(1.7, (0.4, 0.1, 0.4), position=(0, 1.0, -1.0)))
-    for k, (crank, y) in enumerate(zip(cranks, (0.0, 2.0), strict=True)):
+    for y, kind in ((0.0, sc.JointRevolute), (2.0, last)):
+        crank = model.add(f"crank {y}", sc.RigidBody(1.1, (0.2, 0.2, 0.05), position=(0, y, -0.5)))
         high, low = (0, y, 0), (0, y, -1)
-        axis = {"axis": (1.0, 0, 0)}
-        model.add(f"high {k}", sc.JointRevolute(sc.ground(high), crank.at(high), **axis))
-        kind, options = sc.JointRevolute, axis
-        if k and not redundant:
-            kind, options = sc.JointPointOnLine, axis
-        model.add(f"low {k}", kind(crank.at(low), coupler.at(low), **options))
+        model.add(f"high {y}", sc.JointRevolute(sc.ground(high), crank.at(high), axis))
+        model.add(f"low {y}", kind(crank.at(low), coupler.at(low), axis))
     model.add("gravity", sc.LoadGravity((0, 0, -G)))
     return model.freeze()
 
 
-@pytest.mark.parametrize("redundant", [True, False])
-def test_four_bar(redundant):
+@pytest.mark.parametrize("last", [sc.JointRevolute, sc.JointPointOnLine])
+def test_four_bar(last):
     """A closed loop: the coupler only translates."""
-    system = parallelogram(redundant)
+    system = parallelogram(last)
     found = sc.modes(system, system.q0, 1)
     wanted = np.sqrt(G * (1.1 + 1.7) / (2 * (0.2 + 1.1 * 0.25) + 1.7))
     assert found.omega[0] == pytest.approx(wanted, rel=1e-13)
@@ -559,28 +473,21 @@ def test_shapes_are_orthonormal_and_keep_the_constraints():
 # -- animation -------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
-def test_animation():
+def test_animation_of_a_closed_loop():
     """Triads stay orthonormal, loops and joints closed."""
-    found = sc.modes(ring(12, 2), count=8)
-    history = found.animation(6, amplitude=0.2, frames=16, periods=2)
-    assert len(history) == 33
-    assert history.times[16] == pytest.approx(2 * np.pi / found.omega[6])
-    assert history["constraint_violation"].max() < 1e-13
-    q = history["q"].reshape(33, -1, 3)
-    assert abs(q[0] - q[16]).max() < 1e-12
-    rows = found.system.origin_rows
-    moved = np.linalg.norm(q[:, rows] - found.q.reshape(-1, 3)[rows], axis=2).max()
-    assert moved / found.system.length == pytest.approx(0.2, rel=0.05) or moved < 0.2
-    assert abs(q[4, rows] - found.q.reshape(-1, 3)[rows]).max() < 1e-12  # a quarter later
-
-
-@pytest.mark.slow
-def test_animation_of_a_loop_of_a_rigid_motion_and_of_whirl():
     system = parallelogram()
-    history = sc.modes(system, system.q0, 1).animation(0, frames=8)
-    assert history["constraint_violation"].max() < 1e-12
-    assert abs(history["q"][0] - system.q0).max() > 0.05
+    found = sc.modes(system, system.q0, 1)
+    history = found.animation(0, amplitude=0.2, frames=16, periods=2)
+    assert history.times[16] == pytest.approx(2 * np.pi / found.omega[0])
+    assert history["constraint_violation"].max() < 1e-13
+    rows = found.system.origin_rows
+    moved = history["q"].reshape(33, -1, 3)[:, rows] - found.q.reshape(-1, 3)[rows]
+    assert abs(moved[0] - moved[16]).max() < 1e-12
+    assert np.linalg.norm(moved, axis=2).max() == pytest.approx(0.2 * found.system.length, rel=0.05)
+    assert abs(moved[4]).max() < 1e-12  # a quarter later
+
+
+def test_animation_of_a_rigid_motion_and_of_whirl():
     free = sc.modes(straight(2, 2, "FF", square(0.1)), count=6).animation(3)
     assert free.times[-1] == 1.0  # no period of its own
     found = sc.modes(top(INERTIA), count=3, spin=Spin((0, 0, 3.0)))
@@ -602,16 +509,15 @@ def bad(call, *words):
 
 def test_bad_counts_and_models():
     system = hung((1.0, 1.0, 0.1))
-    for count in (0, 2, 1.5, True, "all"):
+    for count in (0, 2, 1.5):
         bad(lambda count=count: sc.modes(system, count=count), "count", repr(count), "1 to 1")
     bad(lambda: sc.modes("scene"), "str", "Model")
     bad(lambda: sc.modes(system, count=1, tolerance=0.0), "tolerance", "0.0")
     bad(lambda: sc.modes(system, count=1, t=np.nan), "argument t", "nan")
     bad(lambda: sc.modes(system, count=1, spin=(0, 0, 1.0)), "spin", "tuple")
     found = sc.modes(system, system.q0, 1)
-    bad(lambda: found.animation(1), "index", "1")
-    for index in (True, 0.0, "0", None):
-        bad(lambda index=index: found.animation(index), "argument index", repr(index))
+    for index in (1, True, 0.0):
+        bad(lambda index=index: found.animation(index), "index", repr(index))
     bad(lambda: found.animation(0, amplitude=-1.0), "amplitude", "-1.0")
     bad(lambda: found.animation(0, frames=0), "frames", "0")
     rocker = sc.modes(hinges([(0, 0, 0), (0.9, 1.8, 0), (2.1, 1.8, 0), (3, 0, 0)], 3), count=1)
@@ -619,7 +525,7 @@ def test_bad_counts_and_models():
     bad(lambda: rocker.animation(0, amplitude=1.0), "amplitude", "smaller")
 
 
-def test_modes_and_states_are_shown_in_one_line():
+def test_modes_are_shown_in_one_line():
     """Printed, they gave all their arrays."""
     system = straight(8, 2, "CF", square(0.05))
     found = sc.modes(system, count=4)
@@ -627,8 +533,6 @@ def test_modes_and_states_are_shown_in_one_line():
         *found.frequencies[:3]
     )
     assert len(str(found).splitlines()) == 5
-    state = sc.initial_state(system, time=0.5)
-    assert repr(state) == str(state) == "State(time=0.5, index=0, n=204, fresh=True)"
 
 
 def test_bad_states():
@@ -636,16 +540,12 @@ def test_bad_states():
     other = hung((1.0, 1.0, 0.2))
     bad(lambda: sc.modes(system, np.zeros(5), 1), "shape (5,)", "(12,)")
     bad(lambda: sc.modes(system, np.full(12, np.nan), 1), "not finite at [0")
-    bad(lambda: sc.modes(system, {"q": 1}, 1), "expected real numbers")
     bad(lambda: sc.modes(system, 1.1 * system.q0, 1), "violates")
     history = sc.simulate(other, sc.Variational(), sc.NullSpace(), 0.01, until=0.01)
     bad(lambda: sc.modes(system, history, 1), "another model", "mass")
     bad(lambda: sc.modes(other, (history, 5), 1), "5", "2 states")
-    bad(lambda: sc.modes(other, (history, 0.5), 1), "0.5", "integer")
     wrong = replace(amplitudes_at(system, 0.0), loads=np.zeros(3))
     bad(lambda: sc.modes(system, count=1, amplitudes=wrong), "loads", "(3,)", "(1,)")
-    none = replace(amplitudes_at(system, 0.0), loads=np.array([np.nan]))
-    bad(lambda: sc.modes(system, count=1, amplitudes=none), "loads", "finite")
 
 
 def test_no_equilibrium_is_refused_by_name():
@@ -657,8 +557,6 @@ def test_no_equilibrium_is_refused_by_name():
     y[system.origin_rows] *= 1 + 3e6 / (E * 0.01) * (1 + 1e-5)
     bad(lambda: sc.modes(system, y.ravel()), "relative to all forces 5.0e-06")
     sc.modes(system, y.ravel(), count=2, tolerance=6e-6)
-    turning = straight(2, 2, "CF", square(0.1))
-    bad(lambda: sc.modes(turning, spin=Spin((0, 0, 50.0))), "not in equilibrium")
     windy = straight(2, 2, "CF", square(0.1), extra=[("drag", sc.RayleighDamping(mass=1.0))])
     with pytest.raises(sc.IncompatibleError, match="drag against space"):
         sc.modes(windy, spin=Spin((1.0, 0, 0)))
@@ -684,9 +582,7 @@ def test_modes_along_a_static_path():
         found.append(sc.modes(system, path).omega)
         state = sc.equilibrium(system, path)
         assert abs(sc.modes(system, state).omega / found[-1] - 1).max() < 1e-12
-        half = len(path) // 2
-        assert path["load_factor"][half] < 1
-        sc.modes(system, (path, half))
+        sc.modes(system, (path, len(path) // 2))
         bad(lambda path=path: sc.modes(system, path, t=0.5), "not in equilibrium")
     assert abs(found[1] / found[0] - 1).max() < 1e-7
     assert abs(sc.modes(system).omega / found[0] - 1).max() > 0.02
@@ -730,31 +626,8 @@ def test_example(tmp_path):
     assert found["ring"]["rigid"] == 6
     loads = found["column"]
     assert loads["zero_frequency"] == pytest.approx(loads["buckling"], rel=2e-2)
-    omega = np.array(found["blade"]["omega"])
-    assert (np.diff(omega[:, 0]) > 0).all()
-    names = {path.name for path in tmp_path.iterdir()}
-    assert {"vibration_modes.png", "cantilever.csv", "blade.csv", "ring"} <= names
-
-
-def test_damping_matrix_of_force_elements():
-    """``v C v`` is the power that all dampers take: springs, bushings, taut cables."""
-    system = zoo(0)
-    rng = np.random.default_rng(4)
-    y = system.extend(random_state(system, rng, 0.0, 0.1), 0.0)
-    ydot, e = np.zeros_like(y), 1e-4
-    ydot[: system.rows] = 0.05 * (
-        null_space_matrix(system, y) @ rng.standard_normal(system.unknowns)
-    ).reshape(-1, 3)
-    near = (system.couplings.forces(y + s * e * ydot, 0 * ydot) for s in (1, -1))
-    moving, still = (system.couplings.forces(y, v) for v in (ydot, 0 * ydot))
-    power = sum(
-        ((a - b) * (up - down) / (2 * e)).sum()
-        for (_, _, a), (_, _, b), (_, up, _), (_, down, _) in zip(moving, still, *near, strict=True)
-    )
-    C = system.couplings.damping(y)
-    i, j = system.couplings.pairs.T
-    assert power > 0
-    assert np.einsum("ka,kab,kb->", ydot[i], C, ydot[j]) == pytest.approx(power, rel=1e-7)
+    assert (np.diff(found["blade"]["omega"], axis=0)[:, 0] > 0).all()
+    assert (tmp_path / "vibration_modes.png").exists() and (tmp_path / "blade.csv").exists()
 
 
 def test_a_free_scene_under_stress_of_its_own():
