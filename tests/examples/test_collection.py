@@ -126,7 +126,7 @@ def test_an_instant_of_the_reference_is_a_case():
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_unknown_cases_and_inputs(family):
-    with pytest.raises(sc.InputError, match="case.*'no such case'"):
+    with pytest.raises(sc.InputError, match=r"case.*'no such case'"):
         FAMILIES[family].main("no such case")
     with pytest.raises(sc.InputError, match="'no such input' is unknown, expected among"):
         FAMILIES[family].main(data={"no such input": 1.0})
@@ -199,7 +199,7 @@ def test_bad_cases(family, case, options, message):
         FAMILIES[family].main(case, **options)
 
 
-# -- what cannot be computed gives NaN and no exception ---------------------------------------------
+# -- what cannot be computed gives NaN and no exception --------------------------------------------
 
 
 @pytest.mark.slow
