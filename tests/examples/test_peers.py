@@ -132,6 +132,23 @@ def test_plain_numbers_are_the_scenes_of_the_paper_and_the_collection():
 
 
 @pytest.mark.slow
+def test_the_linkage_stays_closed_and_the_blade_has_its_mass():
+    """Crank and rocker keep their lengths; the published blade has 65.25 t."""
+    system, place = own.system(json.dumps(question("four-bar", 4, 0.05)), 2, False)
+    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 0.025, 0.2, kernels="numpy")
+    beam = system.structures[0]
+    for node, pin, length in ((0, (0, 0, 0), 0.3), (-1, (1, 0, 0), 0.8)):
+        name = "0.start" if node == 0 else "0.end"
+        path = history.position(beam.node(name))
+        np.testing.assert_allclose(np.linalg.norm(path - pin, axis=1), length, atol=1e-9)
+    moved = history.position(place)
+    assert np.linalg.norm(moved[-1] - moved[0]) > 1e-3
+    assert sum(row[6] for row in scenes.BLADE) * 117 / 8 == pytest.approx(65_250, rel=0.02)
+    tip = positions("blade", 8, 0.1, 1.0, order=1)[-1]
+    assert 1 < tip[0] < 20 and tip[1] > 0.1
+
+
+@pytest.mark.slow
 def test_a_program_that_is_not_there_is_missed(monkeypatch):
     """In the comparison of steps, with the reason."""
 
