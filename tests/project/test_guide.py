@@ -59,7 +59,6 @@ def test_code_runs_and_prints_what_is_shown(
             check_output(shown, capsys.readouterr().out, f"{page.name}, line {line}")
 
 
-@pytest.mark.one_quick
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_links_and_commands_lead_somewhere(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
