@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
+import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,6 @@ from skfem_cosserat import (
     Material,
     MeshCurve,
     Model,
-    ModelWarning,
     Motion,
     Place,
     RigidBody,
@@ -38,10 +38,13 @@ from skfem_cosserat import (
     System,
     Table,
     ground,
-    triad,
 )
 from skfem_cosserat.kernels import exp_quaternion, null_space_blocks, rotation_matrix
 from skfem_cosserat.model.reparametrisation import Reparametrisation
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
+
+from paper import three_bar_swing
 
 #: Full 6x6 stiffness with every coupling, of moderate size.
 _COUPLING = np.random.default_rng(8).standard_normal((6, 6))
@@ -163,43 +166,8 @@ def swing(elements: int = 20) -> System:
 
 
 def swing_model(elements: int = 20) -> Model:
-    """The scene of :func:`swing`, not frozen."""
-    mesh = MeshCurve.init_line(
-        (0, 0, 0), (0, 0.72, 0), elements, nodes={"left": 0, "mid": 0.5, "right": 1}
-    )
-    with warnings.catch_warnings():  # the published inertia is that about the axes: as printed
-        warnings.simplefilter("ignore", ModelWarning)
-        section = Section.from_constants(
-            EA=547500,
-            GA=175480.7692,
-            EI=(114.0625, 10.2656),
-            GJ=13.7401,
-            mass=7500,
-            inertia=(1.5625, 0.1406),
-        )
-    model = Model()
-    beam = model.add("beam", Beam(mesh, section, director=(0, 0, 1)))
-    bodies = {}
-    for name, x0, x1 in (
-        ("left", (0, 0, 0), (0, 0, 0.36)),
-        ("right", (0, 0.72, 0), (0, 1.08, 0.36)),
-    ):
-        d = np.subtract(x1, x0)
-        bodies[name] = model.add(
-            f"link {name}",
-            RigidBody.pyramid(
-                0.01, 0.02, float(np.linalg.norm(d)), position=x0 + d / 4, triad=triad(d, (1, 0, 0))
-            ),
-        )
-        link = bodies[name]
-        model.add(
-            f"hinge {name}", JointRevolute(link.at(x0), beam.node(name), axis=(1.0, 0.0, 0.0))
-        )
-        model.add(f"support {name}", JointSpherical(ground(x1), link.at(x1)))
-    model.add("mass", MassPoint(5.0, on=beam.node("mid")))
-    pulse = Table([0, 0.125, 0.25], [0, 1e4, 0])
-    model.add("pulse", LoadForce(beam.node("mid"), (0, 1, 0), pulse))
-    return model
+    """The scene of :func:`swing`, not frozen: that of examples/three_bar_swing.py."""
+    return three_bar_swing.scene(elements=elements)
 
 
 class _Builder:

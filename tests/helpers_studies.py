@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -69,16 +69,6 @@ def bend(elements, order):
     return scene.position(path)
 
 
-@cache
-def _fine():
-    return element_orders._Reference()
-
-
-def bend_moments(elements, order):
-    """Largest error of the moment at the Gauss points of the bend, relative."""
-    return element_orders.bend_errors(elements, order, _fine())["resultants at Gauss points"]
-
-
 def frequencies(elements, order):
     """First three frequencies of the bend without loads (rad/s)."""
     return element_orders.frequencies(elements, order)
@@ -137,19 +127,6 @@ def spaghetti(elements, order, step, until=1.0):
     run = {"every": 10**6, "derive": False, "kernels": "numpy"}
     q = sc.simulate(system, *scheme, step, until, **run)["q"][-1]
     return q[[0, 1, 12 * elements, 12 * elements + 1]]
-
-
-def double_pendulum(step):
-    """Two bobs let go high up, after 6 s: chaos."""
-    model = sc.Model()
-    one = model.add("one", sc.MassPoint(1.0, position=(0.0, 0, 1.0)))
-    two = model.add("two", sc.MassPoint(1.0, position=(0.3, 0, 1.9)))
-    model.add("upper", sc.JointDistance(sc.ground((0, 0, 0)), one.place()))
-    model.add("lower", sc.JointDistance(one.place(), two.place()))
-    model.add("gravity", sc.LoadGravity((0.1, 0, -9.81)))
-    system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
-    run = {"every": 10**6, "derive": False, "kernels": "numpy"}
-    return sc.simulate(system, *scheme, step, 6.0, **run)["q"][-1]
 
 
 def fails_at_16(elements):
