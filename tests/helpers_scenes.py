@@ -27,14 +27,12 @@ from skfem_cosserat import (
     LoadLine,
     LoadMoment,
     MassPoint,
-    Material,
     MeshCurve,
     Model,
     Motion,
     Place,
     RigidBody,
     Section,
-    SectionCircle,
     System,
     Table,
     ground,
@@ -44,6 +42,7 @@ from skfem_cosserat.model.reparametrisation import Reparametrisation
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
 
+from benchmarks import lattice as lattices
 from paper import three_bar_swing
 
 #: Full 6x6 stiffness with every coupling, of moderate size.
@@ -475,29 +474,10 @@ def four_bar(
 
 
 def lattice_mesh(count: int, elements: int = 1, size: float = 0.1) -> MeshCurve:
-    """Struts along the edges of count - 1 cubes a side; the first count^3 vertices are joints."""
-    number = np.arange(count**3).reshape(count, count, count)
-    joints = size * np.argwhere(number >= 0)
-    pairs = [(number[:-1], number[1:]), (number[:, :-1], number[:, 1:])]
-    pairs.append((number[:, :, :-1], number[:, :, 1:]))
-    a, b = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
-    s = (np.arange(1, elements) / elements)[:, None]
-    inner = joints[a][:, None] * (1 - s) + joints[b][:, None] * s
-    between = count**3 + np.arange(inner[..., 0].size).reshape(len(a), elements - 1)
-    along = np.column_stack([a, between, b])
-    t = np.stack([along[:, :-1].ravel(), along[:, 1:].ravel()])
-    points = np.vstack([joints, inner.reshape(-1, 3)])
-    return MeshCurve(points.T, t, _subdomains={"lattice": np.arange(t.shape[1])})
+    """That of examples/benchmarks/lattice.py."""
+    return lattices.mesh(count, elements, size)
 
 
 def lattice(count: int, elements: int = 1, order: int = 1) -> System:
-    """A lattice of rubber rods, rigidly connected, clamped at one face."""
-    mesh = lattice_mesh(count, elements)
-    rubber = SectionCircle(radius=5e-3, material=Material(E=5e6, nu=0.5, rho=1100))
-    model = Model()
-    beam = model.add("beam", Beam(mesh, rubber, order=order, director=(0.36, 0.48, 0.8)))
-    for k in np.flatnonzero(mesh.p[0, : count**3] == 0):
-        clamp = JointFixed(ground(mesh.p[:, k]), beam.node(int(k)))
-        model.add(f"clamp {k}", clamp)
-    model.add("gravity", LoadGravity((0, -9.81, 0.5)))
-    return model.freeze()
+    """That of examples/benchmarks/lattice.py: rubber rods, rigidly connected, clamped at a face."""
+    return lattices.scene(count, elements, order)
