@@ -19,6 +19,7 @@ relative = importlib.import_module("paper.relative_coordinates")
 convergence = importlib.import_module("paper.convergence")
 figures = importlib.import_module("paper.figures")
 record = importlib.import_module("benchmarks.record")
+report = importlib.import_module("paper.report")
 paper = importlib.import_module("reproduce_paper")
 swing = importlib.import_module("paper.three_bar_swing")
 linkage = importlib.import_module("paper.six_body_linkage")
@@ -89,10 +90,15 @@ def test_bad_arguments():
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory):
-    """What ``--quick`` finds and writes: other tests take the paper's steps."""
+    """What ``--quick`` finds and writes, with a shorter study of convergence."""
     folder = tmp_path_factory.mktemp("paper")
-    with warnings.catch_warnings():  # what fails is warned of
-        warnings.simplefilter("ignore", sc.AccuracyWarning)
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        warnings.simplefilter("ignore", sc.AccuracyWarning)  # what fails is warned of
+        patch.setattr(report, "ORDER_STEPS", (1e-3, 5e-4))
+        patch.setattr(convergence, "STEPS", (1e-3, 5e-4))
+        patch.setattr(convergence, "REFERENCE_STEPS", {True: 2.5e-4})
+        patch.setattr(convergence, "LONG_STEPS", {True: (1e-3, 5e-4)})
+        patch.setattr(convergence, "HORIZONS", {True: (0.05,)})
         return folder, paper.main(folder, quick=True)
 
 
