@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
+import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,22 +27,23 @@ from skfem_cosserat import (
     LoadLine,
     LoadMoment,
     MassPoint,
-    Material,
     MeshCurve,
     Model,
-    ModelWarning,
     Motion,
     Place,
     RigidBody,
     Section,
-    SectionCircle,
     System,
     Table,
     ground,
-    triad,
 )
 from skfem_cosserat.kernels import exp_quaternion, null_space_blocks, rotation_matrix
 from skfem_cosserat.model.reparametrisation import Reparametrisation
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
+
+from benchmarks import lattice as lattices
+from paper import three_bar_swing
 
 #: Full 6x6 stiffness with every coupling, of moderate size.
 _COUPLING = np.random.default_rng(8).standard_normal((6, 6))
@@ -165,43 +167,8 @@ def swing(elements: int = 20) -> System:
 
 
 def swing_model(elements: int = 20) -> Model:
-    """The scene of :func:`swing`, not frozen."""
-    mesh = MeshCurve.init_line(
-        (0, 0, 0), (0, 0.72, 0), elements, nodes={"left": 0, "mid": 0.5, "right": 1}
-    )
-    with warnings.catch_warnings():  # the published inertia is that about the axes: as printed
-        warnings.simplefilter("ignore", ModelWarning)
-        section = Section.from_constants(
-            EA=547500,
-            GA=175480.7692,
-            EI=(114.0625, 10.2656),
-            GJ=13.7401,
-            mass=7500,
-            inertia=(1.5625, 0.1406),
-        )
-    model = Model()
-    beam = model.add("beam", Beam(mesh, section, director=(0, 0, 1)))
-    bodies = {}
-    for name, x0, x1 in (
-        ("left", (0, 0, 0), (0, 0, 0.36)),
-        ("right", (0, 0.72, 0), (0, 1.08, 0.36)),
-    ):
-        d = np.subtract(x1, x0)
-        bodies[name] = model.add(
-            f"link {name}",
-            RigidBody.pyramid(
-                0.01, 0.02, float(np.linalg.norm(d)), position=x0 + d / 4, triad=triad(d, (1, 0, 0))
-            ),
-        )
-        link = bodies[name]
-        model.add(
-            f"hinge {name}", JointRevolute(link.at(x0), beam.node(name), axis=(1.0, 0.0, 0.0))
-        )
-        model.add(f"support {name}", JointSpherical(ground(x1), link.at(x1)))
-    model.add("mass", MassPoint(5.0, on=beam.node("mid")))
-    pulse = Table([0, 0.125, 0.25], [0, 1e4, 0])
-    model.add("pulse", LoadForce(beam.node("mid"), (0, 1, 0), pulse))
-    return model
+    """The scene of :func:`swing`, not frozen: that of examples/three_bar_swing.py."""
+    return three_bar_swing.scene(elements=elements)
 
 
 class _Builder:
@@ -524,29 +491,10 @@ def four_bar(
 
 
 def lattice_mesh(count: int, elements: int = 1, size: float = 0.1) -> MeshCurve:
-    """Struts along the edges of count - 1 cubes a side; the first count^3 vertices are joints."""
-    number = np.arange(count**3).reshape(count, count, count)
-    joints = size * np.argwhere(number >= 0)
-    pairs = [(number[:-1], number[1:]), (number[:, :-1], number[:, 1:])]
-    pairs.append((number[:, :, :-1], number[:, :, 1:]))
-    a, b = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
-    s = (np.arange(1, elements) / elements)[:, None]
-    inner = joints[a][:, None] * (1 - s) + joints[b][:, None] * s
-    between = count**3 + np.arange(inner[..., 0].size).reshape(len(a), elements - 1)
-    along = np.column_stack([a, between, b])
-    t = np.stack([along[:, :-1].ravel(), along[:, 1:].ravel()])
-    points = np.vstack([joints, inner.reshape(-1, 3)])
-    return MeshCurve(points.T, t, _subdomains={"lattice": np.arange(t.shape[1])})
+    """That of examples/benchmarks/lattice.py."""
+    return lattices.mesh(count, elements, size)
 
 
 def lattice(count: int, elements: int = 1, order: int = 1) -> System:
-    """A lattice of rubber rods, rigidly connected, clamped at one face."""
-    mesh = lattice_mesh(count, elements)
-    rubber = SectionCircle(radius=5e-3, material=Material(E=5e6, nu=0.5, rho=1100))
-    model = Model()
-    beam = model.add("beam", Beam(mesh, rubber, order=order, director=(0.36, 0.48, 0.8)))
-    for k in np.flatnonzero(mesh.p[0, : count**3] == 0):
-        clamp = JointFixed(ground(mesh.p[:, k]), beam.node(int(k)))
-        model.add(f"clamp {k}", clamp)
-    model.add("gravity", LoadGravity((0, -9.81, 0.5)))
-    return model.freeze()
+    """That of examples/benchmarks/lattice.py: rubber rods, rigidly connected, clamped at a face."""
+    return lattices.scene(count, elements, order)

@@ -131,12 +131,6 @@ def test_events(tmp_path):
 
 
 @pytest.mark.slow
-def test_events_happen_at_the_same_times_with_shorter_steps():
-    rough, fine = (load("events").main(tolerance=tolerance)["times"] for tolerance in (1e-3, 1e-4))
-    assert fine == pytest.approx(rough, abs=2e-3)
-
-
-@pytest.mark.slow
 def test_own_items_slow_a_ball_on_a_slope(tmp_path):
     result = load("own_items").main(step=4e-2, out=tmp_path / "a.png")
     assert result["speed"] == pytest.approx(result["theory"], abs=0.02)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import csv
 import sys
 import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_scenes import everything, four_bar, full_section, random_tree
+from helpers_scenes import everything, four_bar, full_section, random_state
 from scipy.linalg import eigh
 
 import skfem_cosserat as sc
@@ -67,10 +66,8 @@ def loop_with_a_beam() -> sc.System:
 
 SCENES = {
     "stiff swing": lambda: swing.build("stiff"),
-    "tree": lambda: random_tree(0),
     "everything": lambda: everything(1),
     "closed loop": loop_with_a_beam,
-    "thick bar": lambda: bar(7),
     "slender, of order 3": lambda: bar(5, 3, 0.01, clamped=True),
 }
 
@@ -89,11 +86,9 @@ def test_highest_frequency_against_a_dense_eigenvalue_solver(name):
     assert highest_frequency(system) == pytest.approx(dense_frequency(system, system.q0), rel=1e-5)
 
 
-@pytest.mark.slow
 def test_highest_frequency_in_a_bent_configuration():
-    system = swing.build("physical")
-    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.3, derive=False)
-    q = history["q"][-1]
+    system = bar(3, 2, 0.1, clamped=True)
+    q = random_state(system, np.random.default_rng(2))
     assert highest_frequency(system, q) == pytest.approx(dense_frequency(system, q), rel=1e-5)
 
 
@@ -162,6 +157,7 @@ def test_nothing_is_told_where_they_do_not_grow_and_of_other_schemes():
         assert "alternate" not in text and "h_omega_c" not in history.meta["steps"]
 
 
+@pytest.mark.slow
 def test_the_longest_part_of_a_composed_step_counts():
     system, scheme = swing.build("stiff"), sc.Composition(sc.Variational(), 4)
     history, _ = fall(1e-2, 0.05, scheme)
@@ -174,18 +170,6 @@ def test_the_longest_part_of_a_composed_step_counts():
     ]
     assert min(abs(np.array(exact) / found.ratio - 1)) < 1e-9
     assert diagnostics.alternation(system, history, 1.99 / max(exact) * longest) is None
-
-
-@pytest.mark.slow
-def test_a_composition_fails_and_tells_why():
-    """The stiff swing at 3e-2 s: its energy is more than ten times what it was before event X."""
-    system = swing.build("stiff")
-    history, text = fall(3e-2, 0.66, sc.Composition(sc.Variational(), 4))
-    assert TOLD in text
-    energy = diagnostics.kinetic_energy(system, history["p"])
-    energy = energy + diagnostics.strain_energy(system, history["q"])
-    start = energy[history.times > swing.PULSE["stiff"][1]][0]
-    assert np.nanmax(energy) > 9 * start
 
 
 # -- the mechanism ---------------------------------------------------------------------------------
@@ -311,20 +295,6 @@ def test_energy_momentum_passes_event_x_and_fails_by_the_solver_alone(quick_map)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("integrator", ["variational", "energy-momentum"])
-def test_residual_histories_of_all_attempts_are_kept(quick_map, integrator):
-    r = quick_map["by"][integrator, 1e-1]
-    # when, once the variational energy has blown up, is up to rounding
-    first = EVENT_X if integrator == "energy-momentum" else r["end_s"]
-    assert r["solver_failed_s"] >= first and "4 attempts" in r["reason"]
-    assert len(r["residuals"]) == len(failure_report.ATTEMPTS) == 4
-    for history in r["residuals"]:
-        assert len(history) == 101 or not np.isfinite(history[-1])
-        # far from solved, which is 1e-12; how far such wild iterations get is up to rounding
-        assert min(history) > 1e-10
-
-
-@pytest.mark.slow
 def test_alternations_take_the_energy_of_the_failing_swing(quick_map):
     """Nodes alternate and their energy grows; the midpoints' energy does not notice."""
     m = quick_map["mechanism"]
@@ -351,12 +321,7 @@ def test_files_and_report_of_the_map(quick_map):
         tables[name] = list(csv.DictReader(rows))
     rows = quick_map["rows"]
     assert [r["outcome"] for r in tables["csv"]] == [r["outcome"] for r in rows]
-    ends = [float(r["end_s"]) for r in tables["csv"]]
-    assert ends == pytest.approx([r["end_s"] for r in rows])
-    kept = [x for r in rows for x in r["residuals"]]
-    for row, wanted in zip(tables["residuals.csv"], kept, strict=True):
-        written = np.array(row["scaled_residuals"].split(), dtype=float)
-        assert written == pytest.approx(wanted, rel=6e-3, nan_ok=True)
+    assert len(tables["residuals.csv"]) == sum(len(r["residuals"]) for r in rows) > 0
     assert {r["integrator"] for r in tables["energy.csv"]} == set(failure_report.COLOURS)
     assert "mechanism" in failure_report.report(quick_map)
 
@@ -378,32 +343,6 @@ def test_mixed_iteration_solves_steps_that_newton_alone_cannot():
     residuals = caught.value.residuals
     assert [len(x) for x in residuals] == [21, 21, 101, 101]
     assert min(map(min, residuals)) == caught.value.residual
-
-
-@pytest.mark.filterwarnings("ignore:.*may have several solutions")
-@pytest.mark.slow
-def test_newton_alone_stops_where_the_mixed_iteration_passes_event_x():
-    """With 100 iterations in each of four attempts, at 0.1 s."""
-    run = swing.build("stiff"), sc.EnergyMomentum(), sc.NullSpace(), 1e-1, 1.2
-    settings = replace(failure_mechanism.SETTINGS, mixed=np.inf)
-    with pytest.raises(sc.Diverged, match="4 attempts") as caught:
-        sc.simulate(*run, derive=False, settings=settings)
-    assert caught.value.time == pytest.approx(0.2, abs=0.101)
-    mixed = sc.simulate(*run, derive=False, settings=failure_mechanism.SETTINGS)
-    assert mixed.times[-1] > 1.19
-
-
-def test_the_table_in_the_pictures_folder_is_the_full_one():
-    """All steps of the issue with both integrators, as the full mode wrote them."""
-    path = Path(example.__file__).parents[1] / "pictures" / "failure_map.csv"
-    rows = list(csv.DictReader(path.read_text().splitlines()[1:]))
-    assert {(r["integrator"], float(r["step_s"])) for r in rows} == {
-        (name, step) for name in swing.INTEGRATORS for step in example.STEPS
-    }
-    assert len(rows) == 18 and {r["outcome"] for r in rows} <= set(failure_report.MARKERS)
-    for r in rows:  # apart from the coarsest steps every run has an energy to compare with
-        assert float(r["step_s"]) == 0.1 or float(r["energy_error"]) >= 0
-        assert r["outcome"] != "completed" or float(r["end_s"]) == pytest.approx(example.UNTIL)
 
 
 def test_bad_integrator():

@@ -19,6 +19,7 @@ relative = importlib.import_module("paper.relative_coordinates")
 convergence = importlib.import_module("paper.convergence")
 figures = importlib.import_module("paper.figures")
 record = importlib.import_module("benchmarks.record")
+report = importlib.import_module("paper.report")
 paper = importlib.import_module("reproduce_paper")
 swing = importlib.import_module("paper.three_bar_swing")
 linkage = importlib.import_module("paper.six_body_linkage")
@@ -40,33 +41,6 @@ PRINTED |= {0.1406, 10000, 0.125, 0.25, 73e9, 0.3, 2700, 5e-3, 1e-3}
 
 
 # ---- the linkage in relative coordinates ----------------------------------------------------
-
-
-def test_slopes_of_the_lagrangian_against_its_definition():
-    """Complex steps through ``T - V`` summed body by body, at a random state."""
-    random = np.random.default_rng(5)
-    angles, rates = random.normal(size=(2, 5))
-
-    def lagrangian(a, w):
-        R, axes, points = relative.chain(a)
-        total = 0.0
-        for i in range(5):
-            centre = (points[i] + points[i + 1]) / 2
-            v = sum(np.cross(axes[k] * w[k], centre - points[k]) for k in range(i + 1))
-            omega = sum(axes[k] * w[k] for k in range(i + 1))
-            edge = relative.POINTS[i + 1] - relative.POINTS[i]
-            across, axial = 1.01 / 12, 0.02 / 12  # rods of 1 m x 0.1 m x 0.1 m, 1 kg
-            J = R[i] @ (across * np.eye(3) + (axial - across) * np.outer(edge, edge)) @ R[i].T
-            total = total + v @ v / 2 + omega @ J @ omega / 2 - 9.81 * centre[1]
-        return total
-
-    e = 1e-30
-    slope, momentum = relative.lagrangian_slopes(angles, rates)
-    for k, row in enumerate(1j * e * np.eye(5)):
-        assert slope[k] == pytest.approx(lagrangian(angles + row, rates).imag / e, rel=1e-12)
-        assert momentum[k] == pytest.approx(lagrangian(angles, rates + row).imag / e, rel=1e-12)
-        jacobian = relative.closure_jacobian(angles)[:, k]
-        assert abs(jacobian - relative.closure(angles + row).imag / e).max() < 1e-14
 
 
 @pytest.mark.slow
@@ -105,16 +79,6 @@ def test_relative_coordinates_and_the_package_agree():
     assert np.log2(apart[0] / apart[1]) == pytest.approx(2, abs=0.1)
 
 
-@pytest.mark.slow
-def test_matrix_in_relative_coordinates_grows_unless_scaled():
-    plain, scaled = (
-        [relative.condition_number(h, flag, steps=(1, 10, 20)) for h in (1e-2, 1e-3, 1e-4)]
-        for flag in (False, True)
-    )
-    assert np.allclose(np.diff(np.log10(plain)), 3, atol=0.1)
-    assert max(scaled) < 20
-
-
 def test_bad_arguments():
     with pytest.raises(ValueError, match=r"step = nan"):
         relative.main(step=float("nan"))
@@ -126,28 +90,41 @@ def test_bad_arguments():
 
 @pytest.fixture(scope="module")
 def quick(tmp_path_factory):
-    """What ``--quick`` finds and writes: other tests take the paper's steps."""
+    """What ``--quick`` finds and writes, with a shorter study of convergence."""
     folder = tmp_path_factory.mktemp("paper")
-    with warnings.catch_warnings():  # what fails is warned of
-        warnings.simplefilter("ignore", sc.AccuracyWarning)
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        warnings.simplefilter("ignore", sc.AccuracyWarning)  # what fails is warned of
+        patch.setattr(report, "ORDER_STEPS", (1e-3, 5e-4))
+        patch.setattr(convergence, "STEPS", (1e-3, 5e-4))
+        patch.setattr(convergence, "REFERENCE_STEPS", {True: 2.5e-4})
+        patch.setattr(convergence, "LONG_STEPS", {True: (1e-3, 5e-4)})
+        patch.setattr(convergence, "HORIZONS", {True: (0.05,)})
         return folder, paper.main(folder, quick=True)
 
 
 # ---- figures --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
+def test_cross_convergence_at_equal_instants_is_of_second_order():
+    steps = (5e-4, 2.5e-4)
+    variational = convergence.trajectories(VI, NS, steps, 0.05)
+    for treatment in (NS, LM):
+        found = convergence.compare(
+            variational, convergence.trajectories(EM, treatment, steps, 0.05)
+        )
+        orders = found["orders"][convergence.SAME_END][steps]
+        for name in ("q", "v", "p", "Qp", "internal multipliers", "external multipliers"):
+            assert abs(orders[name] - 2) < 0.1, name
+        # node against the midpoint after it: first order, and a much larger difference
+        assert abs(orders[convergence.SHIFTED] - 1) < 0.1
+        errors = found["errors"][convergence.SAME_END][2.5e-4]
+        assert errors[convergence.SHIFTED] > 1e3 * errors["external multipliers"]
+
+
 def test_steps_that_miss_the_instants_are_refused():
     with pytest.raises(ValueError, match=r"step = 0\.0003"):
         convergence.trajectory(swing.build(), VI, NS, 3e-4, 0.1)
-
-
-def test_the_measure_of_the_snapshots():
-    resultant = np.zeros((1, 3, 6))
-    resultant[0, 0] = (3, 0, 4, 0, 0, 0)
-    resultant[0, 1] = (0, 0, 0, 1, 2, 2)
-    values = figures.load_measure(resultant)
-    assert values.tolist() == [[5.0, 300.0, 0.0]]
-    assert figures.nodal(values).tolist() == [[5.0, 152.5, 150.0, 0.0]]
 
 
 # ---- everything -----------------------------------------------------------------------------
@@ -199,28 +176,20 @@ def test_scene_is_computed_with_the_published_data(quick):
 @pytest.mark.slow
 def test_files_and_their_provenance(quick):
     """Tables name the versions, the machine, the commit and the run; so does the report."""
-    image = pytest.importorskip("matplotlib.image")
     folder, result = quick
-    names = [f"figure_{k}" for k in range(19, 26)]
+    figures_made = [f"figure_{k}" for k in range(19, 26)]
     tables_made = ["table_1", "table_2", "scene", "motion", "convergence"]
-    expected = {f"{n}.png" for n in names} | {f"{n}.csv" for n in names + tables_made}
-    assert {path.name for path in folder.iterdir()} == expected | {"report.md"}
-    assert {path.name for path in result["paths"]} == expected | {"report.md"}
-    for name in names:
-        picture = image.imread(folder / f"{name}.png")
-        assert min(picture.shape[:2]) > 300 and picture[:, :, :3].std() > 0.02
+    expected = {f"{n}.png" for n in figures_made} | {"report.md"}
+    expected |= {f"{n}.csv" for n in figures_made + tables_made}
+    assert {path.name for path in folder.iterdir()} == expected
+    assert {path.name for path in result["paths"]} == expected
     for path in folder.glob("*.csv"):
         notes, header, rows = record.read_csv(path)
         assert {"versions", "machine", "commit", "run"} <= set(notes)
-        assert set(notes["run"]) == {"title", "date", "seconds"}
-        assert notes["versions"]["numpy"] == np.__version__
         assert rows and all(len(row) == len(header) for row in rows)
     text = (folder / "report.md").read_text(encoding="utf-8")
     for run in result["runs"]:
         assert f"{run['title']} | {run['date']} | {run['seconds']:.1f}" in text
-    lines = [line for line in _lines(folder) if len(line) == 5 and line[3].isdigit()]
-    assert {line[3] for line in lines} == {"1", "2", "3", "4"}
-    assert all(line[2] not in ("", "nan") for line in lines)
 
 
 @pytest.mark.slow
@@ -237,11 +206,3 @@ def test_what_the_figures_show(quick):
     stiff = data["stiff"]
     assert stiff[VI, 1e-2]["event_x"] is None and stiff[VI, 1e-2]["diverged_at"] < 0.66
     assert stiff[EM, 1e-2]["event_x"] == pytest.approx(0.66, abs=0.01)
-
-
-@pytest.mark.slow
-def test_both_integrators_approach_each_other_in_second_order(quick):
-    for treatment in (LM, NS):
-        study = quick[1]["convergence"][treatment]["orders"][convergence.SAME_END]
-        for name, order in study[5e-4, 2.5e-4].items():
-            assert abs(order - (1 if name == convergence.SHIFTED else 2)) < 0.1

@@ -43,23 +43,12 @@ def five_seconds():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("treatment", "unknowns"), [("null-space", 1), ("multipliers", 143)])
-def test_counts_and_shapes(treatment, unknowns):
+def test_counts(treatment, unknowns):
     assert six.build().counts() == {"n": 72, "m": 72, "rank": 71, "unknowns": 1}
     result = six.main(treatment=treatment, until=0.02)
     assert (result["n"], result["m_rows"], result["rank"]) == (72, 72, 71)
     assert result["unknowns"] == unknowns
-    shapes = {"P3": (3, 3), "joint_angles": (3, 6), "closure": (3,), "energy": (3,)}
-    shapes |= {"constraint_violation": (3,), "energy_midpoint": (2,), "newton_iterations": (2,)}
-    assert {k: result[k].shape for k in shapes} == shapes
     assert result["diverged_at"] is None and result["P3"][0].tolist() == [1, -1, 1]
-
-
-@pytest.mark.slow
-def test_closed_form_cube_is_the_general_linkage_of_ninety_degrees():
-    """Congruent, though found by closing a chain: the same motion."""
-    cube = six.main(until=0.2)
-    general = six.main(until=0.2, twist=np.pi / 2, angle=-np.pi / 2)
-    assert abs(cube["P3"] - general["P3"]).max() < 1e-13
 
 
 # -- 500 steps -------------------------------------------------------------------------------------
@@ -157,17 +146,6 @@ def test_reference_over_ten_seconds():
 # -- other linkages of the family ------------------------------------------------------------------
 
 
-def closing(rng, twist):
-    """Random joint angle for which the ring closes."""
-    while True:
-        angle = float(rng.uniform(-np.pi, np.pi))
-        try:
-            six.closing_angle(twist, angle)
-        except ValueError:
-            continue
-        return angle
-
-
 @pytest.mark.slow
 def test_start_angle_against_the_closed_form():
     """Found by closing the chain; it closes exactly where the closed form has a root."""
@@ -186,9 +164,10 @@ def test_start_angle_against_the_closed_form():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("twist", [0.3, 2.0, -0.7, 4.0])
-def test_twisted(twist):
-    angle = closing(np.random.default_rng([7, int(1000 + 100 * twist)]), twist)
+@pytest.mark.parametrize(
+    ("twist", "angle"), [(0.3, -1.02), (2.0, -1.88), (-0.7, -1.14), (4.0, -2.13)]
+)
+def test_twisted(twist, angle):
     result = six.main("energy-momentum", "null-space", 1e-2, 0.5, twist, angle)
     assert (result["rank"], result["unknowns"]) == (71, 1)
     angles = result["joint_angles"]
@@ -247,16 +226,6 @@ def test_condition_numbers(integrator):
     assert max(table[True]) < 100
     for h in steps:
         assert six.condition_number(integrator, "null-space", h, steps=[1, 5]) == 1.0
-
-
-def test_condition_number_of_chosen_steps():
-    first = six.condition_number("variational", "multipliers", 1e-2, steps=[1])
-    system = six.build()
-    stepper = sc.Stepper(system, sc.Variational(), sc.Multipliers(), 1e-2)
-    matrix, _ = stepper.iteration_matrix(sc.initial_state(system), scaled=False)
-    assert matrix.shape == (143, 143)
-    assert first == pytest.approx(np.linalg.cond(matrix), rel=1e-12)
-    assert six.condition_number("variational", "multipliers", 1e-2, steps=[1, 2]) != first
 
 
 # -- bad input, output -----------------------------------------------------------------------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,8 +17,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples" / "bench
 import alternation
 import theory_report
 import theory_table
-
-from paper import failure_map
 
 SMALL = ("full", "inextensible")
 
@@ -39,9 +36,7 @@ def test_small_table(small):
     for (theory, _, step), row in rows.items():
         assert set(row) == set(theory_table.COLUMNS)
         assert row["status"] == "ok" and row["time_s"] == pytest.approx(0.3)
-        assert row["kernels"] == "numpy" and row["ms_per_step"] > 0
-        assert row["energy_error_midpoint"] < 1e-5 and row["repeated"] == 0
-        assert 2 < row["iterations_per_step"] < 6
+        assert row["energy_error_midpoint"] < 1e-5
         # shear and extension of a strip so slender do not matter, its mesh does
         assert (
             (row["model_error_m"] == 0) if theory == "full" else (0 < row["model_error_m"] < 1e-7)
@@ -55,8 +50,6 @@ def test_small_table(small):
         assert 0 < error["own_error_m"] < 1e-6
         assert 0 < error["own_error_of_mesh_m"] < 0.1 * error["mesh_error_m"]
     assert {row["theory"] for row in result["costs"]} == {"inextensible"}
-    assert all(row["ratio"] > 0 and row["newton_theory"] > 1 for row in result["costs"])
-    assert result["figures"] == [] and not theory_table.missed(result)
 
 
 @pytest.mark.slow
@@ -80,11 +73,6 @@ def test_theories_that_are_not_there():
 # -- what counts -----------------------------------------------------------------------------------
 
 
-def row(step, status="ok", repeated=0, **more):
-    fixed = {"theory": "full", "integrator": "variational", "until_s": 1.5}
-    return {**fixed, "step_s": step, "status": status, "repeated": repeated, **more}
-
-
 @pytest.mark.parametrize(
     ("statuses", "longest"),
     [
@@ -92,101 +80,12 @@ def row(step, status="ok", repeated=0, **more):
         (("ok", "ok", "ok", "drift"), 1e-2),
         (("ok", "newton", "ok", "ok"), 1e-4),  # some pass beyond a failure: they do not count
         (("blowup", "ok", "ok", "ok"), None),
-        (("ok", "timeout", "blowup", "newton"), 1e-4),
     ],
 )
 def test_contiguous_range(statuses, longest):
-    rows = [row(10.0 ** (k - 4), status) for k, status in enumerate(statuses)]
+    steps = (1e-4, 1e-3, 1e-2, 1e-1)
+    rows = [{"step_s": step, "status": each} for step, each in zip(steps, statuses, strict=True)]
     assert theory_report.contiguous(rows) == theory_report.contiguous(rows[::-1]) == longest
-
-
-def test_contiguous_range_without_repeated_solves():
-    rows = [row(1e-4), row(1e-3, "drift"), row(1e-2, repeated=1), row(1e-1)]
-    assert theory_report.contiguous(rows) == 1e-4
-    assert theory_report.unrepeated(rows) == 1e-3
-    assert theory_report.unrepeated([row(1e-4, "newton"), *rows[1:]]) is None
-
-
-def table(limits, errors):
-    """A made-up result: by theory the longest step that is ok, and an error by theory and step."""
-    rows = [
-        row(
-            step,
-            "ok" if step <= limits[theory] else "newton",
-            theory=theory,
-            integrator=integrator,
-            until_s=end,
-            error_m=errors[theory] * step,
-            model_error_m=1e-3 * (theory != "full"),
-            iterations_per_step=3.0 if theory != "full" else 6.0,
-        )
-        for theory in limits
-        for integrator in ("energy-momentum", "variational")
-        for end in (1.5, 2.9)
-        for step in (1e-3, 1e-2, 1e-1)
-    ]
-    costs = [
-        {"theory": "inextensible", "integrator": name, "ratio": 0.4}
-        for name in ("energy-momentum", "variational")
-    ]
-    return {"rows": rows, "ends": (1.5, 2.9), "costs": costs}
-
-
-def test_figures():
-    good = table({"full": 1e-3, "inextensible": 1e-2}, {"full": 1.0, "inextensible": 2.0})
-    found = theory_report.figures(good, "inextensible")
-    assert all(each["met"] for each in found) and len(found) == 2 * 5 + 2
-    values = [each["value"] for each in found]
-    # at 1e-3 s, where both are ok: 2e-3 m less the model's 1e-3 m, against 1e-3 m
-    assert values[:5] == pytest.approx([10, 10, 0.5, 1, 1])
-    assert not theory_report.missed({"figures": found})
-    bad = table({"full": 1e-2, "inextensible": 1e-2}, {"full": 1.0, "inextensible": 3.0})
-    lines = theory_report.missed({"figures": theory_report.figures(bad, "inextensible")})
-    assert len(lines) == 2 * 4
-    assert lines[0] == (
-        "variational, contiguous range to 1.5 s: 1 of the full beam's, asked at least 4.0: missed"
-    )
-    assert "2.9 of the full beam's (best 2; 2.9 where both are ok; met at 0 of 2 steps)" in lines[2]
-
-
-def test_a_run_may_pass_one_end_and_fail_before_the_next():
-    """Its energies up to an end alone decide there."""
-    t = np.arange(1, 9) * 0.1
-    energy = np.array([1, 1, 1, 1, 1.002, 1.05, 1.2, 20.0])
-    watch = SimpleNamespace(series=np.array([t, energy, energy]), blown=True)
-    run = failure_map.Passage(
-        *("energy blow-up", watch, np.zeros((10, 3)), np.full(10, 3), np.ones(10, dtype=int)),
-        *(np.full(10, 1e-3), 10, None, "numpy"),
-    )
-
-    def at(count):
-        found = theory_table.outcome(run, 0.1, 0.1 * count, count)
-        return found["status"], found["time_s"], found["energy_error_midpoint"]
-
-    assert at(5) == ("ok", 0.5, pytest.approx(0.002))
-    assert at(7) == ("drift", pytest.approx(0.7), pytest.approx(0.2))
-    assert at(9) == ("blowup", pytest.approx(0.8), pytest.approx(19))
-    watch.blown = False
-    run = run._replace(outcome="Newton failed", path=np.zeros((6, 3)))
-    assert at(5)[0] == "ok"
-    assert at(9)[:2] == ("newton", pytest.approx(0.6))
-
-
-def test_reference_is_extrapolated():
-    """Errors of second order vanish, and instants in between are met."""
-    t = 0.01 * np.arange(1, 51)
-    exact = np.column_stack([np.sin(3 * t), np.cos(2 * t), t])
-    motions = [{"path": exact + c, "spacing": 0.01, "period": None} for c in (0.16, 0.04, 0.01)]
-    motions[0]["path"] += 1e-3
-    found = theory_table.Reference.of(motions)
-    np.testing.assert_allclose(found.path, exact, atol=1e-15)
-    assert found.error(0.5) == pytest.approx(1e-3 / 3 * 3**0.5)
-    times = np.array([0.005, 0.123, 0.2345, 0.4])
-    path = np.column_stack([np.sin(3 * times), np.cos(2 * times), times])
-    path[3] += (0, 0.3, 0.4)
-    assert found.away(times, path, 0.3) < 1e-7
-    assert found.away(times, path, 0.4) == pytest.approx(0.5, abs=1e-7)
-    assert np.isnan(found.away(times[:0], path[:0], 0.3))
 
 
 # -- theory ----------------------------------------------------------------------------------------

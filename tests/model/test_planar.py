@@ -74,7 +74,7 @@ def test_swing_moves_as_in_space(integrator: Any, treatment: Any, kernels: str):
         assert difference(a, b, name) < max(1e-11 * size, rounded[name]), name
     # the kernels of a plane have other unknowns, and round as constraint forces do
     limit = 1e-8 if kernels == "numpy" else 1e-11 * 1e5
-    assert difference(a, b, "joint/support left/force") < limit
+    assert difference(a, b, "joint/left support/force") < limit
     assert (b["q"].reshape(len(b), -1, 3)[:, system.origin_rows, 0] == 0).all()
 
 
