@@ -131,6 +131,24 @@ def test_free_scenes_keep_their_momenta(scene, integrator, treatment, kernels):
 
 @pytest.mark.slow
 @integrators
+def test_a_drive_between_free_bodies_keeps_their_momenta(integrator):
+    model = sc.Model()
+    a = model.add("a", sc.RigidBody.box(2.0, (1, 0.3, 0.2), angular_velocity=(0.3, 0.2, 0)))
+    b = model.add("b", sc.RigidBody.box(1.0, (0.2, 0.4, 0.3), position=(1.0, 0, 0)))
+    track = sc.JointPrismatic(a.at((0.5, 0, 0)), b.at((1.0, 0, 0)), axis=(1.0, 0, 0))
+    model.add("track", track)
+    model.add("motor", sc.JointDrive(track, lambda t: 0.2 * t**2 * np.cos(3 * t)))
+    system = model.freeze()
+    start = sc.initial_state(system, v=sc.project(system, system.q0, system.v0))
+    pair = INTEGRATORS[integrator], sc.NullSpace()
+    history = sc.simulate(system, *pair, 1e-2, 1.0, start=start)
+    assert wandering(history["angular_momentum"]) < 1e-12
+    assert wandering(history["linear_momentum"]) < 1e-12
+    assert history["joint/track/displacement"][-1] == pytest.approx(0.2 * np.cos(3.0), abs=1e-12)
+
+
+@pytest.mark.slow
+@integrators
 @treatments
 def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment, kernels):
     system, history = run("hanging", integrator, treatment, kernels=kernels)
