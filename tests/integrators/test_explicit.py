@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from test_discrete_mechanics import chain, wheel
 
 import skfem_cosserat as sc
 from skfem_cosserat import InterpolationEquidistant, diagnostics
@@ -20,40 +21,6 @@ PLAIN = {"kernels": "numpy"}
 def rod_of(n=4, order=1, section=RUBBER, lumped=True, **motion):
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), n, name="rod")
     return sc.Beam(mesh, section, order=order, director=(0, 1, 0), lumped=lumped, **motion)
-
-
-def pendulum(n=4, order=1, section=FLAT, lumped=True):
-    """A rod on a hinge; at its end a body off its axis, with unequal moments, and a ball joint."""
-    model = sc.Model()
-    rod = model.add("rod", rod_of(n, order, section, lumped))
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
-    model.add("hinge", hinge)
-    tip = rod.node("rod.end")
-    model.add("lump", sc.RigidBody(0.3, (5e-4, 7e-4, 9e-4), center=(0.02, 0.03, 0), on=tip))
-    bob = model.add("bob", sc.RigidBody.box(0.2, (0.05, 0.1, 0.2), position=(1, 0, -0.1)))
-    model.add("ball", sc.JointSpherical(tip, bob.at((1, 0, 0))))
-    slow = sc.RampSmooth(0.0, 0.2)
-    model.add("weight", sc.LoadGravity((0.0, -9.81, 2.0), slow))
-    return model.freeze()
-
-
-def chain():
-    """Bodies and a mass point, joined by what takes five, four, three, two and one freedoms."""
-    model = sc.Model()
-    boxes = [
-        model.add(f"box {k}", sc.RigidBody.box(0.5, (0.05, 0.1, 0.3), position=(0, 0, -0.3 * k)))
-        for k in range(4)
-    ]
-    at = [(0, 0, 0.15 - 0.3 * k) for k in range(5)]
-    model.add("hinge", sc.JointRevolute(sc.ground(at[0]), boxes[0].at(at[0]), axis=(1, 0, 0)))
-    places = [(boxes[k].at(at[k + 1]), boxes[k + 1].at(at[k + 1])) for k in range(3)]
-    model.add("cross", sc.JointUniversal(*places[0], axis_a=(1, 0, 0), axis_b=(0, 1, 0)))
-    model.add("ball", sc.JointSpherical(*places[1]))
-    model.add("weld", sc.JointFixed(*places[2]))
-    bob = model.add("bob", sc.MassPoint(0.2, position=(0.1, 0, -1.2)))
-    model.add("string", sc.JointDistance(boxes[3].at(at[4]), bob.place()))
-    model.add("weight", sc.LoadGravity((1.0, 2.0, -9.81)))
-    return model.freeze()
 
 
 def free_rod(order=1, section=FLAT):
@@ -146,31 +113,21 @@ def test_step_above_the_limit_is_refused_by_name():
     assert len(run(system, sc.Explicit(rounds=12), 11.5 * limit.seconds, 23 * limit.seconds)) > 1
 
 
-# -- order -----------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 2])
-def test_second_order_in_position_and_velocity(order):
-    system = pendulum(2, order, SOFT)
-    ends = [run(system, sc.Explicit(rounds=k), 0.05, 0.05) for k in (80, 160, 320)]
-    for name in ("q", "v", "constraint_force"):
-        values = [h[name][1] for h in ends]
-        errors = [np.linalg.norm(a - b) for a, b in pairwise(values)]
-        orders = np.log2(np.divide(errors[:-1], errors[1:]))
-        assert abs(orders - 2).max() < 0.1, name
-
-
 # -- what is conserved -----------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 3])
-def test_momentum_maps_are_exact(order):
-    h = run(free_rod(order), sc.Explicit(rounds=50), 0.01, 0.1)
+@pytest.mark.filterwarnings("ignore:beam 'rod'.* tension")
+@pytest.mark.parametrize(
+    ("order", "section"), [(1, FLAT), (3, FLAT), (1, SOFT.damped(time=1e-4))], ids=[1, 3, "viscous"]
+)
+def test_momentum_maps_are_exact(order, section):
+    h = run(free_rod(order, section), sc.Explicit(rounds=50), 0.01, 0.1)
     for name in ("linear_momentum", "angular_momentum"):
         assert abs(h[name] - h[name][0]).max() < 1e-13 * abs(h[name][0]).max(), name
-    assert abs(h["energy"] / h["energy"][0] - 1).max() < 1e-3
+    balance = h["energy"] + h["dissipated"]
+    assert abs(balance / balance[0] - 1).max() < 1e-3
+    assert (h["dissipated"][-1] > 1e-5 * balance[0]) == (section is not FLAT)
     triads = h["q"].reshape(len(h), -1, 4, 3)[:, :, 1:]
     gram = triads @ triads.transpose(0, 1, 3, 2)
     assert abs(gram - np.eye(3)).max() < 1e-14
@@ -207,7 +164,7 @@ def test_joints_are_closed_to_rounding():
     em = run(system, sc.EnergyMomentum(), 1e-3, 0.1)
     fine = run(system, sc.Explicit(), 5e-4, 0.1)
     np.testing.assert_allclose(fine["q"][-1], em["q"][-1], atol=2e-5)
-    force = "joint/hinge/force"
+    force = "joint/hook/force"
     np.testing.assert_allclose(fine[force][100], em[force][50], rtol=0.01, atol=0.05)
 
 
@@ -348,21 +305,6 @@ def mounts(joined=False, viscous=1e-4):
 
 
 @pytest.mark.slow
-def test_spring_pendulum_in_closed_form():
-    """All but unstressed at length zero it swings as an ellipse about its rest."""
-    model = on_a_spring(length=1e-9, velocity=(0.3, 1.0, 0.5))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    system = model.freeze()
-    rest, omega, until = np.array([0, 0, -2.0 * 9.81 / 50.0]), 5.0, 1.7
-    swing = (np.array([0, 0, -1.0]) - rest) * np.cos(omega * until)
-    exact = rest + swing + np.array([0.3, 1.0, 0.5]) * np.sin(omega * until) / omega
-    ends = [run(system, sc.Explicit(rounds=k), until, until)["q"][-1] for k in (40, 80, 160)]
-    errors = [np.linalg.norm(end - exact) for end in ends]
-    np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 2, atol=0.02)
-    assert errors[-1] < 1e-3
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.1, 0.7, 3.0])
 def test_damped_oscillator_in_closed_form(ratio):
     """Below and above critical damping: place, velocity and what is dissipated."""
@@ -389,8 +331,8 @@ def test_second_order_with_springs_and_damping(joined):
     """Positions, velocities; the balance of energies and works closes to second order, too."""
     system = mounts(joined)
     runs = [run(system, sc.Explicit(rounds=k), 0.05, 0.05) for k in (80, 160, 320)]
-    for name in ("q", "v"):
-        found = orders([h[name][-1] for h in runs])
+    for name in ("q", "v", "constraint_force"):
+        found = orders([h[name][1] for h in runs])
         assert (found > 1.9).all() and (found < 2.1).all(), name
     balances = [h.meta["energy_balance"] for h in runs]
     assert balances[-1]["dissipated"] > 0.01
@@ -416,20 +358,6 @@ def test_springs_and_damping_as_with_energy_momentum():
 
 
 @pytest.mark.slow
-def test_internal_damping_keeps_momenta():
-    """Viscous beams and dampers between bodies give none and take none, to rounding."""
-    model = sc.Model()
-    spin = {"velocity": (0.5, 0.2, 0.0), "angular_velocity": (1.0, 2.0, 3.0)}
-    rod = model.add("rod", rod_of(2, 1, SOFT.damped(time=1e-3), **spin))
-    box = model.add("box", sc.RigidBody.box(0.2, (0.05, 0.1, 0.2), position=(1, 0.2, -0.1)))
-    model.add("cord", sc.SpringDamper(rod.node("rod.end"), box.at((1, 0.2, 0)), 30.0, 0.5))
-    h = run(model.freeze(), sc.Explicit(rounds=200), 0.02, 0.04)
-    for name in ("linear_momentum", "angular_momentum"):
-        assert abs(h[name] - h[name][0]).max() < 1e-13 * abs(h[name][0]).max(), name
-    assert h.meta["energy_balance"]["dissipated"] > 1e-3
-
-
-@pytest.mark.slow
 def test_drag_in_closed_form():
     """Momentum decays as exp(-alpha t)."""
     model = sc.Model()
@@ -443,12 +371,7 @@ def test_drag_in_closed_form():
 def test_torsion_spring_over_several_turns():
     """Wound up by almost four turns and back: its angle does not jump."""
     scheme = sc.Explicit(rounds=8)
-    model = sc.Model()
-    wheel = model.add("wheel", sc.RigidBody(1.0, (0.2, 0.3, 0.4), angular_velocity=(0, 0, 40.0)))
-    place = sc.ground((0, 0, 0)), wheel.at((0, 0, 0))
-    hinge = model.add("hinge", sc.JointRevolute(*place, axis=(0, 0, 1)))
-    model.add("spring", sc.JointSpringDamper(hinge, stiffness=1.0, damping=0.05))
-    h = run(model.freeze(), scheme, 0.05, 4.0)
+    h = run(wheel(), scheme, 0.05, 4.0)
     decay = 0.05 / (2 * 0.4)
     omega = np.sqrt(1.0 / 0.4 - decay**2)
     angle = 40.0 / omega * np.exp(-decay * h["t"]) * np.sin(omega * h["t"])
@@ -456,7 +379,7 @@ def test_torsion_spring_over_several_turns():
     found = h["joint/hinge/angle"].ravel()
     turned = np.unwrap(found) if abs(found).max() < 7 else found
     np.testing.assert_allclose(turned, angle, atol=1e-3 * angle.max())
-    states = sc.restart(model.freeze(), h, scheme, 0.05)
+    states = sc.restart(wheel(), h, scheme, 0.05)
     assert states.turns is not None
     assert states.turns[0] == np.rint(angle[-1] / (2 * np.pi))
 

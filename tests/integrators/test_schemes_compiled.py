@@ -235,12 +235,7 @@ def test_velocities_are_moved_where_curved_elements_hold_strains(theory):
 @pytest.mark.parametrize("scheme", COMPILED, ids=repr)
 def test_works_of_steps_that_are_not_recorded(scheme):
     """Those of blocks of steps, taken in one call: an energy-decaying scheme lost what it took."""
-    model = sc.Model()
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
-    beam = model.add("beam", sc.Beam(mesh, SECTION, director=Z))
-    model.add("hinge", sc.JointRevolute(GROUND, beam.node("rod.start"), (0.6, 0.0, 0.8)))
-    model.add("weight", sc.LoadGravity((0.3, -9.81, 0.2)))
-    system = model.freeze()
+    system = arm()[0].freeze()
     every, seldom = (
         sc.simulate(system, scheme, NULL, 2e-3, 0.04, kernels="numba", every=count)
         for count in (1, 10)
