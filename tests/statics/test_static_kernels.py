@@ -127,21 +127,6 @@ def test_snap_through_by_arc_length():
     assert [c["kind"] for c in compiled.meta["critical"]] == ["limit", "limit"]
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
-    ("scene", "way", "until"), [("lee_frame", (1, 0, 0), 5.0), ("toggle", (0, -1, 0), 0.7)]
-)
-def test_frames_by_displacement(scene, way, until):
-    """Stiff ones: when their iterations stop is decided by rounding, the points are the same."""
-    scene = getattr(scenes, scene)(6, 2)
-    control = sc.DisplacementControl(scene.point, way, until, steps=10)
-    one, other = both(scene.system, control=control, watch=False)
-    assert len(one) == len(other) == 11
-    difference = abs(other["q"] - one["q"])[-1].max()
-    assert difference < 1e-11 * scene.system.length
-    assert other["load_factor"] == pytest.approx(one["load_factor"], rel=1e-9)
-
-
 def test_a_held_instant(kernels):
     """The clamp and the drive stand still."""
     system = mobile(2)
@@ -235,31 +220,6 @@ def test_kernels_agree_on_equilibria(kind, treatment):
     force = one["constraint_force"]
     assert abs(other["constraint_force"] - force).max() < 1e-8 * abs(force).max()
     assert other["unstable"].tolist() == one["unstable"].tolist()
-
-
-def thin(GA, direction, mass=1.0):
-    """A cantilever of four elements, pushed across; stiff in shear and along its axis."""
-    axis = np.array(direction) / np.linalg.norm(direction)
-    across = np.cross(axis, (0, 0, 1)) / np.linalg.norm(np.cross(axis, (0, 0, 1)))
-    section = sc.Section([*[GA] * 3, *[0.76] * 3], mass, (1e-3 * mass, 1e-3 * mass))
-    model, tip = cantilever(section, order=1, ends=((0, 0, 0), axis), director=across)
-    model.add("push", sc.LoadForce(tip, 0.5 * across))
-    return model.freeze()
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize(
-    ("GA", "direction", "treatment"),
-    [(1e7, (1, 2, 2), sc.NullSpace()), (1e9, (1, 0, 0), sc.Multipliers())],
-)
-def test_thin_rods_take_as_many_iterations(GA, direction, treatment):
-    """``GA h^2/EI`` of 8e5 and 8e7."""
-    one, other = both(thin(GA, direction), treatment, watch=False)
-    assert len(other) == len(one)
-    # rounding decides about the last one of a point
-    total, found = (path["newton_iterations"].sum() for path in (one, other))
-    assert abs(found - total) <= len(one)
-    assert abs(other["q"] - one["q"]).max() < 1e-7
 
 
 @pytest.mark.slow

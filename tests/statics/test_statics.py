@@ -23,7 +23,7 @@ from test_couplings import zoo
 import skfem_cosserat as sc
 from skfem_cosserat import Spin, equilibrium
 from skfem_cosserat.diagnostics.stacked import blocks_matrix
-from skfem_cosserat.model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
+from skfem_cosserat.model.balance import Amplitudes, balance, balance_tangent
 from skfem_cosserat.statics.control import Functional, Point
 from skfem_cosserat.statics.path import STATIC
 from skfem_cosserat.statics.problem import PathSolver, Problem, Schedule
@@ -161,17 +161,6 @@ def test_heavy_pendulum_with_a_torsion_spring(treatment):
         ends.append(angle[-1])
     assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
     assert abs(ends[0]) > 1
-
-
-@pytest.mark.slow
-def test_rigid_path_by_arc_length():
-    """Steps are of the load factor while nothing moves."""
-    model, *_ = hinged()
-    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
-    path = sc.static(model, control=sc.ArcLength(20, first=0.09, until=0.65))
-    assert path["load_factor"][-1] == pytest.approx(0.65, abs=1e-14)
-    assert loads_of(path) == pytest.approx([0.4], abs=1e-12)
-    assert (np.diff(path.times) > 0).all()
 
 
 @pytest.mark.slow
@@ -463,8 +452,6 @@ def test_end_does_not_depend_on_the_steps(treatment, kernels):
         path = sc.static(model, treatment, sc.LoadControl(steps=steps), kernels=kernels)
         assert path["load_factor"] == pytest.approx(np.linspace(0, 1, steps + 1), abs=1e-15)
         assert abs(path["q"][-1] - reference["q"][-1]).max() < 1e-10
-        assert int(path["newton_iterations"].sum()) == path.meta["newton_iterations"]
-        assert int(path["attempts"].sum()) == path.meta["attempts"] == steps + path.meta["rejected"]
 
 
 # -- tangents --------------------------------------------------------------------------------------
@@ -506,45 +493,6 @@ def test_tangent_of_the_balance(scene):
         wanted[:, k] = balance(system, z, amplitudes, start).R.ravel().imag / EPS
     assert abs(wanted).max() > 1
     assert abs(K - wanted).max() < 1e-13 * abs(wanted).max()
-
-
-@pytest.mark.one_quick
-@treatments
-@pytest.mark.parametrize("scene", SCENES)
-def test_displacement_is_a_derivative_and_pull_its_adjoint(scene, treatment):
-    system = SCENES[scene]()
-    t = 0.0 if len(system.closure.rows) else 0.35  # random positions do not close loops
-    rng = np.random.default_rng(1)
-    bound = treatment.bind(system, 1.0, large=True)
-    q = system.q0 if t == 0 else random_state(system, rng, t, 0.2)
-    bound.begin(system.extend(q, t), system.ground(t), 1.0)
-    bound.guess(False)
-    amplitudes = amplitudes_at(system, t)
-
-    def configuration():
-        y = bound.configure()
-        found = balance(system, y, amplitudes)
-        bound.reduce(found.R, y)
-        bound.matrix(balance_tangent(system, found, amplitudes), found.R, y)
-        return y
-
-    used = np.ones(bound.solver.n) if bound.active is None else bound.active
-    configuration()
-    bound.move(0.03 * used * rng.standard_normal(bound.solver.n))
-    y = configuration()
-    u, gradient = used * rng.standard_normal(bound.solver.n), rng.standard_normal((system.rows, 3))
-    if treatment.name == "multipliers":  # only rotations of triads are taken
-        omega = rng.standard_normal((len(system.kinematics.frames), 1, 3))
-        rates = u[: system.n].reshape(-1, 3)
-        rates[system.kinematics.director_rows] = np.cross(omega, system.kinematics.directors(y))
-    change = bound.displacement(u, y)
-    power = float((change * gradient).sum())
-    assert power == pytest.approx(float(bound.pull(gradient) @ u), rel=1e-11)
-    sought = bound.sought
-    bound.move(1j * EPS * u)
-    derivative = bound.configure().imag[: system.rows] / EPS
-    bound.sought = sought
-    assert abs(change - derivative).max() < 1e-12 * abs(change).max()
 
 
 @pytest.mark.one_quick
@@ -621,18 +569,6 @@ def gripped(**motion):
     model, end = cantilever()
     model.add("grip", sc.JointSpherical(sc.ground((1, 0, 0), sc.Motion(**motion)), end))
     return model, end
-
-
-@pytest.mark.slow
-@treatments
-def test_motion_that_starts_slowly(treatment):
-    """The first tangent leads nowhere: no jump is suspected."""
-    model, end = gripped(displacement=lambda t: (0, -0.3 * t**2, 0.1 * t**3))
-    path = sc.static(model, treatment)
-    assert at(path, end, -1) == pytest.approx([1, -0.3, 0.1], abs=1e-14)
-    straight, _ = gripped(displacement=lambda t: (0, -0.3 * t, 0.1 * t))
-    again = sc.static(straight, treatment, sc.LoadControl(steps=3))
-    assert abs(path["q"][-1] - again["q"][-1]).max() < 1e-10
 
 
 @pytest.mark.slow
@@ -728,17 +664,6 @@ def test_end_of_a_path_starts_a_run(treatment, scheme):
 
 
 @pytest.mark.slow
-def test_a_run_from_a_path_keeps_the_turns_of_springs():
-    model, _, _ = hinged()
-    model.add("motor", sc.JointActuator(model["hinge"], 25.0))
-    system = model.freeze()
-    path = sc.static(system)
-    start = equilibrium(system, path)
-    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, until=1.5, start=start)
-    assert abs(run["joint/hinge/angle"] - 12.5).max() < 1e-10
-
-
-@pytest.mark.slow
 def test_energy_is_the_work_of_the_loads():
     """Stored energy against the trapezoidal sum: second order in the step."""
     system, _ = two_loads()
@@ -763,13 +688,6 @@ def test_path_is_a_history_like_any_other(tmp_path):
     assert np.array_equal(equilibrium(system, again, 2).q, path["q"][2])
     short = again.truncated(3)
     assert equilibrium(system, short).load_factor == path["load_factor"][2]
-
-
-def test_a_path_without_derived_series_starts_runs_too():
-    system, _ = two_loads()
-    bare = sc.static(system, derive=False)
-    assert "energy" not in bare
-    assert equilibrium(system, bare, -2).load_factor == bare["load_factor"][-2]
 
 
 # -- critical points -------------------------------------------------------------------------------
@@ -810,15 +728,6 @@ def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
         assert path["load_factor"][c["state"]] == c["load_factor"]
         assert path["critical"][c["state"]] == 2
     assert int(path["unstable"][-1]) == 2
-
-
-@pytest.mark.slow
-@ways
-def test_two_critical_points_in_a_step(treatment, kernels):
-    model, _ = column()
-    path = sc.static(model, treatment, sc.LoadControl(4.0, steps=1), kernels=kernels)
-    assert criticals(path) == [("bifurcation", 1)] * 2
-    assert loads_of(path) == pytest.approx(np.pi**2 / 4 * np.array([1.0, 1.3]), rel=2e-6)
 
 
 @pytest.mark.slow
@@ -891,40 +800,10 @@ def test_bifurcations_before_a_limit_point(treatment):
     kinds = [("limit" if i == 3 else "bifurcation", 1) for _, _, i in order]
     assert criticals(path) == kinds
     assert loads_of(path) == pytest.approx([load for _, load, _ in order], rel=1e-8)
-    which = kinds.index(("bifurcation", 1))
-    first = order[which][2]
-    sides = []
-    for sign in (1, -1):
-        start = sc.branch(model, path, which, sign)
-        side = sc.static(model, treatment, sc.ArcLength(10), start=start)
-        assert abs(side["q"][:, 2 - first]).max() < 1e-12
-        sides.append(side["q"][-1])
-    assert abs(sides[0][first - 1]) > 0.05
-    mirror = np.ones(3)
-    mirror[first - 1] = -1
-    assert abs(sides[0] - sides[1] * mirror).max() < 1e-9
-
-
-@pytest.mark.slow
-@treatments
-def test_rigid_column_with_two_hinges(treatment):
-    """k on both angles of a universal joint: two motions at once, on branches of their own."""
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, 0.5)))
-    foot = sc.JointUniversal(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (1, 0, 0), (0, 1, 0))
-    model.add("foot", foot)
-    for c in foot.coordinates():
-        model.add(f"spring {c.name}", sc.JointSpringDamper(foot, 3.0, coordinate=c.name))
-    model.add("push", sc.LoadForce(body.at((0, 0, 1)), (0, 0, -1.0)))
-    path = sc.static(model, treatment, sc.LoadControl(5.0))
-    assert criticals(path) == [("bifurcation", 2)]
-    assert loads_of(path) == pytest.approx([3.0], rel=1e-9)
-    side = sc.static(model, treatment, sc.ArcLength(10), start=sc.branch(model, path, mode=1))
-    a, b = (side[f"joint/foot/{c.name}"] for c in foot.coordinates())
-    load = side["load_factor"]
-    assert abs(3 * a - load * np.sin(a) * np.cos(b)).max() < 1e-11
-    assert abs(3 * b - load * np.cos(a) * np.sin(b)).max() < 1e-11
-    assert abs(np.hypot(a, b)[-1]) > 0.1
+    for which, (_, _, direction) in enumerate(order[:2]):
+        start = sc.branch(model, path, which)
+        end = sc.static(model, treatment, sc.ArcLength(10), start=start)["q"][-1]
+        assert abs(end[direction - 1]) > 0.05 and abs(end[2 - direction]) < 1e-12
 
 
 @pytest.mark.slow
