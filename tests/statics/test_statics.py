@@ -142,29 +142,6 @@ def test_actuator_against_a_torsion_spring(treatment, control):
 
 @pytest.mark.slow
 @treatments
-def test_heavy_pendulum_with_a_torsion_spring(treatment):
-    """Nothing moves before it buckles at m g l = k; beyond: k theta = m g l sin(theta)."""
-    model, *_ = hinged()
-    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
-    path = sc.static(model, treatment)
-    assert criticals(path) == [("bifurcation", 1)]
-    assert loads_of(path) == pytest.approx([0.4], abs=1e-12)
-    assert abs(path["q"] - path["q"][0]).max() < 1e-14
-    assert path["unstable"].tolist() == (path["load_factor"] > 0.4).astype(int).tolist()
-    ends = []
-    for sign in (1, -1):
-        start = sc.branch(model, path, sign=sign)
-        side = sc.static(model, treatment, sc.ArcLength(25), start=start)
-        angle = side["joint/hinge/angle"]
-        assert abs(2 * angle - 5 * side["load_factor"] * np.sin(angle)).max() < 1e-12
-        assert side.meta["critical"] == []
-        ends.append(angle[-1])
-    assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
-    assert abs(ends[0]) > 1
-
-
-@pytest.mark.slow
-@treatments
 def test_centrifugal_stretch_of_a_bar(treatment):
     """``L (tan(kL)/(kL) - 1)``, k^2 = rho A Omega^2/EA: element ends converge with h^8."""
     model, tip = cantilever(stiff(EI=(10.0, 10.0)), order=4)
@@ -256,7 +233,7 @@ SPIN = Spin((0.2, 0.1, 0.4), (0, 1, 0))
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_every_item_in_both_treatments(order):
-    """Same equilibrium and constraint forces, of zero residual along the constraints."""
+    """Same equilibrium and constraint forces."""
     system = assembly(order)
     until = 0.3 if order == 1 else 1.0  # three linear elements carry no more than 0.34
     control = sc.LoadControl(until)
@@ -266,10 +243,6 @@ def test_every_item_in_both_treatments(order):
     assert abs(q - system.q0).max() > 0.5 * until
     force, second = (path["constraint_force"][-1] for path in ends)
     assert abs(force - second).max() < 1e-10 * abs(force).max()
-    amplitudes = Schedule(system, None, SPIN).at(until)
-    at_end = balance(system, system.extend(q, until), amplitudes, turns=ends[0]["turns"][-1])
-    assert abs(system.null_space(q, until).T @ at_end.R.ravel()).max() < 1e-12 * at_end.size
-    assert abs(at_end.R.ravel() + force).max() < 1e-10 * at_end.size
     assert ends[0].meta["critical"] == ends[1].meta["critical"] == []
 
 
@@ -291,19 +264,8 @@ def ring():
     return model
 
 
-def braced():
-    """A beam holds a linkage."""
-    model = four_bar()
-    beam = rod(model, order=2, ends=((0, 1, 0), (2, 0, 0)))
-    z = {"axis": (0, 0, 1)}
-    model.add("low", sc.JointRevolute(model["crank"].at((0, 1, 0)), beam.node("rod.start"), **z))
-    model.add("high", sc.JointRevolute(model["rocker"].at((2, 0, 0)), beam.node("rod.end"), **z))
-    model.add("push", sc.LoadForce(model["coupler"].at((1, 1.25, 0)), (3.0, 1, 0)))
-    return model
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", [linkage, ring, braced])
+@pytest.mark.parametrize("scene", [linkage, ring])
 def test_closed_loops_in_both_treatments(scene):
     system = scene().freeze()
     ends = [sc.static(system, t) for t in TREATMENTS.values()]
@@ -313,22 +275,6 @@ def test_closed_loops_in_both_treatments(scene):
     force, second = (path["constraint_force"][-1] for path in ends)
     assert abs(force - second).max() < 1e-9 * abs(force).max()
     assert ends[0]["constraint_violation"].max() < 1e-12
-
-
-@pytest.mark.slow
-def test_linkage_does_the_work_of_its_loads():
-    """Independent: the spring's moment from the angles by virtual work of the closed linkage."""
-    model = linkage()
-    path, h, around = sc.static(model), 1e-4, []
-    crank = path["joint/pin 0/angle"][-1]
-    for shift in (-h, h):
-        drive, turn = four_bar(), crank + shift
-        drive.add("drive", sc.JointDrive(drive["pin 0"], lambda t, turn=turn: turn * t))
-        moved = sc.static(drive)
-        x = moved.position(drive["coupler"].at((1, 1.25, 0)))[-1]
-        around.append([*x, moved["joint/pin 2/angle"][-1]])
-    power = np.subtract(*around[::-1]) @ [10, 3, 4, 4] / (2 * h)
-    assert 5 * crank == pytest.approx(power, rel=1e-6)
 
 
 # -- controls --------------------------------------------------------------------------------------
@@ -343,17 +289,6 @@ def truss(height=0.3, stiffness=(100.0, 100.0)):
         model.add(f"spring {k}", spring)
     model.add("load", sc.LoadForce(point.place(), (0, 0, -1.0)))
     return model, point
-
-
-def truss_stiffness(z, height=0.3, k=(100.0, 100.0)):
-    """Load, and stiffness in x (springs k[0]), y and z, of the truss at height z."""
-    l0, length = np.hypot(1, height), np.hypot(1, z)
-    k = np.asarray(k)
-    load = 2 * k.sum() * (l0 / length - 1) * z
-    own = 2 * k * (1 - l0 / length + l0 / length**3)
-    other = 2 * k[::-1] * (1 - l0 / length)
-    vertical = 2 * k.sum() * (1 - l0 / length + l0 * z**2 / length**3)
-    return load, *(own + other), vertical
 
 
 def pushed_down(z):
@@ -624,18 +559,6 @@ def test_order_of_loading_does_not_matter(treatment):
 
 
 @pytest.mark.slow
-@treatments
-def test_gravity_held_while_the_tip_is_pulled(treatment):
-    """The start is no equilibrium: the path begins at the one near it."""
-    system, tip = two_loads()
-    path = sc.static(system, treatment, factors={"weight": 1.0})
-    alone = sc.static(system, treatment, factors={"force": 0.0})
-    assert path["load_factor"][0] == 0
-    assert abs(path["q"][0] - alone["q"][-1]).max() < 1e-12
-    assert at(path, tip, 0)[2] < -0.2
-
-
-@pytest.mark.slow
 def test_start_from_a_moving_state():
     """From within a run in time: the velocity is dropped, the nearest equilibrium sought."""
     system, _ = two_loads()
@@ -728,6 +651,9 @@ def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
         assert path["load_factor"][c["state"]] == c["load_factor"]
         assert path["critical"][c["state"]] == 2
     assert int(path["unstable"][-1]) == 2
+    for which, axis in enumerate((2, 1)):  # bending about d1, then about d2
+        end = abs(sc.branch(model, path, which).direction[4 * tip.vertex])
+        assert end[axis] > 10 * end[3 - axis]
 
 
 @pytest.mark.slow
@@ -741,7 +667,6 @@ def test_equal_stiffness_about_both_axes(treatment, mode):
     sideways = [d[4 * tip.vertex, 1:] for d in (one, two)]
     assert abs(np.linalg.det(sideways)) > 0.1 * np.prod(np.linalg.norm(sideways, axis=1))
     start = sc.branch(model, path, mode=mode)
-    assert repr(start).startswith("Branch(t=2.467") and len(repr(start)) < 60
     side = sc.static(model, treatment, sc.ArcLength(8, length=0.05), start=start)
     assert side.meta["critical"] == []  # the plane of bending is free to turn: no crossing
     where = at(side, tip)
@@ -778,32 +703,6 @@ def test_limit_points_of_a_truss(treatment, controlled):
     assert loads_of(path) == pytest.approx([wanted, -wanted], rel=1e-9)
     assert path["unstable"][0] == path["unstable"][-1] == 0
     assert path["unstable"].max() == 1
-
-
-@pytest.mark.slow
-@treatments
-def test_bifurcations_before_a_limit_point(treatment):
-    """A steep truss gives way sideways first: along x, then y, then it snaps."""
-    height, k = 2.2, (100.0, 130.0)
-    model, point = truss(height, k)
-    control = sc.DisplacementControl(point.place(), (0, 0, -1), until=1.9, longest=0.05)
-    path = sc.static(model, treatment, control)
-    roots = []
-    for i in (1, 2, 3):
-        grid = np.linspace(height - 1.9, height, 200)
-        signs = [truss_stiffness(z, height, k)[i] > 0 for z in grid]
-        for j in np.flatnonzero(np.diff(signs)):
-            z = brentq(lambda z, i=i: truss_stiffness(z, height, k)[i], grid[j], grid[j + 1])
-            roots.append((-z, float(truss_stiffness(z, height, k)[0]), i))
-    order = sorted(roots)
-    assert {i for _, _, i in order} == {1, 2, 3}
-    kinds = [("limit" if i == 3 else "bifurcation", 1) for _, _, i in order]
-    assert criticals(path) == kinds
-    assert loads_of(path) == pytest.approx([load for _, load, _ in order], rel=1e-8)
-    for which, (_, _, direction) in enumerate(order[:2]):
-        start = sc.branch(model, path, which)
-        end = sc.static(model, treatment, sc.ArcLength(10), start=start)["q"][-1]
-        assert abs(end[direction - 1]) > 0.05 and abs(end[2 - direction]) < 1e-12
 
 
 @pytest.mark.slow
@@ -897,8 +796,15 @@ def test_branch_with_loads_held(treatment):
     held = {"factors": {"weight": 0.3}}
     path = sc.static(model, treatment, sc.LoadControl(2.0), **held)
     assert loads_of(path) == pytest.approx([0.5], rel=1e-9)
-    start = sc.branch(model, path, **held)
-    side = sc.static(model, treatment, sc.ArcLength(10), start=start, **held)
-    angle = side["joint/hinge/angle"]
-    assert abs(2 * angle - (1.5 + side["load_factor"]) * np.sin(angle)).max() < 1e-12
-    assert abs(angle[-1]) > 0.1
+    assert abs(path["q"] - path["q"][0]).max() < 1e-14  # nothing moves before it buckles
+    assert path["unstable"].tolist() == (path["load_factor"] > 0.5).astype(int).tolist()
+    ends = []
+    for sign in (1, -1):
+        start = sc.branch(model, path, sign=sign, **held)
+        side = sc.static(model, treatment, sc.ArcLength(10), start=start, **held)
+        angle = side["joint/hinge/angle"]
+        assert abs(2 * angle - (1.5 + side["load_factor"]) * np.sin(angle)).max() < 1e-12
+        assert side.meta["critical"] == []
+        ends.append(angle[-1])
+    assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
+    assert abs(ends[0]) > 0.1
