@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from test_discrete_mechanics import chain, wheel
 
 import skfem_cosserat as sc
@@ -137,20 +138,12 @@ def test_symmetric_top_is_exact_in_any_step():
     """Its axis goes around the angular momentum at |L|/J: closed form after one large step."""
     spin = np.array([0.7, 0.0, 2.0])
     model = sc.Model()
-    top = model.add("top", sc.RigidBody(1.0, (0.3, 0.3, 0.2), angular_velocity=spin))
+    model.add("top", sc.RigidBody(1.0, (0.3, 0.3, 0.2), angular_velocity=spin))
     system = model.freeze()
     h = run(system, sc.Explicit(), 3.0, 3.0)
-    J = np.array([0.3, 0.3, 0.2])
-    L = J * spin
-    axis, angle = L / np.linalg.norm(L), 3.0 * np.linalg.norm(L) / J[0]
-    d3 = np.array([0, 0, 1.0])
-    turned = (
-        np.cos(angle) * d3
-        + np.sin(angle) * np.cross(axis, d3)
-        + (1 - np.cos(angle)) * (axis @ d3) * axis
-    )
+    L = np.array([0.3, 0.3, 0.2]) * spin
+    turned = Rotation.from_rotvec(3.0 * L / 0.3).apply((0, 0, 1.0))
     np.testing.assert_allclose(h["q"][-1][9:12], turned, atol=1e-14)
-    assert top.name == "top"
 
 
 @pytest.mark.slow
@@ -179,26 +172,6 @@ def test_loads_in_time_are_averaged_exactly():
     h = run(model.freeze(), sc.Explicit(rounds=3), 0.5, 2.5)
     assert h["p"][-1][0] == pytest.approx(3 * 2.0, rel=1e-14)
     assert h["work_loads"][-1] == pytest.approx(h["energy"][-1], rel=1e-13)
-
-
-@pytest.mark.slow
-def test_moments_and_following_forces():
-    """A follower moment on a free rod, against energy-momentum with the same mass."""
-    model = sc.Model()
-    rod = model.add("rod", rod_of(3, 1, FLAT))
-    end, slow = rod.node("rod.end"), sc.RampSmooth(0.0, 0.04)
-    model.add("twist", sc.LoadMoment(end, (0.02, 0, 0.05), slow, follower=True))
-    model.add("push", sc.LoadForce(end, (0.0, 0.1, 0.1), slow, follower=True))
-    system = model.freeze()
-    differences = []
-    for k in (40, 80):
-        a = run(system, sc.Explicit(rounds=k), 0.01, 0.05)
-        b = run(system, sc.EnergyMomentum(), 0.01 / k, 0.05, every=k, derive=False)
-        differences.append(np.linalg.norm(a["q"][-1] - b["q"][-1]))
-    assert differences[1] < 2e-4
-    assert differences[0] / differences[1] == pytest.approx(4, abs=0.2)
-    # of second order where loads have no potential
-    assert abs(a["energy_balance"]).max() < 1e-3 * a["energy"][-1]
 
 
 @pytest.mark.slow
@@ -240,7 +213,7 @@ def twisted_rod(angle):
 # the strip is wider than its two elements are long
 @pytest.mark.filterwarnings("ignore:beam.* thick:skfem_cosserat.ModelWarning")
 def test_limits_fall_where_elements_are_twisted():
-    """By a quarter at 0.5 rad: steps are made shorter, with a warning, unless they are not checked.
+    """By a quarter at 0.5 rad: steps are made shorter, with a warning.
 
     Never above two over the highest frequency there.
     """
@@ -256,9 +229,6 @@ def test_limits_fall_where_elements_are_twisted():
     with pytest.warns(sc.AccuracyWarning, match="bent so far that their limits fall, to"):
         march.advance(state, step)
     assert march.shortened and march.rounds == 2
-    march = sc.Explicit(checked=False).march(system, sc.Multipliers(), step)
-    march.advance(state, step)
-    assert not march.shortened
 
 
 # -- springs and damping ---------------------------------------------------------------------------
@@ -280,7 +250,7 @@ def on_a_spring(stiffness=50.0, damping=0.0, length=None, at=(0, 0, -1), **motio
 
 
 def mounts(joined=False, viscous=1e-4):
-    """Springs, dampers, a cable, a bushing, an actuator, drag and a viscous beam, all in motion."""
+    """Springs, dampers, a cable, a bushing, drag, follower loads and a viscous beam, in motion."""
     model = sc.Model()
     section = SOFT.damped(time=viscous) if viscous else SOFT
     spin = {} if joined else {"angular_velocity": (1.0, 2.0, 0.0)}
@@ -300,6 +270,9 @@ def mounts(joined=False, viscous=1e-4):
     model.add("cord", sc.SpringDamper(tip, bob.place(), 300.0, 0.4))
     model.add("rope", sc.Cable(sc.ground((1, 0.3, -0.5)), box.at((1, 0, -0.15)), 40.0, 0.3, 0.3))
     model.add("drag", sc.RayleighDamping(mass=0.5, stiffness=viscous))
+    slow = sc.RampSmooth(0.0, 0.04)
+    model.add("twist", sc.LoadMoment(tip, (0.02, 0, 0.05), slow, follower=True))
+    model.add("push", sc.LoadForce(tip, (0.0, 0.1, 0.1), slow, follower=True))
     model.add("weight", sc.LoadGravity((0, -9.81, 2.0)))
     return model.freeze()
 
@@ -523,8 +496,6 @@ def test_what_would_be_ignored_is_refused():
     said = name + r" with Multipliers\(scaled=False\).*take Multipliers\(\)"
     with pytest.raises(sc.IncompatibleError, match=said):
         sc.Stepper(free_rod(), scheme, unscaled, 1e-5)
-    with pytest.raises(sc.InputError, match="argument solver"):
-        run(free_rod(), scheme, 1e-5, 1e-3, solver="superlu")
 
 
 def test_treatment_and_arguments():

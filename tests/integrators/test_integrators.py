@@ -13,7 +13,6 @@ from test_conservation import free_beam, free_tree
 from test_convergence import SCENES, TREATMENTS, UNTIL, massive, order
 from test_energy_balance import check_that_what_is_taken_is_kept_and_told
 from test_six_body_linkage import six as six_body_linkage
-from test_step_control import rubber
 from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
@@ -412,15 +411,6 @@ def test_generalized_alpha_starts_calmly_where_steps_resolve_nothing(seed):
     system, start, h, _ = random_scene(seed)
     energy = sc.simulate(system, sc.GeneralizedAlpha(0.6), NULL, h, 3 * h, start=start)["energy"]
     assert energy.max() < 1.1 * energy[0]
-
-
-@pytest.mark.slow
-def test_energy_never_grows_with_varying_steps():
-    """And what is taken is in the balance."""
-    run = rubber(), sc.EnergyDecaying(rate=20.0), NULL, sc.StepControl(1e-2), 0.05
-    history = sc.simulate(*run)
-    assert np.diff(history["energy"]).max() < 1e-11 * history["energy"][0]
-    assert abs(history["energy_balance"]).max() < 1e-10 * history["energy"][0]
 
 
 @pytest.mark.slow

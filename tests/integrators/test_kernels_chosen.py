@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +11,6 @@ import numpy as np
 import pytest
 import states
 from helpers_kernels import tree
-from helpers_scenes import four_bar
 from test_closed_loops import PARALLELOGRAM, linkage
 
 import skfem_cosserat as sc
@@ -104,18 +102,6 @@ def test_numpy_takes_over_where_numba_does_not_compile(monkeypatch):
     assert np.array_equal(other["q"], path["q"]) and other.meta["kernels"] == "numpy"
 
 
-@pytest.mark.plain
-def test_without_numba(monkeypatch):
-    monkeypatch.setattr(choice, "installed", lambda: False)
-    system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
-    with pytest.warns(sc.PerformanceWarning, match="50 times as long"):
-        taken = choice.choose_kernels("auto", system, *pair, 10**6)
-    assert taken[:2] == ("numpy", "numba is not installed")
-    with pytest.raises(ImportError, match=r"skfem-cosserat\[fast\]"):
-        choice.choose_kernels("numba", system, *pair, 10)
-    assert choice.choose_kernels("auto", system, *pair, 10).name == "numpy"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "variables", "why"),
@@ -190,20 +176,6 @@ def test_long_runs_are_told_that_they_are_not_compiled():
 
 
 NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
-
-
-@pytest.mark.parametrize(
-    ("scene", "integrator", "treatment", "why"),
-    [
-        ("plain", OwnBalance(), NULL, "the own integrator, whose balance is its own"),
-        ("plain", sc.Explicit(), MULTIPLIERS, "no compiled kernels for explicit steps"),
-        (four_bar, sc.Variational(), sc.Multipliers(full=True), "the full system of multipliers"),
-    ],
-    ids=lambda each: getattr(each, "name", getattr(each, "__name__", None)),
-)
-def test_why_scenes_are_refused(scene, integrator, treatment, why):
-    system = (states.PARTS[scene] if isinstance(scene, str) else scene)().freeze()
-    assert re.search(why, refusal(system, integrator, treatment))
 
 
 @pytest.mark.slow

@@ -757,17 +757,6 @@ def test_moment_about_a_hinge_is_conservative(treatment):
     assert loads_of(path)[:2] == pytest.approx(wanted, rel=1e-9)
 
 
-@pytest.mark.one_quick
-@ways
-def test_no_critical_points_where_there_are_none(treatment, kernels):
-    """Tension, and a cantilever bent far by forces across it."""
-    model, tip = cantilever()
-    model.add("pull", sc.LoadForce(tip, (30.0, 20.0, 5.0)))
-    path = sc.static(model, treatment, kernels=kernels)
-    assert path.meta["critical"] == []
-    assert not path["unstable"].any()
-
-
 def test_unwatched_paths_are_not_looked_at():
     model, _ = column()
     path = sc.static(model, control=sc.LoadControl(4.0), watch=False)
