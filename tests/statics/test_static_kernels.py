@@ -266,5 +266,3 @@ def test_what_is_not_compiled_is_refused():
     system = scenes.bend(4, 1).system
     with pytest.raises(sc.InputError, match="the full system of multipliers"):
         sc.static(system, sc.Multipliers(full=True), kernels="numba")
-    with pytest.raises(sc.InputError, match="'fortran', expected"):
-        sc.static(system, kernels="fortran")
