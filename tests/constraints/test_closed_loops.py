@@ -470,7 +470,6 @@ def test_a_parallelogram_passes_its_flat_positions(integrator, treatment, step, 
     assert abs(history["q"][:, i + 3 : i + 6] - (1, 0, 0)).max() < 1e-9
     assert history["constraint_violation"].max() < 1e-12
     assert np.ptp(history["energy"]) < 1e-9 * history["energy"][0]  # each bar's own is constant
-    assert (history["attempts"] == 1).all()
     texts = passages(caplog)
     assert len(texts) == 2, texts
     for text, angle in zip(texts, (1.0, 1.0 + np.pi), strict=True):

