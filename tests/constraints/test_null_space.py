@@ -17,7 +17,7 @@ from helpers_scenes import (
 )
 
 import skfem_cosserat as sc
-from skfem_cosserat.kernels import director_force, null_space_blocks, skew
+from skfem_cosserat.kernels import director_force, null_space_blocks
 from skfem_cosserat.model.reparametrisation import Reparametrisation
 
 SCENES = {
@@ -99,7 +99,6 @@ def test_internal_null_space():
     assert rate[:, 1:] == pytest.approx(np.cross(omega, D), abs=1e-15)
     f = rng.standard_normal((5, 3, 3))
     assert director_force(D, f) == pytest.approx(np.cross(D, f).sum(1), abs=1e-14)
-    assert skew(v) @ omega == pytest.approx(np.cross(v, omega))
 
 
 def test_counts_of_the_swing():
@@ -109,9 +108,6 @@ def test_counts_of_the_swing():
         weight = integrator.constraint_weight
         assert sc.NullSpace().bind(system, weight).unknowns == 122
         assert sc.Multipliers().bind(system, weight).unknowns == 430
-    text = repr(system)
-    for word in ("n = 276", "m = 154", "430 with multipliers", "122 with the null space"):
-        assert word in text
 
 
 def test_counts_of_points_and_lumps():
@@ -141,25 +137,11 @@ def test_the_twist_map_joint_by_joint_is_its_matrix(name):
     assert kin.recursion.expand(values, nu) == pytest.approx(T @ nu, rel=1e-12, abs=1e-12)
 
 
-def row_of_beams(count):
-    """Short beams, each clamped to the end of the last one."""
-    model, end = sc.Model(), sc.ground((0, 0, 0))
-    section = sc.Section([1e4, 1e4, 2e4, 5, 6, 7], mass=1.0, inertia=(1e-3, 1e-3))
-    for k in range(count):
-        mesh = sc.MeshCurve.init_line((0.1 * k, 0, 0), (0.1 * (k + 1), 0, 0), 1, name=f"rod {k}")
-        rod = model.add(f"rod {k}", sc.Beam(mesh, section, director=(0, 0, 1)))
-        model.add(f"joint {k}", sc.JointFixed(end, rod.node(f"rod {k}.start")))
-        end = rod.node(f"rod {k}.end")
-    return model.freeze()
-
-
-@pytest.mark.one_quick
-@pytest.mark.parametrize("scene", [chain, row_of_beams])
-def test_steps_of_a_deep_tree_ask_for_no_full_matrix(scene, kernels):
+def test_steps_of_a_deep_tree_ask_for_no_full_matrix(kernels):
     """What is stored grows with the items, not with their square: pairs, map and pattern."""
     sizes = []
     for count in (40, 80):
-        system = scene(count)
+        system = chain(count)
         integrator, treatment = sc.EnergyMomentum(), sc.NullSpace()
         stepper = sc.Stepper(system, integrator, treatment, 1e-3, kernels=kernels)
         stepper.advance(stepper.own(sc.initial_state(system)))

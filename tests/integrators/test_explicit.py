@@ -5,6 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+from test_discrete_mechanics import chain, wheel
 
 import skfem_cosserat as sc
 from skfem_cosserat import InterpolationEquidistant, diagnostics
@@ -20,40 +22,6 @@ PLAIN = {"kernels": "numpy"}
 def rod_of(n=4, order=1, section=RUBBER, lumped=True, **motion):
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), n, name="rod")
     return sc.Beam(mesh, section, order=order, director=(0, 1, 0), lumped=lumped, **motion)
-
-
-def pendulum(n=4, order=1, section=FLAT, lumped=True):
-    """A rod on a hinge; at its end a body off its axis, with unequal moments, and a ball joint."""
-    model = sc.Model()
-    rod = model.add("rod", rod_of(n, order, section, lumped))
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), axis=(0, 0, 1))
-    model.add("hinge", hinge)
-    tip = rod.node("rod.end")
-    model.add("lump", sc.RigidBody(0.3, (5e-4, 7e-4, 9e-4), center=(0.02, 0.03, 0), on=tip))
-    bob = model.add("bob", sc.RigidBody.box(0.2, (0.05, 0.1, 0.2), position=(1, 0, -0.1)))
-    model.add("ball", sc.JointSpherical(tip, bob.at((1, 0, 0))))
-    slow = sc.RampSmooth(0.0, 0.2)
-    model.add("weight", sc.LoadGravity((0.0, -9.81, 2.0), slow))
-    return model.freeze()
-
-
-def chain():
-    """Bodies and a mass point, joined by what takes five, four, three, two and one freedoms."""
-    model = sc.Model()
-    boxes = [
-        model.add(f"box {k}", sc.RigidBody.box(0.5, (0.05, 0.1, 0.3), position=(0, 0, -0.3 * k)))
-        for k in range(4)
-    ]
-    at = [(0, 0, 0.15 - 0.3 * k) for k in range(5)]
-    model.add("hinge", sc.JointRevolute(sc.ground(at[0]), boxes[0].at(at[0]), axis=(1, 0, 0)))
-    places = [(boxes[k].at(at[k + 1]), boxes[k + 1].at(at[k + 1])) for k in range(3)]
-    model.add("cross", sc.JointUniversal(*places[0], axis_a=(1, 0, 0), axis_b=(0, 1, 0)))
-    model.add("ball", sc.JointSpherical(*places[1]))
-    model.add("weld", sc.JointFixed(*places[2]))
-    bob = model.add("bob", sc.MassPoint(0.2, position=(0.1, 0, -1.2)))
-    model.add("string", sc.JointDistance(boxes[3].at(at[4]), bob.place()))
-    model.add("weight", sc.LoadGravity((1.0, 2.0, -9.81)))
-    return model.freeze()
 
 
 def free_rod(order=1, section=FLAT):
@@ -146,31 +114,21 @@ def test_step_above_the_limit_is_refused_by_name():
     assert len(run(system, sc.Explicit(rounds=12), 11.5 * limit.seconds, 23 * limit.seconds)) > 1
 
 
-# -- order -----------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 2])
-def test_second_order_in_position_and_velocity(order):
-    system = pendulum(2, order, SOFT)
-    ends = [run(system, sc.Explicit(rounds=k), 0.05, 0.05) for k in (80, 160, 320)]
-    for name in ("q", "v", "constraint_force"):
-        values = [h[name][1] for h in ends]
-        errors = [np.linalg.norm(a - b) for a, b in pairwise(values)]
-        orders = np.log2(np.divide(errors[:-1], errors[1:]))
-        assert abs(orders - 2).max() < 0.1, name
-
-
 # -- what is conserved -----------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("order", [1, 3])
-def test_momentum_maps_are_exact(order):
-    h = run(free_rod(order), sc.Explicit(rounds=50), 0.01, 0.1)
+@pytest.mark.filterwarnings("ignore:beam 'rod'.* tension")
+@pytest.mark.parametrize(
+    ("order", "section"), [(1, FLAT), (3, FLAT), (1, SOFT.damped(time=1e-4))], ids=[1, 3, "viscous"]
+)
+def test_momentum_maps_are_exact(order, section):
+    h = run(free_rod(order, section), sc.Explicit(rounds=50), 0.01, 0.1)
     for name in ("linear_momentum", "angular_momentum"):
         assert abs(h[name] - h[name][0]).max() < 1e-13 * abs(h[name][0]).max(), name
-    assert abs(h["energy"] / h["energy"][0] - 1).max() < 1e-3
+    balance = h["energy"] + h["dissipated"]
+    assert abs(balance / balance[0] - 1).max() < 1e-3
+    assert (h["dissipated"][-1] > 1e-5 * balance[0]) == (section is not FLAT)
     triads = h["q"].reshape(len(h), -1, 4, 3)[:, :, 1:]
     gram = triads @ triads.transpose(0, 1, 3, 2)
     assert abs(gram - np.eye(3)).max() < 1e-14
@@ -180,20 +138,12 @@ def test_symmetric_top_is_exact_in_any_step():
     """Its axis goes around the angular momentum at |L|/J: closed form after one large step."""
     spin = np.array([0.7, 0.0, 2.0])
     model = sc.Model()
-    top = model.add("top", sc.RigidBody(1.0, (0.3, 0.3, 0.2), angular_velocity=spin))
+    model.add("top", sc.RigidBody(1.0, (0.3, 0.3, 0.2), angular_velocity=spin))
     system = model.freeze()
     h = run(system, sc.Explicit(), 3.0, 3.0)
-    J = np.array([0.3, 0.3, 0.2])
-    L = J * spin
-    axis, angle = L / np.linalg.norm(L), 3.0 * np.linalg.norm(L) / J[0]
-    d3 = np.array([0, 0, 1.0])
-    turned = (
-        np.cos(angle) * d3
-        + np.sin(angle) * np.cross(axis, d3)
-        + (1 - np.cos(angle)) * (axis @ d3) * axis
-    )
+    L = np.array([0.3, 0.3, 0.2]) * spin
+    turned = Rotation.from_rotvec(3.0 * L / 0.3).apply((0, 0, 1.0))
     np.testing.assert_allclose(h["q"][-1][9:12], turned, atol=1e-14)
-    assert top.name == "top"
 
 
 @pytest.mark.slow
@@ -207,7 +157,7 @@ def test_joints_are_closed_to_rounding():
     em = run(system, sc.EnergyMomentum(), 1e-3, 0.1)
     fine = run(system, sc.Explicit(), 5e-4, 0.1)
     np.testing.assert_allclose(fine["q"][-1], em["q"][-1], atol=2e-5)
-    force = "joint/hinge/force"
+    force = "joint/hook/force"
     np.testing.assert_allclose(fine[force][100], em[force][50], rtol=0.01, atol=0.05)
 
 
@@ -222,26 +172,6 @@ def test_loads_in_time_are_averaged_exactly():
     h = run(model.freeze(), sc.Explicit(rounds=3), 0.5, 2.5)
     assert h["p"][-1][0] == pytest.approx(3 * 2.0, rel=1e-14)
     assert h["work_loads"][-1] == pytest.approx(h["energy"][-1], rel=1e-13)
-
-
-@pytest.mark.slow
-def test_moments_and_following_forces():
-    """A follower moment on a free rod, against energy-momentum with the same mass."""
-    model = sc.Model()
-    rod = model.add("rod", rod_of(3, 1, FLAT))
-    end, slow = rod.node("rod.end"), sc.RampSmooth(0.0, 0.04)
-    model.add("twist", sc.LoadMoment(end, (0.02, 0, 0.05), slow, follower=True))
-    model.add("push", sc.LoadForce(end, (0.0, 0.1, 0.1), slow, follower=True))
-    system = model.freeze()
-    differences = []
-    for k in (40, 80):
-        a = run(system, sc.Explicit(rounds=k), 0.01, 0.05)
-        b = run(system, sc.EnergyMomentum(), 0.01 / k, 0.05, every=k, derive=False)
-        differences.append(np.linalg.norm(a["q"][-1] - b["q"][-1]))
-    assert differences[1] < 2e-4
-    assert differences[0] / differences[1] == pytest.approx(4, abs=0.2)
-    # of second order where loads have no potential
-    assert abs(a["energy_balance"]).max() < 1e-3 * a["energy"][-1]
 
 
 @pytest.mark.slow
@@ -283,7 +213,7 @@ def twisted_rod(angle):
 # the strip is wider than its two elements are long
 @pytest.mark.filterwarnings("ignore:beam.* thick:skfem_cosserat.ModelWarning")
 def test_limits_fall_where_elements_are_twisted():
-    """By a quarter at 0.5 rad: steps are made shorter, with a warning, unless they are not checked.
+    """By a quarter at 0.5 rad: steps are made shorter, with a warning.
 
     Never above two over the highest frequency there.
     """
@@ -299,9 +229,6 @@ def test_limits_fall_where_elements_are_twisted():
     with pytest.warns(sc.AccuracyWarning, match="bent so far that their limits fall, to"):
         march.advance(state, step)
     assert march.shortened and march.rounds == 2
-    march = sc.Explicit(checked=False).march(system, sc.Multipliers(), step)
-    march.advance(state, step)
-    assert not march.shortened
 
 
 # -- springs and damping ---------------------------------------------------------------------------
@@ -323,7 +250,7 @@ def on_a_spring(stiffness=50.0, damping=0.0, length=None, at=(0, 0, -1), **motio
 
 
 def mounts(joined=False, viscous=1e-4):
-    """Springs, dampers, a cable, a bushing, an actuator, drag and a viscous beam, all in motion."""
+    """Springs, dampers, a cable, a bushing, drag, follower loads and a viscous beam, in motion."""
     model = sc.Model()
     section = SOFT.damped(time=viscous) if viscous else SOFT
     spin = {} if joined else {"angular_velocity": (1.0, 2.0, 0.0)}
@@ -343,23 +270,11 @@ def mounts(joined=False, viscous=1e-4):
     model.add("cord", sc.SpringDamper(tip, bob.place(), 300.0, 0.4))
     model.add("rope", sc.Cable(sc.ground((1, 0.3, -0.5)), box.at((1, 0, -0.15)), 40.0, 0.3, 0.3))
     model.add("drag", sc.RayleighDamping(mass=0.5, stiffness=viscous))
+    slow = sc.RampSmooth(0.0, 0.04)
+    model.add("twist", sc.LoadMoment(tip, (0.02, 0, 0.05), slow, follower=True))
+    model.add("push", sc.LoadForce(tip, (0.0, 0.1, 0.1), slow, follower=True))
     model.add("weight", sc.LoadGravity((0, -9.81, 2.0)))
     return model.freeze()
-
-
-@pytest.mark.slow
-def test_spring_pendulum_in_closed_form():
-    """All but unstressed at length zero it swings as an ellipse about its rest."""
-    model = on_a_spring(length=1e-9, velocity=(0.3, 1.0, 0.5))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    system = model.freeze()
-    rest, omega, until = np.array([0, 0, -2.0 * 9.81 / 50.0]), 5.0, 1.7
-    swing = (np.array([0, 0, -1.0]) - rest) * np.cos(omega * until)
-    exact = rest + swing + np.array([0.3, 1.0, 0.5]) * np.sin(omega * until) / omega
-    ends = [run(system, sc.Explicit(rounds=k), until, until)["q"][-1] for k in (40, 80, 160)]
-    errors = [np.linalg.norm(end - exact) for end in ends]
-    np.testing.assert_allclose(np.log2(np.divide(errors[:-1], errors[1:])), 2, atol=0.02)
-    assert errors[-1] < 1e-3
 
 
 @pytest.mark.slow
@@ -389,8 +304,8 @@ def test_second_order_with_springs_and_damping(joined):
     """Positions, velocities; the balance of energies and works closes to second order, too."""
     system = mounts(joined)
     runs = [run(system, sc.Explicit(rounds=k), 0.05, 0.05) for k in (80, 160, 320)]
-    for name in ("q", "v"):
-        found = orders([h[name][-1] for h in runs])
+    for name in ("q", "v", "constraint_force"):
+        found = orders([h[name][1] for h in runs])
         assert (found > 1.9).all() and (found < 2.1).all(), name
     balances = [h.meta["energy_balance"] for h in runs]
     assert balances[-1]["dissipated"] > 0.01
@@ -405,28 +320,12 @@ def test_second_order_with_springs_and_damping(joined):
 @pytest.mark.slow
 def test_springs_and_damping_as_with_energy_momentum():
     """The difference of both falls by four."""
-    system = mounts()
-    ends = []
-    for k in (40, 80, 160):
+    system, ends = mounts(), []
+    for k in (40, 80):
         a = run(system, sc.Explicit(rounds=2 * k), 0.05, 0.05)["q"][-1]
         b = run(system, sc.EnergyMomentum(), 0.05 / k, 0.05, every=k, derive=False)["q"][-1]
         ends.append(np.linalg.norm(a - b))
-    found = np.log2(np.divide(ends[:-1], ends[1:]))
-    assert (found > 1.9).all() and (found < 2.1).all()
-
-
-@pytest.mark.slow
-def test_internal_damping_keeps_momenta():
-    """Viscous beams and dampers between bodies give none and take none, to rounding."""
-    model = sc.Model()
-    spin = {"velocity": (0.5, 0.2, 0.0), "angular_velocity": (1.0, 2.0, 3.0)}
-    rod = model.add("rod", rod_of(2, 1, SOFT.damped(time=1e-3), **spin))
-    box = model.add("box", sc.RigidBody.box(0.2, (0.05, 0.1, 0.2), position=(1, 0.2, -0.1)))
-    model.add("cord", sc.SpringDamper(rod.node("rod.end"), box.at((1, 0.2, 0)), 30.0, 0.5))
-    h = run(model.freeze(), sc.Explicit(rounds=200), 0.02, 0.04)
-    for name in ("linear_momentum", "angular_momentum"):
-        assert abs(h[name] - h[name][0]).max() < 1e-13 * abs(h[name][0]).max(), name
-    assert h.meta["energy_balance"]["dissipated"] > 1e-3
+    assert np.log2(ends[0] / ends[1]) == pytest.approx(2, abs=0.1)
 
 
 @pytest.mark.slow
@@ -443,12 +342,7 @@ def test_drag_in_closed_form():
 def test_torsion_spring_over_several_turns():
     """Wound up by almost four turns and back: its angle does not jump."""
     scheme = sc.Explicit(rounds=8)
-    model = sc.Model()
-    wheel = model.add("wheel", sc.RigidBody(1.0, (0.2, 0.3, 0.4), angular_velocity=(0, 0, 40.0)))
-    place = sc.ground((0, 0, 0)), wheel.at((0, 0, 0))
-    hinge = model.add("hinge", sc.JointRevolute(*place, axis=(0, 0, 1)))
-    model.add("spring", sc.JointSpringDamper(hinge, stiffness=1.0, damping=0.05))
-    h = run(model.freeze(), scheme, 0.05, 4.0)
+    h = run(wheel(), scheme, 0.05, 4.0)
     decay = 0.05 / (2 * 0.4)
     omega = np.sqrt(1.0 / 0.4 - decay**2)
     angle = 40.0 / omega * np.exp(-decay * h["t"]) * np.sin(omega * h["t"])
@@ -456,7 +350,7 @@ def test_torsion_spring_over_several_turns():
     found = h["joint/hinge/angle"].ravel()
     turned = np.unwrap(found) if abs(found).max() < 7 else found
     np.testing.assert_allclose(turned, angle, atol=1e-3 * angle.max())
-    states = sc.restart(model.freeze(), h, scheme, 0.05)
+    states = sc.restart(wheel(), h, scheme, 0.05)
     assert states.turns is not None
     assert states.turns[0] == np.rint(angle[-1] / (2 * np.pi))
 
@@ -600,8 +494,6 @@ def test_what_would_be_ignored_is_refused():
     said = name + r" with Multipliers\(scaled=False\).*take Multipliers\(\)"
     with pytest.raises(sc.IncompatibleError, match=said):
         sc.Stepper(free_rod(), scheme, unscaled, 1e-5)
-    with pytest.raises(sc.InputError, match="argument solver"):
-        run(free_rod(), scheme, 1e-5, 1e-3, solver="superlu")
 
 
 def test_treatment_and_arguments():
@@ -609,7 +501,7 @@ def test_treatment_and_arguments():
         sc.simulate(free_rod(), sc.Explicit(), sc.NullSpace(), 1e-5, 1.0)
     with pytest.raises(sc.InputError, match=r"argument system: .* expected a Model"):
         sc.Explicit.limit("rod")
-    for bad in (0, 1.5, True):
+    for bad in (0, 1.5):
         with pytest.raises(sc.InputError, match="rounds"):
             sc.Explicit(rounds=bad)
     with pytest.raises(AttributeError, match=r"Asynchronous is gone: take Explicit"):

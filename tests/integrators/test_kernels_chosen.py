@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 import states
 from helpers_kernels import tree
-from helpers_scenes import four_bar
+from test_closed_loops import PARALLELOGRAM, linkage
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import kept
@@ -54,7 +53,7 @@ def test_runs_take_kernels_that_are_compiled_already(kept_kernels):
 @pytest.mark.slow
 def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert not kept.promising() and not kept._PROMISING & {kept.folder()}
+    assert not kept.promising()
     kept.folder().mkdir()
     for stamp, there in (("0123456789abcdef", False), (kept.stamp(), True)):
         (kept.folder() / f"step.solve-{stamp}-0123456789abcdef.kernel").write_bytes(b"")
@@ -101,18 +100,6 @@ def test_numpy_takes_over_where_numba_does_not_compile(monkeypatch):
     with pytest.warns(sc.PerformanceWarning, match="takes over"):
         other = sc.static(held, kernels="numba")
     assert np.array_equal(other["q"], path["q"]) and other.meta["kernels"] == "numpy"
-
-
-@pytest.mark.plain
-def test_without_numba(monkeypatch):
-    monkeypatch.setattr(choice, "installed", lambda: False)
-    system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
-    with pytest.warns(sc.PerformanceWarning, match="50 times as long"):
-        taken = choice.choose_kernels("auto", system, *pair, 10**6)
-    assert taken[:2] == ("numpy", "numba is not installed")
-    with pytest.raises(ImportError, match=r"skfem-cosserat\[fast\]"):
-        choice.choose_kernels("numba", system, *pair, 10)
-    assert choice.choose_kernels("auto", system, *pair, 10).name == "numpy"
 
 
 @pytest.mark.slow
@@ -191,40 +178,12 @@ def test_long_runs_are_told_that_they_are_not_compiled():
 NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
 
 
-@pytest.mark.parametrize(
-    ("scene", "integrator", "treatment", "why"),
-    [
-        ("plain", OwnBalance(), NULL, "the own integrator, whose balance is its own"),
-        ("plain", sc.Explicit(), MULTIPLIERS, "no compiled kernels for explicit steps"),
-        (four_bar, sc.Variational(), sc.Multipliers(full=True), "the full system of multipliers"),
-    ],
-    ids=lambda each: getattr(each, "name", getattr(each, "__name__", None)),
-)
-def test_why_scenes_are_refused(scene, integrator, treatment, why):
-    system = (states.PARTS[scene] if isinstance(scene, str) else scene)().freeze()
-    assert re.search(why, refusal(system, integrator, treatment))
-
-
-def flat_four_bar():
-    """A parallelogram of rigid links, folded flat, where it stays: a singular position."""
-    model, at, place = sc.Model(), 0.0, sc.ground((0, 0, 0))
-    for k, length in enumerate((1.0, 2.0, -1.0)):
-        middle = (at + 0.5 * length, 0, 0)
-        link = sc.RigidBody.box(1.0, (abs(length), 0.1, 0.1), position=middle)
-        model.add(f"link {k}", link)
-        start, end = (link.local((s * 0.5 * length, 0, 0)) for s in (-1, 1))
-        model.add(f"hinge {k}", sc.JointRevolute(place, start, axis=(0, 0, 1)))
-        at, place = at + length, end
-    model.add("hinge", sc.JointRevolute(place, sc.ground((at, 0, 0)), axis=(0, 0, 1)))
-    return model.freeze()
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*singular:skfem_cosserat.ModelWarning")
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.PerformanceWarning")
 def test_steps_that_compiled_kernels_leave_to_numpy_are_told():
-    system = flat_four_bar()
+    system = linkage(PARALLELOGRAM, 0.0).freeze()  # flat, and at rest: a singular position
     for steps, told in ((10**6, 1), (30, 0)):
         run = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
         stepper, state = sc.Stepper(*run, kernels="numba", steps=steps), sc.initial_state(system)

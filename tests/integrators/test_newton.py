@@ -77,27 +77,12 @@ def test_increments_too_long_end_it():
     assert run(Script([3.0]), largest=1.0)[0] == newton.TOO_LONG
 
 
-def test_fresh_factors_are_kept_within_a_step():
-    """One factorisation, then increments that shrink by the same rate."""
-    code, did, record = run(Script([1e-3], [1e-7, 1e-11, 1e-15, 1e-19]))
-    assert code == newton.SETTLED
-    assert did == ["factorise", "fresh", "kept", "kept", "kept"]
-    assert record[newton.FACTORED] == 1 and record[newton.ITERATIONS] == 4
-
-
 def test_factors_of_the_step_before():
     """None is made as long as few iterations are expected with them."""
     script = Script([], [1e-4 * 1e-4**k for k in range(8)])
     code, did, record = run(script, kept_record(1e-4))
     assert code == newton.SETTLED and "factorise" not in did
     assert record[newton.STEPS] == 1 and record[newton.SPENT] == record[newton.ITERATIONS]
-
-
-def test_factors_that_did_not_do_are_tried_again_later():
-    """At a rate of 0.3 too many iterations are ahead: new ones, and a rate that is forgotten."""
-    code, did, record = run(Script([1e-13]), kept_record(0.3), reuse=2.0)
-    assert code == newton.SETTLED and did == ["factorise", "fresh"]
-    assert record[newton.RATE] == pytest.approx(0.8 * 0.3)
 
 
 def test_stalled_increments_are_rounding_or_ask_for_new_factors():

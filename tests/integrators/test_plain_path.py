@@ -50,19 +50,6 @@ def test_quaternions_and_their_derivatives(size):
     assert abs(turned - kernels.skew(theta) @ R).max() <= 4e-14 * size
 
 
-@pytest.mark.parametrize("nodes", [1, 2, 4])
-def test_null_space_matrices_of_blocks_of_nodes(nodes):
-    D = np.random.default_rng(11).standard_normal((3, nodes, 3, 3))
-    found = kernels.null_space_blocks(D)
-    wanted = np.zeros((3, nodes, 4, 3, nodes, 2, 3))
-    for a in range(nodes):
-        wanted[:, a, 0, :, a, 0] = np.eye(3)
-        wanted[:, a, 1:, :, a, 1] = -kernels.skew(D[:, a])
-    assert (found == wanted.reshape(3, 12 * nodes, 6 * nodes)).all()
-    if nodes == 1:
-        assert (found == kernels.null_space_blocks(D[:, 0])).all()
-
-
 def test_spin_gradient_is_a_derivative():
     rng = np.random.default_rng(8)
     D, F = rng.standard_normal((2, 4, 3, 3))

@@ -9,6 +9,7 @@ import pytest
 from helpers_scenes import four_bar
 from helpers_schemes import SCHEMES, compiled
 from rounding import limits, nudged
+from test_own_items import LoadAttraction, LoadDrag
 
 import skfem_cosserat as sc
 
@@ -27,24 +28,6 @@ STEPS = 20
 
 
 # -- scenes ----------------------------------------------------------------------------------------
-
-
-class LoadPull(sc.Load):
-    """Towards a point as a stiffening spring, with the square of the speed against the motion."""
-
-    def __init__(self, place: sc.Place, fails: float = np.inf) -> None:
-        super().__init__(amplitude=sc.Harmonic(1.0, 3.0, np.pi / 3))
-        self.place, self.fails = place, fails
-
-    def terms(self) -> list[sc.Term]:
-        return [sc.TermFunction([sc.ground((1, 1, 0)), self.place], self.force, self.time)]
-
-    def force(self, x: Any, v: Any, t: float) -> Any:
-        if t > self.fails:
-            raise RuntimeError("out of reach")
-        r = x[1] - x[0]
-        pull = 3.0 * (1 + r @ r) * r + 0.2 * np.sqrt((v[1] * v[1]).sum() + 1e-4) * v[1]
-        return np.array([pull, -pull])
 
 
 def arm(
@@ -113,7 +96,8 @@ def springs() -> sc.System:
 
 def own_load() -> sc.System:
     model, tip = arm()
-    model.add("pull", LoadPull(tip))
+    model.add("pull", LoadAttraction(sc.ground((1, 1, 0)), tip, 3.0, spring=True))
+    model.add("drag", LoadDrag(tip, 0.2, sc.Harmonic(1.0, 3.0, np.pi / 3)))
     return model.freeze()
 
 
@@ -235,12 +219,7 @@ def test_velocities_are_moved_where_curved_elements_hold_strains(theory):
 @pytest.mark.parametrize("scheme", COMPILED, ids=repr)
 def test_works_of_steps_that_are_not_recorded(scheme):
     """Those of blocks of steps, taken in one call: an energy-decaying scheme lost what it took."""
-    model = sc.Model()
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
-    beam = model.add("beam", sc.Beam(mesh, SECTION, director=Z))
-    model.add("hinge", sc.JointRevolute(GROUND, beam.node("rod.start"), (0.6, 0.0, 0.8)))
-    model.add("weight", sc.LoadGravity((0.3, -9.81, 0.2)))
-    system = model.freeze()
+    system = arm()[0].freeze()
     every, seldom = (
         sc.simulate(system, scheme, NULL, 2e-3, 0.04, kernels="numba", every=count)
         for count in (1, 10)
@@ -271,30 +250,6 @@ def test_kernels_agree_in_steps_of_varying_sizes(scheme, treatment):
     assert compiled["q"][-1] == pytest.approx(plain["q"][-1], abs=1e-8 * size)
     lost = max(abs(plain["dissipated"]).max(), abs(plain["energy"]).max())
     assert compiled["dissipated"][-1] == pytest.approx(plain["dissipated"][-1], abs=1e-8 * lost)
-
-
-@pytest.mark.slow
-@alphas
-def test_kernels_agree_across_events(scheme, treatment):
-    """A hinge is locked, and released again; a load pushes from an instant on."""
-
-    def events() -> list[sc.Event]:
-        return [
-            sc.Event(sc.ConditionCoordinate("hinge", -0.01), sc.ActionLock("hinge"), name="lock"),
-            sc.Event(sc.ConditionTime(0.06), sc.ActionRelease("rope"), name="release"),
-        ]
-
-    system = arm()[0].freeze()
-    compiled, plain = (
-        sc.simulate(system, scheme, treatment, 2e-3, 0.1, kernels=kernels, events=events())
-        for kernels in ("numba", "numpy")
-    )
-    assert [e.name for e in plain.events] == ["lock", "release"]
-    assert [e.time for e in compiled.events] == pytest.approx([e.time for e in plain.events])
-    assert compiled.meta["kernels"] == "numba"
-    for name in ("q", "p", "energy"):
-        size = np.nanmax(abs(plain[name]))
-        assert compiled[name] == pytest.approx(plain[name], abs=1e-8 * size, nan_ok=True), name
 
 
 @pytest.mark.slow
@@ -330,15 +285,3 @@ def test_what_stresses_take_is_counted(chi, treatment, kernels):
     report = stepper.advance(sc.initial_state(system))
     assert report.work.numerical > 0
     assert report.work.numerical == pytest.approx(report.work.dissipated, rel=1e-12)
-
-
-@alphas
-def test_a_load_that_fails_within_compiled_steps_is_named(scheme, treatment):
-    model, tip = arm()
-    model.add("pull", LoadPull(tip, fails=0.021))
-    with pytest.raises(sc.InputError, match=r"load 'pull': its force failed at t = 0\.022 s") as e:
-        sc.simulate(model.freeze(), scheme, treatment, 2e-3, 0.1, kernels="numba")
-    assert isinstance(e.value.__cause__, RuntimeError)
-    history = e.value.history
-    assert (history.status, history.meta["kernels"]) == ("failed", "numba")
-    assert history.times == pytest.approx(2e-3 * np.arange(11))

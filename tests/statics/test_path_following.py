@@ -54,13 +54,11 @@ def test_soft_part_on_a_stiff_one_bends():
         model.add("push", sc.LoadForce(place, (0, 0, EI)))
         path = sc.static(model, derive=False)
         nodes = path["q"][-1].reshape(-1, 4, 3)[:, 0]
-        end = nodes[nodes[:, 0].argmax()] - stiff * np.array([1.0, 0, 0])
-        return end, path.meta["newton_iterations"]
+        return nodes[nodes[:, 0].argmax()] - stiff * np.array([1.0, 0, 0])
 
-    (alone, few), (joined, more) = last(False), last(True)
+    alone = last(False)
     assert alone[2] > 0.2
-    assert joined == pytest.approx(alone, abs=1e-8)
-    assert more <= few + 2  # rounding does not keep iterations going
+    assert last(True) == pytest.approx(alone, abs=1e-8)
 
 
 #: where the shallow truss snaps through, ``l^3 = l0``: height, load

@@ -7,6 +7,7 @@ import pytest
 from helpers_kernels import needs_numba
 from helpers_scenes import four_bar
 from scipy.sparse import csr_matrix
+from test_path_following import bars
 from test_statics import cantilever, column, stiff, truss
 
 import skfem_cosserat as sc
@@ -139,14 +140,6 @@ def test_counts_are_those_of_eigenvalues(scene, treatment, kernels):
 
 def test_deep_trees_are_looked_at_too(kernels):
     """Their matrix in plain numpy has unknowns that only help: eigenvalues tell the count."""
-    model, place, force = sc.Model(), sc.ground((0, 0, 0)), (-4.0, 0.0, 1e-3)
-    for k in range(40):
-        body = model.add(f"bar {k}", sc.RigidBody(1.0, (1.0, 1.0, 1.0), position=(k + 0.5, 0, 0)))
-        joint = sc.JointRevolute(place, body.at((k, 0, 0)), axis=(0, 1, 0))
-        model.add(f"hinge {k}", joint)
-        model.add(f"spring {k}", sc.JointSpringDamper(joint, stiffness=1e4))
-        place = body.at((k + 1, 0, 0))
-    model.add("push", sc.LoadForce(place, force))
-    path = sc.static(model, kernels=kernels)
+    path = sc.static(bars(40 * [1e4]), kernels=kernels)
     assert path.status == "completed"
     assert path["unstable"].max() == 0

@@ -35,26 +35,11 @@ def test_a_beam_that_is_far_too_soft_for_the_path_is_asked_for_its_units():
 # -- free motions ----------------------------------------------------------------------------------
 
 
-def free_beam():
-    model = sc.Model()
-    rod(model)
-    return model
-
-
 def beam_on_a_hinge(force=(0, 1.0, 0)):
     model = sc.Model()
     beam = rod(model)
     model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), beam.node("rod.start"), (0, 0, 1)))
     model.add("force", sc.LoadForce(beam.node("rod.end"), force))
-    return model
-
-
-def beam_between_balls():
-    model = sc.Model()
-    beam = rod(model)
-    for k, name in enumerate(("start", "end")):
-        ball = sc.JointSpherical(sc.ground((k, 0, 0)), beam.node(f"rod.{name}"))
-        model.add(name, ball)
     return model
 
 
@@ -64,30 +49,6 @@ def slider():
     guide = sc.JointPrismatic(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 1, 0))
     model.add("guide", guide)
     model.add("force", sc.LoadForce(body.at((0, 0, 0)), (0, 2.0, 0)))
-    return model
-
-
-def screw():
-    """A tube joint leaves a shift along and a turn about its axis."""
-    model = sc.Model()
-    body = model.add("block", sc.RigidBody.box(1.0, (1, 1, 1), position=(0, 2, 0)))
-    tube = sc.JointCylindrical(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
-    model.add("tube", tube)
-    return model
-
-
-def point_on_a_spring():
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, (1, 0, 0)))
-    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), ball.place(), 10.0))
-    return model
-
-
-def several_pieces():
-    model = sc.Model()
-    rod(model)
-    rod(model, name="other", ends=((0, 1, 0), (1, 1, 0)))
-    model.add("ball", sc.MassPoint(1.0, (5, 0, 0)))
     return model
 
 
@@ -118,11 +79,7 @@ def fixed_to_each_other():
 FREE = {
     fixed_to_each_other: (r"'(first|second) 0': .*\(.*, with rigid body '(second|first) 0'", 6),
     beam_on_a_hinge: (r"beam 'rod': .*\(rotation about \(0, 0, 1\) through \(0, 0, 0\)", 1),
-    beam_between_balls: (r"beam 'rod': .*\(rotation about \(1, 0, 0\)", 1),
     slider: (r"rigid body 'block': .*\(translation along \(0, 1, 0\)", 1),
-    screw: (r"rigid body 'block': .*\(0, 0, 1\)", 2),
-    point_on_a_spring: (r"mass point 'ball': .*\(translation", 2),
-    several_pieces: ("beam '(rod|other)'|'ball'", 15),
     four_bar: (r"'crank'.*\(rotation about \(0, 0, 1\)", 1),
     hanging_without_weight: (r"mass point 'ball': .*\(translation", 2),
 }
@@ -162,43 +119,6 @@ def test_stresses_hold_a_motion(treatment):
     assert path["q"][-1, 0] / -path["q"][-1, 2] == pytest.approx(1 / 9.81, rel=1e-12)
 
 
-@pytest.mark.one_quick
-@treatments
-@pytest.mark.parametrize("count", [2, 3])
-def test_weight_on_cables_that_just_fit(treatment, count):
-    """Two leave a swing out of their plane that only their tension holds, three none."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -0.5)))
-    for angle in 2 * np.pi / count * np.arange(count):
-        top = sc.ground((np.cos(angle), np.sin(angle), 0))
-        model.add(f"cable {angle:.1f}", sc.Cable(top, ball.place(), stiffness=1e4))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    x, y, z = sc.static(model, treatment, factors={"weight": 1.0})["q"][-1]
-    length = np.hypot(1, z)
-    assert abs(x) < 1e-12 and abs(y) < 1e-12
-    assert count * 1e4 * (length - np.hypot(1, 0.5)) * -z / length == pytest.approx(9.81, rel=1e-9)
-
-
-def rod_with_its_weight_along_the_hinge():
-    model = sc.Model()
-    beam = rod(model)
-    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), beam.node("rod.start"), (0, 0, 1)))
-    model.add("weight", sc.LoadGravity((0, 0, -0.5)))
-    return model
-
-
-def slider_with_its_weight_across():
-    model = slider()
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    return model
-
-
-def beam_with_its_weight():
-    model = free_beam()
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    return model
-
-
 def beam_on_springs_with_its_weight():
     model = sc.Model()
     beam = rod(model, ends=((0, 0, -1), (1, 0, -1)))
@@ -209,20 +129,13 @@ def beam_on_springs_with_its_weight():
     return model
 
 
-@pytest.mark.one_quick
 @treatments
-@pytest.mark.parametrize(
-    "build",
-    [
-        rod_with_its_weight_along_the_hinge,
-        slider_with_its_weight_across,
-        beam_with_its_weight,
-    ],
-)
-def test_what_a_weight_does_not_hold(build, treatment):
+def test_what_a_weight_does_not_hold(treatment):
     """The advice to let loads act from the start is not given where they do."""
+    model = beam_on_a_hinge()
+    model.add("weight", sc.LoadGravity((0, 0, -0.5)))  # along the hinge
     with pytest.raises(sc.InputError, match=r"can move freely.*or start from a state") as caught:
-        sc.static(build(), treatment, factors={"weight": 1.0})
+        sc.static(model, treatment, factors={"weight": 1.0})
     assert "factors" not in str(caught.value)
 
 
@@ -235,23 +148,6 @@ def test_a_beam_that_hangs_bent_may_turn_about_its_axis(treatment):
     for name in ("rod.start", "rod.end"):
         sag = path.position(model["rod"].node(name))[-1, 2]
         assert sag == pytest.approx(-1 - 0.05 / 1e3, abs=1e-7)
-
-
-@treatments
-def test_spin_holds_a_blade(treatment):
-    """On a flapping hinge: m Omega^2 L^2/3 tan(beta) cos^2(beta) = F L cos(beta)."""
-    model = sc.Model()
-    blade = model.add(
-        "blade", sc.RigidBody.rod(3.0, 1.0, position=(0.5, 0, 0), triad=sc.triad((1, 0, 0)))
-    )
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), blade.at((0, 0, 0)), axis=(0, 1, 0))
-    model.add("hinge", hinge)
-    model.add("lift", sc.LoadForce(blade.at((1, 0, 0)), (0, 0, 1.0)))
-    spin = {"spin": Spin((0, 0, 4.0)), "factors": {"spin": 1.0}}
-    beta = -sc.static(model, treatment, **spin)["joint/hinge/angle"][-1]
-    assert np.sin(beta) == pytest.approx(1.0 / 16, rel=1e-12)
-    with pytest.raises(sc.InputError, match="rigid body 'blade': can move freely"):
-        sc.static(model, treatment)
 
 
 def hanging_chain(on="universal", rod=False, off=0.0, links=2):
@@ -359,20 +255,6 @@ def test_an_end_that_can_move_freely_is_told(treatment):
     assert path.status == "completed" and abs(path["energy"][-1]) < 1e-12
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize(("elements", "slenderness"), [(5, 1e4), (500, 1e5)])
-def test_slender_meshes_are_held(elements, slenderness):
-    """Bending is softer than stretching by 1e11: no reason to call it free."""
-    d = 1 / slenderness
-    section = sc.SectionCircle(radius=d / 2, material=sc.Material(E=2e11, nu=0.3, rho=7800))
-    model, tip = cantilever(section, elements=elements, order=1)
-    load = 0.1 * section.stiffness[3, 3]
-    model.add("force", sc.LoadForce(tip, (0, load, 0)))
-    path = sc.static(model, control=sc.LoadControl(steps=1), watch=False, derive=False)
-    deflection = path["q"][-1, 12 * tip.vertex + 1]
-    assert deflection == pytest.approx(0.1 / 3, rel=0.02)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-6, 1e3])
 def test_units_do_not_matter(scale):
@@ -402,17 +284,9 @@ def test_limit_point_under_load_control():
     limit = 400 * (1.09 ** (1 / 3) - 1) ** 1.5
     path = error.history
     assert path.status == "diverged"
-    assert error.time == path["load_factor"][-1]
+    assert error.time == path["load_factor"][-1] and error.step == len(path)
     assert 0.99 * limit < error.time < limit
-    assert error.step == len(path)
     assert str(error) == path.meta["failure"]
-    assert "load factor" in str(error)
-    assert " s could" not in str(error)
-    # the way on that it names
-    start = equilibrium(model, path)
-    on = sc.static(model, control=sc.ArcLength(60, until=10.0, first=0.01), start=start)
-    assert [c["kind"] for c in on.meta["critical"]] == ["limit", "limit"]
-    assert on["load_factor"][-1] == pytest.approx(10.0)
 
 
 @pytest.mark.slow
@@ -443,7 +317,7 @@ def test_interrupt_keeps_the_path():
 
 @pytest.mark.slow
 def test_callbacks():
-    """All are called with each point asked for; True ends the path."""
+    """All are called with each point; True ends the path."""
     system, _ = scene()
     seen, others = [], []
 
@@ -455,11 +329,6 @@ def test_callbacks():
     assert path.status == "stopped"
     assert seen == others == path["load_factor"][1:].tolist()
     assert sum(t > 0.4 for t in seen) == 1
-    asked = []
-    sc.static(
-        system, control=sc.LoadControl(at=[0.5, 1.0]), callbacks=[lambda p: asked.append(p.t)]
-    )
-    assert asked == [0.5, 1.0]
     lines = []
     sc.static(system, progress=lambda parameter, factor: lines.append((parameter, factor)))
     assert lines[-1] == (1.0, 1.0)
@@ -481,27 +350,22 @@ def test_a_callback_that_fails(tmp_path):
     assert equilibrium(system, kept).load_factor == kept["load_factor"][-1]
 
 
-@pytest.mark.parametrize("where", ["load", "factor", "ground", "drive"])
+@pytest.mark.parametrize("where", ["load", "factor", "drive"])
 def test_functions_that_fail_on_the_way_are_named(where):
     def bad(t):
         return NAN if t > 0.5 else 0.1 * t
 
     model, hinge, body = hinged()
-    names = {"load": "'push'", "factor": "'push'", "ground": "motion", "drive": "'motor'"}
     place = body.at((0, 0, 1))
     if where == "load":
         model.add("push", sc.LoadForce(place, (1.0, 0, 0), bad))
     elif where == "drive":
         model.add("motor", sc.JointDrive(hinge, bad))
-    elif where == "ground":
-        motion = sc.Motion(displacement=lambda t: (bad(t), 0, 0))
-        model.add("tie", sc.SpringDamper(sc.ground((1, 0, 1), motion), place, 3.0))
     else:
         model.add("push", sc.LoadForce(place, (1.0, 0, 0)))
     factors = {"push": bad} if where == "factor" else None
-    with pytest.raises(sc.InputError, match=names[where]) as caught:
+    with pytest.raises(sc.InputError, match=r"'(push|motor)'.*nan"):
         sc.static(model, factors=factors)
-    assert "nan" in str(caught.value)
 
 
 # -- arguments -------------------------------------------------------------------------------------
@@ -513,18 +377,18 @@ def _state(system, **changes):
 
 
 ARGUMENTS = {
-    "model": [None, sc.NullSpace()],
+    "model": [None],
     "treatment": ["null space", sc.NullSpace],
-    "control": ["load", sc.ArcLength, [1.0]],
-    "start": ["end", [0.0]],
-    "factors": [["force"], 3, {"other": 1.0}, {3: 1.0}, {"spin": 1.0}],
-    "spin": [(0, 0, 1.0), "z"],
-    "settings": [{"iterations": 3}, sc.NewtonSettings],
-    "watch": ["yes", None],
-    "callbacks": [print, None, [1]],
+    "control": ["load", sc.ArcLength],
+    "start": ["end"],
+    "factors": [3, {"other": 1.0}, {3: 1.0}, {"spin": 1.0}],
+    "spin": [(0, 0, 1.0)],
+    "settings": [{"iterations": 3}],
+    "watch": ["yes"],
+    "callbacks": [print, [1]],
     "progress": [3],
-    "path": [3.5, ["a"]],
-    "derive": ["no", 1, ["enrgy"]],
+    "path": [3.5],
+    "derive": ["no", ["enrgy"]],
 }
 
 
@@ -539,7 +403,7 @@ def test_bad_arguments_are_named(name):
         assert caught.value.item == f"argument {name}", value
 
 
-@pytest.mark.parametrize("value", [NAN, None, "a", True, [1, 2], lambda t: (1, 2)])
+@pytest.mark.parametrize("value", [NAN, "a", True, [1, 2], lambda t: (1, 2)])
 def test_bad_factors(value):
     system, _ = scene()
     with pytest.raises(sc.InputError, match=r"argument factors.*'force'"):
@@ -552,7 +416,7 @@ def test_bad_starts():
     bent[3] += 0.1
     bad = [
         *({"q": q} for q in (np.zeros(3), NAN * system.q0, bent)),
-        *({"time": time} for time in (NAN, "0", None)),
+        {"time": NAN},
         {"turns": np.array([1, 2])},
     ]
     for changes in bad:
@@ -562,7 +426,7 @@ def test_bad_starts():
 
 @pytest.mark.parametrize(
     "arguments",
-    [(None,), ("abc",), ((0, 0),), ((0, 0, NAN),), ((0, 0, 1), (1, 2))],
+    [("abc",), ((0, 0),), ((0, 0, NAN),), ((0, 0, 1), (1, 2))],
     ids=str,
 )
 def test_bad_spins(arguments):
@@ -571,12 +435,12 @@ def test_bad_spins(arguments):
 
 
 STEERED = {
-    "until": [NAN, "1", True, [1, 2], 1j],
-    "steps": [0, 1.5, NAN, "a", True, [1]],
-    "at": [[], [NAN], ["0.5", "1"], [True], 0.5, [[0.1, 0.2]], [1j], [None]],
-    "first": [0, NAN, None, "a"],
-    "longest": [0, NAN, None, "a"],
-    "turn": [0, NAN, "a", [1]],
+    "until": [NAN, "1", 1j],
+    "steps": [0, 1.5, "a"],
+    "at": [[], [NAN], ["0.5", "1"], 0.5, [[0.1, 0.2]]],
+    "first": [0, NAN, None],
+    "longest": [0, "a"],
+    "turn": [0, NAN],
 }
 
 
@@ -592,12 +456,12 @@ def test_bad_controls(name):
 
 
 ARC = {
-    "points": [0, 1.5, NAN, None, "a", True],
-    "until": [NAN, "1", True, [1]],
-    "first": [0, True, "1", NAN, None],
-    "length": [0, -1, NAN, None, "a"],
-    "longest": [0, NAN, None, "a"],
-    "turn": [0, NAN, "a"],
+    "points": [0, 1.5, None],
+    "until": [NAN, "1"],
+    "first": [0, NAN],
+    "length": [-1, "a"],
+    "longest": [0, NAN],
+    "turn": [0, "a"],
 }
 
 
@@ -610,18 +474,17 @@ def test_bad_arc_lengths(name):
 
 def test_controls_that_lead_nowhere():
     system, tip = scene()
-    for values in ([0.1, 0.1], [0.1, 0.3, 0.2], [0.5, -1.0]):
+    for values in ([0.1, 0.1], [0.1, 0.3, 0.2]):
         for control in (
             sc.LoadControl(at=values),
             sc.DisplacementControl(tip, (0, 1, 0), at=values),
         ):
             with pytest.raises(sc.InputError, match="one way"):
                 sc.static(system, control=control)
-    for more in ({"steps": 2}, {"until": 1.0}):
-        with pytest.raises(sc.InputError, match="expected one of them"):
-            sc.LoadControl(at=[0.5, 1.0], **more)
-        with pytest.raises(sc.InputError, match="expected one of them"):
-            sc.DisplacementControl(tip, (0, 1, 0), at=[0.5, 1.0], **more)
+    with pytest.raises(sc.InputError, match="expected one of them"):
+        sc.LoadControl(at=[0.5, 1.0], steps=2)
+    with pytest.raises(sc.InputError, match="expected one of them"):
+        sc.DisplacementControl(tip, (0, 1, 0), until=1.0, at=[0.5, 1.0])
     with pytest.raises(sc.InputError, match="where the path starts"):
         sc.static(system, control=sc.LoadControl(0.0))
     with pytest.raises(sc.InputError, match="DisplacementControl: until"):
@@ -634,9 +497,6 @@ def test_values_to_record_may_begin_with_the_start():
     wanted = [0.0, 0.25, 0.5, 0.75, 1.0]
     path = sc.static(system, control=sc.LoadControl(at=np.linspace(0, 1, 5)))
     assert path["load_factor"].tolist() == wanted
-    start = equilibrium(system, path, 2)
-    path = sc.static(system, control=sc.LoadControl(at=wanted[2:]), start=start)
-    assert path["load_factor"].tolist() == wanted[2:]
     control = sc.DisplacementControl(tip, (0, 1, 0), at=np.linspace(0, 0.02, 3))
     assert sc.static(system, control=control).times.tolist() == [0.0, 0.01, 0.02]
 
@@ -658,12 +518,8 @@ def test_an_arc_length_path_may_end_behind_its_start():
 def test_controls_and_treatments_show_their_arguments():
     _, tip = scene()
     for shown, made in {
-        "LoadControl(until=60)": sc.LoadControl(60),
         "LoadControl(at=[0.5, 1], turn=0.2)": sc.LoadControl(at=[0.5, 1], turn=0.2),
-        "LoadControl(until=1, steps=4)": sc.LoadControl(steps=4),
-        "ArcLength()": sc.ArcLength(),
         "ArcLength(points=9, until=2, first=-0.1)": sc.ArcLength(9, until=2, first=-0.1),
-        "NullSpace()": sc.NullSpace(),
         "Multipliers(scaled=False)": sc.Multipliers(scaled=False),
     }.items():
         assert repr(made) == shown
@@ -696,10 +552,10 @@ def test_the_line_of_progress_is_ended(capfd):
 
 def test_places_of_displacement_control():
     system, tip = scene()
-    for place in (None, "tip", 3, sc.ground((0, 0, 0))):
+    for place in ("tip", sc.ground((0, 0, 0))):
         with pytest.raises(sc.InputError, match="DisplacementControl: place"):
             sc.DisplacementControl(place, (0, 1, 0), 0.1)
-    for direction in (None, "y", (0, 0, 0), (NAN, 0, 1), (1, 2)):
+    for direction in ("y", (0, 0, 0), (NAN, 0, 1), (1, 2)):
         with pytest.raises(sc.InputError, match="DisplacementControl: direction"):
             sc.DisplacementControl(tip, direction, 0.1)
     _, other = scene()
@@ -715,22 +571,22 @@ def test_bad_branches_and_equilibria():
     model, tip = column()
     path = sc.static(model, control=sc.LoadControl(3.0))
     for name, values in {
-        "which": ["a", 1.5, 1, -2, True],
-        "sign": [NAN, "a", 0, [1, 2]],
-        "mode": ["a", 1.5, 999, -1],
-        "factors": [{"other": 1.0}, 3],
+        "which": ["a", 1, -2],
+        "sign": [NAN, 0],
+        "mode": [1.5, 999],
+        "factors": [{"other": 1.0}],
         "spin": [3.0],
-        "model": [None, "column"],
+        "model": ["column"],
     }.items():
         for value in values:
             arguments = {"model": model, "history": path} | {name: value}
             with pytest.raises(sc.InputError, match=f"argument {name}"):
                 sc.branch(**arguments)
-    for value in (None, "a", 1.5, 99, -99):
+    for value in ("a", 99):
         with pytest.raises(sc.InputError, match="argument index"):
             equilibrium(model, path, value)
     run = sc.simulate(model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.02)
-    for history in (None, "path", run):
+    for history in ("path", run):
         for verb in (sc.branch, equilibrium):
             with pytest.raises(sc.HistoryError, match="no path of static"):
                 verb(model, history)

@@ -23,7 +23,7 @@ from test_couplings import zoo
 import skfem_cosserat as sc
 from skfem_cosserat import Spin, equilibrium
 from skfem_cosserat.diagnostics.stacked import blocks_matrix
-from skfem_cosserat.model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
+from skfem_cosserat.model.balance import Amplitudes, balance, balance_tangent
 from skfem_cosserat.statics.control import Functional, Point
 from skfem_cosserat.statics.path import STATIC
 from skfem_cosserat.statics.problem import PathSolver, Problem, Schedule
@@ -142,40 +142,6 @@ def test_actuator_against_a_torsion_spring(treatment, control):
 
 @pytest.mark.slow
 @treatments
-def test_heavy_pendulum_with_a_torsion_spring(treatment):
-    """Nothing moves before it buckles at m g l = k; beyond: k theta = m g l sin(theta)."""
-    model, *_ = hinged()
-    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
-    path = sc.static(model, treatment)
-    assert criticals(path) == [("bifurcation", 1)]
-    assert loads_of(path) == pytest.approx([0.4], abs=1e-12)
-    assert abs(path["q"] - path["q"][0]).max() < 1e-14
-    assert path["unstable"].tolist() == (path["load_factor"] > 0.4).astype(int).tolist()
-    ends = []
-    for sign in (1, -1):
-        start = sc.branch(model, path, sign=sign)
-        side = sc.static(model, treatment, sc.ArcLength(25), start=start)
-        angle = side["joint/hinge/angle"]
-        assert abs(2 * angle - 5 * side["load_factor"] * np.sin(angle)).max() < 1e-12
-        assert side.meta["critical"] == []
-        ends.append(angle[-1])
-    assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
-    assert abs(ends[0]) > 1
-
-
-@pytest.mark.slow
-def test_rigid_path_by_arc_length():
-    """Steps are of the load factor while nothing moves."""
-    model, *_ = hinged()
-    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
-    path = sc.static(model, control=sc.ArcLength(20, first=0.09, until=0.65))
-    assert path["load_factor"][-1] == pytest.approx(0.65, abs=1e-14)
-    assert loads_of(path) == pytest.approx([0.4], abs=1e-12)
-    assert (np.diff(path.times) > 0).all()
-
-
-@pytest.mark.slow
-@treatments
 def test_centrifugal_stretch_of_a_bar(treatment):
     """``L (tan(kL)/(kL) - 1)``, k^2 = rho A Omega^2/EA: element ends converge with h^8."""
     model, tip = cantilever(stiff(EI=(10.0, 10.0)), order=4)
@@ -267,7 +233,7 @@ SPIN = Spin((0.2, 0.1, 0.4), (0, 1, 0))
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_every_item_in_both_treatments(order):
-    """Same equilibrium and constraint forces, of zero residual along the constraints."""
+    """Same equilibrium and constraint forces."""
     system = assembly(order)
     until = 0.3 if order == 1 else 1.0  # three linear elements carry no more than 0.34
     control = sc.LoadControl(until)
@@ -277,10 +243,6 @@ def test_every_item_in_both_treatments(order):
     assert abs(q - system.q0).max() > 0.5 * until
     force, second = (path["constraint_force"][-1] for path in ends)
     assert abs(force - second).max() < 1e-10 * abs(force).max()
-    amplitudes = Schedule(system, None, SPIN).at(until)
-    at_end = balance(system, system.extend(q, until), amplitudes, turns=ends[0]["turns"][-1])
-    assert abs(system.null_space(q, until).T @ at_end.R.ravel()).max() < 1e-12 * at_end.size
-    assert abs(at_end.R.ravel() + force).max() < 1e-10 * at_end.size
     assert ends[0].meta["critical"] == ends[1].meta["critical"] == []
 
 
@@ -302,19 +264,8 @@ def ring():
     return model
 
 
-def braced():
-    """A beam holds a linkage."""
-    model = four_bar()
-    beam = rod(model, order=2, ends=((0, 1, 0), (2, 0, 0)))
-    z = {"axis": (0, 0, 1)}
-    model.add("low", sc.JointRevolute(model["crank"].at((0, 1, 0)), beam.node("rod.start"), **z))
-    model.add("high", sc.JointRevolute(model["rocker"].at((2, 0, 0)), beam.node("rod.end"), **z))
-    model.add("push", sc.LoadForce(model["coupler"].at((1, 1.25, 0)), (3.0, 1, 0)))
-    return model
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", [linkage, ring, braced])
+@pytest.mark.parametrize("scene", [linkage, ring])
 def test_closed_loops_in_both_treatments(scene):
     system = scene().freeze()
     ends = [sc.static(system, t) for t in TREATMENTS.values()]
@@ -324,22 +275,6 @@ def test_closed_loops_in_both_treatments(scene):
     force, second = (path["constraint_force"][-1] for path in ends)
     assert abs(force - second).max() < 1e-9 * abs(force).max()
     assert ends[0]["constraint_violation"].max() < 1e-12
-
-
-@pytest.mark.slow
-def test_linkage_does_the_work_of_its_loads():
-    """Independent: the spring's moment from the angles by virtual work of the closed linkage."""
-    model = linkage()
-    path, h, around = sc.static(model), 1e-4, []
-    crank = path["joint/pin 0/angle"][-1]
-    for shift in (-h, h):
-        drive, turn = four_bar(), crank + shift
-        drive.add("drive", sc.JointDrive(drive["pin 0"], lambda t, turn=turn: turn * t))
-        moved = sc.static(drive)
-        x = moved.position(drive["coupler"].at((1, 1.25, 0)))[-1]
-        around.append([*x, moved["joint/pin 2/angle"][-1]])
-    power = np.subtract(*around[::-1]) @ [10, 3, 4, 4] / (2 * h)
-    assert 5 * crank == pytest.approx(power, rel=1e-6)
 
 
 # -- controls --------------------------------------------------------------------------------------
@@ -354,17 +289,6 @@ def truss(height=0.3, stiffness=(100.0, 100.0)):
         model.add(f"spring {k}", spring)
     model.add("load", sc.LoadForce(point.place(), (0, 0, -1.0)))
     return model, point
-
-
-def truss_stiffness(z, height=0.3, k=(100.0, 100.0)):
-    """Load, and stiffness in x (springs k[0]), y and z, of the truss at height z."""
-    l0, length = np.hypot(1, height), np.hypot(1, z)
-    k = np.asarray(k)
-    load = 2 * k.sum() * (l0 / length - 1) * z
-    own = 2 * k * (1 - l0 / length + l0 / length**3)
-    other = 2 * k[::-1] * (1 - l0 / length)
-    vertical = 2 * k.sum() * (1 - l0 / length + l0 * z**2 / length**3)
-    return load, *(own + other), vertical
 
 
 def pushed_down(z):
@@ -463,8 +387,6 @@ def test_end_does_not_depend_on_the_steps(treatment, kernels):
         path = sc.static(model, treatment, sc.LoadControl(steps=steps), kernels=kernels)
         assert path["load_factor"] == pytest.approx(np.linspace(0, 1, steps + 1), abs=1e-15)
         assert abs(path["q"][-1] - reference["q"][-1]).max() < 1e-10
-        assert int(path["newton_iterations"].sum()) == path.meta["newton_iterations"]
-        assert int(path["attempts"].sum()) == path.meta["attempts"] == steps + path.meta["rejected"]
 
 
 # -- tangents --------------------------------------------------------------------------------------
@@ -506,45 +428,6 @@ def test_tangent_of_the_balance(scene):
         wanted[:, k] = balance(system, z, amplitudes, start).R.ravel().imag / EPS
     assert abs(wanted).max() > 1
     assert abs(K - wanted).max() < 1e-13 * abs(wanted).max()
-
-
-@pytest.mark.one_quick
-@treatments
-@pytest.mark.parametrize("scene", SCENES)
-def test_displacement_is_a_derivative_and_pull_its_adjoint(scene, treatment):
-    system = SCENES[scene]()
-    t = 0.0 if len(system.closure.rows) else 0.35  # random positions do not close loops
-    rng = np.random.default_rng(1)
-    bound = treatment.bind(system, 1.0, large=True)
-    q = system.q0 if t == 0 else random_state(system, rng, t, 0.2)
-    bound.begin(system.extend(q, t), system.ground(t), 1.0)
-    bound.guess(False)
-    amplitudes = amplitudes_at(system, t)
-
-    def configuration():
-        y = bound.configure()
-        found = balance(system, y, amplitudes)
-        bound.reduce(found.R, y)
-        bound.matrix(balance_tangent(system, found, amplitudes), found.R, y)
-        return y
-
-    used = np.ones(bound.solver.n) if bound.active is None else bound.active
-    configuration()
-    bound.move(0.03 * used * rng.standard_normal(bound.solver.n))
-    y = configuration()
-    u, gradient = used * rng.standard_normal(bound.solver.n), rng.standard_normal((system.rows, 3))
-    if treatment.name == "multipliers":  # only rotations of triads are taken
-        omega = rng.standard_normal((len(system.kinematics.frames), 1, 3))
-        rates = u[: system.n].reshape(-1, 3)
-        rates[system.kinematics.director_rows] = np.cross(omega, system.kinematics.directors(y))
-    change = bound.displacement(u, y)
-    power = float((change * gradient).sum())
-    assert power == pytest.approx(float(bound.pull(gradient) @ u), rel=1e-11)
-    sought = bound.sought
-    bound.move(1j * EPS * u)
-    derivative = bound.configure().imag[: system.rows] / EPS
-    bound.sought = sought
-    assert abs(change - derivative).max() < 1e-12 * abs(change).max()
 
 
 @pytest.mark.one_quick
@@ -625,18 +508,6 @@ def gripped(**motion):
 
 @pytest.mark.slow
 @treatments
-def test_motion_that_starts_slowly(treatment):
-    """The first tangent leads nowhere: no jump is suspected."""
-    model, end = gripped(displacement=lambda t: (0, -0.3 * t**2, 0.1 * t**3))
-    path = sc.static(model, treatment)
-    assert at(path, end, -1) == pytest.approx([1, -0.3, 0.1], abs=1e-14)
-    straight, _ = gripped(displacement=lambda t: (0, -0.3 * t, 0.1 * t))
-    again = sc.static(straight, treatment, sc.LoadControl(steps=3))
-    assert abs(path["q"][-1] - again["q"][-1]).max() < 1e-10
-
-
-@pytest.mark.slow
-@treatments
 def test_motion_under_the_other_controls(treatment):
     """The load factor moves the ground there too."""
     model, _ = gripped(displacement=lambda t: (0, -0.6 * t, 0))
@@ -688,18 +559,6 @@ def test_order_of_loading_does_not_matter(treatment):
 
 
 @pytest.mark.slow
-@treatments
-def test_gravity_held_while_the_tip_is_pulled(treatment):
-    """The start is no equilibrium: the path begins at the one near it."""
-    system, tip = two_loads()
-    path = sc.static(system, treatment, factors={"weight": 1.0})
-    alone = sc.static(system, treatment, factors={"force": 0.0})
-    assert path["load_factor"][0] == 0
-    assert abs(path["q"][0] - alone["q"][-1]).max() < 1e-12
-    assert at(path, tip, 0)[2] < -0.2
-
-
-@pytest.mark.slow
 def test_start_from_a_moving_state():
     """From within a run in time: the velocity is dropped, the nearest equilibrium sought."""
     system, _ = two_loads()
@@ -728,17 +587,6 @@ def test_end_of_a_path_starts_a_run(treatment, scheme):
 
 
 @pytest.mark.slow
-def test_a_run_from_a_path_keeps_the_turns_of_springs():
-    model, _, _ = hinged()
-    model.add("motor", sc.JointActuator(model["hinge"], 25.0))
-    system = model.freeze()
-    path = sc.static(system)
-    start = equilibrium(system, path)
-    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, until=1.5, start=start)
-    assert abs(run["joint/hinge/angle"] - 12.5).max() < 1e-10
-
-
-@pytest.mark.slow
 def test_energy_is_the_work_of_the_loads():
     """Stored energy against the trapezoidal sum: second order in the step."""
     system, _ = two_loads()
@@ -763,13 +611,6 @@ def test_path_is_a_history_like_any_other(tmp_path):
     assert np.array_equal(equilibrium(system, again, 2).q, path["q"][2])
     short = again.truncated(3)
     assert equilibrium(system, short).load_factor == path["load_factor"][2]
-
-
-def test_a_path_without_derived_series_starts_runs_too():
-    system, _ = two_loads()
-    bare = sc.static(system, derive=False)
-    assert "energy" not in bare
-    assert equilibrium(system, bare, -2).load_factor == bare["load_factor"][-2]
 
 
 # -- critical points -------------------------------------------------------------------------------
@@ -810,15 +651,9 @@ def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
         assert path["load_factor"][c["state"]] == c["load_factor"]
         assert path["critical"][c["state"]] == 2
     assert int(path["unstable"][-1]) == 2
-
-
-@pytest.mark.slow
-@ways
-def test_two_critical_points_in_a_step(treatment, kernels):
-    model, _ = column()
-    path = sc.static(model, treatment, sc.LoadControl(4.0, steps=1), kernels=kernels)
-    assert criticals(path) == [("bifurcation", 1)] * 2
-    assert loads_of(path) == pytest.approx(np.pi**2 / 4 * np.array([1.0, 1.3]), rel=2e-6)
+    for which, axis in enumerate((2, 1)):  # bending about d1, then about d2
+        end = abs(sc.branch(model, path, which).direction[4 * tip.vertex])
+        assert end[axis] > 10 * end[3 - axis]
 
 
 @pytest.mark.slow
@@ -832,7 +667,6 @@ def test_equal_stiffness_about_both_axes(treatment, mode):
     sideways = [d[4 * tip.vertex, 1:] for d in (one, two)]
     assert abs(np.linalg.det(sideways)) > 0.1 * np.prod(np.linalg.norm(sideways, axis=1))
     start = sc.branch(model, path, mode=mode)
-    assert repr(start).startswith("Branch(t=2.467") and len(repr(start)) < 60
     side = sc.static(model, treatment, sc.ArcLength(8, length=0.05), start=start)
     assert side.meta["critical"] == []  # the plane of bending is free to turn: no crossing
     where = at(side, tip)
@@ -869,62 +703,6 @@ def test_limit_points_of_a_truss(treatment, controlled):
     assert loads_of(path) == pytest.approx([wanted, -wanted], rel=1e-9)
     assert path["unstable"][0] == path["unstable"][-1] == 0
     assert path["unstable"].max() == 1
-
-
-@pytest.mark.slow
-@treatments
-def test_bifurcations_before_a_limit_point(treatment):
-    """A steep truss gives way sideways first: along x, then y, then it snaps."""
-    height, k = 2.2, (100.0, 130.0)
-    model, point = truss(height, k)
-    control = sc.DisplacementControl(point.place(), (0, 0, -1), until=1.9, longest=0.05)
-    path = sc.static(model, treatment, control)
-    roots = []
-    for i in (1, 2, 3):
-        grid = np.linspace(height - 1.9, height, 200)
-        signs = [truss_stiffness(z, height, k)[i] > 0 for z in grid]
-        for j in np.flatnonzero(np.diff(signs)):
-            z = brentq(lambda z, i=i: truss_stiffness(z, height, k)[i], grid[j], grid[j + 1])
-            roots.append((-z, float(truss_stiffness(z, height, k)[0]), i))
-    order = sorted(roots)
-    assert {i for _, _, i in order} == {1, 2, 3}
-    kinds = [("limit" if i == 3 else "bifurcation", 1) for _, _, i in order]
-    assert criticals(path) == kinds
-    assert loads_of(path) == pytest.approx([load for _, load, _ in order], rel=1e-8)
-    which = kinds.index(("bifurcation", 1))
-    first = order[which][2]
-    sides = []
-    for sign in (1, -1):
-        start = sc.branch(model, path, which, sign)
-        side = sc.static(model, treatment, sc.ArcLength(10), start=start)
-        assert abs(side["q"][:, 2 - first]).max() < 1e-12
-        sides.append(side["q"][-1])
-    assert abs(sides[0][first - 1]) > 0.05
-    mirror = np.ones(3)
-    mirror[first - 1] = -1
-    assert abs(sides[0] - sides[1] * mirror).max() < 1e-9
-
-
-@pytest.mark.slow
-@treatments
-def test_rigid_column_with_two_hinges(treatment):
-    """k on both angles of a universal joint: two motions at once, on branches of their own."""
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, 0.5)))
-    foot = sc.JointUniversal(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (1, 0, 0), (0, 1, 0))
-    model.add("foot", foot)
-    for c in foot.coordinates():
-        model.add(f"spring {c.name}", sc.JointSpringDamper(foot, 3.0, coordinate=c.name))
-    model.add("push", sc.LoadForce(body.at((0, 0, 1)), (0, 0, -1.0)))
-    path = sc.static(model, treatment, sc.LoadControl(5.0))
-    assert criticals(path) == [("bifurcation", 2)]
-    assert loads_of(path) == pytest.approx([3.0], rel=1e-9)
-    side = sc.static(model, treatment, sc.ArcLength(10), start=sc.branch(model, path, mode=1))
-    a, b = (side[f"joint/foot/{c.name}"] for c in foot.coordinates())
-    load = side["load_factor"]
-    assert abs(3 * a - load * np.sin(a) * np.cos(b)).max() < 1e-11
-    assert abs(3 * b - load * np.cos(a) * np.sin(b)).max() < 1e-11
-    assert abs(np.hypot(a, b)[-1]) > 0.1
 
 
 @pytest.mark.slow
@@ -979,17 +757,6 @@ def test_moment_about_a_hinge_is_conservative(treatment):
     assert loads_of(path)[:2] == pytest.approx(wanted, rel=1e-9)
 
 
-@pytest.mark.one_quick
-@ways
-def test_no_critical_points_where_there_are_none(treatment, kernels):
-    """Tension, and a cantilever bent far by forces across it."""
-    model, tip = cantilever()
-    model.add("pull", sc.LoadForce(tip, (30.0, 20.0, 5.0)))
-    path = sc.static(model, treatment, kernels=kernels)
-    assert path.meta["critical"] == []
-    assert not path["unstable"].any()
-
-
 def test_unwatched_paths_are_not_looked_at():
     model, _ = column()
     path = sc.static(model, control=sc.LoadControl(4.0), watch=False)
@@ -1018,8 +785,15 @@ def test_branch_with_loads_held(treatment):
     held = {"factors": {"weight": 0.3}}
     path = sc.static(model, treatment, sc.LoadControl(2.0), **held)
     assert loads_of(path) == pytest.approx([0.5], rel=1e-9)
-    start = sc.branch(model, path, **held)
-    side = sc.static(model, treatment, sc.ArcLength(10), start=start, **held)
-    angle = side["joint/hinge/angle"]
-    assert abs(2 * angle - (1.5 + side["load_factor"]) * np.sin(angle)).max() < 1e-12
-    assert abs(angle[-1]) > 0.1
+    assert abs(path["q"] - path["q"][0]).max() < 1e-14  # nothing moves before it buckles
+    assert path["unstable"].tolist() == (path["load_factor"] > 0.5).astype(int).tolist()
+    ends = []
+    for sign in (1, -1):
+        start = sc.branch(model, path, sign=sign, **held)
+        side = sc.static(model, treatment, sc.ArcLength(10), start=start, **held)
+        angle = side["joint/hinge/angle"]
+        assert abs(2 * angle - (1.5 + side["load_factor"]) * np.sin(angle)).max() < 1e-12
+        assert side.meta["critical"] == []
+        ends.append(angle[-1])
+    assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
+    assert abs(ends[0]) > 0.1

@@ -75,22 +75,6 @@ def test_order_in_time_on_every_order_of_elements(example, name, integrator):
             assert np.allclose(found, 2, rtol=0, atol=0.1), (key, found)
 
 
-@pytest.mark.slow
-@LARGE_STEPS
-@pytest.mark.parametrize(("name", "integrator"), [("D1", VI), ("D2", EM), ("D3", VI)])
-def test_order_in_time(name, integrator):
-    """2 in placements and velocities; 4 once Richardson extrapolation took h^2 away: no h^3."""
-    first, until, elements = dynamic.TIME[name]
-    scene = dynamic.SCENES[name](elements[2], 2, smooth=True)
-    runs = [dynamic.motion(scene, integrator, 2 * first / 2**k, [until]) for k in range(4)]
-    for key in ("placement", "velocities"):
-        values = [np.ravel(getattr(run, key)) for run in runs]
-        better = [b + (b - a) / 3 for a, b in pairwise(values)]
-        for levels, expected, band in ((values, 2, 0.1), (better, 4, 0.2)):
-            change = [np.linalg.norm(b - a) for a, b in pairwise(levels)]
-            assert abs(np.log2(change[-2] / change[-1]) - expected) < band, key
-
-
 # -- loads as given: against the reference --------------------------------------------------------
 
 
@@ -126,50 +110,6 @@ def test_kinks_of_the_load_leave_positions_but_not_velocities_their_order():
         orders[key] = np.log2(steps[:-1] / steps[1:])
     assert (abs(orders["positions"] - 2) < 0.1).all()
     assert orders["velocities"][-1] < 1
-
-
-@pytest.mark.slow
-def test_spaghetti_needs_the_inertia_along_d3():
-    """Negative: as a plane section with 10 along d1 and d2, so 20 about d3, it moves otherwise."""
-    section = sc.Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
-    mesh = sc.MeshCurve.init_line((6, 0, 0), (0, 8, 0), 8, name="rod", nodes={"mid": 0.5})
-    model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section, order=4, director=(0, 0, 1)))
-    places = {name: rod.node(name) for name in ("rod.start", "mid", "rod.end")}
-    pulse = sc.Table([0, 2.5, 5], [0, 200, 0])
-    model.add("force", sc.LoadForce(places["rod.start"], (0.1, 0, 0), pulse))
-    model.add("moment", sc.LoadMoment(places["rod.start"], (0, 0.5, 1), pulse))
-    scene = dynamic.Scene(model.freeze(), places)
-    reference = dynamic.Reference.load("D3", 1.0)
-    found = dynamic.motion(scene, EM, 1 / 80, reference.times)
-    assert dynamic.errors(found, reference)["position"] > 1e-2
-    found = dynamic.motion(dynamic.spaghetti(8, 4), EM, 1 / 80, reference.times)
-    assert dynamic.errors(found, reference)["position"] < 1e-4
-
-
-@pytest.mark.slow
-def test_trusted_digits_right_angle_cantilever():
-    """7 to 8 digits of 14 m; later instants are those of the benchmark collection's tests."""
-    found = dynamic.as_given("D2", EM, 4, 16, (1 / 320, 1 / 640), 1.0)
-    assert (found["position"] < 1e-7).all(), found["position"]
-
-
-@pytest.mark.slow
-def test_trusted_digits_spaghetti():
-    """Within 1.5 times the reference's own uncertainty."""
-    found = dynamic.as_given("D3", EM, 4, 32, (1 / 640, 1 / 1280), 1.0)
-    assert (found["position"] < 1.5 * found["uncertainty"]).all(), found["position"]
-
-
-@pytest.mark.slow
-def test_loads_as_given_order_in_space():
-    """D2: 2 p as far as the error is above that of the waves from the kinks."""
-    errors = {}
-    for order, counts in {1: (16, 32), 2: (4, 8, 16), 3: (2, 4)}.items():
-        runs = [dynamic.as_given("D2", EM, order, n, (1 / 80, 1 / 160), 2.0) for n in counts]
-        errors[order] = [run["position"][-1] for run in runs]
-    found = {p: slopes([0.5**k for k in range(len(e))], e)[-1] for p, e in errors.items()}
-    check(found, TWICE, 0.4)
 
 
 # -- invariants -----------------------------------------------------------------------------------

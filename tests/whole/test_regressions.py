@@ -164,17 +164,6 @@ def test_shorter_export_leaves_no_frames_of_a_longer_one(tmp_path):
     assert len(list((tmp_path / "bodies").glob("*.vtu"))) == 3
 
 
-def test_errors_of_functions_name_their_item():
-    """They named the function only."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0))
-    model.add("push", sc.LoadForce(ball.place(), (1, 0, 0), lambda t: np.nan if t > 0.05 else t))
-    with pytest.raises(sc.InputError, match=r"'push'.*nan"):
-        run(model.freeze())
-    with pytest.raises(sc.InputError, match=r"ground at \[0.0, 0.0, 0.0\].*displacement"):
-        run(driven(lambda t: (0, 0, 0) if t < 0.05 else (0, 0)))
-
-
 def test_interrupt_while_series_are_derived(monkeypatch, tmp_path):
     """Ctrl-C after the loop lost the history in memory."""
     describe = importlib.import_module("skfem_cosserat.analysis.describe")
@@ -190,19 +179,6 @@ def test_interrupt_while_series_are_derived(monkeypatch, tmp_path):
             history = run(rigid_pendulum(), derive=True)
     assert history.status == "completed" and len(history) == 11
     assert np.isfinite(history["energy"]).all()  # it is derived later
-
-
-def test_error_while_series_are_derived_takes_the_history_along(monkeypatch):
-    """A function of time that fails at a recorded instant lost the whole run."""
-    describe = importlib.import_module("skfem_cosserat.analysis.describe")
-
-    def fail(*states):
-        raise ZeroDivisionError("1/t at t = 0")
-
-    monkeypatch.setattr(describe, "kinetic_energy", fail)
-    with pytest.raises(ZeroDivisionError) as info:
-        run(rigid_pendulum(), derive=["energy"])
-    assert info.value.history.status == "completed" and len(info.value.history) == 11
 
 
 def test_going_on_does_not_overwrite_the_history(tmp_path):

@@ -1,16 +1,14 @@
-"""Static problems S6 to S10 and S12: limit points and bifurcations against reference solutions.
+"""Static problems S6, S7, S9, S10 and S12: limit points and bifurcations against references.
 
-As test_static_references.py, whose means they share.
+As test_static_references.py, whose means they share. S8, an arch, is in test_collection_statics.py.
 """
 
 import numpy as np
 import pytest
 import static_scenes as scenes
-from scipy.special import ellipe, ellipk
 from test_static_references import DATA, follow, treatments
 
 import skfem_cosserat as sc
-from collection import s08_arch as s08
 from collection.statics import extrapolated, regular
 
 
@@ -65,24 +63,6 @@ def test_toggle_limit_points(treatment):
         assert -scene.displacement(history, entry["state"])[1] == pytest.approx(w, rel=1e-8)
 
 
-#: the same members without shear, GA = 1e12: shooting with DOP853, rtol 1e-13
-WITHOUT_SHEAR = [(0.23205486225, 33.861233003), (0.39168957119, 31.262583109)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("treatment", "arc"), [(sc.NullSpace, False), (sc.Multipliers, True)])
-def test_toggle_limit_points_beside_a_far_stiffer_motion(treatment, arc):
-    """Rounding of its stiffness hides where the small eigenvalue vanishes, not where P is level."""
-    scene = scenes.toggle(8, 4, section=scenes.plane_section(9270.0, 1885000.0, 1e12))
-    down = sc.DisplacementControl(scene.point, (0, -1, 0), 0.6)
-    control = sc.ArcLength(60, until=60.0, first=5.0) if arc else down
-    history = follow(scene, treatment, control, derive=False)
-    limits = criticals(history, "limit")
-    for entry, (w, P) in zip(limits, WITHOUT_SHEAR, strict=True):
-        assert entry["load_factor"] == pytest.approx(P, rel=2e-9)
-        assert -scene.displacement(history, entry["state"])[1] == pytest.approx(w, rel=1e-8)
-
-
 @pytest.mark.slow
 def test_toggle_curve():
     """By displacement control; with both members the symmetric path is kept."""
@@ -93,17 +73,6 @@ def test_toggle_curve():
     assert history["load_factor"][rows] == pytest.approx(CURVE[:, 1], rel=5e-9)
     assert abs(scene.displacement(history, rows)[:, 0]).max() < 1e-9
     assert len(criticals(history, "limit")) == 2
-
-
-# -- S8: arch --------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("treatment", ["null-space", "multipliers"])
-def test_arch(treatment):
-    """With compliance; that of its theory is in the tests of the benchmark collection."""
-    found = s08.main(data={"EA": 4e6, "GA": 4e6}, order=4, elements=16, treatment=treatment)
-    assert found["Pcr"] == pytest.approx(896.811, abs=2e-3)
 
 
 # -- S9: lateral buckling --------------------------------------------------------------------------
@@ -174,38 +143,6 @@ def test_column(ends, treatment):
     )
     errors = [bifurcation(scenes.column(n, 3, pinned=pinned), 1.2 * P) / P - 1 for n in (4, 8)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(6, abs=0.3)
-
-
-@pytest.mark.slow
-def test_postbuckling_branch():
-    """Both sides of the fork; P = P_cr (2 K(k) / pi)^2 with k = sin(theta/2), theta at the tip.
-
-    The closed form is that of an inextensible rod: compliance is made small.
-    """
-    scene = scenes.column(8, 4, pinned=False, stiffening=1e4)
-    P = np.pi**2 / 4 * 109375
-    path = follow(scene, control=sc.LoadControl(until=1.1 * P), derive=False)
-    assert criticals(path, "bifurcation")[0]["load_factor"] == pytest.approx(P, rel=1e-6)
-    sides = []
-    for sign in (1.0, -1.0):
-        start = sc.branch(scene.system, path, 0, sign)
-        control = sc.ArcLength(30, longest=0.1)
-        history = follow(scene, control=control, start=start)
-        assert (history["unstable"][1:] == 0).all()
-        theta = np.array([scene.angle(history, k) for k in range(2, len(history))])
-        ratio = history["load_factor"][2:] / P
-        assert abs(theta[-1]) > 1.5
-        assert ratio == pytest.approx((2 * ellipk(np.sin(theta / 2) ** 2) / np.pi) ** 2, rel=1e-6)
-        tip = scene.displacement(history, slice(None))
-        moment = history["joint/clamp/moment"][2:, 2]
-        assert abs(moment) == pytest.approx(abs(history["load_factor"] * tip[:, 1])[2:], rel=1e-8)
-        sides.append(np.sign(tip[2:, 1]))
-        k2 = np.sin(theta / 2) ** 2
-        K, E = ellipk(k2), ellipe(k2)
-        assert abs(tip[2:, 1]) == pytest.approx(2 * np.sqrt(k2) / K, rel=1e-5)
-        assert tip[2:, 0] == pytest.approx(2 * E / K - 2, rel=1e-5, abs=1e-7)  # compliance
-        assert abs(tip[:, 2]).max() < 1e-12
-    assert (sides[0] == sides[0][0]).all() and (sides[1] == -sides[0][0]).all()
 
 
 # -- S12: twisted ring -----------------------------------------------------------------------------

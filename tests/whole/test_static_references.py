@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import skfem_cosserat as sc
 from collection import s13_objectivity as s13
-from collection.statics import extrapolated, regular
+from collection.statics import regular
 from skfem_cosserat.kernels import rotation_matrix
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "static_references.json").read_text())
@@ -37,24 +37,6 @@ def matrix(quaternion):
 
 
 # -- S1: roll-up -----------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("treatment", "turns", "slenderness"),
-    [
-        (sc.NullSpace, 1, 10.0),
-        (sc.NullSpace, 2, 100.0),
-        (sc.Multipliers, 2, 1e4),
-    ],
-)
-def test_roll_up(treatment, turns, slenderness):
-    """One and two full circles; every element bends alike: errors depend on its angle only."""
-    scene = scenes.roll_up(8 * turns, 4, turns, slenderness=slenderness)
-    history = follow(scene, treatment, derive=False, watch=False)
-    assert abs(scene.position(history)).max() == pytest.approx(7.04e-7, rel=1e-2)
-    left = abs(scene.angle(history) - 2 * np.pi * turns)
-    assert left == pytest.approx(4.42e-7 * turns, rel=1e-2)
 
 
 @pytest.mark.slow
@@ -94,34 +76,6 @@ def test_elastica(row):
     root = -history["joint/clamp/moment"][-1, 2]  # on the rod
     assert abs(root) == pytest.approx(moment, rel=4e-11)
     assert abs(root) == pytest.approx(load * scene.position(history)[0], rel=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("row", DATA["S2 inextensible"]["values"])
-def test_elastica_inextensible(row):
-    """Axial and shear compliance extrapolated to zero."""
-    load, *expected = row
-    found = []
-    for k in range(3):
-        stiff = 1e3 * 4**k
-        scene = scenes.elastica(16, 4, load, EA=stiff, GA=stiff)
-        history = follow(scene, derive=False)
-        found.append([*scene.position(history)[:2], scene.angle(history)])
-    limit = extrapolated(found, 4)
-    assert abs(limit - expected).max() < {1: 1e-14, 2: 1e-13, 5: 4e-12, 10: 5e-11}[load]
-
-
-@pytest.mark.slow
-def test_elastica_converges_with_order_two_p():
-    thickness, load, *expected = DATA["S2 Reissner"]["values"][2]
-    EA = 12 / thickness**2
-    for order, counts in {1: (16, 32), 2: (8, 16), 3: (4, 8), 4: (4, 8)}.items():
-        errors = []
-        for elements in counts:
-            scene = scenes.elastica(elements, order, load, EA=EA, GA=5 / 6 * EA / 2.6)
-            history = follow(scene, derive=False, watch=False)
-            errors.append(np.linalg.norm(scene.position(history)[:2] - expected[:2]))
-        assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * order, abs=0.3)
 
 
 # -- S3: 45-degree bend ----------------------------------------------------------------------------
@@ -173,32 +127,6 @@ def test_bend_values(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("P", [300.0, 450.0, 600.0])
-def test_bend_inextensible(P):
-    found = []
-    for k in range(3):
-        scene = scenes.bend(16, 4, P, stiffening=2.0**k)
-        found.append(scene.position(follow(scene, derive=False, watch=False)))
-    expected = BEND["inextensible", P]["tip"]
-    assert extrapolated(found, 2) == pytest.approx(expected, abs=2e-10)
-
-
-@pytest.mark.slow
-def test_bend_ends_in_one_state_however_it_is_loaded():
-    """Any number of load steps, either treatment, one step in twelve iterations or fewer."""
-    scene, ends = scenes.bend(8, 3), []
-    for treatment in (sc.NullSpace, sc.Multipliers):
-        for steps in (1, 6, 60):
-            control = sc.LoadControl(steps=steps)
-            history = follow(scene, treatment, control, derive=False, watch=False)
-            assert history.meta["rejected"] == 0
-            assert steps > 1 or history.meta["newton_iterations"] <= 12
-            ends.append(history["q"][-1])
-    scale = abs(ends[0]).max()
-    assert max(abs(q - ends[0]).max() for q in ends) < 1e-10 * scale
-
-
-@pytest.mark.slow
 def test_equidistant_nodes_lose_orders():
     """Negative: of the sixth order of cubic elements four are left, of the eighth six."""
     for order, left in ((3, 4), (4, 6)):
@@ -237,14 +165,6 @@ def test_helix_with_multipliers():
     tips, turns = helix_errors(32, 4, 2, sc.Multipliers)
     assert tips.max() < 1e-9
     assert turns.max() < 1e-9
-
-
-@pytest.mark.slow
-def test_helix_to_the_end():
-    """Ten turns: the tip has nine decimals."""
-    tips, turns = helix_errors(160, 4, len(HELIX))
-    assert tips.max() < 3e-9
-    assert turns.max() < 2e-8
 
 
 # -- S5: Princeton beam ----------------------------------------------------------------------------

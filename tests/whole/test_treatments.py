@@ -5,7 +5,6 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_scenes import TENSOR, everything, random_tree, swing
-from test_convergence import pendulum
 
 import skfem_cosserat as sc
 
@@ -77,19 +76,14 @@ def run(scene, integrator, treatment, again=0):
     [(scene, [*INTEGRATORS][k % 2]) for k, scene in enumerate(SCENES)],
 )
 def test_both_treatments_give_the_same_motion(scene, integrator):
-    """In few iterations."""
-    one, two = runs = [run(scene, integrator, name) for name in TREATMENTS]
+    one, two = [run(scene, integrator, name) for name in TREATMENTS]
     size = abs(one["q"]).max()
     assert len(one) == 31
     assert abs(one["q"] - two["q"]).max() < 1e-10 * size
     assert abs(one["p"] - two["p"]).max() < 1e-8 * (1 + abs(one["p"]).max())
     assert abs(one["q"][-1] - one["q"][0]).max() > 1e-3  # it moves
-    for history in runs:
+    for history in (one, two):
         assert (history["attempts"] == 1).all()
-        assert history.meta["factorisations"] <= 4 * len(history)
-        if history.meta["kernels"] == "numpy":  # compiled ones keep factors
-            count = history["newton_iterations"][1:]
-            assert count.max() <= 6 and count.mean() <= 4
 
 
 @pytest.mark.slow
@@ -141,18 +135,14 @@ def test_a_step_far_too_large_says_so(integrator, treatment, tmp_path):
     assert 0 < error.residual < 1
     for words in (f"step {error.step}", f"t = {error.time:.9g} s", "residual", "smaller step"):
         assert words in str(error)
-    assert error.advice[1:] in str(error)  # as a sentence
     assert ("EnergyMomentum()" in error.advice) == (integrator == "variational")
     assert history.status == "diverged"
     assert str(error).startswith(history.meta["failure"])  # then what was warned of
-    assert np.isfinite(history["q"]).all()
-    assert np.isfinite(history["p"]).all()
-    history.save(tmp_path / "copy.history")
-    for name in ("copy", "whip"):
-        loaded = sc.History.load(tmp_path / f"{name}.history")
-        assert loaded.status == "diverged"
-        for key in ("t", "q", "p", "carried"):
-            assert np.array_equal(loaded[key], history[key]), key
+    assert np.isfinite(history["q"]).all() and np.isfinite(history["p"]).all()
+    loaded = sc.History.load(path)
+    assert loaded.status == "diverged"
+    for key in ("t", "q", "p", "carried"):
+        assert np.array_equal(loaded[key], history[key]), key
 
 
 @straight
@@ -178,46 +168,3 @@ def test_overflow_is_not_a_small_residual(treatment):
     residual[0] = np.nan
     for largest in (1.0, np.nan, 0.0):
         assert not np.isfinite(bound.relative(residual, largest))
-
-
-@pytest.mark.slow
-@straight
-def test_restart_from_a_loaded_history(integrator, treatment, tmp_path):
-    """The same run to the Newton tolerance; another step or integrator: the same to O(h^2)."""
-    system = pendulum()
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    whole = sc.simulate(system, *pair, 0.005, 0.4)
-    half = sc.simulate(system, *pair, 0.005, 0.2)
-    half.save(tmp_path / "half.history")
-    loaded = sc.History.load(tmp_path / "half.history")
-    start = sc.restart(system, loaded, pair[0], 0.005)
-    assert start.index == 40
-    rest = sc.simulate(system, *pair, 0.005, 0.4, start=start)
-    assert rest["step"][-1] == 80
-    # what is lost is the guess of the next step: the Newton tolerance is what differs
-    assert abs(rest["q"] - whole["q"][40:]).max() < 1e-11
-    assert abs(rest["p"][1:] - whole["p"][41:]).max() < 1e-11
-    assert abs(rest.times - whole.times[40:]).max() < 1e-14
-    for name, other in INTEGRATORS.items():
-        errors = []
-        for h in (0.01, 0.005):
-            first = sc.simulate(system, *pair, h, 0.2)
-            finer = h if name != integrator else h / 2
-            start = sc.restart(system, first, other, finer)
-            assert start.fresh
-            rest = sc.simulate(system, other, pair[1], finer, 0.4, start=start)
-            reference = exact()
-            errors.append(abs(rest["q"][-1] - reference).max())
-        assert errors[1] < 2e-3
-        assert 3 < errors[0] / errors[1] < 5, (name, errors)
-
-
-@cache
-def exact():
-    """Richardson value at 0.4 s of the variational scheme."""
-    system = pendulum()
-    a, b = (
-        sc.simulate(system, sc.Variational(), sc.Multipliers(), h, 0.4, derive=False)["q"][-1]
-        for h in (0.002, 0.001)
-    )
-    return (4 * b - a) / 3
