@@ -343,12 +343,12 @@ def test_every_implicit_integrator_takes_every_theory(theory, integrator):
     assert abs(q - other).max() < 1e-12
 
 
-def flying(theory, order=2, elements=3):
+def flying(theory, order=2, elements=3, section=SECTION, push=10 * TIP):
     """A rod in free flight, turning, pushed for a while."""
     spin = (3.0, 2.0, 1.0)
     options = {"velocity": lambda x: np.cross(spin, x), "angular_velocity": spin}
-    model = arc(theory, order, elements, **options)
-    model.add("push", sc.LoadForce(model["rod"].node("rod.end"), 10 * TIP, PULSE))
+    model = arc(theory, order, elements, section, **options)
+    model.add("push", sc.LoadForce(model["rod"].node("rod.end"), push, PULSE))
     return model
 
 
