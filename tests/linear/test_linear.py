@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 from helpers_scenes import lattice
+from scipy.sparse import kron, kronsum
 
 import skfem_cosserat as sc
 from skfem_cosserat import PerformanceWarning, Stepper, linear
@@ -81,23 +82,14 @@ def test_solutions(real, name):
     assert own.factorisations == 4
 
 
-def grid(count, shift=0.3):
-    """Blocks of six unknowns on the points of a grid; shift 0: singular."""
-    g = np.arange(count**3).reshape(count, count, count)
-    pairs = [(g[1:], g[:-1]), (g[:, 1:], g[:, :-1]), (g[:, :, 1:], g[:, :, :-1])]
-    a, b = (np.concatenate([p[k].ravel() for p in pairs]) for k in (0, 1))
-    rng = np.random.default_rng(0)
-    block = rng.integers(1, 4, (6, 6))
-    block = np.tile(block + block.T + 12 * np.eye(6, dtype=int), (len(a), 1, 1)).astype(float)
-    i, j = np.concatenate([a, b, a, b]), np.concatenate([a, b, b, a])
-    values = np.concatenate([block, block, -block, -block])
-    d = g.ravel()
-    i, j = np.concatenate([i, d]), np.concatenate([j, d])
-    values = np.concatenate([values, np.tile(shift * np.eye(6), (len(d), 1, 1))])
-    rows = 6 * i[:, None, None] + np.arange(6)[:, None] + np.zeros((1, 6), dtype=int)
-    cols = 6 * j[:, None, None] + np.arange(6) + np.zeros((6, 1), dtype=int)
-    pattern = FrozenPattern(rows, cols, (6 * len(d), 6 * len(d)))
-    return pattern, pattern.data(values)
+def grid(count):
+    """Blocks of six unknowns on the points of a cubic grid: pattern and entries."""
+    chain = 2 * np.eye(count) - np.eye(count, k=1) - np.eye(count, k=-1)
+    block = np.random.default_rng(0).integers(1, 4, (6, 6))
+    block = block + block.T + 12.0 * np.eye(6)
+    matrix = kron(kronsum(kronsum(chain, chain), chain), block).tocoo()
+    pattern = FrozenPattern(matrix.row, matrix.col, matrix.shape)
+    return pattern, pattern.data(matrix.data)
 
 
 @pytest.mark.parametrize("rows", [1, 300, 2**40], ids=str)
