@@ -289,18 +289,6 @@ def test_mean_stress_does_not_keep_the_energy():
     assert abs(lost).max() > 1e-3
 
 
-@pytest.mark.slow
-@integrators
-def test_a_quadratic_energy_as_function_is_the_plain_section(integrator):
-    found = [
-        simulated(free_beam(made)[0].freeze(), integrator, "null space", derive=False)["q"]
-        for made in (
-            section(Quadratic()), sc.Section(FULL, MASS, INERTIA, centre=CENTRE),
-        )
-    ]  # fmt: skip
-    assert abs(found[0] - found[1]).max() < 1e-13
-
-
 @pytest.mark.one_quick
 @energies
 @integrators
