@@ -404,11 +404,11 @@ def two_states(
     nodal = Reparametrisation(system.kinematics)
     nodal.begin(system.extend(system.q0, 0.0), system.ground(0.3))
     for _ in range(3):
-        nodal.add(size * rng.standard_normal(system.unknowns))
+        nodal.add(size * rng.standard_normal(system.kinematics.unknowns))
     y0 = nodal.configuration()
     nodal.begin(y0, system.ground(0.5))
     for _ in range(2):
-        nodal.add(0.5 * size * rng.standard_normal(system.unknowns))
+        nodal.add(0.5 * size * rng.standard_normal(system.kinematics.unknowns))
     return y0, nodal.configuration(), nodal
 
 
