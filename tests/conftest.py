@@ -21,8 +21,6 @@ sys.path.extend(sorted({str(file.parent) for file in Path(__file__).parent.glob(
 
 import numpy as np
 import pytest
-import sizes
-from margins import note_margins
 
 from skfem_cosserat.integrators import choice
 
@@ -38,24 +36,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         default="auto",
         help="numba: compiled kernels wherever there are some, but in tests of the plain ones",
     )
-    parser.addoption("--margins", metavar="FILE", help="note how near comparisons come to limits")
-    parser.addoption("--measure", metavar="FILE", help="note what tests cost, for sizes.csv")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("--kernels") == "numba":
         choice.LONG_RUN = 0
-    if config.getoption("--margins"):
-        note_margins(config.getoption("--margins"))
-    if config.getoption("--measure"):
-        config.pluginmanager.register(sizes.Measure(config.getoption("--measure")))
-    if config.getoption("markexpr") == "long" and "PYTEST_XDIST_WORKER" not in os.environ:
-        config.pluginmanager.register(sizes.Record())
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    sizes.give_sizes(items)
+    """Mark the cases of a test with ``one_quick`` as slow, but for the first."""
+    begun: set[str] = set()
+    for item in items:
+        if item.get_closest_marker("one_quick"):
+            test = item.nodeid.split("[")[0]
+            if test in begun:
+                item.add_marker("slow")
+            begun.add(test)
 
 
 @pytest.fixture(autouse=True)

@@ -150,11 +150,16 @@ def assert_same(plain: sc.History, compiled: sc.History, iterates: bool = True) 
 
 
 def with_kept_factors(
-    system: sc.System, integrator: str, treatment: str, h: float, until: float
+    system: sc.System,
+    integrator: str,
+    treatment: str,
+    h: float,
+    until: float,
+    start: sc.State | None = None,
 ) -> tuple[sc.History, sc.History]:
     """Compiled, with a factorisation in each iteration, and with those that are kept."""
     pytest.importorskip("numba")
-    start = moving(system)
+    start = moving(system) if start is None else start
     whole, kept = (
         sc.simulate(
             system, INTEGRATORS[integrator], TREATMENTS[treatment], h, until, start=start,

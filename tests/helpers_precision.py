@@ -184,12 +184,6 @@ def blow(iterations, settings=None):
     return sc.simulate(*struck(), step=0.1, until=1.0, settings=settings)
 
 
-def swing_from_rest(step):
-    """The rod falls from the height of its hinge, where its energy is zero."""
-    scheme = sc.EnergyMomentum(), sc.NullSpace()
-    return sc.simulate(rubber_rod(2), *scheme, step, 0.08, kernels="numpy")
-
-
 def sleeping_process(step=None):
     """Another program, which does not answer in time."""
     subprocess.run([sys.executable, "-c", "import time; time.sleep(9)"], timeout=0.1, check=True)

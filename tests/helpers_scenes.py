@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
+import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,28 +27,31 @@ from skfem_cosserat import (
     LoadLine,
     LoadMoment,
     MassPoint,
-    Material,
     MeshCurve,
     Model,
-    ModelWarning,
     Motion,
     Place,
     RigidBody,
     Section,
-    SectionCircle,
     System,
     Table,
     ground,
-    triad,
 )
 from skfem_cosserat.kernels import exp_quaternion, null_space_blocks, rotation_matrix
 from skfem_cosserat.model.reparametrisation import Reparametrisation
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "examples"))
+
+from benchmarks import lattice as lattices
+from paper import three_bar_swing
 
 #: Full 6x6 stiffness with every coupling, of moderate size.
 _COUPLING = np.random.default_rng(8).standard_normal((6, 6))
 FULL = np.diag([40.0, 50.0, 90.0, 12.0, 15.0, 8.0]) + _COUPLING @ _COUPLING.T
 #: Products of inertia, about the centre of mass (kg m^2).
 TENSOR = np.array([[0.5, 0.06, -0.04], [0.06, 0.6, 0.09], [-0.04, 0.09, 0.45]])
+
+IDENTITY = np.eye(3)
 
 
 def chequered(
@@ -163,43 +167,8 @@ def swing(elements: int = 20) -> System:
 
 
 def swing_model(elements: int = 20) -> Model:
-    """The scene of :func:`swing`, not frozen."""
-    mesh = MeshCurve.init_line(
-        (0, 0, 0), (0, 0.72, 0), elements, nodes={"left": 0, "mid": 0.5, "right": 1}
-    )
-    with warnings.catch_warnings():  # the published inertia is that about the axes: as printed
-        warnings.simplefilter("ignore", ModelWarning)
-        section = Section.from_constants(
-            EA=547500,
-            GA=175480.7692,
-            EI=(114.0625, 10.2656),
-            GJ=13.7401,
-            mass=7500,
-            inertia=(1.5625, 0.1406),
-        )
-    model = Model()
-    beam = model.add("beam", Beam(mesh, section, director=(0, 0, 1)))
-    bodies = {}
-    for name, x0, x1 in (
-        ("left", (0, 0, 0), (0, 0, 0.36)),
-        ("right", (0, 0.72, 0), (0, 1.08, 0.36)),
-    ):
-        d = np.subtract(x1, x0)
-        bodies[name] = model.add(
-            f"link {name}",
-            RigidBody.pyramid(
-                0.01, 0.02, float(np.linalg.norm(d)), position=x0 + d / 4, triad=triad(d, (1, 0, 0))
-            ),
-        )
-        link = bodies[name]
-        model.add(
-            f"hinge {name}", JointRevolute(link.at(x0), beam.node(name), axis=(1.0, 0.0, 0.0))
-        )
-        model.add(f"support {name}", JointSpherical(ground(x1), link.at(x1)))
-    model.add("mass", MassPoint(5.0, on=beam.node("mid")))
-    pulse = Table([0, 0.125, 0.25], [0, 1e4, 0])
-    model.add("pulse", LoadForce(beam.node("mid"), (0, 1, 0), pulse))
-    return model
+    """The scene of :func:`swing`, not frozen: that of examples/three_bar_swing.py."""
+    return three_bar_swing.scene(elements=elements)
 
 
 class _Builder:
@@ -419,6 +388,56 @@ def null_space(system: System, y: np.ndarray, fixed: np.ndarray) -> np.ndarray:
     return P
 
 
+def assert_null_space(system: System, y: np.ndarray, fixed: np.ndarray) -> None:
+    """``P(y)`` spans all rates that the rows leave free: G P = 0, and ranks add up to n."""
+    G, P = system.constraints.jacobian(y).toarray(), null_space(system, y, fixed)
+    assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
+    assert np.linalg.matrix_rank(P) == P.shape[1] == system.unknowns
+    assert np.linalg.matrix_rank(G) == system.n - system.unknowns == system.rank
+
+
+def two_states(
+    system: System, seed: int = 3, size: float = 0.7
+) -> tuple[np.ndarray, np.ndarray, Reparametrisation]:
+    """Two configurations far from the reference and from each other, and the way between."""
+    rng = np.random.default_rng(seed)
+    nodal = Reparametrisation(system.kinematics)
+    nodal.begin(system.extend(system.q0, 0.0), system.ground(0.3))
+    for _ in range(3):
+        nodal.add(size * rng.standard_normal(system.kinematics.unknowns))
+    y0 = nodal.configuration()
+    nodal.begin(y0, system.ground(0.5))
+    for _ in range(2):
+        nodal.add(0.5 * size * rng.standard_normal(system.kinematics.unknowns))
+    return y0, nodal.configuration(), nodal
+
+
+def assert_constraints(system: System, y: np.ndarray) -> None:
+    """All rows hold, compared with the sizes of their terms."""
+    size = np.maximum(system.constraints.magnitudes(y), 1.0)
+    assert (abs(system.constraints.values(y)) / size).max() < 1e-13
+
+
+def seen(system: System, place: Place, y: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Position of a place at a configuration (rows, 3), and its rotation since the reference."""
+    r = system.row_of(place)
+    if place.triad is None:
+        return y[r], None
+    directors = y[r + 1 : r + 4]
+    return y[r] + place.offset @ directors, directors.T @ place.triad
+
+
+def ball_on_rod(
+    position: Sequence[float] = (0, 0, -1), velocity: Sequence[float] = (0, 0, 0), g: float = 10.0
+) -> tuple[Model, MassPoint, JointDistance]:
+    """A pendulum: a ball of 1 kg on a rod without mass, hung at the origin; the ball, the rod."""
+    model = Model()
+    bob = model.add("bob", MassPoint(1.0, position=position, velocity=velocity))
+    rod = model.add("rod", JointDistance(ground((0, 0, 0)), bob.place()))
+    model.add("gravity", LoadGravity((0, 0, -g)))
+    return model, bob, rod
+
+
 def triangle(last: type = JointSpherical, **options: Any) -> Model:
     """Three bodies in a ring, hung at one corner: all joints spherical but the last."""
     corners = np.array([[0.0, 0, 0], [1, 0, 0.2], [0.3, 1, 0]])
@@ -450,47 +469,32 @@ def four_bar(
     model: Model | None = None,
     z: float = 0.0,
     name: str = "",
+    turned: np.ndarray = IDENTITY,
 ) -> Model:
-    """A planar four-bar linkage in or above the xy plane: ground, crank, coupler, rocker."""
-    points = np.array([[0.0, 0, z], [0, 1, z], [2, 1.5, z], [2, 0, z]])
+    """A planar four-bar linkage in or above the xy plane: ground, crank, coupler, rocker.
+
+    Or in the plane to which the rotation matrix `turned` takes it.
+    """
+    points = np.array([[0.0, 0, z], [0, 1, z], [2, 1.5, z], [2, 0, z]]) @ turned.T
     model = Model() if model is None else model
-    size = 0.2, 0.3, 0.4
+    shape: dict[str, Any] = {"edges": (0.2, 0.3, 0.4), "triad": turned.T}
     bars = [
-        model.add(f"{own}{name}", RigidBody.box(1.0, size, position=points[k : k + 2].mean(0)))
+        model.add(f"{own}{name}", RigidBody.box(1.0, position=points[k : k + 2].mean(0), **shape))
         for k, own in enumerate(("crank", "coupler", "rocker"))
     ]
     before = [ground(points[0]), *(bar.at(x) for bar, x in zip(bars, points[1:], strict=True))]
     after = [*(bar.at(x) for bar, x in zip(bars, points[:3], strict=True)), ground(points[3])]
     for k, (kind, a, b) in enumerate(zip(kinds, before, after, strict=True)):
-        options = {"axis": (0, 0, 1.0)} if kind is JointRevolute else {}
+        options = {} if kind is JointSpherical else {"axis": turned[:, 2]}
         model.add(f"pin {k}{name}", kind(a, b, **options))
     return model
 
 
 def lattice_mesh(count: int, elements: int = 1, size: float = 0.1) -> MeshCurve:
-    """Struts along the edges of count - 1 cubes a side; the first count^3 vertices are joints."""
-    number = np.arange(count**3).reshape(count, count, count)
-    joints = size * np.argwhere(number >= 0)
-    pairs = [(number[:-1], number[1:]), (number[:, :-1], number[:, 1:])]
-    pairs.append((number[:, :, :-1], number[:, :, 1:]))
-    a, b = (np.concatenate([pair[k].ravel() for pair in pairs]) for k in (0, 1))
-    s = (np.arange(1, elements) / elements)[:, None]
-    inner = joints[a][:, None] * (1 - s) + joints[b][:, None] * s
-    between = count**3 + np.arange(inner[..., 0].size).reshape(len(a), elements - 1)
-    along = np.column_stack([a, between, b])
-    t = np.stack([along[:, :-1].ravel(), along[:, 1:].ravel()])
-    points = np.vstack([joints, inner.reshape(-1, 3)])
-    return MeshCurve(points.T, t, _subdomains={"lattice": np.arange(t.shape[1])})
+    """That of examples/benchmarks/lattice.py."""
+    return lattices.mesh(count, elements, size)
 
 
 def lattice(count: int, elements: int = 1, order: int = 1) -> System:
-    """A lattice of rubber rods, rigidly connected, clamped at one face."""
-    mesh = lattice_mesh(count, elements)
-    rubber = SectionCircle(radius=5e-3, material=Material(E=5e6, nu=0.5, rho=1100))
-    model = Model()
-    beam = model.add("beam", Beam(mesh, rubber, order=order, director=(0.36, 0.48, 0.8)))
-    for k in np.flatnonzero(mesh.p[0, : count**3] == 0):
-        clamp = JointFixed(ground(mesh.p[:, k]), beam.node(int(k)))
-        model.add(f"clamp {k}", clamp)
-    model.add("gravity", LoadGravity((0, -9.81, 0.5)))
-    return model.freeze()
+    """That of examples/benchmarks/lattice.py: rubber rods, rigidly connected, clamped at a face."""
+    return lattices.scene(count, elements, order)

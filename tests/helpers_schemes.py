@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+import pytest
+
 import skfem_cosserat as sc
+
+#: what most tests run with, by objects
+INTEGRATORS = (sc.Variational(), sc.EnergyMomentum())
+TREATMENTS = (sc.NullSpace(), sc.Multipliers())
+integrators = pytest.mark.parametrize("integrator", INTEGRATORS, ids=lambda each: each.name)
+treatments = pytest.mark.parametrize("treatment", TREATMENTS, ids=lambda each: each.name)
 
 SCHEMES: tuple[sc.Integrator, ...] = (
     sc.Variational(),

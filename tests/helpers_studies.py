@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -69,16 +69,6 @@ def bend(elements, order):
     return scene.position(path)
 
 
-@cache
-def _fine():
-    return element_orders._Reference()
-
-
-def bend_moments(elements, order):
-    """Largest error of the moment at the Gauss points of the bend, relative."""
-    return element_orders.bend_errors(elements, order, _fine())["resultants at Gauss points"]
-
-
 def frequencies(elements, order):
     """First three frequencies of the bend without loads (rad/s)."""
     return element_orders.frequencies(elements, order)
@@ -139,19 +129,6 @@ def spaghetti(elements, order, step, until=1.0):
     return q[[0, 1, 12 * elements, 12 * elements + 1]]
 
 
-def double_pendulum(step):
-    """Two bobs let go high up, after 6 s: chaos."""
-    model = sc.Model()
-    one = model.add("one", sc.MassPoint(1.0, position=(0.0, 0, 1.0)))
-    two = model.add("two", sc.MassPoint(1.0, position=(0.3, 0, 1.9)))
-    model.add("upper", sc.JointDistance(sc.ground((0, 0, 0)), one.place()))
-    model.add("lower", sc.JointDistance(one.place(), two.place()))
-    model.add("gravity", sc.LoadGravity((0.1, 0, -9.81)))
-    system, scheme = model.freeze(), (sc.EnergyMomentum(), sc.NullSpace())
-    run = {"every": 10**6, "derive": False, "kernels": "numpy"}
-    return sc.simulate(system, *scheme, step, 6.0, **run)["q"][-1]
-
-
 def fails_at_16(elements):
     """As `trapezoid`, but one level cannot be solved."""
     if elements == 16:
@@ -168,25 +145,11 @@ def noted(elements, log, fatal=()):
     return trapezoid(elements)
 
 
-def killed(elements, log):
-    """As `noted`; the first call with 16 elements kills its process."""
-    with (log / "calls").open("a") as handle:
-        handle.write(f"{elements}\n")
-    if elements == 16 and not (log / "on").exists():
-        os.kill(os.getpid(), signal.SIGKILL)
-    return trapezoid(elements)
-
-
 def stopped(elements, log):
     """As `noted`; Ctrl-C arrives at 8 elements, once."""
     if elements == 8 and not (log / "on").exists():
         os.kill(os.getpid(), signal.SIGINT)
     return noted(elements, log)
-
-
-def other(elements, log, fatal=()):
-    """Another problem than `noted`."""
-    return noted(elements, log, fatal)
 
 
 # -- random scenes, to count how often bands cover the error ---------------------------------------

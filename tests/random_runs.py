@@ -1,7 +1,7 @@
 """Random runs of twenty kinds: do warnings tell those that are wrong from those that are right?
 
     python tests/random_runs.py                 60 right runs, 30 wrong ones
-    python tests/random_runs.py --right 5 --wrong 5 --verbose
+    python tests/random_runs.py --right 5 --wrong 5
 
 Ten kinds are those of examples/benchmarks/warned_runs.py, where little but gravity acts. In the ten
 others something enters the run: shaken ground, drives, pulses, loads that vibrate. A number makes a
@@ -11,17 +11,20 @@ runs of 6, 20 or 100 steps, of which each is recorded or each fifth.
 The truth is the same run with halved steps, until two of them differ by less than a hundredth of
 the range of the motion; what it warns of is not about steps, so it must not. *Right* is a run that
 is off by less than a fiftieth, *wrong* one that is off by more than a tenth: in space, or relative
-to ground that is shaken. Other runs, and those that are not solved, are drawn again. Numbers are
-taken in turn, until there are as many runs of each kind as of the others. Ends with 1 if more than
-a twentieth of the right runs are warned, or more than a fifteenth of the wrong ones are not.
+to ground that is shaken. Other runs, and those that are not solved, are drawn again. Numbers,
+and with them kinds, are taken in turn, until there are at least as many right and wrong runs as
+asked for. Ends with 1 if more than a twentieth of the right runs are warned, or more than a
+fifteenth of the wrong ones are not. Runs that are warned though right, or silent though wrong, are
+printed.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -287,42 +290,28 @@ def _apart(system: sc.System, one: sc.History, other: sc.History) -> float:
     return float(np.linalg.norm(a - b, axis=-1).max() / max(min(ways), 1e-300))
 
 
-def drawn(right: int, wrong: int) -> Iterator[Drawn]:
-    """So many right and wrong runs, of each kind as many as of the others as far as that goes."""
-    totals, left, number = [right, wrong], {}, 0
-    while any(totals) and number < 100 * len(KINDS):
-        kind = number % len(KINDS)
-        wanted = [
-            left.setdefault((k, kind), -(-count // len(KINDS))) and totals[k]
-            for k, count in enumerate((right, wrong))
-        ]
-        found = drawn_run(number) if any(wanted) else None
-        if found is not None and wanted[k := int(found.off > WRONG)]:
-            left[k, kind] -= 1
-            totals[k] -= 1
-            yield found
-        number += 1
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Draw, and count."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--right", type=int, default=60, help="how many right runs (60)")
     parser.add_argument("--wrong", type=int, default=30, help="how many wrong runs (30)")
-    parser.add_argument("--verbose", action="store_true", help="a line for each run")
     options = parser.parse_args(arguments)
-    found = []
-    for each in drawn(options.right, options.wrong):
-        found.append(each)
-        if options.verbose or bool(each.said) != (each.off > WRONG):
+    numbers = itertools.count()
+    found: dict[bool, list[Drawn]] = {True: [], False: []}
+    while len(found[False]) < options.right or len(found[True]) < options.wrong:
+        each = drawn_run(next(numbers))
+        if each is None:
+            continue
+        wrong = each.off > WRONG
+        found[wrong].append(each)
+        if bool(each.said) != wrong:
             sys.stdout.write(f"{each}\n")
             sys.stdout.flush()
-    right = [each for each in found if each.off < RIGHT]
-    wrong = [each for each in found if each.off > WRONG]
-    false, silent = [r for r in right if r.said], [r for r in wrong if not r.said]
-    sys.stdout.write(f"{len(right)} right runs, {len(false)} of them warned\n")
-    sys.stdout.write(f"{len(wrong)} wrong runs, {len(silent)} of them silent\n")
-    return int(20 * len(false) > len(right) or 15 * len(silent) > len(wrong))
+    false = sum(bool(each.said) for each in found[False])
+    silent = sum(not each.said for each in found[True])
+    sys.stdout.write(f"{len(found[False])} right runs, {false} of them warned\n")
+    sys.stdout.write(f"{len(found[True])} wrong runs, {silent} of them silent\n")
+    return int(20 * false > len(found[False]) or 15 * silent > len(found[True]))
 
 
 if __name__ == "__main__":

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import csv
 import math
-import re
-import signal
-import subprocess
 import sys
-import types
 from functools import partial
-from itertools import pairwise
 
 import helpers_studies as problems
 import numpy as np
@@ -66,8 +61,14 @@ def test_closed_forms(problem, levels, order, exact):
     assert abs(error - errors[-1]) < doubt < 0.05 * error
 
 
-@pytest.mark.parametrize("norm", [MaximumOverTime(), RootMeanSquare(), AtInstants([0.4, 2.0])])
-@pytest.mark.parametrize("reference", [None, oscillation, {"x": oscillation}])
+@pytest.mark.parametrize(
+    ("norm", "reference"),
+    [
+        (MaximumOverTime(), None),
+        (RootMeanSquare(), oscillation),
+        (AtInstants([0.4, 2.0]), {"x": oscillation}),
+    ],
+)
 def test_fourth_order_over_time(norm, reference):
     steps = (0.2, 0.1, 0.05, 0.025)
     study = refine(problems.fourth, step=steps, norm=norm, reference=reference)
@@ -91,6 +92,7 @@ def test_fourth_order_over_time(norm, reference):
         np.testing.assert_allclose(study.orders["x"].errors, expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_statics_of_order_two_p_at_nodes():
     study = refine(problems.bend, elements=BENT)
     true = problems.bend(48, 4)
@@ -101,44 +103,27 @@ def test_statics_of_order_two_p_at_nodes():
         assert np.linalg.norm(found.extrapolated - true) < found.uncertainty
 
 
-def test_orders_as_series_against_a_fine_run():
-    reference = ReferenceRun(elements=32, order=4)
-    study = refine(problems.bend, elements=(8, 12, 16, 24), order=(2, 3), reference=reference)
-    assert list(study.orders) == ["value, order = 2", "value, order = 3"]
-    for order, found in zip((2, 3), study.orders.values(), strict=True):
-        assert abs(found.order - 2 * order) < 0.1
-    assert len(study.rows) == len(study.outcomes) == 8  # the reference is no level
-    assert [row["order"] for row in study.rows] == 4 * [2] + 4 * [3]
+@pytest.mark.slow
+def test_frequencies_of_order_two_p():
+    """Against a finer run, which is no level."""
+    reference = ReferenceRun(elements=64, order=3)
+    study = refine(problems.frequencies, elements=(4, 8, 16, 32), order=2, reference=reference)
+    assert abs(study.orders["value"].order - 4) < 0.1
+    assert len(study.rows) == len(study.outcomes) == 4
 
 
-@pytest.mark.parametrize("order", [2, 3])
-def test_strains_of_order_p_plus_one(order):
-    levels = (8, 16, 32, 64)
-    study = refine(problems.bend_moments, elements=levels, order=order, reference=0.0)
-    assert abs(study.orders["value"].order - (order + 1)) < 0.1
-
-
-@pytest.mark.parametrize(("order", "levels"), [(1, (16, 32, 64, 128)), (2, (4, 8, 16, 32))])
-def test_frequencies_of_order_two_p(order, levels):
-    study = refine(problems.frequencies, elements=levels, order=order)
-    assert abs(study.orders["value"].order - 2 * order) < 0.1
-
-
-@pytest.mark.parametrize("integrator", problems.INTEGRATORS)
-def test_steps_of_second_order(integrator):
+@pytest.mark.slow
+def test_steps_of_second_order():
     """Constraint forces, too, which belong to the states."""
-    problem = partial(problems.in_time, integrator=integrator)
-    study = refine(problem, step=[0.02, 0.01, 0.005, 0.0025])
-    expected = dict.fromkeys(("q", "v", "reaction"), 2)
-    assert list(study.orders) == list(expected)
-    for name, order in expected.items():
-        assert abs(study.orders[name].order - order) < 0.1, study.verdicts[name]
+    study = refine(problems.in_time, step=[0.02, 0.01, 0.005, 0.0025])
+    assert list(study.orders) == ["q", "v", "reaction"]
+    for name, found in study.orders.items():
+        assert abs(found.order - 2) < 0.1, study.verdicts[name]
 
 
+@pytest.mark.slow
 def test_space_and_time_together():
     levels = {"elements": (4, 8, 16, 32), "step": [0.05, 0.025, 0.0125, 0.00625]}
-    both = refine(problems.swing_up, **levels, quantities={"tip": problems.last_tip})
-    assert abs(both.orders["tip"].order - 2) < 0.1
     over = refine(
         problems.swing_up, **levels, quantities={"tip": problems.tip}, norm=MaximumOverTime()
     )
@@ -199,10 +184,6 @@ def only_long_steps(elements, step):
     return both_sizes(elements, step)
 
 
-def one_for_each_element(elements, step):
-    return np.full(elements if step == 0.1 else elements + 1, 1.0 + 1 / elements)
-
-
 def test_probes_that_fail_leave_no_band():
     study = refine(only_long_steps, elements=(4, 8, 16, 32), step=0.1)
     assert not study.failed
@@ -212,17 +193,8 @@ def test_probes_that_fail_leave_no_band():
 
 
 def test_true_values_need_no_probe():
-    calls = []
-
-    def noted(elements, step):
-        calls.append((elements, step))
-        return both_sizes(elements, step)
-
-    study = refine(noted, elements=(4, 8, 16, 32), step=0.1, reference=1.05)
-    assert len(calls) == 4 and not study.held["value"]
-    calls.clear()
-    refine(noted, elements=(4, 8, 16, 32), step=0.1)
-    assert calls[-1] == (32, 0.05) and len(calls) == 5
+    study = refine(both_sizes, elements=(4, 8, 16, 32), step=0.1, reference=1.05)
+    assert len(study.outcomes) == 4 and not study.held["value"]
 
 
 def test_series_tell_each_other_what_they_hold():
@@ -233,23 +205,24 @@ def test_series_tell_each_other_what_they_hold():
         assert abs(found.extrapolated - 1) < found.uncertainty < 1e-2, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2])
 def test_bands_hold_where_orders_agree_by_chance(order):
     """Errors h^p + c h^(p+1) + d h^(p+2): two pairs may show the same order beside a whole one."""
     random, inside = np.random.default_rng(8), []
-    for _ in range(2000):
+    for _ in range(1000):
         x, (c, d) = HALVED[:4], random.uniform(-4, 4, 2)
         found = convergence(x, [np.array(1 + h**order * (1 + c * h + d * h**2)) for h in x])
         if found.extrapolated is not None:
             inside.append(abs(float(found.extrapolated) - 1) <= 2 * found.uncertainty)
-    assert len(inside) > 50 and np.mean(inside) > 0.95
+    assert len(inside) > 25 and np.mean(inside) > 0.95
 
 
 @pytest.mark.slow
 def test_bands_of_random_runs_hold():
     """Runs and equilibria with mesh or step held: 86 of 87 bands did in 75 studies."""
-    covered, count = problems.covered(16)
-    assert count >= 10
+    covered, count = problems.covered(6)
+    assert count >= 4
     assert covered >= count - 1
 
 
@@ -257,12 +230,12 @@ def test_bands_of_random_runs_hold():
 
 
 # its coarse levels are bent farther than their elements can be
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize(
     "levels",
     [
         {"elements": (4, 8, 16, 32), "order": 1, "step": 1 / 40},
-        {"elements": 8, "order": 1, "step": (1 / 10, 1 / 20, 1 / 40, 1 / 80, 1 / 160)},
         {"elements": (4, 8, 16, 32), "order": 3, "step": (1 / 10, 1 / 20, 1 / 40, 1 / 80)},
     ],
 )
@@ -276,22 +249,7 @@ def test_step_loads_are_not_in_the_asymptotic_range(levels):
     found = study.orders["value"]
     assert np.isnan(found.errors[-1]) and np.isfinite(found.errors[:-1]).all()
     assert study.estimate["value"][0] == found.differences[-2]
-    both = not isinstance(levels["elements"], int) and not isinstance(levels["step"], float)
-    assert ("see together=False" in study.verdicts["value"]) == both
-    lines = str(study).splitlines()[2:]
-    assert lines[0].endswith("change -") and f"change {found.differences[0]:.3e}" in lines[1]
-    # orders follow from the numbers that are printed
-    text = "\n".join(lines)
-    changes = [float(number) for number in re.findall(r" change (\d\S+)", text)]
-    orders = [float(number) for number in re.findall(r"change \S+  order (\S+)", text)]
-    assert len(changes) == len(orders) + 1 >= 3
-    np.testing.assert_allclose(np.log2(np.array(changes[:-1]) / changes[1:]), orders, atol=0.006)
-
-
-@pytest.mark.slow
-def test_chaos_is_not_in_the_asymptotic_range():
-    study = refine(problems.double_pendulum, step=(0.04, 0.02, 0.01, 0.005))
-    assert study.verdicts["value"].startswith("not in the asymptotic range: pairwise orders ")
+    assert ("see together=False" in study.verdicts["value"]) == isinstance(levels["step"], tuple)
 
 
 @pytest.mark.parametrize("reference", [None, 1 - 1 / math.pi])
@@ -305,6 +263,7 @@ def judged(errors, **options):
     return convergence(HALVED[: len(values)], values, **options)
 
 
+@pytest.mark.slow
 def test_wandering_sequences_are_seldom_believed():
     """Orders between 0 and 3 by chance, errors of either sign: less than one in a hundred."""
     random = np.random.default_rng(6)
@@ -322,6 +281,7 @@ def test_wandering_sequences_are_seldom_believed():
     assert sum(each.asymptotic for each in noise) <= 3
 
 
+@pytest.mark.slow
 def test_orders_with_terms_of_higher_order():
     """Where there is a verdict it is right: the order nearly always within its spread."""
     random = np.random.default_rng(7)
@@ -345,12 +305,10 @@ def test_orders_with_terms_of_higher_order():
     ("errors", "words"),
     [
         ([1e-2, 1e-8, 1e-16, 1e-16], "at rounding: no order (2 of 4 errors above 100 x rounding)"),
-        ([0, 0, 0, 0], "at rounding: no order (0 of 4 errors"),
         ([1e-2, 2.5e-3, 6.25e-4], "fewer than four levels: pairwise orders 2.00, 2.00"),
         ([1e-2, 1e-2, 1e-2, 1e-2], "not in the asymptotic range: pairwise orders 0.00, 0.00, 0.00"),
         ([1e-2, 1.2e-2, 8e-3, 9e-3], "not in the asymptotic range: pairwise orders -0.26, 0.58"),
         ([1e-2, -2.5e-3, 6.25e-4, -1.6e-4], "the sign of the error changes"),
-        ([1e-2, 1e-15, 1e-3, 1e-4], "not in the asymptotic range"),
     ],
 )
 def test_verdicts_without_order(errors, words):
@@ -374,9 +332,6 @@ def test_rounding_is_seen_or_declared():
     assert found.rounding > 5e-11
     assert "above 100 x rounding" in found.verdict
     assert abs(found.extrapolated - 1) <= found.uncertainty
-    found = judged(1e-2 * HALVED**2, reference=np.array(1.0), rounding=1e-7)
-    assert "three finest of eight levels, 5 of 8 errors above" in found.verdict
-    assert abs(found.order - 2) < 1e-9
     assert "at rounding" in judged(1e-2 * HALVED**2, rounding=1e-5).verdict
     noisy = np.array([1e-2, 1e-4, 1e-6, 1e-8, 1.2e-11])
     expected = "(down to 1.2e-11 of the value: if that is rounding, declare it)"
@@ -421,14 +376,6 @@ def test_differences_that_turn_take_five_levels():
     assert five.extrapolated is None
 
 
-def test_known_values_with_an_error_are_a_reference_too():
-    levels = (4, 8, 16, 32)
-    known = refine(problems.trapezoid, elements=levels, reference=ReferenceKnown(math.e - 1, 1e-9))
-    plain = refine(problems.trapezoid, elements=levels, reference=math.e - 1)
-    assert known.orders["value"].errors.tolist() == plain.orders["value"].errors.tolist()
-    assert known.notes == plain.notes == {"reference": "given"}
-
-
 def test_no_order_is_told_below_the_error_of_known_values():
     """True to 2e-3 only: differences of 1e-3 to it are no errors of the levels."""
     off = ReferenceKnown(math.e - 1 + 1e-3, errors=2e-3)
@@ -454,7 +401,6 @@ def test_a_level_that_fails_is_kept_with_its_reason(tmp_path):
     assert {"refinement", "verdicts", "versions", "machine", "commit"} <= notes
     table = list(csv.DictReader(line for line in lines if not line.startswith("# ")))
     assert [line["status"] for line in table] == ["ok", "ok", "diverged", "ok", "ok"]
-    assert float(table[4]["value"]) == problems.trapezoid(64)
     assert float(table[4]["error_value"]) == study.orders["value"].errors[4]
 
 
@@ -465,39 +411,21 @@ def test_a_table_of_results_as_text_and_for_pandas(monkeypatch):
     assert head == r"| a\|b | why |"
     assert first == "| 0.333333 |  |"
     assert second == "|  | two lines |"
-    made = types.SimpleNamespace(attrs={})
-    frame = types.SimpleNamespace(DataFrame=lambda cells, columns: made)
-    monkeypatch.setitem(sys.modules, "pandas", frame)
-    assert table.to_pandas().attrs == {"problem": "bend"}
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(ImportError, match="pandas is needed here"):
         table.to_pandas()
 
 
 def test_values_that_are_not_finite_fail_their_level():
-    study = refine(lambda elements: np.nan if elements == 8 else 1 / elements, elements=(4, 8, 16))
-    assert [row["status"] for row in study.rows] == ["ok", "error", "ok"]
+    study = refine(lambda elements: np.nan if elements == 8 else 1 / elements, elements=(4, 8))
     assert study.failed["elements = 8"].endswith("quantity 'value' is not finite")
-    assert "fewer than four levels" in study.verdicts["value"]
-
-
-def test_a_series_of_which_nothing_comes():
-    def problem(elements, order):
-        return problems.trapezoid(elements) if order == 1 else np.nan
-
-    study = refine(problem, elements=(4, 8, 16, 32), order=(1, 2))
-    assert abs(study.orders["value, order = 1"].order - 2) < 0.02
-    assert study.verdicts["value, order = 2"] == "fewer than four levels"
-    assert np.isnan(study.estimate["value, order = 2"]).all()
 
 
 def test_all_levels_may_fail():
     study = refine(lambda elements: 1 / 0, elements=(4, 8))
-    assert {row["status"] for row in study.rows} == {"error"}
-    assert "ZeroDivisionError" in study.rows[0]["reason"]
-    assert study.orders == {}
+    assert study.orders == {} and {row["status"] for row in study.rows} == {"error"}
     assert "elements = 4: error: ZeroDivisionError" in str(study)
-    with pytest.raises(InputError, match="no level was solved; elements = 4: error: ZeroDiv"):
+    with pytest.raises(InputError, match="no level was solved; elements = 4: error: "):
         study.chart()
 
 
@@ -529,25 +457,6 @@ def test_killed_and_resumed(tmp_path):
     np.testing.assert_array_equal(more.orders["value"].errors, direct.orders["value"].errors)
 
 
-@pytest.mark.slow
-def test_a_process_that_is_killed_leaves_its_levels(tmp_path):
-    code = (
-        "import sys, pathlib, functools\n"
-        f"sys.path[:] = {sys.path!r}\n"
-        "import helpers_studies as problems, skfem_cosserat as sc\n"
-        f"folder = pathlib.Path({str(tmp_path)!r})\n"
-        "problem = functools.partial(problems.killed, log=folder)\n"
-        "sc.refine(problem, elements=(4, 8, 16, 32), folder=folder / 'study')\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], check=False)
-    assert done.returncode == -signal.SIGKILL
-    (tmp_path / "on").touch()
-    problem = partial(problems.killed, log=tmp_path)
-    study = refine(problem, elements=(4, 8, 16, 32), folder=tmp_path / "study")
-    assert calls(tmp_path) == [4, 8, 16, 16, 32]
-    assert abs(study.orders["value"].order - 2) < 0.02
-
-
 def test_ctrl_c_ends_a_study_in_good_order(tmp_path):
     """The level at work is finished, the others are rows without a result, and run later."""
     problem = partial(problems.stopped, log=tmp_path)
@@ -560,38 +469,17 @@ def test_ctrl_c_ends_a_study_in_good_order(tmp_path):
     assert calls(tmp_path) == [4, 8, 16, 32]
 
 
-def test_another_problem_or_argument_is_another_level(tmp_path):
-    """A level is known by the problem's name, what is bound to it, and its arguments."""
-    log, options = tmp_path, {"elements": (4, 8), "folder": tmp_path / "study"}
-    refine(partial(problems.noted, log=log), **options)
-    refine(partial(problems.noted, log=log), **options)
-    assert calls(log) == [4, 8]
-    refine(partial(problems.other, log=log), **options)
-    refine(partial(problems.noted, log=log, fatal=(1,)), **options)
-    assert calls(log) == [4, 8, 4, 8, 4, 8]
-    assert len(list((tmp_path / "study").glob("*.case"))) == 6
-
-
-@pytest.mark.filterwarnings(
-    "ignore::skfem_cosserat.AccuracyWarning"
-)  # four elements are few for the bend
 @pytest.mark.slow
-def test_two_processes_give_the_same(tmp_path, monkeypatch):
-    # kernels, if there were some, would depend on what a worker did before
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
-    levels = {"elements": (4, 8, 16, 32), "order": (1, 2)}
-    alone = refine(problems.bend, **levels)
+def test_two_processes_give_the_same(tmp_path):
+    levels = {"elements": (4, 8, 16, 32)}
+    alone = refine(problems.trapezoid, **levels).orders["value"]
     with sc.Processes(2) as executor:
-        there = refine(problems.bend, **levels, executor=executor, folder=tmp_path)
-    for key, found in alone.orders.items():
-        np.testing.assert_array_equal(found.errors, there.orders[key].errors)
-        assert found.verdict == there.orders[key].verdict
-    assert len(list(tmp_path.glob("*.case"))) == 8
-
-
-def test_an_executor_refuses_what_cannot_travel():
-    with sc.Processes(1) as executor, pytest.raises(InputError, match="cannot be sent"):
-        refine(lambda elements: 1.0, elements=(4, 8), executor=executor)
+        study = refine(problems.trapezoid, **levels, executor=executor, folder=tmp_path)
+        with pytest.raises(InputError, match="cannot be sent"):
+            refine(lambda elements: 1.0, **levels, executor=executor)
+    there = study.orders["value"]
+    assert there.errors.tolist() == alone.errors.tolist() and there.verdict == alone.verdict
+    assert len(list(tmp_path.glob("*.case"))) == 4
 
 
 def test_meshes_and_progress():
@@ -611,6 +499,7 @@ def test_meshes_and_progress():
 # -- charts and files ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_chart(tmp_path):
     pytest.importorskip("matplotlib")
     study = refine(problems.fails_at_16, elements=(4, 8, 16, 32, 64))
@@ -618,24 +507,14 @@ def test_chart(tmp_path):
     axis = figure.axes[0]
     assert axis.get_ylabel() == "error of value in m" and figure.get_suptitle() == "a bend"
     assert (tmp_path / "study.png").read_bytes()[:4] == b"\x89PNG"
-    errors, crosses, triangle = axis.get_lines()
-    np.testing.assert_array_equal(errors.get_xdata(), 1 / np.array([4, 8, 32, 64]))
+    errors, crosses, _ = axis.get_lines()
     np.testing.assert_array_equal(errors.get_ydata(), study.orders["value"].errors[[0, 1, 3, 4]])
     assert errors.get_label() == "order 2.00 +- 0.01"
     assert crosses.get_xdata().tolist() == [1 / 16]
-    x, y = (np.log(triangle.get_data()[k]) for k in (0, 1))
-    assert (y[1] - y[0]) / (x[1] - x[0]) == pytest.approx(study.orders["value"].order)
     wandering = refine(problems.kinked, elements=(5, 10, 20, 40, 80, 160)).chart().axes[0]
     (line,) = wandering.get_lines()
     assert line.get_label().startswith("not in the asymptotic range")
-    assert line.get_markerfacecolor() == "none"
     assert len(line.get_xdata()) == 5  # the finest has no error: nothing is drawn twice
-
-
-def test_quantities_by_name():
-    study = refine(problems.swing_up, elements=2, step=(0.05, 0.025), quantities=["q", "energy"])
-    assert study.values["energy"]["elements = 2, step = 0.05"].shape == ()
-    assert study.values["q"]["elements = 2, step = 0.05"].shape == (36,)
 
 
 # -- bad input -------------------------------------------------------------------------------------
@@ -643,59 +522,27 @@ def test_quantities_by_name():
 FOUR = (4, 8, 16, 32)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("problem", "options", "words"),
     [
         (problems.trapezoid, {}, "got no sequence, expected at least two levels"),
-        (problems.trapezoid, {"elements": 4}, "got no sequence, expected at least two levels"),
-        (problems.trapezoid, {"elements": (4,)}, "at least two levels"),
         (problems.trapezoid, {"elements": (4, 8, 8)}, r"\(4, 8, 8\), expected growing numbers"),
-        (problems.trapezoid, {"elements": (8, 4)}, "expected growing numbers, coarsest"),
         (problems.trapezoid, {"elements": (-4, 8)}, "elements: -4, expected an integer from 1"),
-        (problems.trapezoid, {"elements": (4, 8.5)}, "elements: 8.5, expected an integer"),
         (problems.fourth, {"step": (0.1, 0.2)}, "argument step: .*expected falling numbers"),
-        (
-            problems.fourth,
-            {"step": (0.1, -0.2)},
-            "argument step: value = -0.2, expected a positive",
-        ),
-        (
-            problems.fourth,
-            {"step": (0.1, np.nan)},
-            "argument step: value = nan, expected a positive",
-        ),
         (problems.bend, {"elements": FOUR, "order": (2, 1)}, "argument order: .*growing"),
         (problems.trapezoid, {"mesh": (4, 8)}, "argument mesh: 4, expected an object of type Mesh"),
         (problems.trapezoid, {"mesh": 4, "elements": 4}, "got both, expected one"),
         (problems.swing_up, {"elements": FOUR, "step": (0.1, 0.05)}, "got 4 and 2 levels"),
         (problems.trapezoid, {"step": (0.1, 0.05)}, r"takes \(elements\), but .* with step"),
         (problems.bend, {"elements": {1: FOUR}, "order": 1}, "elements says the orders already"),
-        (problems.bend, {"elements": {2: FOUR, 1: FOUR}}, "argument order: .*growing"),
-        (problems.bend, {"elements": {}}, "argument elements: {}, expected an integer"),
         (3, {"elements": FOUR}, "argument problem: 3 cannot be called"),
-        (problems.trapezoid, {"elements": FOUR, "reference": np.nan}, "reference: nan, expected"),
         (problems.trapezoid, {"elements": FOUR, "reference": "x"}, "reference: 'x', expected"),
-        (problems.trapezoid, {"elements": FOUR, "reference": (1, 2)}, r"shape \(2,\), expected"),
-        (
-            problems.trapezoid,
-            {"elements": FOUR, "reference": {"x": 1}},
-            "reference of 'x': unknown",
-        ),
         (problems.trapezoid, {"elements": FOUR, "reference": PAIR}, "expected finite numbers"),
         (problems.trapezoid, {"elements": FOUR, "rounding": -1.0}, "argument rounding: value"),
-        (
-            problems.trapezoid,
-            {"elements": FOUR, "quantities": ["x"]},
-            "known: none .the problem gave a float",
-        ),
         (problems.trapezoid, {"elements": FOUR, "quantities": 3}, "quantities: 3, expected names"),
         (problems.trapezoid, {"elements": FOUR, "norm": "max"}, "argument norm: 'max', expected"),
         (problems.trapezoid, {"elements": FOUR, "norm": MaximumOverTime()}, "without times at"),
-        (
-            problems.fourth,
-            {"step": (0.1, 0.05), "quantities": ["y"]},
-            "quantity 'y': unknown; ",
-        ),
         (problems.fourth, {"step": (0.1, 0.05)}, r"quantity 'x': shape \(21, 2\) at step = 0.1, "),
         (
             problems.fourth,
@@ -703,11 +550,6 @@ FOUR = (4, 8, 16, 32)
             r"AtInstants: times = \[0.05\], not all of which all levels have recorded",
         ),
         (problems.swing_up, {"elements": 2, "step": (0.1, 0.05)}, "gives a History: say what"),
-        (
-            problems.swing_up,
-            {"elements": 2, "step": (0.1, 0.05), "quantities": ["Q"]},
-            "series 'Q': not recorded",
-        ),
         (
             problems.trapezoid,
             {"elements": FOUR, "reference": ReferenceRun(order=4)},
@@ -740,17 +582,10 @@ def test_unknown_quantities_end_the_study_at_once():
     assert seen == [4]
 
 
-@pytest.mark.parametrize("times", [[], [0.2, 0.1], [np.nan], "x"])
+@pytest.mark.parametrize("times", [[], [0.2, 0.1], "x"])
 def test_bad_instants(times):
     with pytest.raises(InputError, match="AtInstants"):
         AtInstants(times)
-
-
-def test_pairs_shown_are_those_of_the_errors():
-    study = refine(problems.trapezoid, elements=FOUR, reference=math.e - 1)
-    errors = study.orders["value"].errors
-    expected = [np.log2(a / b) for a, b in pairwise(errors)]
-    assert [row["order_value"] for row in study.rows[1:]] == pytest.approx(expected)
 
 
 def test_histories_become_paraview_series(tmp_path):
@@ -759,12 +594,8 @@ def test_histories_become_paraview_series(tmp_path):
     study = refine(problems.swing_up, **levels, quantities=quantities, folder=tmp_path / "kept")
     written = study.paraview(tmp_path / "series")
     assert list(written) == ["elements = 2, step = 0.05", "elements = 4, step = 0.025"]
-    folders = [tmp_path / "series" / f"elements_{n}_step_{h}" for n, h in ((2, 0.05), (4, 0.025))]
-    for folder, paths in zip(folders, written.values(), strict=True):
-        assert folder / "beams.pvd" in paths
-        assert (folder / "beams.pvd").read_text().count("<DataSet") == 7
-    last = study.values["tip"]["elements = 4, step = 0.025"]
-    again = refine(problems.swing_up, **levels, quantities=quantities, folder=tmp_path / "kept")
-    np.testing.assert_array_equal(again.values["tip"]["elements = 4, step = 0.025"], last)
+    index = tmp_path / "series" / "elements_4_step_0.025" / "beams.pvd"
+    assert index in written["elements = 4, step = 0.025"]
+    assert index.read_text().count("<DataSet") == 7
     with pytest.raises(InputError, match=r"its result is a float, ParaView series need a History"):
         refine(problems.trapezoid, elements=(2, 4)).paraview(tmp_path)

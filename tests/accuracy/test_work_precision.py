@@ -141,21 +141,10 @@ def test_the_clock_of_the_wall():
         return {"x": 1.0}
 
     (row,) = work_precision(0.0, [("sleeps", sleeps)], 1.0, ["x"]).rows
-    assert 0.02 <= row["cost_s"] < 0.2
-    (row,) = work_precision(0.0, [("s", sleeps)], 1.0, ["x"], clock=time.process_time).rows
-    assert row["cost_s"] < 0.015
+    assert row["cost_s"] >= 0.02
 
 
 # -- references ------------------------------------------------------------------------------------
-
-
-def test_reference_with_its_own_error():
-    known = ReferenceKnown({"x": EXACT}, errors={"x": 1e-3})
-    found = work_precision(-1.0, both(), known, ["x"])
-    assert found.reference_errors == {"x": 1e-3}
-    assert [
-        math.isnan(e) for e in work_precision(-1.0, both(), EXACT, ["x"]).reference_errors.values()
-    ]
 
 
 def test_errors_near_that_of_the_reference_are_told():
@@ -183,14 +172,6 @@ def test_reference_from_two_runs():
     assert plain.reference_errors["x"] == pytest.approx(distance, rel=1e-12)
 
 
-def test_reference_is_a_run():
-    run = partial(helpers.midpoint, step=1e-3)
-    found = work_precision(-1.0, both(), run, ["x"])
-    euler = found.rows[0]["error_x"]
-    assert euler == pytest.approx(abs(0.9**10 - run(-1.0)["x"]), rel=1e-12)
-    assert math.isnan(found.reference_errors["x"])
-
-
 def test_over_time():
     """Largest error at instants that all have; a setup that lacks them has failed, alone."""
 
@@ -199,17 +180,14 @@ def test_over_time():
         return {"t": t, "x": np.exp(-t) + step * t}
 
     setups = setup_grid(path, step=(0.1, 0.05))
-    norm = MaximumOverTime()
-    found = work_precision(None, setups, {"x": lambda t: np.exp(-t)}, ["x"], norm=norm)
+    reference = {"x": lambda t: np.exp(-t)}
+    found = work_precision(None, setups, reference, ["x"], norm=MaximumOverTime())
     assert [row["error_x"] for row in found.rows] == pytest.approx([0.1, 0.05], rel=1e-12)
-    at = AtInstants([0.5])
-    run = partial(path, step=0.025)
-    found = work_precision(None, setups, run, ["x"], norm=at)
-    assert [r["error_x"] for r in found.rows] == pytest.approx([0.0375, 0.0125], rel=1e-12)
     odd = [*setups, ("no times", lambda problem: {"x": 1.0})]
-    found = work_precision(None, odd, run, ["x"], norm=norm)
-    assert [row["status"] for row in found.rows] == ["ok", "ok", "error"]
-    assert "without times" in found.rows[2]["reason"]
+    run = partial(path, step=0.025)
+    found = work_precision(None, odd, run, ["x"], norm=AtInstants([0.5]))
+    assert [row["error_x"] for row in found.rows[:2]] == pytest.approx([0.0375, 0.0125], rel=1e-12)
+    assert found.rows[2]["status"] == "error" and "without times" in found.rows[2]["reason"]
 
 
 def test_a_result_of_another_shape_disturbs_no_others():
@@ -217,6 +195,17 @@ def test_a_result_of_another_shape_disturbs_no_others():
     found = work_precision(None, setups, 1.0, ["x"])
     assert [row["status"] for row in found.rows] == ["error", "ok"]
     assert found.rows[1]["error_x"] == 0.5 and "shape" in found.rows[0]["reason"]
+
+
+def test_kernels_of_our_own_runs_and_of_others():
+    """As the history or the other program tells."""
+    setups = [
+        ("own", lambda rod: helpers.swing_down(rod, sc.EnergyMomentum(), 0.02)),
+        ("peer", lambda rod: {"x": 1.0, "cost_s": 1.0, "kernels": "other"}),
+    ]
+    read = {"x": lambda result: result["x"] if isinstance(result, dict) else result.times[-1]}
+    table = work_precision(2, setups, {"x": 1.0}, read, repeats=1)
+    assert [row["kernels"] for row in table.rows] == ["numpy", "other"]
 
 
 # -- fronts ----------------------------------------------------------------------------------------
@@ -285,13 +274,12 @@ def test_standing_says_where_we_are_behind_and_by_how_much():
 # -- files -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_csv_and_chart(table, tmp_path):
     text = table.csv(tmp_path / "table.csv").read_text().splitlines()
     head = [line for line in text if line.startswith("# ")]
     rows = list(csv.DictReader(text[len(head) :]))
     assert any(line.startswith("# versions") for line in head)
-    first = ["label", "cost_s", "newton_iterations", "factorisations", "unknowns"]
-    assert list(rows[0])[:8] == [*first, "error_x", "status", "reason"]
     assert float(rows[0]["error_x"]) == table.rows[0]["error_x"]
     assert [r["status"] for r in rows[8:]] == ["newton", "diverged", "error", "diverged", "error"]
     assert rows[8]["error_x"] == ""
@@ -299,34 +287,16 @@ def test_csv_and_chart(table, tmp_path):
     figure = table.chart(tmp_path / "table.png")
     assert (tmp_path / "table.png").stat().st_size > 10_000
     (axis,) = figure.axes
-    labels = [each.get_text() for each in figure.legends[0].get_texts()]
-    assert labels[:2] == ["explicit", "implicit"] and labels[-1] == "failed"
     assert (axis.get_xlabel(), axis.get_ylabel()) == ("time in s", "error of x")
-    front = next(line for line in axis.lines if line.get_label() == "implicit")
-    assert front.get_ydata().tolist() == [
-        row["error_x"] for row in table.front("x", group="implicit").points
-    ]
     crosses = [line for line in axis.lines if line.get_marker() == "x"]
     assert sum(len(line.get_xdata()) for line in crosses) == len(FAILING)
     with pytest.raises(InputError, match="unknown; known: 'x'"):
         table.chart(quantities=["y"])
-    with pytest.raises(InputError, match="expected some of x"):
-        table.chart(quantities=[])
+    with pytest.raises(InputError, match=r"\.xyz, expected one of"):
+        table.chart(tmp_path / "chart.xyz")
 
 
-def test_chart_with_a_colour_for_each_family(table):
-    """Lines of a family share the colour, not the marks; failures have it, too."""
-    pytest.importorskip("matplotlib")
-    figure = table.chart(
-        kind=lambda row: row["label"].split(",")[0],
-        family=lambda row: "Euler and failed" if "Euler" in row["label"] else "others",
-    )
-    lines = {line.get_label(): line for line in figure.axes[0].lines}
-    euler, midpoint = lines["Euler"], lines["midpoint"]
-    assert euler.get_color() != midpoint.get_color() == lines["failed"].get_color()
-    assert len(euler.get_xdata()) == len(STEPS)
-
-
+@pytest.mark.slow
 def test_charts_of_other_costs_and_of_a_stored_table(table, tmp_path):
     """Iterations: Euler tells none; few lines: the others are dots; read again: the same chart."""
     pytest.importorskip("matplotlib")
@@ -336,71 +306,43 @@ def test_charts_of_other_costs_and_of_a_stored_table(table, tmp_path):
     lines = {line.get_label(): line.get_xdata() for line in axis.lines}
     assert lines["implicit"].tolist() == [round(1 / step) for step in STEPS]
     assert "explicit" not in lines and "failed" not in lines
-    figure = table.chart(cost="CPU seconds")
-    assert figure.axes[0].get_xlabel() == "CPU time in s"
-    assert table.chart(units="").axes[0].get_ylabel() == "relative error of x"
     with pytest.raises(InputError, match="argument cost: 'money', unknown"):
         table.chart(cost="money")
-    labels = table.chart(kind=lambda row: row["label"], most=4).axes[0]
-    drawn = labels.get_legend_handles_labels()[1]
-    assert len([label for label in drawn if label not in ("others", "failed")]) <= 4
-    assert "others" in drawn
-    two = table.chart(kind=lambda row: row["label"], most=1).axes[0]
-    kept = [label for label in two.get_legend_handles_labels()[1] if "step" in label]
+    few = table.chart(kind=lambda row: row["label"], most=1).axes[0]
+    kept = [label for label in few.get_legend_handles_labels()[1] if "step" in label]
     assert [label.split(",")[0] for label in kept] == ["Euler", "midpoint"]  # one of each group
     again = type(table).read(table.csv(tmp_path / "table.csv"))
     assert again.reference_errors == pytest.approx(table.reference_errors, nan_ok=True)
     assert str(again) == str(table)
-    assert len(again.chart().axes[0].lines) == len(table.chart().axes[0].lines)
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(InputError, match="not of a work-precision study"):
         type(table).read(tmp_path / "other.csv")
-    with pytest.raises(InputError, match="cannot be read"):
-        type(table).read(tmp_path / "none.csv")
-
-
-def test_chart_of_nothing_but_failures(tmp_path):
-    pytest.importorskip("matplotlib")
-    found = work_precision(-1.0, [("lost", helpers.lost)], EXACT, ["x"])
-    found.chart(tmp_path / "chart.png")
-    assert found.front("x").lines == []
-    assert str(found).startswith("failed: lost")
 
 
 def test_resumed_study(tmp_path):
+    """What is there is not run again; another problem is another case."""
     setups = setup_grid(partial(helpers.counted, log=tmp_path), step=STEPS)
     study = {"repeats": 2, "folder": tmp_path / "study"}
     first = work_precision(-1.0, setups[:2], EXACT, ["x"], **study)
-    again = work_precision(-1.0, [*setups, ("lost", helpers.lost)], EXACT, ["x"], **study)
+    again = work_precision(-1.0, setups, EXACT, ["x"], **study)
     assert again.rows[:2] == first.rows
     assert (tmp_path / "calls").read_text().split() == [f"{h}" for h in STEPS for _ in range(3)]
-    work_precision(-1.0, [*setups, ("lost", helpers.lost)], EXACT, ["x"], **study)
-    assert len((tmp_path / "calls").read_text().split()) == 12
-    work_precision(-2.0, setups[:1], EXACT, ["x"], **study)  # another problem: another case
+    work_precision(-2.0, setups[:1], EXACT, ["x"], **study)
     assert len((tmp_path / "calls").read_text().split()) == 15
-
-
-@pytest.mark.slow
-def test_processes_give_what_one_process_gives():
-    setups = [*both(), *FAILING]
-    with sc.Processes(2) as executor:
-        there = work_precision(-1.0, setups, EXACT, ["x"], executor=executor, repeats=1)
-    here = work_precision(-1.0, setups, EXACT, ["x"], repeats=1)
-    for a, b in zip(there.rows, here.rows, strict=True):
-        assert {**a, "spent_s": 0} == {**b, "spent_s": 0}
 
 
 # -- our own methods -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_rubber_rod_with_both_integrators():
     """Second order is seen in the table, of histories, with counts and unknowns."""
     schemes = {"energy-momentum": sc.EnergyMomentum(), "variational": sc.Variational()}
     steps = (4e-3, 2e-3, 1e-3)
     setups = setup_grid(helpers.swing_down, integrator=schemes, step=steps)
     pair = ReferencePair(
-        partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=2.5e-4),
         partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=5e-4),
+        partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=1e-3),
         order=2,
     )
     found = work_precision(4, setups, pair, {"tip": helpers.tip}, repeats=1)
@@ -410,29 +352,11 @@ def test_rubber_rod_with_both_integrators():
         assert [math.log2(a / b) for a, b in pairwise(errors)] == pytest.approx([2, 2], abs=0.15)
     for row in found.rows:
         count = round(0.08 / float(row["label"].split(" = ")[1]))
-        assert 2 * count <= row["newton_iterations"] <= 6 * count
-        assert row["factorisations"] >= row["newton_iterations"]
-        assert row["unknowns"] == helpers.rubber_rod(4).unknowns
-        assert row["cost_s"] > 0
-
-
-def test_iterations_are_counted_whatever_is_recorded():
-    run = {"derive": False, "kernels": "numpy"}
-    scheme = sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.04
-    every = sc.simulate(helpers.rubber_rod(), *scheme, **run)
-    last = sc.simulate(helpers.rubber_rod(), *scheme, at=[0.04], **run)
-    total = every["newton_iterations"].sum()
-    assert every.meta["newton_iterations"] == last.meta["newton_iterations"] == total > 40
+        assert 2 * count <= row["newton_iterations"] <= row["factorisations"]
+        assert row["unknowns"] == helpers.rubber_rod(4).unknowns and row["cost_s"] > 0
 
 
 # -- what a user may do ----------------------------------------------------------------------------
-
-
-def test_a_setup_whose_subprocess_takes_too_long(table):
-    setups = [("peer", helpers.sleeping_process), ("midpoint", partial(helpers.midpoint, step=0.1))]
-    found = work_precision(-1.0, setups, EXACT, ["x"], repeats=1)
-    assert [row["status"] for row in found.rows] == ["timeout", "ok"]
-    assert found.rows[0]["reason"].startswith("TimeoutExpired")
 
 
 def test_a_reference_that_fails_ends_the_study_before_the_setups():
@@ -458,18 +382,7 @@ def _raises(problem):
     raise RuntimeError("out of order")
 
 
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # two elements under tension
-def test_a_history_as_reference():
-    fine = partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=1e-3)
-    setups = [("coarse", partial(helpers.swing_down, integrator=sc.EnergyMomentum(), step=4e-3))]
-    errors = [
-        work_precision(2, setups, reference, {"tip": helpers.tip}, repeats=1).rows[0]["error_tip"]
-        for reference in (fine, fine(2))
-    ]
-    assert errors[0] > 1e-6 and errors == [errors[0]] * 2
-
-
-@pytest.mark.parametrize("cost", ["cheap", -1.0, 0.0, math.nan, [1.0]])
+@pytest.mark.parametrize("cost", ["cheap", -1.0, math.nan])
 def test_costs_that_are_none(cost):
     setups = [("odd", lambda problem: {"x": 1.0, "cost_s": cost})]
     (row,) = work_precision(0.0, setups, 1.0, ["x"]).rows
@@ -482,17 +395,13 @@ def test_counts_that_are_none():
     assert (row["status"], row["newton_iterations"], row["unknowns"]) == ("ok", None, 3)
 
 
-def test_exact_setups_and_a_single_error(tmp_path):
-    """No error at all has a front, in words, and a chart."""
+def test_exact_setups_and_a_single_error():
+    """No error at all has a front in words, too."""
     found = work_precision(0.0, [("a", lambda p: {"x": 1.0, "cost_s": 2.0})], 1.0, ["x"], repeats=1)
     assert found.front("x").lines == ["for 0e+00 in x the cheapest is a: 0.0e+00 in 2 s"]
     assert found.front("x", 1e-3).lines == found.front("x", [1e-3]).lines
     with pytest.raises(InputError, match="error = 'much'"):
         found.front("x", "much")
-    pytest.importorskip("matplotlib")
-    found.chart(tmp_path / "chart.png")
-    with pytest.raises(InputError, match=r"\.xyz, expected one of"):
-        found.chart(tmp_path / "chart.xyz")
 
 
 # -- limits of time --------------------------------------------------------------------------------
@@ -526,14 +435,12 @@ BAD = {
     "no setups": ({"setups": []}, "is empty"),
     "same label": ({"setups": [("a", never), ("a", never)]}, "two setups are called 'a'"),
     "no function": ({"setups": [("a", 1)]}, "setup 'a': 1 cannot be called"),
-    "no name": ({"setups": [("", never)]}, "label ''"),
     "taken": ({"setups": [("reference", never)], "reference": never}, "'reference' is that of"),
     "no reference": ({"reference": None}, "argument reference: None, expected values"),
     "of levels": ({"reference": ReferenceFinest()}, "expected values, ReferenceKnown"),
     "not finite": ({"reference": math.nan}, "expected finite numbers"),
     "unknown": ({"reference": {"y": 1.0}}, "reference of 'y': unknown; known: 'x'"),
     "one value": ({"quantities": ["x", "y"]}, "one value for 2 quantities"),
-    "missing": ({"quantities": ["x", "y"], "reference": {"x": 1.0}}, "no value of 'y'"),
     "quantities": ({"quantities": "x"}, "argument quantities: 'x'"),
     "repeats": ({"repeats": 0}, "argument repeats: 0, expected a positive integer"),
     "timeout": ({"timeout_s": -1}, "timeout_s = -1, expected a positive"),
@@ -542,6 +449,7 @@ BAD = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_gives_one_error_before_any_work(name):
     change, message = BAD[name]
@@ -554,14 +462,8 @@ def test_bad_quantities_references_and_axes():
     good = [("euler", partial(helpers.euler, step=0.1))]
     with pytest.raises(InputError, match=r"no setup gave them; euler: .*'y'"):
         work_precision(-1.0, good, 1.0, ["y"])
-    with pytest.raises(InputError, match="its run failed: Diverged"):
-        work_precision(-1.0, good, helpers.lost, ["x"])
-    with pytest.raises(InputError, match="not finite"):
-        work_precision(-1.0, good, helpers.wild, ["x"])
     with pytest.raises(InputError, match=r"axis 'step': 0\.1, expected values"):
         setup_grid(never, step=0.1)
-    with pytest.raises(InputError, match="is empty"):
-        setup_grid(never, step=())
     with pytest.raises(InputError, match="fine = 1, expected a function"):
         ReferencePair(1, never)
     with pytest.raises(InputError, match="expected a positive"):

@@ -5,18 +5,18 @@ Loads, couplings, damping, theories and planes are compared in the tests of thos
 
 from __future__ import annotations
 
+from itertools import cycle
+
 import numpy as np
 import pytest
 import test_drives
 import test_joints
-import test_time_functions
 from helpers_kernels import (
     INTEGRATORS,
     TREATMENTS,
     assert_same,
     assert_same_iteration,
     both,
-    chain,
     corner,
     integrators,
     moving,
@@ -30,52 +30,44 @@ from helpers_scenes import (
     lattice,
     lattice_mesh,
     random_tree,
-    swing,
 )
-from rounding import EPS, ROOM, nudged
 
 import skfem_cosserat as sc
-from skfem_cosserat import Stepper
 from skfem_cosserat.compiled import plan
-from skfem_cosserat.compiled.numbers import DONE, GUESS, KNOWN
-from skfem_cosserat.compiled.plan import Plan, _Graph
-from skfem_cosserat.integrators import stepper
-from skfem_cosserat.integrators.compiled_step import CompiledStep
-from skfem_cosserat.integrators.scheme import StepOrigin
-from skfem_cosserat.linear import SingularMatrixError
 
 pytest.importorskip("numba")
-SLOW = pytest.mark.slow
-makes = pytest.mark.parametrize("make", [tree, corner])
-#: compiling takes most of the time: most orders are among the slow tests
-orders = pytest.mark.parametrize(
-    ("treatment", "order"),
-    [
-        pytest.param(treatment, order, marks=() if order in quick else SLOW)
-        for treatment, quick in (("null space", (1, 3)), ("multipliers", (1,)))
-        for order in (1, 2, 3, 4)
-    ],
-)
+
+PAIRS = [(integrator, treatment) for integrator in INTEGRATORS for treatment in TREATMENTS]
 
 
 def each(function):
     """Both integrators with each treatment."""
-    return pytest.mark.parametrize("treatment", TREATMENTS)(integrators(function))
+    return pytest.mark.parametrize(("integrator", "treatment"), PAIRS)(function)
 
 
-def solved(fast, state):
-    """Steps that compiled kernels solve from a state on, of one that is asked for."""
-    found = fast.advance(state, np.array([fast.h]), StepOrigin(fast.integrator.name, fast.h))
-    return 0 if found is None else len(found)
+def paired(name, cases):
+    """Each of these cases with one pair of integrator and treatment, in turn."""
+    chosen = [(case, *pair) for case, pair in zip(cases, cycle(PAIRS), strict=False)]
+    return pytest.mark.parametrize((name, "integrator", "treatment"), chosen)
 
 
 # -- one state -------------------------------------------------------------------------------------
 
 
-@makes
-@orders
-@integrators
-def test_residual_and_increment_at_random_states(order, integrator, treatment, make):
+#: each pair with each kind of scene; the higher orders with one of them
+ORDERS = [
+    *((make, 1, *pair) for make in (tree, corner) for pair in PAIRS),
+    (corner, 2, "variational", "null space"),
+    (tree, 2, "energy-momentum", "multipliers"),
+    (tree, 3, "variational", "null space"),
+    (corner, 4, "energy-momentum", "null space"),
+]
+in_orders = pytest.mark.parametrize(("make", "order", "integrator", "treatment"), ORDERS)
+
+
+@pytest.mark.slow
+@in_orders
+def test_residual_and_increment_at_random_states(make, order, integrator, treatment):
     """Of one iteration far from the solution, with all parts of the tangent at work."""
     assert_same_iteration(make(order), integrator, treatment, order)
 
@@ -94,7 +86,8 @@ def spokes(count):
     return model.freeze()
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9])
+@pytest.mark.one_quick
+@pytest.mark.parametrize("count", [1, 3, 5, 9])
 @integrators
 def test_groups_of_elements_that_meet_at_a_vertex(integrator, count):
     """Four elements at a time, and what is left, all add to the same block."""
@@ -104,92 +97,58 @@ def test_groups_of_elements_that_meet_at_a_vertex(integrator, count):
 # -- runs ------------------------------------------------------------------------------------------
 
 
-@makes
-@orders
-@integrators
-def test_runs(order, integrator, treatment, make):
+@pytest.mark.slow
+@in_orders
+def test_runs(make, order, integrator, treatment):
     assert_same(*both(make(order), integrator, treatment, 2e-3, 0.04))
 
 
-@pytest.mark.parametrize("kind", JOINTS, ids=lambda kind: kind.type)
-@each
+@pytest.mark.slow
+@paired("kind", JOINTS)
 def test_every_joint(kind, integrator, treatment):
     """Between bodies, ground at rest and in motion, beam nodes and mass points."""
-    assert_same(*both(test_joints.scene(kind)[0], integrator, treatment, 0.01, 0.1))
+    assert_same(*both(test_joints.scene(kind)[0], integrator, treatment, 0.01, 0.05))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("which", range(4))
 @integrators
-def test_each_joint_of_a_four_bar_driven(which, integrator, monkeypatch):
-    """Also the one that closes the loop, whose row has the drive in it: kernels solve each step."""
+def test_each_joint_of_a_four_bar_driven(which, integrator):
+    """Also the one that closes the loop, whose row has the drive in it."""
     model = four_bar()
     model.add("motor", sc.JointDrive(model[f"pin {which}"], lambda t: 0.25 * np.sin(2 * t) ** 2))
     model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
     system = model.freeze()
-    start = sc.initial_state(system)
-    given = system, INTEGRATORS[integrator], sc.NullSpace(), 0.02
-    plain = Stepper(*given, kernels="numpy")
-    expected, state, beside = [start], start, nudged(start)
-    for _ in range(20):
-        expected.append(plain.advance(expected[-1]).state)
-    monkeypatch.setattr(stepper, "newton", None)  # nothing else solves them
-    found, other = (Stepper(*given, kernels="numba") for _ in range(2))
-    for n in range(1, 21):
-        state, beside = found.advance(state).state, other.advance(beside).state
-        for name in ("q", "p"):
-            a, b, c = (getattr(each, name) for each in (state, expected[n], beside))
-            # each of a few iterations a step rounds in another order
-            moved = max(3 * abs(a - c).max(), 15 * EPS * abs(b).max())
-            assert abs(a - b).max() <= ROOM * n * moved, name
+    run = both(system, integrator, "null space", 0.02, 0.4, sc.initial_state(system))
+    assert_same(*run, iterates=False)
 
 
-@pytest.mark.parametrize("kind", test_drives.COORDINATES, ids=lambda kind: kind.type)
-@each
+@pytest.mark.slow
+@paired("kind", test_drives.COORDINATES)
 def test_every_drive(kind, integrator, treatment):
     assert_same(*both(test_drives.scene(kind)[0], integrator, treatment, 0.01, 0.1))
 
 
-@pytest.mark.parametrize("seed", range(100, 107))
-@each
+@pytest.mark.slow
+@paired("seed", range(100, 108))
 def test_random_trees(seed, integrator, treatment):
     assert_same(*both(random_tree(seed), integrator, treatment, 0.005, 0.05))
-
-
-@each
-def test_deep_trees(integrator, treatment):
-    system = chain(12)
-    run = both(system, integrator, treatment, 2e-3, 0.04)
-    assert_same(*run)
-    if treatment == "multipliers":
-        assert run[1].meta["solver"] == "blocks"
-        assert run[1].meta["unknowns"] == system.n + system.m
-
-
-def test_work_grows_with_the_length_of_a_chain():
-    """The elimination of a tree fills in nothing, however deep."""
-    works = []
-    for count in (20, 40):
-        system = chain(count)
-        fast = CompiledStep(
-            system.joint_coordinates, sc.EnergyMomentum(), 1e-3, sc.NewtonSettings()
-        )
-        works.append(fast.plan.work)
-    assert works[1] <= 2 * works[0] + 1
 
 
 # -- kept factors ----------------------------------------------------------------------------------
 
 
-@makes
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
-    ("treatment", "order"),
+    ("make", "order", "integrator", "treatment"),
     [
-        *[("null space", 1), ("null space", 3), ("multipliers", 1)],
-        *[pytest.param("multipliers", order, marks=SLOW) for order in (2, 3, 4)],
+        (tree, 1, "energy-momentum", "null space"),
+        (corner, 3, "variational", "null space"),
+        (tree, 2, "variational", "multipliers"),
+        (corner, 4, "energy-momentum", "multipliers"),
     ],
 )
-@integrators
-def test_kept_factors_lead_to_the_same_motion(order, integrator, treatment, make):
+def test_kept_factors_lead_to_the_same_motion(make, order, integrator, treatment):
     """With a fraction of the factorisations; energy is conserved as well as without."""
     runs = whole, kept = with_kept_factors(make(order), integrator, treatment, 1e-3, 0.1)
     assert kept["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-9)
@@ -203,52 +162,7 @@ def test_kept_factors_lead_to_the_same_motion(order, integrator, treatment, make
             assert abs(run["energy_balance"]).max() < 1e-10 * abs(run["energy"]).max()
 
 
-@integrators
-def test_kept_factors_of_the_swing_with_multipliers(integrator):
-    """Through kept factors and from better starts the same motion, with few factorisations."""
-    system = swing(20)
-    plain, compiled = both(system, integrator, "multipliers", 1e-2, 0.3, sc.initial_state(system))
-    assert_same(plain, compiled)
-    kept = sc.simulate(
-        system, INTEGRATORS[integrator], sc.Multipliers(), 1e-2, 0.3, derive=False, kernels="numba"
-    )
-    assert abs(kept["q"] - plain["q"]).max() < 1e-10
-    force = plain["constraint_force"][:-1]
-    assert abs(kept["constraint_force"][:-1] - force).max() < 1e-6 * abs(force).max()
-    assert kept.meta["factorisations"] < 0.8 * compiled.meta["factorisations"]
-
-
-@integrators
-def test_kept_factors_know_no_rotation_of_the_whole(integrator):
-    """A ball that spins freely, 4 degrees a step: few factorisations serve for all orientations."""
-    model = sc.Model()
-    spin = (3.0, 4.0, 5.0)
-    model.add("ball", sc.RigidBody.sphere(1.0, 0.2, angular_velocity=spin))
-    system = model.freeze()
-    run = sc.simulate(
-        system, INTEGRATORS[integrator], sc.Multipliers(), 1e-2, 2.0, derive=False, kernels="numba"
-    )
-    assert abs(run["q"][-1] - run["q"][0]).max() > 0.5
-    assert len(run) == 201 and run.meta["factorisations"] < 201 / 8
-
-
-@integrators
-def test_factors_that_do_not_do_are_given_up(integrator):
-    """Steps so large that kept factors do not contract take as many iterations as without."""
-    system = tree(1)
-    start = moving(system)
-    whole, kept = [
-        sc.simulate(
-            system, INTEGRATORS[integrator], sc.NullSpace(), 0.02, 0.4, start=start,
-            kernels="numba", settings=sc.NewtonSettings(reuse=reuse), derive=False,
-        )
-        for reuse in (0, 4)
-    ]  # fmt: skip
-    assert kept["attempts"].max() == 1
-    assert kept["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-9)
-    assert kept.meta["factorisations"] <= 1.2 * whole.meta["factorisations"]
-
-
+@pytest.mark.slow
 def test_kept_factors_that_grow_old():
     """At small steps one iteration a step seemed enough by the contraction of steps long ago.
 
@@ -277,41 +191,7 @@ def test_kept_factors_that_grow_old():
 # -- what may go wrong, and what goes on -----------------------------------------------------------
 
 
-@each
-def test_a_step_that_fails_is_tried_again_the_general_way(integrator, treatment, monkeypatch):
-    """With the same attempts, and the compiled kernels go on after it."""
-    solved = CompiledStep._solved
-    calls = []
-
-    def sometimes(self, state, steps):
-        calls.append(state.index)
-        self._record[DONE] = 0
-        return state.index not in (4, 5) and solved(self, state, steps)
-
-    monkeypatch.setattr(CompiledStep, "_solved", sometimes)
-    monkeypatch.setattr(CompiledStep, "takes_blocks", lambda self, time: False)
-    run = both(tree(1), integrator, treatment, 2e-3, 0.03)
-    assert len(calls) == 30  # each step of both compiled runs
-    assert_same(*run)
-
-
-@integrators
-def test_solutions_that_have_turned_over_are_none(integrator):
-    """A hinge's rows are fulfilled half a turn off as well: left to the general way."""
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (1, 0.3, 0.2)))
-    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1)))
-    system = model.freeze()
-    method = INTEGRATORS[integrator]
-    fast = CompiledStep(system.vertex_coordinates, method, 1e-2, sc.NewtonSettings(reuse=0))
-    state = sc.initial_state(system)
-    assert solved(fast, state)
-    fast._a.last[0] = 0, 0, 0, np.pi, 0, 0  # about x: the axis points the other way
-    fast._record[[KNOWN, GUESS]] = 1  # begin there
-    assert not solved(fast, state)
-    assert system.wrong_branch(fast.y1) is not None
-
-
+@pytest.mark.slow
 def test_a_run_that_diverges_keeps_its_history():
     system = tree(1)
     errors = []
@@ -326,19 +206,21 @@ def test_a_run_that_diverges_keeps_its_history():
     assert errors[0].step == errors[1].step
 
 
+@pytest.mark.slow
 @each
-def test_restart(integrator, treatment, kernels):
+def test_restart(integrator, treatment):
     """Kernels are no part of what a history needs to go on."""
     system = tree(1)
     run = system, INTEGRATORS[integrator], TREATMENTS[treatment], 2e-3
-    options = {"derive": False, "kernels": "numba"}
-    whole = sc.simulate(*run, 0.04, start=moving(system), **options)
-    first = sc.simulate(*run, 0.02, start=moving(system), **options)
+    first = sc.simulate(*run, 0.02, start=moving(system), derive=False, kernels="numba")
     again = sc.restart(system, first, run[1], 2e-3)
-    rest = sc.simulate(*run, 0.04, start=again, derive=False, kernels=kernels)
-    assert rest["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-11)
+    whole = sc.simulate(*run, 0.04, start=moving(system), derive=False, kernels="numpy")
+    for kernels in ("numpy", "numba"):
+        rest = sc.simulate(*run, 0.04, start=again, derive=False, kernels=kernels)
+        assert rest["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-11)
 
 
+@pytest.mark.one_quick
 @each
 def test_the_iteration_matrix_is_that_of_the_plain_kernels(integrator, treatment):
     """It was asked of a treatment that compiled steps had left behind: an AttributeError."""
@@ -355,40 +237,6 @@ def test_the_iteration_matrix_is_that_of_the_plain_kernels(integrator, treatment
 
 
 # -- lattices: what elimination in blocks leaves is solved by a sparse solver ----------------------
-
-
-def links(count, elements):
-    """Vertices and pairs of a lattice."""
-    mesh = lattice_mesh(count, elements)
-    return mesh.p.shape[1], [tuple(pair) for pair in mesh.t.T.tolist()]
-
-
-def test_only_insides_of_struts_are_eliminated_in_lattices():
-    """A full elimination fills in: it is given up before it takes long."""
-    count, pairs = links(8, 3)
-    plan = Plan(count, pairs, [-1] * count)
-    assert set(plan.rest) == set(range(8**3)) and plan.blocks == count - 8**3
-    assert plan.work <= 4 * plan.blocks
-    for v in plan.rest[:5]:  # joints are coupled with joints, through their struts
-        near = plan.ends[plan.ends[:, 0] == v, 1]
-        assert 3 <= ((near < 8**3) & (near != v)).sum() <= 6
-    count, pairs = links(4, 3)  # a small one does not
-    assert len(Plan(count, pairs, [-1] * count).rest) == 0
-    assert len(Plan(count, pairs, [-1] * count, thin=True).rest) == 4**3
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_an_elimination_is_given_up_exactly_where_it_takes_too_much(seed):
-    """It is stopped as soon as it does: never where there is just enough."""
-    rng = np.random.default_rng(seed)
-    count, pairs = links(7, 1) if seed == 0 else (300, rng.integers(0, 300, (700, 2)).tolist())
-    whole, enough, less, early = (_Graph(count, pairs, [-1] * count, (), {}) for _ in range(4))
-    assert whole.eliminate(count)
-    work = sum(len(near) ** 2 for near in whole.later)
-    assert enough.eliminate(count, work) and enough.order == whole.order
-    assert not less.eliminate(count, work - 1)
-    assert not early.eliminate(count, work // 4)
-    assert sum(len(near) ** 2 for near in early.later) <= work // 4
 
 
 def hung_lattice(order):
@@ -421,22 +269,24 @@ def filled(monkeypatch):
     return change
 
 
-@pytest.mark.parametrize("thin", [-1, 0, 2])
-@pytest.mark.parametrize("make", [tree, hung_lattice])
-@integrators
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("make", "thin", "integrator"),
+    [
+        (tree, -1, "variational"),
+        (tree, 0, "energy-momentum"),
+        (hung_lattice, 0, "variational"),
+        (hung_lattice, 2, "energy-momentum"),
+    ],
+)
 def test_tangents_with_a_rest(integrator, make, thin, filled):
     """Increments as in the plain kernels, far from the solution, whatever is left."""
     filled(thin)
     assert_same_iteration(make(2), integrator, "null space", 2)
-    fast = CompiledStep(
-        make(2).joint_coordinates, INTEGRATORS[integrator], 1e-3, sc.NewtonSettings()
-    )
-    if thin < 2 or make is hung_lattice:
-        assert fast.method.startswith("blocks, ") and len(fast.plan.rest) > 1
 
 
-@pytest.mark.parametrize("thin", [-1, 1])
-@integrators
+@pytest.mark.slow
+@pytest.mark.parametrize(("thin", "integrator"), [(-1, "variational"), (1, "energy-momentum")])
 def test_all_kinds_of_joints_with_a_rest(integrator, thin, filled):
     """Whatever hangs on joints is turned into their coordinates before the solver gets it."""
     filled(thin)
@@ -448,19 +298,12 @@ def test_all_kinds_of_joints_with_a_rest(integrator, thin, filled):
         assert_same(*both(random_tree(seed), integrator, "null space", 0.005, 0.02))
 
 
-@pytest.mark.parametrize("thin", [-1, 1])
-@integrators
-def test_loads_with_a_rest(integrator, thin, filled):
-    filled(thin)
-    system = tree(2, test_time_functions.everything)
-    assert_same(*both(system, integrator, "null space", 1e-3, 0.02))
-
-
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # fine meshes under tension
 @pytest.mark.parametrize(
-    ("count", "elements", "order"), [(5, 1, 1), (4, 4, 1), pytest.param(4, 2, 2, marks=SLOW)]
+    ("count", "elements", "order", "integrator"),
+    [(4, 1, 1, "energy-momentum"), (3, 4, 1, "variational"), (3, 2, 2, "energy-momentum")],
 )
-@integrators
 def test_lattices(integrator, count, elements, order, filled):
     filled(2)
     system = lattice(count, elements, order)
@@ -479,32 +322,8 @@ def test_solver_of_the_rest_is_forced():
     assert_same(*run)
 
 
-def test_what_goes_wrong_in_the_rest(filled, monkeypatch):
-    """Singular: left to the stepper, as a step that does not converge. Else: raised after it."""
-    filled(-1)
-    system, settings = tree(1), sc.NewtonSettings()
-    state = moving(system)
-
-    def raised(error):
-        def fail(*arguments):
-            raise error
-
-        return fail
-
-    for method in ("factor", "solve_again"):
-        fast = CompiledStep(system.joint_coordinates, sc.EnergyMomentum(), 1e-3, settings)
-        monkeypatch.setattr(fast.linear, method, raised(SingularMatrixError("singular")))
-        assert not solved(fast, state)
-        for error in (MemoryError("too large"), KeyboardInterrupt()):
-            monkeypatch.setattr(fast.linear, method, raised(error))
-            with pytest.raises(type(error)):
-                solved(fast, state)
-        monkeypatch.undo()
-        filled(-1)
-        assert solved(fast, state)
-
-
 # coarse struts, drawn too much
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 def test_kept_factors_of_the_rest(integrator):
@@ -519,13 +338,7 @@ def test_kept_factors_of_the_rest(integrator):
         )  # fmt: skip
 
     whole, blocks, rest = run(0, None), run(4, None), run(4, sc.SolverSuperLU())
-    assert [each.meta["solver"] for each in (blocks, rest)] == [
-        "blocks",
-        "blocks, superlu-symmetric",
-    ]
+    assert rest.meta["solver"] == "blocks, superlu-symmetric"
     assert rest["q"][-1] == pytest.approx(whole["q"][-1], abs=1e-11)
     assert rest.meta["factorisations"] == pytest.approx(blocks.meta["factorisations"], abs=2)
-    # where what is left is the limit to rounding, an increment more is taken, or none
-    apart = abs(rest["newton_iterations"] - blocks["newton_iterations"])
-    assert apart.sum() <= 10
     assert rest.meta["factorisations"] < 0.6 * whole.meta["factorisations"]

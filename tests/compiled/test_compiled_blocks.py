@@ -44,6 +44,7 @@ PRODUCTS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", PRODUCTS)
 def test_products(name):
     product, expected = called(getattr(algebra, name)), PRODUCTS[name]
@@ -57,17 +58,11 @@ def test_products(name):
         assert np.array_equal(X[others], kept)
 
 
-def test_transposed_in_place():
-    X = random_blocks(0, 2)
-    kept = X.copy()
-    called(algebra.transpose)(X, 1)
-    assert np.array_equal(X, [kept[0], kept[1].T])
-
-
+@pytest.mark.slow
 def test_positive_definite_blocks_take_no_exchange(inverses):
     """With small skew parts, in any units of rows and columns."""
     rng = np.random.default_rng(1)
-    for M in random_blocks(2, 200):
+    for M in random_blocks(2, 50):
         M = M @ M.T + 0.02 * rng.standard_normal((6, 6)) + 0.1 * np.eye(6)
         units = 10.0 ** rng.uniform(-5, 5, 6)
         stable, sign, plain, _ = inverses(units[:, None] * M * units)
@@ -77,6 +72,7 @@ def test_positive_definite_blocks_take_no_exchange(inverses):
         np.testing.assert_allclose(units[:, None] * plain * units, wanted, rtol=0, atol=allowed)
 
 
+@pytest.mark.slow
 def test_what_is_stable_is_accurate_and_all_else_takes_exchanges(inverses):
     stables = 0
     for M in random_blocks(3, 500):
@@ -91,6 +87,7 @@ def test_what_is_stable_is_accurate_and_all_else_takes_exchanges(inverses):
     assert 50 < stables < 250
 
 
+@pytest.mark.slow
 def test_what_nearly_singular_pivots_pass_on():
     """Of a pivot A beside B = A X it is B^T A^-1 B = X^T A X, which nothing of 1/A is left in.
 
@@ -112,13 +109,13 @@ def test_what_nearly_singular_pivots_pass_on():
     assert lost > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "sign"),
     [
         (np.fliplr(np.eye(6)), -1),
         (np.diag([1.0, 1, 1, 1, 1, 0]), 0),
         (np.diag([0.0, 1, 1, 1, 1, 1]), 0),
-        (np.ones((6, 6)), 0),
         (np.diag([1.0, 1, np.nan, 1, 1, 1]), 0),
         (np.zeros((6, 6)), 0),
     ],

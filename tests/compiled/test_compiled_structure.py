@@ -9,11 +9,9 @@ import pytest
 
 pytest.importorskip("numba")
 
-import numba
-from numba import njit, typeof
+from numba import njit
 
-from skfem_cosserat.compiled.jit import inlined
-from skfem_cosserat.compiled.structures import Kind, Structure
+from skfem_cosserat.compiled.structures import Structure
 
 NAMES = ("a", "count", "on", "off", "x", "N", "k")
 
@@ -44,6 +42,7 @@ def read(s: Any, out: Any) -> None:
     s.a[0, 0, 1] = 7.0
 
 
+@pytest.mark.slow
 def test_kernels_read_and_write_what_python_has() -> None:
     s, fields = made()
     out = np.zeros(13)
@@ -54,42 +53,8 @@ def test_kernels_read_and_write_what_python_has() -> None:
     assert a[0, 0, 1] == 7.0  # shared, not copied
 
 
-def test_kinds_depend_on_fields_and_types_on_kinds() -> None:
-    s, other = made()[0], Structure("sample", ("a",), (np.zeros(3),))
-    assert made()[0].kind is s.kind and typeof(made()[0]) is typeof(s)
-    assert other.kind.name != s.kind.name and typeof(other) != typeof(s)
-    flat = Structure("sample", ("a",), (np.zeros(3, dtype=np.int64),))
-    named = Structure("sample", ("b",), (np.zeros(3),))
-    kinds = [each.kind for each in (s, other, flat, named, Structure("other", ("a",), (1.0,)))]
-    assert len({kind.name for kind in kinds}) == 5
-    # the same name in any process: it tells files of kernels apart
-    assert Kind("sample", dict(s.kind.fields)).name == s.kind.name
-
-
 def test_arrays_with_gaps_and_other_fields_are_refused() -> None:
     with pytest.raises(TypeError, match=r"array a .* not contiguous"):
         Structure("sample", ("a",), (np.zeros((4, 4))[:, ::2],))
     with pytest.raises(TypeError, match="no field of type"):
         Structure("sample", ("a",), ("text",))
-
-
-def test_functions_of_others_compile_as_ever() -> None:
-    """Closures, arrays and exceptions work beside kernels."""
-
-    @inlined
-    def twice(x: float) -> float:
-        return x + x
-
-    @numba.njit
-    def users(a: Any, n: int) -> Any:
-        def shifted(x: Any) -> Any:
-            return x + n
-
-        if n < 0:
-            raise ValueError(n)
-        return shifted(a) * np.array([k + 1.0 for k in range(len(a))])
-
-    assert njit(lambda x: twice(x))(1.5) == 3.0  # noqa: PLW0108
-    assert users(np.ones(3), 1).tolist() == [2.0, 4.0, 6.0]
-    with pytest.raises(ValueError, match="-1"):
-        users(np.ones(3), -1)

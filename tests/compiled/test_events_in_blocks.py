@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 import pytest
 import test_closed_loops
 from helpers_kernels import integrators, treatments
 from test_blocks_of_steps import (
-    CHANGING,
-    MORE,
+    add_changing,
+    add_nothing,
     add_springs,
     assert_the_same,
     blocks,
     run,
     scene,
 )
-from test_events import looking, swinging_rod
+from test_events import swinging_rod
 
 import skfem_cosserat as sc
-from skfem_cosserat import Stepper
-from skfem_cosserat.run.events import comes_near
-from skfem_cosserat.run.sensors import Window
 
 from helpers_kernels import INTEGRATORS, TREATMENTS  # isort: skip
 
@@ -30,6 +25,10 @@ pytest.importorskip("numba")
 
 __all__ = ["blocks"]
 H = 2e-3
+pairs = pytest.mark.parametrize(
+    ("integrator", "treatment"),
+    [("variational", "null space"), ("energy-momentum", "multipliers")],
+)
 
 
 def alone(*given, **options):
@@ -75,6 +74,7 @@ def levels(rod, history):
     }
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_events_of_every_kind(blocks, integrator, treatment):
@@ -91,37 +91,21 @@ def test_events_of_every_kind(blocks, integrator, treatment):
     assert_the_same_events(blocks, *given, events=down, every=7, least=3)
 
 
+@pytest.mark.slow
 @integrators
 def test_at_every_place_of_a_block(blocks, integrator):
     """In each of the first steps, and at its end: some are a block's first, some its last."""
     system, _ = swinging_rod()
     given = system, INTEGRATORS[integrator], sc.NullSpace(), H, 22 * H
-    for k in range(2, 19):
+    for k in range(2, 19, 4):
         times = k * H, (k + 1.4) * H
         events = [sc.Event(sc.ConditionTime(t), name=f"at {t}") for t in times]
         history = assert_the_same_events(blocks, *given, events=events, least=2)
         assert [event.time for event in history.events] == pytest.approx(times, abs=1e-12)
 
 
-def test_few_steps_are_solved_in_vain(blocks):
-    """No more than there are."""
-    system, _ = swinging_rod()
-    given = system, sc.EnergyMomentum(), sc.NullSpace(), H, 200 * H
-
-    def ticks(period):
-        return [sc.Event(lambda t, view: np.sin(np.pi * t / (period * H) + 1e-3), once=False)]
-
-    counts = []
-    for period in (10, 25, 90):
-        blocks.clear()
-        history, _ = run(*given, events=ticks(period))
-        assert len(history.events) == 200 // period
-        counts.append(sum(blocks))
-    assert max(counts) <= 2 * 200
-
-
-@integrators
-@treatments
+@pytest.mark.slow
+@pairs
 def test_a_run_that_stops_in_a_block(blocks, integrator, treatment):
     """Its last row is completed by a step that is the same; the stepper counts the same steps."""
     system, _ = swinging_rod()
@@ -132,6 +116,7 @@ def test_a_run_that_stops_in_a_block(blocks, integrator, treatment):
         assert history.status == "stopped" and sum(blocks) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # a step is not small
 @treatments
 def test_what_events_do_in_between(blocks, treatment):
@@ -148,11 +133,11 @@ def test_what_events_do_in_between(blocks, treatment):
     assert len(history.segments) == 5 and len(blocks) > 10
 
 
-@integrators
-@treatments
+@pytest.mark.slow
+@pairs
 def test_loads_that_change_are_those_of_steps_that_are_solved_anew(blocks, integrator, treatment):
     """What a block has solved behind an event is taken back, with its loads."""
-    system = scene(MORE[CHANGING][0])
+    system = scene(add_changing)
     given = system, INTEGRATORS[integrator], TREATMENTS[treatment], 6e-4, 0.12
     plain = sc.simulate(*given, kernels="numba")
     level = float(plain["energy"].mean())
@@ -161,71 +146,6 @@ def test_loads_that_change_are_those_of_steps_that_are_solved_anew(blocks, integ
         *(sc.Event(sc.ConditionTime(t), name=f"at {t}") for t in (0.0101, 0.05, 0.0777)),
     ]
     assert_the_same_events(blocks, *given, events=events, least=4)
-
-
-@pytest.mark.parametrize("name", ["nothing", CHANGING])
-def test_a_stepper_goes_on_from_within_a_block(name):
-    """As one that has not solved the steps behind, but for what Newton's method begins with."""
-    system = scene(MORE[name][0])
-    own = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
-    one, many = (Stepper(*own, kernels="numba") for _ in range(2))
-    alone = start = sc.initial_state(system)
-    state = many.advance_block(start, 20)[6].state
-    for k in range(12):
-        alone = one.advance(alone).state
-        if k >= 7:
-            state = many.advance(state).state
-    np.testing.assert_allclose(state.q, alone.q, atol=1e-10)
-    np.testing.assert_allclose(state.p, alone.p, atol=1e-10 * abs(alone.p).max() / 1e-3)
-
-
-def compiled_law():
-    """A quadratic energy, by functions that numba has compiled."""
-    from numba import njit
-
-    D = (40.0, 40.0, 40.0, 0.1, 0.1, 0.1)
-
-    def energy(eps):
-        total = 0.0 * eps[0]
-        for k in range(6):
-            total += 0.5 * D[k] * eps[k] * eps[k]
-        return total
-
-    def gradient(eps):
-        out = np.empty_like(eps)
-        for k in range(6):
-            out[k] = D[k] * eps[k]
-        return out
-
-    return {"energy": njit(energy), "gradient": njit(gradient)}
-
-
-def rod_of(functions):
-    """A rod of a section of such an energy, on a hinge."""
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
-    section = sc.SectionHyperelastic(mass=0.08, inertia=(1e-6, 1e-6), **functions)
-    model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section, director=(0, 1, 0)))
-    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), rod.node("rod.start"), (0, 0, 1)))
-    model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
-    return model.freeze()
-
-
-def test_a_copy_of_a_view_does_without_kernels():
-    """It had their velocities of the state before."""
-    system, _ = swinging_rod()
-    found = []
-
-    def condition(time, view):
-        other = copy.deepcopy(view)
-        found.append(np.array_equal(np.round(other.v - view.v, 10), np.zeros(len(view.v))))
-        return 1.0
-
-    events = [sc.Event(condition, name="look"), sc.Event(sc.ConditionEnergy(1e9), name="energy")]
-    sc.simulate(
-        *(system, sc.EnergyMomentum(), sc.NullSpace(), H, 20 * H), kernels="numba", events=events
-    )
-    assert len(found) > 10 and all(found)
 
 
 def test_a_number_that_only_dips_below_zero(blocks):
@@ -243,35 +163,32 @@ def test_a_number_that_only_dips_below_zero(blocks):
     assert (first.time + then.time) / 2 == pytest.approx(middle, abs=1e-9)
 
 
-def frozen(where):
-    """A rod in its plane, a closed loop, a beam with a load that moves with it, and a ball."""
-    if where == "plane":
-        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
-        rubber = sc.SectionCircle(5e-3, sc.Material(E=5e6, nu=0.4, rho=1100))
-        model = sc.Model()
-        rod = model.add("rod", sc.Beam(mesh, rubber, director=(0, 1, 0)))
-        model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0)), rod.node("rod.start")))
-        model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
-        return model.freeze(planar=sc.Planar())
-    if where == "loop":
-        return test_closed_loops.frozen("three cranks")
-    return scene(MORE[where][0])
+def bound(model, rod, pin, end):
+    """A load that moves with the end of the rod."""
+    model.add("f", sc.LoadForce(end, (0, 0.1, 0), follower=True))
 
 
-BOUND = "a load that moves with it"
+def roped(model, rod, pin, end):
+    """A ball on a rope."""
+    ball = model.add("b", sc.MassPoint(0.01, (1.2, 0, 0)))
+    model.add("rope", sc.JointDistance(end, ball.place()))
+
+
 PAIRS = [
-    *((where, sc.EnergyMomentum()) for where in ("plane", "loop", BOUND, "a rope to a ball")),
-    *((where, sc.Variational(stabilized=True)) for where in ("plane", BOUND)),
-    *((where, sc.GeneralizedAlpha(0.8)) for where in ("plane", "a rope to a ball")),
+    pytest.param(lambda: scene(add_nothing, sc.Planar()), sc.GeneralizedAlpha(0.8), id="plane"),
+    pytest.param(lambda: test_closed_loops.frozen("three cranks"), sc.EnergyMomentum(), id="loop"),
+    pytest.param(lambda: scene(bound), sc.Variational(stabilized=True), id="load that turns"),
+    pytest.param(lambda: scene(roped), sc.EnergyMomentum(), id="rope"),
 ]
 
 
 # cranks pass singular positions
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.parametrize(("where", "integrator"), PAIRS, ids=repr)
-def test_scenes_and_schemes(blocks, where, integrator):
+@pytest.mark.parametrize(("make", "integrator"), PAIRS)
+def test_scenes_and_schemes(blocks, make, integrator):
     """Energies, and a function."""
-    given = frozen(where), integrator, sc.NullSpace(), 1e-3
+    given = make(), integrator, sc.NullSpace(), 1e-3
     kinetic = sc.simulate(*given, 0.15, kernels="numba")["kinetic"]
     events = [
         sc.Event(sc.ConditionEnergy(float(kinetic.mean()), kinetic=True), name="k", once=False),
@@ -350,6 +267,7 @@ def test_a_class_of_its_own_counts_by_its_own_value(blocks):
     assert half.time == pytest.approx(whole.time, abs=1e-11) and blocks
 
 
+@pytest.mark.slow
 def test_energy_of_what_winds_up(blocks):
     """Energies of force elements count with full turns of their angles."""
     system = scene(add_springs)
@@ -361,51 +279,13 @@ def test_energy_of_what_winds_up(blocks):
     assert max(blocks) > 20
 
 
-@pytest.mark.parametrize("sprung", [False, True])
-def test_conditions_see_the_same_together(kernels, sprung):
-    """As one by one: whether velocities and energies come by kernels or not."""
-    system, rod = swinging_rod(sprung)
-    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), H, 0.1)
-    rows = slice(3, 20)
-    states = Window(system, history.times[rows], history["q"][rows], history["carried"][rows])
-    for name, condition in looking(rod, level=0.5).items():
-        condition.check(system)
-        each = [
-            condition.value(sc.View(system, sc.State(t, k, q, p)))
-            for k, (t, q, p) in enumerate(
-                zip(states.t, states.q, history["carried"][rows], strict=True)
-            )
-        ]
-        found = sc.Event(condition).values(states)
-        assert found == pytest.approx(each, rel=1e-12, abs=1e-12), name
-    users = sc.SensorQuantity(lambda system, q, t: q[:, 0])
-    assert sc.Event(sc.ConditionSensor(users, 0.0)).values(states) is None
-    assert sc.Event(sc.ConditionReaction("hinge", 1.0)).values(states) is None
-
-    class Late(sc.ConditionTime):
-        def value(self, view):
-            return view.time - 2 * self.time
-
-    assert sc.Event(Late(1.0)).values(states) is None
-
-
-def test_parabolas_that_pass_below_zero_come_near():
-    """Whatever the sizes of both steps; most others are told apart."""
-    rng = np.random.default_rng(4)
-    ratio, roots = 10 ** rng.uniform(-1, 1, 4000), rng.uniform(0, 1, (2, 4000))
-    before, start, end = (np.prod([t - root for root in roots], axis=0) for t in (-ratio, 0, 1))
-    assert comes_near(before, start, end, ratio).all()
-    assert not comes_near(1.0, 1.0, 1.0) and not comes_near(3.0, 2.0, 1.0)
-    assert comes_near(1.0, 0.1, 1.0)
-
-
-@pytest.mark.parametrize("at", [0.0711, 0.15])
-def test_what_was_before_an_error_is_kept(blocks, at):
+@pytest.mark.slow
+def test_what_was_before_an_error_is_kept(blocks):
     """Of a function of a user, in a block: the history up to the state before it."""
     system, _ = swinging_rod()
 
     def fails(time, view):
-        if time > at:
+        if time > 0.0711:
             raise KeyError("boom")
         return 1.0
 
@@ -416,7 +296,7 @@ def test_what_was_before_an_error_is_kept(blocks, at):
             go(*given, events=[sc.Event(fails)])
         histories.append(caught.value.history)
     one, many = histories
-    assert blocks and one.times[-1] > at - H
+    assert blocks and one.times[-1] > 0.0711 - H
     np.testing.assert_allclose(one.times, many.times, rtol=1e-11)
     for name in ("q", "carried", "work_loads"):
         np.testing.assert_allclose(one[name], many[name], rtol=1e-9, atol=1e-12)

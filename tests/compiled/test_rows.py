@@ -19,8 +19,6 @@ from helpers_kernels import (
 )
 
 import skfem_cosserat as sc
-from skfem_cosserat.compiled.bind import bound_rows
-from skfem_cosserat.compiled.plan import plan_of
 from skfem_cosserat.integrators.compiled_step import CompiledStep
 
 pytest.importorskip("numba")
@@ -73,6 +71,7 @@ def coupler() -> sc.System:
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @integrators
 @pytest.mark.parametrize("treatment", TREATMENTS)
 @pytest.mark.parametrize("make", [pendulum, four_bar, coupler])
@@ -96,14 +95,3 @@ def test_rods_without_inertia_about_their_axis(make, treatment, integrator, monk
 def test_an_iteration_of_a_thin_rod(integrator):
     """That of the matrix with rows and multipliers, by dense linear algebra."""
     assert_same_iteration(pendulum(), integrator, "multipliers", 3)
-
-
-def test_rows_have_weights_only_where_a_body_lacks_inertia():
-    scene = four_bar().vertex_coordinates
-    weights = bound_rows(scene, plan_of(scene))["row_weight"]
-    assert (weights.any(1)).all()
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (0.01, 0.01, 1)))
-    model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0.5)), body.at((0, 0, 0.5))))
-    scene = model.freeze().vertex_coordinates
-    assert not bound_rows(scene, plan_of(scene))["row_weight"].any()

@@ -7,18 +7,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_scenes import TENSOR, chequered, four_bar, full_section, random_state, rotation
+from helpers_scenes import TENSOR, four_bar, full_section, random_state, rotation
+from helpers_schemes import INTEGRATORS, TREATMENTS, integrators, treatments
 from rounding import momentum_limits
 from scipy.linalg import null_space, subspace_angles
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
-from skfem_cosserat.newton import newton
 
-INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
-TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
-integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
-treatments = pytest.mark.parametrize("treatment", TREATMENTS)
 Z = (0, 0, 1.0)
 R, S, U = sc.JointRevolute, sc.JointSpherical, sc.JointUniversal
 HINGE, LEAN = {"axis": Z}, {"axis": (0, 0.6, 0.8)}
@@ -55,79 +51,6 @@ SPACE = [(0, 0, 0), (0, 1, 0), (2, 1.5, 0.7), (2, 0, 0.3)]
 
 def hinges(points, ground=None):
     return ring(points, [R] * len(points), [HINGE] * len(points), ground)
-
-
-def bennett(ground=None):
-    """Four skew hinges that need not move, but do: a / sin(alpha) = b / sin(beta)."""
-    alpha, beta = np.radians(40), np.radians(70)
-    lengths = 1.0, np.sin(beta) / np.sin(alpha)
-    first = 1.0
-    second = 2 * np.arctan(
-        np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2) / np.tan(first / 2)
-    )
-    frame, points, axes = np.eye(4), [], []
-    for k, angle in enumerate((first, second, -first, -second)):
-        points.append(frame[:3, 3].copy())
-        axes.append(frame[:3, 2] / np.linalg.norm(frame[:3, 2]))
-        c, s = np.cos(angle), np.sin(angle)
-        ct, st = np.cos((alpha, beta)[k % 2]), np.sin((alpha, beta)[k % 2])
-        a = lengths[k % 2]
-        frame = frame @ [
-            [c, -s * ct, s * st, a * c],
-            [s, c * ct, -c * st, a * s],
-            [0, st, ct, 0],
-            [0, 0, 0, 1],
-        ]
-    assert abs(frame - np.eye(4)).max() < 1e-12
-    return ring(points, [R] * 4, [{"axis": n} for n in axes], ground)
-
-
-def spherical(count, ground=None):
-    """Hinges whose axes meet in one point."""
-    rng, axes = np.random.default_rng(3), []
-    for angle in np.linspace(0, 2 * np.pi, count, endpoint=False):
-        n = np.array([np.cos(angle), np.sin(angle), 0.9 + 0.2 * rng.standard_normal()])
-        axes.append(n / np.linalg.norm(n))
-    points = [n * (1 + 0.2 * rng.standard_normal()) for n in axes]
-    return ring(points, [R] * count, [{"axis": n} for n in axes], ground)
-
-
-def tripteron():
-    """Three legs of parallel axes on a free base: the platform translates, three rows too many."""
-    model = sc.Model()
-    platform, base = body(model, "platform", (1, 1, 1)), body(model, "base", (-0.3, -0.3, -0.3), 9)
-    for k in range(3):
-        n, u, v = np.roll(np.eye(3), -k, axis=0)
-        x = [np.ones(3) - 1.5 * u, np.ones(3) - 0.8 * u + 0.6 * v, np.ones(3) - 0.2 * u]
-        low, high = (body(model, f"{j} {k}", (x[j] + x[j + 1]) / 2, j + k) for j in (0, 1))
-        model.add(f"sleeve {k}", sc.JointCylindrical(base.at(x[0]), low.at(x[0]), n))
-        model.add(f"knee {k}", R(low.at(x[1]), high.at(x[1]), n))
-        model.add(f"wrist {k}", R(high.at(x[2]), platform.at(x[2]), n))
-    return model
-
-
-def two_loops():
-    """Two four-bars that share a ternary link."""
-    x = {
-        **{"A": (0, 0, 0), "B": (0, 1, 0), "C": (2, 1.3, 0), "D": (2.2, 0, 0)},
-        **{"E": (1, 2, 0), "F": (3.5, 2.2, 0), "G": (3.6, 0, 0)},
-    }
-    x = {name: np.array(value, dtype=float) for name, value in x.items()}
-    model = sc.Model()
-    crank, ternary, rocker, coupler, last = (
-        body(model, name, np.mean([x[k] for k in pins], axis=0))
-        for name, pins in (
-            *(("crank", "AB"), ("ternary", "BCE"), ("rocker", "CD")),
-            *(("coupler", "EF"), ("last", "FG")),
-        )
-    )
-    for pin, a, b in (
-        *(("A", None, crank), ("B", crank, ternary), ("C", ternary, rocker), ("D", rocker, None)),
-        *(("E", ternary, coupler), ("F", coupler, last), ("G", last, None)),
-    ):
-        sides = [sc.ground(x[pin]) if s is None else s.at(x[pin]) for s in (a, b)]
-        model.add(f"pin {pin}", R(*sides, Z))
-    return model
 
 
 def three_cranks():
@@ -203,12 +126,6 @@ SCENES = {
     "free four-bar": (lambda: hinges(FOUR), 7, 3, True),
     "five-bar": (lambda: hinges(FIVE, 4), 2, 3, False),
     "free five-bar": (lambda: hinges(FIVE), 8, 3, True),
-    "bennett": (lambda: bennett(3), 1, 3, False),
-    "free bennett": (bennett, 7, 3, True),
-    "spherical six-bar": (lambda: spherical(6, 5), 3, 3, False),
-    "free spherical five-bar": (lambda: spherical(5), 8, 3, True),
-    "free tripteron": (tripteron, 9, 3, True),
-    "two loops": (two_loops, 1, 6, False),
     "three cranks": (three_cranks, 1, 7, False),
     "slides": (slides, 2, 4, False),
     "free triangle of balls": (lambda: ring(SPACE[:3], [S] * 3, [{}] * 3), 9, 0, True),
@@ -234,8 +151,6 @@ SCENES = {
     "stewart": (stewart, 5, 0, False),
 }
 scenes = pytest.mark.parametrize("scene", SCENES)
-#: which run for 200 steps; the others for 30
-LONG = ("four-bar", "free spherical five-bar", "slides and cardan")
 GRAVITY = (0.3, -9.81, 0.2)
 
 
@@ -255,9 +170,7 @@ def started(system, seed=1, size=1.0):
 @cache
 def run(scene, integrator, treatment):
     system = frozen(scene)
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    steps = 200 if scene in LONG else 30
-    return sc.simulate(system, *pair, 0.01, 0.01 * steps, start=started(system))
+    return sc.simulate(system, integrator, treatment, 0.01, 0.25, start=started(system))
 
 
 # -- ranks -----------------------------------------------------------------------------------------
@@ -275,22 +188,15 @@ def test_rank_and_null_space_along_the_motion(scene):
     assert system.unknowns == mobility
     assert system.rank == system.n - mobility == system.m - redundant
     assert len(system.redundant) == redundant
-    q = run(scene, "energy-momentum", "null space")["q"]
-    places = [
-        (q[0], True),
-        (q[20], True),
-        (0.5 * (q[20] + q[21]), False),
-        (0.5 * (q[9] + q[10]), False),
-    ]
-    for where, at_node in places:
+    q = run(scene, INTEGRATORS[1], TREATMENTS[0])["q"]
+    for where, at_node in ((q[0], True), (q[20], True), (0.5 * (q[20] + q[21]), False)):
         y = system.extend(where, 0.0)
         G = system.constraints.jacobian(y).toarray()
         values = np.linalg.svd(G, compute_uv=False)
         assert values[system.rank - 1] > 1e-3
         assert values[system.rank :].max(initial=0.0) < 1e-13
         P = system.null_space(where)
-        assert P.shape == (system.n, mobility)
-        assert np.linalg.matrix_rank(P) == mobility
+        assert P.shape[1] == np.linalg.matrix_rank(P) == mobility
         assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
         if at_node:
             assert np.rad2deg(subspace_angles(P, null_space(G, rcond=1e-9))).max() < 1e-9
@@ -302,75 +208,64 @@ def test_redundant_rows_are_reported():
     report = system.redundancies()
     assert report == {"pin 2": [2, 3, 4]}  # along the axis, and both directions of the axis
     assert frozen("RSSR").redundancies() == {}
-    report = frozen("three cranks").redundancies()
-    assert sum(len(rows) for rows in report.values()) == 7
-    assert set(report) <= {f"{where} {k}" for where in ("low", "high") for k in range(3)}
     # dropped rows depend on the others, the others do not
-    for scene in ("three cranks", "free tripteron", "two loops"):
-        system = frozen(scene)
-        starts = {jr.joint.name: jr.rows.start for jr in system.joint_rows}
-        rows = [starts[n] + k for n, ks in system.redundancies().items() for k in ks]
-        assert sorted(rows) == system.redundant.tolist()
-        G = system.constraints.jacobian(system.extend(system.q0, 0.0)).toarray()
-        kept = np.setdiff1d(np.arange(system.m), system.redundant)
-        assert np.linalg.matrix_rank(G[kept]) == len(kept) == system.rank
-        assert np.linalg.matrix_rank(G) == system.rank
+    system = frozen("three cranks")
+    starts = {jr.joint.name: jr.rows.start for jr in system.joint_rows}
+    rows = [starts[n] + k for n, ks in system.redundancies().items() for k in ks]
+    assert sorted(rows) == system.redundant.tolist() and len(rows) == 7
+    G = system.constraints.jacobian(system.extend(system.q0, 0.0)).toarray()
+    kept = np.setdiff1d(np.arange(system.m), system.redundant)
+    assert np.linalg.matrix_rank(G[kept]) == len(kept) == system.rank == np.linalg.matrix_rank(G)
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("scene", ["free five-bar", "free tripteron", "slides and cardan"])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("scene", ["free five-bar", "slides and cardan"])
 @integrators
 def test_the_order_of_joints_does_not_matter(scene, seed, integrator):
     """Another spanning tree and other redundant rows: the same motion."""
-    model, rng = SCENES[scene][0](), np.random.default_rng(seed)
-    names = list(model)
-    joints = [k for k in names if k in {j.name for j in frozen(scene).joints}]
-    other = sc.Model()
-    items = {k: model[k] for k in names}
-    for name in [*(k for k in names if k not in joints), *rng.permutation(joints)]:
+    model, other = SCENES[scene][0](), sc.Model()
+    joints = [name for name in model if isinstance(model[name], sc.Joint)]
+    items = {name: model[name] for name in model}
+    for name in [
+        *(k for k in items if k not in joints),
+        *np.random.default_rng(seed).permutation(joints),
+    ]:
         vars(items[name]).update(name=None)  # in no model any more
         other.add(str(name), items[name])
     if not SCENES[scene][3]:
         other.add("gravity", sc.LoadGravity(GRAVITY))
     system = other.freeze()
     assert system.unknowns == SCENES[scene][1]
-    for treatment in TREATMENTS.values():
-        q = sc.simulate(
-            *(system, INTEGRATORS[integrator], treatment, 0.01, 0.1),
-            start=started(system),
-            derive=False,
-        )["q"]
-        assert abs(q - run(scene, integrator, "multipliers")["q"][:11]).max() < 1e-11
+    for treatment in TREATMENTS:
+        scheme = integrator, treatment, 0.01, 0.1
+        q = sc.simulate(system, *scheme, start=started(system), derive=False)["q"]
+        assert abs(q - run(scene, integrator, TREATMENTS[1])["q"][:11]).max() < 1e-11
 
 
 # -- motion ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "scene", [pytest.param(s, marks=[pytest.mark.slow] * s.startswith("free")) for s in SCENES]
-)
+@pytest.mark.slow
+@scenes
 @integrators
 def test_both_treatments_give_the_same_motion(scene, integrator):
     one, two = (run(scene, integrator, treatment) for treatment in TREATMENTS)
-    assert len(one) == len(two) == (201 if scene in LONG else 31)
     assert abs(one["q"] - two["q"]).max() < 1e-10
     assert abs(one["q"] - one["q"][0]).max() > 0.05
-    for history, bound in ((one, 1e-12), (two, 1e-12)):
-        assert history["constraint_violation"].max() < bound  # of all rows, redundant ones too
+    for history in (one, two):
+        assert history["constraint_violation"].max() < 1e-12  # of all rows, redundant ones too
         assert (history["attempts"] == 1).all()
-        assert history.meta["factorisations"] < 3.4 * len(history)
-        if history.meta["kernels"] == "numpy":  # compiled ones keep factors
-            assert history["newton_iterations"].max() <= 4
-            assert history["newton_iterations"][1:].mean() < 3.3
     force = [h["constraint_force"][:-1] for h in (one, two)]
     assert abs(force[0] - force[1]).max() < 1e-8 * abs(force[0]).max()
 
 
+@pytest.mark.slow
 @scenes
 @treatments
 def test_energy_is_kept(scene, treatment):
     """By energy-momentum, gravity included."""
-    history = run(scene, "energy-momentum", treatment)
+    history = run(scene, INTEGRATORS[1], treatment)
     total = history["energy"] + history["external"]
     scale = history["kinetic"].max() + abs(history["external"]).max()
     assert np.ptp(total) < 1e-11 * scale
@@ -378,6 +273,7 @@ def test_energy_is_kept(scene, treatment):
         assert np.ptp(history["kinetic"]) > 4e-3 * scale
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", [k for k, v in SCENES.items() if v[3]])
 @integrators
 @treatments
@@ -387,54 +283,6 @@ def test_free_loops_keep_their_momenta(scene, integrator, treatment):
     p = diagnostics.linear_momentum(system, history["p"])
     for values, limit in zip((p, L), momentum_limits(system, history), strict=True):
         assert abs(values - values[0]).max() < limit < 1e-9 * np.linalg.norm(values[0])
-
-
-@pytest.mark.parametrize("scene", ["free five-bar", "free bennett", "slides and cardan"])
-@integrators
-def test_second_order(scene, integrator):
-    """Against the same scheme with a fine step; redundant rows are chosen anew in each step."""
-    system = frozen(scene)
-    q = [
-        sc.simulate(
-            *(system, INTEGRATORS[integrator], sc.NullSpace(), 0.4 / n, 0.4),
-            start=started(system),
-            derive=False,
-        )["q"][-1]
-        for n in (10, 20, 40, 80)
-    ]
-    steps = [abs(a - b).max() for a, b in zip(q[1:], q, strict=False)]
-    assert 3.4 < steps[0] / steps[1] < 4.8
-    assert 3.8 < steps[1] / steps[2] < 4.2
-
-
-@pytest.mark.parametrize("scene", ["four-bar", "three cranks", "free tripteron", "bennett"])
-@integrators
-def test_multipliers_of_redundant_rows(scene, integrator):
-    """Of least norm: G^T lambda has the accelerations of the force, and no part does nothing.
-
-    What is left of the mean of two steps, ``f - G^T lambda = M a``, moves along the constraints.
-    """
-    system = frozen(scene)
-    lam = []
-    for treatment in TREATMENTS:
-        history = run(scene, integrator, treatment)
-        y = diagnostics.constraint_points(system, history)[5:9]
-        force = history["constraint_force"][5:9]
-        lam.append(diagnostics.multipliers(system, y, force))
-        for at, f, each in zip(y, force, lam[-1], strict=True):
-            G = system.constraints.jacobian(at).toarray()
-            size = abs(f).max()
-            rest = f - G.T @ each
-            free = null_space(G, rcond=1e-9)
-            mass = np.kron(system.mass.toarray(), np.eye(3)) @ free
-            inside = mass @ np.linalg.lstsq(mass, rest, rcond=1e-9)[0]
-            assert abs(rest - inside).max() < 1e-9 * size
-            if integrator == "variational":  # that of energy-momentum is a mean of two
-                assert abs(rest).max() < 1e-9 * size
-            idle = null_space(G.T, rcond=1e-9)
-            assert idle.shape[1] == SCENES[scene][2]
-            assert abs(idle.T @ each).max() < 1e-9 * abs(each).max()
-    assert abs(lam[0] - lam[1]).max() < 1e-8 * abs(lam[0]).max()
 
 
 def test_multipliers_of_separate_loops():
@@ -453,100 +301,63 @@ def test_multipliers_of_separate_loops():
         assert abs(lam - least).max() < 1e-9 * abs(least).max()
 
 
+@pytest.mark.slow
 def test_units_of_length_do_not_matter():
     """A linkage of a tenth of a micron and one of ten kilometres are the same linkage."""
     found = []
     for scale in (1.0, 1e-7, 1e4):
-        x, model = scale * np.array(FOUR, dtype=float), sc.Model()
-        bars = [
-            sc.RigidBody.box(scale**3 * (k + 1), scale * np.array((1, 0.1, 0.1)), position=middle)
-            for k, middle in enumerate((x[1:] + x[:-1]) / 2)
-        ]
-        for k, bar in enumerate(bars):
-            model.add(f"bar {k}", bar)
-        places = [sc.ground(x[0]), *(b.at(p) for b, p in zip(bars, x[1:], strict=True))]
-        after = [*(b.at(p) for b, p in zip(bars, x, strict=False)), sc.ground(x[3])]
-        for k in range(4):
-            model.add(f"pin {k}", R(places[k], after[k], Z))
+        model = linkage((1.0, 2.06, 1.5, 2.2), 1.5, scale=scale)
         model.add("gravity", sc.LoadGravity((0, -9.81 * scale, 0)))
         system = model.freeze()
         assert system.counts() == {"n": 36, "m": 38, "rank": 35, "unknowns": 1}
-        for pair in ((i, t) for i in INTEGRATORS.values() for t in TREATMENTS.values()):
-            history = sc.simulate(system, *pair, 0.02, 0.6, kernels="numpy")
-            found.append((history["joint/pin 0/angle"], history["newton_iterations"]))
-            angle, count = found[(len(found) - 1) % 4]
-            assert abs(history["joint/pin 0/angle"] - angle).max() < 1e-11
-            assert abs(history["newton_iterations"] - count).max() <= 1
+        for scheme in ((i, t) for i in INTEGRATORS for t in TREATMENTS):
+            history = sc.simulate(system, *scheme, 0.02, 0.4, kernels="numpy")
+            found.append(history["joint/pin 0/angle"])
+            assert abs(found[-1] - found[(len(found) - 1) % 4]).max() < 1e-11
 
 
 # -- prescribed motion of the ground, small errors of the geometry ---------------------------------
 
 
-def door(second=None, off=0.0):
-    """A door on two hinges of a moving frame, or with one hinge off the line of both axes."""
-    model, high = sc.Model(), np.array([off, 0, 1.0])
+#: of a frame, about an axis off the door's
+FRAME = sc.MotionTurn((0.6, 0.8, 0), lambda t: 0.3 * t**2, (1.0, 0.2, 0.3))
+
+
+def door(low=None, high=None, off=0.0):
+    """A door on two hinges, each of which may move; one may be off the line of both axes."""
+    model = sc.Model()
     item = model.add("door", sc.RigidBody(1.0, TENSOR, center=(0.3, 0.2, 0)))
-    if off:
-        model.add("low", R(sc.ground((0, 0, -1)), item.at((0, 0, -1)), Z))
-        model.add("high", R(sc.ground(high), item.at(high), Z))
-        return model
-
-    def turn(t):
-        return 0.3 * t**2, 0.2 * t**2, 0.0
-
-    def carried(x):
-        def shift(t):
-            rotated = sc.Motion(rotation=turn).frame(sc.ground((0, 0, 0)), t)[1:].T @ x
-            return rotated - x + (0.1 * t**2, 0, 0)
-
-        return shift
-
-    for name, z in (("low", -1.0), ("high", 1.0)):
-        x = np.array([0, 0, z])
-        motion = sc.Motion(carried(x) if second is None or name == "low" else second, turn)
+    for name, x, motion in (("low", (0, 0, -1.0), low), ("high", (off, 0, 1.0), high)):
         model.add(name, R(sc.ground(x, motion), item.at(x), Z))
     model.add("gravity", sc.LoadGravity((1.0, -9.81, 0)))
     return model
 
 
+@pytest.mark.slow
 @integrators
 def test_redundant_hinges_on_a_moving_frame(integrator):
     """They move as one body: taken, and the work of the frame is what the door gains."""
-    system = door().freeze()
+    system = door(FRAME, FRAME).freeze()
     assert system.counts() == {"n": 12, "m": 16, "rank": 11, "unknowns": 1}
-    one, two = (
-        sc.simulate(system, INTEGRATORS[integrator], treatment, 0.02, 0.6)
-        for treatment in TREATMENTS.values()
-    )
+    one, two = (sc.simulate(system, integrator, treatment, 0.02, 0.3) for treatment in TREATMENTS)
     assert abs(one["q"] - two["q"]).max() < 1e-12
     for history in (one, two):
         assert history["constraint_violation"].max() < 1e-13
-        if integrator == "energy-momentum":
+        if integrator.name == "energy-momentum":
             assert abs(history["energy_balance"]).max() < 1e-12 * abs(history["energy"]).max()
 
 
 def test_a_frame_that_tears_its_door_apart():
-    with pytest.raises(sc.InputError) as caught:
-        door(lambda t: (0.1 * t**2, 0, 0)).freeze()
-    for word in ("'high'", "cannot follow the prescribed motion", "motion of the ground"):
-        assert word in str(caught.value)
+    with pytest.raises(sc.InputError, match=r"'high'.*cannot follow the prescribed motion"):
+        door(None, sc.Motion(lambda t: (0.1 * t**2, 0, 0))).freeze()
 
 
 def test_geometry_with_too_few_digits():
     """A hinge beside the line of the other one locks the door; by how little is said."""
     assert door(off=1e-11).freeze().unknowns == 1
-    said, refused = pytest.warns(sc.ModelWarning, match="more digits"), pytest.raises(sc.InputError)
-    with said, refused as caught:
+    refused = pytest.raises(sc.InputError, match=r"mobility is zero.*e-08 only.*more digits")
+    with pytest.warns(sc.ModelWarning, match="more digits"), refused:
         door(off=1e-7).freeze()
-    for word in (
-        "mobility is zero",
-        "independent by",
-        "e-08 only",
-        "'low'",
-        "'high'",
-        "more digits",
-    ):
-        assert word in str(caught.value)
     with pytest.raises(sc.InputError, match="mobility is zero") as caught:
         door(off=1e-2).freeze()
     assert "digits" not in str(caught.value)
@@ -555,8 +366,9 @@ def test_geometry_with_too_few_digits():
 # -- tangents --------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
-    "scene", ["five-bar", "free bennett", "slides and cardan", "points and beam"]
+    "scene", ["five-bar", "free four-bar", "slides and cardan", "points and beam"]
 )
 @integrators
 def test_tangent_at_the_solution(scene, integrator):
@@ -565,7 +377,7 @@ def test_tangent_at_the_solution(scene, integrator):
     At the solution, where the directions left free may turn without changing a residual of zero.
     """
     system = frozen(scene)
-    stepper = sc.Stepper(system, INTEGRATORS[integrator], sc.NullSpace(), 0.02, kernels="numpy")
+    stepper = sc.Stepper(system, integrator, sc.NullSpace(), 0.02, kernels="numpy")
     state = started(system)
     for _ in range(3):
         state = stepper.advance(state).state
@@ -590,33 +402,10 @@ def test_tangent_at_the_solution(scene, integrator):
     assert abs(matrix - wanted).max() < 1e-7 * abs(wanted).max()
 
 
-@pytest.mark.parametrize("scene", ["five-bar", "free tripteron", "slides and cardan", "stewart"])
-@integrators
-@treatments
-def test_newton_converges_quadratically(scene, integrator, treatment, monkeypatch):
-    """From a zero guess with a large step: each increment at most a fixed part of the last^2."""
-    system = frozen(scene)
-    reports = []
-
-    def watched(*arguments):
-        reports.append(newton(*arguments))
-        return reports[-1]
-
-    monkeypatch.setattr("skfem_cosserat.integrators.stepper.newton", watched)
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    sc.Stepper(system, *pair, 0.05, kernels="numpy").advance(started(system))
-    (report,) = reports
-    assert report.converged
-    sizes = np.array(report.increments)
-    assert len(sizes) >= 4
-    clear = sizes[1:] > 1e-13
-    assert (sizes[1:][clear] < 20 * sizes[:-1][clear] ** 2).all(), sizes
-
-
 # -- singular positions ----------------------------------------------------------------------------
 
 
-def linkage(lengths, theta, speed=0.0, bend=1.0):
+def linkage(lengths, theta, bend=1.0, scale=1.0):
     """Four-bar in the plane by its lengths (crank, coupler, rocker, base) and the crank's angle."""
     a, b, c, base = lengths
     A, D = np.zeros(3), np.array([base, 0.0, 0])
@@ -626,27 +415,32 @@ def linkage(lengths, theta, speed=0.0, bend=1.0):
     e = (D - B) / d
     across = np.sqrt(max(b**2 - along**2, 0.0))
     C = B + along * e + bend * across * np.array([-e[1], e[0], 0])
-    x, model = [A, B, C, D], sc.Model()
-    bars = [
-        model.add(name, sc.RigidBody.box(1.0 + k, (1, 0.1, 0.1), position=(x[k] + x[k + 1]) / 2))
-        for k, name in enumerate(("crank", "coupler", "rocker"))
-    ]
-    before = [sc.ground(A), *(bar.at(p) for bar, p in zip(bars, x[1:], strict=True))]
-    after = [*(bar.at(p) for bar, p in zip(bars, x, strict=False)), sc.ground(D)]
+    x, model = scale * np.array([A, B, C, D]), sc.Model()
+    places = [sc.ground(x[0])]
+    for k, name in enumerate(("crank", "coupler", "rocker")):
+        size, mass = scale * np.array((1, 0.1, 0.1)), scale**3 * (1.0 + k)
+        bar = model.add(name, sc.RigidBody.box(mass, size, position=x[k : k + 2].mean(0)))
+        places += [bar.at(x[k]), bar.at(x[k + 1])]
+    places.append(sc.ground(x[3]))
     for k in range(4):
-        model.add(f"pin {k}", R(before[k], after[k], Z))
+        model.add(f"pin {k}", R(places[2 * k], places[2 * k + 1], Z))
     return model
 
 
 PARALLELOGRAM = (1.0, 2.0, 1.0, 2.0)
 CHANGE_POINT = (1.0, 2.0, 1.5, 2.5)  # straight at theta = pi, where two branches cross
+#: angles from which ten steps of 0.02 s at 3 rad/s end in the crossing
+CROSSED = {"variational": 2.5466687344504857, "energy-momentum": 2.5470645697435272}
+
+
+def rates(system, speed):
+    """Velocities with a speed of the crank, on the branch of the configuration."""
+    v = system.null_space(system.q0)[:, 0]
+    return speed / v[system.frame_place("crank") + 4] * v  # d1 is e1 in the reference
 
 
 def spinning(system, speed):
-    """Start with a speed of the crank, on the branch of the configuration."""
-    v = system.null_space(system.q0)[:, 0]
-    crank = system.frame_place("crank")
-    return sc.initial_state(system, v=speed / v[crank + 4] * v)  # d1 is e1 in the reference
+    return sc.initial_state(system, v=rates(system, speed))
 
 
 def turn(system, history, name):
@@ -659,6 +453,7 @@ def passages(caplog):
     return [r.getMessage() for r in caplog.records if "singular position" in r.getMessage()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.01, 0.07])
 @integrators
 @treatments
@@ -666,7 +461,7 @@ def test_a_parallelogram_passes_its_flat_positions(integrator, treatment, step, 
     """It stays one; a warning for the first passage, and each is logged with time and joints."""
     caplog.set_level(logging.INFO, logger="skfem_cosserat")
     system = linkage(PARALLELOGRAM, 1.0).freeze()
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    pair = integrator, treatment
     with pytest.warns(sc.AccuracyWarning, match="has passed a singular position"):
         history = sc.simulate(system, *pair, step, 2.1, start=spinning(system, -3.0))
     assert len(history.meta["warnings"]) == 1
@@ -675,19 +470,17 @@ def test_a_parallelogram_passes_its_flat_positions(integrator, treatment, step, 
     assert abs(history["q"][:, i + 3 : i + 6] - (1, 0, 0)).max() < 1e-9
     assert history["constraint_violation"].max() < 1e-12
     assert np.ptp(history["energy"]) < 1e-9 * history["energy"][0]  # each bar's own is constant
-    assert (history["attempts"] == 1).all()
     texts = passages(caplog)
     assert len(texts) == 2, texts
     for text, angle in zip(texts, (1.0, 1.0 + np.pi), strict=True):
-        assert "has passed a singular position" in text
-        assert all(f"revolute joint 'pin {k}'" in text for k in range(4))
         time = float(text.split("t = ")[1].split(" s")[0])
         assert 0 <= time - angle / 3 < 1.05 * step
 
 
 # passes singular positions, or stops in one
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.parametrize("off", [-5e-6, -3e-7, 0.0, 3e-8, 1e-6, 3e-4])
+@pytest.mark.parametrize("off", [0.0, 3e-8, -5e-6, 3e-4])
 @integrators
 @treatments
 def test_a_crossing_of_branches_is_passed_smoothly(integrator, treatment, off):
@@ -696,9 +489,9 @@ def test_a_crossing_of_branches_is_passed_smoothly(integrator, treatment, off):
     The one it came along goes on: rocker and crank keep their speeds. Exactly there, constraints
     that meet at a point of both branches say where it is to the root of round-off only.
     """
-    theta = {"variational": 2.5466687344504857, "energy-momentum": 2.5470645697435272}[integrator]
+    theta = CROSSED[integrator.name]
     system = linkage(CHANGE_POINT, theta + off).freeze()
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    pair = integrator, treatment
     start = spinning(system, 3.0)
     history = sc.simulate(system, *pair, 0.02, 0.4, start=start)
     crank = theta + off + turn(system, history, "crank") - np.pi
@@ -709,33 +502,21 @@ def test_a_crossing_of_branches_is_passed_smoothly(integrator, treatment, off):
         bend = abs(np.diff(turn(system, history, name), 2))[7:13]
         assert bend.max() < 1.5e-3, (name, bend)
     # with multipliers and the variational scheme the position may come to lie on the other branch
-    bound = 1e-4 if treatment == "multipliers" and abs(off) < 1e-6 else 1e-6
+    by_rows = treatment.name == "multipliers"
+    bound = 1e-4 if by_rows and abs(off) < 1e-6 else 1e-6
     assert abs(np.diff(history["energy"])).max() < bound * history["energy"][0]
     assert history["constraint_violation"].max() < 1e-12
-    if abs(off) > 1e-5 and treatment == "multipliers":
-        other = sc.simulate(system, pair[0], sc.NullSpace(), 0.02, 0.4, start=start)
-        assert abs(other["q"] - history["q"]).max() < 1e-7
-
-
-def test_a_step_that_ends_in_a_singular_position_warns_once():
-    system = linkage(CHANGE_POINT, 2.5466687344504857).freeze()
-    for treatment in TREATMENTS.values():
-        run = system, sc.Variational(), treatment, 0.02, 0.4
-        with pytest.warns(sc.AccuracyWarning, match="singular position"):
-            history = sc.simulate(*run, start=spinning(system, 3.0))
-        (said,) = history.meta["warnings"]
-        assert said["when"] == "t = 0.2 s" and "singular position" in said["text"]
 
 
 # passes singular positions, or stops in one
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 @treatments
 def test_a_run_goes_on_from_a_singular_position(integrator, treatment):
     """Stopped in the crossing and started again: along the branch of its momentum."""
-    theta = {"variational": 2.5466687344504857, "energy-momentum": 2.5470645697435272}[integrator]
-    system = linkage(CHANGE_POINT, theta).freeze()
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+    system = linkage(CHANGE_POINT, CROSSED[integrator.name]).freeze()
+    pair = integrator, treatment
     whole = sc.simulate(system, *pair, 0.02, 0.4, start=spinning(system, 3.0))
     first = whole.truncated(11)
     rest = sc.simulate(*(system, *pair, 0.02, 0.4), start=sc.restart(system, first, pair[0], 0.02))
@@ -743,6 +524,7 @@ def test_a_run_goes_on_from_a_singular_position(integrator, treatment):
     assert abs(rest["q"] - whole["q"][10:]).max() < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", [PARALLELOGRAM, CHANGE_POINT], ids=["parallelogram", "change"])
 @integrators
 @treatments
@@ -752,91 +534,51 @@ def test_a_reference_in_a_singular_position(lengths, integrator, treatment):
     with pytest.warns(sc.ModelWarning, match="is a singular position"):
         system = linkage(lengths, theta).freeze()
     (said,) = system.warnings
-    text = f"{said['item']}: {said['text']}"
-    for word in (
-        "reference configuration is a singular position",
-        *(f"'pin {k}'" for k in range(4)),
-        "1 of its constraint rows are independent there, 2 beside it",
-    ):
-        assert word in text
+    assert "1 of its constraint rows are independent there, 2 beside it" in said["text"]
     assert system.counts() == {"n": 36, "m": 38, "rank": 35, "unknowns": 1}
     assert sum(map(len, system.redundancies().values())) == 3
     # the velocity of the regular linkage beside it, which is on one of the two branches
     ends = []
     for bend in (1.0, -1.0):
         near = linkage(lengths, theta + 1e-3, bend=bend).freeze()
-        v = spinning(near, 3.0).p
-        start = sc.initial_state(system, v=near_velocity(system, near, v))
-        pair = INTEGRATORS[integrator], TREATMENTS[treatment]
+        wanted = sc.project(system, system.q0, rates(near, 3.0))
+        start = sc.initial_state(system, v=wanted)
         with pytest.warns(sc.AccuracyWarning, match="is in a singular position"):
-            history = sc.simulate(system, *pair, 0.01, 0.3, start=start)
+            history = sc.simulate(system, integrator, treatment, 0.01, 0.3, start=start)
         assert history.meta["warnings"][0] == said  # that of the scene
         assert np.ptp(history["energy"]) < 2e-3 * history["energy"][0]
         assert history["constraint_violation"].max() < 1e-12
-        rates = [np.diff(turn(system, history, name))[0] / 0.01 for name in ("crank", "rocker")]
-        wanted = near_velocity(system, near, v)
-        found = [wanted[system.frame_place(name) + 4] for name in ("crank", "rocker")]
-        assert rates == pytest.approx(found, rel=0.05)
+        for name in ("crank", "rocker"):
+            rate = np.diff(turn(system, history, name))[0] / 0.01
+            assert rate == pytest.approx(wanted[system.frame_place(name) + 4], rel=0.05)
         ends.append(history["q"][-1])
     assert abs(ends[0] - ends[1]).max() > 0.1  # two branches
-
-
-def near_velocity(system, near, p):
-    """Rates of the bars of a linkage nearby, on the configuration of this one."""
-    v = sc.project(
-        near, near.q0, np.linalg.lstsq(np.kron(near.mass.toarray(), np.eye(3)), p, rcond=None)[0]
-    )
-    out = np.zeros(system.n)
-    q = system.q0.reshape(-1, 3)
-    for k in range(3):
-        omega = v.reshape(-1, 3)[4 * k + 1][1]  # of d1 = e1
-        out[12 * k : 12 * k + 3] = v[12 * k : 12 * k + 3]
-        out[12 * k + 3 : 12 * k + 12] = np.cross((0, 0, omega), q[4 * k + 1 : 4 * k + 4]).ravel()
-    return sc.project(system, system.q0, out)
 
 
 # its reference is a singular position
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 def test_a_straight_chain_that_only_seems_to_move():
     """Two bars between supports as far apart as they are long: no motion, whatever rows say."""
-    model = sc.Model()
-    bars = [sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(k + 0.5, 0, 0)) for k in (0, 1)]
-    for k, bar in enumerate(bars):
-        model.add(f"bar {k}", bar)
-    model.add("left", R(sc.ground((0, 0, 0)), bars[0].at((0, 0, 0)), Z))
-    model.add("mid", R(bars[0].at((1, 0, 0)), bars[1].at((1, 0, 0)), Z))
-    model.add("right", R(bars[1].at((2, 0, 0)), sc.ground((2, 0, 0)), Z))
+    model = hinges([(0, 0, 0), (1, 0, 0), (2, 0, 0)], 2)
     with pytest.raises(sc.InputError, match=r"mobility is zero: 24 coordinates and 24 independent"):
         model.freeze()
-
-
-@integrators
-@treatments
-def test_regular_loops_warn_of_nothing(integrator, treatment):
-    system = four_bar().freeze()
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    history = sc.simulate(system, *pair, 0.02, 0.4, start=spinning_four_bar(system))
-    assert history.meta["warnings"] == []
-
-
-def spinning_four_bar(system):
-    return sc.initial_state(system, v=system.null_space(system.q0)[:, 0])
 
 
 def test_an_open_configuration_is_refused():
     """The tree's joints hold, the loop is open: the joint that closes it is named."""
     system = frozen("slides and cardan")
     q = random_state(system, np.random.default_rng(0))
-    with pytest.raises(
-        sc.InputError, match=r"q at t = 0 s violates the constraint of the .*'joint"
-    ):
+    words = r"q at t = 0 s violates the constraint of the .*'joint"
+    with pytest.raises(sc.InputError, match=words):
         sc.initial_state(system, q=q)
 
 
 # -- compiled kernels ------------------------------------------------------------------------------
 
 
-@chequered("scene", SCENES, "integrator", INTEGRATORS)
+@pytest.mark.slow
+@scenes
+@integrators
 def test_kernels_agree(scene, integrator):
     """The same motion and forces, with the iterations of one Newton method for all equations."""
     pytest.importorskip("numba")
@@ -844,7 +586,7 @@ def test_kernels_agree(scene, integrator):
     start = started(system)
     plain, *compiled = [
         sc.simulate(
-            system, INTEGRATORS[integrator], sc.NullSpace(), 0.01, 0.1, start=start,
+            system, integrator, sc.NullSpace(), 0.01, 0.1, start=start,
             derive=False, kernels=kernels, settings=sc.NewtonSettings(reuse=reuse),
         )
         for kernels, reuse in (("numpy", 0), ("numba", 0), ("numba", 4))
@@ -858,6 +600,7 @@ def test_kernels_agree(scene, integrator):
         assert abs(difference).max() < 1e-8 * abs(force).max()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:argument step")
 def test_a_step_with_closed_loops_that_flips_a_body_is_none():
     """At large steps forces of loops without bound turned a crank by 180 degrees in each step."""
@@ -883,44 +626,12 @@ def test_a_step_with_closed_loops_that_flips_a_body_is_none():
 SPEED = 30.0
 
 
-def slider_crank(theta, rod=1.0):
-    """Crank of 1 m, rod, slider on a rail through the pin of the crank."""
-    model = sc.Model()
-    A, B = np.zeros(3), np.array([np.cos(theta), np.sin(theta), 0])
-    C = np.array([B[0] + np.sqrt(rod**2 - B[1] ** 2), 0, 0])
-    bars = []
-    for name, a, b, mass in (("crank", A, B, 1.0), ("rod", B, C, 2.0)):
-        shape = (0.1, 0.1, float(np.linalg.norm(b - a)))
-        bar = sc.RigidBody.box(mass, shape, position=(a + b) / 2, triad=sc.triad(b - a, Z))
-        bars.append(model.add(name, bar))
-    slider = model.add("slider", sc.RigidBody.box(0.5, (0.1, 0.1, 0.1), position=C))
-    model.add("pin 0", sc.JointRevolute(sc.ground(A), bars[0].at(A), Z))
-    model.add("pin 1", sc.JointRevolute(bars[0].at(B), bars[1].at(B), Z))
-    model.add("pin 2", sc.JointRevolute(bars[1].at(C), slider.at(C), Z))
-    model.add("rail", sc.JointPrismatic(sc.ground(C), slider.at(C), (1.0, 0, 0)))
-    return model
-
-
-def fast_scene(name):
-    """A system and its start, at a fast turn of the crank."""
-    if name == "slider-crank":
-        system = slider_crank(1.0).freeze()
-        return system, sc.initial_state(system, rates={"pin 0": SPEED})
-    lengths, theta = {
-        "parallelogram": (PARALLELOGRAM, 1.0),
-        "change point": (CHANGE_POINT, np.pi - 0.3),
-    }[name]
-    system = linkage(lengths, theta).freeze()
-    return system, spinning(system, SPEED if name == "change point" else -SPEED)
-
-
-def outcome(system, start, integrator, turn, rounds, kernels):
+def outcome(system, start, integrator, turn, kernels):
     """History, why it ended, and what was warned of."""
     step = turn / SPEED
-    until = round(rounds / turn) * step
-    arguments = integrator, sc.NullSpace(), step, until
+    run = integrator, sc.NullSpace(), step, round(6.5 / turn) * step
     try:
-        history, end = sc.simulate(system, *arguments, start=start, kernels=kernels), None
+        history, end = sc.simulate(system, *run, start=start, kernels=kernels), None
     except sc.Diverged as error:
         history, end = error.history, (error.time, error.step)
     assert history.meta["kernels"] == kernels
@@ -929,34 +640,30 @@ def outcome(system, start, integrator, turn, rounds, kernels):
     return history, end, [(each["when"], each["text"]) for each in told]
 
 
-def slow(*values):
-    return pytest.param(*values, marks=pytest.mark.slow)
-
-
-@pytest.mark.filterwarnings(
-    "ignore::skfem_cosserat.AccuracyWarning"
-)  # large steps over singular positions
+# large steps over singular positions
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize(
-    ("name", "integrator", "turn", "ends"),
+    ("lengths", "scheme", "turn", "ends"),
     [
-        *(("parallelogram", "energy-momentum", turn, True) for turn in (0.2, 0.5, 0.9, 1.3)),
-        ("change point", "energy-momentum", 0.2, True),
-        ("slider-crank", "energy-momentum", 0.2, True),
-        *(slow("parallelogram", "variational", turn, True) for turn in (0.03, 0.2, 0.5, 0.9)),
-        slow("parallelogram", "variational", 1.3, False),
-        *(slow("change point", "variational", turn, turn < 0.4) for turn in (0.03, 0.2, 0.5, 0.9)),
+        *((PARALLELOGRAM, INTEGRATORS[1], turn, True) for turn in (0.2, 1.3)),
+        (CHANGE_POINT, INTEGRATORS[1], 0.2, True),
+        (PARALLELOGRAM, INTEGRATORS[0], 0.2, True),
+        (PARALLELOGRAM, INTEGRATORS[0], 1.3, False),
+        *((CHANGE_POINT, INTEGRATORS[0], turn, turn < 0.4) for turn in (0.2, 0.9)),
     ],
 )
-def test_kernels_agree_in_large_steps_over_singular_positions(name, integrator, turn, ends):
+def test_kernels_agree_in_large_steps_over_singular_positions(lengths, scheme, turn, ends):
     """Steps of `turn` rad of the crank: the same motion, the same warnings, the same failure.
 
     Compiled steps choose the rows that close a loop only after some motion: whatever a step jumps
     over must be met, told and survived as it is by plain kernels, which choose them in every step.
     """
     pytest.importorskip("numba")
-    system, start = fast_scene(name)
-    arguments = system, start, INTEGRATORS[integrator], turn, 6.5
-    plain, compiled = (outcome(*arguments, kernels) for kernels in ("numpy", "numba"))
+    theta, speed = (1.0, -SPEED) if lengths is PARALLELOGRAM else (np.pi - 0.3, SPEED)
+    system = linkage(lengths, theta).freeze()
+    run = system, spinning(system, speed), scheme, turn
+    plain, compiled = (outcome(*run, kernels) for kernels in ("numpy", "numba"))
     assert len(compiled[0]) == len(plain[0])
     assert abs(compiled[0]["q"] - plain[0]["q"]).max() < 1e-10
     assert compiled[1] == plain[1]
@@ -965,57 +672,3 @@ def test_kernels_agree_in_large_steps_over_singular_positions(name, integrator, 
     if ends:
         assert any("singular position" in text for _, text in plain[2])
         assert compiled[0]["constraint_violation"].max() < 1e-11
-
-
-# -- looks at singular positions: what they cost ---------------------------------------------------
-
-
-def linkages(count):
-    """Separate four-bars, one above the other."""
-    model = sc.Model()
-    for k in range(count):
-        points = np.array([[0.0, 0, 0], [0, 1, 0], [2, 1.5, 0], [2, 0, 0]]) + (0, 0, k)
-        end = sc.ground(points[0])
-        for name, a, b in zip("abc", points, points[1:], strict=False):
-            bar = sc.RigidBody.box(1.0, (0.2, 0.3, 0.4), position=(a + b) / 2)
-            bar = model.add(f"{name} {k}", bar)
-            model.add(f"pin {name} {k}", R(end, bar.at(a), axis=Z))
-            end = bar.at(b)
-        model.add(f"last pin {k}", R(end, sc.ground(points[3]), axis=Z))
-    return model.freeze()
-
-
-def test_components_of_one_shape_are_taken_together():
-    """As many matrices as there are loops, each with the null space of its loop alone."""
-    one, many = linkages(1), linkages(4)
-    closure = many.closure
-    assert [len(c.rows) for c in closure.components] == [5] * 4
-    assert [c.rank for c in closure.components] == [one.closure.rank] * 4
-    y = many.extend(random_state(many, np.random.default_rng(1)), 0.0)
-    for k, C in enumerate(closure.matrices(y, many.kinematics.values_at(y))):
-        alone = np.concatenate([y[k * one.rows : (k + 1) * one.rows], one.spanned[one.rows :]])
-        alone[one.origin_rows] -= (0, 0, k)
-        (own,) = one.closure.matrices(alone, one.kinematics.values_at(alone))
-        size = closure.magnitude[closure.components[k].rows][:, None]
-        own = own * one.closure.magnitude[:, None] / size  # lengths count by the extent
-        assert abs(C - own).max() < 1e-12
-
-
-def test_looks_tell_how_far_loops_are_from_dependent_rows():
-    """By the smallest of all pivots, which are those of the chosen rows' QR factors there."""
-    system = linkages(3)
-    bound = sc.NullSpace().bind(system, 0.5)
-    y = system.spanned.copy()
-    bound.begin(y, y[system.rows :], 1e-3, np.zeros(system.n))
-    first = bound.clearance
-    assert first > 0.01
-    assert bound.clear(y)
-    assert bound.clearance == pytest.approx(first, rel=1e-10)
-    moved = y.copy()
-    frame = system.kinematics.director_rows[3 + 1]  # of the second linkage
-    cosine, sine = np.cos(0.9 * first), np.sin(0.9 * first)
-    moved[frame] = y[frame] @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
-    T = system.kinematics.values_at(moved)
-    exact = [s.pivots.min() for s in system.closure.again(bound._taken, moved, T)]
-    assert bound.clear(moved)
-    assert bound.clearance == pytest.approx(first * min(exact) / bound._least.min(), rel=1e-10)

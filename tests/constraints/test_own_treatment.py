@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from test_statics import cantilever
 
 import skfem_cosserat as sc
 from skfem_cosserat.constraints import BoundTreatment
@@ -96,6 +97,7 @@ def arm():
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "scheme",
     [sc.Variational(), sc.EnergyMomentum(), sc.EnergyDecaying(rate=0.1), sc.GeneralizedAlpha(0.8)],
@@ -114,14 +116,10 @@ def test_an_own_treatment_gives_the_motion_and_the_forces_of_the_built_in_ones(s
 
 
 def test_an_own_treatment_finds_equilibria():
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="rod")
-    model = sc.Model()
-    beam = model.add("beam", sc.Beam(mesh, SECTION, director=Z))
-    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("rod.start")))
-    model.add("push", sc.LoadForce(beam.node("rod.end"), (0.0, -20.0, 5.0)))
-    system = model.freeze()
+    model, tip = cantilever(SECTION, elements=3, order=1, director=Z)
+    model.add("push", sc.LoadForce(tip, (0.0, -20.0, 5.0)))
     own, known = (
-        sc.static(system, treatment, sc.LoadControl(steps=3))
+        sc.static(model, treatment, sc.LoadControl(steps=3))
         for treatment in (TreatmentFull(), sc.NullSpace())
     )
     assert own["q"] == pytest.approx(known["q"], abs=1e-10)

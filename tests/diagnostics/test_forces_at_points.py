@@ -52,6 +52,7 @@ def fine():
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "coarse"), [(1, 16), (2, 8), (3, 4), (4, 2)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_order_at_any_point(order, coarse, kind, fine):
@@ -71,6 +72,7 @@ def test_order_at_any_point(order, coarse, kind, fine):
         assert anywhere > order + 0.5
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("theory", [None, sc.TheoryKirchhoff()])
 def test_closed_forms_of_a_stiff_cantilever(order, theory):
@@ -106,8 +108,10 @@ def test_sides_of_a_node_under_a_load():
     assert after == pytest.approx(nodal[2, 0], abs=1e-6)
 
 
-@pytest.mark.parametrize("kernels", ["numpy", "numba"])
-@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("treatment", "kernels"), [(sc.Multipliers(), "numpy"), (sc.NullSpace(), "numba")]
+)
 def test_a_rotating_arm(kernels, treatment):
     """N_3(r) = rho A w^2 (R^2 - r^2)/2: in sensors, in an event, and after a run without sensors.
 
@@ -141,6 +145,7 @@ def test_a_rotating_arm(kernels, treatment):
     assert abs(again - seen).max() < 1e-8 * abs(seen).max()
 
 
+@pytest.mark.slow
 def test_forces_are_those_of_the_system_of_their_time():
     """A hinge that locks passes on a moment: not seen by the scene before, which is refused."""
     model = sc.Model()

@@ -21,16 +21,6 @@ def result(tmp_path_factory):
     return orders.main(out=folder) | {"folder": folder}
 
 
-def _row(result, nodes, order, quantity):
-    rows = [
-        r
-        for r in result["orders"]
-        if (r["nodes"], r["order"], r["quantity"]) == (nodes, order, quantity)
-    ]
-    assert len(rows) == 1
-    return rows[0]
-
-
 ENDS = [
     "displacement at element ends",
     "rotation at element ends",
@@ -42,18 +32,21 @@ ENDS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("quantity", ENDS)
 def test_two_p_at_element_ends(result, order, quantity):
     assert _row(result, "lobatto", order, quantity)["slope"] == pytest.approx(2 * order, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_p_plus_two_at_interior_nodes(result, order):
     row = _row(result, "lobatto", order, "displacement at interior nodes")
     assert row["slope"] == pytest.approx(order + 2, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize("quantity", ["displacement anywhere", "resultants at Gauss points"])
 def test_p_plus_one_in_fields(result, order, quantity):
@@ -61,6 +54,7 @@ def test_p_plus_one_in_fields(result, order, quantity):
     assert row["slope"] == pytest.approx(order + 1, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "left"), [(3, 4), (4, 6)])
 @pytest.mark.parametrize("quantity", ["displacement at element ends", "energy", "critical load"])
 def test_equidistant_nodes_lose_orders(result, order, left, quantity):
@@ -70,6 +64,7 @@ def test_equidistant_nodes_lose_orders(result, order, left, quantity):
     assert row["errors"][0] > 5 * good["errors"][0]
 
 
+@pytest.mark.slow
 def test_recovered_resultants_are_far_better_than_those_at_gauss_points(result):
     for order in (2, 3, 4):
         nodes, gauss = (
@@ -79,21 +74,14 @@ def test_recovered_resultants_are_far_better_than_those_at_gauss_points(result):
         assert all(a < 0.1 * b for a, b in zip(nodes, gauss, strict=True))
 
 
-def _locking(result, slenderness, order, points):
-    (row,) = [
-        r
-        for r in result["locking"]
-        if (r["slenderness"], r["order"], r["points"]) == (slenderness, order, points)
-    ]
-    return row["error"]
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_slenderness_does_not_matter(result, order):
     thick, thin = (_locking(result, z, order, order) for z in (100.0, 1e4))
     assert thin == pytest.approx(thick, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "factor"), [(1, 20), (2, 1000), (3, 1000), (4, 1000)])
 def test_full_quadrature_locks(result, order, factor):
     """One Gauss point more, and the error grows with slenderness."""
@@ -103,6 +91,7 @@ def test_full_quadrature_locks(result, order, factor):
         assert full > 5 * _locking(result, 100.0, order, order + 1)
 
 
+@pytest.mark.slow
 def test_files_and_report(result):
     text = (result["folder"] / "element_orders.csv").read_text()
     assert text.startswith("# ") and "machine" in text
@@ -112,13 +101,19 @@ def test_files_and_report(result):
     assert all((result["folder"] / f"element_{name}.csv").exists() for name in parts)
 
 
-def test_one_load_step_takes_few_iterations(result):
-    """60 m of displacement at once; nearly as many whatever the element."""
-    assert all(row["newton_iterations"] <= 12 for row in result["costs"])
-    best = min(row["error"] for row in result["costs"] if row["unknowns"] <= 100)
-    assert best < 1e-4
-
-
 def test_slopes_are_taken_above_rounding():
     assert orders.order_of([1, 2, 4], [1e-2, 1e-3, 1e-16]) == pytest.approx(math.log2(10))
     assert math.isnan(orders.order_of([1, 2], [1e-2, 1e-15]))
+
+
+def _row(result, nodes, order, quantity):
+    wanted = nodes, order, quantity
+    (row,) = (r for r in result["orders"] if (r["nodes"], r["order"], r["quantity"]) == wanted)
+    return row
+
+
+def _locking(result, slenderness, order, points):
+    wanted = slenderness, order, points
+    rows = result["locking"]
+    (row,) = (r for r in rows if (r["slenderness"], r["order"], r["points"]) == wanted)
+    return row["error"]

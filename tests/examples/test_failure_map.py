@@ -5,12 +5,11 @@ from __future__ import annotations
 import csv
 import sys
 import warnings
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_scenes import everything, four_bar, full_section, random_tree
+from helpers_scenes import everything, four_bar, full_section, random_state
 from scipy.linalg import eigh
 
 import skfem_cosserat as sc
@@ -66,33 +65,31 @@ def loop_with_a_beam() -> sc.System:
 # -- highest frequency -----------------------------------------------------------------------------
 
 SCENES = {
-    **{f"swing, {name}": (lambda name=name: swing.build(name)) for name in swing.PULSE},
-    **{f"tree {seed}": (lambda seed=seed: random_tree(seed)) for seed in range(3)},
+    "stiff swing": lambda: swing.build("stiff"),
     "everything": lambda: everything(1),
     "closed loop": loop_with_a_beam,
-    "thick bar": lambda: bar(7),
     "slender, of order 3": lambda: bar(5, 3, 0.01, clamped=True),
 }
 
 
+def dense_frequency(system: sc.System, q: np.ndarray) -> float:
+    """Highest frequency of the material stiffness, by a dense eigenvalue solver."""
+    P = system.null_space(q)
+    K = P.T @ stiffness(system, q, 0.0) @ P
+    return float(np.sqrt(eigh(K, P.T @ mass(system) @ P, eigvals_only=True)[-1]))
+
+
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", SCENES)
 def test_highest_frequency_against_a_dense_eigenvalue_solver(name):
     system = SCENES[name]()
-    P = system.null_space(system.q0)
-    K = P.T @ stiffness(system, system.q0, 0.0) @ P
-    exact = np.sqrt(eigh(K, P.T @ mass(system) @ P, eigvals_only=True)[-1])
-    assert highest_frequency(system) == pytest.approx(exact, rel=1e-5)
-    assert highest_frequency(system) == highest_frequency(system)
+    assert highest_frequency(system) == pytest.approx(dense_frequency(system, system.q0), rel=1e-5)
 
 
 def test_highest_frequency_in_a_bent_configuration():
-    system = swing.build("physical")
-    history = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 0.6, derive=False)
-    q = history["q"][-1]
-    P = system.null_space(q)
-    K = P.T @ stiffness(system, q, 0.0) @ P
-    exact = np.sqrt(eigh(K, P.T @ mass(system) @ P, eigvals_only=True)[-1])
-    assert highest_frequency(system, q) == pytest.approx(exact, rel=1e-5)
+    system = bar(3, 2, 0.1, clamped=True)
+    q = random_state(system, np.random.default_rng(2))
+    assert highest_frequency(system, q) == pytest.approx(dense_frequency(system, q), rel=1e-5)
 
 
 @pytest.mark.parametrize("elements", [2, 10])
@@ -139,6 +136,7 @@ def fall(step, until, integrator=None, **options):
     return history, "; ".join([text, *(each["text"] for each in history.meta["warnings"])])
 
 
+@pytest.mark.slow
 def test_growing_alternations_are_told_with_the_energy_they_make():
     history, text = fall(1e-2, 0.65)
     assert history.status == "completed" and "the run gained" in text and text.count(TOLD) == 1
@@ -151,6 +149,7 @@ def test_growing_alternations_are_told_with_the_energy_they_make():
     assert ratio == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_nothing_is_told_where_they_do_not_grow_and_of_other_schemes():
     """The step times the highest frequency is 1000 and 100 000."""
     for step, until, scheme in ((1e-4, 2e-3, None), (1e-2, 0.1, sc.EnergyMomentum())):
@@ -158,6 +157,7 @@ def test_nothing_is_told_where_they_do_not_grow_and_of_other_schemes():
         assert "alternate" not in text and "h_omega_c" not in history.meta["steps"]
 
 
+@pytest.mark.slow
 def test_the_longest_part_of_a_composed_step_counts():
     system, scheme = swing.build("stiff"), sc.Composition(sc.Variational(), 4)
     history, _ = fall(1e-2, 0.05, scheme)
@@ -170,18 +170,6 @@ def test_the_longest_part_of_a_composed_step_counts():
     ]
     assert min(abs(np.array(exact) / found.ratio - 1)) < 1e-9
     assert diagnostics.alternation(system, history, 1.99 / max(exact) * longest) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [4, 6])
-def test_compositions_fail_and_tell_why(order):
-    """The stiff swing at 3e-2 s: its energy is more than ten times what it was before event X."""
-    system = swing.build("stiff")
-    history, text = fall(3e-2, 0.66, sc.Composition(sc.Variational(), order))
-    assert TOLD in text
-    energy = swing._energy(system, history["q"], history["p"])
-    start = energy[history.times > swing.PULSE["stiff"][1]][0]
-    assert np.nanmax(energy) > 9 * start
 
 
 # -- the mechanism ---------------------------------------------------------------------------------
@@ -228,15 +216,9 @@ def linear_prediction(
     return float(np.arccosh(max(1.0, -mu[0] / 2))), P @ modes[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("force", "h", "grows"),
-    [
-        (100, 0.04, False),
-        (100, 0.05, True),
-        (100, 0.1, True),
-        (400, 0.03, True),
-        (-400, 0.2, False),
-    ],
+    ("force", "h", "grows"), [(100, 0.04, False), (100, 0.05, True), (-400, 0.2, False)]
 )
 def test_alternating_rotations_grow_beyond_the_leapfrog_limit(force, h, grows):
     """A compressed column, disturbed by 1e-8 rad: exactly as the linear analysis says."""
@@ -265,42 +247,38 @@ def test_alternating_rotations_grow_beyond_the_leapfrog_limit(force, h, grows):
     assert (np.diff(np.sign(theta[-half:, node, axis])) != 0).all()  # every step
 
 
-@pytest.mark.slow
-def test_mechanism_in_the_failing_swing():
-    """Nodes alternate and their energy grows; the midpoints' energy does not notice."""
-    m = failure_mechanism.mechanism()
-    assert m["growth"] > 5
-    assert m["sign_changes"] > 0.8
-    assert m["energy_growth"] > 1.5
-    assert m["midpoint_change"] < 5e-3
-    before = (m["times"] >= m["window"][0]) & (m["times"] <= m["window"][1])
-    assert np.median(m["h_omega_c"][before]) > 2
-    assert m["alternation"].shape == m["times"].shape == m["energy_midpoint"].shape
-
-
 # -- outcomes --------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
-def runs():
-    system = swing.build("stiff")
-    return {
-        (name, step): example.sail(system, swing.INTEGRATORS[name](), step, until)
-        for name, step, until in (
-            ("variational", 1e-1, 3.0),
-            ("variational", 3e-2, 1.0),
-            ("variational", 1e-2, 1.0),
-            ("variational", 3e-3, 1.0),
-            ("energy-momentum", 1e-1, 3.0),
-            ("energy-momentum", 1e-2, 2.0),
-            ("energy-momentum", 3e-3, 1.0),
-        )
-    }
+def quick_map(tmp_path_factory):
+    """What the program finds with ``--quick``, its rows by integrator and step, its files."""
+    folder = tmp_path_factory.mktemp("map")
+    with warnings.catch_warnings():  # what fails is warned of
+        warnings.simplefilter("ignore", sc.AccuracyWarning)
+        found = example.main(quick=True, out=folder)
+    by = {(row["integrator"], row["step_s"]): row for row in found["rows"]}
+    return {**found, "by": by, "folder": folder}
 
 
+@pytest.mark.slow
+def test_a_full_period_takes_short_steps_of_energy_momentum(quick_map):
+    """Those of 3e-3 and 1e-3 s make it, nothing else so coarse."""
+    by = quick_map["by"]
+    assert quick_map["period"] == pytest.approx(2.90, abs=0.02)
+    whole = {key for key, row in by.items() if row["period_s"]}
+    assert whole == {("energy-momentum", 3e-3), ("energy-momentum", 1e-3)}
+    fine = by["energy-momentum", 3e-3]
+    assert fine["outcome"] == "completed" and fine["end_s"] == pytest.approx(3.0)
+    assert fine["residuals"] == [] and fine["solver_failed_s"] is None
+    late = by["variational", 1e-3]
+    assert late["outcome"] != "completed" and late["end_s"] > late["event_x_s"]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [3e-2, 1e-2, 3e-3])
-def test_variational_blows_up_before_event_x_with_coarse_steps(runs, step):
-    r = runs["variational", step]
+def test_variational_blows_up_before_event_x_with_coarse_steps(quick_map, step):
+    r = quick_map["by"]["variational", step]
     assert r["outcome"] == "energy blow-up" and 0.5 < r["end_s"] < EVENT_X
     assert r["event_x_s"] is None and r["period_s"] is None
     assert r["energy_error"] > 9
@@ -308,43 +286,55 @@ def test_variational_blows_up_before_event_x_with_coarse_steps(runs, step):
     assert r["solver_failed_s"] > r["end_s"]  # the solver fails later, not first
 
 
-def test_energy_momentum_passes_event_x_and_fails_by_the_solver_alone(runs):
-    r = runs["energy-momentum", 1e-2]
+@pytest.mark.slow
+def test_energy_momentum_passes_event_x_and_fails_by_the_solver_alone(quick_map):
+    r = quick_map["by"]["energy-momentum", 1e-2]
     assert r["outcome"] == "Newton failed" and r["end_s"] == r["solver_failed_s"]
     assert r["end_s"] > r["event_x_s"] == pytest.approx(EVENT_X, abs=2e-3)
     assert r["energy_error"] < 1e-9
-    fine = runs["energy-momentum", 3e-3]
-    assert fine["outcome"] == "completed" and fine["end_s"] == pytest.approx(0.999)
-    assert fine["residuals"] == [] and fine["solver_failed_s"] is None
 
 
-@pytest.mark.parametrize("integrator", ["variational", "energy-momentum"])
-def test_residual_histories_of_all_attempts_are_kept(runs, integrator):
-    r = runs[integrator, 1e-1]
-    # when, once the variational energy has blown up, is up to rounding
-    first = EVENT_X if integrator == "energy-momentum" else r["end_s"]
-    assert r["solver_failed_s"] >= first and "4 attempts" in r["reason"]
-    assert len(r["residuals"]) == len(failure_report.ATTEMPTS) == 4
-    for history in r["residuals"]:
-        assert len(history) == 101 or not np.isfinite(history[-1])
-        # far from solved, which is 1e-12; how far such wild iterations get is up to rounding
-        assert min(history) > 1e-10
+@pytest.mark.slow
+def test_alternations_take_the_energy_of_the_failing_swing(quick_map):
+    """Nodes alternate and their energy grows; the midpoints' energy does not notice."""
+    m = quick_map["mechanism"]
+    assert m["growth"] > 5
+    assert m["sign_changes"] > 0.8
+    assert m["energy_growth"] > 1.5
+    assert m["midpoint_change"] < 5e-3
+    before = (m["times"] >= m["window"][0]) & (m["times"] <= m["window"][1])
+    assert np.median(m["h_omega_c"][before]) > 2
 
 
-def plain_run(mixed: float) -> sc.History:
-    """Energy-momentum in steps of 1e-2 s, with or without the mixed iteration."""
-    settings = sc.NewtonSettings(mixed=mixed)
-    arguments = sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 1.0
-    return sc.simulate(swing.build("stiff"), *arguments, derive=False, settings=settings)
+@pytest.mark.slow
+def test_every_failure_of_a_table_of_scenes_is_warned_of(quick_map):
+    failed = [row for row in quick_map["criterion"] if row["failed_at"] is not None]
+    assert failed and all(row["warned"] for row in failed)
 
 
+@pytest.mark.slow
+def test_files_and_report_of_the_map(quick_map):
+    tables = {}
+    for name in ("csv", "residuals.csv", "energy.csv", "criterion.csv"):
+        head, *rows = (quick_map["folder"] / f"failure_map.{name}").read_text().splitlines()
+        assert head.startswith("# skfem-cosserat") and "numpy" in head and "20" in head
+        tables[name] = list(csv.DictReader(rows))
+    rows = quick_map["rows"]
+    assert [r["outcome"] for r in tables["csv"]] == [r["outcome"] for r in rows]
+    assert len(tables["residuals.csv"]) == sum(len(r["residuals"]) for r in rows) > 0
+    assert {r["integrator"] for r in tables["energy.csv"]} == set(failure_report.COLOURS)
+    assert "mechanism" in failure_report.report(quick_map)
+
+
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*may have several solutions")
 @pytest.mark.plain
 def test_mixed_iteration_solves_steps_that_newton_alone_cannot():
     """And takes half the iterations where both succeed."""
-    mixed = plain_run(1e-3)
+    run = swing.build("stiff"), sc.EnergyMomentum(), sc.NullSpace(), 1e-2, 1.0
+    mixed = sc.simulate(*run, derive=False, settings=sc.NewtonSettings(mixed=1e-3))
     with pytest.raises(sc.Diverged) as caught:
-        plain_run(np.inf)
+        sc.simulate(*run, derive=False, settings=sc.NewtonSettings(mixed=np.inf))
     plain = caught.value.history
     assert 0.7 < caught.value.time < 0.9
     n = len(plain)
@@ -355,92 +345,6 @@ def test_mixed_iteration_solves_steps_that_newton_alone_cannot():
     assert min(map(min, residuals)) == caught.value.residual
 
 
-@pytest.mark.filterwarnings("ignore:.*may have several solutions")
-@pytest.mark.slow
-@pytest.mark.parametrize(("step", "stops"), [(1e-1, 0.2), (3e-2, 0.69), (1e-2, 0.85)])
-def test_newton_alone_stops_where_the_mixed_iteration_passes_event_x(step, stops):
-    """With 100 iterations in each of four attempts."""
-    arguments = sc.EnergyMomentum(), sc.NullSpace(), step, 1.2
-    settings = replace(failure_mechanism.SETTINGS, mixed=np.inf)
-    with pytest.raises(sc.Diverged, match="4 attempts") as caught:
-        sc.simulate(swing.build("stiff"), *arguments, derive=False, settings=settings)
-    # after event X rounding moves it by some hundredths: 0.81 and 0.88 were seen
-    room = 1.01 * step if stops < 0.7 else 0.15
-    assert caught.value.time == pytest.approx(stops, abs=room)
-    mixed = sc.simulate(
-        swing.build("stiff"), *arguments, derive=False, settings=failure_mechanism.SETTINGS
-    )
-    assert mixed.times[-1] > 1.19
-
-
-def test_diverged_without_residuals():
-    assert sc.Diverged(0.0, 1, 1.0, "why", "what").residuals == []
-
-
-@pytest.mark.slow
-def test_judging_a_scene():
-    """The plane swing is saved by its symmetry: a small side load makes the warning come true."""
-    bad = failure_mechanism.judge(failure_mechanism.SIDE, 1e-2, 8.0)
-    assert bad["warned"] and 4 < bad["failed_at"] < 8
-    assert bad["h_omega_c"] > 2
-    good = failure_mechanism.judge(lambda: swing.build("physical"), 5e-3, 1.0)
-    assert not good["warned"] and good["failed_at"] is None
-    assert good["h_omega_c"] < 2 and 1e-3 < good["compression"] < 2e-2
-
-
-def test_files(runs, tmp_path):
-    some = [runs["variational", 1e-2], runs["energy-momentum", 1e-2]]
-    result = {"rows": some, "until": 1.0, "period": None}
-    failure_report.write(result, tmp_path)
-    head, *rows = (tmp_path / "failure_map.csv").read_text().splitlines()
-    assert head.startswith("# skfem-cosserat") and "numpy" in head and "20" in head
-    table = list(csv.DictReader(rows))
-    assert [r["outcome"] for r in table] == ["energy blow-up", "Newton failed"]
-    assert float(table[0]["end_s"]) == pytest.approx(some[0]["end_s"])
-    residuals = (tmp_path / "failure_map.residuals.csv").read_text().splitlines()[1:]
-    found = list(csv.DictReader(residuals))
-    kept = [x for r in some for x in r["residuals"]]
-    assert len(found) == len(kept) == 8
-    for row, values in zip(found, kept, strict=True):
-        written = np.array(row["scaled_residuals"].split(), dtype=float)
-        assert written == pytest.approx(values, rel=6e-3, nan_ok=True)
-    energy = (tmp_path / "failure_map.energy.csv").read_text().splitlines()[1:]
-    assert {r["integrator"] for r in csv.DictReader(energy)} == set(failure_report.COLOURS)
-
-
-def test_the_table_in_the_pictures_folder_is_the_full_one():
-    """All steps of the issue with both integrators, as the full mode wrote them."""
-    path = Path(example.__file__).parents[1] / "pictures" / "failure_map.csv"
-    rows = list(csv.DictReader(path.read_text().splitlines()[1:]))
-    assert {(r["integrator"], float(r["step_s"])) for r in rows} == {
-        (name, step) for name in swing.INTEGRATORS for step in example.STEPS
-    }
-    assert len(rows) == 18 and {r["outcome"] for r in rows} <= set(failure_report.MARKERS)
-    for r in rows:  # apart from the coarsest steps every run has an energy to compare with
-        assert float(r["step_s"]) == 0.1 or float(r["energy_error"]) >= 0
-        assert r["outcome"] != "completed" or float(r["end_s"]) == pytest.approx(example.UNTIL)
-
-
 def test_bad_integrator():
     with pytest.raises(ValueError, match="integrators = 'euler'"):
         example.main(steps=(1e-1,), integrators=("euler",))
-
-
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # what fails is warned of
-@pytest.mark.slow
-def test_quick_map(tmp_path):
-    """A full period: energy-momentum at 3e-3 and 1e-3 s makes it, nothing else so coarse."""
-    result = example.main(quick=True, out=tmp_path)
-    by = {(r["integrator"], r["step_s"]): r for r in result["rows"]}
-    assert result["period"] == pytest.approx(2.90, abs=0.02)
-    whole = {k for k, r in by.items() if r["period_s"]}
-    assert whole == {("energy-momentum", 3e-3), ("energy-momentum", 1e-3)}
-    assert by["variational", 1e-3]["end_s"] > by["variational", 1e-3]["event_x_s"]
-    late = by["energy-momentum", 1e-2]
-    assert late["outcome"] == "Newton failed" and late["end_s"] > late["event_x_s"]
-    assert all(r["outcome"] != "completed" for r in result["rows"] if r["integrator"][0] == "v")
-    failed = [r for r in result["criterion"] if r["failed_at"] is not None]
-    assert failed and all(r["warned"] for r in failed)
-    for name in ("csv", "residuals.csv", "energy.csv", "criterion.csv"):
-        assert (tmp_path / f"failure_map.{name}").stat().st_size > 100
-    assert "mechanism" in failure_report.report(result)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +39,7 @@ def elsewhere(code: str, folder: Path) -> str:
     ).stdout
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: f"{path.parent.name}/{path.stem}")
 def test_import_has_no_side_effects(path, tmp_path, monkeypatch, capfd):
     if path.stem == "charts":
@@ -50,6 +50,7 @@ def test_import_has_no_side_effects(path, tmp_path, monkeypatch, capfd):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_fronts_load_from_another_folder(tmp_path):
     """By their path alone, each in a fresh interpreter's empty ``sys.path``."""
     pytest.importorskip("matplotlib")
@@ -65,17 +66,7 @@ def test_fronts_load_from_another_folder(tmp_path):
     assert elsewhere(code, tmp_path).split() == modules
 
 
-@pytest.mark.parametrize("name", ["three_bar_swing", "six_body_linkage"])
-def test_front_has_all_public_names(name):
-    """What stands in ``paper/`` without an underscore is to be had from the front as well."""
-    front, real = load(EXAMPLES / f"{name}.py"), load(EXAMPLES / "paper" / f"{name}.py")
-    source = (EXAMPLES / "paper" / f"{name}.py").read_text(encoding="utf-8")
-    names = set(re.findall(r"^(?:def|class) ([a-zA-Z]\w*)|^([A-Z]\w*)(?= =|:)", source, re.M))
-    names = {a or b for a, b in names} - {"Floats"}
-    assert names and all(hasattr(real, n) for n in names)
-    assert names <= set(front.__all__) <= set(dir(front))
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FRONTS)
 def test_front_tells_its_choices(name, tmp_path):
     pytest.importorskip("matplotlib")

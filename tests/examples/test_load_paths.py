@@ -19,6 +19,7 @@ def result(tmp_path_factory):
     return load_paths.main(quick=True, out=folder) | {"folder": folder}
 
 
+@pytest.mark.slow
 def test_lees_frame_has_two_limit_points(result):
     """Reference: shooting method, 9 digits; here 10 cubic elements."""
     kinds, loads = zip(*result["lee"]["critical"], strict=True)
@@ -27,11 +28,13 @@ def test_lees_frame_has_two_limit_points(result):
     assert loads[1] == pytest.approx(-9396.142357, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_ring_folds_to_a_third(result):
     assert result["ring"]["radius_ratio"] == pytest.approx(1 / 3, abs=1e-6)
     assert result["ring"]["displacement"] == pytest.approx([-80 / 3, 0, 0], abs=2e-5)
 
 
+@pytest.mark.slow
 def test_column_goes_on_along_its_branch(result):
     ((kind, load),) = result["column"]["critical"]
     assert kind == "bifurcation"
@@ -39,12 +42,14 @@ def test_column_goes_on_along_its_branch(result):
     assert abs(result["column"]["displacement"][1]) > 0.7
 
 
+@pytest.mark.slow
 def test_few_iterations_a_point(result):
     for name in load_paths.PATHS:
         assert result[name]["newton_iterations"] <= 8
         assert result[name]["rejected"] <= 0.2 * result[name]["points"]
 
 
+@pytest.mark.slow
 def test_files(result):
     folder = result["folder"]
     for name in load_paths.PATHS:

@@ -19,6 +19,7 @@ from skfem_cosserat.figures import PAGE, write_figure
 CODE = re.compile(r"newton|blowup|factor\b|_|\bpoint\b")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", redraw.CHARTS)
 def test_charts_of_stored_tables(name, tmp_path, monkeypatch):
     figures = []

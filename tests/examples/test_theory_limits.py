@@ -48,6 +48,7 @@ def rows():
     return chart.gauss_points((4, 8))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_p_points_are_stable_and_more_lock(rows, order):
     right, more = (points(rows, order, order + k)["inf_sup"] for k in (0, 1))
@@ -57,6 +58,7 @@ def test_p_points_are_stable_and_more_lock(rows, order):
     assert more[1] < 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_fewer_points_leave_motions_that_strain_nothing(rows, order):
     fewer, right, more = (points(rows, order, order + k)["loose"] for k in (-1, 0, 1))
@@ -64,6 +66,7 @@ def test_fewer_points_leave_motions_that_strain_nothing(rows, order):
     assert right == more == [0, 0]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_the_strains_are_those_that_theories_hold(order):
     """The chart's linear strains against the rows of a system."""

@@ -9,6 +9,7 @@ import warned_runs
 import skfem_cosserat as sc
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("number", range(len(warned_runs.SCENES)))
 def test_scenes_with_short_steps_are_right_and_not_warned(number):
     row = warned_runs.case(number, 200)
@@ -16,17 +17,20 @@ def test_scenes_with_short_steps_are_right_and_not_warned(number):
     assert 0.2 * row["off"] < row["estimate"] < 20 * row["off"] + 1e-3
 
 
+@pytest.mark.slow
 def test_a_pendulum_with_long_steps_is_wrong_and_warned():
     row = warned_runs.case(3, 10)
     assert row["wrong"] and row["warned"] and "do not resolve the motion" in row["what"]
 
 
+@pytest.mark.slow
 def test_a_step_at_which_the_treatments_part_is_doubted():
     """Whatever rounding is: of other scenes it decides whether they part."""
     row = warned_runs.case(18, 10)
     assert row["parted"] and row["doubted"] and row["warned"]
 
 
+@pytest.mark.slow
 def test_cells_of_the_map_of_stability():
     row = warned_runs.swing(1.0, sc.EnergyMomentum(), 1e-3)
     assert row["scene"] == "swing 1" and not (row["wrong"] or row["warned"] or row["parted"])

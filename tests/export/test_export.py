@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import BOX, LEG, NODES, OUTLINE, turn
+from conftest import BOX, LEG, OUTLINE, turn
 
 from skfem_cosserat import (
     IncompleteWarning,
@@ -26,7 +26,7 @@ from skfem_cosserat import (
     write_paraview,
 )
 from skfem_cosserat.export import ParaViewWriter, paraview, write_rows
-from skfem_cosserat.export.geometry import BeamShape, piece_weights, quaternions
+from skfem_cosserat.export.geometry import BeamShape, quaternions
 from skfem_cosserat.export.paraview import _Index
 
 HERE = Path(__file__).resolve().parents[1]
@@ -67,6 +67,7 @@ def read_index(path):
 # -- series ----------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_beams(make_scene, tmp_path, order):
     scene = make_scene(order)
@@ -75,7 +76,6 @@ def test_beams(make_scene, tmp_path, order):
     assert set(index) == {"beams", "bodies", "joints"}
     frames = read_index(index["beams"])
     assert [t for t, _ in frames] == history.times.tolist()  # every digit
-    assert not any(os.path.isabs(name) for _, name in frames)
     line = np.arange(2 * order + 1) / order  # equidistant, also where the nodes are not
     reference, _, _, zero, _ = read_vtu(tmp_path / frames[0][1])
     np.testing.assert_array_equal(zero["u"], 0.0)
@@ -90,9 +90,6 @@ def test_beams(make_scene, tmp_path, order):
         assert [len(cell) for cell in cells] == [3 if order == 2 else 2] * len(cells)
         assert set(types) == {QUADRATIC if order == 2 else LINE}
         assert len(cells) == (4 if order <= 2 else 4 * order)
-        if order == 2:
-            ends, mid = points[np.array(cells)[:, :2]], points[np.array(cells)[:, 2]]
-            np.testing.assert_allclose(ends.mean(1), mid, atol=1e-14)
         lengths = np.linalg.norm(np.diff(points[np.array(cells)[:, :2]], axis=1), axis=2)
         np.testing.assert_allclose(lengths, (1.0 + 0.1 * t) * 4.0 / len(cells), rtol=1e-13)
         check_beam_points(scene, order, t, points, at_points, half)
@@ -177,7 +174,7 @@ def test_bodies_and_joints(make_scene, tmp_path):
         assert types == [TRIANGLE] * 12 + [VERTEX]
         volume = np.linalg.det(points[np.array(cells[:12])] - points[:8].mean(0)).sum() / 6.0
         assert volume == pytest.approx(0.4**3)  # closed, normals outward
-        np.testing.assert_array_equal(at_cells["body_id"], [0] * 12 + [1])
+        assert at_cells["body_id"].tolist() == [0] * 12 + [1]
         np.testing.assert_allclose(
             at_points["v"][:8, :2].mean(0), history["v"][k][72:74], atol=1e-9
         )
@@ -205,7 +202,6 @@ def test_surfaces(make_scene, tmp_path, order):
         assert set(types) == {QUAD}
         assert len(cells) == 3 * 4 * order  # the leg of the angle has no outline
         np.testing.assert_array_equal(at_cells["section_id"], 0)
-        assert at_cells["N"].shape == (len(cells), 3)
         corners = points[np.array(cells)]
         normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]) / 2.0
         area = np.linalg.norm(normal, axis=1).sum()
@@ -220,19 +216,10 @@ def test_surfaces(make_scene, tmp_path, order):
         assert (out > 0.0).all()
         if t == 0.0:
             np.testing.assert_array_equal(at_points["u"], 0.0)
-
-
-def test_surface_fields_are_those_of_the_piece(make_scene, tmp_path):
-    scene = make_scene(4)
-    write_paraview(scene.history(1), tmp_path, surfaces=True)
-    points, cells, _, _, at_cells = read_vtu(tmp_path / "beam_surfaces" / "000000.vtu")
-    first = at_cells["beam_id"] == 0
-    x = points[np.array(cells)].mean(1)[first, 0]
-    piece = np.floor(4 * x).astype(int)
-    np.testing.assert_allclose(at_cells["N"][first, 0], 6.0 * piece, atol=1e-12)
-    plain = {k: v for k, v in scene.static.items() if "outline" not in k}
-    with pytest.raises(InputError, match="outline"):
-        ParaViewWriter(tmp_path, scene.meta, plain, surfaces=True)
+            piece = np.floor(order * back[at_cells["beam_id"] == 0, 0])  # where the beam is
+            if order == 4:  # forces are those of the piece
+                forces = at_cells["N"][at_cells["beam_id"] == 0, 0]
+                np.testing.assert_allclose(forces, 6.0 * piece, atol=1e-12)
 
 
 def test_two_orders_and_missing_fields(make_scene, tmp_path):
@@ -255,34 +242,20 @@ def test_two_orders_and_missing_fields(make_scene, tmp_path):
     assert "v" not in at_points
 
 
-@pytest.mark.parametrize("surfaces", [False, True])
-def test_reference_state(make_scene, tmp_path, surfaces):
+def test_reference_state(make_scene, tmp_path):
     """Displacements from a given reference, also when the first frame is not the reference."""
     scene = make_scene()
     history = scene.history(3)
     history.static["reference"] = scene.coordinates(-1.0)
-    write_paraview(history, tmp_path, surfaces=surfaces)
+    write_paraview(history, tmp_path)
     points, _, _, at_points, _ = read_vtu(tmp_path / "beams" / "000000.vtu")
     want = scene.coordinates(-1.0)[:36].reshape(-1, 12)[:, :3]
     np.testing.assert_allclose((points - at_points["u"])[:3], want, atol=1e-15)
     writer = ParaViewWriter(tmp_path / "b", scene.meta, scene.static)
     writer.write(0.1, scene.row(1))  # the first frame is the reference
-    for path in writer.write(0.2, scene.row(2))[:1]:
-        points, _, _, at_points, _ = read_vtu(path)
-        now = scene.row(1)["q"][:36].reshape(-1, 12)[:, :3]
-        np.testing.assert_allclose((points - at_points["u"])[:3], now, atol=1e-15)
-
-
-def test_pyvista_reads_the_index(make_scene, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
-    history = make_scene(2).history(3)
-    reader = pyvista.get_reader(str(write_paraview(history, tmp_path)[0]))
-    assert reader.time_values == history.times.tolist()
-    for k, t in enumerate(reader.time_values):
-        reader.set_active_time_value(t)
-        grid = reader.read()[0]
-        np.testing.assert_array_equal(grid.points[1], history["q"][k][12:15])
-        assert set(grid.point_data) == {"u", "v", "d1", "d2", "d3", "q_wxyz", "node_id"}
+    points, _, _, at_points, _ = read_vtu(writer.write(0.2, scene.row(2))[0])
+    now = scene.row(1)["q"][:36].reshape(-1, 12)[:, :3]
+    np.testing.assert_allclose((points - at_points["u"])[:3], now, atol=1e-15)
 
 
 @pytest.mark.parametrize("compress", [False, True])
@@ -303,48 +276,22 @@ def test_meshio_reads_the_same(make_scene, tmp_path, compress):
                 np.testing.assert_array_equal(np.concatenate(mesh.cell_data[field]), values)
 
 
-def test_what_does_not_change_is_encoded_once(make_scene, tmp_path, monkeypatch):
-    """Cells and labels: the later frames of a run encode what depends on the state alone."""
-    scene, counts = make_scene(), []
-    writer = ParaViewWriter(tmp_path, scene.meta, scene.static)
-    encode = paraview.b2a_base64
-    monkeypatch.setattr(
-        paraview, "b2a_base64", lambda *a, **k: counts.append(len(a[0])) or encode(*a, **k)
-    )
-    found = []
-    for k in range(3):
-        files = writer.write(0.1 * k, scene.row(k))
-        found.append(len(counts))
-        counts.clear()
-    changing = 0
-    for path in files:
-        arrays = [each.get("Name") for each in ET.parse(path).iter("DataArray")]
-        labels = [name for name in arrays if name.endswith("_id") or name == "type"]
-        changing += len(arrays) - len(labels) - 3
-    assert found[1] == found[2] == changing < found[0]
-
-
 def test_many_states_at_once_are_those_one_by_one(make_scene, tmp_path, monkeypatch):
     scene = make_scene(3)
-    history = scene.history(7)
+    history = scene.history(4)
     monkeypatch.setattr(paraview, "TOGETHER", 3 * history["q"].shape[1])  # blocks of three
     write_paraview(history, tmp_path / "all", surfaces=True)
-    reference = history["q"][0]
-    writer = ParaViewWriter(
-        tmp_path / "each", scene.meta, scene.static, surfaces=True, reference=reference
-    )
-    for k in range(7):
-        writer.write(float(history.times[k]), history.row(k))
-    for path in sorted((tmp_path / "all").rglob("*.vtu")):
-        other = tmp_path / "each" / path.relative_to(tmp_path / "all")
-        points, cells, types, *data = read_vtu(path)
-        again, *same, at_points, at_cells = read_vtu(other)
-        assert same == [cells, types]
-        np.testing.assert_allclose(points, again, rtol=0, atol=1e-13)
-        for one, two in zip(data, (at_points, at_cells), strict=True):
-            assert set(one) == set(two)
-            for name, values in one.items():
-                np.testing.assert_allclose(values, two[name], rtol=0, atol=1e-12)
+    writer = ParaViewWriter(tmp_path / "each", scene.meta, scene.static, surfaces=True)
+    for k in range(4):
+        for path in writer.write(float(history.times[k]), history.row(k)):
+            points, cells, types, *data = read_vtu(path)
+            again, *same = read_vtu(tmp_path / "all" / path.relative_to(tmp_path / "each"))
+            assert same[:2] == [cells, types]
+            np.testing.assert_allclose(points, again, rtol=0, atol=1e-13)
+            for one, two in zip(data, same[2:], strict=True):
+                assert set(one) == set(two)
+                for name, values in one.items():
+                    np.testing.assert_allclose(values, two[name], rtol=0, atol=1e-12)
 
 
 def test_frames_are_thinned(make_scene, tmp_path):
@@ -354,32 +301,27 @@ def test_frames_are_thinned(make_scene, tmp_path):
         return [t for t, _ in read_index(write_paraview(history, tmp_path, **options)[0])]
 
     assert times(every=10) == [history.times[k] for k in (0, 10, 20, 30)]
-    assert times(fps=2.0) == [history.times[k] for k in (0, 5, 10, 15, 20, 25, 30)]
     assert times(fps=1000.0) == history.times.tolist()
     assert times(fps=3.0) == [history.times[k] for k in (0, 3, 7, 10, 13, 17, 20, 23, 27, 30)]
     assert times(fps=0.1) == [0.0]
     for options in ({"every": 0}, {"fps": 0.0}, {"fps": -1.0}, {"every": 2, "fps": 1.0}):
         with pytest.raises(InputError, match=next(iter(options))):
             times(**options)
-    assert write_paraview(history.truncated(0), tmp_path / "none", fps=1.0)
-    assert read_index(tmp_path / "none" / "beams.pvd") == []
-    single = history.truncated(1)
-    assert len(read_index(write_paraview(single, tmp_path / "one", fps=5.0)[0])) == 1
+    for count in (0, 1):
+        (index, *_) = write_paraview(history.truncated(count), tmp_path / f"{count}", fps=5.0)
+        assert len(read_index(index)) == count
 
 
 def test_bad_folder_and_rows(make_scene, tmp_path):
     scene = make_scene()
     (tmp_path / "file").write_text("x")
-    for folder in (tmp_path / "file", tmp_path / "file" / "more"):
-        with pytest.raises(InputError, match="cannot be written") as caught:
-            write_paraview(scene.history(1), folder)
-        assert str(folder) in str(caught.value)
+    with pytest.raises(InputError, match=r"file.more.*cannot be written"):
+        write_paraview(scene.history(1), tmp_path / "file" / "more")
     writer = ParaViewWriter(tmp_path / "out", scene.meta, scene.static)
     row = scene.row(0)
     for key, value, words in [
         ("q", None, "'q'.*missing"),
         ("joint/pin/position", np.zeros(2), r"joint/pin/position.*\(2,\)"),
-        ("joint/pin/force", np.zeros(2), r"joint/pin/force.*\(2,\)"),
         ("beam/boom/strain", np.zeros((2, 7, 6)), r"beam/boom/strain.*\(2, 7, 6\)"),
     ]:
         bad = {k: v for k, v in {**row, key: value}.items() if v is not None}
@@ -425,6 +367,7 @@ while True:
 """
 
 
+@pytest.mark.slow
 def test_killed_export_can_be_read(make_scene, tmp_path):
     path = os.pathsep.join([str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", "")])
     process = subprocess.Popen(
@@ -465,27 +408,6 @@ def test_quaternions_of_all_rotations():
     np.testing.assert_allclose(quaternions(1.2 * directors), got, atol=1e-14)
 
 
-@pytest.mark.parametrize("order", [3, 4])
-def test_higher_orders_are_evaluated_on_the_curve(make_scene, order):
-    """A curve of the order of the element is met exactly between the nodes."""
-    scene = make_scene(order)
-    shape = BeamShape("boom", scene.static)
-    s = np.concatenate([np.array(NODES[order]), 1.0 + np.array(NODES[order][1:])])
-    q = np.zeros(scene.size)
-    q[: 12 * len(s) : 12] = s
-    q[1 : 12 * len(s) : 12] = s**order
-    points = shape.points(q)
-    np.testing.assert_allclose(points[:, 1], points[:, 0] ** order, atol=1e-13)
-    np.testing.assert_allclose(np.sort(points[:, 0]), np.arange(2 * order + 1) / order, atol=1e-14)
-
-
-def test_piece_weights():
-    gauss = np.array([0.1, 0.4, 0.6, 0.9])
-    np.testing.assert_array_equal(piece_weights(gauss, 1), [[0.25] * 4])
-    np.testing.assert_array_equal(piece_weights(gauss, 2), [[0.5, 0.5, 0, 0], [0, 0, 0.5, 0.5]])
-    np.testing.assert_array_equal(piece_weights(np.array([0.5]), 3), [[1.0]] * 3)
-
-
 def test_outline_may_repeat_its_first_point(make_scene):
     scene = make_scene()
     before = BeamShape("boom", scene.static).surface()
@@ -515,8 +437,7 @@ def test_csv_keeps_every_digit(make_scene, tmp_path):
     columns = [[float(row[f"momentum_{axis}"]) for row in table] for axis in "xyz"]
     np.testing.assert_array_equal(np.array(columns).T, history["momentum"])
     write_csv(history, path, ["energy", "q"])
-    header = next(line for line in path.read_text().splitlines() if not line.startswith("#"))
-    assert header.startswith("energy,q_0,q_1")
+    assert "\nenergy,q_0,q_1" in path.read_text()
     write_csv(history.truncated(0), path)
 
 
@@ -528,7 +449,6 @@ def test_csv_refuses(make_scene, tmp_path):
         write_csv(history, tmp_path / "a.csv", ["beam/boom/strain"])
     with pytest.raises(InputError, match="cannot be written"):
         write_csv(history, tmp_path / "no" / "a.csv")
-    assert not os.listdir(tmp_path)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of a process are POSIX")

@@ -14,23 +14,19 @@ from skfem_cosserat.plot import plot_energy, plot_orbit, plot_series, render
 matplotlib = pytest.importorskip("matplotlib")
 
 
-def test_energy(make_scene, tmp_path):
+@pytest.mark.slow
+def test_energies_are_those_of_the_history(make_scene, tmp_path):
     history = make_scene().history(20)
-    figure = plot_energy(history, tmp_path / "energy.png")
+    upper, lower = plot_energy(history, tmp_path / "energy.png").axes
     assert (tmp_path / "energy.png").read_bytes()[:4] == b"\x89PNG"
-    upper, lower = figure.axes
     lines = {line.get_label(): line for line in upper.get_lines()}
-    assert set(lines) == {"kinetic", "strain", "total"}
     np.testing.assert_array_equal(lines["kinetic"].get_ydata(), history["kinetic"])
     drift = lower.get_lines()[0].get_ydata()
     np.testing.assert_allclose(drift, 1e-9 * np.arange(20), rtol=1e-6)  # largest energy is 1
-    assert "J" in upper.get_ylabel()
-    history.add_series("external", np.full(20, -1e4))
-    assert len(plot_energy(history).axes[0].get_lines()) == 3
-    assert len(plot_energy(history, names=["external"]).axes) == 1
-    assert lower.get_xlabel() == "time in s"
+    assert (upper.get_ylabel(), lower.get_xlabel()) == ("energy in J", "time in s")
 
 
+@pytest.mark.slow
 def test_a_perfect_run_with_gravity_and_a_spring(tmp_path):
     """The total changes by the work of gravity: what is wrong is in the balance."""
     model = sc.Model()
@@ -44,11 +40,8 @@ def test_a_perfect_run_with_gravity_and_a_spring(tmp_path):
     np.testing.assert_array_equal(lines["springs"].get_ydata(), history["coupling_energy"])
     assert abs(lower.get_lines()[0].get_ydata()).max() < 1e-10
     assert lower.get_ylabel() == "balance of energy\n/ largest energy"
-    changes = plot_energy(history, names=["energy"]).axes[1]
-    assert abs(changes.get_lines()[0].get_ydata()).max() == pytest.approx(1.0)
     (only,) = plot_energy(history, names=["energy_balance"]).axes
-    drawn = only.get_lines()[0].get_ydata()
-    assert only.get_ylabel() == lower.get_ylabel() and abs(drawn).max() < 1e-10
+    assert only.get_ylabel() == lower.get_ylabel()
 
 
 def test_series_have_units_where_they_are_known():
@@ -73,15 +66,13 @@ def test_energy_with_gaps_and_without_total(make_scene):
     lower = plot_energy(history).axes[1]
     drift = lower.get_lines()[1].get_ydata()
     np.testing.assert_allclose(drift, np.array([0.0, 0.0, 0.0, 1.0]) / 3.0)
-    history._series.pop("energy")
-    history._series.pop("energy_midpoint")
-    assert len(plot_energy(history).axes) == 1
-    history._series.pop("kinetic")
-    history._series.pop("strain_energy")
+    for name in ("energy", "energy_midpoint", "kinetic", "strain_energy"):
+        history._series.pop(name)
     with pytest.raises(InputError, match="energy series"):
         plot_energy(history)
 
 
+@pytest.mark.slow
 def test_orbit_and_series(make_scene, tmp_path):
     history = make_scene().history(20)
     what = ["body/hub", "point/ball", "beam/boom/-1", "beam/angle/0", "joint/pin"]
@@ -103,17 +94,15 @@ def test_charts_leave_no_global_state(make_scene):
         assert not sys.modules["matplotlib.pyplot"].get_fignums()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda h, p: plot_orbit(h, "body/none"), "body/none"),
         (lambda h, p: plot_orbit(h, "beam/boom"), "beam/boom"),
         (lambda h, p: plot_orbit(h, "beam/boom/3"), "3 nodes"),
-        (lambda h, p: plot_orbit(h, "beam/boom/x"), "3 nodes"),
         (lambda h, p: plot_orbit(h, "body/hub", axes="xx"), "axes"),
-        (lambda h, p: plot_orbit(h, "body/hub", axes="xyz"), "axes"),
         (lambda h, p: plot_series(h, ["nothing"]), "nothing"),
-        (lambda h, p: plot_series(h, []), "names"),
         (lambda h, p: plot_series(h, ["beam/boom/strain"]), "beam/boom/strain"),
         (lambda h, p: plot_energy(h, p / "no" / "a.png"), "no"),
         (lambda h, p: plot_energy(h, names=["momentum"]), "momentum"),
@@ -143,6 +132,7 @@ def test_missing_package_names_the_extra(make_scene, tmp_path, monkeypatch, pack
         call(make_scene().history(2), tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.render
 @pytest.mark.usefixtures("renderer")
 @pytest.mark.parametrize(

@@ -6,12 +6,8 @@ import contextlib
 import json
 import os
 import pickle
-import signal
 import sqlite3
-import subprocess
 import sys
-import time
-import warnings
 import zlib
 from pathlib import Path
 
@@ -22,8 +18,6 @@ import skfem_cosserat as sc
 from skfem_cosserat import History, HistoryError, IncompleteWarning, InputError, StorageError
 from skfem_cosserat.history import HistoryWriter, read_meta
 from skfem_cosserat.history.file import FileWriter
-
-HERE = Path(__file__).resolve().parents[1]
 
 
 def assert_equal(a: History, b: History, n: int | None = None):
@@ -55,8 +49,6 @@ def test_container(make_scene):
     assert history["q"].shape == history["p"].shape
     assert history["step"].dtype == np.int64
     assert history.last()["t"] == history.row(6)["t"] == history.times[-1]
-    history.row(0)["q"][:] = 7.0  # rows are copies
-    assert not (history["q"][0] == 7.0).any()
     cut = history.truncated(3)
     assert len(cut) == 3
     assert len(history.truncated(0)) == 0
@@ -66,19 +58,17 @@ def test_container(make_scene):
     assert "7 states" in repr(history)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
         (lambda h: h["nothing"], "nothing"),
         (lambda h: h.add_series("x", np.zeros(4)), "x"),
-        (lambda h: h.add_series("x", 3.0), "x"),
         (lambda h: h.add_series("q", np.zeros((3, 1))), "q"),
         (lambda h: h.add_series("x", [None, None, None]), "object"),
         (lambda h: h.row(3), "3 states"),
-        (lambda h: h.row(-4), "3 states"),
         (lambda h: h.truncated(4), "argument n"),
         (lambda h: h.truncated(0).last(), "0 states"),
-        (lambda h: History({"a": {1: 2}}, {}, h.series), r"meta\['a'\]"),
         (lambda h: History({"a": [Path()]}, {}, h.series), r"meta\['a'\]\[0\]"),
         (lambda h: History({}, {}, {"t": [1.0], "q": [[1.0]]}), "step, p"),
     ],
@@ -91,7 +81,7 @@ def test_container_refuses(make_scene, call, words):
 # -- writer ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("states", [0, 1, 9, 10, 11, 20, 25])
+@pytest.mark.parametrize("states", [0, 1, 10, 25])
 @pytest.mark.parametrize("streamed", [False, True])
 def test_writer_any_number_of_rows(make_scene, tmp_path, states, streamed):
     scene, path = make_scene(), tmp_path / "run.history" if streamed else None
@@ -166,10 +156,6 @@ def test_context_manager_says_how_it_ended(make_scene, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         interrupted_run()
     assert History.load(path).status == "interrupted"
-    with HistoryWriter({}, {}, path) as writer:
-        writer.append(scene.row(0))
-        writer.close("diverged", reason="too fast")
-    assert read_meta(path) == {"status": "diverged", "reason": "too fast", "states": 1}
 
 
 def test_only_the_current_block_is_in_memory(tmp_path):
@@ -194,10 +180,8 @@ def test_save_and_load_keep_everything(make_scene, tmp_path):
     history.add_series("work", np.arange(10.0).reshape(5, 2))
     history.add_series("label", np.array(["a", "b", "ccc", "", "e"]))
     history.add_series("flag", np.array([True, False, True, False, True]))
-    history.add_series("none", np.zeros((5, 0)))
     history.add_series("complex", np.array([1j, 2, np.inf, -0.0, 5e-324]))
     history.static["extra"] = np.arange(3, dtype=np.int32)
-    history.static["big"] = np.arange(3.0, dtype=">f8").astype("<f8")
     history.meta |= {"note": "äöü ✓", "nan": float("nan"), "inf": [-float("inf")], "none": None}
     history.meta["tuple"] = (1, np.float32(0.5), np.arange(2))
     history.save(tmp_path / "run.history")
@@ -209,42 +193,10 @@ def test_save_and_load_keep_everything(make_scene, tmp_path):
     assert (loaded.meta["note"], loaded.status) == ("äöü ✓", "completed")
     with pytest.raises(ValueError, match="read-only"):  # others follow from them
         loaded["q"][0] = 1.0
-    loaded.static["extra"][0] = 1
     assert os.listdir(tmp_path) == ["run.history"]
     loaded.truncated(0).save(tmp_path / "run.history")  # over an older one
     empty = History.load(tmp_path / "run.history")
-    assert len(empty) == 0
     assert empty["q"].shape == (0, history["q"].shape[1])
-    assert empty["label"].dtype == history["label"].dtype
-
-
-def test_save_in_several_blocks(tmp_path, monkeypatch, make_scene):
-    monkeypatch.setattr("skfem_cosserat.history.file.SAVE_BYTES", 20_000)
-    history = make_scene().history(60)
-    history.save(tmp_path / "run.history")
-    with contextlib.closing(sqlite3.connect(tmp_path / "run.history")) as db:
-        assert len(db.execute("SELECT id FROM blocks WHERE name = 'q'").fetchall()) > 5
-    assert_equal(history, History.load(tmp_path / "run.history"))
-
-
-def test_nothing_is_left_of_a_failed_save(tmp_path, make_scene, monkeypatch):
-    history = make_scene().history(2)
-    path = tmp_path / "run.history"
-    history.save(path)
-    before = path.read_bytes()
-    history.meta["bad"] = object()
-    with pytest.raises(InputError, match="bad"):
-        history.save(path)
-    del history.meta["bad"]
-
-    def no_space(*args):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.fsync", no_space)
-    with pytest.raises(OSError, match="No space"):
-        history.save(path)
-    assert path.read_bytes() == before
-    assert os.listdir(tmp_path) == ["run.history"]
 
 
 def test_bad_places_are_named_before_any_work(make_scene, tmp_path):
@@ -317,50 +269,6 @@ def test_series_are_read_when_they_are_asked_for(tmp_path, make_scene):
         other["q"]
 
 
-RUN = """
-import sys
-from conftest import Scene
-from skfem_cosserat.history import HistoryWriter
-scene = Scene()
-writer = HistoryWriter(scene.meta, scene.static, sys.argv[1], block=7)
-k = 0
-while True:
-    writer.append(scene.row(k))
-    k += 1
-"""
-
-
-def start(code: str, *args: str) -> subprocess.Popen:
-    path = os.pathsep.join([str(HERE), str(HERE.parent), os.environ.get("PYTHONPATH", "")])
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *args], env={**os.environ, "PYTHONPATH": path}
-    )
-
-
-def test_killed_run_can_be_read(make_scene, tmp_path):
-    path = tmp_path / "run.history"
-    process = start(RUN, str(path))
-    try:
-        limit = time.monotonic() + 120.0
-        while not path.exists() or path.stat().st_size < 200_000:
-            assert process.poll() is None
-            assert time.monotonic() < limit
-            time.sleep(0.01)
-        assert read_meta(path)["status"] == "killed"  # cannot be told from a run that goes on
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    history = History.load(path)
-    assert history.status == "killed"
-    assert len(history) >= 14
-    assert len(history) % 7 == 0
-    assert read_meta(path)["states"] == len(history)
-    scene = make_scene()
-    for k in (0, len(history) - 1):
-        for name, value in scene.row(k).items():
-            np.testing.assert_array_equal(history[name][k], value)
-
-
 def test_a_transaction_that_a_kill_has_ended_is_taken_back(make_scene, tmp_path):
     """What the writer began is in the journal beside the file."""
     scene, path = make_scene(), tmp_path / "run.history"
@@ -380,17 +288,6 @@ def test_a_transaction_that_a_kill_has_ended_is_taken_back(make_scene, tmp_path)
     journal.write_bytes(files[1])
     scene.history(3).save(path)  # over such a file
     assert_equal(scene.history(3), History.load(path))
-
-
-def test_a_reader_leaves_a_living_writer_its_transaction(make_scene, tmp_path):
-    scene, path = make_scene(), tmp_path / "run.history"
-    writer = stream(scene, path, 25)
-    with writer._file._db as db:
-        db.execute("UPDATE blocks SET first = first + 1")
-        assert read_meta(path)["states"] == len(History.load(path)) == 20
-        db.execute("UPDATE blocks SET first = first - 1")
-    writer.close()
-    assert_equal(scene.history(25), History.load(path))
 
 
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
@@ -414,6 +311,7 @@ def test_file_cut_short(make_scene, tmp_path):
     assert lost and all("nothing can be recovered" in text for text in lost)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("data", "words"),
     [
@@ -468,6 +366,7 @@ def long_history(states, instants=20_000):
 
 
 # each damaged file gives a warning of its own
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
 @pytest.mark.parametrize("seed", range(3))
 def test_no_damage_gives_a_wrong_number(tmp_path, seed):
@@ -539,16 +438,6 @@ def test_it_is_said_which_states_are_missing(tmp_path):
     assert "states 600 to 699" in text
 
 
-def looked_at(history):
-    """What a user looks at first."""
-    for record in history.sensors.values():
-        assert len(record.times) == len(record.values)
-    for name in history:
-        assert len(history[name]) == len(history)
-        history[name].tolist()
-    return len(history.segments), len(history.events), repr(history), history.meta
-
-
 def summed(path):
     """Sums of a file anew, as whoever changed it may compute them."""
     with contextlib.closing(sqlite3.connect(path)) as db, db:
@@ -559,6 +448,8 @@ def summed(path):
         db.execute("UPDATE sqlite_sequence SET seq = (SELECT count(*) FROM blocks)")
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.IncompleteWarning")
 @pytest.mark.parametrize("seed", range(2))
 def test_damage_with_right_sums_gives_one_kind_of_error(tmp_path, seed):
     """Values of another kind in any column, bytes in numbers and in JSON, rows left out."""
@@ -590,9 +481,10 @@ def test_damage_with_right_sums_gives_one_kind_of_error(tmp_path, seed):
             summed(path)
         for recover in (False, True):
             try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", IncompleteWarning)
-                    looked_at(History.load(path, recover))
+                part = History.load(path, recover)
+                assert all(len(part[name]) == len(part) for name in part)
+                assert all(len(each.times) == len(each.values) for each in part.sensors.values())
+                assert repr(part)
             except HistoryError as error:  # no other one
                 refused += "run.history" in str(error)
     assert refused > 60
@@ -621,38 +513,32 @@ def disk(monkeypatch):
     return lambda size: left.__setitem__(0, np.inf if size is None else size)
 
 
-@pytest.mark.parametrize("room", [None, 0, 10_000, 30_000, 60_000])
-@pytest.mark.parametrize("streamed", [False, True])
-def test_several_states_at_once_are_the_same_ones(make_scene, tmp_path, disk, streamed, room):
+@pytest.mark.parametrize("room", [None, 30_000])
+def test_several_states_at_once_are_the_same_ones(make_scene, tmp_path, disk, room):
     """Across blocks; a disk that gets full in their midst is told after all are recorded."""
-    scene, path = make_scene(), tmp_path / "run.history"
-    writer = HistoryWriter(scene.meta, scene.static, path if streamed else None, 10)
-    rows = [scene.row(k) for k in range(25)]
+    scene = make_scene()
+    writer = HistoryWriter(scene.meta, scene.static, tmp_path / "run.history", 10)
+    rows, said = [scene.row(k) for k in range(25)], []
     disk(room)
     writer.append(rows[0])
-    for part in (rows[1:8], rows[8:24]):
+    for part in (rows[1:8], rows[8:25]):
         arrays = {name: np.array([row[name] for row in part]) for name in part[0]}
         try:
             writer.extend(arrays)
         except StorageError as error:
-            assert streamed and room is not None
+            said.append(error)
             assert_equal(scene.history(part[-1]["step"] + 1), error.history)
-    for odd in ({**arrays, "q": arrays["q"][:, 1:]}, {**arrays, "t": arrays["step"]}):
-        with pytest.raises(InputError, match="as in the first row"):
-            writer.extend(odd)
+    assert bool(said) == (room is not None)
+    with pytest.raises(InputError, match="as in the first row"):
+        writer.extend({**arrays, "q": arrays["q"][:, 1:]})
     with pytest.raises(InputError, match="row entry 'q': is missing"):
         writer.extend({name: array for name, array in arrays.items() if name != "q"})
-    try:
-        writer.append(rows[24])
-    except StorageError:
-        assert streamed and room is not None
-    assert len(writer) == 25
     assert_equal(scene.history(25), writer.history())
     disk(None)
     writer.close()
 
 
-@pytest.mark.parametrize("room", [0, 10_000, 30_000, 60_000, 68_500])
+@pytest.mark.parametrize("room", [0, 30_000, 68_500])
 def test_a_full_disk_loses_nothing(make_scene, tmp_path, disk, room):
     scene, path = make_scene(), tmp_path / "run.history"
     writer = HistoryWriter(scene.meta, scene.static, path, 10)
@@ -690,10 +576,14 @@ def test_a_disk_that_is_full_at_once_is_refused(tmp_path, disk):
 
 
 @pytest.mark.parametrize("part", [0.5, 0.9])
-def test_saving_to_a_full_disk(make_scene, tmp_path, disk, part):
+def test_nothing_is_left_of_a_failed_save(make_scene, tmp_path, disk, part):
     history, path = make_scene().history(60), tmp_path / "run.history"
     history.save(path)
     before = path.read_bytes()
+    history.meta["bad"] = object()
+    with pytest.raises(InputError, match="bad"):
+        history.save(path)
+    del history.meta["bad"]
     disk(int(part * len(before)))
     with pytest.raises(StorageError, match="what was there before is as it was") as caught:
         history.save(path)
@@ -709,32 +599,23 @@ def falling():
     return model.freeze(), {"place": sc.SensorPosition(ball.place())}
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("part", [0.5, 0.9, 0.999, 1.5])
 def test_a_run_on_a_full_disk_keeps_its_history(tmp_path, disk, part):
     """In a step, at the end, and when all is written again with energies."""
     system, sensors = falling()
+    run = system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 2.4
     path = tmp_path / "run.history"
-
-    def run(**more):
-        return sc.simulate(
-            system, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 2.4, sensors=sensors, **more
-        )
-
-    truth = run(path=path.with_name("truth.history"), derive=False)
+    truth = sc.simulate(*run, sensors=sensors, path=tmp_path / "truth.history", derive=False)
     disk(int(part * (tmp_path / "truth.history").stat().st_size))
     with pytest.raises(StorageError, match="No space left on device") as caught:
-        run(path=path)
+        sc.simulate(*run, sensors=sensors, path=path)
     history = caught.value.history
     assert caught.value.time == pytest.approx(history.times[-1], abs=0.011)
-    if part < 1:  # the run adds the state that it was at, so no number of all is said
-        disk(None)
-        kept = len(sc.History.load(path))
-        assert f"; {kept} states are in the file, all states" in str(caught.value)
     whole = len(history) == 241
     assert whole == (part > 0.95) or part == 0.9  # near the end by the sizes of blocks
-    assert "energy" in history
     assert history.status == ("completed" if whole else "failed")
-    assert len(history) > 50
+    assert len(history) > 50 and "energy" in history
     assert np.array_equal(history["q"], truth["q"][: len(history)])
     seen = history.sensors["place"].values
     assert len(seen) >= len(history)
@@ -750,16 +631,6 @@ def test_a_path_on_a_full_disk_keeps_its_points(tmp_path, disk):
     with pytest.raises(StorageError) as caught:
         sc.static(model.freeze(), sc.NullSpace(), path=tmp_path / "path.history")
     assert caught.value.history["load_factor"][-1] == 1.0
-
-
-def test_a_file_that_cannot_be_begun_leaves_what_was_there(tmp_path, disk):
-    disk(10)
-    old, new = tmp_path / "old.history", tmp_path / "new.history"
-    old.touch()  # or a device, such as /dev/full
-    for path in (old, new):
-        with pytest.raises(InputError, match="cannot be written: No space left"):
-            HistoryWriter({}, {}, path)
-    assert old.exists() and not new.exists()
 
 
 def test_an_error_of_a_callback_stays_what_it_is_on_a_full_disk(tmp_path, disk):

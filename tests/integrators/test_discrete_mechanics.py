@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers_kernels import INTEGRATORS, TREATMENTS, treatments
 from helpers_scenes import (
     FULL,
     TENSOR,
@@ -14,17 +15,12 @@ from helpers_scenes import (
     swing,
     triangle,
 )
-from rounding import momentum_limits
 from scipy.sparse import csr_matrix
 
 import skfem_cosserat as sc
 from skfem_cosserat import Projection, diagnostics
 
-TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
-INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 SHARP = sc.NewtonSettings(increment=1e-17)
-treatments = pytest.mark.parametrize("treatment", TREATMENTS)
-integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 
 
 def section():
@@ -108,28 +104,26 @@ def null_space(system, q, t):
 # -- Legendre transforms ---------------------------------------------------------------------------
 
 
-@treatments
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scene", "step", "until"),
-    [("swing", 1e-2, 0.5), ("chain", 1e-2, 0.5), ("everything", 5e-3, 0.1), ("free", 1e-2, 0.4)],
+    ("scene", "step", "until", "treatment"),
+    [
+        ("swing", 1e-2, 0.5, "null space"),
+        ("chain", 1e-2, 0.5, "multipliers"),
+        ("everything", 5e-3, 0.1, "null space"),
+        ("free", 1e-2, 0.4, "multipliers"),
+    ],
 )
 def test_both_legendre_transforms_are_equal(scene, step, until, treatment):
-    """To 1e-12 of the largest momentum; also with the force made of multipliers, G^T lambda."""
+    """To rounding of the largest momentum; p_0 as given included."""
     system, history = system_of(scene), run(scene, "variational", treatment, step, until)
     minus, plus = diagnostics.legendre_transforms(system, history)
     size = abs(history["p"]).max()
     assert np.isnan(plus[[0, -1]]).all() and np.isnan(minus[-1]).all()
-    assert np.isfinite(plus[1:-1]).all() and np.isfinite(minus[:-1]).all()
     assert abs(minus - plus)[1:-1].max() < 1e-11 * size
-    assert abs(minus - history["p"])[:-1].max() < 1e-11 * size  # p_0 as given included
-    assert abs(plus - history["p"])[1:-1].max() < 1e-12 * size
-    y = diagnostics.constraint_points(system, history)
-    pairs = zip(y, history["multipliers"], strict=True)
-    force = np.array([system.constraints.jacobian(row).T @ lam for row, lam in pairs])
-    part = 0.5 * step * abs(force).max(axis=1)
-    assert part.max() > 1e-3 * size  # there is something to agree on
-    rest = step * (force - history["constraint_force"])
-    assert abs(minus - plus + rest)[1:-1].max() < 1e-11 * size
+    assert abs(minus - history["p"])[:-1].max() < 1e-11 * size
+    part = 0.5 * step * np.nanmax(abs(history["constraint_force"]))
+    assert part > 1e-3 * size  # there is something to agree on
 
 
 X = np.array([0.2, -0.1, 0.3])  # where the forces act, in the body
@@ -224,34 +218,25 @@ def test_transforms_where_a_run_goes_on():
     assert abs(minus - whole["p"][10:])[:-1].max() < 1e-11 * abs(second["p"]).max()
 
 
-def test_transforms_with_springs_and_dampers():
-    """A wheel that winds its spring up by three turns, with a damped pendulum on its rim."""
+def wheel():
+    """It winds its spring, which has a damper, up by almost four turns."""
     model = sc.Model()
-    wheel = model.add("wheel", sc.RigidBody(2.0, (0.3, 0.3, 0.5), angular_velocity=(0, 0, 20.0)))
-    bob = sc.RigidBody(0.3, (0.01, 0.01, 0.01), position=(0.5, 0, 0), velocity=(0, 8.0, 0))
-    model.add("bob", bob)
-    axle = sc.JointRevolute(sc.ground((0, 0, 0)), wheel.at((0, 0, 0)), (0, 0, 1.0))
-    pin = sc.JointRevolute(wheel.at((0.4, 0, 0)), bob.at((0.4, 0, 0)), (0, 0, 1.0))
-    model.add("axle", axle)
-    model.add("pin", pin)
-    model.add("spring", sc.JointSpringDamper(axle, stiffness=0.4, damping=0.02))
-    model.add("damper", sc.JointSpringDamper(pin, damping=0.01))
-    system = model.freeze()
-    run = sc.Variational(), sc.Multipliers(), 0.005
-    history = sc.simulate(system, *run, 1.0)
+    spin = {"angular_velocity": (0, 0, 40.0)}
+    body = model.add("wheel", sc.RigidBody(1.0, (0.2, 0.3, 0.4), **spin))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
+    model.add(
+        "spring", sc.JointSpringDamper(model.add("hinge", hinge), stiffness=1.0, damping=0.05)
+    )
+    return model.freeze()
+
+
+@pytest.mark.slow
+def test_transforms_with_springs_and_dampers():
+    system = wheel()
+    history = sc.simulate(system, sc.Variational(), sc.Multipliers(), 0.005, 1.0)
     minus, plus = diagnostics.legendre_transforms(system, history)
-    assert abs(history["turns"]).max() == 3
+    assert abs(history["turns"]).max() == 4
     assert abs(minus - plus)[1:-1].max() < 1e-12 * abs(history["p"]).max()
-    start = sc.restart(system, history.truncated(150), sc.Variational(), 0.005)
-    again = sc.simulate(system, *run, 1.0, start=start)
-    assert abs(again["q"][-1] - history["q"][-1]).max() < 1e-11
-
-
-def test_transforms_of_a_run_that_ends_early_or_at_once():
-    system = system_of("chain")
-    history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1)
-    minus, plus = diagnostics.legendre_transforms(system, history.truncated(1))
-    assert minus.shape == (1, system.n) and np.isnan(minus).all() and np.isnan(plus).all()
 
 
 def test_transforms_refuse_other_histories():
@@ -296,15 +281,6 @@ def test_null_space_form_on_random_trees(seed):
     q, p, t = random_case(system, seed)
     v, w = (Projection(system, method)(q, p, t)[0] for method in ("saddle-point", "reduced"))
     assert abs(v - w).max() < 1e-11 * abs(v).max()
-
-
-def test_driven_velocity_is_not_that_of_ground_at_rest():
-    """The part g_t counts: at t = 0 another velocity comes out than at t = 0.4."""
-    system = system_of("everything")
-    q, p, _ = random_case(system, 0, 0.4)
-    v = Projection(system)(q, p, 0.4)[0]
-    assert diagnostics.hidden_violation(system, q, v, 0.4) < 1e-12 * abs(v).max()
-    assert diagnostics.hidden_violation(system, q, v, 0.0) > 1e-2
 
 
 def beam_on_ground(joint=None):
@@ -360,6 +336,7 @@ def test_dropped_directors_agree_only_without_third_momenta_and_joints(joint, th
         assert gap > 1e-3
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("method", ["saddle-point", "directors-dropped", "reduced"])
 @pytest.mark.parametrize(("scene", "h", "until"), [("free", 1e-2, 0.4), ("everything", 5e-3, 0.1)])
 def test_projected_momenta_fulfil_the_hidden_constraints(scene, h, until, method):
@@ -417,38 +394,29 @@ def test_multipliers_of_least_norm(scene):
     assert np.linalg.norm(found) < np.linalg.norm(lam) and abs(found - lam).max() > 0.1
 
 
-@pytest.mark.parametrize("scene", [lambda: four_bar().freeze(), loop_with_beam])
-@pytest.mark.parametrize("method", ["saddle-point", "directors-dropped"])
-def test_projection_with_redundant_rows(scene, method):
+def test_projection_with_redundant_rows():
     """Against a dense least-squares solution of the saddle point with all rows."""
-    system = scene()
+    system = loop_with_beam()
     p = np.random.default_rng(2).standard_normal(system.n)
     y = system.extend(system.q0, 0.0)
     G, M = system.constraints.jacobian(y).toarray(), dense_mass(system)
-    if method == "directors-dropped":
-        bare = np.flatnonzero(M.diagonal() > 0)
-        rows = np.flatnonzero(~G[:, M.diagonal() == 0].any(axis=1))
-    else:
-        bare, rows = np.arange(system.n), np.arange(system.m)
-    M, G = M[np.ix_(bare, bare)], G[np.ix_(rows, bare)]
-    count = len(bare)
     K = np.block([[M, G.T], [G, np.zeros((len(G), len(G)))]])
-    rhs = np.concatenate([p[bare], np.zeros(len(G))])
-    expected = np.linalg.lstsq(K, rhs, rcond=1e-12)[0][:count]
-    v, Qp = Projection(system, method)(system.q0, p)
-    assert abs(v[bare] - expected).max() < 1e-12 * abs(v).max()
-    assert abs(Qp[bare] - M @ expected).max() < 1e-12 * abs(p).max()
+    rhs = np.concatenate([p, np.zeros(len(G))])
+    expected = np.linalg.lstsq(K, rhs, rcond=1e-12)[0][: system.n]
+    v, Qp = Projection(system)(system.q0, p)
+    assert abs(v - expected).max() < 1e-12 * abs(v).max()
+    assert abs(Qp - M @ expected).max() < 1e-12 * abs(p).max()
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("scene", [four_bar, triangle])
 def test_closed_loops(scene, treatment):
     """With and without redundant rows: the same statements as for trees."""
     system = scene().freeze()
     start = sc.initial_state(system, nu=np.linspace(1, 2, system.unknowns))
-    history = sc.simulate(
-        system, sc.Variational(), TREATMENTS[treatment], 0.01, 0.3, start=start, settings=SHARP
-    )
+    run = system, sc.Variational(), TREATMENTS[treatment], 0.01, 0.15
+    history = sc.simulate(*run, start=start, settings=SHARP)
     q, p, t = history["q"], history["p"], history.times
     minus, plus = diagnostics.legendre_transforms(system, history)
     assert abs(minus - plus)[1:-1].max() < 1e-12 * abs(p).max()
@@ -457,19 +425,18 @@ def test_closed_loops(scene, treatment):
     force = np.array([system.constraints.jacobian(row).T @ lam for row, lam in pairs])
     assert abs(force - history["constraint_force"])[1:-1].max() < 1e-10 * abs(force).max()
     v = Projection(system).stack(q, p, t)[0]
-    w = Projection(system, "reduced").stack(q, p, t)[0]
-    assert abs(v - w).max() < 1e-12 * abs(v).max()
-    assert diagnostics.hidden_violation(system, q, v, t).max() < 1e-12 * abs(v).max()
-    assert diagnostics.momentum_violation(system, q, p, t)[1:].max() > 1e-7 * abs(v).max()
     pi = diagnostics.reduced_momentum(system, q, p, t)
-    back = diagnostics.velocity_from_reduced(system, q, pi, t)
-    assert abs(back - v).max() < 1e-12 * abs(v).max()
-    assert abs(q[-1] - q[0]).max() > 0.1
+    for other in (
+        Projection(system, "reduced").stack(q, p, t)[0],
+        diagnostics.velocity_from_reduced(system, q, pi, t),
+    ):
+        assert abs(other - v).max() < 1e-12 * abs(v).max()
 
 
 # -- reduced momenta and velocities ----------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_reduced_momentum_of_a_hinge():
     """Against the closed form (J + m c^2) omega, in any position."""
     model = sc.Model()
@@ -483,12 +450,10 @@ def test_reduced_momentum_of_a_hinge():
     pi = diagnostics.reduced_momentum(system, history["q"], history["p"])
     inertia = 0.5 + 2.0 * 0.6**2
     omega = pi[0, 0] / inertia
-    assert pi.shape == (51, 1)
     assert abs(pi - pi[0]).max() < 1e-12 * abs(pi[0, 0])
     v = diagnostics.velocity_from_reduced(system, history["q"], pi)
     x = history["q"][:, :3]
     assert abs(v[:, :3] - np.cross((0, 0, omega), x)).max() < 1e-12 * abs(omega)
-    assert abs(v - history["v"]).max() < 1e-12 * abs(omega)
 
 
 @pytest.mark.parametrize("scene", ["swing", "everything", "free"])
@@ -504,8 +469,6 @@ def test_reduced_momentum_and_back(scene):
     assert abs(of_projected - pi).max() < 1e-12 * abs(p).max()
     back = diagnostics.velocity_from_reduced(system, q, pi, 0.2)
     assert abs(back - v).max() < 1e-12 * abs(v).max()
-    one = diagnostics.velocity_from_reduced(system, q[0], pi[0], 0.2)
-    assert abs(one - back[0]).max() == 0
     with pytest.raises(sc.InputError, match=r"argument reduced.*shape"):
         diagnostics.velocity_from_reduced(system, q[0], pi[0][1:], 0.2)
 
@@ -525,6 +488,7 @@ def test_prescribed_velocity_has_least_kinetic_energy():
     assert abs(pi).max() < 1e-12 * abs(M @ v).max()
 
 
+@pytest.mark.slow
 def test_driven_joint():
     """A hinge that is prescribed in time, and a free one: closed form of the driven link."""
     model = sc.Model()
@@ -537,24 +501,16 @@ def test_driven_joint():
     model.add("wrist", sc.JointRevolute(arm.at((1, 0, 0)), hand.at((1, 0, 0)), (0, 1.0, 0)))
     system = model.freeze()
     assert system.unknowns == 1
-    v = diagnostics.prescribed_velocity(system, system.q0)
-    assert abs(v[:3] - np.cross(axis, (0.5, 0, 0))).max() < 1e-11
     start = sc.initial_state(system, nu=[0.0])
-    assert abs(start.p - diagnostics.momentum(system, v)).max() < 1e-14
     history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.3, start=start)
     q, p, t = history["q"], history["p"], history.times
-    minus, plus = diagnostics.legendre_transforms(system, history)
-    assert abs(minus - plus)[1:-1].max() < 1e-12 * abs(p).max()
     one = Projection(system).stack(q, p, t)[0]
-    two = Projection(system, "reduced").stack(q, p, t)[0]
-    assert abs(one - two).max() < 1e-12 * abs(one).max()
-    assert diagnostics.hidden_violation(system, q, one, t).max() < 1e-12 * abs(one).max()
     rate = np.cos(2 * t)[:, None] * axis
     assert abs(one[:, :3] - np.cross(rate, q[:, :3])).max() < 1e-9
 
 
 def test_start_from_reduced_velocities():
-    """v = P nu + qdot_prescribed is taken, is consistent, and gives the reduced momentum."""
+    """v = P nu + qdot_prescribed is taken, and gives the reduced momentum."""
     system = system_of("everything")
     nu = np.random.default_rng(6).standard_normal(system.unknowns)
     start = sc.initial_state(system, nu=nu)
@@ -564,20 +520,6 @@ def test_start_from_reduced_velocities():
     pi = diagnostics.reduced_momentum(system, system.q0, start.p)
     expected = P.T @ dense_mass(system) @ P @ nu
     assert abs(pi - expected).max() < 1e-12 * abs(expected).max()
-    history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 5e-3, 0.01, start=start)
-    assert abs(history["v"][0] - v).max() < 1e-11 * abs(v).max()
-
-
-def test_start_from_a_reduced_velocity_at_another_configuration():
-    """A door that is open: the hinge's rate is nu."""
-    model = sc.Model()
-    door = model.add("door", sc.RigidBody.box(1.0, (1, 0.1, 2), position=(0.5, 0, 0)))
-    model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), door.at((0, 0, 0)), (0, 0, 1.0)))
-    system = model.freeze()
-    q = random_state(system, np.random.default_rng(2), size=3.0)
-    start = sc.initial_state(system, q, nu=[2.0])
-    assert abs(start.p[:3] - np.cross((0, 0, 2.0), q[:3])).max() < 1e-14
-    assert abs(q[:3] - system.q0[:3]).max() > 0.1
 
 
 @pytest.mark.parametrize(
@@ -587,7 +529,6 @@ def test_start_from_a_reduced_velocity_at_another_configuration():
         ({"nu": np.full(6, np.nan)}, "finite"),
         ({"nu": "fast"}, "nu = 'fast', expected real numbers"),
         ({"nu": np.zeros(6), "v": np.zeros(39)}, "v or p or nu"),
-        ({"p": np.zeros(39), "v": np.zeros(39)}, "v or p or nu"),
     ],
 )
 def test_bad_reduced_velocities(arguments, words):
@@ -604,46 +545,7 @@ def orders(errors):
     return np.log2(np.array(errors[:-1]) / errors[1:])
 
 
-@pytest.mark.slow
-def test_multipliers_of_both_integrators_at_the_states():
-    """They differ by O(h^2); those of the steps of energy-momentum, half a step later, by O(h)."""
-    system = system_of("chain")
-    states, steps = [], []
-    for k in (1, 2, 4, 8):
-        h, reports = 0.01 / k, []
-        start = TREATMENTS["null space"], h, 0.2
-        one = sc.simulate(system, sc.Variational(), *start)["multipliers"]
-        scheme = sc.EnergyMomentum()
-        two = sc.simulate(system, scheme, *start, callbacks=[reports.append])["multipliers"]
-        points = np.array([report.constraint_point for report in reports])
-        force = np.array([report.constraint_force for report in reports])
-        raw = diagnostics.multipliers(system, points, force)
-        common = slice(2 * k, 19 * k, 2 * k)
-        scale = abs(one).max()
-        states.append(abs(one - two)[:: 2 * k].max() / scale)  # the first and the last, too
-        steps.append(abs(one[:-1] - raw)[common].max() / scale)
-    assert abs(orders(states)[-1] - 2) < 0.1
-    assert abs(orders(steps)[-1] - 1) < 0.1
-    assert steps[-1] > 20 * states[-1]
-
-
 # -- momentum maps ---------------------------------------------------------------------------------
-
-
-@integrators
-@treatments
-def test_free_scene_keeps_its_momentum_maps(integrator, treatment):
-    """To rounding with the d3 blocks, of p and of the saddle point's Q p."""
-    system, history = system_of("free"), run("free", integrator, treatment, 0.01, 0.4)
-    q, p = history["q"], history["p"]
-    Qp = Projection(system, "reduced").stack(q, p, history.times)[1]
-    linear, angular = momentum_limits(system, history)
-    for momentum in (p, history["Qp"], Qp):
-        L = diagnostics.angular_momentum(system, q, momentum)
-        assert abs(L - L[0]).max() < angular < 1e-9 * np.linalg.norm(L[0])
-        total = diagnostics.linear_momentum(system, momentum)
-        assert abs(total - total[0]).max() < linear < 1e-9 * np.linalg.norm(total[0])
-    assert abs(q[-1] - q[0]).max() > 0.3
 
 
 def drift(integrator, h, kind):
@@ -660,12 +562,12 @@ def drift(integrator, h, kind):
     return abs(values - L)[every:-1:every].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "kind"),
     [
         ("variational", "massive"),
         ("variational", "dropped"),
-        ("variational", "midpoint"),
         ("energy-momentum", "midpoint"),
     ],
 )
@@ -674,25 +576,3 @@ def test_angular_momentum_without_third_blocks_only_oscillates(integrator, kind)
     errors = [drift(integrator, h, kind) for h in (0.0025, 0.00125)]
     assert errors[0] > 1e-6
     assert abs(orders(errors)[0] - 2) < 0.1
-
-
-def test_dropped_directors_keep_what_is_left():
-    """(116) changes nothing of the angular momentum of the blocks with mass."""
-    system, history = system_of("free"), run("free", "variational", "null space", 0.01, 0.4)
-    q, p = history["q"], history["p"]
-    dropped = Projection(system, "directors-dropped").stack(q, p, history.times)[1]
-    one = diagnostics.angular_momentum(system, q, dropped)
-    two = diagnostics.angular_momentum(system, q, p, massive_only=True)
-    assert abs(one - two).max() < 1e-13 * np.linalg.norm(one[0])
-
-
-def test_third_blocks_of_energy_momentum_are_zero():
-    """Its momentum is M v: nothing is lost without the d3 blocks."""
-    system, history = system_of("free"), run("free", "energy-momentum", "null space", 0.01, 0.4)
-    q, p = history["q"], history["p"]
-    massless = system.mass.diagonal() == 0
-    assert massless.any() and not p.reshape(len(p), -1, 3)[:, massless].any()
-    one = diagnostics.angular_momentum(system, q, p)
-    two = diagnostics.angular_momentum(system, q, p, massive_only=True)
-    # fewer rows are summed in another order
-    assert abs(one - two).max() < 1e-13 * np.linalg.norm(one[0])

@@ -1,7 +1,6 @@
 """Integrators beyond the two classic ones: orders, damping, what they keep, what they do not."""
 
-from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -14,14 +13,10 @@ from test_conservation import free_beam, free_tree
 from test_convergence import SCENES, TREATMENTS, UNTIL, massive, order
 from test_energy_balance import check_that_what_is_taken_is_kept_and_told
 from test_six_body_linkage import six as six_body_linkage
-from test_step_control import rubber
 from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
 from skfem_cosserat import Stepper, diagnostics
-from skfem_cosserat.constraints.saddle import accelerations, nearest_velocity
-from skfem_cosserat.integrators import StepOrigin
-from skfem_cosserat.integrators.block import Code, Failure
 
 SCHEMES = {
     "alpha": sc.GeneralizedAlpha(0.7, stabilized=False),
@@ -40,24 +35,25 @@ def at_nodes(scheme):
 # -- orders ----------------------------------------------------------------------------------------
 
 
-@cache
-def levels(scene, name, treatment="null space"):
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "scene", "treatment"),
+    [
+        ("alpha", "pendulum", "null space"),
+        ("alpha, stabilized", "cantilever", "multipliers"),
+        ("decaying, first order", "cantilever", "null space"),
+        ("decaying, second order", "pendulum", "multipliers"),
+        ("energy-momentum, stabilized", "pendulum", "null space"),
+    ],
+)
+def test_orders(name, scene, treatment):
+    """In q, v, p and multipliers, all at the states."""
     make, steps = SCENES[scene]
     system, runs = make(), []
     for level in range(4):
         h = UNTIL / (steps * 2**level)
         pair = SCHEMES[name], TREATMENTS[treatment]
         runs.append(sc.simulate(system, *pair, h, UNTIL, at=[UNTIL - h, UNTIL]))
-    return system, runs
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("treatment", TREATMENTS)
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("name", SCHEMES)
-def test_orders(name, scene, treatment):
-    """In q, v, p and multipliers, all at the states."""
-    system, runs = levels(scene, name, treatment)
     found = {
         "q": order([run["q"][-1] for run in runs]),
         "v": order([run["v"][-1][massive(system)] for run in runs]),
@@ -79,38 +75,6 @@ def double_pendulum():
     rng = np.random.default_rng(4)
     nu = rng.standard_normal(system.unknowns)
     return system, sc.initial_state(system, nu=nu)
-
-
-@cache
-def quick_levels(scheme, base=10, count=4, treatment=NULL):
-    system, start = double_pendulum()
-    runs = []
-    for level in range(count):
-        h = 0.5 / (base * 2**level)
-        runs.append(sc.simulate(system, scheme, treatment, h, 0.5, start=start, at=[0.5 - h, 0.5]))
-    return system, runs
-
-
-@pytest.mark.parametrize(
-    "treatment",
-    [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
-    ids=["null space", "multipliers"],
-)
-@pytest.mark.parametrize(
-    ("scheme", "base", "band"),
-    [
-        (sc.Composition(sc.Variational()), 10, 0.3),
-        (sc.Composition(sc.EnergyMomentum()), 10, 0.3),
-        (sc.Composition(sc.Variational(), order=6), 8, 0.3),
-    ],
-    ids=lambda x: getattr(x, "name", None),
-)
-def test_orders_of_compositions(scheme, base, band, treatment):
-    """The multipliers, too: those of the continuous equations at the composed states."""
-    _, runs = quick_levels(scheme, base, 4, treatment)
-    for name in ("q", "v", "Qp", "multipliers"):
-        d = [np.linalg.norm(b[name][-1] - a[name][-1]) for a, b in pairwise(runs)]
-        assert abs(np.log2(d[0] / d[1]) - scheme.order) < band, name
 
 
 @pytest.mark.slow
@@ -153,62 +117,22 @@ def test_energy_momentum_is_not_composed_to_order_six():
     assert (changes[1:] * changes[:-1] < 0).all()
 
 
-FEW = [pytest.param(k, marks=pytest.mark.slow) if "first" in k else k for k in SCHEMES]
-
-
-@pytest.mark.parametrize("name", FEW)
-def test_orders_of_two_bodies(name):
-    scheme = SCHEMES[name]
-    system, start = double_pendulum()
-    runs = [
-        # a step further, as steps on both sides tell the multipliers
-        sc.simulate(system, scheme, NULL, h, 0.5 + h, start=start, at=[0.5])
-        for h in 0.5 / (100 if scheme.order == 1 else 40) / np.array([1, 2, 4])
-    ]
-    for key in ("q", "v", "multipliers"):
-        values = [run[key][-2] for run in runs]
-        d = [np.linalg.norm(b - a) for a, b in pairwise(values)]
-        assert abs(np.log2(d[0] / d[1]) - scheme.order) < 0.1, key
-
-
-def order_of_first_multipliers(scheme):
-    system, start = double_pendulum()
-    errors = []
+@pytest.mark.slow
+@pytest.mark.parametrize("stabilized", [False, True])
+def test_multipliers_of_generalized_alpha_in_the_first_steps(stabilized):
+    """Of second order at once, with a start that is consistent."""
+    (system, start), errors = double_pendulum(), []
+    fine = sc.Composition(sc.Variational())
     for h in (4e-3, 2e-3):
+        scheme = sc.GeneralizedAlpha(0.5, stabilized)
         found = sc.simulate(system, scheme, NULL, h, h, start=start)["multipliers"]
-        fourth = sc.Composition(sc.Variational())
-        right = sc.simulate(system, fourth, NULL, h / 4, h, start=start)["multipliers"]
+        right = sc.simulate(system, fine, NULL, h / 4, h, start=start)["multipliers"]
         assert found[0] == pytest.approx(right[0], rel=1e-9, abs=1e-9 * abs(right).max())
         errors.append(abs(found[1] - right[4]).max())
-    return np.log2(errors[0] / errors[1])
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
 
 
-def test_multipliers_of_generalized_alpha_in_the_first_steps(monkeypatch):
-    """Of second order at once, with a start that is consistent; each of its two parts is needed."""
-    index3, index2 = sc.GeneralizedAlpha(0.5, stabilized=False), sc.GeneralizedAlpha(0.5)
-    assert order_of_first_multipliers(index3) == pytest.approx(2, abs=0.1)
-    assert order_of_first_multipliers(index2) == pytest.approx(2, abs=0.1)
-    rates = sc.GeneralizedAlpha._rates
-
-    def plain(number):
-        """Take v or alpha of a start as the equations of motion have them."""
-
-        def changed(self, system, state, h):
-            out = np.array(rates(self, system, state, h))
-            if state.rates is None:
-                v = nearest_velocity(system, system.extend(state.q, 0.0), state.p, 0.0)
-                exact = v, accelerations(system, state.q, v, 0.0)[0]
-                out[number] = exact[number // 2]
-            return out
-
-        return changed
-
-    monkeypatch.setattr(sc.GeneralizedAlpha, "_rates", plain(0))
-    assert order_of_first_multipliers(index3) == pytest.approx(1, abs=0.1)
-    monkeypatch.setattr(sc.GeneralizedAlpha, "_rates", plain(2))
-    assert order_of_first_multipliers(index2) == pytest.approx(1, abs=0.1)
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("make", "plain", "stabilized"),
     [
@@ -239,26 +163,19 @@ def test_multipliers_of_the_first_step(make, plain, stabilized):
 # -- damping ---------------------------------------------------------------------------------------
 
 
-def oscillator(k):
-    model = sc.Model()
+def oscillator(k, rail=False):
+    """A mass point on a spring; perhaps with two constraints, which leave the way along it."""
+    model, ground = sc.Model(), sc.ground((0, 0, 0))
     bob = model.add("bob", sc.MassPoint(1.0, (1.0, 0, 0)))
-    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), bob.place(), stiffness=k))
+    model.add("spring", sc.SpringDamper(ground, bob.place(), stiffness=k))
+    if rail:
+        model.add("rail", sc.JointPointOnLine(ground, bob.place(), axis=(1, 0, 0)))
     return model.freeze()
 
 
-def on_a_rail(k):
-    """The same with two constraints, which leave the freedom along the spring."""
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, (1.0, 0, 0)))
-    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), bob.place(), stiffness=k))
-    rail = sc.JointPointOnLine(sc.ground((1.0, 0, 0)), bob.place(), axis=(1, 0, 0))
-    model.add("rail", rail)
-    return model.freeze()
-
-
-def amplification(scheme, h=1e-2, k=1e14, make=oscillator, treatment=NULL):
+def amplification(scheme, h=1e-2, k=1e14, rail=False, treatment=NULL):
     """Matrix of a step on (u, h v) of a stiff spring, and h^2 alpha of generalized-alpha."""
-    system = make(k)
+    system = oscillator(k, rail)
     stepper = Stepper(system, scheme, treatment, h)
     size, columns = 1e-6, []
     for unit in np.eye(3 if at_nodes(scheme) else 2):
@@ -275,18 +192,19 @@ def amplification(scheme, h=1e-2, k=1e14, make=oscillator, treatment=NULL):
     return np.array(columns).T
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.3, 0.5, 0.8, 0.95])
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.95])
 def test_spectral_radius_of_generalized_alpha(rho):
     """All three eigenvalues are -rho_inf, seen in the characteristic polynomial."""
     found = np.poly(amplification(sc.GeneralizedAlpha(rho)))
     assert found == pytest.approx(np.array([1, 3 * rho, 3 * rho**2, rho**3]), abs=1e-5)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
 @pytest.mark.parametrize("stabilized", [False, True])
 def test_spectral_radius_with_constraints(stabilized, treatment):
     """The stabilized forms damp as the plain ones do; energy-momentum does not."""
-    rail = {"make": on_a_rail, "treatment": treatment}
+    rail = {"rail": True, "treatment": treatment}
     for rho in (0.0, 0.5, 0.8):
         found = np.poly(amplification(sc.GeneralizedAlpha(rho, stabilized), **rail))
         assert found == pytest.approx(np.array([1, 3 * rho, 3 * rho**2, rho**3]), abs=1e-5)
@@ -297,7 +215,7 @@ def test_spectral_radius_with_constraints(stabilized, treatment):
     assert found == pytest.approx(np.array([1, 4 / 3, 4 / 9]), abs=1e-5)
 
 
-@pytest.mark.parametrize("chi", [0.0, 0.05, 0.3, 1.0])
+@pytest.mark.parametrize("chi", [0.0, 0.3, 1.0])
 def test_spectral_radius_of_energy_decaying(chi):
     """Both eigenvalues -(1 - chi)/(1 + chi); with damped stresses alone one stays at -1."""
     r = (1 - chi) / (1 + chi)
@@ -308,25 +226,15 @@ def test_spectral_radius_of_energy_decaying(chi):
 
 
 @pytest.mark.parametrize(
-    "scheme", [sc.Variational(), sc.EnergyMomentum(), sc.EnergyMomentum(stabilized=True)]
+    "scheme", [sc.Variational(), sc.EnergyMomentum(), sc.EnergyMomentum(stabilized=True)], ids=repr
 )
-def test_classic_schemes_do_not_damp(scheme):
+def test_classic_schemes_and_their_compositions_do_not_damp(scheme):
+    """Both eigenvalues on the unit circle: of a composition their product is one, the sum small."""
     assert np.poly(amplification(scheme, k=1e10)) == pytest.approx(np.array([1, 2, 1]), abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    "scheme",
-    [
-        sc.Composition(sc.Variational()),
-        sc.Composition(sc.Variational(), order=6),
-        sc.Composition(sc.EnergyMomentum()),
-    ],
-    ids=repr,
-)
-def test_compositions_do_not_damp(scheme):
-    """Both eigenvalues on the unit circle: their product is one, their sum below two."""
-    one, sum_, product = np.poly(amplification(scheme, k=1e8))
-    assert product == pytest.approx(1, abs=1e-5) and abs(sum_) < 2 * one
+    orders = [] if scheme.stabilized else [4, 6] if scheme.name == "variational" else [4]
+    for stages in orders:
+        one, sum_, product = np.poly(amplification(sc.Composition(scheme, stages), k=1e8))
+        assert product == pytest.approx(1, abs=1e-5) and abs(sum_) < 2 * one
 
 
 def test_damping_fades_with_the_step_in_the_second_order_scheme():
@@ -345,12 +253,10 @@ def scale(system, start):
     return float((np.linalg.norm(start.q.reshape(-1, 3), axis=1) * np.linalg.norm(p, axis=1)).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "treatment",
-    [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
-    ids=["null space", "multipliers"],
+    ("make", "treatment"), [(free_beam, NULL), (free_tree, MULTIPLIERS)], ids=["beam", "tree"]
 )
-@pytest.mark.parametrize("make", [free_beam, free_tree])
 @pytest.mark.parametrize(
     "scheme",
     [
@@ -376,15 +282,11 @@ def test_momenta_are_kept(scheme, make, treatment):
         assert np.diff(history["energy"]).max() < 1e-11
         assert abs(history["energy_balance"]).max() < 1e-11
         assert history["dissipated"][-1] > 1e-8
+    elif isinstance(scheme.part, sc.EnergyMomentum) and make is free_tree:
+        assert np.ptp(history["energy"]) < 1e-10
 
 
-def test_composed_energy_momentum_keeps_energy():
-    system, start = free_tree()
-    scheme = sc.Composition(sc.EnergyMomentum())
-    energy = sc.simulate(system, scheme, NULL, 0.02, 0.3, start=start)["energy"]
-    assert abs(energy - energy[0]).max() < 1e-10
-
-
+@pytest.mark.slow
 def test_generalized_alpha_keeps_linear_momentum_only():
     """Negative: angular momentum drifts with the square of the step, energy grows at times."""
     system, start = free_beam()
@@ -410,27 +312,23 @@ def test_pulses_within_a_step(scheme):
     assert p == pytest.approx(0.0 if at_nodes(scheme) else 3.0, abs=1e-13)
 
 
+@pytest.mark.slow
 def test_each_part_of_a_scene_keeps_its_own_momentum():
-    """Two free bodies that nothing connects, and a third tied to the ground."""
+    """Two free bodies that nothing connects."""
     model, rng = sc.Model(), np.random.default_rng(2)
-    for k, x in enumerate([(0, 0, 0), (3, 1, 0), (0, 5, 0)]):
-        spin, speed = rng.standard_normal((2, 3))
-        if k == 2:
-            speed = np.cross(spin, (0, 0, -1.0))
-        model.add(
-            f"body {k}",
-            sc.RigidBody(1.0, TENSOR, position=x, velocity=speed, angular_velocity=spin),
+    for k, x in enumerate([(0, 0, 0), (3, 1, 0)]):
+        motion = dict(
+            zip(("velocity", "angular_velocity"), rng.standard_normal((2, 3)), strict=True)
         )
-    model.add("pin", sc.JointSpherical(sc.ground((0, 5, 1)), model["body 2"].at((0, 5, 1))))
-    system = model.freeze()
-    history = sc.simulate(system, sc.EnergyDecaying(0.5), NULL, 0.05, 1.0)
-    q, p = (history[name].reshape(-1, 3, 4, 3) for name in "qp")
-    q = q - np.array([(0, 0, 0), (0, 0, 0), (0, 5, 1)])[:, None, :] * np.eye(4)[0][:, None]
+        model.add(f"body {k}", sc.RigidBody(1.0, TENSOR, position=x, **motion))
+    history = sc.simulate(model, sc.EnergyDecaying(0.5), NULL, 0.05, 1.0)
+    q, p = (history[name].reshape(-1, 2, 4, 3) for name in "qp")
     L = np.cross(q, p).sum(2)
     assert abs(L - L[0]).max() < 1e-11
     assert history["dissipated"][-1] > 1e-6
 
 
+@pytest.mark.slow
 def test_steady_rotation_is_not_damped():
     """A free body about its axis, flying: no energy is lost, the centre keeps its speed."""
     for chi in (0.1, 1.0):
@@ -470,29 +368,24 @@ def energy_decays(seed):
     moved = seed % 5 == 0
     kind = {"chi": chi} if seed % 2 else {"rate": chi / h}
     scheme = sc.EnergyDecaying(**kind, stabilized=moved)
-    state, stepper = start, Stepper(system, scheme, [NULL, MULTIPLIERS][seed // 2 % 2], h)
-    states, lost = [start], [0.0]
-    for _ in range(5):
-        try:
-            report = stepper.advance(state)
-        except sc.Diverged:
-            break
-        state = report.state
-        states.append(state)
-        lost.append(report.work.dissipated)
-    q, p = (np.array([getattr(s, name) for s in states]) for name in "qp")
-    turns = None
+    run = system, scheme, [NULL, MULTIPLIERS][seed // 2 % 2], h, 5 * h
+    try:
+        history = sc.simulate(*run, start=start, derive=False)
+    except sc.Diverged as error:
+        history = error.history
+    q, p, lost = history["q"], history["p"], history["dissipated"]
     energy = diagnostics.kinetic_energy(system, p) + diagnostics.strain_energy(system, q)
-    energy = energy + diagnostics.coupling_energy(system, q, np.zeros(len(q)), turns)
+    energy = energy + diagnostics.coupling_energy(system, q, np.zeros(len(q)), None)
     L = diagnostics.angular_momentum(system, q, p)
-    assert min(lost) >= -1e-13 * energy[0]
+    assert np.diff(lost).min(initial=0.0) >= -1e-13 * energy[0]
     assert np.diff(energy).max(initial=0.0) < 1e-10 * energy[0]
-    assert energy + np.cumsum(lost) == pytest.approx(energy[0], rel=1e-9)
+    assert energy + lost == pytest.approx(energy[0], rel=1e-9)
     if not any(joint.name == "pin" for joint in system.joints):
         assert abs(L - L[0]).max() < 1e-9 * scale(system, start)
-    return len(states) - 1
+    return len(q) - 1
 
 
+@pytest.mark.slow
 def test_parts_that_do_not_turn_leave_the_others_alone():
     """Two joined bodies that fall without turning, and every other item: steps are solved.
 
@@ -508,30 +401,10 @@ def test_parts_that_do_not_turn_leave_the_others_alone():
     assert runs[0]["q"] == pytest.approx(runs[1]["q"], abs=1e-11)
 
 
-@pytest.mark.plain
-def test_a_residual_that_does_not_vanish_is_no_solution(monkeypatch):
-    """A balance with jumps: it converges by its increments, but asks for more of them."""
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
-    system = model.freeze()
-    evaluate = sc.StepBalance.evaluate
-
-    def jumping(self, step, y1):
-        e = evaluate(self, step, y1)
-        e.R = e.R + 1e-3 * e.size * np.sign(y1 - 0.1 - 1e-9)  # where there was the solution
-        return e
-
-    run = system, sc.EnergyMomentum(), NULL, 0.1, 0.2
-    settings = sc.NewtonSettings(stagnation=1.0)
-    assert sc.simulate(*run, settings=settings)["residual"].max() < 1e-12
-    monkeypatch.setattr(sc.StepBalance, "evaluate", jumping)
-    with pytest.raises(sc.Diverged, match=r"a residual of 0\.00\d+ is left"):
-        sc.simulate(*run, settings=settings)
-
-
 # its few elements are drawn farther than such ones can be, which these figures do not mind
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.parametrize("seed", [0, 4, 6, 14, 19, 30])
+@pytest.mark.parametrize("seed", [0, 6, 19])
 @pytest.mark.filterwarnings("ignore:balance of energy")  # is not resolved
 def test_generalized_alpha_starts_calmly_where_steps_resolve_nothing(seed):
     """With the third derivative in full energy got 1.6 to 38 times as large in three steps."""
@@ -540,28 +413,17 @@ def test_generalized_alpha_starts_calmly_where_steps_resolve_nothing(seed):
     assert energy.max() < 1.1 * energy[0]
 
 
-def test_energy_never_grows_with_varying_steps():
-    """And what is taken is in the balance."""
-    run = rubber(), sc.EnergyDecaying(rate=20.0), NULL, sc.StepControl(1e-2), 0.05
-    history = sc.simulate(*run)
-    assert np.diff(history["energy"]).max() < 1e-11 * history["energy"][0]
-    assert abs(history["energy_balance"]).max() < 1e-10 * history["energy"][0]
-
-
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error::skfem_cosserat.CosseratWarning")
 def test_what_energy_decaying_takes_is_kept_and_told_above_a_tenth():
     check_that_what_is_taken_is_kept_and_told(sc.EnergyDecaying(0.05))
 
 
-@pytest.mark.parametrize("first", range(0, 50, 10))
-def test_energy_never_grows(first):
-    assert sum(energy_decays(seed) for seed in range(first, first + 10)) >= 45
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(50, 1050, 100))
-def test_energy_never_grows_in_many_scenes(first):
-    assert sum(energy_decays(seed) for seed in range(first, first + 100)) >= 450
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # much is not resolved
+@pytest.mark.parametrize("first", range(0, 40, 10))
+def test_energy_never_grows_in_random_scenes(first):
+    assert sum(energy_decays(seed) for seed in range(first, first + 10)) >= 45
 
 
 # -- what goes on around a step --------------------------------------------------------------------
@@ -580,7 +442,8 @@ def blocks_and_border(step):
     return matrix + U @ V
 
 
-@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [1, 3])
 def test_tangents(order):
     system = everything(order)
     for scheme in (sc.EnergyDecaying(0.3, velocity=False), sc.GeneralizedAlpha(0.6)):
@@ -615,6 +478,7 @@ def sprung():
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
 @pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.6), sc.EnergyDecaying(0.3)], ids=repr)
 def test_tangent_with_dampers_to_moving_ground(scheme, treatment):
@@ -622,18 +486,7 @@ def test_tangent_with_dampers_to_moving_ground(scheme, treatment):
     assert worst(blocks_and_border(step), step.derivative()) < 1e-8
 
 
-def test_dampers_to_moving_ground_agree_between_schemes():
-    """All to second order, against the variational scheme composed to order 4."""
-    system = sprung()
-    right = sc.simulate(system, sc.Composition(sc.Variational()), NULL, 0.02, 0.2)["q"][-1]
-    for scheme in (sc.GeneralizedAlpha(0.7), sc.EnergyDecaying(rate=8.0)):
-        error = [
-            abs(sc.simulate(system, scheme, NULL, h, 0.2)["q"][-1] - right).max()
-            for h in (0.01, 0.005)
-        ]
-        assert np.log2(error[0] / error[1]) == pytest.approx(2, abs=0.1), scheme
-
-
+@pytest.mark.slow
 def test_energy_balance_with_loads_drives_and_dampers():
     """Exact, or with the error of second order of the trapezoidal rule."""
     system = sprung()
@@ -652,6 +505,8 @@ def test_energy_balance_with_loads_drives_and_dampers():
 
 
 RESTARTED = [
+    sc.Variational(),
+    sc.EnergyMomentum(),
     *SCHEMES.values(),
     sc.EnergyDecaying(0.1, stabilized=True),
     sc.Composition(sc.Variational()),
@@ -660,6 +515,7 @@ RESTARTED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scheme", RESTARTED, ids=repr)
 def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
     system = sprung()
@@ -669,7 +525,7 @@ def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
     first = sc.History.load(path)
     start = sc.restart(system, first, scheme, 0.02)
     again = sc.simulate(system, scheme, NULL, 0.02, 0.2, start=start)
-    for name in ("q", "carried", "constraint_force"):
+    for name in ("q", "p", "constraint_force"):
         size = np.nanmax(abs(whole[name]))
         # the force of the first state follows from the steps after it alone
         skip = 1 if name == "constraint_force" else 0
@@ -681,15 +537,13 @@ def test_restart_goes_on_as_if_nothing_had_been(scheme, tmp_path):
     assert sc.simulate(system, scheme, NULL, 0.01, 0.12, start=other).times[-1] > 0.11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("one", "other"),
     [
         (sc.Variational(), sc.EnergyMomentum()),
-        (sc.Variational(), sc.Variational()),
-        (sc.EnergyMomentum(stabilized=True), sc.GeneralizedAlpha(0.7)),
         (sc.GeneralizedAlpha(0.7), sc.GeneralizedAlpha(0.7, stabilized=False)),
         (sc.GeneralizedAlpha(0.7), sc.GeneralizedAlpha(0.7)),
-        (sc.Variational(stabilized=True), sc.EnergyMomentum(stabilized=True)),
         (sc.Composition(sc.Variational()), sc.EnergyDecaying(0.1)),
     ],
     ids=repr,
@@ -710,21 +564,6 @@ def test_a_state_of_another_scheme_or_step_starts_anew(one, other):
         assert found[name][:-1] == pytest.approx(right[name][:-1], abs=1e-9 * size), name
 
 
-@pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.7), sc.EnergyDecaying(0.1)], ids=repr)
-def test_both_treatments_give_the_same_motion(scheme):
-    loop = four_bar()
-    loop.add("gravity", sc.LoadGravity((0.3, -9.81, 0.1)))
-    for system, start in ((sprung(), None), double_pendulum(), (loop.freeze(), None)):
-        found = []
-        for treatment in (NULL, MULTIPLIERS):
-            history = sc.simulate(system, scheme, treatment, 0.01, 0.1, start=start)
-            found.append((history["q"], history["constraint_force"][:-1]))
-        assert abs(found[0][0] - found[0][0][0]).max() > 1e-3
-        assert found[0][0] == pytest.approx(found[1][0], abs=1e-9)
-        size = abs(found[0][1]).max()
-        assert found[0][1] == pytest.approx(found[1][1], abs=1e-7 * size)
-
-
 def hanging():
     """A weight of 20 N on a rod, its support shaken along it."""
     model = sc.Model()
@@ -735,7 +574,7 @@ def hanging():
     return model.freeze()
 
 
-@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 4])
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("scheme", "tolerance"),
     [
@@ -746,13 +585,9 @@ def hanging():
     ],
     ids=repr,
 )
-def test_constraint_forces_are_at_the_nodes(scheme, tolerance, every):
-    """In the history, in reactions and in sensors; against the closed form."""
-    system = hanging()
-    rod = system.joints[0]
-    history = sc.simulate(
-        system, scheme, NULL, 0.01, 0.4, every=every, sensors={"rod": sc.SensorReaction(rod)}
-    )
+def test_constraint_forces_are_at_the_nodes(scheme, tolerance):
+    """In the history and in reactions; against the closed form."""
+    history = sc.simulate(hanging(), scheme, NULL, 0.01, 0.4, every=4)
 
     def force(t):
         return 2.0 * (10 + 0.1 * 18 * np.cos(6 * t))
@@ -760,13 +595,11 @@ def test_constraint_forces_are_at_the_nodes(scheme, tolerance, every):
     t = history.times
     assert history["multipliers"][:, 0] == pytest.approx(force(t), abs=tolerance * 20)
     assert history["joint/rod/force"][:, 2] == pytest.approx(force(t), abs=tolerance * 20)
-    record = history.sensors["rod"]
-    assert len(record.times) == 41
-    assert record.values[:, 2] == pytest.approx(force(record.times), abs=tolerance * 20)
     work = 2.0 * 10 * (history["q"][:, 2] - history["q"][0, 2]) + history["energy"]
     assert history["work_drives"][:-1] == pytest.approx((work - work[0])[:-1], abs=2e-2)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.7), sc.EnergyDecaying(0.1)], ids=repr)
 def test_other_stored_energies(scheme):
     """Beams of a quartic energy: an exact tangent; energy falls, its balance is exact."""
@@ -781,9 +614,10 @@ def test_other_stored_energies(scheme):
         assert abs(history["energy_balance"]).max() < 1e-11 * history["energy"][0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "treatment",
-    [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)],
+    [NULL, MULTIPLIERS],
     ids=["null space", "multipliers"],
 )
 @pytest.mark.parametrize(
@@ -809,45 +643,13 @@ def test_composed_steps_say_where_they_fail():
     system, start = double_pendulum()
     settings = sc.NewtonSettings(iterations=1, damped_iterations=1)
     said = "step 1 from t = 0 s.*Try a smaller step than 0.5 s"  # not than one of its parts
-    with pytest.raises(sc.Diverged, match=said) as caught:
+    with pytest.raises(sc.Diverged, match=said):
         sc.simulate(
             system, sc.Composition(sc.Variational()), NULL, 0.5, 1.0, start=start, settings=settings
         )
-    assert (caught.value.step, caught.value.time) == (1, 0.0)
-    stepper = Stepper(system, sc.Variational(), NULL, 0.5, settings)
-    failure = stepper.attempts(start, 0.5, 0.5, StepOrigin("variational", 0.5))
-    assert isinstance(failure, Failure) and failure.code is Code.UNSOLVED
-    assert failure.state is start and len(failure.residuals) == 4
-    stepper, calls = Stepper(system, sc.Composition(sc.Variational()), NULL, 0.1), []
-    solve = stepper.attempts
-
-    def attempts(*given):
-        calls.append(given)
-        return solve(*given) if len(calls) < 2 else replace(failure, state=given[0])
-
-    stepper.attempts = attempts
-    part = r"step 1 from t = 0 s .*: its part 2 of 5, from t = 0\.0414"
-    with pytest.raises(sc.Diverged, match=part) as caught:
-        stepper.advance(start)
-    assert (caught.value.step, caught.value.time) == (1, 0.0)  # the last state that is valid
     stepper = Stepper(system, sc.Composition(sc.EnergyMomentum()), NULL, 0.1)
     with pytest.raises(sc.IncompatibleError, match=r"Composition\(Energy.*see EnergyMomentum\(\)"):
         stepper.iteration_matrix(start)
-
-
-@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
-def test_parts_of_a_composed_step_have_constraint_forces_where_the_part_has_them(treatment):
-    """At the midpoint, although those of the whole are at its start: a beam keeps its energy."""
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
-    section = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.3, inertia=(2e-3, 3e-3))
-    model = sc.Model()
-    beam = model.add("beam", sc.Beam(mesh, section, director=(0, 0, 1)))
-    model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0)), beam.node("rod.start")))
-    model.add("gravity", sc.LoadGravity((0.3, -9.81, 0.2)))
-    scheme = sc.Composition(sc.EnergyMomentum())
-    history = sc.simulate(model, scheme, treatment, 0.01, 0.1, kernels="numpy")
-    total = history["energy"] + history["external"]
-    assert np.ptp(total) < 1e-11 * np.ptp(history["energy"])
 
 
 def test_a_step_back_and_other_sizes_need_no_other_stepper():
@@ -861,25 +663,12 @@ def test_a_step_back_and_other_sizes_need_no_other_stepper():
         assert back.q == pytest.approx(start.q, abs=1e-13)
         fresh = Stepper(system, scheme, NULL, 0.02, kernels="numpy").advance(start).state
         assert there.q == pytest.approx(fresh.q, abs=1e-13)
-        for bad in (0.0, np.nan, np.inf, "x", True, (0.1, 0.2)):
+        for bad in (0.0, np.nan, "x"):
             with pytest.raises(sc.InputError, match="argument h"):
                 stepper.advance(start, h=bad)
 
 
-@pytest.mark.slow  # compiles
-def test_composition_with_compiled_kernels():
-    system, start = double_pendulum()
-    scheme = sc.Composition(sc.Variational(), order=6)
-    runs = [
-        sc.simulate(system, scheme, NULL, 0.05, 0.5, start=start, kernels=kernels)
-        for kernels in ("numpy", "numba")
-    ]
-    assert runs[1].meta["kernels"] == "numba"
-    for name in ("q", "p", "constraint_force"):
-        size = abs(runs[0][name]).max()
-        assert runs[1][name] == pytest.approx(runs[0][name], abs=1e-10 * size)
-
-
+@pytest.mark.slow
 def test_smaller_steps_get_no_worse_with_compiled_kernels():
     """A free symmetric top: what iterations leave adds up over 14400 parts of steps, 7e-14 in each.
 
@@ -893,7 +682,7 @@ def test_smaller_steps_get_no_worse_with_compiled_kernels():
     model = sc.Model()
     model.add("top", sc.RigidBody(1.0, J, angular_velocity=w))
     scheme, system = sc.Composition(sc.Variational(), order=6), model.freeze()
-    for steps in (800, 1600):
+    for steps in (400, 800):
         run = sc.simulate(system, scheme, NULL, until / steps, until, every=steps, kernels="numba")
         found = run["q"][-1].reshape(4, 3)[1:]
         assert found == pytest.approx((around * about).as_matrix().T, abs=1e-9)
@@ -907,6 +696,7 @@ def dashpot(k):
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_compositions_with_dampers():
     """Order 4 where they are weak; where c h_k/m gets to 2 in the backward step, energy grows."""
     scheme = sc.Composition(sc.EnergyMomentum())
@@ -922,21 +712,7 @@ def test_compositions_with_dampers():
     assert energy[-1] > 10 * energy[0]
 
 
-# parts along the constraints are what the warning is about
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
-def test_parts_of_the_momentum_along_constraints_do_not_move_the_variational_scheme():
-    """So that stabilising it changes no motion: (q, p) and (q, Qp) start the same one."""
-    system, start = double_pendulum()
-    G = system.constraints.jacobian(system.extend(start.q, 0.0))
-    off = start.p + G.T @ np.random.default_rng(1).standard_normal(system.m)
-    runs = [
-        sc.simulate(system, sc.Variational(), NULL, 0.01, 0.2, start=sc.State(0.0, 0, start.q, p))
-        for p in (start.p, off)
-    ]
-    assert runs[1]["q"] == pytest.approx(runs[0]["q"], abs=1e-10)
-    assert runs[1]["Qp"][1:] == pytest.approx(runs[0]["Qp"][1:], abs=1e-8)
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
 def test_stabilized_variational_scheme_is_the_plain_one_with_momenta_projected(treatment):
     """RATTLE and SHAKE: same motion, multipliers and work; momenta on the hidden constraints."""
@@ -958,6 +734,7 @@ def test_stabilized_variational_scheme_is_the_plain_one_with_momenta_projected(t
         assert moved["work_drives"][:-1] == pytest.approx(work, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_energy_of_a_composed_variational_scheme_is_of_its_order():
     """Its momenta leave out what nodes have along G^T, of second order (with beams, on d3, too)."""
     system, start = free_beam()
@@ -970,6 +747,7 @@ def test_energy_of_a_composed_variational_scheme_is_of_its_order():
         assert np.log2(error[0] / error[1]) == pytest.approx(scheme.order, abs=0.3)
 
 
+@pytest.mark.slow
 def test_stabilized_energy_momentum_holds_hidden_constraints_and_loses_little():
     system, start = double_pendulum()
     lost = []
@@ -985,45 +763,25 @@ def test_stabilized_energy_momentum_holds_hidden_constraints_and_loses_little():
     assert np.log2(lost[0] / lost[1]) == pytest.approx(3, abs=0.1)  # a step: of fourth order
 
 
-BAD = [
-    (lambda: sc.GeneralizedAlpha(1.0), r"rho_inf.*1\.0, expected a number in \[0, 1\)"),
-    (lambda: sc.GeneralizedAlpha(1.2), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha(np.nan), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha(None), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha("0.8"), r"rho_inf.*'0\.8', expected a number in \[0, 1\)"),
-    (lambda: sc.GeneralizedAlpha(False), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha([0.8]), "rho_inf"),
-    (lambda: sc.GeneralizedAlpha(0.8, "no"), "stabilized.*'no', expected True or False"),
-    (lambda: sc.EnergyMomentum(stabilized="no"), "stabilized"),
-    (lambda: sc.EnergyDecaying(velocity=0), "velocity"),
-    (lambda: sc.EnergyDecaying("0.1"), "chi"),
-    (lambda: sc.EnergyDecaying(True), "chi"),
-    (lambda: sc.EnergyDecaying(np.nan), "chi"),
-    (lambda: sc.Explicit(checked="no"), "checked"),
-    (lambda: sc.Composition(sc.Variational(), order=None), "order"),
-    (lambda: sc.Composition(sc.Variational(), order=[4]), "order"),
-    (lambda: sc.Composition(sc.Variational(), order=4.0), "order"),
-    (lambda: sc.Composition(sc.Variational), "expected an integrator"),
-    (lambda: sc.Composition(sc.Explicit()), "Explicit.*only symmetric implicit schemes"),
-    (lambda: sc.Composition(sc.EnergyDecaying(), 6), "only symmetric implicit schemes"),
-    (lambda: sc.EnergyDecaying(-0.1), r"chi.*-0\.1, expected a number in \[0, 1\]"),
-    (lambda: sc.EnergyDecaying(1.5), "chi"),
-    (lambda: sc.EnergyDecaying("a little"), "chi"),
-    (lambda: sc.EnergyDecaying(rate=0.0), "rate"),
-    (lambda: sc.EnergyDecaying(0.1, rate=1.0), "expected one of them"),
-    (lambda: sc.Composition(sc.Variational(), order=5), r"order.*5, expected one of \[4, 6\]"),
-    (lambda: sc.Composition("leapfrog"), "expected an integrator"),
-    (
-        lambda: sc.Composition(sc.Composition(sc.Variational())),
-        "symmetric implicit schemes of one step",
-    ),
-    (lambda: sc.Composition(sc.GeneralizedAlpha()), "only symmetric implicit schemes"),
-    (lambda: sc.Composition(sc.EnergyDecaying()), "only symmetric implicit schemes"),
-    (lambda: sc.Composition(sc.EnergyMomentum(stabilized=True)), "only symmetric implicit schemes"),
-]
-
-
-@pytest.mark.parametrize(("make", "message"), BAD)
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: sc.GeneralizedAlpha(1.0), r"rho_inf.*1\.0, expected a number in \[0, 1\)"),
+        (lambda: sc.GeneralizedAlpha(np.nan), "rho_inf"),
+        (lambda: sc.GeneralizedAlpha(0.8, "no"), "stabilized.*'no', expected True or False"),
+        (lambda: sc.EnergyDecaying(velocity=0), "velocity"),
+        (lambda: sc.EnergyDecaying(-0.1), r"chi.*-0\.1, expected a number in \[0, 1\]"),
+        (lambda: sc.EnergyDecaying(rate=0.0), "rate"),
+        (lambda: sc.EnergyDecaying(0.1, rate=1.0), "expected one of them"),
+        (lambda: sc.Explicit(checked="no"), "checked"),
+        (lambda: sc.Composition(sc.Variational(), order=5), r"order.*5, expected one of \[4, 6\]"),
+        (lambda: sc.Composition(sc.Variational), "expected an integrator"),
+        (lambda: sc.Composition(sc.Composition(sc.Variational())), "implicit schemes of one step"),
+        (lambda: sc.Composition(sc.Explicit()), "Explicit.*only symmetric implicit schemes"),
+        (lambda: sc.Composition(sc.EnergyDecaying()), "only symmetric implicit schemes"),
+        (lambda: sc.Composition(sc.EnergyMomentum(stabilized=True)), "only symmetric implicit"),
+    ],
+)
 def test_bad_arguments(make, message):
     with pytest.raises(sc.CosseratError, match=message):
         make()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 import states
 from helpers_kernels import tree
-from helpers_scenes import four_bar
+from test_closed_loops import PARALLELOGRAM, linkage
 
 import skfem_cosserat as sc
 from skfem_cosserat.compiled import kept
@@ -44,21 +43,17 @@ def test_long_runs_have_kernels_compiled():
 
 
 @pytest.mark.plain
-def test_runs_take_kernels_that_are_compiled_already(kept_kernels, monkeypatch):
-    """In this process or on disk; a single one that is not decides for numpy."""
+def test_runs_take_kernels_that_are_compiled_already(kept_kernels):
+    """In this process or on disk."""
     sc.simulate(tree(1), *RUN, kernels="numba", derive=False)
     meta = sc.simulate(tree(1), *RUN, derive=False).meta
     assert meta["kernels"] == "numba" and meta["kernels_why"].endswith("are on disk")
 
-    monkeypatch.setattr(kept, "_ADDRESSES", {("step", "another", ()): 0})
-    monkeypatch.setattr(kept, "_load", lambda key: None)
-    meta = sc.simulate(tree(1), *RUN, derive=False).meta
-    assert meta["kernels"] == "numpy" and meta["kernels_why"] == choice.NOT_ON_DISK
 
-
+@pytest.mark.slow
 def test_the_disk_is_looked_at_without_numba(monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert not kept.promising() and not kept._PROMISING & {kept.folder()}
+    assert not kept.promising()
     kept.folder().mkdir()
     for stamp, there in (("0123456789abcdef", False), (kept.stamp(), True)):
         (kept.folder() / f"step.solve-{stamp}-0123456789abcdef.kernel").write_bytes(b"")
@@ -88,13 +83,12 @@ def test_versions_of_numba_are_those_of_the_package():
     assert f'"numba>={choice.NUMBA[0]}.{choice.NUMBA[1]};' in text
 
 
-@pytest.mark.parametrize("error", [TypingError("no\nmore"), AttributeError("no more")])
-def test_numpy_takes_over_where_numba_does_not_compile(error, monkeypatch):
+def test_numpy_takes_over_where_numba_does_not_compile(monkeypatch):
     system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
     plain = sc.simulate(system, *pair, 1e-3, 3e-3, kernels="numpy")
 
     def fails(*_, **__):
-        raise error
+        raise TypingError("no\nmore")
 
     monkeypatch.setattr("skfem_cosserat.compiled.bind.addresses", fails)
     with pytest.warns(sc.PerformanceWarning, match=r"does not compile the kernels: no.*takes over"):
@@ -108,18 +102,7 @@ def test_numpy_takes_over_where_numba_does_not_compile(error, monkeypatch):
     assert np.array_equal(other["q"], path["q"]) and other.meta["kernels"] == "numpy"
 
 
-@pytest.mark.plain
-def test_without_numba(monkeypatch):
-    monkeypatch.setattr(choice, "installed", lambda: False)
-    system, pair = tree(1), (sc.EnergyMomentum(), sc.NullSpace())
-    with pytest.warns(sc.PerformanceWarning, match="50 times as long"):
-        taken = choice.choose_kernels("auto", system, *pair, 10**6)
-    assert taken[:2] == ("numpy", "numba is not installed")
-    with pytest.raises(ImportError, match=r"skfem-cosserat\[fast\]"):
-        choice.choose_kernels("numba", system, *pair, 10)
-    assert choice.choose_kernels("auto", system, *pair, 10).name == "numpy"
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "variables", "why"),
     [
@@ -156,22 +139,6 @@ def test_a_numba_that_does_not_work(code, variables, why, tmp_path):
     assert error.startswith("ImportError" if code else "InputError") and why in error
     assert ("skfem-cosserat[fast]" in error) == (code is not None)
     assert done.stderr.count("PerformanceWarning") == 1 and why in done.stderr
-
-
-def test_a_numba_that_broke_after_it_had_compiled(monkeypatch):
-    """Kernels on disk are taken; where one is missing, it is said that numba cannot be imported."""
-
-    def fails(*_, **__):
-        raise ImportError("numba needs an older numpy")
-
-    monkeypatch.setattr("skfem_cosserat.compiled.bind.addresses", fails)
-    monkeypatch.setattr(choice, "promising", lambda: True)
-    run = tree(1), sc.EnergyMomentum(), sc.NullSpace(), 1e-3
-    text = "numba cannot be imported: numba needs an older numpy"
-    with pytest.raises(ImportError, match=rf"skfem-cosserat\[fast\]' \({text}"):
-        sc.Stepper(*run, kernels="numba")
-    with pytest.warns(sc.PerformanceWarning, match=f"{text}; plain numpy takes over"):
-        assert sc.Stepper(*run, steps=10**9).choice.name == "numpy"
 
 
 class OwnBalance(sc.EnergyMomentum):
@@ -211,40 +178,12 @@ def test_long_runs_are_told_that_they_are_not_compiled():
 NULL, MULTIPLIERS = sc.NullSpace(), sc.Multipliers()
 
 
-@pytest.mark.parametrize(
-    ("scene", "integrator", "treatment", "why"),
-    [
-        ("plain", OwnBalance(), NULL, "the own integrator, whose balance is its own"),
-        ("plain", sc.Explicit(), MULTIPLIERS, "no compiled kernels for explicit steps"),
-        (four_bar, sc.Variational(), sc.Multipliers(full=True), "the full system of multipliers"),
-        (four_bar, sc.Variational(), sc.Multipliers(scaled=False), "full system of multipliers"),
-    ],
-    ids=lambda each: getattr(each, "name", getattr(each, "__name__", None)),
-)
-def test_why_scenes_are_refused(scene, integrator, treatment, why):
-    system = (states.PARTS[scene] if isinstance(scene, str) else scene)().freeze()
-    assert re.search(why, refusal(system, integrator, treatment))
-
-
-def flat_four_bar():
-    """A parallelogram of rigid links, folded flat, where it stays: a singular position."""
-    model, at, place = sc.Model(), 0.0, sc.ground((0, 0, 0))
-    for k, length in enumerate((1.0, 2.0, -1.0)):
-        middle = (at + 0.5 * length, 0, 0)
-        link = sc.RigidBody.box(1.0, (abs(length), 0.1, 0.1), position=middle)
-        model.add(f"link {k}", link)
-        start, end = (link.local((s * 0.5 * length, 0, 0)) for s in (-1, 1))
-        model.add(f"hinge {k}", sc.JointRevolute(place, start, axis=(0, 0, 1)))
-        at, place = at + length, end
-    model.add("hinge", sc.JointRevolute(place, sc.ground((at, 0, 0)), axis=(0, 0, 1)))
-    return model.freeze()
-
-
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*singular:skfem_cosserat.ModelWarning")
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.PerformanceWarning")
 def test_steps_that_compiled_kernels_leave_to_numpy_are_told():
-    system = flat_four_bar()
+    system = linkage(PARALLELOGRAM, 0.0).freeze()  # flat, and at rest: a singular position
     for steps, told in ((10**6, 1), (30, 0)):
         run = system, sc.EnergyMomentum(), sc.NullSpace(), 1e-3
         stepper, state = sc.Stepper(*run, kernels="numba", steps=steps), sc.initial_state(system)
@@ -258,8 +197,11 @@ def test_steps_that_compiled_kernels_leave_to_numpy_are_told():
             assert "singular position" in found[0]["text"]
 
 
-@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=repr)
-@pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.GeneralizedAlpha(0.8)], ids=repr)
+@pytest.mark.parametrize(
+    ("scheme", "treatment"),
+    [(sc.EnergyMomentum(), MULTIPLIERS), (sc.GeneralizedAlpha(0.8), NULL)],
+    ids=repr,
+)
 def test_a_scene_at_rest_is_left_to_nobody(scheme, treatment):
     """All terms of its balance are rounding, and the residual is as large as they are."""
     section = sc.SectionCircle(radius=0.01, material=sc.Material(E=5e6, nu=0.5, rho=1e3))

@@ -51,6 +51,7 @@ def kept_record(rate, first=1e-4):
     return record
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("script", "code"),
     [
@@ -76,37 +77,12 @@ def test_increments_too_long_end_it():
     assert run(Script([3.0]), largest=1.0)[0] == newton.TOO_LONG
 
 
-def test_fresh_factors_are_kept_within_a_step():
-    """One factorisation, then increments that shrink by the same rate."""
-    code, did, record = run(Script([1e-3], [1e-7, 1e-11, 1e-15, 1e-19]))
-    assert code == newton.SETTLED
-    assert did == ["factorise", "fresh", "kept", "kept", "kept"]
-    assert record[newton.FACTORED] == 1 and record[newton.ITERATIONS] == 4
-
-
 def test_factors_of_the_step_before():
     """None is made as long as few iterations are expected with them."""
     script = Script([], [1e-4 * 1e-4**k for k in range(8)])
     code, did, record = run(script, kept_record(1e-4))
     assert code == newton.SETTLED and "factorise" not in did
     assert record[newton.STEPS] == 1 and record[newton.SPENT] == record[newton.ITERATIONS]
-
-
-def test_the_slowest_contraction_says_what_is_left():
-    """Where the first increments shrink by 1e-7 what factors left before by 1e-4 is still there."""
-    record = kept_record(1e-4)
-    assert run(Script([], [1e-5, 1e-9, 5e-14]), record)[1] == ["kept"] * 3
-    record[newton.KEPT] = 1.0
-    assert run(Script([], [1e-5, 1e-12, 1e-16]), record.copy())[1] == ["kept"] * 3
-    record[newton.SLOWEST] = 0.0  # nothing is known of other factors
-    assert run(Script([], [1e-5, 1e-12]), record)[1] == ["kept"] * 2
-
-
-def test_factors_that_did_not_do_are_tried_again_later():
-    """At a rate of 0.3 too many iterations are ahead: new ones, and a rate that is forgotten."""
-    code, did, record = run(Script([1e-13]), kept_record(0.3), reuse=2.0)
-    assert code == newton.SETTLED and did == ["factorise", "fresh"]
-    assert record[newton.RATE] == pytest.approx(0.8 * 0.3)
 
 
 def test_stalled_increments_are_rounding_or_ask_for_new_factors():
@@ -121,30 +97,6 @@ def test_not_a_number_with_kept_factors():
     """Asks for new ones, and ends there if these give no better."""
     code, did, _ = run(Script([np.nan], [np.nan]), kept_record(1e-5))
     assert code == newton.TOO_LONG and did == ["kept", "factorise", "fresh"]
-
-
-def test_worn_factors_are_made_anew():
-    """The last step took more iterations than all with these factors on the mean."""
-    record = kept_record(1e-5)
-    record[[newton.STEPS, newton.SPENT, newton.ITERATIONS]] = 10, 30, 9
-    assert newton.worn(5.0, record) and run(Script([1e-13]), record)[1][0] == "factorise"
-    record[newton.ITERATIONS] = 3
-    assert not newton.worn(5.0, record)
-
-
-@pytest.mark.parametrize(("last", "more"), [(8e-17, 0), (2e-16, 1)])
-def test_new_factors_contract_as_unknown_ones(last, more):
-    """What is left after one increment with them: a tenth is assumed before it is measured."""
-    code, did, _ = run(Script([1e-6], [last, 1e-22]), reuse=4.0)
-    assert code == newton.SETTLED and did == ["factorise", "fresh", *["kept"] * (1 + more)]
-
-
-@pytest.mark.parametrize(("last", "more"), [(2e-11, []), (1e-9, ["kept"])])
-def test_new_factors_after_old_ones(last, more):
-    """They leave the square of their increment, by the contraction and the way of the old ones."""
-    kept = [1e-4, 5e-8, 4e-9]  # the next ones by 0.08 each: too many
-    code, did, _ = run(Script([last], [*kept, 5e-17]), kept_record(1e-5))
-    assert code == newton.SETTLED and did == [*["kept"] * 3, "factorise", "fresh", *more]
 
 
 class Root:

@@ -2,48 +2,45 @@
 
 from __future__ import annotations
 
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 import pytest
 from helpers_kernels import (
+    INTEGRATORS,
+    TREATMENTS,
     assert_same,
     assert_same_in_steps_of_other_sizes,
     assert_same_iteration,
     both,
-    moving,
+    integrators,
     needs_numba,
+    treatments,
 )
 from helpers_scenes import (
     FULL,
     SHAKE,
     TENSOR,
-    chequered,
     four_bar,
     pairs,
     random_state,
     rotation,
+    seen,
     unit,
 )
-from helpers_schemes import SCHEMES
+from helpers_schemes import KINDS as SCHEMES
 from scipy.integrate import solve_ivp
-from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 from test_tangents import Step, worst
 
 import skfem_cosserat as sc
-from skfem_cosserat import Stepper, diagnostics, relative
+from skfem_cosserat import diagnostics, relative
 from skfem_cosserat.coupling import Coupling
-from skfem_cosserat.diagnostics.joint_motion import relative_series
-from skfem_cosserat.model.coordinates import KINDS, Joined
+from skfem_cosserat.model.coordinates import KINDS
 from skfem_cosserat.model.force_elements import SlackLaw
 from skfem_cosserat.relative import normals
 
 EPS = 1e-40
-INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
-TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
-integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
-treatments = pytest.mark.parametrize("treatment", TREATMENTS)
 GRAVITY = (0.0, 0.0, -9.81)
 
 
@@ -51,74 +48,6 @@ def simulate(system, integrator, step, until, treatment="null space", **options)
     return sc.simulate(
         system, INTEGRATORS[integrator], TREATMENTS[treatment], step, until, **options
     )
-
-
-# -- the same wherever the scene lies ------------------------------------------------------------
-
-#: oblique to all axes of space
-LEAN = Rotation.from_rotvec([0.4, 1.1, -0.7]).as_matrix()
-
-
-def lying(Q):
-    """Each coordinate of each joint with all that acts on it, and a bushing; all turned by Q.
-
-    A chain below a ball joint, so that its hinges turn about all axes.
-    """
-    n, x, y = Q @ (0.6, 0, 0.8), Q @ (0.8, 0, -0.6), Q @ (0, 1.0, 0)
-    along, about = {"axis": n}, {"normal": n, "x": x}
-    kinds = [
-        (sc.JointSpherical, {}),
-        (sc.JointRevolute, along),
-        (sc.JointCylindrical, along),
-        (sc.JointPlanar, about),
-        (sc.JointUniversal, {"axis_a": n, "axis_b": y}),
-        (sc.JointPrismatic, along),
-        (sc.JointSpherical, {}),
-        (sc.JointPointOnLine, along),
-    ]
-    model, side = sc.Model(), sc.ground((0, 0, 0))
-    for k, (kind, axes) in enumerate(kinds):
-        triad = sc.triad(Q @ (0, 0, 1.0), Q @ (1.0, 0, 0))
-        box = sc.RigidBody.box(1.0, (0.3, 0.2, 0.1), position=Q @ (k + 0.3, 0.1, 0.2), triad=triad)
-        body = model.add(f"body {k}", box)
-        joint = model.add(f"joint {k}", kind(side, body.at(Q @ (k, 0, 0)), **axes))
-        for c in joint.coordinates() if k else ():
-            stiff, part = (Q @ np.diag([3.0, 2, 1]) @ Q.T, Q) if c.size == 3 else (8.0, 1.0)
-            neutral = part @ (0.1, 0.2, -0.3) if c.size == 3 else 0.3
-            spring = sc.JointSpringDamper(joint, stiff, 0.02 * stiff, c.name, neutral)
-            model.add(f"spring {k} {c.name}", spring)
-            push = part @ (0.3, -0.2, 0.4) if c.size == 3 else (lambda t: 0.9 * np.cos(3 * t))
-            model.add(f"motor {k} {c.name}", sc.JointActuator(joint, push, c.name))
-        side = body.at(Q @ (k + 1, 0, 0))
-    driven = model["joint 2"]
-    model.add("drive", sc.JointDrive(driven, lambda t: t * t, "angle"))
-    both = np.kron(np.eye(2), Q)
-    K = both @ np.diag([100.0, 200, 300, 3, 2, 1]) @ both.T
-    place = model["body 2"].at(Q @ (2.5, 0, 0))
-    model.add("mount", sc.Bushing(sc.ground(Q @ (2.5, 0, 0)), place, K, 1e-3 * K))
-    model.add("weight", sc.LoadGravity(Q @ (1.0, -9.0, 2.0)))
-    return model.freeze()
-
-
-def apart(integrator, treatment, kernels):
-    """How far the turned motion is from the motion of the turned scene, over three large steps.
-
-    One step of a composition.
-    """
-    found = []
-    for Q in (np.eye(3), LEAN):
-        system = lying(Q)
-        until = 0.02 if integrator.shares else 0.06
-        run = sc.simulate(system, integrator, treatment, 2e-2, until, kernels=kernels, derive=False)
-        found.append(run["q"].reshape(len(run), -1, 3) @ Q)
-    assert abs(found[0][-1] - found[0][0]).max() > 1e-3
-    return abs(found[1] - found[0]).max()
-
-
-@chequered("integrator", SCHEMES, "treatment", [*TREATMENTS.values()], ids=repr)
-def test_motion_does_not_depend_on_how_a_scene_lies(integrator, treatment):
-    """No scheme sees the axes of space: angles by one normal only were off by 1e-4 m."""
-    assert apart(integrator, treatment, "numpy") < 1e-11
 
 
 # -- a scene with every element on every joint ---------------------------------------------------
@@ -129,104 +58,101 @@ def semidefinite(rng, m, rank):
     return A @ A.T
 
 
-def springs(model, joints, rng, damping, actuated):
+def springs(model, joints, rng, damping, actuated, Q):
     """A spring, damper and actuator on each coordinate of each joint."""
     for joint in joints:
         for c in joint.coordinates():
             turning = c.size == 3
-            K = semidefinite(rng, 3, 3) if turning else rng.uniform(1, 5)
-            C = semidefinite(rng, 3, 2) if turning else rng.uniform(0.1, 0.5)
-            neutral = 0.3 * rng.standard_normal(3) if turning else 0.2
+            K = Q @ semidefinite(rng, 3, 3) @ Q.T if turning else rng.uniform(1, 5)
+            C = Q @ semidefinite(rng, 3, 2) @ Q.T if turning else rng.uniform(0.1, 0.5)
+            neutral = 0.3 * Q @ rng.standard_normal(3) if turning else 0.2
             spring = sc.JointSpringDamper(joint, K, damping * C, c.name, neutral)
             model.add(f"spring {joint.name} {c.name}", spring)
             if actuated:
                 force = (
-                    (lambda t: (np.sin(t), 1, 0.3)) if turning else (lambda t: 2 * np.cos(3 * t))
+                    (lambda t: Q @ (np.sin(t), 1, 0.3))
+                    if turning
+                    else (lambda t: 2 * np.cos(3 * t))
                 )
                 actuator = sc.JointActuator(joint, force, c.name)
                 model.add(f"motor {joint.name} {c.name}", actuator)
 
 
-def planar_axes(normal):
-    """Of a planar joint, with the x that was picked before it had to be given."""
-    return {"normal": normal, "x": normals(normal)[0]}
-
-
-def chain(model, rng, frame):
+def chain(model, rng, frame, Q):
     """Bodies in a chain of all joints, with lengths of about 1; `frame` makes ground places."""
-    bodies = [
-        model.add(
-            f"body {k}",
-            sc.RigidBody(
-                1.5,
-                TENSOR,
-                center=(0.1, -0.2, 0.15),
-                position=np.array([k, 0, 0]) + 0.1 * rng.standard_normal(3),
-                triad=rotation(rng).T,
-            ),
-        )
-        for k in range(8)
+    bodies = []
+    for k in range(8):
+        x = Q @ (np.array([k, 0, 0]) + 0.1 * rng.standard_normal(3))
+        triad = rotation(rng).T @ Q.T
+        body = sc.RigidBody(1.5, TENSOR, center=(0.1, -0.2, 0.15), position=x, triad=triad)
+        bodies.append(model.add(f"body {k}", body))
+    a = Q @ unit(rng)
+    b = np.cross(a, Q @ unit(rng))
+    hinge, tube, slide, normal, wire = (unit(rng) for _ in range(5))
+
+    def sides(k):
+        x = Q @ (k + 0.5, 0.1, 0.2)
+        return bodies[k].at(x), bodies[k + 1].at(x)
+
+    joints = [
+        model.add(name, joint)
+        for name, joint in {
+            "hinge": sc.JointRevolute(*sides(0), axis=Q @ hinge),
+            "tube": sc.JointCylindrical(*sides(1), axis=Q @ tube),
+            "slide": sc.JointPrismatic(*sides(2), axis=Q @ slide),
+            "plane": sc.JointPlanar(*sides(3), normal=Q @ normal, x=Q @ normals(normal)[0]),
+            "ball": sc.JointSpherical(*sides(4)),
+            "wire": sc.JointPointOnLine(*sides(5), axis=Q @ wire),
+            "cardan": sc.JointUniversal(*sides(6), axis_a=a, axis_b=b / np.linalg.norm(b)),
+        }.items()
     ]
-    a = unit(rng)
-    b = np.cross(a, unit(rng))
-    kinds = {
-        "hinge": (sc.JointRevolute, {"axis": unit(rng)}),
-        "tube": (sc.JointCylindrical, {"axis": unit(rng)}),
-        "slide": (sc.JointPrismatic, {"axis": unit(rng)}),
-        "plane": (sc.JointPlanar, planar_axes(unit(rng))),
-        "ball": (sc.JointSpherical, {}),
-        "wire": (sc.JointPointOnLine, {"axis": unit(rng)}),
-        "cardan": (sc.JointUniversal, {"axis_a": a, "axis_b": b / np.linalg.norm(b)}),
-    }
-    joints = []
-    for k, (name, (kind, options)) in enumerate(kinds.items()):
-        x = np.array([k + 0.5, 0.1, 0.2])
-        joints.append(model.add(name, kind(bodies[k].at(x), bodies[k + 1].at(x), **options)))
     if frame is not None:
-        post = frame((0, 0, -1))
-        place = bodies[0].at((0, 0, -1))
-        joints.append(model.add("post", sc.JointRevolute(post, place, axis=unit(rng))))
+        x = Q @ (0, 0, -1)
+        post = sc.JointRevolute(frame(x), bodies[0].at(x), axis=Q @ unit(rng))
+        joints.append(model.add("post", post))
     return bodies, joints
 
 
-def zoo(seed=0, grounded=True, moving=False, damping=1.0, actuated=True):
-    """Every element between all kinds of places."""
+def zoo(seed=0, grounded=True, moving=False, damping=1.0, actuated=True, Q=np.eye(3)):  # noqa: B008
+    """Every element between all kinds of places; all turned by Q."""
     rng = np.random.default_rng(seed)
     model = sc.Model()
 
-    def frame(x):
-        return sc.ground(x, SHAKE if moving else None)
+    def x(*place):
+        return Q @ place
 
-    bodies, joints = chain(model, rng, frame if grounded else None)
-    springs(model, joints, rng, damping, actuated)
-    mesh = sc.MeshCurve.init_line((0, 2, 0), (1, 2, 0.2), 2, "rod")
-    rod = model.add("rod", sc.Beam(mesh, sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))))
-    bob = model.add("bob", sc.MassPoint(0.5, (0, 3, 0)))
-    tip = model.add("tip", sc.MassPoint(0.7, (1, 3, 0)))
+    def frame(place):
+        return sc.ground(place, SHAKE if moving else None)
+
+    def stiff(rank):
+        turn = np.kron(np.eye(2), Q)
+        return turn @ semidefinite(rng, 6, rank) @ turn.T
+
+    bodies, joints = chain(model, rng, frame if grounded else None, Q)
+    springs(model, joints, rng, damping, actuated, Q)
+    mesh = sc.MeshCurve.init_line(x(0, 2, 0), x(1, 2, 0.2), 2, "rod")
+    section = sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))
+    rod = model.add("rod", sc.Beam(mesh, section, director=x(0, 1, 0)))
+    bob = model.add("bob", sc.MassPoint(0.5, x(0, 3, 0)))
+    tip = model.add("tip", sc.MassPoint(0.7, x(1, 3, 0)))
     one, two = bodies[6], bodies[7]
     d = damping
     elements = {
-        "two bodies": sc.SpringDamper(one.at((6, 0.5, 0.5)), two.at((7, -1, 0)), 20, d, 0.9),
+        "two bodies": sc.SpringDamper(one.at(x(6, 0.5, 0.5)), two.at(x(7, -1, 0)), 20, d, 0.9),
         "body, point": sc.SpringDamper(bob.place(), two.local((0.1, 0, 0)), 3, 0.5 * d),
         "node, point": sc.SpringDamper(rod.node("rod.end"), tip.place(), 3, 0.5 * d, 0.7),
         "two points": sc.Cable(bob.place(), tip.place(), 30, d, length=0.8),
-        "node, body": sc.Cable(rod.node("rod.start"), bodies[1].at((1, 0.3, 0.3)), 30, 0.4 * d),
-        "mount": sc.Bushing(
-            one.at((6.5, 0.2, 0)),
-            two.at((6.7, 0, 0.1)),
-            semidefinite(rng, 6, 6),
-            d * semidefinite(rng, 6, 3),
-        ),
-        "soft mount": sc.Bushing(rod.node("rod.end"), bodies[3].at((3, 0.1, 0.2)), 5.0, 0.2 * d),
+        "node, body": sc.Cable(rod.node("rod.start"), bodies[1].at(x(1, 0.3, 0.3)), 30, 0.4 * d),
+        "mount": sc.Bushing(one.at(x(6.5, 0.2, 0)), two.at(x(6.7, 0, 0.1)), stiff(6), d * stiff(3)),
+        "soft mount": sc.Bushing(rod.node("rod.end"), bodies[3].at(x(3, 0.1, 0.2)), 5.0, 0.2 * d),
     }
     if grounded:
+        post = one.at(x(6, 0.3, 0.5))
         elements |= {
-            "body, ground": sc.SpringDamper(frame((6, 0, 1)), one.at((6, 0.3, 0.5)), 15, 0.5 * d),
-            "point, ground": sc.SpringDamper(bob.place(), sc.ground((0, 4, 0)), 3, 0.5 * d),
-            "cable, ground": sc.Cable(frame((1, 3, 1)), tip.place(), 30, d, length=1.3),
-            "mount, ground": sc.Bushing(
-                frame((7, 0, 1)), two.at((7.1, 0, 0.8)), semidefinite(rng, 6, 6)
-            ),
+            "body, ground": sc.SpringDamper(frame(x(6, 0, 1)), post, 15, 0.5 * d),
+            "point, ground": sc.SpringDamper(bob.place(), sc.ground(x(0, 4, 0)), 3, 0.5 * d),
+            "cable, ground": sc.Cable(frame(x(1, 3, 1)), tip.place(), 30, d, length=1.3),
+            "mount, ground": sc.Bushing(frame(x(7, 0, 1)), two.at(x(7.1, 0, 0.8)), stiff(6)),
         }
     for name, item in elements.items():
         model.add(name, item)
@@ -239,16 +165,36 @@ def pushed(system, seed=5, size=0.5):
     return sc.initial_state(system, v=sc.project(system, system.q0, v))
 
 
+def apart(integrator, treatment, kernels):
+    """How far the turned motion is from the motion of the turned scene, over three large steps.
+
+    One step of a composition.
+    """
+    found = []
+    for Q in (np.eye(3), Rotation.from_rotvec([0.4, 1.1, -0.7]).as_matrix()):
+        until = 0.02 if integrator.shares else 0.06
+        run = sc.simulate(zoo(Q=Q), integrator, treatment, 2e-2, until, kernels=kernels)
+        found.append(run["q"].reshape(len(run), -1, 3) @ Q)
+    assert abs(found[0][-1] - found[0][0]).max() > 1e-3
+    return abs(found[1] - found[0]).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", SCHEMES, ids=repr)
+@treatments
+def test_motion_does_not_depend_on_how_a_scene_lies(scheme, treatment):
+    """No scheme sees the axes of space: angles by one normal only were off by 1e-4 m."""
+    assert apart(scheme, TREATMENTS[treatment], "numpy") < 1e-11
+
+
 # -- tangents --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("moving", [False, True], ids=["rest", "moving"])
+@pytest.mark.one_quick
 @treatments
 @integrators
-def test_tangent_of_a_step(integrator, treatment, moving):
-    step = Step(
-        zoo(int(moving), moving=moving), INTEGRATORS[integrator], TREATMENTS[treatment], size=0.1
-    )
+def test_tangent_of_a_step(integrator, treatment):
+    step = Step(zoo(1, moving=True), INTEGRATORS[integrator], TREATMENTS[treatment], size=0.1)
     assert worst(step.matrix(), step.derivative()) < 5e-13
 
 
@@ -261,7 +207,8 @@ def trial(system, seed, size, t=0.3, h=0.05):
     return start, system.extend(q + size * rng.standard_normal(system.n), t + h)
 
 
-@pytest.mark.parametrize("size", [0.0, 1e-6, 1e-2, 0.15])
+@pytest.mark.one_quick
+@pytest.mark.parametrize("size", [0.15, 1e-6, 0.0])
 @pytest.mark.parametrize("scheme", ["discrete", "midpoint"])
 def test_tangent_of_couplings_alone(scheme, size):
     """Block by block: no mass hides an error; steps of every size."""
@@ -283,33 +230,14 @@ def test_tangent_of_couplings_alone(scheme, size):
     assert abs(K - wanted).max() < 1e-12 * abs(wanted).max()
 
 
-def test_stiffness_is_that_of_the_energy():
-    """At the neutral state the tangent of the energy is the material stiffness."""
-    model = sc.Model()
-    rng = np.random.default_rng(1)
-    a, b = (model.add(n, sc.RigidBody.box(1.0, (1, 2, 3), position=rng.random(3))) for n in "ab")
-    model.add("mount", sc.Bushing(a.at((0, 0, 0)), b.at((0.1, 0, 0)), semidefinite(rng, 6, 6)))
-    model.add("spring", sc.SpringDamper(a.at((1, 0, 0)), b.at((0, 1, 0)), 7.0))
-    system = model.freeze()
-    y = system.extend(system.q0, 0.0)
-    K = np.zeros((system.n, system.n))
-    pairs, blocks = system.couplings.pairs, system.couplings.stiffness(y)
-    for (i, j), block in zip(pairs, blocks, strict=True):
-        K[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] += block
-    d = rng.standard_normal(system.n)
-    h = 1e-4
-    plus, minus = (diagnostics.coupling_energy(system, system.q0 + s * h * d) for s in (1.0, -1.0))
-    assert (plus + minus) / h**2 == pytest.approx(d @ K @ d, rel=1e-5)
-
-
 # -- coordinates -----------------------------------------------------------------------------------
 
 
 def invariants_of(psi):
     """``(sin(theta) n, cos(theta) + 1/2)`` from scipy's rotations."""
-    R = Rotation.from_rotvec(psi).as_matrix()
-    sines = [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]]
-    return np.stack([*(0.5 * s for s in sines), 0.5 * np.trace(R, axis1=1, axis2=2)], -1)
+    quaternion = Rotation.from_rotvec(psi).as_quat()
+    vector, scalar = quaternion[:, :3], quaternion[:, 3:]
+    return np.hstack([2 * scalar * vector, 2 * scalar**2 - 0.5])
 
 
 def pairs_of(kind, count=1000):
@@ -342,33 +270,6 @@ def test_discrete_derivative_is_exact(name):
     assert abs(Psi - kind.slope(0.5 * (pi0 + pi1)))[small].max() < 1e-7
 
 
-@pytest.mark.parametrize("name", [*KINDS, "joined"])
-def test_slopes_of_coordinates(name):
-    kind = KINDS[name] if name in KINDS else Joined((KINDS["distance"], KINDS["rotation"]))
-    pi1 = pairs_of(name)[1] if name in KINDS else np.hstack(list(joined_pairs())[1])
-    found = kind.slope(pi1)
-    assert abs(found - derivative(kind.value, pi1)).max() < 3e-12 * max(1, abs(found).max())
-
-
-def joined_pairs():
-    return zip(pairs_of("distance"), pairs_of("rotation"), strict=True)
-
-
-def derivative(function, x):
-    columns = []
-    for k in range(x.shape[-1]):
-        z = x.astype(complex)
-        z[:, k] += 1j * EPS
-        columns.append(function(z).imag / EPS)
-    return np.stack(columns, -1)
-
-
-def test_rotation_vector_is_that_of_scipy():
-    psi = Rotation.random(500, random_state=2).as_rotvec()
-    psi = psi[np.linalg.norm(psi, axis=1) < 3]
-    assert abs(KINDS["rotation"].value(invariants_of(psi)) - psi).max() < 1e-12
-
-
 # -- closed forms ----------------------------------------------------------------------------------
 
 
@@ -385,6 +286,7 @@ def oscillator(stiffness, damping, load=0.0):
     return model.freeze()
 
 
+@pytest.mark.one_quick
 @integrators
 def test_linear_oscillator_is_the_midpoint_rule(integrator):
     """Of a linear oscillator both schemes make the implicit midpoint rule, step by step."""
@@ -393,13 +295,11 @@ def test_linear_oscillator_is_the_midpoint_rule(integrator):
     A = np.array([[0, 1], [-k / m, -c / m]])
     rest = np.array([0.1 + f / k, 0])
     step = np.linalg.solve(np.eye(2) - h / 2 * A, np.eye(2) + h / 2 * A)
-    x = np.array([0.0, 0.5]) - rest
-    states = [x := step @ x for _ in range(40)]
-    wanted = rest + np.array([np.array([0.0, 0.5]) - rest, *states])
+    start = np.array([0.0, 0.5]) - rest
+    powers = [np.linalg.matrix_power(step, n) for n in range(41)]
+    wanted = rest + np.array(powers) @ start
     assert abs(history["joint/rail/displacement"] - wanted[:, 0]).max() < 1e-13
     assert abs(history["joint/rail/displacement_rate"] - wanted[:, 1]).max() < 1e-12
-    exact = rest + np.array([expm(A * t) @ (np.array([0.0, 0.5]) - rest) for t in history.times])
-    assert 1e-5 < abs(wanted - exact).max() < 1e-1
 
 
 def pendulum(neutral=0.0, stiffness=12.0, damping=0.0, spin=0.0):
@@ -413,19 +313,20 @@ def pendulum(neutral=0.0, stiffness=12.0, damping=0.0, spin=0.0):
     return model.freeze()
 
 
+@pytest.mark.slow
 @treatments
 @integrators
 def test_torsional_spring_has_its_frequency(integrator, treatment):
     """Angle of any size: second order against ``neutral (1 - cos(w t))``, Richardson to 2e-6."""
     neutral, w = 2.0, np.sqrt(12.0 / 0.4)
     ends = []
-    for h in (0.02, 0.01, 0.005):
+    for h in (0.01, 0.005):
         history = simulate(pendulum(neutral), integrator, h, 1.0, treatment)
         ends.append(history["joint/hinge/angle"][-1])
     exact = neutral * (1 - np.cos(w))
     errors = abs(np.array(ends) - exact)
-    assert 1.9 < np.log2(errors[1] / errors[2]) < 2.1
-    assert abs((4 * ends[2] - ends[1]) / 3 - exact) < 2e-6
+    assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1
+    assert abs((4 * ends[1] - ends[0]) / 3 - exact) < 2e-6
 
 
 class Helix(Coupling):
@@ -461,6 +362,7 @@ def helix(names=("u", "turn"), stiffness=HELIX):
     return model.freeze()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kernels", ["numpy", pytest.param("numba", marks=needs_numba)])
 def test_full_turns_of_an_angle_beside_a_displacement(kernels):
     """``M x'' = -K x`` of both, up to 8 rad: by modes, second order in the step; energy is kept."""
@@ -477,43 +379,21 @@ def test_full_turns_of_an_angle_beside_a_displacement(kernels):
     assert errors[1] < 0.02 and 1.8 < np.log2(errors[0] / errors[1]) < 2.2
 
 
-def test_order_and_number_of_angles_change_nothing():
-    """The angle before the displacement, or twice with half of the stiffness each."""
-    pair = sc.EnergyMomentum(), sc.NullSpace(), 0.02, 3.0
-    run = sc.simulate(helix(), *pair, kernels="numpy")
-    swapped = sc.simulate(helix(("turn", "u"), HELIX[::-1, ::-1]), *pair)
-    share = np.array([[1, 0], [0, 0.5], [0, 0.5]])
-    twice = sc.simulate(helix(("u", "turn", "same"), share @ HELIX @ share.T), *pair)
-    for other in (swapped, twice):
-        assert other.meta["kernels"] == "numpy"
-        assert other["q"] == pytest.approx(run["q"], abs=1e-11)
-    assert twice.meta["turns"] == ["spring/turn", "spring/same"]
-
-
 @pytest.mark.plain
 @pytest.mark.parametrize(
-    "system",
-    [
-        helix(("turn", "u")),
-        helix(("u", "turn", "same"), np.eye(3)),
-        helix(("u", "up", "turn"), np.eye(3)),
-        helix(("u",) * 6 + ("turn",), np.eye(7)),
-    ],
+    "names",
+    [("turn", "u"), ("u", "turn", "same"), ("u", "up", "turn"), ("u",) * 6 + ("turn",)],
     ids=["order", "angles", "places", "components"],
 )
-def test_own_elements_without_kernels_are_told(system):
+def test_own_elements_without_kernels_are_told(names):
     """In motion and at rest; by default numpy takes them."""
+    system = helix(names, np.eye(len(names)))
     why = r"there are no compiled kernels for helix 'spring', whose coordinates are \["
     for run in (partial(simulate, integrator="energy-momentum", step=0.01, until=0.02), sc.static):
         with pytest.raises(sc.InputError, match=why):
             run(system, kernels="numba")
     run = simulate(system, "energy-momentum", 0.01, 0.02)
     assert run.meta["kernels"] == "numpy" and "displacements before" in run.meta["kernels_why"]
-
-
-def test_hinge_comes_to_rest_at_the_neutral_angle():
-    history = simulate(pendulum(1.3, 5.0, 2.0), "energy-momentum", 0.05, 10.0, every=50)
-    assert history["joint/hinge/angle"][-1] == pytest.approx(1.3, abs=1e-9)
 
 
 def test_bushing_under_a_wrench():
@@ -527,26 +407,19 @@ def test_bushing_under_a_wrench():
     model.add("mount", sc.Bushing(sc.ground((0.1, 0, 0)), place, K, 3.0))
     model.add("force", sc.LoadForce(place, force))
     model.add("moment", sc.LoadMoment(place, moment))
-    history = simulate(model.freeze(), "energy-momentum", 0.05, 20.0, every=100)
-    xi = history["coupling/mount/coordinate"][-1]
+    path = sc.static(model)
+    xi = path["coupling/mount/coordinate"][-1]
     u, psi = xi[:3], xi[3:]
     assert np.linalg.norm(psi) > 0.3
     # delta psi = T^-1 delta theta of a spatial turn: the moment is T^-T (K xi)_psi
     h = 1e-6
     R = Rotation.from_rotvec(psi)
-    turned = [
-        (
-            (Rotation.from_rotvec(h * e) * R).as_rotvec()
-            - (Rotation.from_rotvec(-h * e) * R).as_rotvec()
-        )
-        / (2 * h)
-        for e in np.eye(3)
-    ]
+    after, before = ((Rotation.from_rotvec(s * np.eye(3)) * R).as_rotvec() for s in (h, -h))
+    turned = (after - before) / (2 * h)
     assert abs((K @ xi)[:3] - force).max() < 1e-9
-    assert abs(np.array(turned) @ (K @ xi)[3:] - moment).max() < 1e-8
-    x = history["q"][-1][:3] + history["q"][-1][3:].reshape(3, 3).T @ (0.1, 0.1, -0.2)
-    assert abs(x - (0.3, 0.1, -0.2) - u).max() < 1e-12
-    assert abs(history["coupling/mount/force"][-1] - K @ xi).max() < 1e-9
+    assert abs(turned @ (K @ xi)[3:] - moment).max() < 1e-8
+    assert abs(path.position(place)[-1] - place.position - u).max() < 1e-12
+    assert abs(path["coupling/mount/force"][-1] - K @ xi).max() < 1e-9
 
 
 def spring_pendulum(length=1.0):
@@ -557,6 +430,7 @@ def spring_pendulum(length=1.0):
     return model.freeze()
 
 
+@pytest.mark.slow
 @integrators
 def test_spring_pendulum(integrator):
     """Against an integration of the equation of motion by other means, to 1e-12."""
@@ -569,31 +443,10 @@ def test_spring_pendulum(integrator):
 
     z0 = (1.2, 0, 0, 0, 0.7, 0.3)
     exact = solve_ivp(rate, (0, 1), z0, method="DOP853", rtol=1e-12, atol=1e-13).y[:3, -1]
-    ends = [simulate(spring_pendulum(), integrator, h, 1.0)["q"][-1] for h in (0.01, 0.005, 0.0025)]
+    ends = [simulate(spring_pendulum(), integrator, h, 1.0)["q"][-1] for h in (0.005, 0.0025)]
     errors = [abs(q - exact).max() for q in ends]
-    assert 1.95 < np.log2(errors[1] / errors[2]) < 2.05
-    assert abs((4 * ends[2] - ends[1]) / 3 - exact).max() < 2e-7
-
-
-@integrators
-def test_actuator_between_free_bodies(integrator):
-    """Equal and opposite: each gets ``-+ torque * t``, their centre of mass stays."""
-    model = sc.Model()
-    one = model.add("one", sc.RigidBody(1.0, (0.3, 0.4, 0.5)))
-    two = model.add("two", sc.RigidBody(2.0, (0.6, 0.5, 0.7)))
-    axle = model.add("axle", sc.JointRevolute(one.at((0, 0, 0)), two.at((0, 0, 0)), (0, 0, 1)))
-    ramp = sc.Table([0, 0.5, 1.0], [0, 2.0, 0])
-    model.add("motor", sc.JointActuator(axle, ramp))
-    history = simulate(model.freeze(), integrator, 0.01, 1.0)
-    impulse = 1.0  # of the ramp, N m s
-    rate = history["joint/axle/angle_rate"][-1]
-    assert rate == pytest.approx(impulse / 0.5 + impulse / 0.7, rel=2e-3)
-    assert abs(history["angular_momentum"]).max() < 1e-12
-    work = history["work_actuators"][-1]
-    assert work == pytest.approx(impulse**2 / 2 * (1 / 0.5 + 1 / 0.7), rel=2e-3)
-    assert history["kinetic"][-1] == pytest.approx(
-        work, rel=1e-12 if "energy" in integrator else 1e-2
-    )
+    assert 1.95 < np.log2(errors[0] / errors[1]) < 2.05
+    assert abs((4 * ends[1] - ends[0]) / 3 - exact).max() < 2e-7
 
 
 # -- cables ----------------------------------------------------------------------------------------
@@ -608,11 +461,12 @@ def thrown(cable=True, damping=0.3):
     return model.freeze()
 
 
+@pytest.mark.slow
 @pytest.mark.plain
 @integrators
 def test_slack_cable_is_not_there(integrator):
-    history = simulate(thrown(), integrator, 0.005, 4.0)
-    free = simulate(thrown(cable=False), integrator, 0.005, 4.0)
+    history = simulate(thrown(), integrator, 0.005, 2.0)
+    free = simulate(thrown(cable=False), integrator, 0.005, 2.0)
     taut = history["coupling/rope/coordinate"] > 1
     first = int(np.argmax(taut))
     assert first > 20
@@ -626,48 +480,23 @@ def test_slack_cable_is_not_there(integrator):
     assert history["dissipated"][-1] > 0.1
 
 
-@integrators
-@pytest.mark.parametrize("damping", [0.0, 2.0, 500.0])
-def test_cable_never_pushes(integrator, damping):
-    """The impulse of each step is directed to the anchor, also by a strong damper."""
-    h = 0.01
-    system = thrown(damping=damping)
-    scheme = INTEGRATORS[integrator]
-    stepper = sc.Stepper(system, scheme, sc.NullSpace(), h)
-    state, pulls = sc.initial_state(system), []
-    for _ in range(150):
-        balance = scheme.balance(system, h)
-        step = balance.begin(state)
-        report = stepper.advance(state)
-        y1 = system.extend(report.state.q, state.time + h)
-        force = balance.evaluate(step, y1).coupled.force[0]
-        mid = 0.5 * (state.q + report.state.q)
-        pulls.append(force @ mid / np.linalg.norm(mid))
-        assert np.linalg.norm(np.cross(force, mid)) <= 1e-12 * np.linalg.norm(force)
-        state = report.state
-    assert min(pulls) == 0
-    assert max(pulls) > 1
-
-
-def test_law_of_cables():
+@pytest.mark.parametrize("damping", [0.7, 500.0])
+def test_law_of_cables(damping):
     """Tension, energy identity and dissipation for all pairs of stretches, slack ones included."""
     rng = np.random.default_rng(7)
     count, h = 4000, 0.01
-
-    class Member:
-        stiffness, damping = np.array([[30.0]]), np.array([[0.7]])
-
-    law = SlackLaw([Member()] * count)
+    place = sc.MassPoint(1.0, (0, 0, 1)).place()
+    law = SlackLaw([sc.Cable(sc.ground((0, 0, 0)), place, 30.0, damping)] * count)
     e0, e1 = 0.1 * rng.standard_normal((2, count, 1))
     e1[:50] = e0[:50] + 1e-12 * rng.standard_normal((50, 1))
     sigma, dissipated, numerical = law.discrete(e0, e1, h)
     assert sigma.min() == 0 and dissipated.min() >= 0 and dissipated.max() > 0
     work = (sigma * (e1 - e0))[:, 0]
     change = law.energy(e1) - law.energy(e0)
-    assert abs(work - change - dissipated).max() < 1e-13
+    assert abs(work - change - dissipated).max() < 1e-13 * max(1, abs(work).max())
     assert not numerical.any()
     *_, whole, numerical = law.discrete(e0, e1, h, decay=0.1)
-    assert numerical == pytest.approx(whole * 0.5 * h * 0.1 * 30.0 / (0.7 + 0.5 * h * 0.1 * 30.0))
+    assert numerical == pytest.approx(whole * 0.015 / (damping + 0.015))  # of 0.5 h 0.1 * 30
     rate = (e1 - e0) / h
     middle = law.midpoint(0.5 * (e0 + e1), rate, e0, e1, h)
     assert middle[0].min() == 0 and middle[-1].min() >= 0
@@ -677,63 +506,32 @@ def test_law_of_cables():
 # -- energy and momentum ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "moving", [pytest.param(False, marks=pytest.mark.slow), True], ids=["rest", "moving"]
-)
+@pytest.mark.slow
 @treatments
-def test_energy_balance_of_energy_momentum(treatment, moving, kernels):
+def test_energy_balance_of_energy_momentum(treatment, kernels):
     """Springs, dampers, cables, bushings, actuators, loads by nothing left out; every 3rd step."""
-    system = zoo(0, moving=moving)
+    system = zoo(0, moving=True)
     options = {"start": pushed(system), "every": 3, "kernels": kernels}
-    history = simulate(system, "energy-momentum", 0.02, 1.2, treatment, **options)
+    history = simulate(system, "energy-momentum", 0.02, 0.9, treatment, **options)
     scale = history["energy"].max()
     assert abs(history["energy_balance"]).max() < 1e-12 * scale
     assert history["dissipated"][-1] > 0.2 * scale
     assert abs(history["work_actuators"][-1]) > 0.1 * scale
     assert np.diff(history["dissipated"]).min() > 0
-    assert (abs(history["work_drives"]).max() > 0.05 * scale) == moving
+    assert abs(history["work_drives"]).max() > 0.05 * scale
     assert history["coupling_energy"].min() > 0
 
 
-def shaken():
-    """A body that hangs on moving ground by a joint, a bushing and a damped spring."""
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody(1.5, TENSOR, center=(0.1, -0.2, 0.15)))
-    other = model.add("other", sc.RigidBody(1.5, TENSOR, position=(1, 0, 0)))
-    post = sc.ground((0, 0, 1), SHAKE)
-    model.add("post", sc.JointRevolute(post, body.at((0, 0, 1)), axis=(0, 0.6, 0.8)))
-    model.add("mount", sc.Bushing(post, other.at((0.8, 0, 0.2)), 20.0, 0.2))
-    model.add("spring", sc.SpringDamper(post, other.at((1, 0.1, 0)), 10.0, 0.5))
-    return model.freeze()
-
-
-@pytest.mark.parametrize(
-    "moving", [pytest.param(False, marks=pytest.mark.slow), True], ids=["rest", "moving"]
-)
-def test_energy_balance_of_the_variational_scheme(moving):
-    worst_of = []
-    for h in (0.01, 0.005, 0.0025):
-        system = shaken() if moving else zoo(0)
-        history = simulate(system, "variational", h, 0.2, start=pushed(system))
-        worst_of.append(abs(history["energy_balance"]).max() / history["energy"].max())
+@pytest.mark.slow
+def test_energy_balance_of_the_variational_scheme():
+    """Of second order in the step: energy is not conserved. Works of all steps are in it."""
+    system, errors = zoo(0, moving=True), []
+    for h, every in ((0.005, 5), (0.0025, 10)):
+        history = simulate(system, "variational", h, 0.1, start=pushed(system), every=every)
+        errors.append(abs(history["energy_balance"]).max() / history["energy"].max())
         assert np.diff(history["dissipated"]).min() > 0
-    orders = np.log2(np.array(worst_of[:-1]) / worst_of[1:])
-    assert worst_of[0] > 1e-6  # not conserved
-    assert (abs(orders - 2) < 0.15).all()
-
-
-@integrators
-def test_works_of_all_steps_are_recorded(integrator):
-    """Also when few states are; the variational work of drives is known one step later."""
-    system = shaken()
-    start = pushed(system)
-    whole = simulate(system, integrator, 0.01, 0.3, start=start)
-    rare = simulate(system, integrator, 0.01, 0.3, start=start, every=7)
-    for name in ("work_loads", "work_actuators", "work_drives", "dissipated", "energy_balance"):
-        assert np.isfinite(whole[name]).all()
-        picked = whole[name][np.isin(whole["step"], rare["step"])]
-        assert abs(rare[name] - picked).max() < 1e-14
-    assert abs(whole["work_drives"][1:]).min() > 0
+    assert errors[0] > 1e-6
+    assert abs(np.log2(errors[0] / errors[1]) - 2) < 0.15
 
 
 def linkage():
@@ -748,84 +546,46 @@ def linkage():
     return model.freeze()
 
 
+@pytest.mark.slow
 @integrators
 def test_elements_in_a_closed_loop(integrator, kernels):
     """By elimination, and with multipliers, for which there are plain kernels only."""
     ways = {"null space": kernels, "multipliers": "numpy"}
     found = [
-        simulate(linkage(), integrator, 0.01, 1.0, treatment, kernels=ways[treatment])
+        simulate(linkage(), integrator, 0.01, 0.7, treatment, kernels=ways[treatment])
         for treatment in TREATMENTS
     ]
     assert found[0].meta["kernels"] == kernels
     assert abs(found[0]["q"] - found[1]["q"]).max() < 1e-12
-    force, other = (history["constraint_force"][:-1] for history in found)
-    assert abs(force - other).max() < 1e-7 * abs(force).max()
-    scale = found[0]["energy"].max()
+    limit = 1e-12 if integrator == "energy-momentum" else 1e-4
     for history in found:
-        limit = 1e-12 if integrator == "energy-momentum" else 1e-4
-        assert abs(history["energy_balance"]).max() < limit * scale
+        assert abs(history["energy_balance"]).max() < limit * history["energy"].max()
     assert np.ptp(found[0]["joint/pin 2/angle"]) > 0.1
 
 
-def driven(motion):
-    """A crank driven by a motor through gravity, a follower load and a damped spring."""
-    model = sc.Model()
-    crank = model.add("crank", sc.RigidBody.box(2.0, (1, 0.1, 0.1), position=(0.5, 0, 0)))
-    slider = model.add("slider", sc.RigidBody.box(1.0, (0.2, 0.2, 0.2), position=(1, 0, 0)))
-    pin = sc.JointRevolute(sc.ground((0, 0, 0)), crank.at((0, 0, 0)), axis=(0, 1, 0))
-    pin = model.add("pin", pin)
-    rail = sc.JointPrismatic(crank.at((1, 0, 0)), slider.at((1, 0, 0)), axis=(1, 0, 0))
-    rail = model.add("rail", rail)
-    model.add("motor", sc.JointDrive(pin, motion))
-    model.add("spring", sc.JointSpringDamper(rail, 200.0, 1.0))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
-    place = slider.at((1, 0, 0))
-    model.add("thrust", sc.LoadForce(place, (0, 0, 1.0), follower=True))
-    return model.freeze()
-
-
-@treatments
-def test_energy_balance_with_a_drive_and_loads(treatment):
-    history = simulate(driven(lambda t: -2 * t**2), "energy-momentum", 0.01, 1.0, treatment)
-    scale = history["energy"].max()
-    assert history["work_drives"][-1] > 0.5 * scale
-    assert abs(history["work_loads"]).max() > 0.1 * scale
-    assert abs(history["energy_balance"]).max() < 1e-9 * scale
-    assert history["joint/pin/angle"][-1] == pytest.approx(-2.0, abs=1e-12)
-
-
-@treatments
-def test_variational_energy_balance_with_a_drive(treatment):
-    errors = []
-    for h in (0.01, 0.005, 0.0025):
-        history = simulate(driven(lambda t: -2 * t**2), "variational", h, 0.6, treatment)
-        errors.append(abs(history["energy_balance"]).max())
-    assert errors[0] < 1e-2 * history["energy"].max()
-    assert 1.85 < np.log2(errors[1] / errors[2]) < 2.15
-
-
+@pytest.mark.slow
 @treatments
 @integrators
 def test_free_scenes_keep_their_momenta(integrator, treatment, kernels):
     """With dampers and actuators, too: all are internal forces."""
     system = zoo(1, grounded=False)
     options = {"start": pushed(system, size=1.0), "kernels": kernels}
-    history = simulate(system, integrator, 0.02, 1.0, treatment, **options)
+    history = simulate(system, integrator, 0.04, 1.0, treatment, **options)
     L = diagnostics.angular_momentum(system, history["q"], history["p"])
     p = diagnostics.linear_momentum(system, history["p"])
-    assert len(L) == 51
     # compared with the sizes of the terms: in a random motion they nearly cancel
     y, momenta = history["q"][0].reshape(-1, 3), history["p"][0].reshape(-1, 3)
     size = np.linalg.norm(np.cross(y, momenta), axis=1).sum()
-    assert abs(L - L[0]).max() < 1e-11 * size  # 50 steps, and room for other processors
+    assert abs(L - L[0]).max() < 1e-11 * size  # 25 steps, and room for other processors
     assert abs(p - p[0]).max() < 1e-11 * np.linalg.norm(momenta[system.origin_rows], axis=1).sum()
     assert np.linalg.norm(L[0]) > 0.01 * size
     assert np.ptp(history["energy"]) > 0.05 * history["energy"][0]
 
 
+@pytest.mark.slow
 def test_undamped_free_scene_keeps_its_energy():
     system = zoo(1, grounded=False, damping=0.0, actuated=False)
-    history = simulate(system, "energy-momentum", 0.02, 1.0, start=pushed(system, size=1.0))
+    history = simulate(system, "energy-momentum", 0.02, 0.5, start=pushed(system, size=1.0))
     assert np.ptp(history["energy"]) < 1e-12 * history["energy"][0]
     assert np.ptp(history["coupling_energy"]) > 0.1 * history["energy"][0]
     assert (history["dissipated"] == 0).all()
@@ -834,14 +594,15 @@ def test_undamped_free_scene_keeps_its_energy():
 # -- angles over several turns ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @treatments
 @integrators
 def test_spring_wound_over_several_turns(integrator, treatment, kernels, tmp_path):
     """Its energy and angle count all turns, recorded rarely, and go on from a file."""
     system = pendulum(stiffness=0.05, spin=8.0)
     h = 0.04
-    with_these = partial(simulate, kernels=kernels)
-    whole = with_these(system, integrator, h, 8.0, treatment)
+    run = partial(simulate, system, integrator, h, treatment=treatment, kernels=kernels)
+    whole = run(4.8)
     assert whole.meta["kernels"] == kernels
     w = np.sqrt(0.05 / 0.4)
     exact = 8.0 / w * np.sin(w * whole.times)
@@ -851,30 +612,22 @@ def test_spring_wound_over_several_turns(integrator, treatment, kernels, tmp_pat
     assert whole["turns"].max() >= 3
     stored = 0.5 * 0.05 * angle**2
     assert abs(whole["coupling_energy"] - stored).max() < 1e-12 * stored.max()
+    # without the turns of the state the spring is another one
+    assert abs(diagnostics.coupling_energy(system, whole["q"]) - stored).max() > 5
     if integrator == "energy-momentum":
         assert np.ptp(whole["energy"]) < 1e-12 * whole["energy"][0]
-    rare = with_these(system, integrator, h, 8.0, treatment, every=50)
-    assert abs(rare["joint/hinge/angle"] - angle[::50]).max() < 1e-12
-    first = with_these(system, integrator, h, 4.0, treatment, path=tmp_path / "half")
+    run(2.4, every=20, path=tmp_path / "half")
     first = sc.History.load(tmp_path / "half")
+    assert abs(first["joint/hinge/angle"] - angle[:61:20]).max() < 1e-12
     start = sc.restart(system, first, INTEGRATORS[integrator], h)
     assert start.turns.tolist() == first["turns"][-1].tolist() != [0]
-    second = with_these(system, integrator, h, 8.0, treatment, start=start)
-    assert abs(second["joint/hinge/angle"] - angle[100:]).max() < 1e-11
-
-
-def test_wrapped_angle_would_lose_the_energy():
-    """Negative: without the turns of the state the spring is another one."""
-    system = pendulum(stiffness=0.05, spin=8.0)
-    history = simulate(system, "energy-momentum", 0.02, 4.0)
-    wrapped = diagnostics.coupling_energy(system, history["q"])
-    assert abs(wrapped - history["coupling_energy"]).max() > 5
+    second = run(4.8, start=start)
+    assert abs(second["joint/hinge/angle"] - angle[60:]).max() < 1e-11
 
 
 def test_rotation_vector_that_passes_pi_is_reported(kernels):
     model = sc.Model()
-    body = sc.RigidBody(1.5, (0.3, 0.4, 0.5), angular_velocity=(0, 8.0, 0))
-    body = model.add("body", body)
+    body = model.add("body", sc.RigidBody(1.5, (0.3, 0.4, 0.5), angular_velocity=(0, 8.0, 0)))
     model.add("mount", sc.Bushing(sc.ground((0, 0, 0)), body.at((0, 0, 0)), 1e-3))
     with pytest.warns(sc.AccuracyWarning, match="'mount', t = .*the relative rotation passed pi"):
         simulate(model.freeze(), "energy-momentum", 0.02, 0.5, kernels=kernels)
@@ -883,21 +636,19 @@ def test_rotation_vector_that_passes_pi_is_reported(kernels):
 # -- relative coordinates in the history -----------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 def test_coordinates_and_rates_of_every_joint(integrator):
     """Rates are the slopes of the coordinates, to second order."""
     system = zoo(3)
     errors = []
     for h in (0.01, 0.005):
-        history = simulate(system, integrator, h, 0.2, start=pushed(system))
+        history = simulate(system, integrator, h, 0.1, start=pushed(system))
         worst_of = 0.0
         for joint in system.joints:
             for c in joint.coordinates():
                 x = history[f"joint/{joint.name}/{c.name}"]
                 rate = history[f"joint/{joint.name}/{c.name}_rate"]
-                assert (
-                    x.shape == rate.shape == ((len(history), 3) if c.size == 3 else (len(history),))
-                )
                 assert abs(x[0]).max() < 1e-14
                 slope = (x[2:] - x[:-2]) / (2 * h)
                 worst_of = max(worst_of, abs(slope - rate[1:-1]).max())
@@ -906,121 +657,24 @@ def test_coordinates_and_rates_of_every_joint(integrator):
     assert errors[0] / errors[1] > 3
 
 
-def test_coordinates_against_rotations_and_positions():
-    """By plain linear algebra from the frames."""
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # a beam bent anyhow
+def test_rotation_vectors_of_joints():
+    """Of a joint that leaves all rotations free, from the triads of both sides."""
     system = zoo(4)
-    joints = {j.name: j for j in system.joints}
     q = random_state(system, np.random.default_rng(1), 0.0, 0.8)
-    y = system.extend(q, 0.0)
-
-    def side(place):
-        r = system.row_of(place)
-        frame = y[r : r + 4]
-        return frame[0] + place.offset @ frame[1:], place.triad.T @ frame[1:]
-
-    def relative(name):
-        (x_a, A), (x_b, B) = side(joints[name].a), side(joints[name].b)
-        # rotation from a to b in the axes of a, and the distance there
-        return A @ B.T @ np.eye(3), A @ (x_b - x_a), A, B
-
-    zero = np.zeros(system.n)
-
-    def found(name):
-        series = relative_series(system, q[None], zero[None], np.zeros(1), None)
-        start = f"joint/{joints[name].name}/"
-        return {k.removeprefix(start): v[0] for k, v in series.items() if k.startswith(start)}
-
-    def vector(R):
-        return Rotation.from_matrix(R).as_rotvec()
-
-    def turn(name):
-        _, _, A, B = relative(name)
-        return vector(A @ B.T)
-
-    assert found("slide")["displacement"] == pytest.approx(
-        relative("slide")[1] @ joints["slide"].axis
-    )
-    for name in ("hinge", "tube"):
-        axis = joints[name].axis
-        assert turn(name) @ axis == pytest.approx(found(name)["angle"], abs=1e-12)
-        assert abs(np.cross(turn(name), axis)).max() < 1e-12
-    assert found("tube")["displacement"] == pytest.approx(relative("tube")[1] @ joints["tube"].axis)
-    plane = joints["plane"]
-    for name, axis in (("x", plane.x), ("y", np.cross(plane.normal, plane.x))):
-        assert found("plane")[name] == pytest.approx(relative("plane")[1] @ axis)
-    for name in ("ball", "wire"):
-        assert abs(found(name)["rotation"] - turn(name)).max() < 1e-12
-    cardan = joints["cardan"]
-    first = Rotation.from_rotvec(found("cardan")["angle_a"] * cardan.axis_a)
-    second = Rotation.from_rotvec(found("cardan")["angle_b"] * cardan.axis_b)
-    assert abs((first * second).as_rotvec() - turn("cardan")).max() < 1e-12
+    start = sc.initial_state(system, q=q, v=0 * q)
+    run = simulate(system, "energy-momentum", 1e-3, 1e-3, start=start)
+    for joint in system.joints:
+        if joint.name in ("ball", "wire"):
+            (_, A), (_, B) = (seen(system, p, system.extend(q, 0.0)) for p in (joint.a, joint.b))
+            turn = Rotation.from_matrix(A.T @ B).as_rotvec()
+            assert abs(run[f"joint/{joint.name}/rotation"][0] - turn).max() < 1e-12
 
 
 # -- eccentric ends of beams -----------------------------------------------------------------------
 
 
-def frame_beams(order, eccentric):
-    """Two beams, hinged to the ground and to each other at points off their nodes."""
-    mesh = [
-        sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, "one"),
-        sc.MeshCurve.init_line((1.1, 0, 0.2), (1.1, 0, 1.2), 3, "two"),
-    ]
-    section = sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))
-    model = sc.Model()
-    one, two = (
-        model.add(n, sc.Beam(m, section, order=order, director=(0, 1, 0)))
-        for n, m in zip(("one", "two"), mesh, strict=True)
-    )
-    # triads: d1 = e2, d3 along the beam, d2 = d3 x d1
-    elbow = np.array([1.05, 0.0, 0.1])
-
-    def at(beam, node):
-        place = beam.node(node)
-        return beam.node(node, offset=place.triad @ (elbow - place.position))
-
-    if eccentric == "hinge":
-        model.add("elbow", sc.JointRevolute(at(one, "one.end"), at(two, "two.start"), (0, 1, 0)))
-    else:
-        model.add("elbow", sc.JointFixed(at(one, "one.end"), at(two, "two.start")))
-    foot = one.node("one.start", offset=(0.0, 0.1, -0.05))
-    model.add("foot", sc.JointRevolute(sc.ground(foot.position), foot, (0, 1, 0)))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
-    return model.freeze(), elbow
-
-
-@pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize("eccentric", ["hinge", "fixed"])
-@treatments
-def test_eccentric_ends_of_beams(treatment, eccentric, order):
-    """No body in between: triads without mass in d3 are joined, energy is kept."""
-    system, elbow = frame_beams(order, eccentric)
-    nodes = 2 * (3 * order + 1)
-    held = {"hinge": 5, "fixed": 6}[eccentric] + 5
-    assert system.counts()["unknowns"] == 6 * nodes - held
-    history = simulate(system, "energy-momentum", 0.01, 0.6, treatment)
-    assert abs(history["energy_balance"]).max() < 1e-11 * history["kinetic"].max()
-    assert history["constraint_violation"].max() < 1e-11
-    assert abs(history["joint/elbow/position"][0] - elbow).max() < 1e-15
-    assert abs(history["joint/foot/position"] - history["joint/foot/position"][0]).max() < 1e-12
-    if eccentric == "hinge":
-        assert abs(history["joint/elbow/angle"]).max() > 0.1
-
-
-def test_eccentric_clamp_is_a_clamp():
-    """Held at a point rigid with its end, a beam moves as if held at its end."""
-    ends = []
-    for offset in ((0, 0, 0), (0.3, -0.2, 0.1)):
-        mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0.3, 0), 3, "rod")
-        model = sc.Model()
-        rod = model.add("rod", sc.Beam(mesh, sc.Section(FULL, mass=1.3, inertia=(0.11, 0.07))))
-        place = rod.node("rod.start", offset)
-        model.add("clamp", sc.JointFixed(sc.ground(place.position), place))
-        model.add("gravity", sc.LoadGravity(GRAVITY))
-        ends.append(simulate(model.freeze(), "energy-momentum", 0.01, 0.5)["q"])
-    assert abs(ends[1] - ends[0]).max() < 1e-12
-    assert np.ptp(ends[0], axis=0).max() > 0.05
-
-
+@pytest.mark.one_quick
 @treatments
 @integrators
 def test_eccentric_node_is_a_point_of_a_lumped_body(integrator, treatment):
@@ -1055,94 +709,63 @@ NAN = float("nan")
 SKEW = np.eye(6) + np.eye(6, k=1) / 9
 
 
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (lambda: sc.JointSpringDamper(HINGE), ["joint spring", "both zero"]),
-        (lambda: sc.JointSpringDamper(HINGE, -2.0), ["joint spring", "stiffness = -2.0"]),
-        (lambda: sc.JointSpringDamper(HINGE, 1.0, -0.5), ["joint spring", "damping = -0.5"]),
-        (lambda: sc.JointSpringDamper(HINGE, NAN), ["joint spring", "stiffness", "nan"]),
-        (lambda: sc.JointSpringDamper(HINGE, "a"), ["joint spring", "stiffness = 'a'"]),
-        (lambda: sc.JointSpringDamper(HINGE, np.eye(3)), ["stiffness", "(3, 3)", "a number"]),
-        (lambda: sc.JointSpringDamper(HINGE, 1.0, neutral=NAN), ["neutral = nan"]),
-        (lambda: sc.JointSpringDamper(HINGE, 1.0, neutral=(1, 2)), ["neutral = [1.0, 2.0]"]),
-        (lambda: sc.JointSpringDamper(TUBE, 1.0), ["which of its coordinates", "displacement"]),
-        (lambda: sc.JointSpringDamper(HINGE, 1.0, 0, "slide"), ["no 'slide'", "angle"]),
-        (lambda: sc.JointSpringDamper(BODY, 1.0), ["joint spring", "expected a joint"]),
-        (lambda: sc.JointSpringDamper(BALL, np.eye(2)), ["(2, 2)", "(3, 3)"]),
-        (lambda: sc.JointSpringDamper(BALL, -np.eye(3)), ["not positive semidefinite", "-1"]),
-        (lambda: sc.JointActuator(HINGE, None), ["joint actuator", "amplitude is None"]),
-        (lambda: sc.JointActuator(HINGE, NAN), ["joint actuator", "amplitude = nan"]),
-        (lambda: sc.JointActuator(HINGE, "full"), ["joint actuator", "amplitude = 'full'"]),
-        (
-            lambda: sc.JointActuator(HINGE, lambda t: NAN),
-            ["amplitude = nan, expected a number at t = 0.0"],
-        ),
-        (lambda: sc.JointActuator(BALL, 1.0), ["joint actuator", "amplitude", "(3,)"]),
-        (lambda: sc.JointActuator(BALL, lambda t: t), ["joint actuator", "amplitude(0)"]),
-        (lambda: sc.JointActuator(TUBE, 1.0), ["which of its coordinates"]),
-        (lambda: sc.SpringDamper(A, B, 0.0), ["spring", "both zero"]),
-        (lambda: sc.SpringDamper(A, B, -1.0), ["spring", "stiffness = -1.0"]),
-        (lambda: sc.SpringDamper(A, B, 1.0, length=-1.0), ["spring", "length = -1.0"]),
-        (
-            lambda: sc.SpringDamper(A, BODY.at((1, 0, 0)), 1.0),
-            ["spring", "both sides are rigid body"],
-        ),
-        (lambda: sc.SpringDamper(OTHER.at((0, 0, 0)), A, 1.0), ["spring", "no direction"]),
-        (
-            lambda: sc.SpringDamper(G, sc.ground((0, 0, 0)), 1.0),
-            ["spring", "both sides are ground"],
-        ),
-        (lambda: sc.SpringDamper(BODY, B, 1.0), ["spring", "side a", "expected a place"]),
-        (lambda: sc.Cable(A, B, 0.0), ["cable", "stiffness = 0.0"]),
-        (lambda: sc.Cable(A, B, 1.0, -1.0), ["cable", "damping = -1.0"]),
-        (lambda: sc.Cable(A, B, 1.0, length=NAN), ["cable", "length = nan"]),
-        (lambda: sc.Bushing(A, P, np.eye(6)), ["bushing", "side b is mass point", "SpringDamper"]),
-        (lambda: sc.Bushing(A, B, SKEW), ["bushing", "stiffness is not symmetric", "0.111"]),
-        (lambda: sc.Bushing(A, B, np.eye(6), -np.eye(6)), ["bushing", "damping is not positive"]),
-        (lambda: sc.Bushing(A, B, np.eye(3)), ["bushing", "(3, 3)", "(6, 6)"]),
-        (lambda: sc.Bushing(A, B, np.full((6, 6), NAN)), ["bushing", "nan"]),
-        (lambda: sc.Beam(*STRIP).node(0, offset=(0, 1)), ["beam", "offset", "(2,)"]),
-        (lambda: sc.Beam(*STRIP).node(0, offset=(0, NAN, 0)), ["beam", "offset", "nan"]),
-    ],
-)
-def test_bad_elements(call, words):
-    with pytest.raises(sc.InputError) as caught:
-        call()
-    text = str(caught.value)
-    assert not [word for word in words if word not in text], text
-
-
 STRIP = (
     sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2),
     sc.Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0)),
 )
 
 
-def test_bad_scenes():
+@pytest.mark.one_quick
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: sc.JointSpringDamper(HINGE), "joint spring.*both zero"),
+        (lambda: sc.JointSpringDamper(HINGE, -2.0), "joint spring.*stiffness = -2.0"),
+        (lambda: sc.JointSpringDamper(HINGE, "a"), "joint spring.*stiffness = 'a'"),
+        (lambda: sc.JointSpringDamper(HINGE, 1.0, neutral=NAN), "neutral = nan"),
+        (lambda: sc.JointSpringDamper(TUBE, 1.0), "which of its coordinates.*displacement"),
+        (lambda: sc.JointSpringDamper(HINGE, 1.0, 0, "slide"), "no 'slide'.*angle"),
+        (lambda: sc.JointSpringDamper(BODY, 1.0), "joint spring.*expected a joint"),
+        (lambda: sc.JointSpringDamper(BALL, np.eye(2)), r"\(2, 2\).*\(3, 3\)"),
+        (lambda: sc.JointSpringDamper(BALL, -np.eye(3)), "not positive semidefinite.*-1"),
+        (lambda: sc.JointActuator(HINGE, None), "joint actuator.*amplitude is None"),
+        (lambda: sc.JointActuator(BALL, 1.0), r"joint actuator.*amplitude.*\(3,\)"),
+        (lambda: sc.JointActuator(BALL, lambda t: t), r"joint actuator.*amplitude\(0\)"),
+        (lambda: sc.SpringDamper(A, B, 0.0), "spring.*both zero"),
+        (lambda: sc.SpringDamper(A, B, 1.0, length=-1.0), "spring.*length = -1.0"),
+        (lambda: sc.SpringDamper(A, BODY.at((1, 0, 0)), 1.0), "both sides are rigid body"),
+        (lambda: sc.SpringDamper(OTHER.at((0, 0, 0)), A, 1.0), "spring.*no direction"),
+        (lambda: sc.SpringDamper(BODY, B, 1.0), "spring.*side a.*expected a place"),
+        (lambda: sc.Cable(A, B, 0.0), "cable.*stiffness = 0.0"),
+        (lambda: sc.Bushing(A, P, np.eye(6)), "bushing.*side b is mass point.*SpringDamper"),
+        (lambda: sc.Bushing(A, B, SKEW), "bushing.*stiffness is not symmetric.*0.111"),
+        (lambda: sc.Beam(*STRIP).node(0, offset=(0, 1)), r"beam.*offset.*\(2,\)"),
+    ],
+)
+def test_bad_elements(call, text):
+    with pytest.raises(sc.InputError, match=text):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("element", "text"),
+    [
+        (sc.JointSpringDamper(HINGE, 1.0), "joint spring 'own': refers to the revolute joint"),
+        (sc.Cable(G, P, 1.0), "cable 'own': .* mass point"),
+    ],
+)
+def test_elements_on_what_is_not_in_the_model(element, text):
     model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
-    model.add("spring", sc.JointSpringDamper(hinge, 1.0))
-    with pytest.raises(sc.InputError, match="joint spring 'spring': refers to the revolute joint"):
-        model.freeze()
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
-    stray = sc.MassPoint(1.0, (0, 0, 1))
-    model.add("cable", sc.Cable(body.at((0, 0, 0)), stray.place(), 1.0))
-    with pytest.raises(sc.InputError, match=r"cable 'cable': .* mass point"):
+    model.add("ball", sc.MassPoint(1.0))
+    model.add("own", element)
+    with pytest.raises(sc.InputError, match=text):
         model.freeze()
 
 
-@integrators
-def test_bad_functions_in_time_name_the_actuator(integrator):
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
-    hinge = model.add("hinge", hinge)
-    model.add("motor", sc.JointActuator(hinge, lambda t: 1.0 if t < 0.1 else NAN))
-    with pytest.raises(sc.InputError, match=r"joint actuator 'motor'.*nan"):
-        simulate(model.freeze(), integrator, 0.02, 0.5)
+def test_bad_functions_in_time_name_the_actuator():
+    system = oscillator(30.0, 0.8, lambda t: 1.0 if t < 0.1 else NAN)
+    with pytest.raises(sc.InputError, match=r"joint actuator 'push'.*nan"):
+        simulate(system, "variational", 0.02, 0.5)
 
 
 def test_turns_must_fit():
@@ -1152,37 +775,20 @@ def test_turns_must_fit():
         sc.Stepper(system, sc.Variational(), sc.NullSpace(), 0.1).advance(state)
 
 
-@cache
-def quiet():
-    """A scene without force elements."""
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(2.0, velocity=(1.0, 0, 2.0)))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
-    return model.freeze()
-
-
-@integrators
-def test_scenes_without_elements(integrator):
-    history = simulate(quiet(), integrator, 0.1, 1.0)
-    assert (history["coupling_energy"] == 0).all() and "turns" not in history
-    assert (history["work_actuators"] == 0).all() and (history["work_drives"] == 0).all()
-    assert history["work_loads"][-1] == pytest.approx(2 * -9.81 * history["q"][-1, 2], rel=1e-12)
-    assert quiet().couplings.pairs.shape == (0, 2)
-
-
 # -- compiled kernels ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pairs
 def test_kernels_agree_far_from_a_solution(integrator, treatment):
     assert_same_iteration(zoo(), integrator, treatment, 2)
 
 
-@pytest.mark.parametrize("shaken", [False, True])
+@pytest.mark.slow
 @pairs
-def test_kernels_agree(integrator, treatment, shaken):
-    """Fifty steps with all elements on all kinds of places; what they do in them is the same."""
-    plain, compiled = both(zoo(3, moving=shaken), integrator, treatment, 2e-3, 0.1)
+def test_kernels_agree(integrator, treatment):
+    """Ten steps with all elements on all kinds of places; what they do in them is the same."""
+    plain, compiled = both(zoo(3, moving=True), integrator, treatment, 2e-3, 0.02)
     assert_same(plain, compiled)
     for name in ("work_actuators", "dissipated", "work_drives"):
         size = max(1e-3, abs(plain[name]).max())
@@ -1190,53 +796,14 @@ def test_kernels_agree(integrator, treatment, shaken):
     assert compiled["turns"].tolist() == plain["turns"].tolist()
 
 
+@pytest.mark.slow
 @pairs
 def test_kernels_agree_in_steps_of_other_sizes(integrator, treatment):
     """Dampers know the size of the step."""
     assert_same_in_steps_of_other_sizes(zoo(), integrator, treatment)
 
 
-@treatments
-@pytest.mark.parametrize("chi", [0.2, 1.0])
-def test_kernels_damp_as_the_scheme_does(treatment, chi):
-    """Springs, dampers and cables of energy-decaying steps, with what the scheme takes itself."""
-    pytest.importorskip("numba")
-    system, scheme = zoo(7, moving=True), sc.EnergyDecaying(chi, velocity=False)
-    start = moving(system)
-    one, other = (
-        Stepper(system, scheme, TREATMENTS[treatment], 2e-3, kernels=kernels)
-        for kernels in ("numpy", "numba")
-    )
-    a, b = start, start
-    for _ in range(5):
-        found, compiled = one.advance(a), other.advance(b)
-        a, b = found.state, compiled.state
-        assert abs(a.q - b.q).max() < 1e-11 * abs(a.q).max()
-        assert abs(a.p - b.p).max() < 1e-10 * abs(a.p).max()
-
-
-@treatments
-def test_kept_factors_keep_energy_and_momenta(treatment):
-    """Energy-momentum: with dampers and motors the balance closes, also with kept factors."""
-    pytest.importorskip("numba")
-    system = zoo(5, grounded=False)
-    runs = [
-        simulate(
-            system, "energy-momentum", 1e-3, 0.3, treatment, kernels="numba", start=moving(system),
-            settings=sc.NewtonSettings(reuse=reuse, increment=1e-24),  # down to rounding
-        )
-        for reuse in (0, 4)
-    ]  # fmt: skip
-    for run in runs:
-        assert abs(run["energy_balance"]).max() < 1e-9 * abs(run["energy"]).max()
-        for name in ("linear_momentum", "angular_momentum"):
-            assert abs(run[name] - run[name][0]).max() < 1e-10 * abs(run[name]).max()
-        assert run["dissipated"].min() >= 0 and run["dissipated"].max() > 1e-6
-    whole, kept = runs
-    assert abs(kept["q"][-1] - whole["q"][-1]).max() < 1e-9
-    assert kept.meta["factorisations"] < 0.5 * whole.meta["factorisations"]
-
-
+@pytest.mark.slow
 @treatments
 def test_compiled_motion_does_not_depend_on_how_a_scene_lies(treatment):
     pytest.importorskip("numba")

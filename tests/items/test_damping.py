@@ -8,11 +8,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from helpers_kernels import (
+    INTEGRATORS,
+    TREATMENTS,
     assert_same,
     assert_same_in_steps_of_other_sizes,
     assert_same_iteration,
     both,
     corner,
+    integrators,
+    treatments,
     tree,
     with_kept_factors,
 )
@@ -20,25 +24,15 @@ from helpers_scenes import (
     FULL,
     SHAKE,
     TENSOR,
-    chequered,
+    _corner,
     full_section,
     pairs,
-    random_state,
-    rotation,
 )
 from rounding import momentum_limits
-from scipy.linalg import eigh
 from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
-from skfem_cosserat import write_paraview
 from skfem_cosserat.diagnostics import section_forces, section_strain_rates
-
-INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
-integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
-orders = pytest.mark.parametrize("order", [1, 2, 3, 4])
-TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
-EPS = 1e-40
 
 #: Symmetric, of rank 4 only: a section may be damped against some of its strains.
 _ROOT = np.random.default_rng(4).standard_normal((6, 4))
@@ -53,19 +47,12 @@ def run(system, integrator, step, until, treatment="null space", **options):
     )
 
 
-def crossing(order=1, damped=True, loads=True):
+def crossing(order=1):
     """A frame of three beams, two of them viscous, on a shaken support; a second beam, bodies."""
-    base = sc.MeshCurve.init_line((0, 0, -1), (1, 0, -1), 2, "base")
-    leg = sc.MeshCurve.init_line((1, 0, -1), (1, 0.8, -1.4), 1, "leg")
-    arm = sc.MeshCurve.init_arc((1, 0, -1), (0, 0, -1), (1, 0, 0), 1.0, 0.7, 1, "arm")
-    mesh = base.joined(leg, arm).with_nodes({"corner": (1, 0, -1)})
-    sections = {"base": full_section(), "leg": SLIM, "arm": SLIM}
-    if damped:
-        sections["base"] = sections["base"].damped(viscosity=PARTIAL)
-        sections["arm"] = SLIM.damped(time=0.03)
+    base_section, arm_section = full_section().damped(viscosity=PARTIAL), SLIM.damped(time=0.03)
+    sections = {"base": base_section, "leg": SLIM, "arm": arm_section}
     model = sc.Model()
-    frame = model.add("frame", sc.Beam(mesh, sections, order=order))
-    assert frame.elements.rotations is not None
+    frame = model.add("frame", sc.Beam(_corner(), sections, order=order))
     end = frame.node("arm.end")
     line = sc.MeshCurve.init_line(end.position, end.position + (0.5, 0.2, 0.9), 2, "boom")
     boom = model.add("boom", sc.Beam(line, SLIM, order=order))
@@ -78,20 +65,18 @@ def crossing(order=1, damped=True, loads=True):
     tool = model.add("tool", sc.MassPoint(0.3, on=hub.at(corner + np.array([0.2, 0.1, 0.3]))))
     ball = model.add("ball", sc.MassPoint(0.5, position=(2, 0, 0), velocity=(0, 1.0, 0)))
     model.add("spring", sc.SpringDamper(ball.place(), boom.node("boom.end"), 20.0, damping=0.4))
-    if loads:
-        model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
-        model.add("push", sc.LoadForce(boom.node("boom.end"), (1, 2, 0), follower=True))
-    if damped:
-        model.add("all", sc.RayleighDamping(mass=0.3))
-        model.add("boom alone", sc.RayleighDamping(mass=0.4, stiffness=0.02, items=boom))
-        model.add("some", sc.RayleighDamping(mass=0.9, items=[hub, tool]))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    model.add("push", sc.LoadForce(boom.node("boom.end"), (1, 2, 0), follower=True))
+    model.add("all", sc.RayleighDamping(mass=0.3))
+    model.add("boom alone", sc.RayleighDamping(mass=0.4, stiffness=0.02, items=boom))
+    model.add("some", sc.RayleighDamping(mass=0.9, items=[hub, tool]))
     return model.freeze()
 
 
-def free_beam(section, order=2, elements=3, rayleigh=None, **motion):
-    mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0, 1.0, elements, "rod")
+def free_beam(section, rayleigh=None, **motion):
+    mesh = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0, 1.0, 3, "rod")
     model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section, order=order, **motion))
+    rod = model.add("rod", sc.Beam(mesh, section, order=2, **motion))
     model.add("tip", sc.MassPoint(0.5, on=rod.node("rod.end")))
     if rayleigh is not None:
         model.add("damping", rayleigh)
@@ -104,12 +89,6 @@ def swirl(nodes):
 
 
 # -- sections ------------------------------------------------------------------------------------
-
-
-def test_sections_are_elastic_by_default():
-    steel = sc.Material(210e9, 0.3, 7850.0)
-    for section in (full_section(), sc.SectionRectangle(0.1, 0.2, steel)):
-        assert section.viscosity.shape == (6, 6) and not section.viscosity.any()
 
 
 def test_damped_copies():
@@ -127,8 +106,6 @@ def test_damped_copies():
 
 
 def test_viscosity_of_constructors():
-    given = sc.Section(FULL, 1.0, (0.1, 0.1), viscosity=PARTIAL)
-    assert np.array_equal(given.viscosity, PARTIAL)
     constants = sc.Section.from_constants(
         EA=1.0, GA=1.0, EI=(1, 1), GJ=1.0, mass=1.0, inertia=(1, 1), viscosity=np.ones(6)
     )
@@ -139,61 +116,45 @@ def _section(**options):
     return sc.Section(np.ones(6), 1.0, (1, 1), **options)
 
 
-def _model(*dampings):
+def _model(damping):
     model = sc.Model()
-    body = model.add("body", sc.RigidBody.sphere(1.0, 1.0))
-    for k, damping in enumerate(dampings):
-        model.add(f"damping {k}", damping(body))
+    model.add("body", sc.RigidBody.sphere(1.0, 1.0))
+    model.add("damping", damping)
     return model.freeze()
 
 
-NAN = float("nan")
-BODY, BEAM = sc.MassPoint(1.0), sc.Beam(sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1), SLIM)
-BAD = [
-    (lambda: _section(viscosity=-np.ones(6)), ["section", "viscosity", "semidefinite", "-1 s"]),
-    (lambda: _section(viscosity=np.ones((6, 6)) - 2 * np.eye(6)), ["viscosity", "semidefinite"]),
-    (lambda: _section(viscosity=np.eye(6, k=1)), ["section", "viscosity is not symmetric by 1"]),
-    (lambda: _section(viscosity=[NAN] * 6), ["section", "viscosity is not finite", "nan"]),
-    (lambda: _section(viscosity=np.ones(5)), ["section", "viscosity has shape (5,)", "(6, 6)"]),
-    (lambda: _section(viscosity="much"), ["section", "viscosity = 'much'"]),
-    (SLIM.damped, ["section", "time = None", "expected one of them"]),
-    (lambda: SLIM.damped(1.0, np.eye(6)), ["section", "time = 1.0", "expected one of them"]),
-    (lambda: SLIM.damped(time=-0.1), ["section", "time = -0.1"]),
-    (lambda: SLIM.damped(time=NAN), ["section", "time = nan"]),
-    (lambda: SLIM.damped(time=[1, 2]), ["section", "time = [1, 2]"]),
-    (lambda: SLIM.damped(viscosity=-np.eye(6)), ["section", "semidefinite"]),
-    (sc.RayleighDamping, ["damping", "both zero"]),
-    (lambda: sc.RayleighDamping(-1.0), ["damping", "mass = -1.0"]),
-    (lambda: sc.RayleighDamping(1.0, NAN), ["damping", "stiffness = nan"]),
-    (lambda: sc.RayleighDamping([1, 2]), ["damping", "mass = [1, 2]"]),
-    (lambda: sc.RayleighDamping("a"), ["damping", "mass = 'a'"]),
-    (lambda: sc.RayleighDamping(1.0, items="rod"), ["damping", "items = 'rod'"]),
-    (lambda: sc.RayleighDamping(1.0, items=[]), ["damping", "items is empty"]),
-    (lambda: sc.RayleighDamping(1.0, items=[3]), ["damping", "items: 3", "mass point"]),
-    (lambda: sc.RayleighDamping(1.0, items=sc.LoadGravity((0, 0, 1))), ["items: load", "body"]),
-    (lambda: sc.RayleighDamping(1.0, items=[BODY, BODY]), ["mass point", "named twice"]),
-    (lambda: sc.RayleighDamping(1.0, 0.1, items=BODY), ["stiffness = 0.1 s", "none: mass point"]),
-    (lambda: _model(lambda body: sc.RayleighDamping(stiffness=0.1)), ["'damping 0'", "beams"]),
-    (lambda: _model(lambda b: sc.RayleighDamping(1.0, items=BODY)), ["'damping 0'", "mass point"]),
-    (lambda: sc.RayleighDamping.from_ratios((1, 1), (0.1, 0.1)), ["frequencies", "equal"]),
-    (lambda: sc.RayleighDamping.from_ratios((1, NAN), (0.1, 0.1)), ["frequencies = (1, nan)"]),
-    (lambda: sc.RayleighDamping.from_ratios((1, 2), 0.1), ["ratios = 0.1", "two"]),
-    (
-        lambda: sc.RayleighDamping.from_ratios((1, 2), (0.1, 0.4)),
-        ["mass = -0.266667", "negative", "[1.0, 2.0] rad/s"],
-    ),
-]
+BODY = sc.MassPoint(1.0)
 
 
-@pytest.mark.parametrize(("call", "words"), BAD)
-def test_bad_input_is_named(call, words):
-    with pytest.raises(sc.InputError) as caught:
+@pytest.mark.one_quick
+@pytest.mark.parametrize(
+    ("call", "text"),
+    [
+        (lambda: _section(viscosity=-np.ones(6)), "section.*viscosity.*semidefinite.*-1 s"),
+        (lambda: _section(viscosity=np.eye(6, k=1)), "viscosity is not symmetric by 1"),
+        (lambda: _section(viscosity=np.ones(5)), r"viscosity has shape \(5,\).*\(6, 6\)"),
+        (SLIM.damped, "section.*time = None.*expected one of them"),
+        (lambda: SLIM.damped(1.0, np.eye(6)), "time = 1.0, viscosity"),
+        (lambda: SLIM.damped(time=-0.1), "section.*time = -0.1"),
+        (sc.RayleighDamping, "damping.*both zero"),
+        (lambda: sc.RayleighDamping(-1.0), "damping.*mass = -1.0"),
+        (lambda: sc.RayleighDamping("a"), "damping.*mass = 'a'"),
+        (lambda: sc.RayleighDamping(1.0, items=[]), "items is empty"),
+        (lambda: sc.RayleighDamping(1.0, items=sc.LoadGravity((0, 0, 1))), "items: load.*body"),
+        (lambda: sc.RayleighDamping(1.0, items=[BODY, BODY]), "mass point.*named twice"),
+        (lambda: sc.RayleighDamping(1.0, 0.1, items=BODY), "stiffness = 0.1 s.*none: mass point"),
+        (lambda: _model(sc.RayleighDamping(1.0, items=BODY)), "'damping'.*mass point"),
+        (lambda: sc.RayleighDamping.from_ratios((1, 1), (0.1, 0.1)), "frequencies.*equal"),
+        (lambda: sc.RayleighDamping.from_ratios((1, 2), 0.1), "ratios = 0.1.*two"),
+        (lambda: sc.RayleighDamping.from_ratios((1, 2), (0.1, 0.4)), "mass = -0.266667.*negative"),
+    ],
+)
+def test_bad_input_is_named(call, text):
+    with pytest.raises(sc.InputError, match=text):
         call()
-    missing = [word for word in words if word not in str(caught.value)]
-    assert not missing, f"{missing} not in {caught.value}"
 
 
-@pytest.mark.parametrize("ratios", [(0.02, 0.03), (0.03, 0.03), (0.04, 0.02), (0.02, 0.04)])
+@pytest.mark.parametrize("ratios", [(0.02, 0.03), (0.04, 0.02), (0.02, 0.04)])
 def test_factors_from_ratios(ratios):
     damping = sc.RayleighDamping.from_ratios((10.0, 20.0), ratios)
     for omega, zeta in zip((10.0, 20.0), ratios, strict=True):
@@ -203,74 +164,12 @@ def test_factors_from_ratios(ratios):
     assert (damping.stiffness == 0) == (ratios == (0.04, 0.02))
 
 
-# -- kernels and matrices ------------------------------------------------------------------------
-
-
-@orders
-def test_rate_of_a_step_is_exact_and_free_of_rigid_motion(order):
-    system, rng = crossing(order), np.random.default_rng(order)
-    y0, y1 = (system.extend(random_state(system, rng), 0.0) for _ in range(2))
-    R, h = rotation(rng, 2.0), 0.1
-    turned = y0 @ R.T
-    turned[system.origin_rows] += (3.0, -2.0, 1.0)
-    for g, (e0, _), (e1, _), (_, mid), (_, half) in zip(
-        system.beam_groups,
-        *(system.strain(y) for y in (y0, y1, (y0 + y1) / 2, (y0 + turned) / 2)),
-        strict=True,
-    ):
-        rate = g.strain_rate(mid, ((y1 - y0) / h)[: system.rows])
-        assert abs(rate).max() > 1
-        assert abs(rate - (e1 - e0) / h).max() < 1e-13 * abs(rate).max()
-        assert abs(g.strain_rate(half, ((turned - y0) / h)[: system.rows])).max() < 1e-11
-
-
-@orders
-def test_damping_matrix_is_the_derivative_of_the_force_by_velocity(order):
-    """By the complex step through the power; its quadratic form is what is dissipated."""
-    system, rng = crossing(order), np.random.default_rng(order)
-    y = system.extend(random_state(system, rng), 0.0)
-    (group,), ((_, B),) = system.beam_groups, system.strain(y)
-    found = group.damping(B)
-    k = found.shape[1]
-    for j in range(k):
-        v = np.zeros((len(group.rows), k), dtype=complex)
-        v[:, j] = 1j * EPS
-        rate = (B @ v[:, :, None]).reshape(len(B), -1, 6)
-        column = group.force(B, group.viscous_stress(rate)).imag / EPS
-        assert abs(found[:, :, j] - column).max() < 1e-13 * abs(found).max()
-    v = rng.standard_normal((system.rows, 3))
-    own = v[group.rows].reshape(len(B), -1)
-    wanted = np.einsum("ei,eij,ej->", own, found, own)
-    assert group.dissipation(group.strain_rate(B, v)) == pytest.approx(wanted, rel=1e-12)
-
-
-def test_viscosity_of_elements():
-    """Mixed sections in one beam; Rayleigh damping adds the stiffness of each element."""
-    system = crossing(2)
-    frame, boom = system.structures[:2]
-    (group,) = system.beam_groups
-    eta, D = group.elements.viscosity, group.elements.stiffness
-    assert np.array_equal(eta[group.slices[id(frame)]], frame.elements.viscosity)
-    assert np.array_equal(eta[:2], [PARTIAL] * 2)
-    assert not eta[2].any()  # the leg
-    assert np.array_equal(eta[3], 0.03 * SLIM.stiffness)
-    assert np.array_equal(eta[group.slices[id(boom)]], 0.02 * D[group.slices[id(boom)]])
-    assert boom.elements.viscosity is None
-    assert (frame.elements.repeated(2).viscosity[4:] == frame.elements.viscosity).all()
+# -- matrices -------------------------------------------------------------------------------------
 
 
 def test_drag_matrix():
-    system, plain = crossing(2), crossing(2, damped=False)
-    assert plain.drag is None and not plain.damped and system.damped
-    assert all(g.drag is None for g in plain.groups)
-    assert not plain.beam_groups[0].viscous
-    assert not plain.beam_groups[0].damping(plain.strain(plain.extend(plain.q0, 0.0))[0][1]).any()
-    model = sc.Model()
-    alone = model.add("beam", sc.Beam(sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2), SLIM))
-    model.add("drag", sc.RayleighDamping(0.7))
-    one = model.freeze()
-    assert abs(one.drag - 0.7 * one.mass).max() < 1e-16
-    assert id(alone) in one.beam_groups[0].slices
+    """Factors times mass, of the whole scene and of some items, lumps on a node among them."""
+    system = crossing(2)
     rest = (system.drag - 0.3 * system.mass).toarray()
     frame, boom, hub, tool, ball = system.structures
     rows = slice(system.first[id(boom)][1], system.first[id(ball)][1])
@@ -280,28 +179,17 @@ def test_drag_matrix():
     assert abs(rest[corner : corner + 4, corner : corner + 4] - block).max() < 1e-14
     rest[rows, rows] = rest[corner : corner + 4, corner : corner + 4] = 0
     assert abs(rest).max() < 1e-15
-    full = np.zeros((system.n, system.n))
-    for group in system.groups:
-        if group.drag is not None:
-            for dofs, own in zip(group.dofs, group.drag, strict=True):
-                full[np.ix_(dofs, dofs)] += own
-    assert abs(full - np.kron(system.drag.toarray(), np.eye(3))).max() < 1e-15
 
 
-@orders
+@pytest.mark.one_quick
+@treatments
 @integrators
-def test_tangent_of_a_step(integrator, order):
-    step = Step(crossing(order), INTEGRATORS[integrator], sc.NullSpace(), seed=order)
+def test_tangent_of_a_step(integrator, treatment):
+    step = Step(crossing(2), INTEGRATORS[integrator], TREATMENTS[treatment])
     assert worst(step.matrix(), step.derivative()) < TOLERANCE
 
 
-@pytest.mark.parametrize("treatment", [sc.Multipliers(), sc.Multipliers(scaled=False)])
-@integrators
-def test_tangent_of_a_step_with_multipliers(integrator, treatment):
-    step = Step(crossing(2), INTEGRATORS[integrator], treatment)
-    assert worst(step.matrix(), step.derivative()) < TOLERANCE
-
-
+@pytest.mark.slow
 @integrators
 def test_beams_of_two_orders_of_which_one_is_viscous(integrator):
     model = sc.Model()
@@ -313,25 +201,11 @@ def test_beams_of_two_orders_of_which_one_is_viscous(integrator):
     model.add("pin", sc.JointSpherical(one.node("first.end"), two.node("second.start")))
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), one.node("first.start")))
     model.add("gravity", sc.LoadGravity((0, 3.0, -9.81)))
-    system = model.freeze()
-    assert [g.viscous for g in system.beam_groups] == [False, True]
-    step = Step(system, INTEGRATORS[integrator], sc.NullSpace())
-    assert worst(step.matrix(), step.derivative()) < TOLERANCE
-    history = run(system, integrator, 0.005, 0.2)
+    history = run(model.freeze(), integrator, 0.005, 0.2)
     limit = {"variational": 1e-3, "energy-momentum": 1e-12}[integrator]
     size = history["energy"].max()
     assert abs(history["energy_balance"]).max() < limit * size
     assert history["dissipated"][-1] > 0.01 * size
-
-
-@integrators
-def test_a_wrong_tangent_is_found(integrator, monkeypatch):
-    system = crossing(1)
-    (group,) = system.beam_groups
-    original = group.damping
-    monkeypatch.setattr(group, "damping", lambda *Bs: (1 + 1e-6) * original(*Bs))
-    step = Step(system, INTEGRATORS[integrator], sc.NullSpace())
-    assert worst(step.matrix(), step.derivative()) > TOLERANCE
 
 
 # -- closed forms --------------------------------------------------------------------------------
@@ -351,73 +225,58 @@ def cantilever(tau=0.0, alpha=0.0, beta=0.0):
     return model.freeze()
 
 
-@cache
-def mode(kind):
-    """First bending or axial mode of the undamped mesh: frequency and shape with ``x.Mx = 1``."""
-    system = cantilever()
-    P, ((eps, B),) = system.null_space(system.q0), system.strain(system.extend(system.q0, 0.0))
-    (group,), K = system.beam_groups, np.zeros((system.n, system.n))
-    for dofs, own in zip(group.dofs, group.parts(B, B, 0 * eps, 1.0, 0.0).blocks(), strict=True):
-        K[np.ix_(dofs, dofs)] += own
-    M = np.kron(system.mass.toarray(), np.eye(3))
-    squares, shapes = eigh(P.T @ K @ P, P.T @ M @ P)
-    for square, shape in zip(squares, (P @ shapes).T, strict=True):
-        along = (shape.reshape(-1, 3)[system.origin_rows, 0] ** 2).sum() / (shape**2).sum()
-        if along > 0.5 or kind == "bending":
-            return float(np.sqrt(square)), shape, M
-
-
-DAMPINGS = {
-    "Kelvin-Voigt": lambda zeta, w: ({"tau": 2 * zeta / w}, zeta),
-    "Rayleigh": lambda zeta, w: ({"alpha": zeta * w, "beta": zeta / w}, zeta),
-    "both": lambda zeta, w: ({"tau": zeta / w, "alpha": zeta * w / 2, "beta": zeta / w / 2}, zeta),
+#: first frequencies (rad/s): of a slender beam without shear and rotary inertia, and of a bar
+CLOSED_FORMS = {
+    "bending": 1.875104068711961**2 * (EI / MASS) ** 0.5 / LENGTH**2,
+    "axial": np.pi / 2 * (EA / MASS) ** 0.5 / LENGTH,
 }
 
 
-def test_modes_of_the_cantilever():
-    """Closed forms of the bar, and of the slender beam without shear and rotary inertia."""
-    assert mode("axial")[0] == pytest.approx(np.pi / 2 * (EA / MASS) ** 0.5 / LENGTH, rel=1e-6)
-    slender = 1.875104068711961**2 * (EI / MASS) ** 0.5 / LENGTH**2
-    assert mode("bending")[0] == pytest.approx(slender, rel=1e-3)
+@cache
+def mode(kind):
+    """The mode of the undamped mesh that is nearest: frequency and shape with ``x.Mx = 1``."""
+    found, exact = sc.modes(cantilever(), count=14), CLOSED_FORMS[kind]
+    omega = 2 * np.pi * found.frequencies
+    nearest = np.argmin(abs(omega - exact))
+    assert omega[nearest] == pytest.approx(exact, rel={"bending": 1e-3, "axial": 1e-6}[kind])
+    return omega[nearest], found.shapes[nearest].real
 
 
+DAMPINGS = {
+    "Kelvin-Voigt": lambda zeta, w: {"tau": 2 * zeta / w},
+    "Rayleigh": lambda zeta, w: {"alpha": zeta * w, "beta": zeta / w},
+}
+
+
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:argument until")
-@chequered("damping", DAMPINGS, "integrator", INTEGRATORS)
-@pytest.mark.parametrize("kind", ["bending", "axial"])
-def test_logarithmic_decrement(integrator, kind, damping):
+@pytest.mark.parametrize(
+    ("kind", "damping"),
+    [("bending", "Kelvin-Voigt"), ("axial", "Rayleigh"), ("bending", "Rayleigh")],
+)
+@integrators
+def test_free_decay_of_a_mode(integrator, kind, damping):
     """Free decay of one mode against ``exp(-zeta w t) sin(w sqrt(1 - zeta^2) t)``, order two."""
-    omega, shape, M = mode(kind)
-    factors, zeta = DAMPINGS[damping](0.05, omega)
-    system = cantilever(**factors)
+    omega, shape = mode(kind)
+    zeta = 0.05
+    system = cantilever(**DAMPINGS[damping](zeta, omega))
     size = {"bending": 1e-7, "axial": 1e-2}[kind]  # the bar is linear, bending for small angles
-    errors, decrements = [], []
+    start = sc.initial_state(system, v=sc.project(system, system.q0, size * shape))
+    weights = (system.mass @ shape.reshape(-1, 3)).ravel()
+    errors, damped = [], omega * np.sqrt(1 - zeta**2)
     for count in (60, 120):
         h = 2 * np.pi / omega / count
-        v = sc.project(system, system.q0, size * shape)
-        start = sc.initial_state(system, v=v)
-        history = sc.simulate(
-            system,
-            INTEGRATORS[integrator],
-            sc.NullSpace(),
-            h,
-            2.01 * count * h,
-            start=start,
-            derive=False,
-        )
-        x = (history["q"] - system.q0) @ (M @ shape) / size
-        t, damped = history.times, omega * np.sqrt(1 - zeta**2)
-        exact = np.exp(-zeta * omega * t) * np.sin(damped * t) / damped
+        run = system, INTEGRATORS[integrator], sc.NullSpace(), h, 1.01 * count * h
+        history = sc.simulate(*run, start=start, derive=False)
+        x = (history["q"] - system.q0) @ weights / size
+        exact = np.exp(-zeta * omega * history.times) * np.sin(damped * history.times) / damped
         errors.append(abs(x - exact).max() * omega)
-        # any linear oscillation with decrement d follows x_2 = 2 cos(.) e^-d x_1 - e^-2d x_0
-        fit = np.linalg.lstsq(np.column_stack([x[1:-1], -x[:-2]]), x[2:], rcond=None)[0]
-        decrements.append(-np.log(fit[1]) / (2 * omega * h) - zeta)
+    assert errors[1] < 2e-3  # of the phase: (2 pi)^3/12/120^2
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.02)
-    assert np.log2(decrements[0] / decrements[1]) == pytest.approx(2, abs=0.02)
-    extrapolated = (4 * decrements[1] - decrements[0]) / 3
-    assert abs(extrapolated) < 3e-6 * zeta
 
 
 # its few elements are drawn farther than such ones can be, which these figures do not mind
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @integrators
 def test_creep_of_a_bar(integrator):
@@ -438,14 +297,13 @@ def test_creep_of_a_bar(integrator):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.slow
 @integrators
 def test_drag_on_a_free_body(integrator):
     """Momenta decay as ``exp(-alpha t)``; the linear one by a factor known exactly in each step."""
     alpha, deviations = 0.8, []
     for h in (0.02, 0.01):
-        system = free_beam(
-            full_section(), rayleigh=sc.RayleighDamping(alpha), velocity=swirl, order=2
-        )
+        system = free_beam(full_section(), sc.RayleighDamping(alpha), velocity=swirl)
         history = run(system, integrator, h, 1.0)
         P, L, t = (history[k] for k in ("linear_momentum", "angular_momentum", "t"))
         step = (1 - alpha * h / 2) / (1 + alpha * h / 2)
@@ -457,23 +315,10 @@ def test_drag_on_a_free_body(integrator):
     assert np.log2(deviations[0] / deviations[1]) == pytest.approx(2, abs=0.1)
 
 
-@pytest.mark.plain
-@integrators
-def test_drag_on_some_items_only(integrator):
-    model = sc.Model()
-    balls = [
-        model.add(name, sc.MassPoint(2.0, position=(0, k, 0), velocity=(1, 0, 0)))
-        for k, name in enumerate("ab")
-    ]
-    model.add("drag", sc.RayleighDamping(0.5, items=balls[1]))
-    v = run(model.freeze(), integrator, 0.01, 1.0)["v"][-1]
-    assert v[0] == pytest.approx(1, abs=1e-13)
-    assert v[3] == pytest.approx(np.exp(-0.5), rel=1e-5)
-
-
 # -- structure -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 def test_momentum_of_a_free_viscous_beam_is_kept(integrator):
     section = full_section().damped(viscosity=PARTIAL + 0.02 * FULL)
@@ -487,6 +332,7 @@ def test_momentum_of_a_free_viscous_beam_is_kept(integrator):
     assert history["dissipated"][-1] > 0.05 * history["energy"][0]
 
 
+@pytest.mark.slow
 @integrators
 def test_a_turning_beam_is_not_damped(integrator):
     """About its own axis nothing strains: no dissipation, whatever the retardation time."""
@@ -500,163 +346,74 @@ def test_a_turning_beam_is_not_damped(integrator):
     assert abs(E - E[0]).max() < 1e-12 * E[0]
 
 
-@integrators
-def test_only_vibrations_are_damped(integrator):
-    """Thrown across, a beam ends in a steady turn that nothing brakes any more."""
-    mesh = sc.MeshCurve.init_line((-0.5, 0, 0), (0.5, 0, 0), 4, "rod")
-    section = sc.Section([400, 400, 900, 12, 12, 8], mass=1.0, inertia=(0.01, 0.01))
-    model = sc.Model()
-    turn = {"angular_velocity": (0, 0, 5.0), "velocity": lambda x: np.cross((0, 0, 5.0), x)}
-    model.add("rod", sc.Beam(mesh, section.damped(time=0.1), **turn))
-    history = run(model.freeze(), integrator, 0.01, 3.0)
-    lost = np.diff(history["dissipated"])
-    assert (lost >= 0).all()
-    assert 0 < history["dissipated"][-1] < 0.02 * history["energy"][0]  # stretched by the turn
-    assert lost[-100:].max() < 1e-9 * lost.max()
-    stretch = history["beam/rod/strain"][-1, :, 0, 2]
-    assert stretch.max() > 1e-3
-    q = history["q"].reshape(-1, 5, 4, 3)[-101:, -1, 0]
-    angle = np.unwrap(np.arctan2(q[:, 1], q[:, 0]))
-    assert np.ptp(np.diff(angle)) < 1e-6 * np.diff(angle).mean()
-
-
 @cache
-def damped_crossing(integrator, treatment, order, step=0.01, damped=True, kernels="auto"):
-    return run(crossing(order, damped), integrator, step, 0.4, treatment, kernels=kernels)
+def damped_crossing(integrator, treatment="null space", step=0.01, until=0.2, kernels="auto"):
+    return run(crossing(), integrator, step, until, treatment, kernels=kernels)
 
 
+@pytest.mark.slow
 @pytest.mark.plain
-@pytest.mark.parametrize("order", [1, 3])
 @integrators
-def test_both_treatments_give_the_same_motion(integrator, order):
-    one, two = (damped_crossing(integrator, name, order) for name in TREATMENTS)
+def test_both_treatments_give_the_same_motion(integrator):
+    one, two = (damped_crossing(integrator, name) for name in TREATMENTS)
     assert abs(one["q"] - two["q"]).max() < 1e-12 * abs(one["q"]).max()
     assert abs(one["dissipated"] - two["dissipated"]).max() < 1e-12 * one["dissipated"].max()
     assert one["newton_iterations"].max() <= 6
 
 
-# its few elements are drawn farther than such ones can be, which these figures do not mind
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.plain
-@integrators
-@pytest.mark.filterwarnings("ignore:balance of energy")  # steps are large
-def test_few_iterations_with_strong_viscosity(integrator):
-    """Stiff and bent far in each step: large increments predict the viscous stresses, too."""
-    section = sc.Section([4e5, 4e5, 1e6, 5, 5, 5], 1.0, (1e-3, 1e-3)).damped(time=1.0)
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), 6, "rod")
-    model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section, order=2))
-    clamp = sc.ground((0, 0, 0))
-    model.add("hinge", sc.JointRevolute(clamp, rod.node("rod.start"), axis=(0, 0, 1)))
-    model.add("push", sc.LoadForce(rod.node("rod.end"), (0, 40, 0), follower=True))
-    history = run(model.freeze(), integrator, 0.02, 1.0, derive=False)
-    assert (history["attempts"] == 1).all()
-    assert history["newton_iterations"][1:].mean() < 5.5
-
-
-@pytest.mark.parametrize("order", [1, 3])
-def test_balance_of_energy(order, kernels):
+@pytest.mark.slow
+def test_balance_of_energy(kernels):
     """Exact with energy-momentum; damped, driven and loaded at once."""
-    history = damped_crossing("energy-momentum", "null space", order, kernels=kernels)
+    history = damped_crossing("energy-momentum", kernels=kernels)
     size = abs(history["energy"]).max()
     assert history["dissipated"][-1] > 0.05 * size
     assert abs(history["energy_balance"]).max() < 1e-13 * size
     assert (np.diff(history["dissipated"]) >= 0).all()
 
 
-@pytest.mark.slow
-def test_balance_of_the_variational_scheme_is_of_second_order():
-    errors = []
-    for step in (0.002, 0.001):
-        history = damped_crossing("variational", "null space", 1, step)
-        assert (np.diff(history["dissipated"]) >= 0).all()
-        errors.append(abs(history["energy_balance"]).max())
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.15)
-
-
 @integrators
 @pytest.mark.slow
 def test_second_order_in_the_step(integrator):
-    runs = [damped_crossing(integrator, "null space", 1, step) for step in (0.004, 0.002, 0.001)]
+    """Of motion, forces and dissipation; of the balance of energy with the variational scheme."""
+    runs = [damped_crossing(integrator, step=h, until=0.12) for h in (0.004, 0.002, 0.001)]
     for name in ("q", "v", "dissipated", "beam/frame/resultant"):
         coarse, fine = (abs(a[name][-1] - b[name][-1]).max() for a, b in pairwise(runs))
         assert np.log2(coarse / fine) == pytest.approx(2, abs=0.03), name
+    if integrator == "variational":
+        coarse, fine = (run["energy_balance"][len(run) // 2] for run in runs[1:])
+        assert np.log2(coarse / fine) == pytest.approx(2, abs=0.15)
 
 
+@pytest.mark.slow
 @integrators
 def test_rayleigh_is_kelvin_voigt_for_the_stiffness(integrator):
     own = run(free_beam(full_section().damped(time=0.03), velocity=swirl), integrator, 0.02, 0.4)
     damping = sc.RayleighDamping(stiffness=0.03)
-    other = run(free_beam(full_section(), rayleigh=damping, velocity=swirl), integrator, 0.02, 0.4)
+    other = run(free_beam(full_section(), damping, velocity=swirl), integrator, 0.02, 0.4)
     for name in own.series:
         assert np.array_equal(own[name], other[name], equal_nan=True), name
-
-
-@integrators
-def test_without_viscosity_nothing_changes(integrator):
-    plain = run(free_beam(full_section(), velocity=swirl), integrator, 0.02, 0.2)
-    zero = run(free_beam(full_section().damped(time=0.0), velocity=swirl), integrator, 0.02, 0.2)
-    for name in plain.series:
-        assert np.array_equal(plain[name], zero[name], equal_nan=True), name
-    assert not plain["dissipated"].any()
-
-
-@integrators
-def test_rest_is_that_of_the_undamped_scene(integrator):
-    """A damped beam sinks into the equilibrium under its load: no strain rate is left."""
-    section = sc.Section([400, 400, 900, 12, 12, 8], mass=1.0, inertia=(0.01, 0.01))
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "rod")
-    model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section.damped(time=0.02), order=2))
-    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
-    model.add("tip", sc.LoadForce(rod.node("rod.end"), (0, 4.0, 3.0)))
-    model.add("drag", sc.RayleighDamping(mass=2.0))
-    system = model.freeze()
-    history = run(system, integrator, 0.02, 12.0, every=100)
-    q = history["q"][-1]
-    y = system.extend(q, 0.0)
-    forces = [
-        g.stress(eps) for g, (eps, _) in zip(system.beam_groups, system.strain(y), strict=True)
-    ]
-    internal = system.internal_force([B for _, B in system.strain(y)], forces)
-    load = system.loading.dead_force(system.loading.values(0.0))
-    P = system.null_space(q)
-    assert abs(P.T @ (internal - load).ravel()).max() < 1e-8
-    assert abs(q - system.q0).max() > 0.1
 
 
 # -- results -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("integrator", "central"),
-    [
-        ("energy-momentum", True),
-        pytest.param("variational", True, marks=pytest.mark.slow),
-        pytest.param("energy-momentum", False, marks=pytest.mark.slow),
-        pytest.param("variational", False, marks=pytest.mark.slow),
-    ],
-)
-def test_section_forces_with_the_viscous_part(integrator, central):
-    """Second order by the recorded velocities and by central differences, in both schemes."""
-    system, found = crossing(1), []
+@pytest.mark.slow
+@integrators
+def test_section_forces_with_the_viscous_part(integrator):
+    """By the recorded velocities, in both schemes."""
+    system = crossing()
     frame, boom = system.structures[:2]
-    for step in (0.004, 0.002, 0.001):
-        history = damped_crossing(integrator, "null space", 1, step)
-        q, v = history["q"], history["v"]
-        if central:
-            v = np.gradient(q, history.times, axis=0)
-        elastic = section_forces(system, frame, q)
-        assert np.array_equal(elastic, history["beam/frame/resultant"])
-        total = section_forces(system, frame, q, v)
-        rates = section_strain_rates(system, frame, q, v)
-        viscous = rates @ frame.elements.viscosity
-        assert abs(total - elastic - viscous).max() < 1e-12 * abs(total).max()
-        assert abs(viscous[:, 0]).max() > 0.1 * abs(elastic[:, 0]).max()
-        assert not viscous[:, 2].any()  # the leg
-        found.append(total[len(q) // 2])
-    coarse, fine = (abs(a - b).max() for a, b in pairwise(found))
-    assert np.log2(coarse / fine) == pytest.approx(2, abs=0.05)
+    history = damped_crossing(integrator, step=0.004, until=0.12)
+    q, v = history["q"], history["v"]
+    elastic = section_forces(system, frame, q)
+    assert np.array_equal(elastic, history["beam/frame/resultant"])
+    total = section_forces(system, frame, q, v)
+    viscous = section_strain_rates(system, frame, q, v)
+    viscous[:, :2] = viscous[:, :2] @ PARTIAL  # the base
+    viscous[:, 2] = 0  # the leg
+    viscous[:, 3] = viscous[:, 3] @ (0.03 * SLIM.stiffness)  # the arm
+    assert abs(total - elastic - viscous).max() < 1e-12 * abs(total).max()
+    assert abs(viscous[:, 0]).max() > 0.1 * abs(elastic[:, 0]).max()
     own = section_forces(system, boom, q, v) - section_forces(system, boom, q)
     rates = section_strain_rates(system, boom, q, v)
     assert abs(own - 0.02 * rates @ SLIM.stiffness).max() < 1e-12 * abs(own).max()
@@ -666,22 +423,6 @@ def test_rates_need_velocities_of_the_same_states():
     system = crossing(1)
     with pytest.raises(sc.InputError, match="argument v"):
         section_strain_rates(system, system.structures[0], system.q0, np.zeros((2, system.n)))
-
-
-@integrators
-def test_restart_and_export(integrator, tmp_path):
-    system, scheme = crossing(1), INTEGRATORS[integrator]
-    whole = damped_crossing(integrator, "null space", 1)
-    path = tmp_path / "run.history"
-    run(system, integrator, 0.01, 0.2, path=path)
-    first = sc.History.load(path)
-    start = sc.restart(system, first, scheme, 0.01)
-    rest = sc.simulate(system, scheme, sc.NullSpace(), 0.01, 0.4, start=start)
-    assert abs(rest["q"] - whole["q"][20:]).max() < 1e-12
-    total = first["dissipated"][-1] + rest["dissipated"][-1]
-    assert total == pytest.approx(whole["dissipated"][-1], rel=1e-11)
-    files = write_paraview(whole, tmp_path / "shown", every=20)
-    assert files
 
 
 # -- compiled kernels ------------------------------------------------------------------------------
@@ -698,35 +439,35 @@ def dragged(model):
     model.add("thrust", sc.LoadForce(rod.node("arc.end"), (1.0, 2.0, 0.5), follower=True))
 
 
-dampings = pytest.mark.parametrize(
-    ("make", "add"), [(tree, viscous), (corner, viscous), (tree, dragged)]
-)
+dampings = pytest.mark.parametrize(("make", "add"), [(tree, dragged), (corner, viscous)])
 
 
+@pytest.mark.slow
 @dampings
 @pairs
 def test_kernels_agree_far_from_a_solution(integrator, treatment, make, add):
     assert_same_iteration(make(2, add), integrator, treatment, 2)
 
 
-@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
 @dampings
 @pairs
-def test_kernels_agree(integrator, treatment, make, add, order):
-    """Fifty steps; what is dissipated among what is compared, apart from the work of loads."""
-    plain, compiled = both(make(order, add), integrator, treatment, 1e-3, 0.05)
+def test_kernels_agree(integrator, treatment, make, add):
+    """Thirty steps; what is dissipated among what is compared, apart from the work of loads."""
+    plain, compiled = both(make(1, add), integrator, treatment, 1e-3, 0.03)
     assert_same(plain, compiled)
     lost = plain["dissipated"]
     assert lost.max() > 1e-3 and abs(compiled["dissipated"] - lost).max() < 1e-9 * lost.max()
 
 
-@pytest.mark.parametrize("add", [viscous, dragged])
+@pytest.mark.one_quick
 @pairs
-def test_kernels_agree_in_steps_of_other_sizes(integrator, treatment, add):
+def test_kernels_agree_in_steps_of_other_sizes(integrator, treatment):
     """What resists knows the size of the step: rates are differences over it."""
-    assert_same_in_steps_of_other_sizes(tree(1, add), integrator, treatment)
+    assert_same_in_steps_of_other_sizes(tree(1, dragged), integrator, treatment)
 
 
+@pytest.mark.slow
 @pairs
 def test_kept_factors(integrator, treatment):
     """The same motion with a fraction of the factorisations; energy-momentum closes the balance."""

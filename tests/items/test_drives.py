@@ -1,22 +1,29 @@
-"""Prescribed angles and displacements of joints: motion, torque, work, dead points."""
+"""Prescribed motion of joints and of the ground: torque, work, dead points, contradictions."""
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
-from helpers_scenes import JOINTS, TENSOR, fitting, four_bar, null_space, rotation
+from helpers_scenes import (
+    JOINTS,
+    TENSOR,
+    assert_constraints,
+    assert_null_space,
+    fitting,
+    four_bar,
+    rotation,
+    seen,
+    two_states,
+)
+from helpers_schemes import INTEGRATORS, TREATMENTS, integrators, treatments
 from scipy.spatial.transform import Rotation
+from test_closed_loops import PARALLELOGRAM, linkage
 from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
-from skfem_cosserat.model.reparametrisation import Reparametrisation
 
-INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
-TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
-integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
-treatments = pytest.mark.parametrize("treatment", TREATMENTS)
 Z = (0, 0, 1.0)
 #: What can be driven of each joint.
 COORDINATES = {
@@ -61,8 +68,8 @@ def scene(kind):
                 sides = [side, body(f"body {label}").at(x + gap)]
                 joint = model.add(label, kind(*(sides[::-1] if swap else sides), **options))
                 for name, motion in zip(names, MOTIONS, strict=False):
-                    drive = model.add(f"{name} of {label}", sc.JointDrive(joint, motion, name))
-                    driven.append((joint, name, motion, drive))
+                    model.add(f"{name} of {label}", sc.JointDrive(joint, motion, name))
+                    driven.append((joint, name, motion))
     model.add("gravity", sc.LoadGravity((0.3, 0.1, -9.81)))
     return model.freeze(), driven
 
@@ -70,12 +77,7 @@ def scene(kind):
 def measured(system, joint, name, y):
     """A relative coordinate, from positions and rotations alone."""
 
-    def side(place):
-        r = system.row_of(place)
-        D = y[r + 1 : r + 4]
-        return y[r] + place.offset @ D, D.T @ place.triad
-
-    (xa, Ra), (xb, Rb) = side(joint.a), side(joint.b)
+    (xa, Ra), (xb, Rb) = (seen(system, place, y) for place in (joint.a, joint.b))
     r = Ra.T @ (xb - xa) - (joint.b.position - joint.a.position)
     turn = Ra.T @ Rb
     if name == "displacement":
@@ -93,48 +95,24 @@ def measured(system, joint, name, y):
 
 
 @kinds
-def test_unknowns(kind):
-    """Each drive takes one."""
-    system, driven = scene(kind)
-    free = sum(
-        JOINTS[kind] - len(names) + (6 if on_body else 0)
-        for names in selections(kind)
-        for _swap in (False, True)
-        for on_body in (False, True)
-    )
-    assert system.unknowns == free
-    assert system.rank == system.m == system.n - free
-    assert len(driven) == len(system.drives)
-
-
-@kinds
 def test_null_space_of_driven_trees(kind):
-    system, _ = scene(kind)
-    rng = np.random.default_rng(1)
-    nodal = Reparametrisation(system.kinematics)
-    nodal.begin(system.extend(system.q0, 0.0), system.ground(0.3))
-    nodal.add(0.7 * rng.standard_normal(system.unknowns))
-    y0 = nodal.configuration()
-    nodal.begin(y0, system.ground(0.5))
-    nodal.add(0.5 * rng.standard_normal(system.unknowns))
-    y1 = nodal.configuration()
+    """Each drive takes one unknown."""
+    system, driven = scene(kind)
+    joints = JOINTS[kind] * len(system.joints) + 6 * len(system.joints) // 2
+    assert system.unknowns == joints - len(driven)
+    y0, y1, nodal = two_states(system)
     for y in (y0, y1):
-        size = np.maximum(system.constraints.magnitudes(y), 1.0)
-        assert (abs(system.constraints.values(y)) / size).max() < 1e-13
-    for y in (y0, y1):
-        G = system.constraints.jacobian(y).toarray()
-        P = null_space(system, y, nodal.fixed)
-        assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
-        assert np.linalg.matrix_rank(P) == system.unknowns
-        assert np.linalg.matrix_rank(G) == system.rank
+        assert_constraints(system, y)
+        assert_null_space(system, y, nodal.fixed)
 
 
+@pytest.mark.one_quick
 @kinds
 @integrators
 @treatments
 def test_tangent(kind, integrator, treatment):
     system, _ = scene(kind)
-    step = Step(system, INTEGRATORS[integrator], TREATMENTS[treatment], seed=2)
+    step = Step(system, integrator, treatment, seed=2)
     assert worst(step.matrix(), step.derivative()) < TOLERANCE
 
 
@@ -143,102 +121,69 @@ def run(kind, integrator, treatment):
     system, _ = scene(kind)
     v = np.random.default_rng(4).standard_normal(system.n)
     start = sc.initial_state(system, v=sc.project(system, system.q0, v))
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    return sc.simulate(system, *pair, 0.02, 0.3, start=start)
+    return sc.simulate(system, integrator, treatment, 0.02, 0.3, start=start)
 
 
+@pytest.mark.slow
 @kinds
 @integrators
 def test_treatments_agree_and_follow_the_motion(kind, integrator):
     system, driven = scene(kind)
     one, two = (run(kind, integrator, treatment) for treatment in TREATMENTS)
-    assert len(one) == 16
     assert abs(one["q"] - two["q"]).max() < 1e-10
     size = abs(one["constraint_force"][:-1]).max()
     assert abs(one["constraint_force"] - two["constraint_force"])[:-1].max() < 1e-8 * size
     for history in (one, two):
         rows = [system.extend(q, t) for q, t in zip(history["q"], history.times, strict=True)]
-        for joint, name, motion, drive in driven:
+        for joint, name, motion in driven:
             wanted = np.array([motion(t) for t in history.times])
             found = np.array([measured(system, joint, name, y) for y in rows])
             assert abs(found - wanted).max() < 2e-13, (joint.name, name)
             assert abs(history[f"joint/{joint.name}/{name}"] - wanted).max() < 2e-13
-            for what in ("force", "moment"):
-                f, g = (h[f"joint/{drive.name}/{what}"][:-1] for h in (one, two))
-                assert abs(f - g).max() < 1e-8 * size
 
 
+@pytest.mark.one_quick
 @kinds
 @treatments
 def test_energy_balance(kind, treatment):
     """What the drives put in is what the scene gains, to round-off with energy-momentum."""
-    history = run(kind, "energy-momentum", treatment)
-    balance = history["energy_balance"]
+    history = run(kind, INTEGRATORS[1], treatment)
     scale = abs(history["energy"]).max() + abs(history["work_drives"]).max()
-    assert np.isfinite(balance).all()
-    assert abs(balance).max() < 1e-12 * scale
+    assert abs(history["energy_balance"]).max() < 1e-12 * scale
     assert np.ptp(history["work_drives"]) > 0.01
 
 
 # -- torque and power ------------------------------------------------------------------------------
 
 
-def hinged(alpha, swap, driven=True):
-    """A body on a hinge through another point than its centre, turning with alpha t^2/2."""
-    model = sc.Model()
-    axis = np.array([0, 0.6, 0.8])
-    body = sc.RigidBody(1.4, TENSOR, position=(0.5, 0.1, 0.2), center=(0.1, 0.2, 0))
-    model.add("body", body)
-    sides = [sc.ground((0, 0, 0)), body.at((0, 0, 0))]
-    hinge = model.add("hinge", sc.JointRevolute(*(sides[::-1] if swap else sides), axis))
-    sign = -1.0 if swap else 1.0  # from side a to side b
-    if driven:
-        model.add("motor", sc.JointDrive(hinge, lambda t: sign * alpha * t**2 / 2))
-    c = body.position + body.center
-    J = axis @ (TENSOR + 1.4 * (c @ c * np.eye(3) - np.outer(c, c))) @ axis
-    return model, axis, J
-
-
+@pytest.mark.slow
 @integrators
 @treatments
-@pytest.mark.parametrize("swap", [False, True])
-def test_torque_of_a_ramped_speed(integrator, treatment, swap):
-    """J alpha about the axis at all times, its power times rate is the work; second order.
+def test_torque_of_a_ramped_speed(integrator, treatment):
+    """J alpha about the axis of a hinge off the centre; second order.
 
     With energy-momentum the torque alternates: the mean of neighbouring midpoints is the node's.
     """
-    alpha = 3.0
+    alpha, axis = 3.0, np.array([0, 0.6, 0.8])
+    c = np.array([0.6, 0.3, 0.2])
+    J = axis @ (TENSOR + 1.4 * (c @ c * np.eye(3) - np.outer(c, c))) @ axis
     errors = []
-    for steps in (25, 50, 100):
-        model, axis, J = hinged(alpha, swap)
-        h = 1 / steps
-        system = model.freeze()
-        assert system.unknowns == 0
-        pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-        history = sc.simulate(system, *pair, h, 1.0)
-        sign = -1.0 if swap else 1.0
-        torque = sign * history["joint/motor/moment"][:-1] @ axis
+    for h in (0.02, 0.01):
+        model = sc.Model()
+        body = sc.RigidBody(1.4, TENSOR, position=(0.5, 0.1, 0.2), center=(0.1, 0.2, 0))
+        model.add("body", body)
+        hinge = sc.JointRevolute(body.at((0, 0, 0)), sc.ground((0, 0, 0)), axis)
+        model.add("hinge", hinge)
+        model.add("motor", sc.JointDrive(hinge, lambda t: -alpha * t**2 / 2))  # from a to b
+        history = sc.simulate(model, integrator, treatment, h, 0.5)
+        torque = -history["joint/motor/moment"][:-1] @ axis
         assert abs(history["joint/motor/force"])[:-1].max() < 1e-9
-        assert abs(np.cross(history["joint/motor/moment"][:-1], axis)).max() < 1e-9
         assert abs(history["joint/hinge/moment"][:-1] @ axis).max() < 1e-9
-        if integrator == "energy-momentum":
-            torque = np.concatenate([[J * alpha], (torque[1:] + torque[:-1]) / 2])
-        rate = alpha * history.times[: len(torque)]
-        work = np.concatenate([[0], np.cumsum(h * (torque * rate)[1:])])  # at nodes, trapezoidal
-        work -= h * torque * rate / 2
-        exact = J * (alpha * history.times) ** 2 / 2
-        errors.append(
-            [
-                abs(torque[1:] / (J * alpha) - 1).max(),
-                abs(work - exact[: len(work)]).max() / exact[-1],
-                abs(history["work_drives"] - exact)[:-1].max() / exact[-1],
-            ]
-        )
-    errors = np.array(errors)
-    assert errors[-1].max() < 5e-3
-    big = errors[-1] > 1e-10
-    ratios = errors[:-1, big] / errors[1:, big]
-    assert ((ratios > 3.5) & (ratios < 4.5)).all(), errors
+        if integrator.name == "energy-momentum":
+            torque = (torque[1:] + torque[:-1]) / 2
+        errors.append(abs(torque[1:] / (J * alpha) - 1).max())
+    assert errors[1] < 5e-3
+    assert errors[1] < 1e-10 or 3.5 < errors[0] / errors[1] < 4.5
 
 
 @integrators
@@ -251,16 +196,10 @@ def test_force_along_a_slide(integrator, treatment):
     slide = model.add("slide", sc.JointPrismatic(sc.ground((0, 0, 0)), body.at(0.5 * n), n))
     model.add("ram", sc.JointDrive(slide, lambda t: 0.75 * t**2))
     model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    history = sc.simulate(model.freeze(), *pair, 0.02, 0.5)
+    history = sc.simulate(model.freeze(), integrator, treatment, 0.02, 0.5)
     force = history["joint/ram/force"][1:-1]
     assert abs(force - 2.0 * (1.5 + 9.81 * 0.8) * n).max() < 1e-8
-    assert abs(history["joint/ram/moment"][1:-1]).max() < 1e-8
     assert abs(history["joint/slide/force"][1:-1] @ n).max() < 1e-8
-    exact = 0.75 * history.times**2
-    assert abs(history["joint/slide/displacement"] - exact).max() < 1e-13
-    work = 2.0 * (0.5 * (1.5 * history.times) ** 2 + 9.81 * 0.8 * exact)
-    assert abs(history["work_drives"] - work)[:-1].max() < 1e-3 * work[-1]
 
 
 # -- closed loops ----------------------------------------------------------------------------------
@@ -268,10 +207,10 @@ def test_force_along_a_slide(integrator, treatment):
 R, L, START = 0.4, 1.0, 0.7
 
 
-def slider_crank(drive, joint="pin"):
+def slider_crank(drive, joint="pin", start=START):
     """Crank, rod and slider in the xy plane; drives one of its joints."""
     A = np.zeros(3)
-    B = R * np.array([np.cos(START), np.sin(START), 0])
+    B = R * np.array([np.cos(start), np.sin(start), 0])
     C = np.array([B[0] + np.sqrt(L**2 - B[1] ** 2), 0, 0])
     model = sc.Model()
     crank, rod, slider = (
@@ -295,110 +234,50 @@ def slider_of(angle):
     return R * np.cos(angle) + np.sqrt(L**2 - (R * np.sin(angle)) ** 2)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:balance of energy")  # oscillates with the variational scheme
 @integrators
 def test_slider_crank_with_a_driven_crank(integrator):
-    """Mobility zero, no unknowns left: the closed form over three turns, forwards and back."""
-    turn = lambda t: 10 * (1 - np.cos(4 * t))  # noqa: E731 - reaches 20 rad and comes back
+    """Mobility zero, no unknowns left: the closed form over three turns."""
+    turn = lambda t: 10 * (1 - np.cos(4 * t))  # noqa: E731
     system = slider_crank(turn).freeze()
     assert system.counts() == {"n": 36, "m": 39, "rank": 36, "unknowns": 0}
     assert sum(map(len, system.redundancies().values())) == 3
-    runs = []
-    for treatment in TREATMENTS.values():
-        history = sc.simulate(system, INTEGRATORS[integrator], treatment, 0.02, 1.6)
-        runs.append(history)
+    forces = []
+    for treatment in TREATMENTS:
+        history = sc.simulate(system, integrator, treatment, 0.02, 0.8)
+        forces.append(history["constraint_force"][:-1])
+        angle = turn(history.times)
+        assert angle.max() > 6 * np.pi
         x = history["q"][:, system.frame_place("slider")]
-        angle = np.array([turn(t) for t in history.times])
         assert abs(x - slider_of(START + angle)).max() < 1e-12
         assert abs(history["joint/pin/angle"] - angle).max() < 1e-12
         assert history["constraint_violation"].max() < 1e-13
-        assert (history["attempts"] == 1).all()
-    assert angle.max() > 6 * np.pi
-    one, two = runs
-    assert abs(one["q"] - two["q"]).max() < 1e-12
-    size = abs(one["constraint_force"][:-1]).max()
-    assert abs(one["constraint_force"] - two["constraint_force"])[:-1].max() < 1e-8 * size
-    moment = [h["joint/motor/moment"][:-1] for h in runs]
-    assert abs(moment[0] - moment[1]).max() < 1e-8 * size
-    if integrator == "energy-momentum":
-        for history in runs:
+        if integrator.name == "energy-momentum":
             assert abs(history["energy_balance"]).max() < 1e-10 * history["energy"].max()
+    assert abs(forces[0] - forces[1]).max() < 1e-8 * abs(forces[0]).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", range(4))
 @integrators
 def test_each_joint_of_a_four_bar_driven(which, integrator):
-    """Also the one that closes the loop; against the same motion started from another joint."""
-    motion = lambda t: 0.25 * np.sin(2 * t) ** 2  # noqa: E731
+    """Also the one that closes the loop."""
     model = four_bar()
-    joint = model[f"pin {which}"]
-    model.add("motor", sc.JointDrive(joint, motion))
+    model.add("motor", sc.JointDrive(model[f"pin {which}"], lambda t: 0.25 * np.sin(2 * t) ** 2))
     model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
     system = model.freeze()
     assert system.unknowns == 0
-    runs = [
-        sc.simulate(system, INTEGRATORS[integrator], treatment, 0.02, 0.8)
-        for treatment in TREATMENTS.values()
-    ]
-    for history in runs:
-        for q, t in zip(history["q"], history.times, strict=True):
-            assert abs(measured(system, joint, "angle", system.extend(q, t)) - motion(t)) < 1e-13
-    one, two = runs
+    one, two = (sc.simulate(system, integrator, treatment, 0.02, 0.4) for treatment in TREATMENTS)
     assert abs(one["q"] - two["q"]).max() < 1e-12
     assert abs(one["q"] - one["q"][0]).max() > 0.1
-    angles = [one[f"joint/pin {k}/angle"] for k in range(4)]
-    assert abs(angles[0] + angles[1] + angles[2] + angles[3]).max() < 1e-12  # around the loop
-
-
-@integrators
-def test_a_drive_that_leaves_some_mobility(integrator):
-    """A five-bar with one crank driven: one unknown, the other crank swings."""
-    points = np.array([[0.0, 0, 0], [-0.3, 1, 0], [1, 1.8, 0], [2, 1.5, 0], [2.2, 0, 0]])
-    model = sc.Model()
-    bars = [
-        model.add(f"bar {k}", sc.RigidBody(1.0, TENSOR, position=points[k : k + 2].mean(0)))
-        for k in range(4)
-    ]
-    places = [sc.ground(points[0]), *(b.at(x) for b, x in zip(bars, points[1:], strict=True))]
-    after = [*(b.at(x) for b, x in zip(bars, points, strict=False)), sc.ground(points[4])]
-    for k in range(5):
-        model.add(f"pin {k}", sc.JointRevolute(places[k], after[k], Z))
-    model.add("motor", sc.JointDrive(model["pin 0"], lambda t: 0.3 * t**2))
-    model.add("gravity", sc.LoadGravity((0.5, -1, 0)))
-    system = model.freeze()
-    assert system.counts() == {"n": 48, "m": 50, "rank": 47, "unknowns": 1}
-    one, two = (
-        sc.simulate(system, INTEGRATORS[integrator], treatment, 0.02, 1.0)
-        for treatment in TREATMENTS.values()
-    )
-    assert abs(one["q"] - two["q"]).max() < 1e-11
-    for history in (one, two):
-        assert abs(history["joint/pin 0/angle"] - 0.3 * history.times**2).max() < 1e-12
-        assert abs(history["joint/pin 4/angle"]).max() > 0.05
-        if integrator == "energy-momentum":
-            assert abs(history["energy_balance"]).max() < 1e-11 * abs(history["energy"]).max()
-
-
-@treatments
-def test_several_turns(treatment):
-    """A motor on a tree that hangs on a free body: the angle goes on counting."""
-    model = sc.Model()
-    hub = model.add("hub", sc.RigidBody(2.0, TENSOR, angular_velocity=(0.1, 0.2, 0)))
-    x, omega = (0.5, 0, 0), (0.1, 0.2, 0)
-    speed = {"velocity": np.cross(omega, x), "angular_velocity": omega}
-    wheel = sc.RigidBody(0.5, TENSOR, position=x, **speed)
-    model.add("wheel", wheel)
-    axle = model.add("axle", sc.JointRevolute(hub.at((0.5, 0, 0)), wheel.at((0.5, 0, 0)), Z))
-    model.add("motor", sc.JointDrive(axle, lambda t: -15 * t**2))
-    system = model.freeze()
-    assert system.unknowns == 6
-    history = sc.simulate(system, sc.EnergyMomentum(), TREATMENTS[treatment], 0.02, 1.0)
-    assert abs(history["joint/axle/angle"] + 15 * history.times**2).max() < 1e-12
-    L = history["angular_momentum"]
-    assert abs(L - L[0]).max() < 1e-11 * abs(L[0]).max()  # the motor is an internal force
+    angles = np.array([one[f"joint/pin {k}/angle"] for k in range(4)])
+    assert abs(angles[which] - 0.25 * np.sin(2 * one.times) ** 2).max() < 1e-13
+    assert abs(angles.sum(0)).max() < 1e-12  # around the loop
 
 
 # such steps are much too large
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.parametrize("rate", [1.0, 2.0, 3.0, 7.0])
 @integrators
@@ -412,11 +291,76 @@ def test_steps_of_a_radian_and_more(rate, integrator, treatment):
     body = model.add("body", sc.RigidBody(1.0, TENSOR, position=(0.5, 0, 0)))
     hinge = model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), Z))
     model.add("motor", sc.JointDrive(hinge, lambda t: rate * t**2))
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    history = sc.simulate(model.freeze(), *pair, 1.0, 3.0)
+    history = sc.simulate(model.freeze(), integrator, treatment, 1.0, 3.0)
     x, angle = history["q"][:, :3], rate * history.times**2
     wanted = 0.5 * np.c_[np.cos(angle), np.sin(angle), 0 * angle]
     assert abs(x - wanted).max() < 1e-13
+
+
+# -- moving ground ---------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@integrators
+@treatments
+def test_bob_at_rest_in_an_accelerated_frame(integrator, treatment):
+    """Support with x = a t^2/2: the string leans by a/g and carries m |g - a|, exactly."""
+    a, g, m = 3.0, 9.81, 0.7
+    lean = np.array([-a, 0, -g]) / np.hypot(a, g)
+    shake = sc.Motion(displacement=lambda t: (a * t**2 / 2, 0, 0))
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(m, 1.3 * lean))
+    model.add("string", sc.JointDistance(sc.ground((0, 0, 0), shake), bob.place()))
+    model.add("gravity", sc.LoadGravity((0, 0, -g)))
+    history = sc.simulate(model.freeze(), integrator, treatment, 0.02, 0.5)
+    path = 1.3 * lean + np.outer(a * history.times**2 / 2, (1, 0, 0))
+    assert abs(history["q"] - path).max() < 1e-11
+    tension = history["joint/string/force"][:-1]  # the last state may have none
+    assert abs(tension + m * np.hypot(a, g) * lean).max() < 1e-8
+
+
+@pytest.mark.slow
+@integrators
+@treatments
+def test_steady_rotation_of_a_driven_body(integrator, treatment):
+    """Circle, spin, centripetal force m w^2 r and gyroscopic moment, all in closed form."""
+    w, h, arm, model = 2.0, 0.01, np.array([0.5, 0.1, 0]), sc.Model()
+    speed = {"angular_velocity": (0, 0, w), "velocity": np.cross((0, 0, w), arm)}
+    body = model.add("body", sc.RigidBody(1.4, TENSOR, position=arm, **speed))
+    turning = sc.ground((0, 0, 0), sc.Motion(rotation=lambda t: (0, 0, w * t)))
+    model.add("drive", sc.JointFixed(turning, body.at((0, 0, 0))))
+    history = sc.simulate(model, integrator, treatment, h, 0.5)
+    R = Rotation.from_rotvec(np.outer(w * history.times, Z)).as_matrix()
+    x = R @ arm
+    assert abs(history["q"][:, :3] - x).max() < 1e-13
+    discrete = (2 - 2 * np.cos(w * h)) / h**2
+    force, moment = (history[f"joint/drive/{k}"][1:-1] for k in ("force", "moment"))
+    assert abs(force + 1.4 * discrete * x[1:-1]).max() < 1e-9
+    # dL/dt = w x L about the centre, carried by the force's lever and the moment about the pin
+    rate = np.cross((0, 0, w), R @ TENSOR @ (0, 0, w))
+    assert abs(moment - rate[1:-1]).max() < 20 * h**2
+    assert abs(rate).max() > 0.1
+
+
+def driven(motion, joint=sc.JointFixed, **body):
+    model = sc.Model()
+    item = model.add("body", sc.RigidBody(1.0, (1, 1, 1), **body))
+    model.add("drive", joint(sc.ground((0, 0, 0), motion), item.at((0, 0, 0))))
+    return model
+
+
+def test_velocity_at_the_start_contradicts():
+    system = driven(sc.Motion(rotation=lambda t: (0, 0, np.sin(t)))).freeze()
+    with pytest.raises(sc.InputError, match=r"'drive'.*prescribed motion.*project"):
+        sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1)
+    start = sc.initial_state(system, v=sc.project(system, system.q0, system.v0))
+    sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1, start=start)
+
+
+def test_a_spherical_joint_does_not_feel_the_rotation():
+    system = driven(sc.Motion(rotation=lambda t: (0, 0, t)), sc.JointSpherical).freeze()
+    history = sc.simulate(system, sc.Variational(), sc.NullSpace(), 0.01, 0.1)
+    assert abs(history["q"] - history["q"][0]).max() == 0
 
 
 # -- dead points -----------------------------------------------------------------------------------
@@ -428,6 +372,7 @@ def stopped(system, integrator, treatment, step, until):
     return caught.value
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # ends at a dead point
 @integrators
 @treatments
@@ -436,8 +381,7 @@ def test_a_slider_that_is_pushed_beyond_its_reach(integrator, treatment):
     reach = R + L - slider_of(START)
     speed = 0.5
     system = slider_crank(lambda t: speed * t**2, "guide").freeze()
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    error = stopped(system, *pair, 0.01, 2.0)
+    error = stopped(system, integrator, treatment, 0.01, 2.0)
     time = np.sqrt(reach / speed)
     assert error.time == pytest.approx(np.floor(time / 0.01) * 0.01, abs=1e-9)
     text = str(error)
@@ -445,56 +389,25 @@ def test_a_slider_that_is_pushed_beyond_its_reach(integrator, treatment):
         f"dead point at t = {time:.6g} s",
         "the drive 'motor'",
         f"displacement = {reach:.6g} m",
-        "closed loop through",
-        "revolute joint 'big end'",
         "prismatic joint 'guide'",
-        "does not close beyond",
-        "drive another joint",
     ):
         assert word in text, text
     assert len(error.history) == error.step
     assert error.history["constraint_violation"].max() < 1e-12
 
 
-@treatments
-def test_a_rocker_driven_beyond_its_reach(treatment):
-    """Crank and coupler get straight: the angle by the law of cosines."""
-    crank, coupler, rocker, base = 1.0, np.hypot(2, 0.5), 1.5, 2.0
-    model = four_bar()
-    model.add("motor", sc.JointDrive(model["pin 3"], lambda t: -0.4 * t**2))
-    error = stopped(model.freeze(), sc.EnergyMomentum(), TREATMENTS[treatment], 0.05, 5.0)
-    model = four_bar()
-    model.add("motor", sc.JointDrive(model["pin 3"], lambda t: 0.4 * t**2))
-    other = stopped(model.freeze(), sc.EnergyMomentum(), TREATMENTS[treatment], 0.05, 5.0)
-    # interior angle of the rocker at its pin, 90 degrees in the reference
-    limits = [
-        np.arccos((rocker**2 + base**2 - d**2) / (2 * rocker * base))
-        for d in (crank + coupler, coupler - crank)
-    ]
-    found = sorted(
-        0.4 * float(str(e).split("dead point at t = ")[1].split(" s")[0]) ** 2
-        for e in (error, other)
-    )
-    assert found == pytest.approx(sorted(abs(a - np.pi / 2) for a in limits), rel=1e-5)
-
-
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # ends at a dead point
 @treatments
 def test_supports_that_are_pulled_apart(treatment):
     """No drive, but moving ground: two rods between supports that go away from each other."""
-    model = sc.Model()
-    ends = np.array([[0.0, 0, 0], [1, -0.5, 0], [2, 0, 0]])
-    rods = [
-        model.add(
-            f"rod {k}", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=ends[k : k + 2].mean(0))
-        )
-        for k in (0, 1)
-    ]
-    away = sc.ground(ends[2], sc.Motion(lambda t: (t**2, 0, 0)))
-    model.add("left", sc.JointRevolute(sc.ground(ends[0]), rods[0].at(ends[0]), Z))
-    model.add("mid", sc.JointRevolute(rods[0].at(ends[1]), rods[1].at(ends[1]), Z))
-    model.add("right", sc.JointRevolute(rods[1].at(ends[2]), away, Z))
-    error = stopped(model.freeze(), sc.Variational(), TREATMENTS[treatment], 0.02, 2.0)
+    model, left, mid, right = sc.Model(), (0, 0, 0), (1, -0.5, 0), (2, 0, 0)
+    one, two = (model.add(name, sc.RigidBody.box(1.0, (1, 0.1, 0.1))) for name in ("one", "two"))
+    away = sc.ground(right, sc.Motion(lambda t: (t**2, 0, 0)))
+    model.add("left", sc.JointRevolute(sc.ground(left), one.at(left), Z))
+    model.add("mid", sc.JointRevolute(one.at(mid), two.at(mid), Z))
+    model.add("right", sc.JointRevolute(two.at(right), away, Z))
+    error = stopped(model.freeze(), sc.Variational(), treatment, 0.02, 2.0)
     time = np.sqrt(2 * np.hypot(1, 0.5) - 2)
     for word in (f"dead point at t = {time:.6g} s", "prescribed motion of the ground", "'mid'"):
         assert word in str(error)
@@ -507,7 +420,7 @@ def test_other_failures_are_not_called_dead_points(treatment):
     model.add("motor", sc.JointDrive(model["pin 0"], lambda t: t**2))
     model.add("top", sc.RigidBody(1.0, TENSOR, position=(5, 5, 5), angular_velocity=(3, 2, 9)))
     settings = sc.NewtonSettings(iterations=1, damped_iterations=1)
-    stepper = sc.Stepper(model.freeze(), sc.Variational(), TREATMENTS[treatment], 0.1, settings)
+    stepper = sc.Stepper(model.freeze(), sc.Variational(), treatment, 0.1, settings)
     start = sc.initial_state(stepper.system)
     with pytest.raises(sc.Diverged) as caught:
         stepper.advance(start)
@@ -527,16 +440,7 @@ def refused(call, *words):
 
 def two_cranks(first, second):
     """A parallelogram with both cranks driven."""
-    ends = np.array([[0.0, 0, 0], [0.6, 0.8, 0], [2.6, 0.8, 0], [2, 0, 0]])
-    model = sc.Model()
-    bars = [
-        model.add(name, sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=ends[k : k + 2].mean(0)))
-        for k, name in enumerate(("crank", "coupler", "rocker"))
-    ]
-    before = [sc.ground(ends[0]), *(b.at(x) for b, x in zip(bars, ends[1:], strict=True))]
-    after = [*(b.at(x) for b, x in zip(bars, ends[:3], strict=True)), sc.ground(ends[3])]
-    for k in range(4):
-        model.add(f"pin {k}", sc.JointRevolute(before[k], after[k], Z))
+    model = linkage(PARALLELOGRAM, 0.9)
     model.add("left", sc.JointDrive(model["pin 0"], first))
     model.add("right", sc.JointDrive(model["pin 3"], second))
     return model
@@ -545,22 +449,16 @@ def two_cranks(first, second):
 def test_two_drives_of_one_coordinate():
     model = slider_crank(lambda t: t**2)
     model.add("second", sc.JointDrive(model["pin"], lambda t: t**2))
-    refused(
-        model.freeze, "drive 'second'", "contradicts the drive 'motor'", "angle of the revolute"
-    )
+    refused(model.freeze, "drive 'second'", "contradicts the drive 'motor'")
 
 
-@pytest.mark.parametrize("factor", [1.5, 1.01, 1 + 1e-4, -1.0])
+@pytest.mark.parametrize("factor", [1 + 1e-4, -1.0])
 def test_two_cranks_with_different_motions(factor):
-    refused(
-        two_cranks(lambda t: 2 * t**2, lambda t: -2 * factor * t**2).freeze,
-        "drive 'right'",
-        "the drive 'left' at angle",
-        "cannot follow the prescribed motion",
-        "revolute joint 'pin 2'",
-    )
+    model = two_cranks(lambda t: 2 * t**2, lambda t: -2 * factor * t**2)
+    refused(model.freeze, "drive 'right'", "cannot follow the prescribed motion")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # large steps
 @integrators
 @treatments
@@ -568,26 +466,23 @@ def test_two_cranks_with_the_same_motion(integrator, treatment):
     """Consistent drives are taken, and go through the flat positions together."""
     system = two_cranks(lambda t: -2 * t**2, lambda t: 2 * t**2).freeze()
     assert system.counts() == {"n": 36, "m": 40, "rank": 36, "unknowns": 0}
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    history = sc.simulate(system, *pair, 0.02, 2.0)
+    history = sc.simulate(system, integrator, treatment, 0.02, 2.0)
     i = system.frame_place("coupler")
     assert abs(history["q"][:, i + 3 : i + 6] - (1, 0, 0)).max() < 1e-12
     assert history["joint/pin 0/angle"][-1] == pytest.approx(-8.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_cranks_that_part_later(integrator, treatment):
     """Equal until 0.5 s: the run stops there and says why."""
     model = two_cranks(lambda t: -(t**2), lambda t: t**2 if t < 0.5 else t - 0.25)
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    error = stopped(model.freeze(), *pair, 0.02, 2.0)
+    error = stopped(model.freeze(), integrator, treatment, 0.02, 2.0)
     assert error.time == pytest.approx(0.5)
     for word in (
         "prescribed motions contradict each other at t = 0.52 s",
-        "the drive 'left' at angle = -0.2704 rad",
         "the drive 'right' at angle = 0.27 rad",
-        "Leave out one of the drives",
     ):
         assert word in str(error)
 
@@ -596,17 +491,8 @@ def test_cranks_that_part_later(integrator, treatment):
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
 def test_a_drive_against_a_dead_point_from_the_start():
     """The slider in its dead point cannot be pushed on."""
-    A, B, C = np.zeros(3), np.array([0.4, 0, 0]), np.array([1.4, 0, 0])
-    model = sc.Model()
-    crank = model.add("crank", sc.RigidBody.box(1.0, (1, 1, 1), position=(A + B) / 2))
-    rod = model.add("rod", sc.RigidBody.box(1.0, (1, 1, 1), position=(B + C) / 2))
-    slider = model.add("slider", sc.RigidBody.box(1.0, (1, 1, 1), position=C))
-    model.add("pin", sc.JointRevolute(sc.ground(A), crank.at(A), Z))
-    model.add("big end", sc.JointRevolute(crank.at(B), rod.at(B), Z))
-    model.add("small end", sc.JointRevolute(rod.at(C), slider.at(C), Z))
-    model.add("guide", sc.JointPrismatic(sc.ground(A), slider.at(C), (1.0, 0, 0)))
-    model.add("ram", sc.JointDrive(model["guide"], lambda t: t**2))
-    refused(model.freeze, "drive 'ram'", "cannot follow the prescribed motion", "'guide'")
+    model = slider_crank(lambda t: t**2, "guide", start=0.0)
+    refused(model.freeze, "drive 'motor'", "cannot follow the prescribed motion", "'guide'")
 
 
 # -- bad input -------------------------------------------------------------------------------------
@@ -619,49 +505,41 @@ ROD = sc.JointDistance(sc.ground((0, 0, 2)), BALL.at((0, 0, 0)))
 
 
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "text"),
     [
-        (lambda: sc.JointDrive(BALL, np.sin), ["drive", "RigidBody", "expected a joint"]),
-        (lambda: sc.JointDrive(HINGE, 3.0), ["drive", "motion = 3.0", "function of time"]),
-        (lambda: sc.JointDrive(HINGE, np.sin, "displacement"), ["no 'displacement'", "['angle']"]),
-        (lambda: sc.JointDrive(SLEEVE, np.sin), ["which of its coordinates", "displacement"]),
-        (lambda: sc.JointDrive(SLEEVE, np.sin, "x"), ["cylindrical joint", "no 'x'"]),
-        (lambda: sc.JointDrive(SOCKET, np.sin), ["cannot prescribe the rotation", "spherical"]),
-        (lambda: sc.JointDrive(ROD, np.sin), ["distance joint"]),
+        (lambda: sc.JointDrive(BALL, np.sin), "drive.*RigidBody.*expected a joint"),
+        (lambda: sc.JointDrive(HINGE, 3.0), "drive.*motion = 3.0.*function of time"),
+        (lambda: sc.JointDrive(HINGE, np.sin, "x"), r"no 'x'.*\['angle'\]"),
+        (lambda: sc.JointDrive(SLEEVE, np.sin), "which of its coordinates.*displacement"),
+        (lambda: sc.JointDrive(SOCKET, np.sin), "cannot prescribe the rotation of a spherical"),
+        (lambda: sc.JointDrive(ROD, np.sin), "distance joint"),
     ],
 )
-def test_bad_drives(call, words):
-    refused(call, *words)
+def test_bad_drives(call, text):
+    with pytest.raises(sc.InputError, match=text):
+        call()
 
 
 def test_drives_that_do_not_fit_the_model():
-    def model(motion, known=True):
+    def model(motion):
         out = sc.Model()
         ball = out.add("ball", sc.RigidBody.sphere(1.0, 1.0))
         joint = sc.JointRevolute(sc.ground((0, 0, 0)), ball.at((0, 0, 0)), Z)
-        if known:
-            out.add("hinge", joint)
-        else:
-            out.add("other", sc.JointSpherical(sc.ground((0, 0, 0)), ball.at((0, 0, 0))))
-        out.add("motor", sc.JointDrive(joint, motion))
+        out.add("motor", sc.JointDrive(out.add("hinge", joint), motion))
         return out
 
+    def run(motion):
+        sc.simulate(model(motion), sc.Variational(), sc.NullSpace(), 0.1, 1.0)
+
     refused(model(lambda t: 0.2 + t).freeze, "drive 'motor'", "angle = 0.2 rad", "t = 0", "'hinge'")
-    refused(model(lambda t: t**2, False).freeze, "drive 'motor'", "not in the model")
     refused(model(lambda t: float("nan")).freeze, "drive 'motor'", "nan")
     refused(model(lambda t: (t, t)).freeze, "drive 'motor'", "(0.0, 0.0)")
-    refused(
-        lambda: sc.simulate(model(lambda t: 0.5 * t).freeze(), *PAIR, 0.1, 1.0),
-        "drive 'motor'",
-        "0.5",
-        "project",
-    )
-    late = model(lambda t: t**2 if t < 0.45 else float("inf")).freeze()
-    with pytest.raises(sc.InputError, match=r"drive 'motor'.*inf.*0\.45"):
-        sc.simulate(late, *PAIR, 0.1, 1.0)
-
-
-PAIR = (sc.Variational(), sc.NullSpace())
+    refused(partial(run, lambda t: 0.5 * t), "drive 'motor'", "0.5", "project")
+    late = partial(run, lambda t: t**2 if t < 0.45 else float("inf"))
+    refused(late, "drive 'motor'", "inf", "0.45")
+    strange = model(np.sin)
+    strange.add("strange", sc.JointDrive(HINGE, np.sin))
+    refused(strange.freeze, "drive 'strange'", "not in the model")
 
 
 # -- motions that jump -----------------------------------------------------------------------------
@@ -696,6 +574,7 @@ def moved(motion, kind):
     return model
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("kind", [sc.JointRevolute, sc.JointPrismatic, "displacement", "rotation"])
 @treatments
 @pytest.mark.parametrize("name", JUMPS)
@@ -707,12 +586,13 @@ def test_a_jump_is_refused(name, kind, treatment):
     }.get(name, sc.EnergyMomentum())
     who = "drive 'drive'" if isinstance(kind, type) else "fixed joint 'joint'"
     with pytest.raises(sc.Diverged, match=rf"the {who} jumps at t = .*RampSmooth") as found:
-        sc.simulate(moved(JUMPS[name], kind), integrator, TREATMENTS[treatment], 0.01, 0.3)
+        sc.simulate(moved(JUMPS[name], kind), integrator, treatment, 0.01, 0.3)
     history = found.value.history
     assert history["constraint_violation"].max() < 1e-15
     assert not any(JUMPS[name](t) for t in history.times)
 
 
+@pytest.mark.one_quick
 @pytest.mark.filterwarnings("ignore:.*do not see:skfem_cosserat.AccuracyWarning")
 @treatments
 @pytest.mark.parametrize("name", STEEP)
@@ -720,33 +600,21 @@ def test_a_steep_motion_is_followed(name, treatment):
     """Its second difference shrinks with the interval, though not where the step looks first."""
     motion = STEEP[name]
     model = moved(motion, sc.JointRevolute)
-    run = sc.simulate(model, sc.EnergyMomentum(), TREATMENTS[treatment], 0.01, 0.3)
+    run = sc.simulate(model, sc.EnergyMomentum(), treatment, 0.01, 0.3)
     value = motion.value if isinstance(motion, sc.FunctionOfTime) else motion
     angle = run["joint/joint/angle"] - [value(t) for t in run.times.tolist()]
     assert abs(np.sin(angle / 2)).max() < 1e-12
 
 
-@pytest.mark.parametrize("kernels", ["numpy", "numba"])
-@pytest.mark.parametrize("kind", [sc.JointPrismatic, "rotation"])
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "kernels"), [(sc.JointPrismatic, "numpy"), ("rotation", "numba")])
 @treatments
 def test_what_is_too_small_for_a_jump_is_followed(kind, treatment, kernels):
     """Where a step ends: at t = 0.1 by 10 h, and before it by 9 h + h."""
-    for scheme in (*INTEGRATORS.values(), sc.GeneralizedAlpha(), sc.Composition(sc.Variational())):
+    for scheme in (*INTEGRATORS, sc.GeneralizedAlpha(), sc.Composition(sc.Variational())):
         model = moved(lambda t: t**2 + 9e-7 * (t >= 0.1), kind)
-        run = sc.simulate(model, scheme, TREATMENTS[treatment], 0.01, 0.15, kernels=kernels)
+        run = sc.simulate(model, scheme, treatment, 0.01, 0.12, kernels=kernels)
         assert run["constraint_violation"].max() < 1e-13
-
-
-@treatments
-def test_full_turns_at_once_move_nothing(treatment):
-    """Angle and angle + 2 pi are one configuration: no other torque."""
-    pair = sc.EnergyMomentum(), TREATMENTS[treatment]
-    one, other = (
-        sc.simulate(moved(motion, sc.JointRevolute), *pair, 0.01, 0.3)
-        for motion in (lambda t: t**2, lambda t: t**2 + 2 * np.pi * (t >= 0.1))
-    )
-    for name in ("q", "joint/drive/moment", "work_drives"):
-        assert abs(one[name] - other[name])[:-1].max() < 1e-10
 
 
 def test_a_violated_constraint_is_told():

@@ -15,26 +15,23 @@ from helpers_scenes import (
     POINT_JOINTS,
     SHAKE,
     TENSOR,
-    chequered,
+    assert_constraints,
+    assert_null_space,
     fitting,
     full_section,
-    null_space,
     random_tree,
     rotation,
+    seen,
+    two_states,
     unit,
 )
-from rounding import energy_limit, momentum_limits
+from helpers_schemes import TREATMENTS, integrators, treatments
 from scipy.spatial.transform import Rotation
 from test_tangents import TOLERANCE, Step, worst
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
-from skfem_cosserat.model.reparametrisation import Reparametrisation
 
-INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
-TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
-integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
-treatments = pytest.mark.parametrize("treatment", TREATMENTS)
 kinds = pytest.mark.parametrize("kind", JOINTS, ids=lambda kind: kind.type)
 GRAVITY = np.array([0.4, -0.3, -9.81])
 PARTNERS = ("body", "ground", "moving", "node", "eccentric", "point")
@@ -109,90 +106,21 @@ def scene(kind):
     return build.model.freeze(), build.sides
 
 
-def two_states(system, seed=3, size=0.7):
-    """Two configurations far from the reference and from each other, and the way between."""
-    rng = np.random.default_rng(seed)
-    nodal = Reparametrisation(system.kinematics)
-    nodal.begin(system.extend(system.q0, 0.0), system.ground(0.3))
-    for _ in range(3):
-        nodal.add(size * rng.standard_normal(system.kinematics.unknowns))
-    y0 = nodal.configuration()
-    nodal.begin(y0, system.ground(0.5))
-    for _ in range(2):
-        nodal.add(0.5 * size * rng.standard_normal(system.kinematics.unknowns))
-    return y0, nodal.configuration(), nodal
-
-
-def size_of(system, y):
-    """Sizes of the terms of each constraint row."""
-    return np.maximum(system.constraints.magnitudes(y), 1.0)
-
-
-# -- counts ----------------------------------------------------------------------------------------
-
-
-@kinds
-def test_counts(kind):
-    """Each pair is one tree: what its joint leaves free, and the motion of the whole."""
-    system, _ = scene(kind)
-    free = JOINTS[kind]
-    unknowns = 0
-    for what, _swap in pairs(kind):
-        if what == "point":
-            unknowns += 3 + free
-        elif what == "body":
-            unknowns += 6 + free
-        elif what in ("ground", "moving"):
-            unknowns += free
-        else:
-            unknowns += 12 + free  # two nodes of a beam
-    assert system.unknowns == unknowns
-    assert system.rank == system.m == system.n - unknowns
-    assert len(system.redundant) == 0
-    taken = {j.size for j in system.joints}
-    assert taken == {6 - free}
-
-
 # -- null space ------------------------------------------------------------------------------------
 
 
 @kinds
 def test_null_space_at_nodes_and_midpoints(kind):
+    """It spans what the rows leave free, as many as the joints have."""
     system, _ = scene(kind)
+    assert {joint.size for joint in system.joints} == {6 - JOINTS[kind]}
+    assert system.rank == system.m == system.n - system.unknowns
     y0, y1, nodal = two_states(system)
     assert abs(y1 - y0)[: system.rows].max() > 0.5
     for y in (y0, y1):
-        assert (abs(system.constraints.values(y)) / size_of(system, y)).max() < 1e-13
+        assert_constraints(system, y)
     for y in (y0, 0.5 * (y0 + y1), y1):
-        G = system.constraints.jacobian(y).toarray()
-        P = null_space(system, y, nodal.fixed)
-        assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
-        assert np.linalg.matrix_rank(P) == system.unknowns
-        assert np.linalg.matrix_rank(G) == system.n - system.unknowns == system.m
-
-
-@kinds
-def test_null_space_is_the_derivative_of_the_chart(kind):
-    system, _ = scene(kind)
-    _, y1, nodal = two_states(system)
-    P = null_space(system, y1, nodal.fixed)
-    saved = nodal.save()
-    for k in range(system.unknowns):
-        increment = np.zeros(system.unknowns, dtype=complex)
-        increment[k] = 1e-40j
-        nodal.add(increment)
-        column = nodal.configuration()[: system.rows].imag.ravel() / 1e-40
-        assert abs(column - P[:, k]).max() < 1e-12
-        nodal.restore(saved)
-
-
-def seen(system, place, y):
-    """Position of a place, and the rotation of its side since the reference."""
-    r = system.row_of(place)
-    if place.triad is None:
-        return y[r], None
-    D = y[r + 1 : r + 4]
-    return y[r] + place.offset @ D, D.T @ place.triad
+        assert_null_space(system, y, nodal.fixed)
 
 
 @kinds
@@ -203,17 +131,18 @@ def test_geometry(kind):
     for joint in system.joints:
         (xa, Ra), (xb, Rb) = (seen(system, place, y) for place in (joint.a, joint.b))
         r, r0 = xb - xa, joint.b.position - joint.a.position
+        rounding = 1e-13 * (1 + abs(xb).max())
         if kind is sc.JointDistance:
             assert np.linalg.norm(r) == pytest.approx(np.linalg.norm(r0), rel=1e-13)
             continue
         if kind in (sc.JointSpherical, sc.JointRevolute, sc.JointUniversal, sc.JointFixed):
-            assert abs(r).max() < 1e-13 * (1 + abs(xb).max()), joint.name
+            assert abs(r).max() < rounding, joint.name
         if kind in (sc.JointCylindrical, sc.JointPrismatic, sc.JointPointOnLine):
             n = Ra @ joint.axis
-            assert abs(np.cross(n, r)).max() < 1e-13 * (1 + abs(xb).max()), joint.name
+            assert abs(np.cross(n, r)).max() < rounding, joint.name
             assert abs(n @ r - joint.axis @ r0) > 1e-3  # it slides
         if kind is sc.JointPlanar:
-            assert abs(Ra @ joint.normal @ r) < 1e-13 * (1 + abs(xb).max()), joint.name
+            assert abs(Ra @ joint.normal @ r) < rounding, joint.name
             assert abs(Ra.T @ r - r0).max() > 1e-3
         if kind in (sc.JointRevolute, sc.JointCylindrical):
             assert abs(Ra @ joint.axis - Rb @ joint.axis).max() < 1e-13, joint.name
@@ -228,28 +157,22 @@ def test_geometry(kind):
 
 
 @pytest.mark.parametrize(
-    ("kind", "axes"),
+    ("kind", "options", "axes"),
     [
-        (sc.JointRevolute, [(0, 1, 0)]),
-        (sc.JointCylindrical, [(0, 1, 0)]),
-        (sc.JointPlanar, [(0, 1, 0)]),
-        (sc.JointPrismatic, [(0, 0, 1), (0, 1, 0)]),
-        (sc.JointFixed, [(1, 0, 0), (0, 1, 0), (0, 0, 1)]),
-        (sc.JointUniversal, []),
-        (sc.JointSpherical, []),
+        (sc.JointRevolute, {"axis": (0, 0, 1)}, [(0, 1, 0)]),
+        (sc.JointCylindrical, {"axis": (0, 0, 1)}, [(0, 1, 0)]),
+        (sc.JointPlanar, {"normal": (0, 0, 1)}, [(0, 1, 0)]),
+        (sc.JointPrismatic, {"axis": (0, 0, 1)}, [(0, 0, 1), (0, 1, 0)]),
+        (sc.JointFixed, {}, [(1, 0, 0), (0, 1, 0), (0, 0, 1)]),
+        (sc.JointUniversal, {"axis_a": (1, 0, 0), "axis_b": (0, 1, 0)}, []),
+        (sc.JointSpherical, {}, []),
     ],
     ids=lambda value: getattr(value, "type", ""),
 )
-def test_half_a_turn_off_is_noticed(kind, axes):
+def test_half_a_turn_off_is_noticed(kind, options, axes):
     """Quadratic rows hold there, too; a step of multipliers that ends there is refused."""
     model = sc.Model()
     body = model.add("body", sc.RigidBody(1.0, TENSOR))
-    options = {
-        sc.JointPlanar: {"normal": (0, 0, 1)},
-        sc.JointUniversal: {"axis_a": (1, 0, 0), "axis_b": (0, 1, 0)},
-        sc.JointSpherical: {},
-        sc.JointFixed: {},
-    }.get(kind, {"axis": (0, 0, 1)})
     model.add("joint", kind(sc.ground((0, 0, 0)), body.at((0, 0, 0)), **options))
     model.add("stone", sc.MassPoint(1.0, (5, 5, 5)))
     system = model.freeze()
@@ -275,13 +198,14 @@ def test_half_a_turn_off_is_noticed(kind, axes):
 # -- steps -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @kinds
 @integrators
 @treatments
 def test_tangent(kind, integrator, treatment):
     """Iteration matrix at a far trial state against the complex step."""
     system, _ = scene(kind)
-    step = Step(system, INTEGRATORS[integrator], TREATMENTS[treatment], seed=2)
+    step = Step(system, integrator, treatment, seed=2)
     assert worst(step.matrix(), step.derivative()) < TOLERANCE
 
 
@@ -296,30 +220,27 @@ def run(kind, integrator, treatment):
     system, _ = scene(kind)
     v = np.random.default_rng(4).standard_normal(system.n)
     start = sc.initial_state(system, v=sc.project(system, system.q0, v))
-    pair, reports = (INTEGRATORS[integrator], TREATMENTS[treatment]), []
-    history = sc.simulate(system, *pair, 0.01, 0.2, start=start, callbacks=[reports.append])
+    reports = []
+    options = {"start": start, "callbacks": [reports.append]}
+    history = sc.simulate(system, integrator, treatment, 0.01, 0.06, **options)
     STEPS[kind, integrator, treatment] = reports
     return history
 
 
-@chequered("integrator", INTEGRATORS, "kind", JOINTS)
+@pytest.mark.slow
+@kinds
+@integrators
 def test_both_treatments_give_the_same_motion(kind, integrator):
     one, two = (run(kind, integrator, treatment) for treatment in TREATMENTS)
-    assert len(one) == 21
     assert abs(one["q"] - two["q"]).max() < 1e-10
-    assert abs(one["q"][-1] - one["q"][0]).max() > 0.3
+    assert abs(one["q"][-1] - one["q"][0]).max() > 0.05
     assert one["constraint_violation"].max() < 1e-12
     assert two["constraint_violation"].max() < 1e-11
     for history in (one, two):
-        assert history.meta["factorisations"] <= 4 * len(history)
         assert (history["attempts"] == 1).all()
     size = abs(one["constraint_force"][:-1]).max()
     difference = abs(one["constraint_force"] - two["constraint_force"])[:-1]
     assert difference.max() < 1e-8 * size
-    for name in scene(kind)[1]:
-        for what in ("force", "moment"):
-            f, g = (history[f"joint/{name}/{what}"][:-1] for history in (one, two))
-            assert abs(f - g).max() < 1e-8 * size, name
 
 
 def momenta(system, history, item):
@@ -338,6 +259,7 @@ def weight(item, q):
     return force, np.cross(q[:, 0] + np.einsum("i,nij->nj", item.center, q[:, 1:]), force)
 
 
+@pytest.mark.one_quick
 @kinds
 @integrators
 @treatments
@@ -352,7 +274,7 @@ def test_reactions_balance_the_momenta_of_both_sides(kind, integrator, treatment
     h, worst_force, worst_moment = 0.01, 0.0, 0.0
     points = diagnostics.constraint_points(system, history)
     found = {j.name: [history[f"joint/{j.name}/{k}"] for k in KINDS] for j in system.joints}
-    if integrator != "variational":  # the steps have theirs at their midpoints
+    if integrator.name != "variational":  # the steps have theirs at their midpoints
         reports = STEPS[kind, integrator, treatment]
         points = np.array([report.constraint_point for report in reports])
         force = np.array([report.constraint_force for report in reports])
@@ -362,7 +284,7 @@ def test_reactions_balance_the_momenta_of_both_sides(kind, integrator, treatment
         F, M = found[joint.name]
         x = np.array([seen(system, joint.b, y)[0] for y in points])
         T = M + np.cross(x, F)
-        if integrator == "variational":
+        if integrator.name == "variational":
             F, T = (0.5 * (f[1:-2] + f[2:-1]) for f in (F, T))
             steps = slice(1, -2), slice(2, -1)
         else:
@@ -381,6 +303,7 @@ def test_reactions_balance_the_momenta_of_both_sides(kind, integrator, treatment
     assert worst_moment < 1e-11
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_free_joints_transmit_nothing_along_their_freedoms(integrator, treatment):
@@ -408,199 +331,19 @@ def test_free_joints_transmit_nothing_along_their_freedoms(integrator, treatment
                 assert abs((F * np.cross(left, right)).sum(1)).max() < tiny, (kind, joint.name)
 
 
-# -- trees -----------------------------------------------------------------------------------------
-
-
-def body_at(model, name, x, rng=None):
-    """A body with every product of inertia, at x."""
-    R = np.eye(3) if rng is None else rotation(rng).T
-    item = sc.RigidBody(1.2, TENSOR, center=(0.1, 0.05, -0.1), position=x, triad=R)
-    return model.add(name, item)
-
-
-def robot():
-    """Waist, shoulder with two axes, telescope, welded tool: 1 + 2 + 1 + 0."""
-    model = sc.Model()
-    base, arm, boom, tool = (body_at(model, f"link {k}", (0.3 * k, 0, 0.5 * k)) for k in range(4))
-    model.add("waist", sc.JointRevolute(sc.ground((0, 0, 0)), base.at((0, 0, 0)), (0, 0, 1)))
-    x, y, z = np.array([0.2, 0, 0.4]), (0.5, 0, 0.9), (0.9, 0.1, 1.4)
-    model.add("shoulder", sc.JointUniversal(arm.at(x), base.at(x), (0, 1, 0), (0.6, 0, 0.8)))
-    slide = np.array([0.6, 0, 0.8])
-    model.add("telescope", sc.JointPrismatic(arm.at(y), boom.at(y + 0.5 * slide), slide))
-    model.add("flange", sc.JointFixed(tool.at(z), boom.at(z)))
-    return model, 4
-
-
-def pump():
-    """Piston in a bore that shakes, a rod on a ball, a bead on the rod: 2 + 3 + 1."""
-    model = sc.Model()
-    piston, rod = (body_at(model, name, (k, 0.1, 0)) for k, name in enumerate(("piston", "rod")))
-    x = (0.5, 0.1, 0.2)
-    model.add(
-        "bore", sc.JointCylindrical(piston.at((1, 0, 0)), sc.ground((0, 0, 0), SHAKE), (1, 0, 0))
-    )
-    model.add("ball", sc.JointSpherical(piston.at(x), rod.at(x)))
-    bead = model.add("bead", sc.MassPoint(0.4, (1.5, 0.1, 0.2)))
-    model.add("line", sc.JointPointOnLine(rod.at(x), bead.place(), (1, 0, 0)))
-    return model, 6
-
-
-def table():
-    """A puck on a table carries a string with a bob, and a disc slides on the puck: 3 + 2 + 3."""
-    model = sc.Model()
-    puck, disc = body_at(model, "puck", (0.3, 0.2, 0)), body_at(model, "disc", (0.1, 0.2, 0.4))
-    model.add("table", sc.JointPlanar(sc.ground((0, 0, 0)), puck.at((0.3, 0.2, 0)), (0, 0, 1)))
-    n = np.array([0, 0.6, 0.8])
-    a, b = np.array([0.3, 0.2, 0.2]), np.array([0.1, 0.2, 0.2])
-    model.add("face", sc.JointPlanar(disc.at(b), puck.at(a), n, (1, 0, 0)))
-    bob = model.add("bob", sc.MassPoint(0.5, (0.3, 1.0, -0.5)))
-    model.add("string", sc.JointDistance(bob.place(), puck.at((0.3, 0.2, -0.1))))
-    return model, 8
-
-
-def satellite():
-    """Free hub with cardan boom, a slider on it, a swinging lid and two spinning wheels."""
-    model, rng = sc.Model(), np.random.default_rng(1)
-    hub, boom, slider, lid, wheel, drum = (
-        body_at(model, name, x, rng)
-        for name, x in (
-            ("hub", (0, 0, 0)),
-            ("boom", (1, 0, 0)),
-            ("slider", (1.5, 0.2, 0)),
-            ("lid", (0, 0, 1)),
-            ("wheel", (0, 1, 0)),
-            ("drum", (0, -1, 0)),
-        )
-    )
-    x = np.array([0.5, 0, 0])
-    model.add("cardan", sc.JointUniversal(hub.at(x), boom.at(x), (0, 1, 0), (0, 0, 1)))
-    model.add("track", sc.JointPrismatic(slider.at(3 * x), boom.at(2 * x), (1, 0, 0)))
-    model.add("lid hinge", sc.JointRevolute(lid.at((0, 0, 0.5)), hub.at((0, 0, 0.5)), (1, 0, 0)))
-    model.add("axle", sc.JointRevolute(hub.at((0, 1, 0)), wheel.at((0, 1, 0)), (0, 0.6, 0.8)))
-    model.add("sleeve", sc.JointCylindrical(drum.at((0, -1, 0)), hub.at((0, -0.5, 0)), (0, 1, 0)))
-    return model, 6 + 2 + 1 + 1 + 1 + 2
-
-
-def rigging():
-    """Points and bodies on strings, wires and balls, hung from a free mass point."""
-    model = sc.Model()
-    top = model.add("top", sc.MassPoint(2.0, (0, 0, 1)))
-    plate, ring = body_at(model, "plate", (0.2, 0, 0.3)), body_at(model, "ring", (0.5, 0, -1))
-    bob = model.add("bob", sc.MassPoint(0.5, (0.4, 0.3, -1.5)))
-    model.add("rope", sc.JointDistance(top.place(), plate.at((0.2, 0, 0.5))))
-    model.add("wire", sc.JointPointOnLine(plate.at((0.5, 0, 0)), ring.at((0.5, 0, -1)), (0, 0, 1)))
-    model.add("eye", sc.JointSpherical(ring.at(bob.position), bob.place()))
-    lamp = body_at(model, "lamp", (0.4, 0.3, -2))
-    model.add("cord", sc.JointDistance(lamp.at((0.4, 0.3, -1.9)), bob.place()))
-    return model, 3 + 5 + 4 + 0 + 5
-
-
-def crane():
-    """A clamped beam; a trolley slides on its eccentric tip, another rides on a wire."""
-    model = sc.Model()
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (0, 0, 1), 2, "mast")
-    mast = model.add("mast", sc.Beam(mesh, full_section()))
-    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), mast.node("mast.start")))
-    tip = mast.node("mast.end", (0.2, 0.1, 0.1))
-    trolley = body_at(model, "trolley", tip.position + (0.3, 0, 0))
-    model.add("jib", sc.JointPrismatic(tip, trolley.at(tip.position + (0.3, 0, 0)), (1, 0, 0)))
-    bag = body_at(model, "bag", tip.position + (0.3, 0, -0.5))
-    x = tip.position + (0.3, 0, -0.2)
-    model.add("hook", sc.JointUniversal(bag.at(x), trolley.at(x), (1, 0, 0), (0, 1, 0)))
-    rider = body_at(model, "rider", (0.5, 0.5, 0.5))
-    side = mast.node(1, (0.0, 0.2, 0))
-    line = sc.JointPointOnLine(side, rider.at(side.position + (0, 0.4, 0)), (0, 1, 0))
-    model.add("wire", line)
-    return model, 2 * 6 + 1 + 2 + 4
-
-
-TREES = {make.__name__: make for make in (robot, pump, table, satellite, rigging, crane)}
-trees = pytest.mark.parametrize("tree", TREES)
-
-
-def test_the_trees_have_every_joint():
-    found = {type(j) for make in TREES.values() for j in make()[0].freeze().joints}
-    assert found == set(JOINTS)
-
-
-@trees
-def test_unknowns_of_trees(tree):
-    model, unknowns = TREES[tree]()
-    system = model.freeze()
-    assert system.counts() == {
-        "n": system.n,
-        "m": system.n - unknowns,
-        "rank": system.n - unknowns,
-        "unknowns": unknowns,
-    }
-    y0, y1, nodal = two_states(system)
-    for y in (y0, y1, 0.5 * (y0 + y1)):
-        G = system.constraints.jacobian(y).toarray()
-        P = null_space(system, y, nodal.fixed)
-        assert np.linalg.matrix_rank(G) == system.n - unknowns
-        assert np.linalg.matrix_rank(P) == unknowns
-        assert abs(G @ P).max() <= 1e-12 * abs(G).max() * abs(P).max()
-
-
-@cache
-def run_tree(tree, integrator, treatment):
-    model = TREES[tree]()[0]
-    free = tree in ("satellite", "rigging")
-    if not free:
-        model.add("gravity", sc.LoadGravity(GRAVITY))
-    system = model.freeze()
-    v = np.random.default_rng(4).standard_normal(system.n)
-    start = sc.initial_state(system, v=sc.project(system, system.q0, v))
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    return system, sc.simulate(system, *pair, 0.01, 0.3, start=start)
-
-
-@trees
-@integrators
-def test_treatments_agree_on_trees(tree, integrator):
-    (_, one), (_, two) = (run_tree(tree, integrator, treatment) for treatment in TREATMENTS)
-    assert len(one) == 31
-    assert abs(one["q"] - two["q"]).max() < 1e-10
-    assert abs(one["q"][-1] - one["q"][0]).max() > 0.3
-    assert one["constraint_violation"].max() < 1e-12
-
-
-@pytest.mark.parametrize("tree", ["satellite", "rigging"])
-@integrators
-@treatments
-def test_free_trees_keep_their_momenta(tree, integrator, treatment):
-    system, history = run_tree(tree, integrator, treatment)
-    p = diagnostics.linear_momentum(system, history["p"])
-    L = diagnostics.angular_momentum(system, history["q"], history["p"])
-    for values, limit in zip((p, L), momentum_limits(system, history), strict=True):
-        assert np.isfinite(values).all() and limit < 1e-9 * np.linalg.norm(values[0])
-        assert abs(values - values[0]).max() < limit
-    if integrator == "energy-momentum":
-        limit = energy_limit(system, history)
-        assert np.ptp(history["energy"]) < limit < 1e-9 * abs(history["energy"][0])
-
-
-@pytest.mark.parametrize("tree", ["robot", "table", "satellite", "crane"])
-@integrators
-def test_tangent_of_trees(tree, integrator):
-    """Slides and cardan joints one behind the other, at the midpoint with energy-momentum."""
-    system, _ = run_tree(tree, integrator, "null space")
-    for treatment in TREATMENTS.values():
-        step = Step(system, INTEGRATORS[integrator], treatment, seed=2)
-        assert worst(step.matrix(), step.derivative()) < TOLERANCE
+# -- random trees ----------------------------------------------------------------------------------
 
 
 def random_run(seed, integrator, treatment):
     system = random_tree(seed)
     v = np.random.default_rng(seed).standard_normal(system.n)
     start = sc.initial_state(system, v=sc.project(system, system.q0, v))
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    return sc.simulate(system, *pair, 0.005, 0.1, start=start, derive=False)["q"]
+    run = system, integrator, treatment, 0.005, 0.1
+    return sc.simulate(*run, start=start, derive=False)["q"]
 
 
-@pytest.mark.parametrize(
-    "seed", [*range(100, 104), *(pytest.param(k, marks=pytest.mark.slow) for k in range(104, 140))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100, 104))
 @integrators
 def test_treatments_agree_on_random_trees(seed, integrator):
     one, two = (random_run(seed, integrator, treatment) for treatment in TREATMENTS)
@@ -609,28 +352,70 @@ def test_treatments_agree_on_random_trees(seed, integrator):
 
 
 def test_random_trees_have_every_joint():
-    found = [
-        (type(j), j.a.item is None or bool(j.b.item), j.b.item is None)
-        for seed in range(40)
-        for j in random_tree(seed).joints
-    ]
-    assert {kind for kind, _, _ in found} == set(JOINTS)
-    assert {kind for kind, _, to_ground in found if to_ground} >= set(JOINTS) - {
-        sc.JointPointOnLine
-    }
+    found = {type(joint) for seed in range(100, 106) for joint in random_tree(seed).joints}
+    assert found == set(JOINTS)
 
 
-def test_many_compositions_do_not_drift():
-    """200 steps of random increments in trees with slides and cardan joints."""
-    for make in TREES.values():
-        system = make()[0].freeze()
-        rng, nodal = np.random.default_rng(0), Reparametrisation(system.kinematics)
-        y = system.extend(system.q0, 0.0)
-        for k in range(200):
-            nodal.begin(y, system.ground(1e-3 * (k + 1)))
-            nodal.add(0.02 * rng.standard_normal(system.unknowns))
-            y = nodal.configuration()
-        assert (abs(system.constraints.values(y)) / size_of(system, y)).max() < 2e-13
+# -- half models: a planar joint holds what a mirror plane cuts ------------------------------------
+
+#: mirrored at e1 = 0
+MIRROR = (1.0, 0, 0)
+FORCE = np.array([0.0, -6.0, 4.0])
+SECTION = sc.Section([2e3, 2e3, 4e3, 10.0, 12.0, 8.0], mass=1.0, inertia=(1e-3, 2e-3))
+
+
+def arch(whole):
+    """Half a circle, pushed out of its plane; or its left half, held in the mirror plane.
+
+    A half model takes half of what lies on the mirror plane, the weight on the crown.
+    """
+    share = 1.0 if whole else 0.5
+    mesh = sc.MeshCurve.init_arc(
+        (-1, 0, 0), (0, 1, 0), (1, 0, 0), 1.0, share * np.pi, round(6 * share), "arch"
+    )
+    model = sc.Model()
+    beam = model.add("arch", sc.Beam(mesh, SECTION, order=2, director=(0, 0, 1)))
+    clamp = sc.JointFixed(sc.ground((-1, 0, 0)), beam.node("arch.start"))
+    model.add("clamp", clamp)
+    crown, end = beam.node((0, 1, 0)), beam.node("arch.end")
+    if whole:
+        model.add("other clamp", sc.JointFixed(sc.ground((1, 0, 0)), end))
+    else:
+        model.add("mirror", sc.JointPlanar(sc.ground((0, 1, 0)), crown, MIRROR))
+    model.add("weight", sc.RigidBody.sphere(0.4 * share, radius=0.2, on=crown))
+    model.add("push", sc.LoadForce(crown, share * FORCE))
+    return model
+
+
+def left_half(model, history):
+    """Frames (N, 7, 12) of the first 7 nodes along the arch."""
+    basis = model["arch"].basis
+    nodes = np.append(basis.connectivity[:3, :-1].ravel(), basis.connectivity[2, -1])
+    return history["q"].reshape(len(history), -1, 12)[:, nodes]
+
+
+@pytest.mark.one_quick
+@pytest.mark.filterwarnings("ignore:path, load factor")  # one large step
+@treatments
+def test_the_joint_in_the_mirror_carries_what_the_other_half_would(treatment):
+    """Axial force and both bending moments of the crown; no shear, no torsion there."""
+    control = sc.LoadControl(until=1.0, steps=1)
+    found = []
+    for model in (arch(True), arch(False)):
+        path = sc.static(model, treatment, control=control, watch=False)
+        ends = sc.diagnostics.nodal_resultants(model, model["arch"], path["q"][-1])[2, 1]
+        left = left_half(model, path)
+        triad = left[-1, -1].reshape(4, 3)[1:]
+        found.append((left, ends.reshape(2, 3) @ triad, path))
+    (left, resultants, _), (half, other, halved) = found
+    assert abs(left - half).max() < 1e-11
+    assert other == pytest.approx(resultants, abs=1e-8)
+    # on the face with the normal along the beam, here e1: what the joint gives is that on the rod
+    force, moment = (halved[f"joint/mirror/{name}"][-1] for name in ("force", "moment"))
+    assert abs(force[1:]).max() < 1e-9
+    assert abs(moment[0]) < 1e-9
+    assert force[0] == pytest.approx(resultants[0, 0], rel=1e-8)
+    assert moment[1:] == pytest.approx(resultants[1, 1:], rel=1e-8, abs=1e-9)
 
 
 # -- bad input -------------------------------------------------------------------------------------
@@ -639,37 +424,29 @@ BALL = sc.RigidBody.sphere(1.0, 1.0)
 HERE, PLACE, POINT = sc.ground((0, 0, 0)), BALL.at((0, 0, 0)), sc.MassPoint(1.0).place()
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
-    ("call", "words"),
+    ("call", "text"),
     [
         (
             lambda: sc.JointUniversal(HERE, PLACE, (1, 0, 0), (0.6, 0.8, 0)),
-            ["universal joint", "axis_a = [1.0, 0.0, 0.0]", "53.1301 degrees", "expected 90"],
+            r"universal joint.*axis_a = \[1.0, 0.0, 0.0\].*53.1301 degrees.*expected 90",
         ),
-        (lambda: sc.JointUniversal(HERE, PLACE, (1, 0, 0), (1, 0, 0)), ["0 degrees", "90"]),
-        (lambda: sc.JointUniversal(HERE, PLACE, (1, 0, 0), (0, 2, 0)), ["axis_b", "length 2"]),
-        (lambda: sc.JointUniversal(HERE, POINT, (1, 0, 0), (0, 1, 0)), ["side b", "mass point"]),
-        (lambda: sc.JointCylindrical(HERE, PLACE, (1, 1, 0)), ["cylindrical joint", "1.41421356"]),
-        (lambda: sc.JointCylindrical(POINT, PLACE, (1, 0, 0)), ["side a", "mass point"]),
-        (lambda: sc.JointPrismatic(HERE, PLACE, (0, 0, 0)), ["prismatic joint", "length 0"]),
-        (lambda: sc.JointPrismatic(HERE, POINT, (1, 0, 0)), ["side b", "mass point"]),
+        (lambda: sc.JointUniversal(HERE, PLACE, (1, 0, 0), (0, 2, 0)), "axis_b.*length 2"),
+        (lambda: sc.JointCylindrical(POINT, PLACE, (1, 0, 0)), "side a.*mass point"),
+        (lambda: sc.JointPrismatic(HERE, PLACE, (0, 0, 0)), "prismatic joint.*length 0"),
+        (lambda: sc.JointPrismatic(HERE, POINT, (1, 0, 0)), "side b.*mass point"),
         (
             lambda: sc.JointPlanar(HERE, PLACE, (0, 0, 1), (0.6, 0, 0.8)),
-            ["planar joint", "not normal", "x . n = 0.8"],
+            "planar joint.*not normal.*x . n = 0.8",
         ),
-        (lambda: sc.JointPlanar(HERE, PLACE, (0, 0, 3)), ["normal", "length 3"]),
-        (lambda: sc.JointPlanar(HERE, PLACE, (0, 0, 1), (2, 0, 0)), ["planar", "x", "length 2"]),
-        (lambda: sc.JointPlanar(HERE, POINT, (0, 0, 1)), ["side b", "mass point"]),
-        (lambda: sc.JointPointOnLine(POINT, PLACE, (1, 0, 0)), ["side a", "mass point"]),
-        (lambda: sc.JointPointOnLine(HERE, POINT, (float("nan"), 0, 0)), ["point-on-line", "nan"]),
-        (lambda: sc.JointPointOnLine(PLACE, BALL.at((1, 0, 0)), (1, 0, 0)), ["both sides are"]),
+        (lambda: sc.JointPointOnLine(HERE, POINT, (float("nan"), 0, 0)), "point-on-line.*nan"),
+        (lambda: sc.JointPointOnLine(PLACE, BALL.at((1, 0, 0)), (1, 0, 0)), "both sides are"),
     ],
 )
-def test_bad_joints(call, words):
-    with pytest.raises(sc.InputError) as caught:
+def test_bad_joints(call, text):
+    with pytest.raises(sc.InputError, match=text):
         call()
-    for word in words:
-        assert word in str(caught.value)
 
 
 def sliding(**options):
@@ -684,19 +461,14 @@ def sliding(**options):
     "use",
     [
         lambda model, joint: sc.JointSpringDamper(joint, 1.0, coordinate="x"),
-        lambda model, joint: sc.JointActuator(joint, 1.0, coordinate="y"),
         lambda model, joint: sc.JointDrive(joint, np.sin, "x"),
-        lambda model, joint: sc.project(model.freeze(), model.freeze().q0, rates={"table/x": 1.0}),
+        lambda model, joint: sc.initial_state(model.freeze(), rates={"table/x": 1.0}),
         lambda model, joint: sc.simulate(
-            model.freeze(),
-            sc.Variational(),
-            sc.NullSpace(),
-            0.1,
-            0.1,
+            *(model, sc.Variational(), sc.NullSpace(), 0.1, 0.1),
             events=[sc.Event(sc.ConditionCoordinate("table", 0.4, "y"), sc.ActionStop())],
         ),
     ],
-    ids=["spring", "actuator", "drive", "rates", "event"],
+    ids=["spring", "drive", "rates", "event"],
 )
 def test_coordinates_along_no_given_direction(use):
     """A planar joint without `x` has an angle, but no x and y that would hang on our choice."""
@@ -708,15 +480,13 @@ def test_coordinates_along_no_given_direction(use):
 
 
 def test_a_planar_joint_without_directions_records_its_angle_only():
-    for options, names in (({}, []), ({"x": (0, 1, 0)}, ["joint/table/x", "joint/table/y"])):
-        model, joint = sliding(**options)
-        assert joint.coordinate("angle").kind == "angle"
-        run = sc.simulate(model.freeze(), sc.Variational(), sc.NullSpace(), 0.1, 0.1)
-        found = [f"joint/table/{name}" for name in ("x", "y") if f"joint/table/{name}" in run]
-        assert found == names
-        assert run["joint/table/angle"].tolist() == [0.0, 0.0]
+    for options, names in (({}, {"angle"}), ({"x": (0, 1, 0)}, {"angle", "x", "y"})):
+        model, _ = sliding(**options)
+        run = sc.simulate(model, sc.Variational(), sc.NullSpace(), 0.1, 0.1)
+        assert {name for name in ("angle", "x", "y") if f"joint/table/{name}" in run} == names
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("kind", "options"),
     [
@@ -730,30 +500,20 @@ def test_a_planar_joint_without_directions_records_its_angle_only():
 )
 @pytest.mark.parametrize("swap", [False, True])
 def test_joints_that_do_not_close(kind, options, swap):
-    """0.05 m off; along a slide nothing is missing."""
-    off = np.array([0, 0.03, 0.04])
-    along = np.zeros(3) if kind is sc.JointUniversal else np.array([0.7, 0, 0])
+    """0.05 m off; along a slide nothing is missing, as the scenes above show."""
+    along = 0.0 if kind is sc.JointUniversal else 0.7
     model = sc.Model()
     body = model.add("body", sc.RigidBody.box(1.0, (1, 2, 3), position=(1, 0, 0)))
-    for shift, good in ((off, False), (0 * off, True)):
-        sides = [sc.ground((0, 0, 0)), body.at(along + shift)]
-        name = "good" if good else "bad"
-        joint = kind(*(sides[::-1] if swap else sides), **options)
-        if good:
-            joint.check(0.0, 1.0)
-            continue
-        model.add(name, joint)
-        with pytest.raises(sc.InputError) as caught:
-            model.freeze()
-        for word in (f"{kind.type} joint 'bad'", "does not close", "0.05 m"):
-            assert word in str(caught.value)
+    sides = [sc.ground((0, 0, 0)), body.at((along, 0.03, 0.04))]
+    model.add("bad", kind(*(sides[::-1] if swap else sides), **options))
+    with pytest.raises(sc.InputError, match=f"{kind.type} joint 'bad'.*not close.*0.05 m"):
+        model.freeze()
 
 
-@pytest.mark.parametrize("kind", [sc.JointCylindrical, sc.JointPrismatic, sc.JointRevolute])
-def test_prescribed_rotation_must_start_from_zero(kind):
+def test_prescribed_rotation_must_start_from_zero():
     model = sc.Model()
     body = model.add("body", sc.RigidBody.box(1.0, (1, 2, 3)))
     place = sc.ground((0, 0, 0), sc.Motion(rotation=lambda t: (0.1, 0, 0)))
-    model.add("joint", kind(place, body.at((0, 0, 0)), axis=(0, 0, 1)))
+    model.add("joint", sc.JointRevolute(place, body.at((0, 0, 0)), axis=(0, 0, 1)))
     with pytest.raises(sc.InputError, match=r"joint 'joint'.*rotation is not zero"):
         model.freeze()

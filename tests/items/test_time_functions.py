@@ -2,40 +2,22 @@
 
 import numpy as np
 import pytest
-from helpers_kernels import assert_same, assert_same_iteration, both, tree, with_kept_factors
+from helpers_kernels import assert_same, assert_same_iteration, both, tree
 from helpers_scenes import TENSOR, four_bar, full_section, pairs
+from helpers_schemes import integrators, treatments
+from scipy.interpolate import make_interp_spline
 
 import skfem_cosserat as sc
 
-INTEGRATORS = (sc.Variational, sc.EnergyMomentum)
-TREATMENTS = (sc.NullSpace, sc.Multipliers)
-integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
-treatments = pytest.mark.parametrize("treatment", TREATMENTS)
-
-
-def antiderivative_of_table(times, values):
-    """Exact integral from 0, constant outside of the table."""
-    areas = np.concatenate([[0], np.cumsum(np.diff(times) * (values[1:] + values[:-1]) / 2)])
-
-    def integral(t):
-        if t <= times[0]:
-            return values[0] * (t - times[0]) + values[0] * times[0]
-        k = min(int(np.searchsorted(times, t, side="right")) - 1, len(times) - 1)
-        before = values[0] * times[0] + areas[k]
-        if k == len(times) - 1:
-            return before + values[-1] * (t - times[-1])
-        d = t - times[k]
-        slope = (values[k + 1] - values[k]) / (times[k + 1] - times[k])
-        return before + values[k] * d + slope * d**2 / 2
-
-    return integral
-
-
 TIMES = np.array([0.03, 0.071, 0.22, 0.2300001, 0.4])
 VALUES = np.array([2.0, 50.0, -30.0, 7.0, 1.0])
+#: antiderivative of the table, which is constant outside of its times
+AREA = make_interp_spline(
+    [-2.0, *TIMES, 3.0], [VALUES[0], *VALUES, VALUES[-1]], k=1
+).antiderivative()
 #: (function of time, its integral from 0)
 FUNCTIONS = {
-    "table": (sc.Table(TIMES, VALUES), antiderivative_of_table(TIMES, VALUES)),
+    "table": (sc.Table(TIMES, VALUES), lambda t: AREA(t) - AREA(0.0)),
     "kink found": (
         sc.FunctionOfTime(lambda t: abs(t - 0.1234)),
         lambda t: (abs(t - 0.1234) * (t - 0.1234) + 0.1234**2) / 2,
@@ -52,10 +34,6 @@ FUNCTIONS = {
         sc.FunctionOfTime(lambda t: max(0.0, 0.2503 - t)),
         lambda t: (0.2503**2 - max(0.0, 0.2503 - t) ** 2) / 2,
     ),
-    "jump at a step's end": (
-        sc.FunctionOfTime(lambda t: 3.0 * (t >= 0.25)),
-        lambda t: 3.0 * max(0.0, t - 0.25),
-    ),
     "jumps given": (
         sc.FunctionOfTime(lambda t: 3.0 * (t > 0.1777) - (t > 0.18), kinks=(0.18, 0.1777)),
         lambda t: 3.0 * max(0.0, t - 0.1777) - max(0.0, t - 0.18),
@@ -69,6 +47,7 @@ FUNCTIONS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", FUNCTIONS)
 @integrators
 @pytest.mark.parametrize("step", [0.05, 0.013])
@@ -80,11 +59,10 @@ def test_momentum_of_a_point_is_the_integral_of_its_load(name, integrator, step)
     model = sc.Model()
     ball = model.add("ball", sc.MassPoint(2.0))
     model.add("load", sc.LoadForce(ball.place(), direction, time))
-    history = sc.simulate(model.freeze(), integrator(), sc.NullSpace(), step, 0.5)
+    history = sc.simulate(model.freeze(), integrator, sc.NullSpace(), step, 0.5)
     exact = np.array([integral(t) for t in history.times])[:, None] * direction
     size = 1.0 + abs(exact).max()
     assert abs(history["p"] - exact).max() < 1e-12 * size
-    assert np.allclose(history["v"], history["p"] / 2.0, rtol=1e-14, atol=0)
 
 
 @integrators
@@ -92,38 +70,44 @@ def test_callable_load_vector(integrator):
     model = sc.Model()
     ball = model.add("ball", sc.MassPoint(2.0))
     model.add("load", sc.LoadForce(ball.place(), lambda t: (t, abs(t - 0.21), np.sin(9 * t))))
-    history = sc.simulate(model.freeze(), integrator(), sc.Multipliers(), 0.05, 0.5)
+    history = sc.simulate(model.freeze(), integrator, sc.Multipliers(), 0.05, 0.5)
     exact = [0.125, (0.21**2 + 0.29**2) / 2, (1 - np.cos(4.5)) / 9]
     assert abs(history["p"][-1] - exact).max() < 1e-13
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.slow)])
-def test_averages_find_a_jump_wherever_it_is(count):
-    """Also between the last quadrature point and the end; at bounded cost with noise."""
+def test_averages_find_a_jump_wherever_it_is():
+    """Also between the last quadrature point and the end; and go through noise."""
     rng = np.random.default_rng(1)
-    for gap in (*rng.uniform(0, 0.1, count // 2), *10 ** rng.uniform(-7, -2, count // 2)):
+    for gap in (*rng.uniform(0, 0.1, 4), *10 ** rng.uniform(-7, -2, 4)):
         at = 0.1 - gap
         jump = sc.FunctionOfTime(lambda t, at=at: 3.0 * (t > at))
         kink = sc.FunctionOfTime(lambda t, at=at: max(0.0, t - at))
         assert abs(0.1 * jump.average(0.0, 0.1) - 3 * gap) < 1e-13
         assert abs(0.1 * kink.average(0.0, 0.1) - gap**2 / 2) < 1e-15
+    noisy = sc.FunctionOfTime(lambda t: 1 + 1e-9 * rng.standard_normal())
+    assert abs(noisy.average(0.0, 0.1) - 1) < 1e-9
+
+
+def test_functions_are_asked_for_within_the_step():
+    """They may be defined up to its ends only."""
     calls = []
-    assert sc.FunctionOfTime(lambda t: calls.append(t) or np.sin(3 * t)).average(0.2, 0.21) == (
-        pytest.approx(np.sin(0.615) * np.sin(0.015) / 0.015, rel=1e-13)
-    )
-    assert len(calls) == 17
-    for k in range(1, 300):  # a function that is defined up to the ends of a step only
+    function = sc.FunctionOfTime(lambda t: calls.append(t) or 1.0)
+    for k in range(1, 300):
         calls.clear()
-        sc.FunctionOfTime(lambda t: calls.append(t) or 1.0).average(0.013 * k, 0.0171 * k)
+        function.average(0.013 * k, 0.0171 * k)
         assert (min(calls), max(calls)) == (0.013 * k, 0.0171 * k)
-    calls.clear()
 
-    def noisy(t):
-        calls.append(t)
-        return 1 + 1e-9 * rng.standard_normal()
 
-    assert abs(sc.FunctionOfTime(noisy).average(0.0, 0.1) - 1) < 1e-9
-    assert len(calls) < 100_000
+def test_table_and_function_of_time_average_exactly():
+    table, integral = FUNCTIONS["table"]
+    same = sc.FunctionOfTime(table.value)
+    for a, b in ((0.0, 0.3), (0.08, 0.09), (0.2, 0.22), (-1.0, 0.05), (0.3, 2.0)):
+        exact = (integral(b) - integral(a)) / (b - a)
+        assert table.average(a, b) == pytest.approx(exact, rel=1e-12)
+        assert same.average(a, b) == pytest.approx(exact, rel=1e-9)
+    bumpy = sc.FunctionOfTime(lambda t: abs(np.sin(9 * t)))
+    exact = (11 - np.cos(18 - 5 * np.pi)) / 18
+    assert bumpy.average(0, 2) == pytest.approx(exact, rel=1e-7)
 
 
 def test_a_sample_at_the_midpoint_would_be_seen():
@@ -144,7 +128,7 @@ def test_gravity_and_line_load_on_a_free_beam(integrator, treatment, kernels):
     time, integral = FUNCTIONS["table"]
     model.add("gravity", sc.LoadGravity((0, 0, -9.81), time))
     model.add("line", sc.LoadLine(beam, (1.0, 2.0, 0), time))
-    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.05, 0.5, kernels=kernels)
+    history = sc.simulate(model.freeze(), integrator, treatment, 0.05, 0.5, kernels=kernels)
     impulse = np.array([integral(t) for t in history.times])
     length = beam.basis.lengths.sum()
     exact = length * impulse[:, None] * np.array([1.0, 2.0, -9.81 * 1.3])
@@ -155,6 +139,7 @@ def test_gravity_and_line_load_on_a_free_beam(integrator, treatment, kernels):
 # -- moments ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 @pytest.mark.parametrize("follower", [False, True])
@@ -165,18 +150,16 @@ def test_constant_moment_about_a_principal_axis(integrator, treatment, follower)
     body = model.add("body", sc.RigidBody(1.0, J, triad=sc.triad(axis)))
     value = (0, 0, M) if follower else M * axis
     model.add("motor", sc.LoadMoment(body.at((0, 0, 0)), value, follower=follower))
-    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.05, 3.0)
+    history = sc.simulate(model.freeze(), integrator, treatment, 0.05, 3.0)
     exact = M * history.times[:, None] * axis
     assert abs(history["angular_momentum"] - exact).max() < 1e-12 * 3
     d = history["q"][:, 3:].reshape(-1, 3, 3)
     omega = 0.5 * np.cross(d, history["v"][:, 3:].reshape(-1, 3, 3)).sum(1)
     assert abs(omega - exact / J[2]).max() < 1e-11
     assert abs(d[:, 2] - axis).max() < 1e-12
-    # the angle is M t^2 / (2 J), to second order
-    angle = np.unwrap(np.arctan2(d[:, 0] @ d[0, 1], d[:, 0] @ d[0, 0]))
-    assert abs(angle[-1] - M * 9 / (2 * J[2])) < 0.03
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_dead_moments_change_angular_momentum_by_their_integral(integrator, treatment, kernels):
@@ -193,7 +176,7 @@ def test_dead_moments_change_angular_momentum_by_their_integral(integrator, trea
     model.add("two", sc.LoadMoment(beam.node("beam.end"), (-0.02, 0.03, 0.05), time))
     model.add("three", sc.LoadMoment(beam.node("beam.start"), (0.01, 0, 0.02)))
     system = model.freeze()
-    history = sc.simulate(system, integrator(), treatment(), 0.02, 0.5, kernels=kernels)
+    history = sc.simulate(system, integrator, treatment, 0.02, 0.5, kernels=kernels)
     L = history["angular_momentum"]
     impulse = np.array([integral(t) for t in history.times])[:, None]
     exact = impulse * (0.08, -0.02, 0.07) + history.times[:, None] * (0.01, 0, 0.02)
@@ -201,6 +184,7 @@ def test_dead_moments_change_angular_momentum_by_their_integral(integrator, trea
     assert abs(exact).max() > 0.1 * np.linalg.norm(L[0])
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_dead_force_changes_angular_momentum_by_its_midpoint_lever(integrator, treatment, kernels):
@@ -209,7 +193,7 @@ def test_dead_force_changes_angular_momentum_by_its_midpoint_lever(integrator, t
     model = sc.Model()
     body = model.add("body", sc.RigidBody(2.0, TENSOR, center=(0.1, 0, 0), position=(1, 0, 0)))
     model.add("force", sc.LoadForce(body.local(X), force))
-    history = sc.simulate(model.freeze(), integrator(), treatment(), 0.02, 1.0, kernels=kernels)
+    history = sc.simulate(model.freeze(), integrator, treatment, 0.02, 1.0, kernels=kernels)
     q = history["q"].reshape(-1, 4, 3)
     x = q[:, 0] + np.einsum("i,nij->nj", X, q[:, 1:])
     lever = np.cross((x[1:] + x[:-1]) / 2, force)
@@ -221,26 +205,27 @@ def test_dead_force_changes_angular_momentum_by_its_midpoint_lever(integrator, t
 # -- follower forces -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 @treatments
 def test_thrust_of_a_spinning_body(integrator, treatment, kernels):
     """v = F/(m w) (sin wt, 1 - cos wt), position its integral, to second order; spin unchanged."""
     w, thrust, mass = 2.0, 3.0, 1.5
     errors = []
-    for steps in (25, 50, 100):
+    for steps in (25, 50):
         model = sc.Model()
         body = sc.RigidBody(mass, (0.3, 0.4, 0.5), angular_velocity=(0, 0, w))
         model.add("body", body)
         model.add("thrust", sc.LoadForce(body.at((0, 0, 0)), (thrust, 0, 0), follower=True))
         history = sc.simulate(
-            model.freeze(), integrator(), treatment(), 1 / steps, 1.0, kernels=kernels
+            model.freeze(), integrator, treatment, 1 / steps, 1.0, kernels=kernels
         )
         v = thrust / (mass * w) * np.array([np.sin(w), 1 - np.cos(w), 0])
         x = thrust / (mass * w) * np.array([(1 - np.cos(w)) / w, 1 - np.sin(w) / w, 0])
         errors.append([abs(history["v"][-1, :3] - v).max(), abs(history["q"][-1, :3] - x).max()])
         orbit = np.cross(history["q"][:, :3], history["p"][:, :3])
         assert abs(history["angular_momentum"] - orbit - (0, 0, 0.5 * w)).max() < 1e-12
-    ratios = np.array(errors[:-1]) / errors[1:]
+    ratios = np.divide(*errors)
     assert ((ratios > 3.9) & (ratios < 4.1)).all()
 
 
@@ -260,11 +245,9 @@ def test_loads_that_are_over_do_not_change_any_more(last):
     model.add("weight", sc.LoadGravity((0, 0, -9.81)))
     loading = model.freeze().loading
     assert loading.constant_after == 0.2
-    for t0, t1 in ((0.1, 0.2), (0.15, 0.3), (0.3, 0.19)):
+    for t0, t1 in ((0.1, 0.2), (0.15, 0.3), (0.2, 0.4)):
         found = loading.averages(t0, t1)
-        assert found[0] == pytest.approx(last.average(t0, t1), rel=1e-14)
-    found = loading.averages(0.2, 0.4)
-    assert found.tolist() == pytest.approx([3.0, 1.0], rel=1e-15)
+        assert found.tolist() == pytest.approx([last.average(t0, t1), 1.0], rel=1e-14)
     model.add("more", sc.LoadForce(ball.place(), (0, 1.0, 0), lambda t: t))
     assert model.freeze().loading.constant_after == np.inf
 
@@ -306,53 +289,26 @@ def everything(model):
         add(model)
 
 
-LOADS = {
-    each.__name__: each
-    for each in (dead_moments, body_moments, body_forces, section_forces, everything)
-}
-
-
-@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
 @pairs
-def test_kernels_agree_far_from_a_solution(integrator, treatment, order):
-    assert_same_iteration(tree(order, everything), integrator, treatment, order)
+def test_kernels_agree_far_from_a_solution(integrator, treatment):
+    assert_same_iteration(tree(3, everything), integrator, treatment, 3)
 
 
-@pytest.mark.parametrize("name", LOADS)
+@pytest.mark.slow
 @pairs
-def test_kernels_agree(integrator, treatment, name):
-    """Fifty steps; reactions and work among what is compared."""
-    assert_same(*both(tree(2, LOADS[name]), integrator, treatment, 1e-3, 0.05))
+def test_kernels_agree(integrator, treatment):
+    """Thirty steps; reactions and work among what is compared."""
+    assert_same(*both(tree(2, everything), integrator, treatment, 1e-3, 0.03))
 
 
-@pytest.mark.parametrize("reuse", [0, 4])
-@integrators
-def test_kernels_agree_in_a_closed_loop(integrator, reuse):
-    """Fifty steps of a four-bar linkage that is driven by a moment and forces on its coupler."""
-    pytest.importorskip("numba")
+@pytest.mark.one_quick
+@pytest.mark.parametrize("integrator", ["variational", "energy-momentum"])
+def test_kernels_agree_in_a_closed_loop(integrator):
+    """A four-bar linkage that is driven by moments and a force on its coupler."""
     model = four_bar()
     coupler = model["coupler"].at((1, 1.25, 0))
     model.add("moment", sc.LoadMoment(coupler, (0, 0, 3.0), sc.Table([0, 0.2, 0.5], [0, 1, -1])))
     model.add("own", sc.LoadMoment(coupler, (0, 0.5, -1.0), follower=True))
     model.add("push", sc.LoadForce(coupler, (2.0, 1.0, 0), follower=True))
-    system = model.freeze()
-    plain, compiled = (
-        sc.simulate(
-            system, integrator(), sc.NullSpace(), 0.01, 0.5, derive=False,
-            kernels=kernels, settings=sc.NewtonSettings(reuse=reuse),
-        )
-        for kernels in ("numpy", "numba")
-    )  # fmt: skip
-    assert compiled.meta["kernels"] == "numba" and compiled["attempts"].max() == 1
-    assert abs(plain["q"][-1] - plain["q"][0]).max() > 0.1
-    for name, tolerance in (("q", 1e-11), ("p", 1e-10), ("constraint_force", 1e-7)):
-        size = abs(plain[name]).max()
-        assert abs(compiled[name] - plain[name]).max() < tolerance * size, name
-
-
-@pairs
-def test_kept_factors(integrator, treatment):
-    """The same motion with a fraction of the factorisations."""
-    whole, kept = with_kept_factors(tree(1, everything), integrator, treatment, 5e-4, 0.1)
-    assert abs(kept["q"][-1] - whole["q"][-1]).max() < 1e-10
-    assert kept.meta["factorisations"] < 0.4 * whole.meta["factorisations"]
+    assert_same(*both(model.freeze(), integrator, "null space", 0.01, 0.3))

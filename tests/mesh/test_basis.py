@@ -1,15 +1,14 @@
 import math
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import skfem
 
-import skfem_cosserat as sc
 from skfem_cosserat import (
     DirectorBasis,
     InputError,
-    InterpolationEquidistant,
     MeshCurve,
     MeshError,
     read_mesh,
@@ -47,6 +46,7 @@ def orthonormality(triads):
 
 
 # ----------------------------------------------------------------------- numbering
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", ORDERS)
 @pytest.mark.parametrize("name", MESHES)
 def test_numbering_is_that_of_scikit_fem(p, name):
@@ -54,15 +54,14 @@ def test_numbering_is_that_of_scikit_fem(p, name):
     basis = DirectorBasis(mesh, p)
     assert basis.n_nodes == mesh.nvertices + mesh.nelements * (p - 1)
     assert 12 * basis.n_nodes == basis.N
-    ours = np.sort(basis.element_dof_rows, axis=1)
-    assert np.array_equal(ours, np.sort(basis.element_dofs.T, axis=1))
     assert np.array_equal(basis.connectivity[:, [0, -1]], mesh.t.T)
     plain = skfem.Basis(mesh, basis.elem, quadrature=basis.quadrature)
     assert np.abs(plain.doflocs - basis.doflocs).max() < 1e-14
-    for k in range(12 * (p + 1)):
-        a, c = divmod(k, 12)
-        place = basis.elem.elem.places[a]
-        assert np.array_equal(basis.element_dofs[k], 12 * basis.connectivity[:, place] + c)
+    nodes = basis.connectivity[:, basis.elem.elem.places, None]
+    dofs = (12 * nodes + np.arange(12)).reshape(mesh.nelements, -1)
+    assert np.array_equal(plain.element_dofs.T, dofs)
+    assert np.array_equal(basis.element_dofs.T, dofs)
+    assert np.array_equal(np.sort(basis.element_dof_rows, axis=1), np.sort(dofs, axis=1))
 
 
 @pytest.mark.parametrize("p", ORDERS)
@@ -76,11 +75,12 @@ def test_nodes_lie_on_the_curve(p):
 @pytest.mark.parametrize("p", ORDERS)
 def test_default_quadrature_has_p_points(p):
     basis = DirectorBasis(arc(), p)
-    assert basis.points.shape == basis.weights.shape == (p,)
-    assert basis.X.shape == (1, p)
+    assert basis.points.shape == (p,)
     assert np.allclose(basis.dx.sum(axis=1), basis.lengths, rtol=1e-15)
     for degree in range(2 * p):
         assert basis.weights @ basis.points**degree == pytest.approx(1 / (degree + 1), rel=1e-14)
+    with pytest.raises(ValueError, match="read-only"):
+        basis.weights[0] = 1.0
 
 
 def test_own_quadrature():
@@ -92,13 +92,11 @@ def test_own_quadrature():
             DirectorBasis(arc(), 2, quadrature=bad)
 
 
-def test_shape_functions_and_evaluation():
+def test_evaluation():
     basis = DirectorBasis(arc(2), 4)
-    assert basis.shape(basis.points).shape == (5, 4)
     xi = np.array([0.3, 0.9])
-    found = basis.evaluate(basis.nodes, [0, 1], xi)
-    exact = basis.mesh.mapping().F(xi[None, :, None].reshape(1, 2, 1), np.array([0, 1]))[:, :, 0]
-    assert np.abs(found - exact.T).max() < 1e-4  # interpolation error of order 5
+    exact = basis.mesh.mapping().F(xi[None, :, None], np.array([0, 1]))[:, :, 0]
+    assert np.abs(basis.evaluate(basis.nodes, [0, 1], xi) - exact.T).max() < 1e-4  # of order 5
     q = np.arange(basis.N, dtype=float)
     assert np.allclose(basis.evaluate(q, [1], [1.0])[0], q.reshape(-1, 12)[2], rtol=1e-15)
     with pytest.raises(InputError, match=r"\(7, 3\)"):
@@ -118,14 +116,11 @@ def test_interpolate_agrees_with_the_block_product():
 # ----------------------------------------------------------------------- integrals
 @pytest.mark.parametrize("p", ORDERS)
 def test_mass_and_load_are_exact(p):
-    basis = DirectorBasis(arc(3), p)
-    mass, load = basis.elemental_mass(), basis.elemental_load()
-    x, w = gauss_rule(12)
-    N = basis.shape(x)
-    assert np.allclose(mass, basis.lengths[:, None, None] * ((N * w) @ N.T), rtol=1e-13, atol=1e-16)
-    assert np.allclose(load, basis.lengths[:, None] * (N @ w), rtol=1e-13, atol=1e-16)
-    assert mass.sum() == pytest.approx(2.4, rel=1e-14)
-    assert np.allclose(mass.sum(axis=2), load, rtol=1e-13)
+    basis, (x, w) = DirectorBasis(arc(3), p), gauss_rule(12)
+    N, lengths = basis.shape(x), basis.lengths[:, None]
+    mass = lengths[:, :, None] * ((N * w) @ N.T)
+    assert np.allclose(basis.elemental_mass(), mass, rtol=1e-13, atol=1e-16)
+    assert np.allclose(basis.elemental_load(), lengths * (N @ w), rtol=1e-13, atol=1e-16)
 
 
 def test_mass_with_coefficients():
@@ -144,7 +139,6 @@ def test_mass_with_coefficients():
 def test_scalar_basis_shares_the_nodes():
     basis = DirectorBasis(helix(), 3)
     scalar = basis.scalar()
-    assert basis.n_nodes == scalar.N
     assert np.abs(scalar.doflocs.T - basis.nodes).max() < 1e-14
     assert len(basis.scalar(intorder=0).W) == 1
     assert np.array_equal(basis.scalar(quadrature=basis.quadrature).W, basis.W)
@@ -155,16 +149,14 @@ def test_scalar_basis_shares_the_nodes():
 def test_scikit_fem_copies_of_the_basis():
     basis = DirectorBasis(network(), 2)
     assert basis.n_nodes == basis.with_element(ElementLineLobatto(2)).N
-    part = basis.with_elements("c")
-    assert part.nelems == 3
+    assert basis.with_elements("c").nelems == 3
     parts = basis.split(np.arange(basis.N, dtype=float))
     assert len(parts) == 12
     assert parts[4][0].tolist() == list(range(4, basis.N, 12))
-    x = basis.project(lambda x: np.concatenate([x, x, x, x]))
-    exact = np.tile(basis.nodes, 4)
-    full = DirectorBasis(network(), 2, quadrature=(gauss_rule(3)[0][None], gauss_rule(3)[1]))
-    x = full.project(lambda x: np.concatenate([x, x, x, x]))
-    assert np.abs(x.reshape(-1, 12) - exact).max() < 1e-12
+    x, w = gauss_rule(3)
+    full = DirectorBasis(network(), 2, quadrature=(x[None], w))
+    found = full.project(lambda x: np.concatenate([x, x, x, x]))
+    assert np.abs(found.reshape(-1, 12) - np.tile(basis.nodes, 4)).max() < 1e-12
 
 
 def test_dofs_by_name_and_component():
@@ -175,20 +167,12 @@ def test_dofs_by_name_and_component():
     assert basis.get_dofs(lambda x: np.isclose(x[2], 3)).all()[0] == 12 * basis.node("c.end")
 
 
-def test_point_load_through_a_facet_basis():
-    basis = DirectorBasis(network(), 2)
-    facet = basis.boundary("c.end")
-    load = skfem.LinearForm(lambda v, w: 5.0 * v[2]).assemble(facet)
-    assert np.flatnonzero(load).tolist() == [12 * basis.node("c.end") + 2]
-    assert load.sum() == 5.0
-
-
 def test_node_lookup_includes_interior_nodes():
     basis = DirectorBasis(network(), 2)
     inner = basis.connectivity[0, 1]
     assert basis.node(tuple(basis.nodes[inner])) == basis.node(int(inner)) == inner
     assert basis.node("a.end") == basis.node("c.start") == 2
-    for bad, words in [("x", "'a.start'"), (999, "999"), ((9, 9, 9), "nearest")]:
+    for bad, words in [(999, "999"), ((9, 9, 9), "nearest")]:
         with pytest.raises(MeshError, match=words):
             basis.node(bad)
 
@@ -199,6 +183,7 @@ def test_other_meshes_are_refused():
 
 
 # ----------------------------------------------------------------------- triads
+@pytest.mark.one_quick
 @pytest.mark.parametrize("p", ORDERS)
 @pytest.mark.parametrize("name", MESHES)
 @pytest.mark.parametrize("twist", [None, 0.7, math.sin])
@@ -238,20 +223,17 @@ def test_transport_is_planar_on_an_arc():
 
 def test_transport_on_a_helix_does_not_rotate():
     """The frame turns by minus the torsion against Frenet's: angle tau * length, to order 4."""
-    errors = []
+    rise = 0.7 / (2 * np.pi)
+    rate, errors = 1 / np.hypot(1, rise), []
     for ne in (8, 16):
-        mesh = helix(ne)
-        basis = DirectorBasis(mesh, 1)
-        triads = basis.triads()
-        s = basis.arc_lengths
-        rate = 1 / np.hypot(1, 0.7 / (2 * np.pi))
-        turn = rate * s
+        basis = DirectorBasis(helix(ne), 1)
+        d1, _, d3 = np.moveaxis(basis.triads(), 2, 0)
+        turn = rate * basis.arc_lengths
         normal = -np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=-1)
-        binormal = np.cross(triads[:, :, 2], normal)
-        d1 = triads[:, :, 0]
+        binormal = np.cross(d3, normal)
         angle = np.unwrap(np.arctan2((d1 * binormal).sum(-1), (d1 * normal).sum(-1)).ravel())
-        torsion = 0.7 / (2 * np.pi) * rate**2
-        errors.append(abs(angle[-1] - angle[0] + torsion * s[-1, -1]))
+        torsion = rise * rate**2
+        errors.append(abs(angle[-1] - angle[0] + torsion * basis.arc_lengths[-1, -1]))
     assert 3.7 < math.log2(errors[0] / errors[1]) < 4.3
 
 
@@ -260,26 +242,19 @@ def test_transport_closes_on_a_spatial_loop():
     mesh = MeshCurve.init_curve(CurveSpline(points, closed=True), 400, closed=True)
     basis = DirectorBasis(mesh, 1)
     triads = basis.triads()
-    assert np.array_equal(triads[-1, -1], triads[0, 0])
-    assert np.array_equal(triads[:-1, -1], triads[1:, 0])
+    assert np.array_equal(triads[:, -1], np.roll(triads[:, 0], -1, axis=0))
     assert orthonormality(triads) < 2e-14
-    rotations = basis.relative_rotations(triads)
-    assert np.array_equal(rotations, np.broadcast_to(np.eye(3), rotations.shape))
     # the spread rotation is the same everywhere: rate d2.d1' is constant along the loop
-    first, last = triads[:, 0], triads[:, -1]
-    rate = np.einsum("ek,ek->e", first[:, 1], last[:, 0]) - np.einsum(
-        "ek,ek->e", first[:, 0], last[:, 1]
-    )
-    rate /= 2 * basis.lengths
+    (a1, a2), (b1, b2) = (np.moveaxis(triads[:, end, :2], 1, 0) for end in (0, -1))
+    rate = ((a2 * b1).sum(-1) - (a1 * b2).sum(-1)) / (2 * basis.lengths)
     assert abs(rate.mean()) > 0.01
     assert np.ptp(rate) < 0.02 * abs(rate.mean())
 
 
-@pytest.mark.parametrize("kind", ["rate", "function", "dict"])
-def test_twist_turns_about_the_axis(kind):
-    twist = {"rate": 0.4, "function": lambda s: 0.4 * s, "dict": {"a": 0.4}}[kind]
+@pytest.mark.parametrize("twist", [0.4, lambda s: 0.4 * s, {"a": 0.4}], ids=["rate", "f", "dict"])
+def test_twist_turns_about_the_axis(twist):
     basis = DirectorBasis(MeshCurve.init_line((0, 0, 0), (0, 0, 5), 4, "a"), 2)
-    d1, d2 = np.moveaxis(basis.triads((1, 0, 0), twist), 2, 0)[:2]
+    d1, d2, _ = np.moveaxis(basis.triads((1, 0, 0), twist), 2, 0)
     angle = 0.4 * basis.arc_lengths
     exact = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
     assert np.abs(d1 - exact).max() < 1e-14
@@ -298,24 +273,19 @@ def test_hints_and_twists_by_beam():
 def test_relative_rotations_at_a_branch():
     basis = DirectorBasis(network(), 3)
     triads = basis.triads({"a": (0, 0, 1), "b": (0, 0, 1), "c": (0.6, 0.8, 0)})
-    nodal = basis.nodal_triads(triads)
-    rotations = basis.relative_rotations(triads)
-    rebuilt = np.einsum("eaij,eajk->eaik", rotations, nodal[basis.connectivity])
-    assert np.abs(rebuilt - triads).max() < 2e-15
+    nodal, rotations = basis.nodal_triads(triads), basis.relative_rotations(triads)
+    assert np.abs(rotations @ nodal[basis.connectivity] - triads).max() < 2e-15
     junction = basis.node("a.end")
     assert np.array_equal(nodal[junction], triads[1, -1])  # first element there
     other = (rotations != np.eye(3)).any(axis=(-1, -2))
     assert basis.connectivity[other].tolist() == [junction, junction]
-    assert np.abs(np.linalg.det(rotations) - 1).max() < 1e-14
 
 
 def test_corners_of_a_polyline_stay_corners_at_any_angle():
     corners = [(0, 0, 0), (1, 0, 0), (2, 0.1, 0), (2, 1, 1)]
-    basis = DirectorBasis(MeshCurve.init_polyline(corners, 2), 2)
-    triads = basis.triads()
-    differs = np.abs(triads[:-1, -1] - triads[1:, 0]).max(axis=(-1, -2)) > 0
+    triads = DirectorBasis(MeshCurve.init_polyline(corners, 2), 2).triads()
+    differs = (triads[:-1, -1] != triads[1:, 0]).any(axis=(-1, -2))
     assert differs.tolist() == [False, True, False, True, False]
-    assert orthonormality(triads) < 2e-14
 
 
 def test_transport_over_a_corner_is_the_smallest_rotation():
@@ -323,8 +293,6 @@ def test_transport_over_a_corner_is_the_smallest_rotation():
     triads = DirectorBasis(frame).triads()
     assert np.allclose(triads[0, 0, 0], (0, 1, 0))
     assert np.allclose(triads[1, 0, 0], (-1, 0, 0))  # turned by 90 degrees about z
-    fold = MeshCurve.init_points([(0, 0, 0), (1, 0, 0)])
-    assert orthonormality(DirectorBasis(fold).triads()) < 1e-15
 
 
 def chords(tmp_path, mesh):
@@ -334,9 +302,7 @@ def chords(tmp_path, mesh):
 
 @pytest.mark.parametrize("p", [1, 2, 4])
 def test_chords_from_a_file_share_mean_tangents(tmp_path, p):
-    mesh = chords(tmp_path, arc(6, 1.2))
-    basis = DirectorBasis(mesh, p)
-    triads = basis.triads()
+    triads = DirectorBasis(chords(tmp_path, arc(6)), p).triads()
     assert np.array_equal(triads[:-1, -1], triads[1:, 0])
     exact = np.moveaxis(arc(6).mapping().tangent(np.array([[0.0, 1.0]])), 0, -1)
     assert np.abs(triads[1:-1, [0, -1], 2] - exact[1:-1]).max() < 1e-14  # equal chords of a circle
@@ -349,8 +315,6 @@ def test_chords_at_a_feature_stay_a_corner(tmp_path):
     assert mesh.feature_angle == pytest.approx(math.radians(30))
     smooth = DirectorBasis(mesh).triads()
     assert np.array_equal(smooth[0, 1], smooth[1, 0])
-    from dataclasses import replace
-
     sharp = DirectorBasis(replace(mesh, feature_angle=0.4)).triads()
     assert np.allclose(sharp[0, 1, 2], (1, 0, 0))
     assert np.allclose(sharp[1, 0, 2], (math.cos(0.5), math.sin(0.5), 0))
@@ -363,25 +327,20 @@ def test_a_closed_chord_ring_is_smooth_where_it_closes(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kwargs", "kind", "words"),
+    ("options", "words"),
     [
-        ({"directors": (0, 0, 2)}, InputError, ["'arc'", "length 2", "unit"]),
-        ({"directors": {"arc": (0, 0, 2)}}, InputError, ["beam 'arc'", "[0.0, 0.0, 2.0]"]),
-        ({"directors": (0, np.nan, 1)}, InputError, ["'arc'", "nan"]),
-        ({"directors": (0, 1)}, InputError, ["'arc'", "(2,)"]),
-        ({"directors": {"ark": (0, 0, 1)}}, MeshError, ["beam 'ark'", "known beams: 'arc'"]),
-        ({"directors": (1, 0, 0)}, MeshError, ["beam 'arc'", "[1.0, 0.0, 0.0]", "element 0"]),
-        ({"twist": {"ark": 1.0}}, MeshError, ["twist of beam 'ark'", "'arc'"]),
-        ({"twist": np.nan}, InputError, ["twist of beam 'arc'", "nan"]),
-        ({"twist": lambda s: np.inf}, InputError, ["twist of beam 'arc'", "0 m"]),
-        ({"twist": {"arc": [1, 2, 3]}}, InputError, ["twist of beam 'arc'", "[1, 2, 3]"]),
+        ({"directors": {"arc": (0, 0, 2)}}, r"beam 'arc'.*\[0.0, 0.0, 2.0\].*length 2"),
+        ({"directors": (0, np.nan, 1)}, "'arc'.*nan"),
+        ({"directors": (0, 1)}, r"'arc'.*\(2,\)"),
+        ({"directors": {"ark": (0, 0, 1)}}, "beam 'ark'.*known beams: 'arc'"),
+        ({"twist": np.nan}, "twist of beam 'arc'.*nan"),
+        ({"twist": lambda s: np.inf}, "twist of beam 'arc'.*0 m"),
+        ({"twist": {"arc": [1, 2, 3]}}, r"twist of beam 'arc'.*\[1, 2, 3\]"),
     ],
 )
-def test_errors_of_triads(kwargs, kind, words):
-    with pytest.raises(kind) as caught:
-        DirectorBasis(arc(), 2).triads(**kwargs)
-    for word in words:
-        assert word in str(caught.value)
+def test_errors_of_triads(options, words):
+    with pytest.raises(InputError, match=words):
+        DirectorBasis(arc(), 2).triads(**options)
 
 
 def test_hint_parallel_at_an_interior_node_only():
@@ -392,70 +351,23 @@ def test_hint_parallel_at_an_interior_node_only():
         DirectorBasis(mesh, 2).triads(directors=hint)
 
 
-# -- what is built, and when -----------------------------------------------------------------------
+# ----------------------------------------------------------------------- attributes
 
 
-def counted_bases(monkeypatch: pytest.MonkeyPatch) -> list[type]:
-    """Grows by the class of each basis that scikit-fem tabulates."""
-    built: list[type] = []
-    original = skfem.CellBasis.__init__
-
-    def counting(self, *args, **kwargs):
-        built.append(type(self))
-        original(self, *args, **kwargs)
-
-    monkeypatch.setattr(skfem.CellBasis, "__init__", counting)
-    return built
-
-
-@pytest.mark.parametrize("lumped", [False, True])
-def test_a_scene_needs_no_basis_of_scikit_fem(lumped: bool, monkeypatch: pytest.MonkeyPatch):
-    built = counted_bases(monkeypatch)
-    section = sc.Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
-    beam = sc.Beam(arc(), section, order=2, lumped=lumped, twist=0.1)
-    model = sc.Model()
-    model.add("rod", beam)
-    model.add("clamp", sc.JointFixed(sc.ground(beam.basis.nodes[0]), beam.node(0)))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    model.add("wind", sc.LoadLine(beam, (0, 1.0, 0)))
-    model.add("pressure", sc.LoadLine(beam, (1.0, 0, 0), follower=True))
-    system = model.freeze()
-    sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-4, 2e-4, kernels="numpy")
-    model.with_items({"rod": beam.refined(1)}).freeze()
-    assert built == []
-    assert beam.basis.basis[0][0].shape == (12, beam.mesh.nelements, 2)
-    _ = beam.basis.dx, beam.basis.element_dofs, beam.basis.get_dofs(), beam.basis.doflocs
-    assert built == [DirectorBasis]
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     "name", ["basis", "dx", "dofs", "doflocs", "elem", "mapping", "Nbfun", "nelems", "X", "W"]
 )
 def test_each_attribute_of_a_basis_is_there_when_it_is_the_first_to_be_asked_for(name: str):
     fresh, full = (DirectorBasis(helix(), 3) for _ in range(2))
     assert full.element_dofs.shape == (48, full.mesh.nelements)
-    assert name not in vars(fresh)
     found, known = getattr(fresh, name), getattr(full, name)
     assert type(found) is type(known)
     if isinstance(known, np.ndarray):
         assert np.array_equal(found, known) and not found.flags.writeable
-    assert set(vars(fresh)) | {"_element_dofs"} == set(vars(full))
 
 
 def test_a_basis_says_what_it_does_not_have():
-    basis = DirectorBasis(helix(), 1)
-    for _ in range(2):
-        with pytest.raises(AttributeError, match="no attribute 'no_such_name'"):
-            _ = basis.no_such_name
-    assert isinstance(copy(DirectorBasis(helix(), 1)), DirectorBasis)
-
-
-def test_tables_belong_to_the_interpolation():
-    """All beams of one order have the same ones, which cannot be written to."""
-    one, two = DirectorBasis(helix(), 2), DirectorBasis(arc(), np.int64(2))
-    assert one.tabulated is two.tabulated and one.interpolation is two.interpolation
-    assert DirectorBasis(arc(), InterpolationEquidistant(2)).tabulated is not one.tabulated
-    with pytest.raises(ValueError, match="read-only"):
-        one.weights[0] = 1.0
-    with pytest.raises(InputError, match="got True"):
-        DirectorBasis(arc(), True)
+    basis = copy(DirectorBasis(helix(), 1))
+    with pytest.raises(AttributeError, match="no attribute 'no_such_name'"):
+        _ = basis.no_such_name

@@ -44,6 +44,7 @@ PORTALS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", PORTALS)
 def test_one_portal_however_it_is_written(tmp_path, name):
     (tmp_path / "nodes.txt").write_text(NODES)
@@ -96,6 +97,7 @@ ABAQUS = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("words", ABAQUS)
 def test_what_may_change_the_mesh_of_abaqus_is_refused(tmp_path, words):
     (tmp_path / "a.inp").write_text(ABAQUS[words])
@@ -163,6 +165,7 @@ NASTRAN = {
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("words", NASTRAN)
 def test_what_may_change_the_mesh_of_nastran_is_refused(tmp_path, words):
     added = NASTRAN[words]

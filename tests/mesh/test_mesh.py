@@ -5,8 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import skfem
+from scipy.integrate import quad
 from skfem import Basis, BilinearForm, ElementLineP1, ElementLineP2, FacetBasis, Functional
 
+import skfem_cosserat as sc
 from skfem_cosserat import MeshCurve, MeshError
 from skfem_cosserat.mesh import (
     CurveArc,
@@ -19,6 +21,13 @@ from skfem_cosserat.mesh import (
 
 ARC = ((0, 0, 0), (1, 0, 0), (0, 1, 0), 2.0)  # start, tangent, normal, radius
 CENTRE = np.array([0.0, 2.0, 0.0])
+
+
+X, Y, Z = np.eye(3)
+
+
+def rod(elements=4, **options):
+    return MeshCurve.init_line((0, 0, 0), X, elements, name="a", **options)
 
 
 def ring(elements=7):
@@ -62,24 +71,13 @@ def test_curves_are_parametrised_by_arc_length(name):
 @pytest.mark.parametrize("name", ["spline", "closed spline"])
 def test_spline_arc_length_to_1e_12(name):
     curve = CURVES[name]
-    total = 0.0
-    grid = np.linspace(0, 1, 2001)
-    u = np.concatenate([a + (b - a) * grid[:-1] for a, b in zip(*_knots(curve), strict=True)])
-    u = np.append(u, _knots(curve)[1][-1])
-    x, w = np.polynomial.legendre.leggauss(5)
-    nodes = u[:-1, None] + np.diff(u)[:, None] * 0.5 * (x + 1)
-    speed = np.linalg.norm(curve._rate(nodes), axis=-1)
-    total = (0.5 * np.diff(u)[:, None] * speed * w).sum()
-    assert abs(total - curve.length) < 1e-12 * curve.length
+
+    def speed(u):
+        return np.linalg.norm(curve._spline(u, 1))
+
+    lengths = [quad(speed, *ends, epsabs=0, epsrel=1e-13)[0] for ends in pairwise(curve._spline.x)]
+    assert abs(sum(lengths) - curve.length) < 1e-12 * curve.length
     assert np.abs(curve.point(curve.knots[: len(curve.points)]).T - curve.points).max() < 1e-14
-    steps = np.linspace(0, curve.length, 4001)
-    chords = np.linalg.norm(np.diff(curve.point(steps)), axis=0)
-    assert np.ptp(chords) < 3e-5 * chords.mean()
-
-
-def _knots(curve):
-    u = curve._spline.x
-    return u[:-1], u[1:]
 
 
 def test_spline_through_points_of_a_circle_approaches_it():
@@ -96,89 +94,57 @@ def test_closed_spline_is_smooth_at_its_start():
     assert np.abs(curve.tangent(0.0) - curve.tangent(curve.length)).max() < 1e-12
 
 
-def test_helix_advances_by_its_pitch_on_either_hand():
-    right, left = CURVES["helix"], CURVES["left helix"]
-    for curve in (right, left):
-        assert curve.point(curve.length)[2] == pytest.approx(2.5 * 0.4, abs=1e-14)
-        assert curve.length == pytest.approx(2.5 * np.hypot(2 * np.pi * np.sqrt(2), 0.4), rel=1e-15)
-    # a quarter turn from (1, 1): to (-1, 1) for the right hand, to (1, -1) for the left
-    quarter = right.length / 10
-    assert np.allclose(right.point(quarter)[:2], (-1, 1))
-    assert np.allclose(left.point(quarter)[:2], (1, -1))
+@pytest.mark.parametrize(("name", "quarter"), [("helix", (-1, 1)), ("left helix", (1, -1))])
+def test_helix_advances_by_its_pitch_on_either_hand(name, quarter):
+    """2.5 turns from (1, 1), of which a tenth is a quarter turn."""
+    curve = CURVES[name]
+    assert curve.point(curve.length)[2] == pytest.approx(2.5 * 0.4, abs=1e-14)
+    assert curve.length == pytest.approx(2.5 * np.hypot(2 * np.pi * np.sqrt(2), 0.4), rel=1e-15)
+    assert np.allclose(curve.point(curve.length / 10)[:2], quarter)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: CurveLine((1, 2, 3), (1, 2, 3)), ["line", "[1.0, 2.0, 3.0]"]),
-        (lambda: CurveLine((1, 2), (1, 2, 3)), ["line start", "(1, 2)"]),
-        (lambda: CurveLine((1, 2, 3), (1, np.nan, 3)), ["line end", "nan"]),
-        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (2, 0, 0), 1, 1), ["arc normal", "(2, 0, 0)"]),
-        (lambda: CurveArc((0, 0, 0), (0, 0, 0), (2, 0, 0), 1, 1), ["arc tangent", "zero"]),
-        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), -2.5, 1), ["arc radius", "-2.5"]),
-        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1, 7.0), ["arc angle", "7.0"]),
-        (lambda: CurveHelix((0, 0, 3), (0, 0, 0), (0, 0, 1), 1, 1), ["helix start", "axis"]),
-        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), np.inf, 1), ["helix pitch", "inf"]),
-        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), 1, 0), ["helix turns", "0"]),
-        (lambda: CurveSpline([(0, 0, 0)]), ["spline points", "(1, 3)"]),
-        (lambda: CurveSpline([(0, 0, 0), (1, 0, 0)], closed=True), ["spline points", "(2, 3)"]),
-        (lambda: CurveSpline([(0, 0, 0), (0, 0, 0), (1, 0, 0)]), ["spline points", "0 and 1"]),
-        (lambda: CurveSpline([(0, 0, 0), (0, np.nan, 0)]), ["spline points", "point 1"]),
+        (lambda: CurveLine((1, 2, 3), (1, 2, 3)), r"line.*\[1.0, 2.0, 3.0\]"),
+        (lambda: CurveLine((1, 2, 3), (1, np.nan, 3)), "line end.*nan"),
+        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (2, 0, 0), 1, 1), r"arc normal.*\(2, 0, 0\)"),
+        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), -2.5, 1), "arc radius.*-2.5"),
+        (lambda: CurveArc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1, 7.0), "arc angle.*7.0"),
+        (lambda: CurveHelix((0, 0, 3), (0, 0, 0), (0, 0, 1), 1, 1), "helix start.*axis"),
+        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), np.inf, 1), "helix pitch.*inf"),
+        (lambda: CurveHelix((1, 0, 3), (0, 0, 0), (0, 0, 1), 1, 0), "helix turns.*0"),
+        (lambda: CurveSpline([(0, 0, 0)]), r"spline points.*\(1, 3\)"),
+        (lambda: CurveSpline([(0, 0, 0), (1, 0, 0)], closed=True), r"spline points.*\(2, 3\)"),
+        (lambda: CurveSpline([(0, 0, 0), (0, 0, 0), (1, 0, 0)]), "spline points.*0 and 1"),
     ],
 )
 def test_impossible_curves(make, words):
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError, match=words):
         make()
-    for word in words:
-        assert word in str(caught.value)
 
 
 # ----------------------------------------------------------------------- exact integrals
-def test_integrals_over_an_arc_are_exact():
-    mesh = MeshCurve.init_arc(*ARC, 1.2, 3)
-    assert integral(mesh, lambda x: 1 + 0 * x[0]) == pytest.approx(2.4, rel=1e-15)
-    # x = 2 sin(s/2): its integral is 4 (1 - cos 0.6 ...) over s in [0, 2.4]
-    assert integral(mesh, lambda x: x[0], 20) == pytest.approx(4 * (1 - math.cos(1.2)), rel=1e-14)
 
 
-def test_integrals_over_a_ring():
-    assert integral(ring(), lambda x: 1 + 0 * x[0]) == pytest.approx(4 * np.pi, rel=1e-15)
-    assert integral(ring(), lambda x: x[0] ** 2, 20) == pytest.approx(8 * np.pi, rel=1e-13)
-    assert ring().nvertices == 7
-    assert list(ring().nodes) == ["ring.start"]
-
-
-def test_a_ring_of_two_elements_is_no_duplicate():
-    mesh = ring(2)
-    assert mesh.nvertices == 2
+@pytest.mark.parametrize("elements", [2, 7])
+def test_integrals_over_a_ring(elements):
+    """Two elements between the same vertices are no duplicates."""
+    mesh = ring(elements)
+    assert integral(mesh, lambda x: 1 + 0 * x[0], 30) == pytest.approx(4 * np.pi, rel=1e-15)
     assert integral(mesh, lambda x: x[0] ** 2, 30) == pytest.approx(8 * np.pi, rel=1e-13)
+    assert mesh.nvertices == elements
+    assert list(mesh.nodes) == ["ring.start"]
 
 
 def test_integrals_over_a_branching_network():
     mesh = tee()
-    assert integral(mesh, lambda x: 1 + 0 * x[0]) == pytest.approx(5.0, rel=1e-15)
     assert integral(mesh, lambda x: x[2]) == pytest.approx(-4.5, rel=1e-15)
     mass = BilinearForm(lambda u, v, w: u * v).assemble(Basis(mesh, ElementLineP1()))
     j = mesh.node("web.start")
+    assert mass.sum() == pytest.approx(5.0, rel=1e-15)
     assert mass[j, j] == pytest.approx((0.5 + 0.5 + 1.0) / 3, rel=1e-15)  # all three elements
-
-
-def test_gradient_is_the_derivative_with_respect_to_arc_length():
-    mesh = MeshCurve.init_helix((1, 0, 0), (0, 0, 0), (0, 0, 1), 0.5, 1.0, 5)
-    basis = Basis(mesh, ElementLineP2(), intorder=6)
-    s = np.empty(basis.N)
-    s[basis.dofs.element_dofs] = mesh.arc_starts + mesh.lengths * np.array([0.0, 1.0, 0.5])[:, None]
-    form = Functional(lambda w: (w["u"].grad[0] - 2 * w["u"] * 0 - w["t"]) ** 2)
-    along = basis.interpolate(s)
-    value = form.assemble(basis, u=basis.interpolate(s**2), t=2 * np.asarray(along))
-    assert value < 1e-24
-
-
-def test_project_and_functional_on_a_curve():
-    mesh = MeshCurve.init_line((0, 0, 0), (0, 3, 4), 6)
-    basis = Basis(mesh, ElementLineP2())
-    y = basis.project(lambda x: x[1] * x[2])
-    assert np.abs(y - basis.doflocs[1] * basis.doflocs[2]).max() < 1e-12
 
 
 def test_laplacian_on_a_branching_network_gives_kirchhoff():
@@ -219,20 +185,25 @@ def test_normals_are_outward_tangents():
     assert np.allclose(end[:, 0, 0], (0, 1, 0), atol=1e-15)
 
 
-def test_probes_and_inverse_mapping():
+def test_inverse_mapping():
     mesh = ring(5)
     s = np.array([0.1, 2.0, 6.3, 12.5])
     x = mesh.curves[0].point(s)
-    basis = Basis(mesh, ElementLineP2())
-    y = basis.project(lambda x: x[0] - 2 * x[1])
     elements = mesh.element_finder()(*x)
     assert elements.tolist() == (s // mesh.lengths[0]).astype(int).tolist()
     xi = mesh.mapping().invF(x[:, :, None], elements)
     assert np.abs(xi[0, :, 0] - (s % mesh.lengths[0]) / mesh.lengths[0]).max() < 1e-13
-    wanted = (basis.probes(x) @ y) - basis.interpolator(y)(x)
-    assert np.abs(wanted).max() == 0
     with pytest.raises(MeshError, match=r"\[9.0, 0.0, 0.0\]"):
-        mesh.element_finder()(np.array([9.0]), np.array([0.0]), np.array([0.0]))
+        mesh.element_finder()(*np.array([[9.0], [0], [0]]))
+
+
+def test_values_at_points_and_projections():
+    mesh = ring(5)
+    basis = Basis(mesh, ElementLineP2())
+    y = basis.project(lambda x: x[0] - 2 * x[1])
+    x = mesh.curves[0].point(np.array([0.1, 2.0, 6.3, 12.5]))
+    assert np.array_equal(basis.probes(x) @ y, basis.interpolator(y)(x))
+    assert np.abs(basis.probes(x) @ y - x[0] + 2 * x[1]).max() < 0.05  # of quadratic elements
 
 
 # ----------------------------------------------------------------------- refinement
@@ -251,140 +222,124 @@ def test_refinement_stays_on_the_curve_and_keeps_names(how):
 
 
 def test_refinement_of_a_network_by_beam_name():
-    mesh = tee()
-    fine = mesh.refined("web")
+    fine = tee().refined("web")
     assert len(fine.elements_of("web")) == 6
     assert len(fine.elements_of("flange")) == 4
     assert len(fine.elements_at("web.start")) == 3
-    middle = fine.mapping().F(np.array([[0.5]]))[:, fine.elements_of("web"), 0]
-    assert (middle[2] < 0).all()
-    again = fine.refined(2).refined(0)
-    assert integral(again, lambda x: x[2]) == pytest.approx(-4.5, rel=1e-15)
+    assert (fine.p[2, fine.t[1, fine.elements_of("web")]] < 0).all()
+    assert integral(fine.refined(2).refined(0), lambda x: x[2]) == pytest.approx(-4.5, rel=1e-15)
 
 
-def test_refining_nothing_or_nonsense():
-    mesh = tee()
-    assert mesh.refined([]).nelements == mesh.nelements
-    for bad, words in [([99], "99"), ([0.5], "float"), ("boom", "'flange', 'web'")]:
-        with pytest.raises(MeshError, match=words):
-            mesh.refined(bad)
-    with pytest.raises(MeshError, match=r"\(2,\)"):
-        mesh.refined(np.array([True, False]))
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [([99], "99"), ([0.5], "float"), ("boom", "'flange', 'web'"), (np.ones(2, bool), r"\(2,\)")],
+)
+def test_refining_nothing_or_nonsense(bad, words):
+    assert tee().refined([]).nelements == 7
+    with pytest.raises(MeshError, match=words):
+        tee().refined(bad)
 
 
 # ----------------------------------------------------------------------- factories and names
 def test_polyline_with_named_corner():
-    mesh = MeshCurve.init_polyline(
-        [(0, 0, 0), (0, 3, 0), (4, 3, 0)], [3, 2], name="frame", nodes={"elbow": 3 / 7}
-    )
-    assert np.allclose(mesh.p[:, mesh.node("elbow")], (0, 3, 0))
-    assert mesh.nelements == 5
-    assert mesh.node("frame.end") == mesh.node((4, 3, 0)) == 5
-    square = MeshCurve.init_polyline([(0, 0, 0), (1, 0, 0), (1, 1, 0)], 2, closed=True)
-    assert square.nvertices == 6
-    assert square.chains[0].closed
+    corners = np.array([(0, 0, 0), (0, 3, 0), (4, 3, 0)])
+    mesh = MeshCurve.init_polyline(corners, [3, 2], name="frame", nodes={"elbow": 3 / 7})
+    assert np.allclose(mesh.p[:, mesh.node("elbow")], corners[1])
+    assert mesh.nelements == mesh.node("frame.end") == mesh.node(corners[2]) == 5
+    triangle = MeshCurve.init_polyline(corners, 2, closed=True)
+    assert triangle.nvertices == 6
+    assert triangle.chains[0].closed
 
 
-def test_points_are_the_vertices():
+@pytest.mark.parametrize("closed", [False, True])
+def test_points_are_the_vertices(closed):
     points = np.array([(0, 0, 0), (1, 0.1, 0.0), (2, 0.5, 0.3), (2.5, 1.5, 1)])
-    mesh = MeshCurve.init_points(points)
+    mesh = MeshCurve.init_points(points, closed=closed)
     assert np.array_equal(mesh.p.T, points)
     assert np.array_equal(mesh.refined(2).p.T[:4], points)
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    assert (mesh.lengths > chords).all()
-    loop = MeshCurve.init_points(points, closed=True)
-    assert loop.nelements == 4
-    assert loop.chains[0].closed
+    assert (mesh.lengths[:3] > np.linalg.norm(np.diff(points, axis=0), axis=1)).all()
+    assert mesh.nelements == 3 + closed
+    assert mesh.chains[0].closed == closed
 
 
 def test_names_and_lookup():
-    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="boom", nodes={"mid": 0.5, "a": 0})
-    assert [mesh.node(k) for k in ("boom.start", "a", "mid", "boom.end")] == [0, 0, 2, 4]
-    assert mesh.node(3) == mesh.node((0.75, 0, 0)) == mesh.node(np.array([0.75, 0, 0])) == 3
+    mesh = rod(nodes={"mid": 0.5, "begin": 0})
+    assert [mesh.node(k) for k in ("a.start", "begin", "mid", "a.end")] == [0, 0, 2, 4]
+    assert mesh.node(3) == mesh.node((0.75, 0, 0)) == 3
     assert mesh.with_nodes({"hook": (0.25, 0, 0), "eye": 3}).node("hook") == 1
-    assert mesh.elements_of("boom").tolist() == [0, 1, 2, 3]
+    assert mesh.elements_of("a").tolist() == [0, 1, 2, 3]
     assert mesh.unnamed_elements().size == 0
-    bare = replace(mesh, _subdomains=None)
-    assert bare.unnamed_elements().tolist() == [0, 1, 2, 3]
-    assert bare.with_beams({"left": [0, 1]}).unnamed_elements().tolist() == [2, 3]
+    bare = replace(mesh, _subdomains=None).with_beams({"left": [0, 1]})
+    assert bare.unnamed_elements().tolist() == [2, 3]
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (lambda m: m.node("tipp"), ["node 'tipp'", "'flange.start'", "'web.end'"]),
-        (lambda m: m.node(77), ["node 77", "0 .. 7"]),
-        (lambda m: m.node((5, 0, 0)), ["[5.0, 0.0, 0.0]", "nearest", "4 m"]),
-        (lambda m: m.node((5, 0)), ["(5, 0)", "position"]),
-        (lambda m: m.node((5, 0, np.nan)), ["nan"]),
-        (lambda m: m.node(True), ["True"]),
-        (lambda m: m.elements_of("webb"), ["beam 'webb'", "'flange', 'web'"]),
-        (lambda m: m.with_nodes({"web.end": 0}), ["node 'web.end'", "taken"]),
-        (lambda m: m.with_nodes({"x": "web.end"}), ["node 'x'", "'web.end'"]),
-        (lambda m: m.with_nodes({"x": 100}), ["node 100"]),
-        (lambda m: m.with_beams({"web": [0]}), ["beam 'web'", "taken"]),
-        (lambda m: m.with_beams({"x": [70]}), ["beam 'x'", "70"]),
-        (lambda m: m.with_beams({"x": [0.5]}), ["beam 'x'", "float"]),
-        (lambda m: replace(m, feature_angle=-1.0), ["feature_angle", "-1.0"]),
-        (lambda m: replace(m, curve_ids=m.curve_ids[:-1]), ["curve_ids", "(6,)"]),
-        (lambda m: replace(m, curve_ids=m.curve_ids + 5), ["curve_ids", "number 5"]),
-        (lambda m: replace(m, spans=m.spans + 1.5), ["element 1", "[2.0, 2.5]", "2.0 m"]),
-        (lambda m: replace(m, doflocs=m.p + 1.0), ["element 0", "off its curve"]),
-        (lambda m: m.moved(2 * np.eye(3)), ["rotation", "orthogonal"]),
-        (lambda m: m.translated((1, 2)), ["shift", "(1, 2)"]),
-        (lambda m: m.joined(m), ["beam 'flange'", "several meshes"]),
-        (lambda m: m.joined(m, tol=np.nan), ["tol", "nan"]),
-        (lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 0), ["beam 'beam'", "0"]),
-        (lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2.0, "b"), ["beam 'b'", "2.0"]),
+        (lambda m: m.node("tipp"), "node 'tipp'.*'flange.start'.*'web.end'"),
+        (lambda m: m.node(77), "node 77.*0 .. 7"),
+        (lambda m: m.node((5, 0, 0)), r"\[5.0, 0.0, 0.0\].*nearest.*4 m"),
+        (lambda m: m.node((5, 0)), r"\(5, 0\).*position"),
+        (lambda m: m.elements_of("webb"), "beam 'webb'.*'flange', 'web'"),
+        (lambda m: m.with_nodes({"web.end": 0}), "node 'web.end'.*taken"),
+        (lambda m: m.with_nodes({"x": "web.end"}), "node 'x'.*'web.end'"),
+        (lambda m: m.with_beams({"web": [0]}), "beam 'web'.*taken"),
+        (lambda m: m.with_beams({"x": [70]}), "beam 'x'.*70"),
+        (lambda m: replace(m, feature_angle=-1.0), "feature_angle.*-1.0"),
+        (lambda m: replace(m, curve_ids=m.curve_ids[:-1]), r"curve_ids.*\(6,\)"),
+        (lambda m: replace(m, curve_ids=m.curve_ids + 5), "curve_ids.*number 5"),
+        (lambda m: replace(m, spans=m.spans + 1.5), r"element 1.*\[2.0, 2.5\].*2.0 m"),
+        (lambda m: replace(m, doflocs=m.p + 1.0), "element 0.*off its curve"),
+        (lambda m: m.moved(2 * np.eye(3)), "rotation.*orthogonal"),
+        (lambda m: m.translated((1, 2)), r"shift.*\(1, 2\)"),
+        (lambda m: m.joined(m), "beam 'flange'.*several meshes"),
+        (lambda m: rod(0), "beam 'a'.*0"),
         (
-            lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"m": 0.3}),
-            ["node 'm'", "0.3", "0.25"],
+            lambda m: rod(nodes={"m": 0.3}),
+            "node 'm'.*0.3.*0.25",
         ),
         (
-            lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"m": np.nan}),
-            ["node 'm'", "nan"],
+            lambda m: rod(nodes={"m": np.nan}),
+            "node 'm'.*nan",
         ),
         (
-            lambda m: MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, nodes={"beam.end": 0}),
-            ["node 'beam.end'", "given"],
+            lambda m: rod(nodes={"a.end": 0}),
+            "node 'a.end'.*given",
         ),
-        (lambda m: MeshCurve.init_polyline([(0, 0, 0)], 2), ["beam 'beam'", "(1, 3)"]),
+        (lambda m: MeshCurve.init_polyline([(0, 0, 0)], 2), r"beam 'beam'.*\(1, 3\)"),
         (
             lambda m: MeshCurve.init_polyline([(0, 0, 0), (1, 0, 0)], [2, 3]),
-            ["beam 'beam'", "2 numbers", "1 legs"],
+            "beam 'beam'.*2 numbers.*1 legs",
         ),
     ],
 )
 def test_errors_name_the_item_and_the_value(call, words):
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError, match=words):
         call(tee())
-    for word in words:
-        assert word in str(caught.value)
 
 
 LINE = np.array([[0.0, 1.0, 2.0], [0, 0, 0], [0, 0, 0]])
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("points", "t", "words"),
     [
-        (LINE, np.zeros((2, 0), int), ["no elements", "(2, 0)"]),
-        (LINE[:2], [[0, 1], [1, 2]], ["(2, 3)", "expected (3, nv)"]),
-        (LINE, [[0, 1, 2]], ["connectivity", "(1, 3)"]),
-        (LINE, [[0.0, 1.0], [1.0, 2.0]], ["connectivity", "float64"]),
-        (LINE, [[0, 1], [1, 3]], ["element 1", "[1, 3]"]),
-        (LINE, [[0], [1]], ["node 2", "[2.0, 0.0, 0.0]", "no element"]),
-        (LINE, [[0, 1, 2], [1, 2, 2]], ["element 2", "nodes 2 and 2"]),
-        (LINE, [[0, 1, 2], [1, 2, 1]], ["element 2", "duplicates element 1", "[1, 2]"]),
-        (LINE * [[1], [np.nan], [1]], [[0, 1], [1, 2]], ["node 0", "nan"]),
-        (LINE[:, [0, 1, 1]], [[0, 1], [1, 2]], ["element 1", "1 and 2", "zero length"]),
+        (LINE, np.zeros((2, 0), int), r"no elements.*\(2, 0\)"),
+        (LINE[:2], [[0, 1], [1, 2]], r"\(2, 3\).*expected \(3, nv\)"),
+        (LINE, [[0, 1, 2]], r"connectivity.*\(1, 3\)"),
+        (LINE, [[0, 1], [1, 3]], r"element 1.*\[1, 3\]"),
+        (LINE, [[0], [1]], r"node 2.*\[2.0, 0.0, 0.0\].*no element"),
+        (LINE, [[0, 1, 2], [1, 2, 2]], "element 2.*nodes 2 and 2"),
+        (LINE, [[0, 1, 2], [1, 2, 1]], r"element 2.*duplicates element 1.*\[1, 2\]"),
+        (LINE * [[1], [np.nan], [1]], [[0, 1], [1, 2]], "node 0.*nan"),
+        (LINE[:, [0, 1, 1]], [[0, 1], [1, 2]], "element 1.*1 and 2.*zero length"),
     ],
 )
 def test_bad_arrays_are_refused_at_construction(points, t, words):
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError, match=words):
         MeshCurve(points, np.array(t))
-    for word in words:
-        assert word in str(caught.value)
 
 
 def test_a_name_of_two_nodes_is_no_node():
@@ -395,42 +350,36 @@ def test_a_name_of_two_nodes_is_no_node():
 
 # ----------------------------------------------------------------------- networks
 def test_joined_merges_and_keeps_both_automatic_names():
-    a = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "a")
-    b = MeshCurve.init_arc((1, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, np.pi, 4, "b")
+    b = MeshCurve.init_arc(X, X, Y, 1.0, np.pi, 4, "b")
     c = MeshCurve.init_line((1, 2, 0), (0, 0, 0), 3, "c")
-    mesh = a.joined(b, c)
-    assert mesh.nvertices == 3 + 4 + 2
-    assert mesh.node("a.end") == mesh.node("b.start")
-    assert mesh.node("b.end") == mesh.node("c.start")
-    assert mesh.node("c.end") == mesh.node("a.start")
+    mesh = rod().joined(b, c)
+    assert mesh.nvertices == 5 + 3 + 3 == (rod() + b + c).nvertices
+    for end, start in ("ab", "bc", "ca"):
+        assert mesh.node(f"{end}.end") == mesh.node(f"{start}.start")
     assert mesh.lengths.sum() == pytest.approx(1 + np.pi + np.sqrt(5), rel=1e-15)
-    assert (a + b).nvertices == 7
     assert len(mesh.chains) == 3
     assert mesh.arc_starts[mesh.elements_of("c")][0] == 0
 
 
 def test_unwelded_beams_keep_their_own_nodes():
-    a = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "a")
-    b = MeshCurve.init_line((1, 0, 0), (1, 1, 0), 2, "b")
-    mesh = a.joined(b, weld=False)
-    assert mesh.nvertices == 6
+    b, c = (MeshCurve.init_line(X, X + end, 2, name) for end, name in ((Y, "b"), (Z, "c")))
+    mesh = rod().joined(b, weld=False)
+    assert mesh.nvertices == 8
     assert mesh.node("a.end") != mesh.node("b.start")
-    with pytest.raises(MeshError, match=r"several nodes there: \[2, 3\]"):
-        mesh.node((1, 0, 0))
-    c = MeshCurve.init_line((1, 0, 0), (1, 0, 1), 2, "c")
-    with pytest.raises(MeshError, match=r"several nodes \[2, 3\]"):
+    with pytest.raises(MeshError, match=r"several nodes there: \[4, 5\]"):
+        mesh.node(X)
+    with pytest.raises(MeshError, match=r"several nodes \[4, 5\]"):
         mesh.joined(c)
     with pytest.raises(MeshError, match="merged into one"):
         c.joined(mesh)
 
 
 def test_tolerance_of_joining():
-    a = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, "a")
     b = MeshCurve.init_line((1 + 1e-7, 0, 0), (1, 1, 0), 2, "b")
-    assert a.joined(b).nvertices == 6
-    assert a.joined(b, tol=1e-6).nvertices == 5
+    assert (rod() + b).nvertices == 8
+    assert rod().joined(b, tol=1e-6).nvertices == 7
     with pytest.raises(MeshError, match=r"tol: 0.6 m would collapse|several nodes"):
-        a.joined(b, tol=0.6)
+        rod().joined(b, tol=0.6)
 
 
 def test_changed_copies_carry_their_curves():
@@ -459,8 +408,7 @@ def test_restrict_keeps_curves_and_names():
 
 
 def test_directed_turns_opposing_elements():
-    points = LINE[:, [0, 1, 2]]
-    mesh = MeshCurve(points, np.array([[0, 2], [1, 1]]), _subdomains={"b": np.array([0, 1])})
+    mesh = MeshCurve(LINE, np.array([[0, 2], [1, 1]]), _subdomains={"b": np.array([0, 1])})
     with pytest.raises(MeshError, match=r"beam 'b': elements 0 and 1 point against .* node 1"):
         _ = mesh.chains
     turned = mesh.directed()
@@ -495,81 +443,104 @@ def test_defaults_and_parameters():
     assert isinstance(MeshCurve.init_refdom(), skfem.MeshLine1)
 
 
-HUGE = 10**400, 10**15
-
-
-@pytest.mark.parametrize("number", HUGE)
-def test_huge_numbers_are_refused_at_once(number):
-    mesh = MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3)
-    calls = {
-        "refinement: 1000.* times, expected at most 21": lambda: mesh.refined(number),
-        "number of elements is 10000": lambda: MeshCurve.init_line((0, 0, 0), (1, 0, 0), number),
-        "beam': number of elements is": lambda: MeshCurve.init_polyline(np.eye(3), number),
-        "elements? ": lambda: mesh.restrict([number]),
-    }
-    for words, call in calls.items():
-        with pytest.raises(MeshError, match=words) as caught:
-            call()
-        assert len(str(caught.value)) < 200
+@pytest.mark.one_quick
+@pytest.mark.parametrize("number", [10**400, 10**15], ids=["float overflows", "huge"])
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda number: tee().refined(number), "refinement: 1000.* times, expected at most 20"),
+        (ring, "number of elements is 10000"),
+        (lambda number: MeshCurve.init_polyline(np.eye(3), number), "beam': number of elements is"),
+        (lambda number: tee().restrict([number]), "elements? "),
+    ],
+)
+def test_huge_numbers_are_refused_at_once(call, words, number):
+    with pytest.raises(MeshError, match=words) as caught:
+        call(number)
+    assert len(str(caught.value)) < 200
     with pytest.raises(MeshError, match="line start"):
         MeshCurve.init_line((0, 0, 10**400), (1, 0, 0), 2)
 
 
-def test_many_meshes_are_joined_as_one_by_one():
-    """Rings of struts that meet, in one call and one after the other."""
-    angles = np.linspace(0, 2 * np.pi, 13)[:-1]
-    corners = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    struts = [
-        MeshCurve.init_line(a, b, 2, name=f"strut{k}")
-        for k, (a, b) in enumerate(zip(corners, np.roll(corners, -1, axis=0), strict=True))
-    ]
-    once, each = struts[0].joined(*struts[1:]), struts[0]
-    for strut in struts[1:]:
-        each = each + strut
-    assert once.p.shape == (3, 24)
-    assert np.array_equal(once.p, each.p) and np.array_equal(once.t, each.t)
-    assert {k: v.tolist() for k, v in once.nodes.items()} == {
-        k: v.tolist() for k, v in each.nodes.items()
-    }
-    apart = struts[0].joined(*struts[1:], weld=False)
-    assert apart.p.shape == (3, 36)
-
-
-def walked(t, owner):
-    """Chains of directed elements (elements, closed, owner), found by walking from each."""
-
-    def next_of(e):
-        at = [f for f in range(t.shape[1]) if owner[f] == owner[e] and t[1, e] in t[:, f]]
-        return next((f for f in at if f != e), None) if len(at) == 2 else None
-
-    follower = {e: next_of(e) for e in range(t.shape[1])}
-    chains = []
-    for beam in np.unique(owner).tolist():
-        own, used = np.flatnonzero(owner == beam).tolist(), set()
-        heads = [e for e in own if e not in follower.values()]
-        for first in [*heads, *own]:
-            path, e = [], first
-            while e is not None and e not in used:
-                used.add(e)
-                path.append(e)
-                e = follower[e]
-            if path:
-                chains.append((path, follower[path[-1]] == first, beam))
-    return chains
-
-
-def test_chains_of_random_networks_are_those_that_a_walk_finds():
-    rng = np.random.default_rng(1)
-    closed = 0
+def test_chains_of_random_networks():
+    """Head to tail within one beam, each element in one chain, ended by branches and free ends."""
+    rng, closed = np.random.default_rng(1), 0
     for _ in range(200):
         count = int(rng.integers(3, 9))
         t = np.array([rng.choice(count, 2, replace=False) for _ in range(rng.integers(1, 11))]).T
         owner = rng.integers(-1, 2, t.shape[1])
         t = np.where(topology.directed_flips(t, owner), t[::-1], t)
         order = topology.find_chains(t, owner, ["a", "b"])
-        found = [(c.elements.tolist(), c.closed, c.owner) for c in order.chains()]
-        assert found == walked(t, owner)
-        closed += sum(c for _, c, _ in found)
-        pairs = [p for path, c, _ in found for p in pairwise([*path, *path[: int(c)]])]
-        assert list(zip(order.before.tolist(), order.after.tolist(), strict=True)) == pairs
+        chains, follows = order.chains(), []
+        assert sorted(np.concatenate([c.elements for c in chains])) == list(range(t.shape[1]))
+        for chain in chains:
+            e = chain.elements.tolist()
+            pairs = list(pairwise([*e, e[0]] if chain.closed else e))
+            assert all(t[1, one] == t[0, other] for one, other in pairs)
+            assert (owner[e] == chain.owner).all()
+            there = np.bincount(t[:, owner == chain.owner].ravel(), minlength=count)
+            assert (there[t[1, e[:-1]]] == 2).all()
+            assert chain.closed or 2 not in there[[t[0, e[0]], t[1, e[-1]]]]
+            closed += chain.closed
+            follows += pairs
+        assert list(zip(order.before.tolist(), order.after.tolist(), strict=True)) == follows
     assert closed > 10
+
+
+# ----------------------------------------------------------------------- lines that cross
+def cross(n, height=0.0):
+    a = MeshCurve.init_line((-1, 0, 0), (1, 0, 0), n, name="a")
+    return a, MeshCurve.init_line((0, -1, height), (0, 1, height), n, name="b")
+
+
+def test_a_join_that_finds_no_vertex_says_where_the_lines_cross():
+    """An odd number of elements has no vertex in the middle."""
+    a, b = cross(5)
+    with pytest.warns(sc.ModelWarning, match=r"elements . and . meet at \[0.0, 0.0, 0.0\]"):
+        a.joined(b)
+
+
+def test_lines_that_share_a_vertex_or_pass_each_other_are_as_meant():
+    """So are those that are joined without welding: they get a joint."""
+    a, b = cross(4)
+    assert a.joined(b).nvertices == 9
+    a, b = cross(5, height=1e-3)
+    assert a.joined(b).nvertices == 12
+    a, b = cross(5)
+    assert a.joined(b, weld=False).nvertices == 12
+
+
+def test_an_end_on_the_middle_of_an_element():
+    """A web on a flange: it has a vertex there, the flange has none."""
+    flange = MeshCurve.init_line((0, 0, 0), (2, 0, 0), 3, "flange")
+    web = MeshCurve.init_line((1, 0, 0), (1, 1, 0), 2, "web")
+    with pytest.warns(sc.ModelWarning, match=r"meet at \[1.0, 0.0, 0.0\]"):
+        flange.joined(web)
+
+
+def test_a_file_whose_lines_cross(tmp_path):
+    """Two diagonals of a square, and all pairs of a lattice that is long in one direction."""
+    points = np.array([(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 1, 0), (0, 0.25, 0), (90, 0.25, 0)])
+    mesh = MeshCurve(points.T.astype(float), np.array([[0, 2, 4], [1, 3, 5]]))
+    sc.mesh.write_mesh(tmp_path / "square.msh", mesh)
+    with pytest.warns(sc.ModelWarning, match=r"\(2 more like it\)"):
+        sc.mesh.read_mesh(tmp_path / "square.msh")
+
+
+def test_a_section_thicker_than_its_beam_is_long():
+    """A radius in mm beside a length in m."""
+    steel, line = sc.Material(210e9, 0.3, 7850.0), rod(1)
+    with pytest.warns(sc.ModelWarning, match="20 m thick, more than its whole length of 1 m"):
+        beam = sc.Beam(line, sc.SectionCircle(10.0, steel))
+    assert beam.warnings
+    assert not sc.Beam(line, sc.SectionCircle(0.01, steel)).warnings
+
+
+def test_inertia_about_the_axes_in_place_of_along_them():
+    """``int rho X_2^2 dA`` belongs to d2, EI_1 is ``int E X_2^2 dA``: exchanged numbers show."""
+    good = sc.SectionRectangle(0.02, 0.12, sc.Material(70e9, 0.3, 2700.0))
+    D = good.stiffness.diagonal()
+    about = {"EA": D[2], "GA": D[0], "EI": D[3:5], "GJ": D[5], "mass": good.mass}
+    sc.Section.from_constants(**about, inertia=good.inertia)
+    with pytest.warns(sc.ModelWarning, match="exchange"):
+        sc.Section.from_constants(**about, inertia=good.inertia[::-1])

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_modes import bad, bent_arc, hung, straight
+import static_scenes as scenes
+from test_modes import bad, hung, straight
 
 import skfem_cosserat as sc
 from skfem_cosserat import Spin
-from skfem_cosserat.diagnostics import reduced_tangent
-from skfem_cosserat.model.balance import Amplitudes, amplitudes_at
+from skfem_cosserat.model.balance import Amplitudes
 
 REFERENCES = json.loads(
     (Path(__file__).parents[1] / "data" / "static_references.json").read_text(encoding="utf-8")
@@ -39,6 +39,7 @@ def column(elements, order, ends, section=SQUARE):
 ENDS = {"clamped-free": np.pi**2 / 4, "pinned-pinned": np.pi**2}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ends", ENDS)
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_euler_columns(ends, order):
@@ -53,51 +54,27 @@ def test_euler_columns(ends, order):
     assert abs(fine[1] / fine[0] - 1) < 1e-2  # both planes
     assert abs(np.log2(coarse[0] / fine[0]) - 2 * order) < 0.15
     exact = REFERENCES["S10"]["critical"][ends]
-    best = sc.buckling(column(8, 4, ends), 1).factors[0]
-    assert 0 < exact / best - 1 < 1.1 * exact / (210e9 * 0.05**2)
+    assert 0 < exact / critical - 1 < 1.1 * exact / (210e9 * 0.05**2)
 
 
-STRIP = REFERENCES["S9 strip"]["constants"]
-
-
-def strip_section(stiff=1.0):
-    """The strip 30 x 0.6; `stiff` multiplies all that is not weak bending and torsion."""
-    return sc.Section.from_constants(
-        EA=stiff * STRIP["EA"],
-        GA=stiff * STRIP["GA"],
-        EI=(stiff * STRIP["EI_stiff"], STRIP["EI_weak"]),
-        GJ=STRIP["GJ"],
-        mass=1.0,
-        inertia=(1.0, 1.0),
-    )
-
-
-def strip(elements, order, stiff=1.0):
-    """Prandtl's cantilever: a strip on edge with a force at its tip."""
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (240, 0, 0), elements, nodes={"a": 0.0, "b": 1.0})
-    model = sc.Model()
-    section = strip_section(stiff)
-    beam = model.add("strip", sc.Beam(mesh, section, director=(0, 1, 0), order=order))
-    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("a")))
-    model.add("force", sc.LoadForce(beam.node("b"), (0, 0, -1.0)))
-    return model.freeze()
-
-
+@pytest.mark.slow
 def test_lateral_buckling_of_a_strip():
     """S9: Prandtl's 4.0126 with hugely stiff in-plane bending, orders 2p; both signs alike."""
-    root = np.sqrt(STRIP["EI_weak"] * STRIP["GJ"]) / 240**2
+    root = np.sqrt(scenes.STRIP["across"] * scenes.STRIP["GJ"]) / 240**2
     prandtl = 4.0125993435789008 * root
+
+    def critical(elements, order, stiffening=1e6, count=1, sign="positive"):
+        system = scenes.strip(elements, order, stiffening=stiffening).system
+        return sc.buckling(system, count, sign=sign).factors
+
     for order, counts in {1: (8, 16), 2: (8, 16), 3: (4, 8), 4: (4, 8)}.items():
-        coarse, fine = (
-            sc.buckling(strip(n, order, 1e6), 1).factors[0] / prandtl - 1 for n in counts
-        )
+        coarse, fine = (critical(n, order)[0] / prandtl - 1 for n in counts)
         assert abs(np.log2(coarse / fine) - 2 * order) < 0.15
-    found = sc.buckling(strip(12, 4, 1e6), 2, sign="both").factors
+    found = critical(12, 4, count=2, sign="both")
     assert abs(abs(found) / prandtl - 1).max() < 1e-10
     assert found[0] * found[1] < 0
-    # the real strip deflects before it buckles: a path finds 3.31328, the linear theory does not
-    real = sc.buckling(strip(12, 4), 1).factors[0]
-    assert real == pytest.approx(3.311299, abs=1e-6)
+    # the real strip deflects before it buckles, which the linear theory does not know
+    assert critical(12, 4, 1.0)[0] == pytest.approx(3.311299, abs=1e-6)
     assert REFERENCES["S9 strip"]["critical"] == pytest.approx(3.313278, abs=1e-6)
 
 
@@ -105,7 +82,8 @@ def test_uniform_bending_between_forks():
     """S9c: ``M = pi sqrt(EI GJ)/L``, and its multiples."""
     mesh = sc.MeshCurve.init_line((0, 0, 0), (240, 0, 0), 8, nodes={"a": 0.0, "b": 1.0})
     model = sc.Model()
-    beam = model.add("strip", sc.Beam(mesh, strip_section(), director=(0, 1, 0), order=4))
+    section = scenes.flat_section(**scenes.STRIP)
+    beam = model.add("strip", sc.Beam(mesh, section, director=(0, 1, 0), order=4))
     a, b, end = beam.node("a"), beam.node("b"), (240.0, 0, 0)
     model.add("fork a", sc.JointUniversal(sc.ground((0, 0, 0)), a, **CARDAN))
     carriage = model.add("carriage", sc.RigidBody.sphere(1.0, 1.0, position=end))
@@ -123,11 +101,8 @@ def test_bars_on_springs():
 
     Rigid bodies: all of K_1 comes from constraint forces.
     """
-    model = sc.Model()
-    box = {"position": (0.5, 0, 0)}
-    one = model.add("one", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1), **box))
-    two = model.add("two", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1), position=(1.5, 0, 0)))
-    axis = (0, 0, 1.0)
+    model, axis = sc.Model(), (0, 0, 1.0)
+    one, two = (model.add(name, sc.RigidBody.box(1.0, (1.0, 0.1, 0.1))) for name in ("one", "two"))
     root = model.add("root", sc.JointRevolute(sc.ground((0, 0, 0)), one.at((0, 0, 0)), axis))
     knee = model.add("knee", sc.JointRevolute(one.at((1, 0, 0)), two.at((1, 0, 0)), axis))
     for name, joint in (("root spring", root), ("knee spring", knee)):
@@ -146,8 +121,7 @@ def test_a_mast_with_guys():
     """
     model = sc.Model()
     mast = model.add("mast", sc.RigidBody.rod(1.0, 2.0, position=(0, 0, 1.0)))
-    axis = (0, 1.0, 0)
-    model.add("foot", sc.JointRevolute(sc.ground((0, 0, 0)), mast.at((0, 0, 0)), axis))
+    model.add("foot", sc.JointRevolute(sc.ground((0, 0, 0)), mast.at((0, 0, 0)), (0, 1.0, 0)))
     top = mast.at((0, 0, 2.0))
     for side in (-1, 1):
         guy = sc.SpringDamper(sc.ground((side * 1.5, 0, 0)), top, 40.0, length=2.5)
@@ -158,39 +132,17 @@ def test_a_mast_with_guys():
     assert found == pytest.approx(2 * 40 * (3.0 / 2.5) ** 2 / 2, rel=1e-13)
 
 
-def test_the_pencil_is_the_tangent_of_the_stressed_reference():
-    """``K_0 + factor K_1`` is singular: checked by the tangent with stresses of the solution.
-
-    For a straight column under its own thrust the linear response is a pure stretch, so that the
-    loaded state of stretch -P/EA has nearly this stiffness; the lowest eigenvalue changes sign.
-    """
-    system = column(4, 3, "clamped-free")
-    found = sc.buckling(system, 1)
-    signs = []
-    for share in (0.99, 1.01):
-        P = share * found.factors[0]
-        y = system.extend(system.q0, 0.0)
-        y[: system.rows][system.origin_rows] *= 1 - P / (210e9 * 0.05**2)
-        tangent = reduced_tangent(system, y, Amplitudes(np.array([P]), np.zeros(1)))
-        signs.append(np.linalg.eigvalsh(tangent.K.toarray())[0])
-    assert signs[0] > 0 > signs[1]
-    stretch = found.response.reshape(-1, 3)[system.origin_rows]
-    assert stretch[:, 0].min() == pytest.approx(-1 / (210e9 * 0.05**2), rel=1e-10)
-
-
-def test_sparse_and_dense_agree():
-    system = column(60, 2, "pinned-pinned")
-    assert system.unknowns > 300
-    sparse = sc.buckling(system, 6)
-    coarse = sc.buckling(column(20, 2, "pinned-pinned"), 6)
-    n = np.array([1, 1, 2, 2, 3, 3])
+@pytest.mark.slow
+def test_columns_of_many_elements():
+    """Above 300 unknowns, where matrices are sparse: pairs, six factors, errors of h^4."""
+    n, found = np.array([1, 1, 2, 2, 3, 3]), []
     exact = (np.sqrt(1 + 4 * n**2 * np.pi**2 * EI / GA) - 1) / 2 * GA
-    assert (sparse.factors / exact - 1)[:2].max() < 6e-8
-    assert (coarse.factors / exact - 1)[:2].max() < 5e-6
-    assert ((coarse.factors / exact - 1) / (sparse.factors / exact - 1)).min() > 70  # 3^4 = 81
-    size = np.einsum("ki,ki->k", sparse.shapes, sparse.shapes)
-    assert (size > 0).all()
-    assert sparse.factorisations <= 4
+    for elements in (20, 60):
+        system = column(elements, 2, "pinned-pinned")
+        found.append(sc.buckling(system, 6).factors / exact - 1)
+    assert system.unknowns > 300
+    assert found[0][:2].max() < 5e-6 and found[1][:2].max() < 6e-8
+    assert (found[0] / found[1]).min() > 70  # 3^4 = 81
 
 
 def test_follower_loads():
@@ -216,7 +168,6 @@ def test_animation_of_a_buckling_mode():
 def test_bad_input():
     system = column(2, 2, "clamped-free")
     bad(lambda: sc.buckling(system, 0), "count", "0")
-    bad(lambda: sc.buckling(system, 10**4), "count", "10000")
     bad(lambda: sc.buckling(system, sign="up"), "sign", "'up'")
     bad(lambda: sc.buckling(system, t=np.inf), "argument t", "inf")
     bad(lambda: sc.buckling(straight(2, 2, "CF", SQUARE), 1), "the loads do nothing")
@@ -224,11 +175,7 @@ def test_bad_input():
     turning = Amplitudes(np.ones(1), np.zeros(1), Spin((1.0, 0, 0)))
     bad(lambda: sc.buckling(system, amplitudes=turning), "spin")
     bad(lambda: sc.buckling(hung((1.0, 1.0, 0.1)), 1), "bar 0", "without any stiffness")
-    bad(lambda: sc.buckling(bent_arc(), 1), "bob", "without any stiffness")
-    pulled = column(2, 2, "clamped-free")
-    many = pulled.unknowns
-    bad(lambda: sc.buckling(pulled, many), "count", "positive critical factor(s) exist")
-    assert amplitudes_at(pulled, 0.0).loads.tolist() == [1.0]
+    bad(lambda: sc.buckling(system, system.unknowns), "count", "positive critical factor(s) exist")
 
 
 def test_results_are_shown_in_few_lines():
@@ -236,8 +183,4 @@ def test_results_are_shown_in_few_lines():
     found = sc.buckling(column(4, 2, "clamped-free"), 2)
     a, b = found.factors
     assert repr(found) == f"<Buckling: 2 factors, {a:.6g}, {b:.6g}>"
-    title, *rows = str(found).splitlines()
-    assert title == "mode critical factor"
-    assert [row.split() for row in rows] == [["0", f"{a:.7g}"], ["1", f"{b:.7g}"]]
-    bad(lambda: found.animation(True), "argument index", "True")
-    assert found.animation(-1).meta["mode"] == 1
+    assert str(found).splitlines()[1].split() == ["0", f"{a:.7g}"]

@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-import importlib
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import vibration_modes
 from helpers_scenes import everything, random_state, random_tree
-from scipy.sparse import csr_matrix
+from scipy.spatial.transform import Rotation
 from test_closed_loops import SCENES, frozen, hinges
 from test_couplings import zoo
 
 import skfem_cosserat as sc
-from skfem_cosserat import Spin, write_paraview
-from skfem_cosserat.diagnostics.stacked import congruent, null_space_matrix, reduced_tangent
-from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
-from skfem_cosserat.modal.eigen import lowest, make_pencil, spectrum
-from skfem_cosserat.modal.state import resting
+from collection import m04_ring as rings
+from collection import vibration
+from skfem_cosserat import Spin
+from skfem_cosserat.diagnostics.stacked import null_space_matrix, reduced_tangent
 from skfem_cosserat.model.balance import amplitudes_at, balance
 from skfem_cosserat.model.loops import closed, null_basis
 from skfem_cosserat.model.reparametrisation import Reparametrisation
-
-for folder in ("examples", "examples/benchmarks"):
-    sys.path.insert(0, str(Path(__file__).resolve().parents[2] / folder))
-
-vibration_modes = importlib.import_module("vibration_modes")
-vibration = importlib.import_module("collection.vibration")
-rotating = importlib.import_module("collection.m02_rotating")
-rings = importlib.import_module("collection.m04_ring")
 
 REFERENCES = json.loads(
     (Path(__file__).parents[1] / "data" / "modal_references.json").read_text(encoding="utf-8")
@@ -97,15 +87,13 @@ def along_loops(system, y, amplitudes, dead, step=1e-3):
 
 TURNING = Spin((0.7, -1.1, 2.3), (0.2, 0.1, -0.4))
 TREES = {
-    "every item": (lambda: everything(2), None),
     "every item, turning": (lambda: everything(1), TURNING),
     "random tree": (lambda: random_tree(3), None),
-    "random tree, turning": (lambda: random_tree(4), TURNING),
-    "springs": (lambda: zoo(0), None),
     "springs, turning": (lambda: zoo(1, moving=True), TURNING),
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", TREES)
 def test_reduced_tangent_on_trees(scene):
     """With couplings, follower loads and a turning frame, by complex steps along coordinates."""
@@ -121,6 +109,7 @@ def test_reduced_tangent_on_trees(scene):
     assert (null_space_matrix(system, y) != tangent.P).nnz == 0
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", SCENES)
 def test_reduced_tangent_with_closed_loops(scene):
     """Redundant rows as well: whichever multipliers balance the forces give the same."""
@@ -133,29 +122,6 @@ def test_reduced_tangent_with_closed_loops(scene):
     assert abs(tangent.K.toarray() - wanted).max() < 1e-8 * abs(wanted).max()
     K = tangent.K
     assert abs(K - K.T).max() < 1e-12 * abs(K).max()
-
-
-@pytest.mark.parametrize("share", [0.05, 0.9])
-def test_product_by_full_and_by_sparse_matrices(share):
-    rng = np.random.default_rng(5)
-    P = csr_matrix(rng.standard_normal((60, 30)) * (rng.random((60, 30)) < share))
-    A = csr_matrix(rng.standard_normal((60, 60)) * (rng.random((60, 60)) < 0.1))
-    left, middle, right = P.toarray().T, A.toarray(), P.toarray()
-    wanted = left @ middle @ right
-    rounding = 120 * np.finfo(float).eps * (abs(left) @ abs(middle) @ abs(right))
-    assert (abs(congruent(P, A).toarray() - wanted) <= rounding).all()
-
-
-def test_metric_measures_motions():
-    """A turn by one radian has the size 1, a shift by the extent of the scene too."""
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (1, 2, 3)))
-    model.add("stone", sc.MassPoint(1.0, (0, 0, 4)))
-    del body
-    system = model.freeze()
-    y = system.extend(system.q0, 0.0)
-    metric = reduced_tangent(system, y, amplitudes_at(system, 0.0)).metric.toarray()
-    assert abs(metric - np.diag([1 / 16] * 3 + [1.0] * 3 + [1 / 16] * 3)).max() < 1e-15
 
 
 # -- scenes ----------------------------------------------------------------------------------------
@@ -181,54 +147,10 @@ def off(found, wanted):
     return np.array([np.sort(abs(found / w - 1))[1] for w in np.atleast_1d(wanted)])
 
 
-def settled(system, amplitudes, q=None):
-    """The equilibrium near the reference or q, by Newton's method without anything."""
-    y = system.extend(system.q0 if q is None else q, 0.0)
-    nodal = Reparametrisation(system.kinematics)
-    for _ in range(40):
-        tangent = reduced_tangent(system, y, amplitudes)
-        du = np.linalg.solve(tangent.K.toarray(), -tangent.residual)
-        nodal.begin(y, y[system.rows :])
-        nodal.add(du)
-        y = nodal.configuration()
-        if np.sqrt(du @ (tangent.metric @ du)) < 1e-12:
-            return y[: system.rows].ravel()
-    raise AssertionError("no equilibrium")
-
-
 # -- beams against exact solutions -----------------------------------------------------------------
 
-#: errors measured with 16 cubic elements, of the first three frequencies: all but two below 1e-6
-M1 = {
-    "h=0.1,CF": (1.2e-11, 8e-9, 1.6e-7),
-    "h=0.1,SS": (9e-10, 5.1e-8, 5.3e-7),
-    "h=0.01,CF": (1.2e-11, 9e-9, 1.9e-7),
-    "h=0.01,FF": (1.2e-8, 2.3e-7, 1.65e-6),
-    "h=0.01,CC": (6e-9, 1.6e-7, 1.26e-6),
-}
 
-
-@pytest.mark.parametrize("case", M1)
-def test_timoshenko_beams(case):
-    """M1, exact to 14 digits; 16 cubic elements."""
-    h, ends = float(case[2 : case.index(",")]), case[-2:]
-    found = sc.modes(straight(16, 3, ends, square(h)), count=20)
-    wanted = REFERENCES["M1"]["values"][case]["omega"][:3]
-    assert (off(found.omega, wanted) < M1[case]).all()
-    assert found.rigid == {"FF": 6}.get(ends, 0)
-    assert (found.omega[: found.rigid] == 0).all()
-    assert (found.omega[found.rigid :] > 1).all()
-
-
-def test_nineteen_elements_give_all_of_them_to_1e_6():
-    """What 16 cubic elements miss by 60 and 30 percent: third frequencies of FF and CC."""
-    for ends in ("FF", "CC"):
-        wanted = REFERENCES["M1"]["values"][f"h=0.01,{ends}"]["omega"][:3]
-        assert (
-            off(sc.modes(straight(19, 3, ends, square(0.01)), count=12).omega, wanted) < 1e-6
-        ).all()
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize("case", ["-0.9", "0", "1", "100"])
 def test_prestressed_beams(case):
     """M3: about the exactly stretched straight state, its constraint forces included."""
@@ -245,40 +167,10 @@ def ring(elements, order):
     return rings.scene(elements, order, rings.given(None, None))
 
 
-@pytest.mark.parametrize(("elements", "order"), [(32, 3), (16, 4)])
-def test_rings(elements, order):
-    """M4: free, curved, every frequency double; n = 2 to 1e-6, n = 4 to 1e-5."""
-    found = sc.modes(ring(elements, order), count=30)
-    assert found.rigid == 6
-    for n, limit in ((2, 3e-7), (4, 7e-6)):
-        data = REFERENCES["M4"]["values"][f"n={n}"]
-        for plane in ("inplane_omega", "outplane_omega"):
-            assert off(found.omega, data[plane][0]) < limit
-    for n in (0, 1):  # breathing, twisting
-        data = REFERENCES["M4"]["values"][f"n={n}"]
-        for plane in ("inplane_omega", "outplane_omega"):
-            if data[plane][1] < found.omega[-1] + 1:
-                assert abs(found.omega / data[plane][1] - 1).min() < 1e-7
-    assert abs(found.omega[6:20:2] / found.omega[7:21:2] - 1).max() < 1e-12
-
-
-ROUNDING = 1e-11
-
-
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-@pytest.mark.parametrize("ends", ["CF", "SS"])
-def test_orders(order, ends):
-    """Frequencies converge with h^(2p): for straight beams and, below, for the ring."""
-    wanted = REFERENCES["M1"]["values"][f"h=0.1,{ends}"]["omega"][1]
-    counts = {1: (32, 64), 2: (16, 32), 3: (8, 16), 4: (4, 8)}[order]
-    found = [sc.modes(straight(n, order, ends, square(0.1)), count=12).omega for n in counts]
-    coarse, fine = (off(omega, wanted)[0] for omega in found)
-    assert fine > 10 * ROUNDING
-    assert abs(np.log2(coarse / fine) - 2 * order) < 0.15
-
-
+@pytest.mark.one_quick
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_orders_of_the_ring(order):
+    """Frequencies converge with h^(2p): M4; those of straight beams in test_collection_modal.py."""
     wanted = REFERENCES["M4"]["values"]["n=2"]["outplane_omega"][0]
     counts = {1: (64, 128), 2: (32, 64), 3: (24, 48), 4: (16, 32)}[order]
     found = [sc.modes(ring(n, order), count=8).omega for n in counts]
@@ -296,22 +188,6 @@ def test_slender_beams_keep_their_digits(slenderness):
 
 
 # -- steady rotation -------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("hub", "eta"), [(0, 2), (0, 12), (1, 5)])
-def test_rotating_cantilever(hub, eta):
-    """M2 at the slenderness 200, which is off by 1/s^2; stable, and nothing grows.
-
-    Extrapolated to no thickness in test_collection_modal.py.
-    """
-    system, spin = rotating.scene(16, 3, hub, 200.0), Spin((0, 0, eta))
-    q = settled(system, replace(amplitudes_at(system, 0.0), spin=spin))
-    found = sc.modes(system, q, 10, spin=spin)
-    assert found.stable
-    assert (found.growth == 0).all()
-    data = REFERENCES["M2"]["values"][f"hub={hub},eta={eta}"]
-    for wanted in (*data["flap"][:2], *data["lag"][:2]):
-        assert abs(found.omega / wanted - 1).min() < 20 / 200**2
 
 
 INERTIA = (1.0, 1.4, 2.0)
@@ -375,93 +251,18 @@ def test_rotor_with_inner_damping(speed):
 def test_pendulum_in_a_turning_frame():
     """Out at ``cos(theta) = m g l / (Omega^2 (B - C))``, with frequencies of closed form."""
     m, arm, g, speed = 2.0, 0.5, 9.81, 7.0
+    A, difference = 0.3 + m * arm**2, 0.25 + m * arm**2 - 0.1
+    theta = np.arccos(m * g * arm / (speed**2 * difference))
+    out = Rotation.from_rotvec((theta, 0, 0)).as_matrix()
     model = sc.Model()
-    bar = model.add("bar", sc.RigidBody(m, (0.3, 0.25, 0.1), position=(0, 0, -arm)))
+    bar = sc.RigidBody(m, (0.3, 0.25, 0.1), position=out @ (0, 0, -arm), triad=out.T)
+    model.add("bar", bar)
     model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), bar.at((0, 0, 0)), axis=(1, 0, 0)))
     model.add("gravity", sc.LoadGravity((0, 0, -g)))
     system = model.freeze()
-    A, difference = 0.3 + m * arm**2, 0.25 + m * arm**2 - 0.1
-    theta = np.arccos(m * g * arm / (speed**2 * difference))
-    nodal = Reparametrisation(system.kinematics)
-    nodal.begin(system.extend(system.q0, 0.0), system.ground(0.0))
-    nodal.add(np.array([theta]))
-    q = nodal.configuration()[: system.rows].ravel()
-    found = sc.modes(system, q, 1, spin=Spin((0, 0, speed)))
-    assert found.omega[0] == pytest.approx(
-        speed * np.sin(theta) * np.sqrt(difference / A), rel=1e-13
-    )
-
-
-def test_turning_rotor_against_time_integration():
-    """Bent and turning about an axis of no symmetry, driven from the ground, in space.
-
-    Eigenvalues of the map of one time step, differentiated numerically and seen from the frame.
-    """
-    omega, h = np.array([0.6, -0.3, 2.4]), 2e-3
-    section = sc.Section([90.0, 80, 200, 1.5, 2.5, 1.2], mass=1.3, inertia=(0.02, 0.03))
-
-    def build(motion):
-        mesh = sc.MeshCurve.init_line((0.2, 0, 0), (1.1, 0.3, 0.2), 1, nodes={"root": 0.0})
-        model = sc.Model()
-        beam = model.add("beam", sc.Beam(mesh, section, director=(0, 0, 1), order=2))
-        place = sc.ground((0.2, 0, 0), motion)
-        model.add("root", sc.JointFixed(place, beam.node("root")))
-        return model.freeze()
-
-    still = build(None)
-    spin = Spin(omega)
-    q0 = still.q0
-    for share in (0.4, 0.7, 0.9, 1.0):
-        slower = replace(amplitudes_at(still, 0.0), spin=Spin(share * omega))
-        q0 = settled(still, slower, q0)
-    found = sc.modes(still, q0, still.unknowns, spin=spin)
-
-    def turned(t):
-        return rotation_matrix(exp_quaternion(t * omega[None]))[0]
-
-    root = np.array([0.2, 0, 0])
-    motion = sc.Motion(displacement=lambda t: turned(t) @ root - root, rotation=lambda t: t * omega)
-    moving = build(motion)
-    z = eigenvalues_of_a_step(moving, q0, h, omega, turned)
-    half = eigenvalues_of_a_step(moving, q0, h / 2, omega, turned)
-    for s in found.eigenvalues[:4]:
-        a, b = (v[np.argmin(abs(v - s))] for v in (z, half))
-        assert abs((4 * b - a) / 3 - s) < 2e-5 * abs(s)
-        assert abs(a - s) < 0.02 * abs(s)
-
-
-def eigenvalues_of_a_step(system, q0, h, omega, turned):
-    """``log(mu)/h`` of the differentiated step map, seen from a frame that turns with omega."""
-    stepper = sc.Stepper(system, sc.Variational(), sc.NullSpace(), h)
-    k, e = system.unknowns, 1e-5
-    nodal = Reparametrisation(system.kinematics)
-    y0 = system.extend(q0, 0.0)
-    P0 = system.null_space(q0)
-    mass = np.kron(system.mass.toarray(), np.eye(3))
-
-    def start(z):
-        nodal.begin(y0, system.ground(0.0))
-        nodal.add(z[:k])
-        q = nodal.configuration()[: system.rows].ravel()
-        v = np.cross(omega, q.reshape(-1, 3)).ravel() + system.null_space(q) @ z[k:]
-        return sc.initial_state(system, q=q, v=v)
-
-    def end(z):
-        state = stepper.advance(start(z)).state
-        back = turned(-h)
-        q, p = (x.reshape(-1, 3) @ back.T for x in (state.q, state.p))
-        P = system.null_space(q.ravel())
-        steady = mass @ np.cross(omega, q).ravel()
-        momentum = P.T @ (p.ravel() - steady)
-        return np.concatenate(
-            [
-                np.linalg.lstsq(P0, q.ravel() - q0, rcond=None)[0],
-                np.linalg.solve(P.T @ mass @ P, momentum),
-            ]
-        )
-
-    columns = [(end(d) - end(-d)) / (2 * e) for d in e * np.eye(2 * k)]
-    return np.log(np.linalg.eigvals(np.array(columns).T).astype(complex)) / h
+    found = sc.modes(system, system.q0, 1, spin=Spin((0, 0, speed)))
+    wanted = speed * np.sin(theta) * np.sqrt(difference / A)
+    assert found.omega[0] == pytest.approx(wanted, rel=1e-13)
 
 
 # -- joints, bodies, loops, springs ----------------------------------------------------------------
@@ -470,7 +271,7 @@ G = 9.81
 
 
 def hung(*links):
-    """A chain of bars in the plane, hanging: (mass, length, inertia about the centre) each."""
+    """A chain of bars in the plane, hanging or up: mass, length, inertia about the centre each."""
     model, z, above = sc.Model(), 0.0, None
     for k, (mass, length, inertia) in enumerate(links):
         shape = (inertia, inertia, 0.1 * inertia)
@@ -491,18 +292,13 @@ def test_double_pendulum():
     system = hung(*links)
     found = sc.modes(system, system.q0, 2)
     assert abs(found.omega / wanted - 1).max() < 1e-13
-    upright = sc.modes(system, count=2)  # without loads nothing holds it
-    assert upright.rigid == 2
+    assert sc.modes(system, count=2).rigid == 2  # without loads nothing holds it
 
 
 def test_an_inverted_pendulum_grows():
     """Reported as such: a positive eigenvalue and a negative square, no frequency."""
-    system = hung((1.3, 0.8, 0.09))
-    model = system.extend(system.q0, 0.0)
-    nodal = Reparametrisation(system.kinematics)
-    nodal.begin(model, system.ground(0.0))
-    nodal.add(np.array([np.pi]))
-    found = sc.modes(system, nodal.configuration()[: system.rows].ravel(), 1)
+    system = hung((1.3, -0.8, 0.09))
+    found = sc.modes(system, system.q0, 1)
     square_ = 1.3 * G * 0.4 / (0.09 + 1.3 * 0.16)
     assert found.squares[0] == pytest.approx(-square_, rel=1e-13)
     assert found.growth[0] == pytest.approx(np.sqrt(square_), rel=1e-13)
@@ -512,30 +308,23 @@ def test_an_inverted_pendulum_grows():
     assert "grows" in str(found)
 
 
-def parallelogram(redundant=True):
+def parallelogram(last=sc.JointRevolute):
     """Two cranks hanging from the ground and a coupler: spatial hinges, three rows too many."""
-    model = sc.Model()
-    cranks = [
-        model.add(f"crank {k}", sc.RigidBody(1.1, (0.2, 0.2, 0.05), position=(0, y, -0.5)))
-        for k, y in enumerate((0.0, 2.0))
-    ]
+    model, axis = sc.Model(), (1.0, 0, 0)
     coupler = model.add("coupler", sc.RigidBody(1.7, (0.4, 0.1, 0.4), position=(0, 1.0, -1.0)))
-    for k, (crank, y) in enumerate(zip(cranks, (0.0, 2.0), strict=True)):
+    for y, kind in ((0.0, sc.JointRevolute), (2.0, last)):
+        crank = model.add(f"crank {y}", sc.RigidBody(1.1, (0.2, 0.2, 0.05), position=(0, y, -0.5)))
         high, low = (0, y, 0), (0, y, -1)
-        axis = {"axis": (1.0, 0, 0)}
-        model.add(f"high {k}", sc.JointRevolute(sc.ground(high), crank.at(high), **axis))
-        kind, options = sc.JointRevolute, axis
-        if k and not redundant:
-            kind, options = sc.JointPointOnLine, axis
-        model.add(f"low {k}", kind(crank.at(low), coupler.at(low), **options))
+        model.add(f"high {y}", sc.JointRevolute(sc.ground(high), crank.at(high), axis))
+        model.add(f"low {y}", kind(crank.at(low), coupler.at(low), axis))
     model.add("gravity", sc.LoadGravity((0, 0, -G)))
     return model.freeze()
 
 
-@pytest.mark.parametrize("redundant", [True, False])
-def test_four_bar(redundant):
+@pytest.mark.parametrize("last", [sc.JointRevolute, sc.JointPointOnLine])
+def test_four_bar(last):
     """A closed loop: the coupler only translates."""
-    system = parallelogram(redundant)
+    system = parallelogram(last)
     found = sc.modes(system, system.q0, 1)
     wanted = np.sqrt(G * (1.1 + 1.7) / (2 * (0.2 + 1.1 * 0.25) + 1.7))
     assert found.omega[0] == pytest.approx(wanted, rel=1e-13)
@@ -582,39 +371,6 @@ def test_springs_and_loads_between_bodies():
     assert found.omega[5] == pytest.approx(np.sqrt(50 / 1.2), rel=1e-13)
 
 
-def bent_arc(order=2):
-    """A 45-degree bend under a dead force out of its plane, with a body on its tip."""
-    arc = sc.MeshCurve.init_arc((0, 0, 0), (1, 0, 0), (0, 1, 0), 1.0, np.pi / 4, 2, "arc")
-    model = sc.Model()
-    section = sc.Section([90.0, 80, 200, 1.5, 2.5, 1.2], mass=1.3, inertia=(0.02, 0.03))
-    beam = model.add("arc", sc.Beam(arc, section, director=(0, 0, 1), order=order))
-    model.add("root", sc.JointFixed(sc.ground((0, 0, 0)), beam.node("arc.start")))
-    tip = beam.node("arc.end").position
-    bob = model.add("bob", sc.RigidBody(0.5, (0.02, 0.03, 0.04), position=tip + (0, 0, 0.1)))
-    model.add("pin", sc.JointUniversal(beam.node("arc.end"), bob.at(tip), (0, 0, 1.0), (1.0, 0, 0)))
-    model.add("force", sc.LoadForce(bob.at(tip), (0.5, -0.4, 2.0)))
-    model.add("gravity", sc.LoadGravity((0, 0, 1.0)))
-    return model.freeze()
-
-
-def test_a_bent_state_against_time_integration():
-    """Eigenvalues of the map of a time step about the loaded equilibrium, extrapolated in h."""
-    system = bent_arc()
-    q = system.q0
-    for share in (0.25, 0.5, 0.75, 1.0):
-        loads = amplitudes_at(system, 0.0)
-        q = settled(system, replace(loads, loads=share * loads.loads), q)
-    assert abs(q - system.q0).max() > 0.3
-    found = sc.modes(system, q, 6)
-    coarse, fine = (
-        eigenvalues_of_a_step(system, q, h, np.zeros(3), lambda t: np.eye(3)) for h in (4e-3, 2e-3)
-    )
-    assert found.stable
-    for s in found.eigenvalues:
-        a, b = (v[np.argmin(abs(v - s))] for v in (coarse, fine))
-        assert abs((4 * b - a) / 3 - s) < 1e-5 * abs(s)
-
-
 def test_follower_forces_flutter():
     """Beck's column: stable below 20.05 EI/L^2, flutter above; K is not symmetric."""
     section = sc.Section([1e6, 1e6, 1e6, 1.0, 50.0, 40.0], mass=1.0, inertia=(1e-8, 1e-8))
@@ -637,6 +393,7 @@ def test_follower_forces_flutter():
 # -- damping ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("elements", [4, 40])
 def test_rayleigh_damping(elements):
     """Free: drag lets rigid motions decay with alpha; ratios ``alpha/(2 omega) + beta omega/2``."""
@@ -674,32 +431,14 @@ def test_dampers_and_viscous_sections():
 # -- size ------------------------------------------------------------------------------------------
 
 
-def test_large_scenes_by_few_factorisations():
-    """5040 unknowns: sparse, exact to more digits than a reference has."""
+@pytest.mark.slow
+def test_large_scenes():
+    """5040 unknowns: exact to more digits than a reference has."""
     system = straight(280, 3, "CF", square(0.01))
     assert system.unknowns == 5040
     found = sc.modes(system)
     wanted = REFERENCES["M1"]["values"]["h=0.01,CF"]["omega"][:3]
     assert (off(found.omega, wanted) < 1e-11).all()
-    assert found.factorisations <= 4
-
-
-def test_sparse_and_dense_agree():
-    """Many double frequencies, six of them zero: Lanczos' method misses none."""
-    system = ring(24, 3)
-    pencil = make_pencil(resting(system, None, None, None, None, 1e-6))
-    dense, sparse = (
-        lowest(pencil.K, pencil.M, 40, pencil.energies, dense=limit) for limit in (10**4, 10)
-    )
-    assert sparse.zero.sum() == dense.zero.sum() == 6
-    assert abs(sparse.values[6:] / dense.values[6:] - 1).max() < 1e-9
-    assert dense.factorisations == 1 < sparse.factorisations <= 4
-    damped = straight(
-        12, 2, "CF", square(0.05), extra=[("d", sc.RayleighDamping(mass=2.0, stiffness=1e-5))]
-    )
-    pencil = make_pencil(resting(damped, None, None, None, None, 1e-6))
-    dense, sparse = (spectrum(pencil, 8, dense=limit).values for limit in (10**4, 10))
-    assert abs(sparse - dense).max() < 1e-8 * abs(dense).max()
 
 
 # -- states ----------------------------------------------------------------------------------------
@@ -720,7 +459,7 @@ def test_ways_to_give_a_state():
 
 
 def test_shapes_are_orthonormal_and_keep_the_constraints():
-    system = bent_arc()
+    system = bent_arc_clamped()
     found = sc.modes(system, count=8)
     mass = np.kron(system.mass.toarray(), np.eye(3))
     y = system.extend(system.q0, 0.0)
@@ -734,35 +473,21 @@ def test_shapes_are_orthonormal_and_keep_the_constraints():
 # -- animation -------------------------------------------------------------------------------------
 
 
-def test_animation(tmp_path):
-    """Triads stay orthonormal, loops and joints closed; ParaView shows what was asked for."""
-    found = sc.modes(ring(12, 2), count=8)
-    history = found.animation(6, amplitude=0.2, frames=16, periods=2)
-    assert len(history) == 33
-    assert history.times[16] == pytest.approx(2 * np.pi / found.omega[6])
-    assert history["constraint_violation"].max() < 1e-13
-    q = history["q"].reshape(33, -1, 3)
-    assert abs(q[0] - q[16]).max() < 1e-12
-    rows = found.system.origin_rows
-    moved = np.linalg.norm(q[:, rows] - found.q.reshape(-1, 3)[rows], axis=2).max()
-    assert moved / found.system.length == pytest.approx(0.2, rel=0.05) or moved < 0.2
-    assert abs(q[4, rows] - found.q.reshape(-1, 3)[rows]).max() < 1e-12  # a quarter later
-    pyvista = pytest.importorskip("pyvista")
-    write_paraview(history, tmp_path)
-    reader = pyvista.get_reader(tmp_path / "beams.pvd")
-    assert len(reader.time_values) == 33
-    reader.set_active_time_point(8)
-    block = reader.read()[0]
-    nodes = block.point_data["node_id"] >= 0
-    there = np.unique(np.array(block.points)[nodes].round(9), axis=0)
-    assert abs(there - np.unique(q[8, rows].round(9), axis=0)).max() < 1e-8
-
-
-def test_animation_of_a_loop_of_a_rigid_motion_and_of_whirl():
+def test_animation_of_a_closed_loop():
+    """Triads stay orthonormal, loops and joints closed."""
     system = parallelogram()
-    history = sc.modes(system, system.q0, 1).animation(0, frames=8)
-    assert history["constraint_violation"].max() < 1e-12
-    assert abs(history["q"][0] - system.q0).max() > 0.05
+    found = sc.modes(system, system.q0, 1)
+    history = found.animation(0, amplitude=0.2, frames=16, periods=2)
+    assert history.times[16] == pytest.approx(2 * np.pi / found.omega[0])
+    assert history["constraint_violation"].max() < 1e-13
+    rows = found.system.origin_rows
+    moved = history["q"].reshape(33, -1, 3)[:, rows] - found.q.reshape(-1, 3)[rows]
+    assert abs(moved[0] - moved[16]).max() < 1e-12
+    assert np.linalg.norm(moved, axis=2).max() == pytest.approx(0.2 * found.system.length, rel=0.05)
+    assert abs(moved[4]).max() < 1e-12  # a quarter later
+
+
+def test_animation_of_a_rigid_motion_and_of_whirl():
     free = sc.modes(straight(2, 2, "FF", square(0.1)), count=6).animation(3)
     assert free.times[-1] == 1.0  # no period of its own
     found = sc.modes(top(INERTIA), count=3, spin=Spin((0, 0, 3.0)))
@@ -784,16 +509,15 @@ def bad(call, *words):
 
 def test_bad_counts_and_models():
     system = hung((1.0, 1.0, 0.1))
-    for count in (0, -1, 2, 1.5, True, "all"):
+    for count in (0, 2, 1.5):
         bad(lambda count=count: sc.modes(system, count=count), "count", repr(count), "1 to 1")
     bad(lambda: sc.modes("scene"), "str", "Model")
     bad(lambda: sc.modes(system, count=1, tolerance=0.0), "tolerance", "0.0")
     bad(lambda: sc.modes(system, count=1, t=np.nan), "argument t", "nan")
     bad(lambda: sc.modes(system, count=1, spin=(0, 0, 1.0)), "spin", "tuple")
     found = sc.modes(system, system.q0, 1)
-    bad(lambda: found.animation(1), "index", "1")
-    for index in (True, np.True_, 0.0, "0", None):
-        bad(lambda index=index: found.animation(index), "argument index", repr(index))
+    for index in (1, True, 0.0):
+        bad(lambda index=index: found.animation(index), "index", repr(index))
     bad(lambda: found.animation(0, amplitude=-1.0), "amplitude", "-1.0")
     bad(lambda: found.animation(0, frames=0), "frames", "0")
     rocker = sc.modes(hinges([(0, 0, 0), (0.9, 1.8, 0), (2.1, 1.8, 0), (3, 0, 0)], 3), count=1)
@@ -801,7 +525,7 @@ def test_bad_counts_and_models():
     bad(lambda: rocker.animation(0, amplitude=1.0), "amplitude", "smaller")
 
 
-def test_modes_and_states_are_shown_in_one_line():
+def test_modes_are_shown_in_one_line():
     """Printed, they gave all their arrays."""
     system = straight(8, 2, "CF", square(0.05))
     found = sc.modes(system, count=4)
@@ -809,8 +533,6 @@ def test_modes_and_states_are_shown_in_one_line():
         *found.frequencies[:3]
     )
     assert len(str(found).splitlines()) == 5
-    state = sc.initial_state(system, time=0.5)
-    assert repr(state) == str(state) == "State(time=0.5, index=0, n=204, fresh=True)"
 
 
 def test_bad_states():
@@ -818,16 +540,12 @@ def test_bad_states():
     other = hung((1.0, 1.0, 0.2))
     bad(lambda: sc.modes(system, np.zeros(5), 1), "shape (5,)", "(12,)")
     bad(lambda: sc.modes(system, np.full(12, np.nan), 1), "not finite at [0")
-    bad(lambda: sc.modes(system, {"q": 1}, 1), "expected real numbers")
     bad(lambda: sc.modes(system, 1.1 * system.q0, 1), "violates")
     history = sc.simulate(other, sc.Variational(), sc.NullSpace(), 0.01, until=0.01)
     bad(lambda: sc.modes(system, history, 1), "another model", "mass")
     bad(lambda: sc.modes(other, (history, 5), 1), "5", "2 states")
-    bad(lambda: sc.modes(other, (history, 0.5), 1), "0.5", "integer")
     wrong = replace(amplitudes_at(system, 0.0), loads=np.zeros(3))
     bad(lambda: sc.modes(system, count=1, amplitudes=wrong), "loads", "(3,)", "(1,)")
-    none = replace(amplitudes_at(system, 0.0), loads=np.array([np.nan]))
-    bad(lambda: sc.modes(system, count=1, amplitudes=none), "loads", "finite")
 
 
 def test_no_equilibrium_is_refused_by_name():
@@ -839,8 +557,6 @@ def test_no_equilibrium_is_refused_by_name():
     y[system.origin_rows] *= 1 + 3e6 / (E * 0.01) * (1 + 1e-5)
     bad(lambda: sc.modes(system, y.ravel()), "relative to all forces 5.0e-06")
     sc.modes(system, y.ravel(), count=2, tolerance=6e-6)
-    turning = straight(2, 2, "CF", square(0.1))
-    bad(lambda: sc.modes(turning, spin=Spin((0, 0, 50.0))), "not in equilibrium")
     windy = straight(2, 2, "CF", square(0.1), extra=[("drag", sc.RayleighDamping(mass=1.0))])
     with pytest.raises(sc.IncompatibleError, match="drag against space"):
         sc.modes(windy, spin=Spin((1.0, 0, 0)))
@@ -848,25 +564,15 @@ def test_no_equilibrium_is_refused_by_name():
 
 def test_a_singular_position_is_refused():
     """A parallelogram laid flat: its loop may open into either of two branches."""
-    model = sc.Model()
-    corners = np.array([(0, 0, 0), (1, 0, 0), (3, 0, 0), (2, 0, 0)])
-    middles = (corners[1:] + corners[:-1]) / 2
-    bars = [
-        model.add(f"bar {k}", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1), position=middle))
-        for k, middle in enumerate(middles)
-    ]
-    places = [sc.ground(corners[0]), *(b.at(x) for b, x in zip(bars, corners[1:], strict=True))]
-    others = [*(b.at(x) for b, x in zip(bars, corners[:3], strict=True)), sc.ground(corners[3])]
-    for k, (a, b) in enumerate(zip(places, others, strict=True)):
-        model.add(f"pin {k}", sc.JointRevolute(a, b, axis=(0, 0, 1)))
     with pytest.warns(sc.ModelWarning, match="the reference configuration is a singular position"):
-        system = model.freeze()
+        system = hinges([(0, 0, 0), (1, 0, 0), (3, 0, 0), (2, 0, 0)], 3).freeze()
     bad(lambda: sc.modes(system, count=1), "singular position")
 
 
 # -- paths of statics, and the example -------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_modes_along_a_static_path():
     """Loads are those of the load factor; from both treatments, and from a state of the path."""
     system = bent_arc_clamped()
@@ -876,14 +582,13 @@ def test_modes_along_a_static_path():
         found.append(sc.modes(system, path).omega)
         state = sc.equilibrium(system, path)
         assert abs(sc.modes(system, state).omega / found[-1] - 1).max() < 1e-12
-        half = len(path) // 2
-        assert path["load_factor"][half] < 1
-        sc.modes(system, (path, half))
+        sc.modes(system, (path, len(path) // 2))
         bad(lambda path=path: sc.modes(system, path, t=0.5), "not in equilibrium")
     assert abs(found[1] / found[0] - 1).max() < 1e-7
     assert abs(sc.modes(system).omega / found[0] - 1).max() > 0.02
 
 
+@pytest.mark.slow
 def test_a_clamp_at_the_origin_may_be_off_by_rounding():
     """Its rows have no terms there that this would be small against."""
     system = bent_arc_clamped()
@@ -902,17 +607,17 @@ def bent_arc_clamped():
     return model.freeze()
 
 
+@pytest.mark.slow
 def test_modes_of_a_rotor_found_by_statics():
     system, spin = straight(3, 3, "CF", square(0.05)), Spin((0, 0, 300.0), (-0.5, 0, 0))
     path = sc.static(system, spin=spin)
     by_path = sc.modes(system, path, 4, spin=spin)
-    own = settled(system, replace(amplitudes_at(system, 0.0), spin=spin))
-    assert abs(by_path.omega / sc.modes(system, own, 4, spin=spin).omega - 1).max() < 1e-9
     assert sc.modes(system, path, 4).omega.tolist() == by_path.omega.tolist()  # it knows its spin
     slower = Spin((0, 0, 150.0), (-0.5, 0, 0))
     bad(lambda: sc.modes(system, path, 4, spin=slower), "not in equilibrium")
 
 
+@pytest.mark.slow
 def test_example(tmp_path):
     pytest.importorskip("matplotlib")
     found = vibration_modes.main(quick=True, out=str(tmp_path))
@@ -921,31 +626,8 @@ def test_example(tmp_path):
     assert found["ring"]["rigid"] == 6
     loads = found["column"]
     assert loads["zero_frequency"] == pytest.approx(loads["buckling"], rel=2e-2)
-    omega = np.array(found["blade"]["omega"])
-    assert (np.diff(omega[:, 0]) > 0).all()
-    names = {path.name for path in tmp_path.iterdir()}
-    assert {"vibration_modes.png", "cantilever.csv", "blade.csv", "ring"} <= names
-
-
-def test_damping_matrix_of_force_elements():
-    """``v C v`` is the power that all dampers take: springs, bushings, taut cables."""
-    system = zoo(0)
-    rng = np.random.default_rng(4)
-    y = system.extend(random_state(system, rng, 0.0, 0.1), 0.0)
-    ydot, e = np.zeros_like(y), 1e-4
-    ydot[: system.rows] = 0.05 * (
-        null_space_matrix(system, y) @ rng.standard_normal(system.unknowns)
-    ).reshape(-1, 3)
-    near = (system.couplings.forces(y + s * e * ydot, 0 * ydot) for s in (1, -1))
-    moving, still = (system.couplings.forces(y, v) for v in (ydot, 0 * ydot))
-    power = sum(
-        ((a - b) * (up - down) / (2 * e)).sum()
-        for (_, _, a), (_, _, b), (_, up, _), (_, down, _) in zip(moving, still, *near, strict=True)
-    )
-    C = system.couplings.damping(y)
-    i, j = system.couplings.pairs.T
-    assert power > 0
-    assert np.einsum("ka,kab,kb->", ydot[i], C, ydot[j]) == pytest.approx(power, rel=1e-7)
+    assert (np.diff(found["blade"]["omega"], axis=0)[:, 0] > 0).all()
+    assert (tmp_path / "vibration_modes.png").exists() and (tmp_path / "blade.csv").exists()
 
 
 def test_a_free_scene_under_stress_of_its_own():
@@ -959,14 +641,14 @@ def test_a_free_scene_under_stress_of_its_own():
     assert (found.eigenvalues == 0).all()
 
 
-@pytest.mark.parametrize("distance", [1e3, 1e5])
-def test_frequencies_do_not_depend_on_the_place_of_the_origin(distance):
+@pytest.mark.slow
+def test_frequencies_do_not_depend_on_the_place_of_the_origin():
     """Coordinates of 100 km are rounded by 1e-11 m, a force of 1 mN in a strip of steel.
 
     Beside its weight that is no equilibrium; the increment to one is of the size of rounding.
     """
     found = []
-    for o in (np.zeros(3), distance * np.array([1.0, 0.7, 0.1])):
+    for o in (np.zeros(3), 1e5 * np.array([1.0, 0.7, 0.1])):
         mesh = sc.MeshCurve.init_line(o, o + (1, 0, 0), 4, name="strip")
         section = sc.SectionRectangle(0.002, 0.03, sc.Material(210e9, 0.3, 7850.0))
         model = sc.Model()

@@ -139,6 +139,7 @@ WRITTEN = {"Integrator", "Joint", "Load", "StepBalance", "Theory"}
 WRITTEN |= {"Evaluation", "StepData", "StepWork"}
 
 
+@pytest.mark.slow
 def test_every_public_name_is_drawn(examples):
     names = {
         name
@@ -148,6 +149,7 @@ def test_every_public_name_is_drawn(examples):
     assert names - examples[1] == WRITTEN
 
 
+@pytest.mark.slow
 def test_bad_calls_end_in_errors_of_the_package(examples, tmp_path):
     """At most one of a hundred in an error of Python or numpy."""
     draw = np.random.default_rng(20)

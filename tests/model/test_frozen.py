@@ -158,10 +158,6 @@ ITEMS = [
 ]
 
 
-def names(items):
-    return [f"{type(each).__name__}-{k}" for k, each in enumerate(items)]
-
-
 def attributes(item):
     return {name: value for name, value in vars(item).items() if not name.startswith("_")}
 
@@ -182,58 +178,47 @@ def test_all_public_kinds_are_here():
     assert frozen <= set(map(type, ITEMS))
 
 
-@pytest.mark.parametrize("item", ITEMS, ids=names(ITEMS))
-def test_items_cannot_be_changed(item):
-    for name in [*attributes(item), "velocty"]:
-        before = getattr(item, name, None)
-        with pytest.raises(FrozenInstanceError, match=f"{name} cannot be set: .*; make|'{name}'"):
-            setattr(item, name, np.nan)
-        with pytest.raises(FrozenInstanceError, match=f"{name} cannot be deleted|'{name}'"):
-            delattr(item, name)
-        assert getattr(item, name, None) is before
-    for value in attributes(item).values():
-        assert not isinstance(value, list | dict | set)
-        assert not any(array.flags.writeable for array in arrays_in(value))
+each_kind = pytest.mark.parametrize("item", ITEMS, ids=lambda item: type(item).__name__)
 
 
-@pytest.mark.parametrize("item", ITEMS, ids=names(ITEMS))
-def test_copies_cannot_be_changed_either(item):
-    for other in (copy.copy(item), pickle.loads(pickle.dumps(item))):
-        assert type(other) is type(item)
-        assert attributes(other).keys() == attributes(item).keys()
-        with pytest.raises(FrozenInstanceError):
-            other.name = "new"
-        for value in attributes(other).values():
+@pytest.mark.one_quick
+@each_kind
+def test_items_and_their_copies_cannot_be_changed(item):
+    for one in (item, copy.copy(item), pickle.loads(pickle.dumps(item))):
+        assert type(one) is type(item)
+        assert attributes(one).keys() == attributes(item).keys()
+        for name in [*attributes(item), "velocty"]:
+            before = getattr(one, name, None)
+            with pytest.raises(
+                FrozenInstanceError, match=f"{name} cannot be set: .*; make|'{name}'"
+            ):
+                setattr(one, name, np.nan)
+            with pytest.raises(FrozenInstanceError, match=f"{name} cannot be deleted|'{name}'"):
+                delattr(one, name)
+            assert getattr(one, name, None) is before
+        for value in attributes(one).values():
+            assert not isinstance(value, list | dict | set)
             assert not any(array.flags.writeable for array in arrays_in(value))
 
 
-@pytest.mark.parametrize("item", ITEMS, ids=names(ITEMS))
+@pytest.mark.one_quick
+@each_kind
 def test_items_say_in_one_line_what_they_are(item):
-    text = repr(item)
-    assert type(item).__name__ in text
-    assert "\n" not in text
-    assert " at 0x" not in text
-    assert len(text) < 400
-    kind = type(item)  # help() and editors show the arguments
-    if kind.__init__ is not object.__init__:
+    text, kind = repr(item), type(item)
+    assert kind.__name__ in text and len(text) < 400
+    assert "\n" not in text and " at 0x" not in text
+    if kind.__init__ is not object.__init__:  # help() and editors show the arguments
         wanted = list(inspect.signature(kind.__init__).parameters)[1:]
         assert list(inspect.signature(kind).parameters) == wanted
 
 
-def test_functions_are_shown_by_name():
+def test_names_of_functions_and_items_are_shown():
     assert repr(sc.LoadForce(PLACE, Z, lambda t: t)) == (
         "<LoadForce: value=[0, 0, 1], amplitude=<lambda>, place=rigid body at [0.0, 0.0, 0.0]>"
     )
-    assert repr(sc.LoadForce(PLACE, swing)).startswith("<LoadForce: value=swing, place=")
     assert "motion=rest" in repr(sc.JointDrive(HINGE, rest))
     assert repr(sc.SensorPosition(ROD, 0.5)) == "SensorPosition(where=beam, s=0.5)"
-    assert repr(sc.ActionFunction(passing)) == "ActionFunction(passing)"
-
-
-def test_named_items_show_their_names():
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(2.0))
-    assert repr(ball).startswith("<MassPoint 'ball': mass=2")
+    assert repr(sc.Model().add("ball", sc.MassPoint(2.0))).startswith("<MassPoint 'ball': mass=2")
 
 
 # ----------------------------------------------------------------- what users did without effect
@@ -247,24 +232,18 @@ def cantilever():
 
 def test_late_assignments_are_refused():
     _, rod, load = cantilever()
-    for name in ("value", "amplitude", "channels"):
-        with pytest.raises(sc.FrozenError, match="make another one, and a model with it"):
-            setattr(load, name, (0, 2e-3, 0))
+    section = rod.sections["section"]
+    with pytest.raises(sc.FrozenError, match=r"value .*make another one, and a model with it"):
+        load.value = (0, 2e-3, 0)
     with pytest.raises(sc.FrozenError, match=r"beam 'rod': section .*model.with_items"):
         rod.section = ROUND
-    section = rod.sections["section"]
-    with pytest.raises(ValueError, match="read-only"):
-        section.stiffness[3:] *= 2
-    with pytest.raises(TypeError):
-        rod.sections["section"] = ROUND
-    with pytest.raises(ValueError, match="read-only"):
-        rod.elements.stiffness[:] = 0
-    with pytest.raises(ValueError, match="read-only"):
-        rod.basis.nodes[:] = 0
-    with pytest.raises(sc.FrozenError, match=r"rigid body: mass .*model.with_items"):
-        BODY.mass = np.nan
     with pytest.raises(sc.FrozenError, match="name cannot be set"):
         rod.name = "boom"
+    with pytest.raises(TypeError):
+        rod.sections["section"] = ROUND
+    for array in (section.stiffness, rod.elements.stiffness, rod.basis.nodes):
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 0
 
 
 def test_a_system_cannot_be_written_to():
@@ -277,36 +256,34 @@ def test_a_system_cannot_be_written_to():
 
 
 def test_arrays_of_users_stay_theirs():
-    position, value, axis = np.zeros(3), np.ones(3), np.array([0, 0, 1.0])
-    stiffness, points = np.ones(6), np.array([[0, 0, 0], [1, 0, 0], [2, 1, 0.0]])
-    t, doflocs = np.array([[0, 1], [1, 2]]), points.T.copy()
-    body = sc.RigidBody(1.0, np.ones(3), position=position)
-    load, hinge = sc.LoadForce(PLACE, value), sc.JointRevolute(GROUND, PLACE, axis)
-    section, table = sc.Section(stiffness, 1.0, (1, 1)), sc.Table(value.cumsum(), value)
-    spline, mesh = sc.MeshCurve.init_points(points), sc.MeshCurve(doflocs, t)
-    place, spin = sc.ground(position), sc.Spin(axis)
-    before = [repr(each) for each in (body, load, hinge, section, table, place, spin)]
-    nodes = spline.p.copy(), mesh.p.copy(), mesh.t.copy()
-    for array in (position, value, axis, stiffness, points, t, doflocs):
+    value, axis, stiffness = np.ones(3), np.array([0, 0, 1.0]), np.ones(6)
+    points, t = np.array([[0, 0, 0], [1, 0, 0], [2, 1, 0.0]]), np.array([[0, 1], [1, 2]])
+    doflocs = points.T.copy()
+    items = [
+        sc.RigidBody(1.0, np.ones(3), position=value),
+        *(sc.LoadForce(PLACE, value), sc.Table(value.cumsum(), value), sc.ground(value)),
+        *(sc.JointRevolute(GROUND, PLACE, axis), sc.Spin(axis), sc.Section(stiffness, 1.0, (1, 1))),
+    ]
+    meshes = [sc.MeshCurve.init_points(points), sc.MeshCurve(doflocs, t)]
+    before = [*map(repr, items)], [(mesh.p.tolist(), mesh.t.tolist()) for mesh in meshes]
+    for array in (value, axis, stiffness, points, t, doflocs):
         array[:] = 0  # writable still
-    assert [repr(each) for each in (body, load, hinge, section, table, place, spin)] == before
-    assert all(map(np.array_equal, (spline.p, mesh.p, mesh.t), nodes))
+    assert before == (
+        [*map(repr, items)],
+        [(mesh.p.tolist(), mesh.t.tolist()) for mesh in meshes],
+    )
 
 
 def test_what_makes_others_still_does():
     model, rod, _ = cantilever()
     fine = rod.refined(1, order=2)
-    assert fine.mesh.nelements == 8
-    assert not fine.velocity.flags.writeable
     other = model.with_items({"rod": fine})
+    assert fine.mesh.nelements == 8
     assert other["force"].place.item is fine
     assert model["force"].place.item is rod
-    for each in (fine, other["force"], other["clamp"], ROUND.damped(time=1e-3)):
+    for each in (fine, other["force"], ROUND.damped(time=1e-3), MESH.with_nodes({"hook": 1})):
         with pytest.raises(sc.FrozenError):
             each.mass = 1.0
-    assert MESH.with_nodes({"hook": 1}).node("hook") == 1
-    with pytest.raises(sc.FrozenError):
-        MESH.with_nodes({"hook": 1}).t = MESH.t
 
 
 # ------------------------------------------------------------------------- classes of users
@@ -335,31 +312,21 @@ class Tide(sc.Motion):
         return np.vstack([place.position + (0, 0, self.height * t), np.eye(3)])
 
 
-class Gust(sc.LoadForce):
-    def __init__(self, place, speed):
-        self.speed = speed
-        super().__init__(place, (0.5 * speed**2, 0, 0))
-
-
 def test_own_classes_are_frozen_when_their_constructor_is_through():
     axis = np.array([0, 0, 1.0])
     model = sc.Model()
     body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
     screw = model.add("screw", Screw(GROUND, body.at((0, 0, 0)), axis))
-    gust = model.add("gust", Gust(body.at((0, 0, 0)), 3.0))
     model.freeze()
     axis[:] = 0
     assert screw.turned.tolist() == [0, 0, 2]
     assert screw.given.tolist() == [0, 0, 1]
     screw._seen += 1  # notes of its own stay free
-    for item, name in ((screw, "axis"), (gust, "speed"), (Tide(height=2.0), "height")):
+    other = model.with_items({"body": sc.RigidBody.box(2.0, (1, 1, 1))})["screw"]
+    assert other.turned.tolist() == [0, 0, 3]
+    for item, name in ((screw, "axis"), (Tide(height=2.0), "height"), (other, "turned")):
         with pytest.raises(FrozenInstanceError):
             setattr(item, name, 1.0)
-    assert repr(gust).startswith("<Gust 'gust': value=[4.5, 0, 0], place=rigid body 'body'")
-    other = model.with_items({"body": sc.RigidBody.box(2.0, (1, 1, 1))})
-    assert other["screw"].turned.tolist() == [0, 0, 3]
-    with pytest.raises(sc.FrozenError):
-        other["screw"].turned = axis
 
 
 def test_a_load_of_an_unknown_kind_is_named():
@@ -374,8 +341,6 @@ def test_a_load_of_an_unknown_kind_is_named():
 # ----------------------------------------------------------------------------- arguments
 FLAGS = {
     "follower": lambda flag: sc.LoadForce(PLACE, Z, follower=flag),
-    "follower of a moment": lambda flag: sc.LoadMoment(PLACE, Z, follower=flag),
-    "follower of a line": lambda flag: sc.LoadLine(ROD, Z, follower=flag),
     "lumped": lambda flag: sc.Beam(MESH, ROUND, lumped=flag),
     "torsion": lambda flag: sc.TheoryReissner(torsion=flag),
     "baseline": lambda flag: sc.MotionShake([0, 1], np.zeros((2, 3)), baseline=flag),
@@ -383,20 +348,18 @@ FLAGS = {
     "stabilized": lambda flag: sc.Variational(stabilized=flag),
     "checked": lambda flag: sc.Explicit(checked=flag),
     "rate": lambda flag: sc.ConditionCoordinate(HINGE, 1.0, rate=flag),
-    "moment": lambda flag: sc.ConditionReaction(HINGE, 1.0, moment=flag),
-    "kinetic": lambda flag: sc.ConditionEnergy(1.0, kinetic=flag),
     "once": lambda flag: sc.Event(passing, once=flag),
     "symmetric": lambda flag: sc.SolverSuperLU(symmetric=flag),
     "weld": lambda flag: MESH.joined(weld=flag),
     "closed curve": lambda flag: sc.MeshCurve.init_curve(
         CurveLine((0, 0, 0), (1, 0, 0)), 4, closed=flag
     ),
-    "closed legs": lambda flag: sc.MeshCurve.init_polyline(np.eye(3), 2, closed=flag),
     "closed spline": lambda flag: sc.MeshCurve.init_points(np.eye(3), closed=flag),
     "recover": lambda flag: sc.History.load("nowhere.npz", recover=flag),
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", FLAGS)
 @pytest.mark.parametrize("value", ["no", 1, 2.0, [False]])
 def test_flags_are_true_or_false(name, value):
@@ -406,43 +369,38 @@ def test_flags_are_true_or_false(name, value):
     assert repr(value) in str(error.value)
 
 
-def test_places_are_asked_for_as_the_item_gives_them():
-    for make in (sc.JointDistance, lambda a, b: sc.SpringDamper(a, b, 1.0)):
-        with pytest.raises(sc.InputError, match=r"side b is the mass point, .*: point.place\(\)"):
-            make(GROUND, BALL)
-        with pytest.raises(sc.InputError, match=r"side b is the rigid body, .*: body.at\(x\)"):
-            make(GROUND, BODY)
-        with pytest.raises(sc.InputError, match=r"side b is the beam, .*: beam.node\('tip'\)"):
-            make(GROUND, ROD)
-        with pytest.raises(sc.InputError, match=r"side b is 3, .*point.place\(\)"):
-            make(GROUND, 3)
-    with pytest.raises(sc.InputError, match=r"acts on the mass point, .*point.place\(\)"):
-        sc.LoadForce(BALL, Z)
+@pytest.mark.parametrize("make", [sc.JointDistance, lambda a, b: sc.SpringDamper(a, b, 1.0)])
+@pytest.mark.parametrize(
+    ("side", "words"),
+    [
+        (BALL, r"is the mass point, .*: point.place\(\)"),
+        (BODY, r"is the rigid body, .*: body.at\(x\)"),
+        (ROD, r"is the beam, .*: beam.node\('tip'\)"),
+        (3, r"is 3, .*point.place\(\)"),
+    ],
+)
+def test_places_are_asked_for_as_the_item_gives_them(make, side, words):
+    with pytest.raises(sc.InputError, match=f"side b {words}"):
+        make(GROUND, side)
 
 
 @pytest.mark.parametrize("kind", [sc.RampLinear, sc.RampSmooth])
 def test_values_of_ramps_have_names(kind):
-    with pytest.raises(sc.InputError, match=r"order is begin, end \(s\), first, last") as error:
-        kind(0, 0.8, np.pi / 2)
-    assert f"{kind.__name__}(0, 0.8, last={np.pi / 2})" in str(error.value)
+    words = rf"order is begin, end \(s\), first, last.*{kind.__name__}\(0, 0.8, last=1.5\)"
+    with pytest.raises(sc.InputError, match=words):
+        kind(0, 0.8, 1.5)
     with pytest.raises(sc.InputError, match="name them"):
         kind(0, 0.8, 1, 2, 3)
     assert kind(0, 0.8, 2.0, 5.0)(0.8) == kind(0, 0.8, first=2.0, last=5.0)(1.0) == 5.0
-
-
-HELIX = {"start": X, "centre": 0 * X, "axis": Z, "pitch": 0.5, "turns": 2, "elements": 8}
 
 
 @pytest.mark.parametrize(
     "shifted",
     [
         (X, Z, 0.5, 2, 20, "spring"),
-        (X, 0 * X, 0.5, Z, 2, 20),
         (X, 0 * X, Z, 0.5, 2, "spring"),
         (X, 0 * X, Z, 0.5, "2", 20),
-        (X, 0 * X, Z, X, 2, 20),
         (X, 0 * X, Z, True, 2, 20),
-        (X, 0 * X, "z", 0.5, 2, 20),
         (X, 0 * X, Z, 0.5, 2, 20, {"mid": 0.5}),
         (X, 0 * X, Z, 0.5, 2, 20, "spring", "mid"),
         (X, 0 * X, Z, 0.5, 2, 20, "spring", {"mid": "half"}),
@@ -452,7 +410,7 @@ HELIX = {"start": X, "centre": 0 * X, "axis": Z, "pitch": 0.5, "turns": 2, "elem
 def test_arguments_of_a_helix_out_of_order(shifted):
     with pytest.raises(sc.MeshError, match="expected"):
         sc.MeshCurve.init_helix(*shifted)
-    assert sc.MeshCurve.init_helix(**HELIX).nelements == 8
+    assert sc.MeshCurve.init_helix(X, 0 * X, axis=Z, pitch=1, turns=2, elements=8).nelements == 8
 
 
 @pytest.mark.parametrize("name", [3, None, ("a",), b"rod"])

@@ -17,6 +17,12 @@ from test_readme import relative_targets
 ROOT = Path(__file__).resolve().parents[2]
 GUIDE = ROOT / "examples" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
+#: pages whose code runs in a few seconds; that of the others is slow
+QUICK = ("02", "08", "09", "11", "12", "13")
+CASES = [
+    pytest.param(page, marks=[] if page.stem.startswith(QUICK) else pytest.mark.slow)
+    for page in PAGES
+]
 _BLOCK = re.compile(r"^```python\n(.*?)^```\n(?:\n*```text\n(.*?)^```$)?", re.M | re.S)
 _NUMBER = re.compile(r"[-+]?\b\d+\.?\d*(?:e[-+]?\d+)?\b")
 _COMMAND = re.compile(r"`(?:\.venv/bin/)?python ((?:examples|tests)/\S+?\.py)[^`]*`")
@@ -37,8 +43,7 @@ def check_output(shown: str, printed: str, where: str) -> None:
         assert alike, f"{where}: shown {a}, printed {b}"
 
 
-@pytest.mark.quick
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", CASES, ids=lambda page: page.stem)
 def test_code_runs_and_prints_what_is_shown(
     page: Path,
     tmp_path: Path,

@@ -30,6 +30,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return built
 
 
+@pytest.mark.slow
 def test_wheel_holds_every_module_and_nothing_else(wheel: Path):
     names = {n for n in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in n}
     modules = {path.relative_to(ROOT).as_posix() for path in PACKAGE.rglob("*.py")}
@@ -38,6 +39,7 @@ def test_wheel_holds_every_module_and_nothing_else(wheel: Path):
     }
 
 
+@pytest.mark.slow
 def test_wheel_names_its_licence(wheel: Path):
     with zipfile.ZipFile(wheel) as archive:
         (metadata,) = [n for n in archive.namelist() if n.endswith(".dist-info/METADATA")]

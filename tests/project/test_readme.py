@@ -55,7 +55,6 @@ def test_every_marked_example_is_found():
     assert readme().count("<!-- example -->") == len(examples(readme()))
 
 
-@pytest.mark.quick
 @pytest.mark.parametrize("number", range(len(examples(readme()))))
 def test_example_runs_as_written(
     number: int,

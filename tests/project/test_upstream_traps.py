@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import skfem
 from scipy.sparse import csr_array
-from skfem import Basis, ElementLineP1, ElementLineP2, ElementVector, MeshLine1
+from skfem import Basis, ElementLineP1, ElementVector, MeshLine1
 from skfem.assembly.form.coo_data import COOData
 
 from skfem_cosserat import DirectorBasis, MeshCurve, read_mesh
@@ -39,13 +39,6 @@ def test_refined_tags_subdomains_wrongly():
     assert (ours.p[0, ours.t[:, ours.elements_of("first")]].mean(axis=0) < 1).all()
 
 
-def test_adaptive_refinement_keeps_old_subdomain_numbers():
-    mesh = MeshLine1(np.array([[0.0, 1, 2, 3]]), CHAIN)
-    fine = mesh.with_subdomains({"last": np.array([2])}).refined(np.array([0]))
-    middle = fine.p[0, fine.t[:, fine.subdomains["last"]]].mean(axis=0)
-    assert not (middle > 2).all()
-
-
 def test_with_defaults_raises_on_lines():
     with pytest.raises((AttributeError, NotImplementedError, TypeError, ValueError, IndexError)):
         MeshLine1().with_defaults()
@@ -71,18 +64,6 @@ def test_loading_a_line_file_keeps_x_only(tmp_path):
     MeshCurve(SPACE, CHAIN).save(tmp_path / "a.vtu")
     assert skfem.Mesh.load(tmp_path / "a.vtu").p.shape[0] == 1
     assert np.array_equal(MeshCurve.load(tmp_path / "a.vtu").p, SPACE)
-
-
-def test_a_node_without_an_element_gets_no_dofs():
-    mesh = MeshLine1(np.array([[0.0, 1, 2]]), np.array([[0], [1]]))
-    assert Basis(mesh, ElementLineP1()).N == 2
-
-
-def test_with_boundaries_drops_inner_nodes_unless_told():
-    mesh = MeshLine1().refined(1)
-    inner = {"mid": lambda x: np.isclose(x[0], 0.5)}
-    assert mesh.with_boundaries(inner).boundaries["mid"].size == 0
-    assert mesh.with_boundaries(inner, boundaries_only=False).boundaries["mid"].size == 1
 
 
 def test_refinterp_fails_for_twelve_components():
@@ -113,11 +94,6 @@ def test_elemental_of_a_bilinear_form_has_the_trial_function_first():
 
 def test_the_hierarchic_element_has_no_nodes():
     assert np.isnan(skfem.ElementLinePp(3).doflocs[2:]).all()
-
-
-def test_middle_nodes_of_p2_come_after_all_ends():
-    basis = Basis(MeshLine1().refined(1), ElementLineP2())
-    assert basis.element_dofs[2].tolist() == [3, 4]
 
 
 def test_sparse_arrays_are_refused_as_second_matrix_of_an_eigenproblem():

@@ -34,6 +34,7 @@ def pushed(amplitude):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "few"), [(ALPHA, 5.7), (MIDPOINT, 4.0)])
 def test_vibrations_in_few_steps_are_told(scheme, few):
     """A tenth of them is missed.
@@ -49,8 +50,10 @@ def test_vibrations_in_few_steps_are_told(scheme, few):
 PULSE = {"kinks": (0.101, 0.105)}
 
 
-@pytest.mark.parametrize("options", [{}, {"every": 5}, {"count": 6}])
-@pytest.mark.parametrize("declared", [{}, PULSE])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("declared", "options"), [({}, {}), (PULSE, {"every": 5}), ({}, {"count": 6})]
+)
 def test_a_pulse_between_ends_is_told_where_loads_act_at_ends(declared, options):
     """Its mean is exact, so that schemes that take it get the whole momentum."""
     pulse = sc.FunctionOfTime(lambda t: 100.0 * (0.101 < t < 0.105), **declared)
@@ -58,9 +61,10 @@ def test_a_pulse_between_ends_is_told_where_loads_act_at_ends(declared, options)
     assert told(pushed(pulse), MIDPOINT, **options) == []
 
 
+@pytest.mark.slow
 def test_declared_pulses_of_long_runs_are_found():
-    pulse = sc.FunctionOfTime(lambda t: 100.0 * (10.101 < t < 10.105), kinks=(10.101, 10.105))
-    assert told(pushed(pulse), ALPHA, count=1300) == ["load 'push'"]
+    pulse = sc.FunctionOfTime(lambda t: 100.0 * (5.101 < t < 5.105), kinks=(5.101, 5.105))
+    assert told(pushed(pulse), ALPHA, count=300) == ["load 'push'"]
 
 
 def sprung(motion):
@@ -72,6 +76,7 @@ def sprung(motion):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"every": 5}, {"count": 6}])
 def test_fast_ground_is_told_and_even_motion_is_not(options):
     shake = sc.Motion(lambda t: (0.1 * np.sin(70 * t) ** 2, 0, 0))
@@ -79,6 +84,7 @@ def test_fast_ground_is_told_and_even_motion_is_not(options):
     assert told(sprung(sc.Motion(lambda t: (3.0 * t, 0, 0))), **options) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 5])
 def test_vibrations_on_slow_ground_are_those_against_it(every):
     """Of 0.01 m in four steps a period, beside 1 m by the ground, which is resolved."""
@@ -98,13 +104,15 @@ def driven(rate):
     return model
 
 
+@pytest.mark.slow
 def test_drives_that_turn_far_in_a_step_are_told():
     """A chord of a turn by 1.3 rad is off by 0.13 of the radius, in the mean; by 0.6 by 0.03."""
     assert told(driven(1.3 / 0.02)) == ["drive 'motor'"]
     assert told(driven(0.6 / 0.02)) == []
 
 
-@pytest.mark.parametrize(("scheme", "count"), [(ALPHA, 50), (MIDPOINT, 50), (MIDPOINT, 1500)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("scheme", "count"), [(ALPHA, 50), (MIDPOINT, 50), (MIDPOINT, 300)])
 def test_a_move_within_a_step_is_told(scheme, count):
     """Of a smooth one from s = -0.25 to 1 of a step the chord is off by up to 0.3 of it.
 

@@ -9,6 +9,7 @@ import textwrap
 
 import numpy as np
 import pytest
+from helpers_precision import struck
 
 import skfem_cosserat as sc
 from skfem_cosserat.run import derive_series
@@ -44,6 +45,7 @@ def test_times_are_multiples_of_the_step(full):
     assert history.status == "completed"
 
 
+@pytest.mark.slow
 def test_thinned_histories_hold_the_same_states(full):
     """The momentum of a state needs the step after it, recorded or not."""
     system, integrator, history = full
@@ -60,6 +62,7 @@ def test_thinned_histories_hold_the_same_states(full):
             assert np.array_equal(thin[name][rows], history[name][ids]), name
 
 
+@pytest.mark.one_quick
 def test_the_last_state_is_known_without_the_step_after(full):
     """A longer run has the same; the last momentum of nodes is on the hidden constraints."""
     system, integrator, history = full
@@ -95,31 +98,7 @@ def test_streamed_history_equals_that_in_memory(full, tmp_path):
             assert np.array_equal(other[name], history[name], equal_nan=True), name
 
 
-@pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
-def test_restart_goes_on_as_if_nothing_had_happened(full, treatment, tmp_path):
-    system, integrator, _ = full
-    whole = sc.simulate(system, integrator(), treatment(), 5e-3, 0.1)
-    half = sc.simulate(system, integrator(), treatment(), 5e-3, 0.05)
-    half.save(tmp_path / "half.history")
-    start = sc.restart(system, sc.History.load(tmp_path / "half.history"), integrator(), step=5e-3)
-    rest = sc.simulate(system, integrator(), treatment(), 5e-3, 0.1, start=start)
-    assert rest["step"].tolist() == list(range(10, 21))
-    assert abs(rest["q"] - whole["q"][10:]).max() < 1e-11
-    assert abs(rest["p"][1:] - whole["p"][11:]).max() < 1e-11
-    for other, step in ((sc.EnergyMomentum, 2.5e-3), (sc.Variational, 1e-3)):
-        start = sc.restart(system, half, other(), step)
-        rest = sc.simulate(system, other(), treatment(), step, 0.1, start=start)
-        assert abs(rest["q"][-1] - whole["q"][-1]).max() < 2e-3
-
-
-def test_restart_refuses_another_model(full):
-    _, integrator, history = full
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(1.0))
-    with pytest.raises(sc.HistoryError, match="belongs to another model"):
-        sc.restart(model.freeze(), history, integrator(), 5e-3)
-
-
+@pytest.mark.one_quick
 def test_callbacks_and_progress(full, monkeypatch):
     system, integrator, _ = full
     seen, asked = [], []
@@ -165,20 +144,7 @@ def test_interrupt_keeps_a_valid_history(full, tmp_path):
     assert np.array_equal(loaded["q"], history["q"][: len(loaded)]) and len(loaded) >= 6
 
 
-def test_error_in_a_callback_leaves_the_file(full, tmp_path):
-    system, integrator, history = full
-
-    def fail(report):
-        if report.state.index == 5:
-            raise KeyError("my own mistake")
-
-    path = tmp_path / "run.history"
-    with pytest.raises(KeyError):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, callbacks=[fail], path=path)
-    loaded = sc.History.load(path)
-    assert np.array_equal(loaded["q"], history["q"][:6])
-
-
+@pytest.mark.slow
 def test_killed_run_is_readable_up_to_the_last_block(tmp_path):
     path = tmp_path / "killed.history"
     script = textwrap.dedent(f"""
@@ -199,77 +165,27 @@ def test_killed_run_is_readable_up_to_the_last_block(tmp_path):
 
 
 def test_diverged_run_leaves_its_history(tmp_path):
-    """A step far too large for a stiff beam: the error says when, how far and what to try."""
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 8, name="strip")
-    section = sc.SectionRectangle(1e-3, 5e-3, sc.Material(73e9, 0.3, 2700))
-    model = sc.Model()
-    strip = model.add(
-        "strip",
-        sc.Beam(
-            mesh,
-            section,
-            director=(0, 1, 0),
-            velocity=lambda x: np.sin(9 * x[:, [1, 0, 2]]) * (0, 60, 0),
-        ),
-    )
-    model.add("push", sc.LoadForce(strip.node("strip.end"), (0, 200.0, 0)))
+    """A blow that a step does not resolve: the error says when, how far and what to try."""
     path = tmp_path / "run.history"
     with pytest.raises(sc.Diverged) as info:
-        sc.simulate(model.freeze(), sc.Variational(), sc.NullSpace(), 0.02, 20.0, path=path)
+        sc.simulate(*struck(), 0.1, 1.0, path=path)
     error = info.value
     assert f"step {error.step} from t" in str(error) and "Try a smaller step" in str(error)
     assert np.isfinite(error.residual) or error.residual == np.inf
-    loaded = sc.History.load(path)
-    for history in (error.history, loaded):
+    for history in (error.history, sc.History.load(path)):
         assert history.status == "diverged"
         assert history["step"][-1] == error.step - 1
         assert history.times[-1] == error.time
         assert np.isfinite(history["q"]).all() and np.isfinite(history["p"]).all()
 
 
-def test_derived_series(full):
-    system, _, history = full
-    assert {"kinetic", "strain_energy", "external", "energy", "v", "Qp", "multipliers"} <= set(
-        history.series
-    )
-    shape = (len(history), 4, 1, 6)
-    assert history["beam/rod/strain"].shape == history["beam/rod/resultant"].shape == shape
-    assert history["multipliers"].shape == (len(history), system.m)
-    again = sc.simulate(system, sc.Variational(), sc.NullSpace(), 5e-3, 0.02, derive=False)
-    assert "energy" not in again
-    derive_series(system, again)
-    assert np.array_equal(again["energy"], again["kinetic"] + again["strain_energy"])
-
-
-def test_history_file_of_another_kind_or_folder(full, tmp_path):
+def test_a_run_of_one_step_and_bad_recording(full):
     system, integrator, _ = full
-    missing = tmp_path / "nowhere" / "run.history"
-    with pytest.raises(sc.InputError, match="nowhere"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, path=missing)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("step", 0.0), ("step", -1e-3), ("step", np.nan), ("until", 0.0), ("until", np.inf)],
-)
-def test_bad_times(full, name, value):
-    system, integrator, _ = full
-    arguments = {"step": 5e-3, "until": 0.1, name: value}
-    with pytest.raises(sc.InputError, match=name) as info:
-        sc.simulate(system, integrator(), sc.NullSpace(), **arguments)
-    assert repr(value) in str(info.value)
-
-
-def test_bad_recording(full):
-    system, integrator, _ = full
-    with pytest.raises(sc.InputError, match="every"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, every=0)
-    with pytest.raises(sc.InputError, match="outside"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, at=[0.3])
+    run = system, integrator(), sc.NullSpace()
     with pytest.raises(sc.InputError, match="only one"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 5e-3, 0.1, every=2, at=[0.05])
+        sc.simulate(*run, 5e-3, 0.1, every=2, at=[0.05])
     with pytest.raises(sc.InputError, match=r"step: 0\.02 s is longer than the run, 0\.01 s"):
-        sc.simulate(system, integrator(), sc.NullSpace(), 0.02, 0.01)
-    short = sc.simulate(system, integrator(), sc.NullSpace(), 0.01, 0.01)
+        sc.simulate(*run, 0.02, 0.01)
+    short = sc.simulate(*run, 0.01, 0.01)
     assert short.times.tolist() == [0.0, 0.01]
     assert np.isfinite(short["p"]).all()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import cycle
+
 import numpy as np
 import pytest
+from helpers_scenes import ball_on_rod
 from helpers_schemes import SCHEMES
 from scipy.special import ellipj, ellipk
 
 import skfem_cosserat as sc
 from skfem_cosserat.history import SensorRecord
-from skfem_cosserat.run.plan import size
 
 G = 10.0
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
@@ -18,11 +20,7 @@ RUBBER = sc.SectionCircle(radius=0.02, material=sc.Material(E=2e5, nu=0.5, rho=1
 
 def pendulum():
     """A ball on a rod of 1 m, let go horizontally."""
-    model = sc.Model()
-    bob = model.add("bob", sc.MassPoint(1.0, position=(1, 0, 0)))
-    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
-    model.add("gravity", sc.LoadGravity((0, 0, -G)))
-    return model.freeze()
+    return ball_on_rod((1, 0, 0), g=G)[0].freeze()
 
 
 def swung(t):
@@ -53,16 +51,13 @@ def caught():
 # -- what comes out --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "scheme",
-    [
-        sc.EnergyMomentum(),
-        pytest.param(sc.GeneralizedAlpha(0.8, stabilized=False), marks=pytest.mark.slow),
-    ],
+    "scheme", [sc.EnergyMomentum(), sc.GeneralizedAlpha(0.8, stabilized=False)], ids=repr
 )
 def test_true_error_follows_the_tolerance(scheme):
-    """Over three decades in proportion, and of the same size (closed form)."""
-    errors, tolerances = [], [1e-2, 1e-3, 1e-4, 1e-5]
+    """Over two decades in proportion, and of the same size (closed form)."""
+    errors, tolerances = [], [1e-2, 1e-3, 1e-4]
     for tolerance in tolerances:
         control = sc.StepControl(tolerance)
         run = pendulum(), scheme, sc.NullSpace(), control, 1.0
@@ -75,22 +70,6 @@ def test_true_error_follows_the_tolerance(scheme):
 
 
 @pytest.mark.slow
-def test_true_error_of_a_beam_follows_the_tolerance():
-    """A soft rod in flight, against a scheme of order six."""
-    system, end = rubber(), 0.1
-    truth = sc.Composition(sc.Variational(), order=6), sc.NullSpace(), 1e-3, end
-    exact = sc.simulate(system, *truth, every=10**6, derive=False)["q"][-1]
-    errors, tolerances = [], [1e-2, 1e-3, 1e-4]
-    for tolerance in tolerances:
-        run = system, sc.EnergyMomentum(), sc.NullSpace(), sc.StepControl(tolerance), end
-        history = sc.simulate(*run, every=10**6, derive=False)
-        errors.append(size(system, history["q"][-1] - exact))
-    slope = np.polyfit(np.log(tolerances), np.log(errors), 1)[0]
-    assert 0.9 < slope < 1.1
-    ratio = np.array(errors) / tolerances
-    assert ratio.min() > 0.15 and ratio.max() < 0.6
-
-
 @pytest.mark.parametrize("treatment", TREATMENTS)
 def test_varying_steps_keep_energy_and_momenta(treatment):
     """Energy-momentum: to rounding in each step, of whatever size."""
@@ -105,6 +84,7 @@ def test_varying_steps_keep_energy_and_momenta(treatment):
         assert abs(np.diff(values, axis=0)).max() < 1e-11 * abs(values[0]).max()
 
 
+@pytest.mark.slow
 def test_cheaper_than_equal_steps_where_something_is_short():
     """Closed form: free flight, half a vibration on the cable, free flight back."""
     end, still = 1.5, 0.5 + np.pi / np.sqrt(4e5)
@@ -116,6 +96,7 @@ def test_cheaper_than_equal_steps_where_something_is_short():
     assert history.meta["step_control"]["iterations"] < fixed.meta["newton_iterations"] / 5
 
 
+@pytest.mark.slow
 def test_times_asked_for_are_met():
     """Output times and the end, exactly; `every` counts steps."""
     at = [0.1, 0.3000001, 0.31, 0.7]
@@ -128,6 +109,7 @@ def test_times_asked_for_are_met():
     assert (every["step"][:-1] % 7 == 0).all() and every.times[-1] == 0.77
 
 
+@pytest.mark.slow
 def test_steps_that_cannot_be_solved_are_made_smaller():
     """Two iterations are not enough for a long step."""
     run = pendulum(), sc.EnergyMomentum(), sc.NullSpace()
@@ -149,6 +131,7 @@ def test_a_smallest_step_that_is_too_large_is_an_error():
     assert caught.value.history.meta["step_control"]["rejected"] == 1
 
 
+@pytest.mark.slow
 def test_a_controlled_run_goes_on_from_its_history():
     """The state as it was: momentum and accelerations are carried on."""
     system, scheme = rubber(), sc.GeneralizedAlpha(0.5)
@@ -164,20 +147,21 @@ def test_a_controlled_run_goes_on_from_its_history():
 # -- steps of other sizes --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("treatment", TREATMENTS)
+ALTERNATING = [
+    *(scheme for scheme in SCHEMES if scheme.order == 2 and scheme.part is None),
+    sc.GeneralizedAlpha(0.3, stabilized=False),
+]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "scheme",
-    [
-        *(scheme for scheme in SCHEMES if scheme.order == 2 and scheme.part is None),
-        sc.GeneralizedAlpha(0.3, stabilized=False),
-    ],
-    ids=repr,
+    ("scheme", "treatment"), list(zip(ALTERNATING, cycle(TREATMENTS.values()))), ids=repr
 )
 def test_order_with_alternating_steps(scheme, treatment):
     """Second order although each step is half or twice as long as the one before it."""
     errors = []
     for n in (100, 200):
-        stepper = sc.Stepper(pendulum(), scheme, TREATMENTS[treatment], 1.0 / n)
+        stepper = sc.Stepper(pendulum(), scheme, treatment, 1.0 / n)
         state = sc.initial_state(stepper.system)
         for k in range(2 * n // 3):
             state = stepper.advance(state, h=(1 + k % 2) / n).state
@@ -192,7 +176,7 @@ def test_symplectic_energy_drifts_with_varied_steps_only():
     def energies(varied, scheme):
         stepper, out = sc.Stepper(pendulum(), scheme, sc.NullSpace(), 0.02), []
         state, h = sc.initial_state(stepper.system), None
-        for _ in range(1000):
+        for _ in range(500):
             x, before = state.q[0], state.q
             state = stepper.advance(state, h=h).state
             if varied:  # longer steps on the way out
@@ -216,11 +200,6 @@ def test_rates_of_sensors_with_varying_steps():
     record = SensorRecord(t, 3 * t**2 - 2 * t, "m")
     assert record.derivative(1).values == pytest.approx(6 * t - 2, abs=1e-12)
     assert record.derivative(2).values == pytest.approx(6.0, abs=1e-10)
-    # backwards in time it is the same with the other sign, of any motion
-    wave, back = SensorRecord(t, np.sin(20 * t)), SensorRecord(-t[::-1], np.sin(20 * t[::-1]))
-    for order in (1, 2):
-        mirrored = (-1) ** order * back.derivative(order).values[::-1]
-        assert wave.derivative(order).values == pytest.approx(mirrored, rel=1e-10, abs=1e-10)
 
 
 # -- what is refused -------------------------------------------------------------------------------
@@ -260,10 +239,11 @@ def test_bad_control(arguments, words):
         sc.StepControl(**arguments)
 
 
+@pytest.mark.slow
 def test_composition_of_energy_momentum_is_controlled():
     """Of order four, energy kept."""
     scheme = sc.Composition(sc.EnergyMomentum())
-    history = sc.simulate(pendulum(), scheme, sc.NullSpace(), sc.StepControl(1e-4), until=2.0)
-    assert np.linalg.norm(history["q"][-1] - swung(2.0)) < 1e-4
+    history = sc.simulate(pendulum(), scheme, sc.NullSpace(), sc.StepControl(1e-4), until=1.0)
+    assert np.linalg.norm(history["q"][-1] - swung(1.0)) < 1e-4
     total = history["energy"] + history["external"]
     assert abs(total - total[0]).max() < 1e-11

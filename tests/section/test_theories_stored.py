@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers_scenes import chequered
 from test_export import read_index, read_vtu
 from test_stored_energy import FULL, FUNG, QUARTIC
 from test_tangents import Step
@@ -13,15 +14,9 @@ import skfem_cosserat as sc
 from skfem_cosserat import write_paraview
 from skfem_cosserat.theory import LawHeld
 
-THEORIES = (sc.TheoryKirchhoff(), sc.TheoryInextensible(), sc.TheoryInextensible(torsion=False))
+THEORIES = (sc.TheoryInextensible(), sc.TheoryKirchhoff(), sc.TheoryInextensible(torsion=False))
 theories = pytest.mark.parametrize("theory", THEORIES, ids=repr)
-one_quick = pytest.mark.parametrize(
-    "theory",
-    [THEORIES[1], *(pytest.param(each, marks=pytest.mark.slow) for each in THEORIES[::2])],
-    ids=repr,
-)
 TREATMENTS = (sc.NullSpace(), sc.Multipliers())
-INTEGRATORS = (sc.EnergyMomentum(), sc.Variational())
 
 
 def stored(energy=FUNG):
@@ -50,8 +45,21 @@ def test_law_of_the_strains_that_are_left(energy, theory):
     assert (tangent[:, held] == 0).all()
 
 
+@pytest.mark.slow
+@theories
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
-@pytest.mark.parametrize("integrator", INTEGRATORS, ids=str)
+def test_free_flight_keeps_momenta_and_energy(theory, treatment):
+    system = flying(theory, section=stored(), push=TIP).freeze()
+    run = sc.simulate(system, sc.EnergyMomentum(), treatment, 0.01, 0.3, kernels="numpy")
+    assert run["strain_energy"].max() > 0.03 * run["energy"].max()
+    after = run.times > 0.0201
+    for name in ("energy", "linear_momentum", "angular_momentum"):
+        values = run[name][after]
+        assert np.ptp(values, axis=0) == pytest.approx(0, abs=1e-10 * abs(values).max())
+
+
+@pytest.mark.one_quick
+@chequered("integrator", [sc.EnergyMomentum(), sc.Variational()], "treatment", TREATMENTS)
 @pytest.mark.parametrize("theory", THEORIES[:2], ids=repr)
 def test_tangent_of_a_step(theory, integrator, treatment):
     """By complex steps, at random states far from a solution."""
@@ -60,29 +68,8 @@ def test_tangent_of_a_step(theory, integrator, treatment):
     assert abs(step.matrix() - step.derivative()).max() < 1e-8 * abs(step.matrix()).max()
 
 
-@pytest.mark.parametrize(
-    "treatment", [TREATMENTS[0], pytest.param(TREATMENTS[1], marks=pytest.mark.slow)], ids=str
-)
-@one_quick
-def test_free_flight_keeps_momenta_and_energy(theory, treatment):
-    model = flying(theory)
-    strong = flying(theory)["rod"]
-    model = sc.Model()
-    options = {"velocity": lambda x: np.cross((3.0, 2.0, 1.0), x), "order": 2, "theory": theory}
-    options |= {"angular_velocity": (3.0, 2.0, 1.0), "director": (0, 0, 1)}
-    rod = model.add("rod", sc.Beam(strong.mesh, stored(), **options))
-    pulse = sc.Table([0.0, 0.1, 0.2], [0.0, 1.0, 0.0])
-    model.add("push", sc.LoadForce(rod.node("rod.end"), 0.3 * TIP, pulse))
-    arguments = sc.EnergyMomentum(), treatment, 0.02
-    run = sc.simulate(model.freeze(), *arguments, 0.6, kernels="numpy")
-    assert run["strain_energy"].max() > 0.03 * run["energy"].max()
-    after = run.times > 0.2001
-    for name in ("energy", "linear_momentum", "angular_momentum"):
-        values = run[name][after]
-        assert np.ptp(values, axis=0) == pytest.approx(0, abs=1e-10 * abs(values).max())
-
-
-@one_quick
+@pytest.mark.slow
+@theories
 def test_full_beams_of_a_stored_energy_converge_to_the_theory(theory):
     """As what is held grows stiff, in first order; moments of both beside."""
 
@@ -110,20 +97,18 @@ def test_full_beams_of_a_stored_energy_converge_to_the_theory(theory):
     assert errors[1][1] < 5e-3 * abs(resultant).max()
 
 
+@pytest.mark.slow
 def test_nothing_is_left_of_a_stored_energy_that_is_rigid():
     """The rigid theory moves as the one of a plain section does."""
-    ends = []
-    for section in (stored(), SECTION):
-        system = flying_with(section)
-        arguments = sc.EnergyMomentum(), sc.NullSpace(), 2e-3
-        ends.append(sc.simulate(system, *arguments, 0.02, kernels="numpy")["q"][-1])
-    assert abs(ends[0] - ends[1]).max() < 1e-13
-
-
-def flying_with(section):
-    spin = (3.0, 2.0, 1.0)
-    options = {"velocity": lambda x: np.cross(spin, x), "angular_velocity": spin}
-    return arc(sc.TheoryRigid(), 2, 2, section, **options).freeze()
+    first, second = (
+        sc.simulate(
+            flying(sc.TheoryRigid(), section=section).freeze(),
+            *(sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.02),
+            kernels="numpy",
+        )["q"][-1]
+        for section in (stored(), SECTION)
+    )
+    assert abs(first - second).max() < 1e-13
 
 
 # -- resultants of what is held --------------------------------------------------------------------
@@ -144,8 +129,9 @@ def pulsing(t):
     return np.sin(np.pi * t) ** 4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", TREATMENTS, ids=str)
-@one_quick
+@theories
 def test_resultants_in_motion_are_those_of_stiff_beams(theory, treatment):
     """To first order in the flexibility; constraint forces are means of both steps at a state."""
 
@@ -171,21 +157,17 @@ def test_resultants_in_motion_are_those_of_stiff_beams(theory, treatment):
     assert max(errors[1]) < 1e-3
 
 
-@one_quick
+@pytest.mark.one_quick
+@theories
 def test_resultants_of_what_is_held_reach_paraview(tmp_path, theory):
-    system = swinging(theory)
     arguments = sc.EnergyMomentum(), sc.NullSpace(), 0.02
-    history = sc.simulate(system, *arguments, 0.4, kernels="numpy")
+    history = sc.simulate(swinging(theory), *arguments, 0.4, kernels="numpy")
     write_paraview(history, tmp_path)
     frames = read_index(tmp_path / "beams.pvd")
     assert len(frames) == len(history)
-    for k in (12, 18):
-        cells = read_vtu(tmp_path / frames[k][1])[4]
-        recorded = history["beam/rod/resultant"][k]
-        written = np.concatenate([cells["N"], cells["M"]], axis=1)
-        assert abs(written).max() > 1e-3
-        for name, part in (("N", slice(0, 3)), ("M", slice(3, 6))):
-            means = recorded[:, :, part].mean(axis=1)
-            found = cells[name].reshape(3, -1, 3).mean(axis=1)
-            assert found == pytest.approx(means, rel=1e-9, abs=1e-12)
-        assert (abs(written[:, list(theory.held)]).max(axis=0) > 1e-9).any()
+    cells = read_vtu(tmp_path / frames[12][1])[4]
+    written = np.concatenate([cells["N"], cells["M"]], axis=1)
+    assert (abs(written[:, list(theory.held)]).max(axis=0) > 1e-9).any()
+    means = history["beam/rod/resultant"][12].mean(axis=1)
+    found = written.reshape(3, -1, 6).mean(axis=1)
+    assert found == pytest.approx(means, rel=1e-9, abs=1e-12)

@@ -1,9 +1,13 @@
-"""Members that are too coarse for their bending: told, with the order to take."""
+"""What paths and runs tell of their elements: too coarse for bending, pressed to less than none.
+
+A beam that only moves as one piece is left alone, a scene that falls is told as well.
+"""
 
 import warnings
 
 import numpy as np
 import pytest
+from test_statics import cantilever
 
 import skfem_cosserat as sc
 
@@ -19,57 +23,36 @@ def told(function, *args, **kwargs):
     return found, [str(each.message) for each in given if "too coarse" in str(each.message)]
 
 
-def cantilever(elements, order, theory=None, load=True):
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="rod")
-    model = sc.Model()
+def rod(elements, order, theory=None):
+    """A model with a clamped rod of 1 m, and its end."""
     about = {"order": order, "theory": theory, "director": (0, 0, 1)}
-    rod = model.add("rod", sc.Beam(mesh, TUBE, **about))
-    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
-    if load:
-        model.add("load", sc.LoadForce(rod.node("rod.end"), (0, 0, -1.0)))
-    return model
+    return cantilever(TUBE, elements=elements, **about)
 
 
-@pytest.mark.parametrize("theory", [None, sc.TheoryKirchhoff()])
-@pytest.mark.parametrize(("elements", "order"), [(1, 1), (2, 1), (4, 1), (1, 2), (1, 3)])
+@pytest.mark.one_quick
+@pytest.mark.parametrize(
+    ("elements", "order", "theory"),
+    [
+        (1, 1, None),
+        (1, 1, sc.TheoryKirchhoff()),
+        (2, 1, None),
+        (1, 2, sc.TheoryKirchhoff()),
+        (1, 3, None),
+    ],
+)
 def test_a_cantilever_of_few_elements(elements, order, theory):
     """A linear element has a constant moment: of ``F^2 L^3/(6 EI)`` n of them lack ``1/(4 n^2)``.
 
     For one that is a quarter, for two a sixteenth, and none for orders above, whose moment may
     vary. Above a tenth it is told, with the order that helps.
     """
-    _, texts = told(sc.static, cantilever(elements, order, theory))
+    model, tip = rod(elements, order, theory)
+    model.add("load", sc.LoadForce(tip, (0, 0, -1.0)))
+    _, texts = told(sc.static, model)
     if order == elements == 1:
         assert len(texts) == 1 and "25 %" in texts[0] and "order=3" in texts[0]
     else:
         assert not texts
-
-
-def portal(order, pinned=False):
-    """A frame of three straight members, one element each, pushed at its beam."""
-    corners = [(0, 0, 0), (0, 0, 3), (4, 0, 3), (4, 0, 0)]
-    mesh = sc.MeshCurve.init_polyline(corners, 1, name="frame")
-    model = sc.Model()
-    frame = model.add("frame", sc.Beam(mesh, TUBE, order=order))
-    for name in ("frame.start", "frame.end"):
-        node = frame.node(name)
-        model.add(name, sc.JointFixed(sc.ground(node.position), node))
-    model.add("push", sc.LoadForce(frame.node((0, 0, 3)), (10.0, 0, 0)))
-    return model, frame.node((0, 0, 3))
-
-
-def test_a_portal_frame_of_one_element_a_member():
-    """Linear members are far too stiff, and it is told how much is missing; those of order 3 not.
-
-    The estimate is compared with the displacement of the finer frame.
-    """
-    sway = {}
-    for order in (1, 2, 3):
-        model, knee = portal(order)
-        path, texts = told(sc.static, model, watch=False)
-        sway[order] = path.position(knee)[-1, 0]
-        assert bool(texts) == (order == 1)
-    assert sway[1] < 0.7 * sway[3] and sway[2] == pytest.approx(sway[3], rel=1e-3)
 
 
 def test_a_truss_bends_nowhere():
@@ -80,10 +63,8 @@ def test_a_truss_bends_nowhere():
     for k, foot in enumerate([(1.0, 0, 0), (-0.5, 0.8, 0), (-0.5, -0.8, 0)]):
         mesh = sc.MeshCurve.init_line(foot, apex, 1, name=f"bar {k}")
         bar = model.add(f"bar {k}", sc.Beam(mesh, TUBE))
-        start, sides = (
-            bar.node(f"bar {k}.start"),
-            np.linalg.qr((apex - foot)[:, None], "complete")[0],
-        )
+        start = bar.node(f"bar {k}.start")
+        sides = np.linalg.qr((apex - foot)[:, None], "complete")[0]
         axes = {"axis_a": sides[:, 1], "axis_b": sides[:, 2]}
         model.add(f"foot {k}", sc.JointUniversal(sc.ground(foot), start, **axes))
         model.add(f"tip {k}", sc.JointSpherical(bar.node(f"bar {k}.end"), mass.place()))
@@ -91,10 +72,11 @@ def test_a_truss_bends_nowhere():
     assert not told(sc.static, model, watch=False)[1]
 
 
+@pytest.mark.slow
 def test_linear_members_in_motion():
     """A rod let go from rest under its weight: one linear element is told, four are not."""
     for elements, coarse in ((1, True), (4, False)):
-        model = cantilever(elements, 1, load=False)
+        model, _ = rod(elements, 1)
         model.add("weight", sc.LoadGravity((0, 0, -9.81)))
         _, texts = told(sc.simulate, model, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, 0.04)
         assert bool(texts) == coarse
@@ -122,3 +104,62 @@ def test_nothing_holds_a_scene_that_falls():
             warnings.simplefilter("always")
             sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.1)
         assert any("nothing ties it" in str(each.message) for each in given) == falls
+
+
+# -- elements pressed to less than no length -------------------------------------------------------
+
+EA = 1e3  # N
+
+
+def guided_bar(share, order=1):
+    """A bar that can only change its length, pressed by a share of EA; it stays straight."""
+    section = sc.Section([EA, EA, EA, 1e4, 1e4, 1e4], mass=1.0, inertia=(1e-3, 1e-3))
+    model, end = cantilever(section, order=order)
+    model.add("guide", sc.JointPrismatic(sc.ground((1, 0, 0)), end, axis=(1, 0, 0)))
+    model.add("push", sc.LoadForce(end, (-share * EA, 0, 0)))
+    return model
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize("order", [1, 3])
+def test_a_path_says_where_a_bar_is_pressed_inside_out(order):
+    """N = EA times the axial strain: at -1.5 EA the strain is -1.5, and it is -1 at two thirds."""
+    control = sc.LoadControl(at=np.linspace(0.1, 1.0, 10))
+    with pytest.warns(sc.AccuracyWarning, match="inside out") as given:
+        path = sc.static(guided_bar(1.5, order), control=control)
+    strain = path["beam/rod/strain"][..., 2].min(axis=(1, 2))
+    assert strain == pytest.approx(-1.5 * path["load_factor"], rel=1e-9)
+    (notice,) = (each for each in path.meta["warnings"] if "inside out" in each["text"])
+    assert notice["item"] == "beam 'rod'" and notice["time"] == pytest.approx(0.7)
+    assert sum("inside out" in str(each.message) for each in given) == 1
+
+
+def test_a_bar_pressed_to_a_tenth_of_its_length_is_still_one():
+    """At a strain of -0.9 nothing is inside out, and nothing is said."""
+    assert not sc.static(guided_bar(0.9)).meta["warnings"]
+
+
+@pytest.mark.slow
+def test_a_run_says_it_too():
+    """A force that sets in at once presses twice as far as at rest: 0.6 EA already to -1.2."""
+    model = guided_bar(0.6, order=3)
+    with pytest.warns(sc.AccuracyWarning, match="inside out"):
+        run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.05)
+    strain = run["beam/rod/strain"][..., 2]
+    assert strain.min() < -1
+    first = run.times[(strain <= -1).any(axis=(1, 2))][0]
+    assert first in [each["time"] for each in run.meta["warnings"]]
+
+
+@pytest.mark.slow
+def test_sections_at_an_angle_to_their_node():
+    """In a bent network the axis of a section is not d3 of the node that two members share."""
+    section = sc.Section([1e6, 1e6, EA, 1e6, 1e6, 1e6], mass=1.0, inertia=(1e-3, 1e-3))
+    mesh = sc.MeshCurve.init_polyline([(0, 0, 0), (0, 0, 1), (1, 0, 1)], 1, name="knee")
+    model = sc.Model()
+    knee = model.add("knee", sc.Beam(mesh, section, order=3))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), knee.node("knee.start")))
+    model.add("push", sc.LoadForce(knee.node((0, 0, 1)), (0, 0, -EA)))
+    assert not sc.static(model, control=sc.LoadControl(0.5)).meta["warnings"]
+    with pytest.warns(sc.AccuracyWarning, match="element 0 is pressed inside out"):
+        sc.static(model, control=sc.LoadControl(1.5))

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers_kernels import needs_numba
-from helpers_scenes import four_bar, full_section
+from helpers_scenes import four_bar
 from scipy.sparse import csr_matrix
-from test_statics import column, truss
+from test_path_following import bars
+from test_statics import cantilever, column, stiff, truss
 
 import skfem_cosserat as sc
 from skfem_cosserat.checks.result import recorded_amplitudes
 from skfem_cosserat.diagnostics.stacked import reduced_tangent
 from skfem_cosserat.linear import negative_pivots
-from skfem_cosserat.statics import critical
 
 # -- pivots of single matrices ---------------------------------------------------------------------
 
@@ -34,6 +34,7 @@ def banded(shape: str, negative: int, skew: float = 0.0):
     return A + skew * np.triu(A, 1)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("negative", [0, 1, 2, 7])
 def test_pivots_have_the_signs_of_eigenvalues(shape, negative):
@@ -63,7 +64,7 @@ def test_a_singular_matrix_has_no_pivot_to_rely_on():
 
 
 def snapping():
-    model, point = truss(0.3)
+    model, point = truss()
     return model, sc.DisplacementControl(point.place(), (0, 0, -1), until=0.7)
 
 
@@ -83,34 +84,18 @@ def buckling_in_a_plane():
 
 
 def held_strains():
-    section = sc.Section([1e6, 1e6, 1e6, 1.0, 1.3, 1.0], mass=1.0, inertia=(1e-3, 1e-3))
-    model, mesh = sc.Model(), sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 6, name="rod")
-    rod = model.add("rod", sc.Beam(mesh, section, order=2, theory=sc.TheoryInextensible()))
-    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
-    model.add("push", sc.LoadForce(rod.node("rod.end"), (-1.0, 0, 0)))
+    theory = {"order": 2, "theory": sc.TheoryInextensible()}
+    model, tip = cantilever(stiff(1e6, (1.0, 1.3), 1.0), elements=6, **theory)
+    model.add("push", sc.LoadForce(tip, (-1.0, 0, 0)))
     return model, sc.LoadControl(8.0, steps=6)
 
 
 def closed_loop():
     """A four-bar linkage whose springs lose to its load."""
     model = four_bar()
-    system = model.freeze()
-    joint = system.joints[0]
-    model.add("spring", sc.JointSpringDamper(joint, stiffness=1.0))
+    model.add("spring", sc.JointSpringDamper(model["pin 0"], stiffness=1.0))
     model.add("weight", sc.LoadGravity((0, 0, 20.0)))
     return model, sc.LoadControl(1.0, steps=6)
-
-
-def redundant():
-    """A beam held at both ends by the same joints twice over."""
-    model, mesh = sc.Model(), sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
-    rod = model.add("rod", sc.Beam(mesh, full_section(), order=2))
-    for k in range(2):
-        for end, x in (("start", 0.0), ("end", 1.0)):
-            place = rod.node(f"rod.{end}")
-            model.add(f"{end} {k}", sc.JointFixed(sc.ground((x, 0, 0)), place))
-    model.add("weight", sc.LoadGravity((0, 0, -10.0)))
-    return model, sc.LoadControl(1.0, steps=2)
 
 
 SCENES = {
@@ -124,15 +109,17 @@ WAYS = {
     "compiled multipliers": (sc.Multipliers(), "numba"),
     "full multipliers": (sc.Multipliers(full=True), "numpy"),
 }
-ways = pytest.mark.parametrize(
-    ("treatment", "kernels"),
-    [pytest.param(*way, marks=[needs_numba] * (way[1] == "numba")) for way in WAYS.values()],
-    ids=WAYS,
-)
+#: one scene in all ways, the others in some
+CASES = [
+    pytest.param(scene, *WAYS[way], marks=[needs_numba] * ("compiled" in way), id=f"{scene}-{way}")
+    for i, scene in enumerate(SCENES)
+    for j, way in enumerate(WAYS)
+    if scene == "buckling" or (i + j) % 3 == 0
+]
 
 
-@ways
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.slow
+@pytest.mark.parametrize(("scene", "treatment", "kernels"), CASES)
 def test_counts_are_those_of_eigenvalues(scene, treatment, kernels):
     """Of the stiffness along the constraints, whatever they were counted from."""
     model, control = SCENES[scene]()
@@ -151,52 +138,8 @@ def test_counts_are_those_of_eigenvalues(scene, treatment, kernels):
         assert path["unstable"].max() > 0
 
 
-@ways
-@pytest.mark.parametrize("scene", ["buckling", "bent", "redundant"])
-def test_eigenproblems_are_for_critical_points_alone(monkeypatch, scene, treatment, kernels):
-    """Stable points take a factorisation of the stiffness; mostly no other matrix."""
-    calls = {"eigen": 0, "tangent": 0}
-
-    def counting(name, function):
-        def counted(*args, **kwargs):
-            calls[name] += 1
-            return function(*args, **kwargs)
-
-        return counted
-
-    for owner, name, key in (
-        (critical.Stability, "_eigen", "eigen"),
-        (critical, "reduced_tangent", "tangent"),
-    ):
-        monkeypatch.setattr(owner, name, counting(key, getattr(owner, name)))
-    if scene == "buckling":
-        path = sc.static(column()[0], treatment, sc.LoadControl(8.0, steps=6), kernels=kernels)
-        assert len(path.meta["critical"]) == 2
-        assert calls["eigen"] > 0
-        return
-    if scene == "bent":
-        model, tip = column(EA=1e4)
-        model.add("across", sc.LoadForce(tip, (0, 3.0, 2.0)))
-        control = sc.LoadControl(1.0)
-    else:
-        model, control = redundant()
-    path = sc.static(model, treatment, control, kernels=kernels)
-    assert not path["unstable"].any()
-    assert calls["eigen"] == 0
-    assert (calls["tangent"] == 0) == (kernels == "numba")
-
-
-@pytest.mark.parametrize("kernels", ["numpy", pytest.param("numba", marks=needs_numba)])
 def test_deep_trees_are_looked_at_too(kernels):
     """Their matrix in plain numpy has unknowns that only help: eigenvalues tell the count."""
-    model, place, force = sc.Model(), sc.ground((0, 0, 0)), (-4.0, 0.0, 1e-3)
-    for k in range(40):
-        body = model.add(f"bar {k}", sc.RigidBody(1.0, (1.0, 1.0, 1.0), position=(k + 0.5, 0, 0)))
-        joint = sc.JointRevolute(place, body.at((k, 0, 0)), axis=(0, 1, 0))
-        model.add(f"hinge {k}", joint)
-        model.add(f"spring {k}", sc.JointSpringDamper(joint, stiffness=1e4))
-        place = body.at((k + 1, 0, 0))
-    model.add("push", sc.LoadForce(place, force))
-    path = sc.static(model, kernels=kernels)
+    path = sc.static(bars(40 * [1e4]), kernels=kernels)
     assert path.status == "completed"
     assert path["unstable"].max() == 0

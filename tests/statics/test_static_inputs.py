@@ -8,7 +8,7 @@ import signal
 import numpy as np
 import pytest
 from helpers_scenes import four_bar
-from test_statics import arch, cantilever, column, hinged, rod, stiff, treatments
+from test_statics import cantilever, column, hinged, rod, stiff, treatments, truss
 
 import skfem_cosserat as sc
 from skfem_cosserat import Spin, equilibrium
@@ -22,6 +22,7 @@ def scene():
     return model.freeze(), tip
 
 
+@pytest.mark.slow
 def test_a_beam_that_is_far_too_soft_for_the_path_is_asked_for_its_units():
     """Steel of 210e3 in place of 210e9 Pa cannot carry itself."""
     soft = sc.SectionRectangle(0.02, 0.01, sc.Material(210e3, 0.3, 7850.0))
@@ -34,26 +35,11 @@ def test_a_beam_that_is_far_too_soft_for_the_path_is_asked_for_its_units():
 # -- free motions ----------------------------------------------------------------------------------
 
 
-def free_beam():
-    model = sc.Model()
-    rod(model)
-    return model
-
-
 def beam_on_a_hinge(force=(0, 1.0, 0)):
     model = sc.Model()
     beam = rod(model)
     model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), beam.node("rod.start"), (0, 0, 1)))
     model.add("force", sc.LoadForce(beam.node("rod.end"), force))
-    return model
-
-
-def beam_between_balls():
-    model = sc.Model()
-    beam = rod(model)
-    for k, name in enumerate(("start", "end")):
-        ball = sc.JointSpherical(sc.ground((k, 0, 0)), beam.node(f"rod.{name}"))
-        model.add(name, ball)
     return model
 
 
@@ -63,36 +49,6 @@ def slider():
     guide = sc.JointPrismatic(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 1, 0))
     model.add("guide", guide)
     model.add("force", sc.LoadForce(body.at((0, 0, 0)), (0, 2.0, 0)))
-    return model
-
-
-def screw():
-    """A tube joint leaves a shift along and a turn about its axis."""
-    model = sc.Model()
-    body = model.add("block", sc.RigidBody.box(1.0, (1, 1, 1), position=(0, 2, 0)))
-    tube = sc.JointCylindrical(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(0, 0, 1))
-    model.add("tube", tube)
-    return model
-
-
-def point_in_space():
-    model = sc.Model()
-    model.add("ball", sc.MassPoint(1.0))
-    return model
-
-
-def point_on_a_spring():
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, (1, 0, 0)))
-    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), ball.place(), 10.0))
-    return model
-
-
-def several_pieces():
-    model = sc.Model()
-    rod(model)
-    rod(model, name="other", ends=((0, 1, 0), (1, 1, 0)))
-    model.add("ball", sc.MassPoint(1.0, (5, 0, 0)))
     return model
 
 
@@ -122,19 +78,14 @@ def fixed_to_each_other():
 
 FREE = {
     fixed_to_each_other: (r"'(first|second) 0': .*\(.*, with rigid body '(second|first) 0'", 6),
-    free_beam: (r"beam 'rod': .*\((translation|rotation)", 6),
     beam_on_a_hinge: (r"beam 'rod': .*\(rotation about \(0, 0, 1\) through \(0, 0, 0\)", 1),
-    beam_between_balls: (r"beam 'rod': .*\(rotation about \(1, 0, 0\)", 1),
     slider: (r"rigid body 'block': .*\(translation along \(0, 1, 0\)", 1),
-    screw: (r"rigid body 'block': .*\(0, 0, 1\)", 2),
-    point_in_space: (r"mass point 'ball': .*\(translation", 3),
-    point_on_a_spring: (r"mass point 'ball': .*\(translation", 2),
-    several_pieces: ("beam '(rod|other)'|'ball'", 15),
     four_bar: (r"'crank'.*\(rotation about \(0, 0, 1\)", 1),
     hanging_without_weight: (r"mass point 'ball': .*\(translation", 2),
 }
 
 
+@pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize("build", FREE, ids=lambda f: f.__name__)
 def test_free_motions_are_named(build, treatment):
@@ -151,6 +102,7 @@ def test_free_motions_of_a_long_chain_are_named():
         sc.static(hanging_chain(links=401))
 
 
+@pytest.mark.one_quick
 @treatments
 def test_stresses_hold_a_motion(treatment):
     """A string of prestressed springs; a pendulum whose weight is there from the start."""
@@ -167,79 +119,6 @@ def test_stresses_hold_a_motion(treatment):
     assert path["q"][-1, 0] / -path["q"][-1, 2] == pytest.approx(1 / 9.81, rel=1e-12)
 
 
-@treatments
-def test_weight_on_what_is_not_stressed_yet(treatment):
-    """Nothing holds the motion at the start, the tension of the weight does."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -1)))
-    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), ball.place(), 100.0))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    model.add("force", sc.LoadForce(ball.place(), (1.0, 0, 0)))
-    path = sc.static(model, treatment, factors={"weight": 1.0})
-    assert path["q"][0] == pytest.approx([0, 0, -1 - 9.81 / 100], abs=1e-12)
-    assert path["q"][-1, 0] / -path["q"][-1, 2] == pytest.approx(1 / 9.81, rel=1e-12)
-    assert np.linalg.norm(path["q"][-1]) == pytest.approx(1 + np.hypot(9.81, 1) / 100, rel=1e-12)
-
-
-@treatments
-@pytest.mark.parametrize("count", [2, 3])
-def test_weight_on_cables_that_just_fit(treatment, count):
-    """Two leave a swing out of their plane that only their tension holds, three none."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, (0, 0, -0.5)))
-    for angle in 2 * np.pi / count * np.arange(count):
-        top = sc.ground((np.cos(angle), np.sin(angle), 0))
-        model.add(f"cable {angle:.1f}", sc.Cable(top, ball.place(), stiffness=1e4))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    x, y, z = sc.static(model, treatment, factors={"weight": 1.0})["q"][-1]
-    length = np.hypot(1, z)
-    assert abs(x) < 1e-12 and abs(y) < 1e-12
-    assert count * 1e4 * (length - np.hypot(1, 0.5)) * -z / length == pytest.approx(9.81, rel=1e-9)
-
-
-@treatments
-def test_weight_on_springs_that_hold_a_bent_beam(treatment):
-    """A box on two springs, a beam at its side: it tilts and swings to below the springs."""
-    model = sc.Model()
-    box = model.add("box", sc.RigidBody.box(2.0, (1, 0.5, 0.5), position=(0, 0, -1)))
-    beam = rod(model, stiff(EI=(50.0, 80.0)), ends=((0.5, 0, -1), (1.5, 0, -1)))
-    model.add("fix", sc.JointFixed(box.at((0.5, 0, -1)), beam.node("rod.start")))
-    tops = np.array([[-0.5, 0, 0], [0.5, 0, 0]])
-    for k, top in enumerate(tops):
-        spring = sc.SpringDamper(sc.ground(top), box.at(top - [0, 0, 0.75]), 1e3)
-        model.add(f"spring {k}", spring)
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    model.add("side", sc.LoadForce(box.at((0, 0, -1)), (0, 1.0, 0)))
-    path = sc.static(model, treatment, factors={"weight": 1.0})
-    assert not path["unstable"].any()
-    for q, side in zip(path["q"][[0, -1]], (0.0, 1.0), strict=True):
-        x, d = q[:3], q[3:12].reshape(3, 3)
-        r = tops - x - (tops + [0, 0, 0.25]) @ d
-        length = np.linalg.norm(r, axis=1)
-        force = (1e3 * (length - 0.75) / length) @ r
-        assert force == pytest.approx([0, -side, 3 * 9.81], abs=1e-9)
-
-
-def rod_with_its_weight_along_the_hinge():
-    model = sc.Model()
-    beam = rod(model)
-    model.add("pin", sc.JointRevolute(sc.ground((0, 0, 0)), beam.node("rod.start"), (0, 0, 1)))
-    model.add("weight", sc.LoadGravity((0, 0, -0.5)))
-    return model
-
-
-def slider_with_its_weight_across():
-    model = slider()
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    return model
-
-
-def beam_with_its_weight():
-    model = free_beam()
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    return model
-
-
 def beam_on_springs_with_its_weight():
     model = sc.Model()
     beam = rod(model, ends=((0, 0, -1), (1, 0, -1)))
@@ -250,29 +129,13 @@ def beam_on_springs_with_its_weight():
     return model
 
 
-def point_drawn_along_two_springs():
-    """A string without tension: the weight acts along the motion that nothing holds."""
-    model = sc.Model()
-    ball = model.add("ball", sc.MassPoint(1.0, (1, 0, 0)))
-    for k in (0, 2):
-        model.add(f"spring {k}", sc.SpringDamper(sc.ground((k, 0, 0)), ball.place(), 10.0))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    return model
-
-
 @treatments
-@pytest.mark.parametrize(
-    "build",
-    [
-        rod_with_its_weight_along_the_hinge,
-        slider_with_its_weight_across,
-        beam_with_its_weight,
-    ],
-)
-def test_what_a_weight_does_not_hold(build, treatment):
+def test_what_a_weight_does_not_hold(treatment):
     """The advice to let loads act from the start is not given where they do."""
+    model = beam_on_a_hinge()
+    model.add("weight", sc.LoadGravity((0, 0, -0.5)))  # along the hinge
     with pytest.raises(sc.InputError, match=r"can move freely.*or start from a state") as caught:
-        sc.static(build(), treatment, factors={"weight": 1.0})
+        sc.static(model, treatment, factors={"weight": 1.0})
     assert "factors" not in str(caught.value)
 
 
@@ -285,57 +148,6 @@ def test_a_beam_that_hangs_bent_may_turn_about_its_axis(treatment):
     for name in ("rod.start", "rod.end"):
         sag = path.position(model["rod"].node(name))[-1, 2]
         assert sag == pytest.approx(-1 - 0.05 / 1e3, abs=1e-7)
-
-
-@treatments
-def test_weight_along_a_motion_that_nothing_holds_yet(treatment):
-    """It draws two springs in a line, whose tension holds it in the end."""
-    system = point_drawn_along_two_springs().freeze()
-    path = sc.static(system, treatment, sc.LoadControl(2.0), factors={"weight": 1.0})
-    z = path["q"][-1, 2]
-    length = np.hypot(1, z)
-    assert 20 * (length - 1) * -z / length == pytest.approx(9.81, rel=1e-12)
-
-
-@treatments
-def test_weight_holds_what_hangs(treatment):
-    """A rod on a hinge, unstressed at the start, and two links, with their weight held."""
-    model = sc.Model()
-    beam = rod(model, stiff(EI=(500.0, 500.0)), ends=((0, 0, 0), (0, 0, -1)))
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), beam.node("rod.start"), axis=(0, 1, 0))
-    model.add("hinge", hinge)
-    first = model.add("first", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(3, 0, -0.5)))
-    second = model.add("second", sc.RigidBody.box(2.0, (0.1, 0.1, 1.0), position=(3, 0, -1.5)))
-    y = {"axis": (0, 1, 0)}
-    model.add("one", sc.JointRevolute(sc.ground((3, 0, 0)), first.at((3, 0, 0)), **y))
-    model.add("two", sc.JointRevolute(first.at((3, 0, -1)), second.at((3, 0, -1)), **y))
-    model.add("weight", sc.LoadGravity((0, 0, -10.0)))
-    model.add("pull", sc.LoadForce(beam.node("rod.end"), (2.0, 0, 0)))
-    model.add("push", sc.LoadForce(second.at((3, 0, -2)), (2.0, 0, 0)))
-    path = sc.static(model, treatment, factors={"weight": 1.0})
-    angles = [path[f"joint/{name}/angle"][-1] for name in ("one", "two")]
-    assert -angles[0] == pytest.approx(np.arctan(2 / (0.5 * 10 + 20)), rel=1e-12)
-    assert -sum(angles) == pytest.approx(np.arctan(2 / (0.5 * 20)), rel=1e-12)
-    # moments about the hinge, of what the rod has become
-    x = path["q"][-1].reshape(-1, 12)[: len(beam.basis.nodes), :3]
-    weight = np.zeros(len(x))
-    np.add.at(weight, beam.basis.connectivity, 10 * beam.line_weights(np.arange(4)))
-    assert weight @ x[:, 0] == pytest.approx(-2.0 * x[beam.node("rod.end").vertex, 2], rel=1e-11)
-
-
-@treatments
-def test_spin_holds_a_blade(treatment):
-    """On a flapping hinge: m Omega^2 L^2/3 tan(beta) cos^2(beta) = F L cos(beta)."""
-    model = sc.Model()
-    blade = model.add("blade", sc.RigidBody.rod(3.0, 1.0, position=(0.5, 0, 0), triad=_along_x()))
-    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), blade.at((0, 0, 0)), axis=(0, 1, 0))
-    model.add("hinge", hinge)
-    model.add("lift", sc.LoadForce(blade.at((1, 0, 0)), (0, 0, 1.0)))
-    spin = {"spin": Spin((0, 0, 4.0)), "factors": {"spin": 1.0}}
-    beta = -sc.static(model, treatment, **spin)["joint/hinge/angle"][-1]
-    assert np.sin(beta) == pytest.approx(1.0 / 16, rel=1e-12)
-    with pytest.raises(sc.InputError, match="rigid body 'blade': can move freely"):
-        sc.static(model, treatment)
 
 
 def hanging_chain(on="universal", rod=False, off=0.0, links=2):
@@ -401,59 +213,33 @@ def test_what_turns_about_its_rod_once_it_hangs(treatment):
         sc.static(hanging_chain(rod=True, off=0.05), treatment, factors={"weight": 1.0})
 
 
-@treatments
-def test_motions_of_a_loaded_start_are_those_that_its_stress_leaves(treatment):
-    """A box on a cable that just fits: all six are free without its weight, one with it."""
-    model = sc.Model()
-    box = model.add("box", sc.RigidBody.box(1.0, (0.2, 0.2, 0.2), position=(0, 0, -1.1)))
-    top = box.at((0, 0, -1))
-    model.add("cable", sc.Cable(sc.ground((0, 0, 0)), top, stiffness=1e3, length=1.0))
-    model.add("weight", sc.LoadGravity((0, 0, -9.81)))
-    with pytest.raises(sc.InputError, match=r"at the start .*one of 6 such"):
-        sc.static(model, treatment)
-    words = r"rigid body 'box': can move freely in the equilibrium .*about \(0, 0, 1\)"
-    with pytest.raises(sc.InputError, match=words):
-        sc.static(model, treatment, factors={"weight": 1.0})
-
-
-def slack_stay(slide, fits=True):
-    """A boom, or a slider, whose cable goes slack when half of a lift has grown."""
+def slack_stay(fits=True):
+    """A boom on a hinge, whose cable goes slack when half of a lift has grown."""
     model = sc.Model()
     boom = model.add("boom", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(0.5, 0, 0)))
-    below, at, up = sc.ground((0, 0, 0)), boom.at((0, 0, 0)), (0, 0, 1)
-    hinge = sc.JointRevolute(below, at, axis=(0, 1, 0))
-    model.add("joint", sc.JointPrismatic(below, at, axis=up) if slide else hinge)
-    end, mast = (boom.at((0.5, 0, 0)), (0.5, 0, 1)) if slide else (boom.at((1, 0, 0)), up)
-    model.add("stay", sc.Cable(sc.ground(mast), end, 1e3, length=None if fits else 1.4))
+    pin = sc.JointRevolute(sc.ground((0, 0, 0)), boom.at((0, 0, 0)), axis=(0, 1, 0))
+    model.add("joint", pin)
+    length = None if fits else 1.4
+    stay = sc.Cable(sc.ground((0, 0, 1)), boom.at((1, 0, 0)), 1e3, length=length)
+    model.add("stay", stay)
     model.add("weight", sc.LoadForce(boom.at((0.5, 0, 0)), (0, 0, -10.0)))
-    model.add("lift", sc.LoadForce(boom.at((1, 0, 0)), (0, 0, 20.0 if slide else 10.0)))
+    model.add("lift", sc.LoadForce(boom.at((1, 0, 0)), (0, 0, 10.0)))
     return model
 
 
-# where the cable goes slack the number of unstable motions changes by a jump
-@pytest.mark.filterwarnings("ignore:path, .* was not located:skfem_cosserat.IncompleteWarning")
-@treatments
-@pytest.mark.parametrize("slide", [False, True])
-def test_arc_length_is_not_advised_where_a_cable_goes_slack(slide, treatment):
+@pytest.mark.slow
+def test_arc_length_is_not_advised_where_a_cable_goes_slack():
     """It leads to no larger load either; what is known is said."""
-    model, loads = slack_stay(slide), {"weight": 1.0}
     with pytest.raises(sc.Diverged, match=r"cable 'stay' is slack .* Hold by") as caught:
-        sc.static(model, treatment, factors=loads)
+        sc.static(slack_stay(), factors={"weight": 1.0})
     assert caught.value.time == pytest.approx(0.5, abs=1e-5)
     assert "which pass limit points" not in str(caught.value)
-    assert "mesh" not in str(caught.value)
-    try:
-        path = sc.static(model, treatment, sc.ArcLength(points=15), factors=loads)
-    except sc.Diverged as error:
-        path = error.history
-    assert path["load_factor"].max() < 0.5 + 1e-6
 
 
 def test_a_start_whose_cable_does_not_stay_taut():
     """Nothing pulls at it, and then nothing holds the boom."""
-    model = slack_stay(False, fits=False)
     with pytest.raises(sc.InputError, match="'boom': can move freely in the equilibrium"):
-        sc.static(model)
+        sc.static(slack_stay(fits=False))
 
 
 @treatments
@@ -469,24 +255,7 @@ def test_an_end_that_can_move_freely_is_told(treatment):
     assert path.status == "completed" and abs(path["energy"][-1]) < 1e-12
 
 
-def _along_x():
-    return sc.triad((1, 0, 0))
-
-
-@pytest.mark.parametrize("elements", [5, 500])
-@pytest.mark.parametrize("slenderness", [1e2, 1e4, 1e5])
-def test_slender_meshes_are_held(elements, slenderness):
-    """Bending is softer than stretching by 1e11: no reason to call it free."""
-    d = 1 / slenderness
-    section = sc.SectionCircle(radius=d / 2, material=sc.Material(E=2e11, nu=0.3, rho=7800))
-    model, tip = cantilever(section, elements=elements, order=1)
-    load = 0.1 * section.stiffness[3, 3]
-    model.add("force", sc.LoadForce(tip, (0, load, 0)))
-    path = sc.static(model, control=sc.LoadControl(steps=1), watch=False, derive=False)
-    deflection = path["q"][-1, 12 * tip.vertex + 1]
-    assert deflection == pytest.approx(0.1 / 3, rel=0.02)
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-6, 1e3])
 def test_units_do_not_matter(scale):
     """Lengths in micrometres or kilometres."""
@@ -505,43 +274,22 @@ def test_units_do_not_matter(scale):
 # -- paths that end --------------------------------------------------------------------------------
 
 
-@treatments
-def test_limit_point_under_load_control(treatment):
+@pytest.mark.slow
+def test_limit_point_under_load_control():
     """The path up to the limit is kept; reason and a way on are given."""
-    model, _ = arch()
+    model, _ = truss()
     with pytest.raises(sc.Diverged, match=r"ArcLength\(\)|DisplacementControl") as caught:
-        sc.static(model, treatment, sc.LoadControl(10.0))
+        sc.static(model, control=sc.LoadControl(10.0))
     error = caught.value
     limit = 400 * (1.09 ** (1 / 3) - 1) ** 1.5
     path = error.history
     assert path.status == "diverged"
-    assert error.time == path["load_factor"][-1]
+    assert error.time == path["load_factor"][-1] and error.step == len(path)
     assert 0.99 * limit < error.time < limit
-    assert error.step == len(path)
     assert str(error) == path.meta["failure"]
-    assert "load factor" in str(error)
-    assert " s could" not in str(error)
-    # the way on that it names
-    start = equilibrium(model, path)
-    on = sc.static(model, treatment, sc.ArcLength(60, until=10.0, first=0.01), start=start)
-    assert [c["kind"] for c in on.meta["critical"]] == ["limit", "limit"]
-    assert on["load_factor"][-1] == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize(
-    "treatment", [sc.NullSpace(), pytest.param(sc.Multipliers(), marks=pytest.mark.slow)]
-)
-@pytest.mark.filterwarnings("ignore:path, load factor")
-def test_fixed_steps_may_snap(treatment):
-    """Automatic steps stop before a limit point; steps that are forced land behind it."""
-    model, _ = arch()
-    path = sc.static(model, treatment, sc.LoadControl(1.995, steps=4))
-    assert len(path) == 5
-    assert path["q"][3, 2] > 0 > path["q"][4, 2]
-    with pytest.raises(sc.Diverged):
-        sc.static(model, treatment, sc.LoadControl(1.995))
-
-
+@pytest.mark.slow
 def test_start_without_an_equilibrium_near():
     """Held far above the limit load of linear elements."""
     model, tip = cantilever(elements=1, order=1)
@@ -550,15 +298,6 @@ def test_start_without_an_equilibrium_near():
         sc.static(model, factors={"moment": 1.0})
     assert caught.value.history is not None
     assert caught.value.history.status == "diverged"
-
-
-@treatments
-def test_load_that_does_not_move_the_place(treatment):
-    system, tip = scene()
-    control = sc.DisplacementControl(tip, (0, 0, 1), until=0.1)
-    with pytest.raises(sc.Diverged, match="load factor") as caught:
-        sc.static(system, treatment, control)
-    assert len(caught.value.history) == 1
 
 
 def test_interrupt_keeps_the_path():
@@ -576,8 +315,9 @@ def test_interrupt_keeps_the_path():
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.slow
 def test_callbacks():
-    """All are called with each point asked for; True ends the path."""
+    """All are called with each point; True ends the path."""
     system, _ = scene()
     seen, others = [], []
 
@@ -589,11 +329,6 @@ def test_callbacks():
     assert path.status == "stopped"
     assert seen == others == path["load_factor"][1:].tolist()
     assert sum(t > 0.4 for t in seen) == 1
-    asked = []
-    sc.static(
-        system, control=sc.LoadControl(at=[0.5, 1.0]), callbacks=[lambda p: asked.append(p.t)]
-    )
-    assert asked == [0.5, 1.0]
     lines = []
     sc.static(system, progress=lambda parameter, factor: lines.append((parameter, factor)))
     assert lines[-1] == (1.0, 1.0)
@@ -615,27 +350,22 @@ def test_a_callback_that_fails(tmp_path):
     assert equilibrium(system, kept).load_factor == kept["load_factor"][-1]
 
 
-@pytest.mark.parametrize("where", ["load", "factor", "ground", "drive"])
+@pytest.mark.parametrize("where", ["load", "factor", "drive"])
 def test_functions_that_fail_on_the_way_are_named(where):
     def bad(t):
         return NAN if t > 0.5 else 0.1 * t
 
     model, hinge, body = hinged()
-    names = {"load": "'push'", "factor": "'push'", "ground": "motion", "drive": "'motor'"}
     place = body.at((0, 0, 1))
     if where == "load":
         model.add("push", sc.LoadForce(place, (1.0, 0, 0), bad))
     elif where == "drive":
         model.add("motor", sc.JointDrive(hinge, bad))
-    elif where == "ground":
-        motion = sc.Motion(displacement=lambda t: (bad(t), 0, 0))
-        model.add("tie", sc.SpringDamper(sc.ground((1, 0, 1), motion), place, 3.0))
     else:
         model.add("push", sc.LoadForce(place, (1.0, 0, 0)))
     factors = {"push": bad} if where == "factor" else None
-    with pytest.raises(sc.InputError, match=names[where]) as caught:
+    with pytest.raises(sc.InputError, match=r"'(push|motor)'.*nan"):
         sc.static(model, factors=factors)
-    assert "nan" in str(caught.value)
 
 
 # -- arguments -------------------------------------------------------------------------------------
@@ -647,21 +377,22 @@ def _state(system, **changes):
 
 
 ARGUMENTS = {
-    "model": [None, "rod", 3.0, sc.NullSpace()],
-    "treatment": ["null space", sc.NullSpace, 1],
-    "control": ["load", sc.ArcLength, 1.0, [1.0]],
-    "start": ["end", 0.5, [0.0], np.zeros(3)],
-    "factors": [["force"], "force", 3, {"other": 1.0}, {3: 1.0}, {"spin": 1.0}],
-    "spin": [(0, 0, 1.0), 3.0, "z"],
-    "settings": [{"iterations": 3}, sc.NewtonSettings, 20],
-    "watch": ["yes", None, 1.0],
-    "callbacks": [print, None, [1], "abc"],
-    "progress": [3, "yes"],
-    "path": [3.5, ["a"]],
-    "derive": ["no", 1, ["enrgy"]],
+    "model": [None],
+    "treatment": ["null space", sc.NullSpace],
+    "control": ["load", sc.ArcLength],
+    "start": ["end"],
+    "factors": [3, {"other": 1.0}, {3: 1.0}, {"spin": 1.0}],
+    "spin": [(0, 0, 1.0)],
+    "settings": [{"iterations": 3}],
+    "watch": ["yes"],
+    "callbacks": [print, [1]],
+    "progress": [3],
+    "path": [3.5],
+    "derive": ["no", ["enrgy"]],
 }
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_bad_arguments_are_named(name):
     system, _ = scene()
@@ -672,7 +403,7 @@ def test_bad_arguments_are_named(name):
         assert caught.value.item == f"argument {name}", value
 
 
-@pytest.mark.parametrize("value", [NAN, INF, None, "a", True, [1, 2], lambda t: (1, 2)])
+@pytest.mark.parametrize("value", [NAN, "a", True, [1, 2], lambda t: (1, 2)])
 def test_bad_factors(value):
     system, _ = scene()
     with pytest.raises(sc.InputError, match=r"argument factors.*'force'"):
@@ -684,12 +415,8 @@ def test_bad_starts():
     bent = system.q0.copy()
     bent[3] += 0.1
     bad = [
-        {"q": np.zeros(3)},
-        {"q": NAN * system.q0},
-        {"q": bent},
+        *({"q": q} for q in (np.zeros(3), NAN * system.q0, bent)),
         {"time": NAN},
-        {"time": "0"},
-        {"time": None},
         {"turns": np.array([1, 2])},
     ]
     for changes in bad:
@@ -699,7 +426,7 @@ def test_bad_starts():
 
 @pytest.mark.parametrize(
     "arguments",
-    [(None,), (3.0,), ("abc",), ((0, 0),), ((0, 0, NAN),), ((0, 0, 1j),), ((0, 0, 1), (1, 2))],
+    [("abc",), ((0, 0),), ((0, 0, NAN),), ((0, 0, 1), (1, 2))],
     ids=str,
 )
 def test_bad_spins(arguments):
@@ -708,12 +435,12 @@ def test_bad_spins(arguments):
 
 
 STEERED = {
-    "until": [NAN, INF, "a", "1", True, np.True_, b"1", [1, 2], 1j],
-    "steps": [0, -1, 1.5, NAN, "a", True, [1]],
-    "at": [[], [NAN], "ab", ["0.5", "1"], [True], 0.5, [[0.1, 0.2]], [1j], [None], {"a": 1}],
-    "first": [0, -1, NAN, INF, None, "a"],
-    "longest": [0, -1, NAN, INF, None, "a"],
-    "turn": [0, -1, NAN, INF, "a", [1]],
+    "until": [NAN, "1", 1j],
+    "steps": [0, 1.5, "a"],
+    "at": [[], [NAN], ["0.5", "1"], 0.5, [[0.1, 0.2]]],
+    "first": [0, NAN, None],
+    "longest": [0, "a"],
+    "turn": [0, NAN],
 }
 
 
@@ -729,12 +456,12 @@ def test_bad_controls(name):
 
 
 ARC = {
-    "points": [0, -1, 1.5, NAN, None, "a", True],
-    "until": [NAN, INF, "a", "1", True, [1]],
-    "first": [0, True, "1", NAN, INF, None, "a"],
-    "length": [0, -1, NAN, INF, None, "a"],
-    "longest": [0, -1, NAN, INF, None, "a"],
-    "turn": [0, -1, NAN, INF, "a"],
+    "points": [0, 1.5, None],
+    "until": [NAN, "1"],
+    "first": [0, NAN],
+    "length": [-1, "a"],
+    "longest": [0, NAN],
+    "turn": [0, "a"],
 }
 
 
@@ -747,34 +474,29 @@ def test_bad_arc_lengths(name):
 
 def test_controls_that_lead_nowhere():
     system, tip = scene()
-    for values in ([0.1, 0.1], [0.1, 0.3, 0.2], [0, 0, 1], [0.5, -1.0]):
+    for values in ([0.1, 0.1], [0.1, 0.3, 0.2]):
         for control in (
             sc.LoadControl(at=values),
             sc.DisplacementControl(tip, (0, 1, 0), at=values),
         ):
             with pytest.raises(sc.InputError, match="one way"):
                 sc.static(system, control=control)
-    for more in ({"steps": 2}, {"until": 1.0}):
-        with pytest.raises(sc.InputError, match="expected one of them"):
-            sc.LoadControl(at=[0.5, 1.0], **more)
-        with pytest.raises(sc.InputError, match="expected one of them"):
-            sc.DisplacementControl(tip, (0, 1, 0), at=[0.5, 1.0], **more)
+    with pytest.raises(sc.InputError, match="expected one of them"):
+        sc.LoadControl(at=[0.5, 1.0], steps=2)
+    with pytest.raises(sc.InputError, match="expected one of them"):
+        sc.DisplacementControl(tip, (0, 1, 0), until=1.0, at=[0.5, 1.0])
     with pytest.raises(sc.InputError, match="where the path starts"):
         sc.static(system, control=sc.LoadControl(0.0))
-    with pytest.raises(sc.InputError, match="where the path starts"):
-        sc.static(system, control=sc.LoadControl(at=[0.0]))
     with pytest.raises(sc.InputError, match="DisplacementControl: until"):
         sc.DisplacementControl(tip, (0, 1, 0))
 
 
+@pytest.mark.slow
 def test_values_to_record_may_begin_with_the_start():
     system, tip = scene()
     wanted = [0.0, 0.25, 0.5, 0.75, 1.0]
     path = sc.static(system, control=sc.LoadControl(at=np.linspace(0, 1, 5)))
     assert path["load_factor"].tolist() == wanted
-    start = equilibrium(system, path, 2)
-    path = sc.static(system, control=sc.LoadControl(at=wanted[2:]), start=start)
-    assert path["load_factor"].tolist() == wanted[2:]
     control = sc.DisplacementControl(tip, (0, 1, 0), at=np.linspace(0, 0.02, 3))
     assert sc.static(system, control=control).times.tolist() == [0.0, 0.01, 0.02]
 
@@ -796,16 +518,9 @@ def test_an_arc_length_path_may_end_behind_its_start():
 def test_controls_and_treatments_show_their_arguments():
     _, tip = scene()
     for shown, made in {
-        "LoadControl(until=60)": sc.LoadControl(60),
         "LoadControl(at=[0.5, 1], turn=0.2)": sc.LoadControl(at=[0.5, 1], turn=0.2),
-        "LoadControl(until=1, steps=4)": sc.LoadControl(steps=4),
-        "ArcLength()": sc.ArcLength(),
         "ArcLength(points=9, until=2, first=-0.1)": sc.ArcLength(9, until=2, first=-0.1),
-        "NullSpace()": sc.NullSpace(),
-        "Multipliers()": sc.Multipliers(),
         "Multipliers(scaled=False)": sc.Multipliers(scaled=False),
-        "Variational()": sc.Variational(),
-        "EnergyMomentum()": sc.EnergyMomentum(),
     }.items():
         assert repr(made) == shown
         assert repr(eval(shown, vars(sc))) == shown
@@ -837,10 +552,10 @@ def test_the_line_of_progress_is_ended(capfd):
 
 def test_places_of_displacement_control():
     system, tip = scene()
-    for place in (None, "tip", 3, sc.ground((0, 0, 0))):
+    for place in ("tip", sc.ground((0, 0, 0))):
         with pytest.raises(sc.InputError, match="DisplacementControl: place"):
             sc.DisplacementControl(place, (0, 1, 0), 0.1)
-    for direction in (None, "y", 3, (0, 0, 0), (NAN, 0, 1), (1, 2)):
+    for direction in ("y", (0, 0, 0), (NAN, 0, 1), (1, 2)):
         with pytest.raises(sc.InputError, match="DisplacementControl: direction"):
             sc.DisplacementControl(tip, direction, 0.1)
     _, other = scene()
@@ -851,26 +566,27 @@ def test_places_of_displacement_control():
         sc.static(system, control=sc.DisplacementControl(root, (0, 1, 0), 0.1))
 
 
+@pytest.mark.slow
 def test_bad_branches_and_equilibria():
-    model, _ = column()
+    model, tip = column()
     path = sc.static(model, control=sc.LoadControl(3.0))
     for name, values in {
-        "which": [NAN, None, "a", 1.5, 1, -2, [0], True],
-        "sign": [NAN, None, "a", 0, [1, 2]],
-        "mode": [NAN, None, "a", 1.5, 999, -1, [0], True],
-        "factors": [{"other": 1.0}, 3],
+        "which": ["a", 1, -2],
+        "sign": [NAN, 0],
+        "mode": [1.5, 999],
+        "factors": [{"other": 1.0}],
         "spin": [3.0],
-        "model": [None, "column"],
+        "model": ["column"],
     }.items():
         for value in values:
             arguments = {"model": model, "history": path} | {name: value}
             with pytest.raises(sc.InputError, match=f"argument {name}"):
                 sc.branch(**arguments)
-    for value in (NAN, None, "a", 1.5, 99, -99, [0], True):
+    for value in ("a", 99):
         with pytest.raises(sc.InputError, match="argument index"):
             equilibrium(model, path, value)
     run = sc.simulate(model.freeze(), sc.EnergyMomentum(), sc.NullSpace(), 0.01, 0.02)
-    for history in (None, "path", run):
+    for history in ("path", run):
         for verb in (sc.branch, equilibrium):
             with pytest.raises(sc.HistoryError, match="no path of static"):
                 verb(model, history)
@@ -879,15 +595,11 @@ def test_bad_branches_and_equilibria():
         with pytest.raises(sc.HistoryError, match="another model"):
             verb(system, path)
     start = sc.branch(model, path)
-    for control in (sc.LoadControl(), sc.DisplacementControl(_tip(model), (1, 0, 0), 0.1)):
+    for control in (sc.LoadControl(), sc.DisplacementControl(tip, (1, 0, 0), 0.1)):
         with pytest.raises(sc.InputError, match="expected ArcLength"):
             sc.static(model, control=control, start=start)
     with pytest.raises(sc.InputError, match="another model"):
         sc.static(system, control=sc.ArcLength(3), start=start)
-
-
-def _tip(model):
-    return model["rod"].node("rod.end")
 
 
 def test_paths_without_critical_points_have_no_branches():

@@ -21,11 +21,10 @@ from scipy.special import ellipk
 from test_couplings import zoo
 
 import skfem_cosserat as sc
-from skfem_cosserat import Spin, equilibrium, write_paraview
+from skfem_cosserat import Spin, equilibrium
 from skfem_cosserat.diagnostics.stacked import blocks_matrix
-from skfem_cosserat.model.balance import Amplitudes, amplitudes_at, balance, balance_tangent
+from skfem_cosserat.model.balance import Amplitudes, balance, balance_tangent
 from skfem_cosserat.statics.control import Functional, Point
-from skfem_cosserat.statics.critical import inspect
 from skfem_cosserat.statics.path import STATIC
 from skfem_cosserat.statics.problem import PathSolver, Problem, Schedule
 
@@ -42,7 +41,6 @@ ways = pytest.mark.parametrize(
     ],
     ids=["null space", "compiled", "multipliers"],
 )
-INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 
 
 def stiff(EA=1e4, EI=(1.0, 1.0), GJ=2.0):
@@ -50,9 +48,9 @@ def stiff(EA=1e4, EI=(1.0, 1.0), GJ=2.0):
     return sc.Section([EA, EA, EA, *EI, GJ], mass=1.0, inertia=(1e-3, 1e-3))
 
 
-def rod(model, section=None, elements=4, order=3, ends=((0, 0, 0), (1, 0, 0)), name="rod"):
+def rod(model, section=None, elements=4, order=3, ends=((0, 0, 0), (1, 0, 0)), name="rod", **how):
     mesh = sc.MeshCurve.init_line(*ends, elements, name=name)
-    return model.add(name, sc.Beam(mesh, section or stiff(), order=order))
+    return model.add(name, sc.Beam(mesh, section or stiff(), order=order, **how))
 
 
 def cantilever(section=None, **options):
@@ -90,6 +88,7 @@ def on_a_line(*items):
     return model, point
 
 
+@pytest.mark.one_quick
 @treatments
 def test_spring_and_cable(treatment):
     """F/k; a cable of 0.2 m slack joins in: the law has a kink."""
@@ -105,28 +104,7 @@ def test_spring_and_cable(treatment):
     assert path.meta["critical"] == []
 
 
-@treatments
-def test_free_points_on_springs_alone(treatment):
-    """No constraint rows at all."""
-    model = sc.Model()
-    point = model.add("point", sc.MassPoint(1.0))
-    for k, x in enumerate(np.eye(3)):
-        for side in (-1, 1):
-            anchor = sc.ground(side * x)
-            model.add(f"spring {k}{side}", sc.SpringDamper(anchor, point.place(), 10.0 * (k + 1)))
-    model.add("pull", sc.LoadForce(point.place(), (1.0, 2.0, 3.0)))
-    path = sc.static(model, treatment)
-    x = path["q"][-1]
-    force = np.zeros(3)
-    for k, e in enumerate(np.eye(3)):
-        for side in (-1, 1):
-            line = side * e - x
-            length = np.linalg.norm(line)
-            force += 10.0 * (k + 1) * (length - 1) * line / length
-    assert abs(force + [1, 2, 3]).max() < 1e-12
-    assert abs(x).min() > 0.03
-
-
+@pytest.mark.one_quick
 @treatments
 def test_bushing(treatment):
     model = sc.Model()
@@ -148,6 +126,7 @@ def hinged(*items, axis=(0, 1, 0), position=(0, 0, 0.5)):
     return model, hinge, body
 
 
+@pytest.mark.slow
 @treatments
 @pytest.mark.parametrize("control", [sc.LoadControl(), sc.LoadControl(steps=8)])
 def test_actuator_against_a_torsion_spring(treatment, control):
@@ -161,39 +140,7 @@ def test_actuator_against_a_torsion_spring(treatment, control):
     assert abs(path["joint/hinge/angle"] - 12.5 * path["load_factor"]).max() < 1e-11
 
 
-@treatments
-def test_heavy_pendulum_with_a_torsion_spring(treatment):
-    """Nothing moves before it buckles at m g l = k; beyond: k theta = m g l sin(theta)."""
-    model, *_ = hinged()
-    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
-    path = sc.static(model, treatment)
-    assert criticals(path) == [("bifurcation", 1)]
-    assert loads_of(path) == pytest.approx([0.4], abs=1e-12)
-    assert abs(path["q"] - path["q"][0]).max() < 1e-14
-    assert path["unstable"].tolist() == (path["load_factor"] > 0.4).astype(int).tolist()
-    ends = []
-    for sign in (1, -1):
-        start = sc.branch(model, path, sign=sign)
-        side = sc.static(model, treatment, sc.ArcLength(25), start=start)
-        angle = side["joint/hinge/angle"]
-        assert abs(2 * angle - 5 * side["load_factor"] * np.sin(angle)).max() < 1e-12
-        assert side.meta["critical"] == []
-        ends.append(angle[-1])
-    assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
-    assert abs(ends[0]) > 1
-
-
-@treatments
-def test_rigid_path_by_arc_length(treatment):
-    """Steps are of the load factor while nothing moves."""
-    model, *_ = hinged()
-    model.add("gravity", sc.LoadGravity((0, 0, -10.0)))
-    path = sc.static(model, treatment, sc.ArcLength(20, first=0.09, until=0.65))
-    assert path["load_factor"][-1] == pytest.approx(0.65, abs=1e-14)
-    assert loads_of(path) == pytest.approx([0.4], abs=1e-12)
-    assert (np.diff(path.times) > 0).all()
-
-
+@pytest.mark.slow
 @treatments
 def test_centrifugal_stretch_of_a_bar(treatment):
     """``L (tan(kL)/(kL) - 1)``, k^2 = rho A Omega^2/EA: element ends converge with h^8."""
@@ -207,6 +154,7 @@ def test_centrifugal_stretch_of_a_bar(treatment):
     assert abs(root + [1e4 * (1 / np.cos(k) - 1), 0, 0]).max() < 1e-5
 
 
+@pytest.mark.one_quick
 @treatments
 def test_spinning_mass_on_a_spring(treatment):
     """``k u = m Omega^2 (r + u)``; the axis need not pass through the origin."""
@@ -218,14 +166,14 @@ def test_spinning_mass_on_a_spring(treatment):
     assert path["joint/wire/force"][-1, 1] == pytest.approx(2 * 9 * 4, rel=1e-12)
 
 
-@treatments
-def test_reactions_balance_the_loads(treatment):
+@pytest.mark.slow
+def test_reactions_balance_the_loads():
     model, tip = cantilever(order=2, elements=6)
     model.add("line", sc.LoadLine(model["rod"], (0.2, 0.5, -0.4)))
     model.add("force", sc.LoadForce(tip, (0.3, 0.1, 0.2)))
     model.add("moment", sc.LoadMoment(tip, (0.1, -0.2, 0.3)))
     model.add("gravity", sc.LoadGravity((0, 0, -0.7)))
-    path = sc.static(model, treatment)
+    path = sc.static(model)
     total = np.array([0.2 + 0.3, 0.5 + 0.1, -0.4 + 0.2 - 0.7])
     assert abs(path["joint/clamp/force"][-1] + total).max() < 1e-10
     beam = model["rod"]
@@ -282,9 +230,10 @@ def assembly(order):
 SPIN = Spin((0.2, 0.1, 0.4), (0, 1, 0))
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [1, 2])
 def test_every_item_in_both_treatments(order):
-    """Same equilibrium and constraint forces, of zero residual along the constraints."""
+    """Same equilibrium and constraint forces."""
     system = assembly(order)
     until = 0.3 if order == 1 else 1.0  # three linear elements carry no more than 0.34
     control = sc.LoadControl(until)
@@ -294,10 +243,6 @@ def test_every_item_in_both_treatments(order):
     assert abs(q - system.q0).max() > 0.5 * until
     force, second = (path["constraint_force"][-1] for path in ends)
     assert abs(force - second).max() < 1e-10 * abs(force).max()
-    amplitudes = Schedule(system, None, SPIN).at(until)
-    at_end = balance(system, system.extend(q, until), amplitudes, turns=ends[0]["turns"][-1])
-    assert abs(system.null_space(q, until).T @ at_end.R.ravel()).max() < 1e-12 * at_end.size
-    assert abs(at_end.R.ravel() + force).max() < 1e-10 * at_end.size
     assert ends[0].meta["critical"] == ends[1].meta["critical"] == []
 
 
@@ -319,93 +264,57 @@ def ring():
     return model
 
 
-def braced():
-    """A beam holds a linkage."""
-    model = four_bar()
-    beam = rod(model, order=2, ends=((0, 1, 0), (2, 0, 0)))
-    z = {"axis": (0, 0, 1)}
-    model.add("low", sc.JointRevolute(model["crank"].at((0, 1, 0)), beam.node("rod.start"), **z))
-    model.add("high", sc.JointRevolute(model["rocker"].at((2, 0, 0)), beam.node("rod.end"), **z))
-    model.add("push", sc.LoadForce(model["coupler"].at((1, 1.25, 0)), (3.0, 1, 0)))
-    return model
-
-
-@pytest.mark.parametrize("scene", [linkage, ring, braced])
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [linkage, ring])
 def test_closed_loops_in_both_treatments(scene):
-    model = scene()
-    system = model.freeze()
+    system = scene().freeze()
     ends = [sc.static(system, t) for t in TREATMENTS.values()]
     q, other = (path["q"][-1] for path in ends)
     assert abs(q - other).max() < 1e-10
     assert abs(q - system.q0).max() > 1e-4
     force, second = (path["constraint_force"][-1] for path in ends)
     assert abs(force - second).max() < 1e-9 * abs(force).max()
-    schedule = Schedule(system)
-    at_end = balance(system, system.extend(q, 1.0), schedule.at(1.0), turns=_turns(ends[0]))
-    assert abs(system.null_space(q).T @ at_end.R.ravel()).max() < 1e-10 * at_end.size
     assert ends[0]["constraint_violation"].max() < 1e-12
-
-
-def _turns(path):
-    return path["turns"][-1] if "turns" in path else None
-
-
-@treatments
-def test_linkage_does_the_work_of_its_loads(treatment):
-    """Independent: the spring's moment from the angles by virtual work of the closed linkage."""
-    model = linkage()
-    path = sc.static(model, treatment)
-    crank = path["joint/pin 0/angle"]
-    h = 1e-4
-    around = []
-    for shift in (-h, h):
-        drive = four_bar()
-        turn = float(crank[-1]) + shift
-        drive.add("drive", sc.JointDrive(drive["pin 0"], lambda t, turn=turn: turn * t))
-        around.append(sc.static(drive, treatment))
-    place = model["coupler"].at((1, 1.25, 0))
-    first = model.freeze().offset(place)
-    ends = [
-        p["q"][-1, first : first + 3]
-        + place.offset @ p["q"][-1, first + 3 : first + 12].reshape(3, 3)
-        for p in around
-    ]
-    angles = [float(p["joint/pin 2/angle"][-1]) for p in around]
-    power = ((ends[1] - ends[0]) @ [10, 3, 4] + 4 * (angles[1] - angles[0])) / (2 * h)
-    assert 5 * crank[-1] == pytest.approx(power, rel=1e-6)
 
 
 # -- controls --------------------------------------------------------------------------------------
 
 
-def arch():
-    """A mass point on four springs, that snaps through."""
+def truss(height=0.3, stiffness=(100.0, 100.0)):
+    """A mass point on two pairs of springs, at right angles: a shallow one snaps through."""
     model = sc.Model()
-    point = model.add("point", sc.MassPoint(1.0, (0, 0, 0.3)))
-    for k, x in enumerate([(-1, 0, 0), (1, 0, 0), (0, 1, 0), (0, -1, 0)]):
-        model.add(f"spring {k}", sc.SpringDamper(sc.ground(x), point.place(), 100.0))
+    point = model.add("point", sc.MassPoint(1.0, (0, 0, height)))
+    for k, x in enumerate([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]):
+        spring = sc.SpringDamper(sc.ground(x), point.place(), stiffness[k // 2])
+        model.add(f"spring {k}", spring)
     model.add("load", sc.LoadForce(point.place(), (0, 0, -1.0)))
     return model, point
 
 
 def pushed_down(z):
-    """Load of the arch at height z, all four springs alike."""
+    """Load of the shallow truss at height z."""
     return 400 * (np.hypot(1, 0.3) / np.hypot(1, z) - 1) * z
 
 
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # of few elements
-def test_critical_points_do_not_hang_on_the_steps():
-    """Two bifurcations of a flat arch, which lie in one step where the steps are long."""
+def bow():
+    """A flat arch between two hinges, pushed at its top, and that node."""
     points = [(x, 0.3 * (1 - x * x), 0) for x in np.linspace(-1, 1, 7)]
     mesh, model = sc.MeshCurve.init_polyline(points, 1, name="rod"), sc.Model()
     section = sc.Section([2e4, 2e4, 5e4, 40.0, 60.0, 30.0], mass=1.0, inertia=(1e-3, 1e-3))
-    beam = model.add("arch", sc.Beam(mesh, section, director=(0, 0, 1)))
+    beam = model.add("bow", sc.Beam(mesh, section, director=(0, 0, 1)))
     for end in ("start", "end"):
         node = beam.node(f"rod.{end}")
         model.add(end, sc.JointRevolute(sc.ground(node.position), node, axis=(0, 0, 1)))
     top = beam.node((0, 0.3, 0))
     model.add("push", sc.LoadForce(top, (0.0, -60.0, 0)))
-    found = []
+    return model, top
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # of few elements
+def test_critical_points_do_not_hang_on_the_steps():
+    """Two bifurcations of a flat arch, which lie in one step where the steps are long."""
+    (model, top), found = bow(), []
     for steps in (4, 5, 24):
         path = sc.static(model, control=sc.DisplacementControl(top, (0, -1, 0), 0.1, steps=steps))
         found.append(loads_of(path))
@@ -414,26 +323,21 @@ def test_critical_points_do_not_hang_on_the_steps():
         assert loads == pytest.approx(found[-1], rel=1e-8)
 
 
-def test_paths_are_equal_in_both_treatments():
-    """Steps of equal arc length: point by point; and both lie on the curve."""
-    found = []
-    for treatment in TREATMENTS.values():
-        model, _ = arch()
-        control = sc.ArcLength(40, first=1.2, longest=0.03)
-        path = sc.static(model, treatment, control)
-        z, load = path["q"][:, 2], path["load_factor"]
-        assert abs(load - pushed_down(z)).max() < 1e-10
-        assert z[-1] < -0.3
-        found.append(path)
-    assert len(found[0]) == len(found[1])
-    for name in ("q", "load_factor", "t"):
-        assert abs(found[0][name] - found[1][name]).max() < 1e-10
+@pytest.mark.slow
+def test_a_bifurcation_of_a_bow_is_symmetric():
+    """It lies on the path that goes on, where the bow does not lean to a side."""
+    path = sc.static(bow()[0], control=sc.ArcLength(12, first=0.2))
+    (found,) = path.meta["critical"]
+    x = path["q"][found["state"]].reshape(-1, 12)[:, :2]
+    assert found["kind"] == "bifurcation"
+    assert x == pytest.approx(x[::-1] * [-1, 1], abs=1e-10)
 
 
+@pytest.mark.slow
 @treatments
 def test_controls_agree(treatment):
     """By displacement, by arc length and by load: the same loads at the same places."""
-    model, point = arch()
+    model, point = truss()
     stops = [0.05, 0.1, 0.2, 0.4, 0.65]
     control = sc.DisplacementControl(point.place(), (0, 0, -2.0), at=stops)
     path = sc.static(model, treatment, control)
@@ -451,7 +355,7 @@ def test_controls_agree(treatment):
 
 def test_a_step_that_jumps_over_a_limit_point_is_told():
     """Ends of all steps are stable: only the tangents tell. Shorter ones on one branch do not."""
-    model, _ = arch()
+    model, _ = truss()
     crest = pushed_down(np.linspace(0, 0.3, 10001)).max()
     beyond = rf"path, load factor {2 * crest:.6g}: from load factor 0 on .* jumped .*ArcLength"
     with pytest.warns(sc.AccuracyWarning, match=beyond):
@@ -464,45 +368,32 @@ def test_a_step_that_jumps_over_a_limit_point_is_told():
         ]
 
 
-def test_a_path_that_ends_at_a_limit_point_names_it():
-    model, _ = arch()
-    with pytest.raises(sc.Diverged) as caught:
-        sc.static(model, control=sc.LoadControl(until=20.0))
-    text = str(caught.value)
-    assert "a limit point is near" in text
-    assert "ArcLength() or DisplacementControl()" in text
-
-
-@treatments
-def test_arc_length_comes_back_to_its_first_load_factor(treatment):
+@pytest.mark.slow
+def test_arc_length_comes_back_to_its_first_load_factor():
     """``until`` at the start: the path ends where it crosses that load again."""
-    model, _ = arch()
-    path = sc.static(model, treatment, sc.ArcLength(100, first=0.9, until=0.0))
+    model, _ = truss()
+    path = sc.static(model, control=sc.ArcLength(100, first=0.9, until=0.0))
     assert path["load_factor"][-1] == pytest.approx(0.0, abs=1e-12)
     assert path["q"][-1, 2] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @ways
-@pytest.mark.parametrize("steps", [1, 2, 7])
-def test_end_does_not_depend_on_the_steps(treatment, kernels, steps):
+def test_end_does_not_depend_on_the_steps(treatment, kernels):
     model, tip = cantilever(stiff(1e5))
     model.add("load", sc.LoadForce(tip, (-1.0, 3.0, 2.0)))
-    path = sc.static(model, treatment, sc.LoadControl(steps=steps), kernels=kernels)
-    assert len(path) == steps + 1
-    assert path["load_factor"] == pytest.approx(np.linspace(0, 1, steps + 1), abs=1e-15)
     reference = sc.static(model)
-    assert abs(path["q"][-1] - reference["q"][-1]).max() < 1e-10
-    assert int(path["newton_iterations"].sum()) == path.meta["newton_iterations"]
-    assert int(path["attempts"].sum()) == path.meta["attempts"] == steps + path.meta["rejected"]
+    for steps in (1, 7):
+        path = sc.static(model, treatment, sc.LoadControl(steps=steps), kernels=kernels)
+        assert path["load_factor"] == pytest.approx(np.linspace(0, 1, steps + 1), abs=1e-15)
+        assert abs(path["q"][-1] - reference["q"][-1]).max() < 1e-10
 
 
 # -- tangents --------------------------------------------------------------------------------------
 
 SCENES = {
     "everything 1": lambda: everything(1),
-    "everything 3": lambda: everything(3),
     "tree": lambda: random_tree(0),
-    "springs": lambda: zoo(0),
     "moving springs": lambda: zoo(1, moving=True),
     "assembly": lambda: assembly(2),
     "linkage": lambda: linkage().freeze(),
@@ -520,6 +411,7 @@ def trial(system, seed=0, t=0.35, size=0.2):
     return rng, y, Amplitudes(loads, motors, spin)
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize("scene", SCENES)
 def test_tangent_of_the_balance(scene):
     """dR/dy by the complex step, of all rows of y, off the constraints too."""
@@ -538,81 +430,7 @@ def test_tangent_of_the_balance(scene):
     assert abs(K - wanted).max() < 1e-13 * abs(wanted).max()
 
 
-def test_a_wrong_tangent_of_the_balance_is_found():
-    system = everything(1)
-    _, y, amplitudes = trial(system)
-    found = balance(system, y, amplitudes)
-    other = Amplitudes(amplitudes.loads, amplitudes.actuators, Spin((0, 0, 1e-3)))
-    K, L = (blocks_matrix(system, balance_tangent(system, found, a)) for a in (amplitudes, other))
-    assert abs(K - L).max() > 1e-2
-
-
-@treatments
-@pytest.mark.parametrize("scene", SCENES)
-def test_displacement_is_a_derivative_and_pull_its_adjoint(scene, treatment):
-    system = SCENES[scene]()
-    t = 0.0 if len(system.closure.rows) else 0.35  # random positions do not close loops
-    rng = np.random.default_rng(1)
-    bound = treatment.bind(system, 1.0, large=True)
-    q = system.q0 if t == 0 else random_state(system, rng, t, 0.2)
-    bound.begin(system.extend(q, t), system.ground(t), 1.0)
-    bound.guess(False)
-    amplitudes = amplitudes_at(system, t)
-
-    def configuration():
-        y = bound.configure()
-        found = balance(system, y, amplitudes)
-        bound.reduce(found.R, y)
-        bound.matrix(balance_tangent(system, found, amplitudes), found.R, y)
-        return y
-
-    used = np.ones(bound.solver.n) if bound.active is None else bound.active
-    configuration()
-    bound.move(0.03 * used * rng.standard_normal(bound.solver.n))
-    y = configuration()
-    u, gradient = used * rng.standard_normal(bound.solver.n), rng.standard_normal((system.rows, 3))
-    if treatment.name == "multipliers":  # only rotations of triads are taken
-        omega = rng.standard_normal((len(system.kinematics.frames), 1, 3))
-        rates = u[: system.n].reshape(-1, 3)
-        rates[system.kinematics.director_rows] = np.cross(omega, system.kinematics.directors(y))
-    change = bound.displacement(u, y)
-    power = float((change * gradient).sum())
-    assert power == pytest.approx(float(bound.pull(gradient) @ u), rel=1e-11)
-    sought = bound.sought
-    bound.move(1j * EPS * u)
-    derivative = bound.configure().imag[: system.rows] / EPS
-    bound.sought = sought
-    assert abs(change - derivative).max() < 1e-12 * abs(change).max()
-
-
-@treatments
-@pytest.mark.parametrize("scene", ["everything 1", "tree", "moving springs"])
-def test_moving_the_ground_is_a_fresh_start(scene, treatment):
-    """With the same increments; and twice is as good as once."""
-    system = SCENES[scene]()
-    rng, y, _ = trial(system, t=0.3)
-    increment = 0.1 * rng.standard_normal(system.unknowns)
-    found, before = [], None
-    for way in ("once", "twice", "fresh"):
-        bound = treatment.bind(system, 1.0, large=True)
-        bound.begin(y, system.ground(0.5 if way == "fresh" else 0.3), 1.0)
-        bound.guess(False)
-        if treatment.name == "null-space":
-            bound.move(increment)
-        if way == "twice":
-            bound.ground1 = system.ground(0.41)
-            bound.configure()
-        if way != "fresh":
-            bound.ground1 = system.ground(0.5)
-        elif before is not None and treatment.name == "multipliers":
-            bound.sought = before  # there the unknowns are all coordinates
-        before = bound.sought
-        found.append(bound.configure())
-    assert abs(found[0] - found[2]).max() < 1e-14
-    assert abs(found[1] - found[2]).max() < 1e-14
-    assert abs(found[0] - y).max() > 0.01 or treatment.name == "multipliers"
-
-
+@pytest.mark.one_quick
 @treatments
 @pytest.mark.parametrize("scene", ["moving springs", "assembly"])
 def test_derivative_by_the_load_factor(scene, treatment):
@@ -659,10 +477,14 @@ def torsion_bar(turns, driven):
     return model
 
 
-@treatments
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("driven", "control"),
-    [(False, sc.LoadControl(steps=2)), (True, sc.LoadControl(steps=2)), (True, sc.LoadControl())],
+    ("treatment", "driven", "control"),
+    [
+        (sc.Multipliers(), False, sc.LoadControl(steps=2)),
+        (sc.NullSpace(), True, sc.LoadControl(steps=2)),
+        (sc.NullSpace(), True, sc.LoadControl()),
+    ],
     ids=["ground-2", "drive-2", "drive-auto"],
 )
 def test_torsion_by_three_turns(treatment, driven, control):
@@ -677,38 +499,28 @@ def test_torsion_by_three_turns(treatment, driven, control):
         assert path["joint/pin/angle"][-1] == pytest.approx(6 * np.pi, abs=1e-12)
 
 
-@treatments
-def test_motion_that_starts_slowly(treatment):
-    """The first tangent leads nowhere: no jump is suspected."""
-    model, end = cantilever(elements=8)
-    motion = sc.Motion(displacement=lambda t: (0, -0.3 * t**2, 0.1 * t**3))
-    held = sc.JointSpherical(sc.ground((1, 0, 0), motion), end)
-    model.add("grip", held)
-    path = sc.static(model, treatment)
-    assert at(path, end, -1) == pytest.approx([1, -0.3, 0.1], abs=1e-14)
-    other = cantilever(elements=8)
-    straight = sc.Motion(displacement=lambda t: (0, -0.3 * t, 0.1 * t))
-    other[0].add("grip", sc.JointSpherical(sc.ground((1, 0, 0), straight), other[1]))
-    again = sc.static(other[0], treatment, sc.LoadControl(steps=3))
-    assert abs(path["q"][-1] - again["q"][-1]).max() < 1e-10
+def gripped(**motion):
+    """A rod along x whose end is held by a moving support, and that end."""
+    model, end = cantilever()
+    model.add("grip", sc.JointSpherical(sc.ground((1, 0, 0), sc.Motion(**motion)), end))
+    return model, end
 
 
+@pytest.mark.slow
 @treatments
 def test_motion_under_the_other_controls(treatment):
     """The load factor moves the ground there too."""
-    ends = []
-    for control in (sc.LoadControl(0.5), sc.ArcLength(60, until=0.5), None):
-        model, end = cantilever()
-        motion = sc.Motion(displacement=lambda t: (0, -0.6 * t, 0), rotation=lambda t: (0, 0, t))
-        model.add("grip", sc.JointFixed(sc.ground((1, 0, 0), motion), end))
-        middle = sc.Place(model["rod"], 6, np.array([0.5, 0, 0]), np.zeros(3), np.eye(3))
-        if control is None:
-            to = float(at(ends[0], middle, -1)[1])
-            control = sc.DisplacementControl(middle, (0, 1, 0), until=to)
-        ends.append(sc.static(model, treatment, control))
-    assert [p["load_factor"][-1] for p in ends] == pytest.approx([0.5] * 3, abs=1e-9)
-    assert abs(ends[0]["q"][-1] - ends[1]["q"][-1]).max() < 1e-11
-    assert abs(ends[0]["q"][-1] - ends[2]["q"][-1]).max() < 1e-9
+    model, _ = gripped(displacement=lambda t: (0, -0.6 * t, 0))
+    middle = sc.Place(model["rod"], 6, np.array([0.5, 0, 0]), np.zeros(3), np.eye(3))
+    by_load, by_arc = (
+        sc.static(model, treatment, control)
+        for control in (sc.LoadControl(0.5), sc.ArcLength(60, until=0.5))
+    )
+    control = sc.DisplacementControl(middle, (0, 1, 0), until=float(at(by_load, middle, -1)[1]))
+    by_place = sc.static(model, treatment, control)
+    for other, tolerance in ((by_arc, 1e-11), (by_place, 1e-9)):
+        assert other["load_factor"][-1] == pytest.approx(0.5, abs=1e-9)
+        assert abs(other["q"][-1] - by_load["q"][-1]).max() < tolerance
 
 
 @treatments
@@ -731,6 +543,7 @@ def two_loads(amplitude=None):
     return model.freeze(), tip
 
 
+@pytest.mark.slow
 @treatments
 def test_order_of_loading_does_not_matter(treatment):
     system, _ = two_loads()
@@ -738,81 +551,48 @@ def test_order_of_loading_does_not_matter(treatment):
     q = sc.static(system, treatment)["q"][-1]
     one = sc.static(system, treatment, factors={"weight": early, "force": late})
     two = sc.static(system, treatment, factors={"weight": late, "force": early})
-    held = sc.static(system, treatment, factors={"weight": 1.0})
     half = equilibrium(system, one, len(one) // 2)
     both = sc.static(system, treatment, start=half, factors={"weight": 1, "force": lambda t: 1.0})
-    for path in (one, two, held, both):
+    for path in (one, two, both):
         assert abs(path["q"][-1] - q).max() < 1e-12
-    assert half.load_factor not in (0, 1)
-    assert both["load_factor"][0] == half.load_factor
-    assert abs(both["q"] - both["q"][-1]).max() < 1e-12  # settled at once
+    assert both["load_factor"][0] == half.load_factor not in (0, 1)
 
 
-@treatments
-def test_gravity_held_while_the_tip_is_pulled(treatment):
-    """The start is no equilibrium: the path begins at the one near it."""
-    system, tip = two_loads()
-    path = sc.static(system, treatment, factors={"weight": 1.0})
-    alone = sc.static(system, treatment, factors={"force": 0.0})
-    assert path["load_factor"][0] == 0
-    assert abs(path["q"][0] - alone["q"][-1]).max() < 1e-12
-    assert at(path, tip, 0)[2] < -0.2
-    # the potential of the loads acts in full at load factor 0
-    centre = alone["q"][-1].reshape(-1, 12)[:, 2]
-    assert path["external"][0] == pytest.approx(3.0 * float(_share(system) @ centre), rel=1e-12)
-
-
-def _share(system):
-    """Mass of each node of the first beam."""
-    beam = system.structures[0]
-    out = np.zeros(len(beam.basis.nodes))
-    np.add.at(out, beam.basis.connectivity, beam.line_weights(np.arange(4)))
-    return out
-
-
-@treatments
-def test_start_from_a_moving_state(treatment):
+@pytest.mark.slow
+def test_start_from_a_moving_state():
     """From within a run in time: the velocity is dropped, the nearest equilibrium sought."""
     system, _ = two_loads()
-    run = sc.simulate(system, sc.EnergyMomentum(), treatment, 1e-2, until=0.37)
+    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, until=0.37)
     state = sc.restart(system, run, sc.EnergyMomentum(), 1e-2)
-    path = sc.static(system, treatment, start=state)
+    path = sc.static(system, start=state)
     assert path["load_factor"][0] == pytest.approx(0.37)
     assert abs(path["q"][-1] - sc.static(system)["q"][-1]).max() < 1e-12
 
 
-@treatments
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("treatment", "scheme"),
+    [(sc.NullSpace(), sc.Variational()), (sc.Multipliers(), sc.EnergyMomentum())],
+)
 @pytest.mark.filterwarnings("ignore:argument history.*by its load factor")  # it is meant
-def test_end_of_a_path_starts_a_run(treatment, integrator):
+def test_end_of_a_path_starts_a_run(treatment, scheme):
     """At rest it stays at rest; restart() gives the same start."""
     system, _ = two_loads(sc.Table([0, 1], [0, 1]))
     path = sc.static(system, treatment, factors={"weight": 1.0})
-    scheme = INTEGRATORS[integrator]
     for start in (equilibrium(system, path, time=1.0), sc.restart(system, path, scheme, 1e-2)):
         assert start.time == 1.0
-        run = sc.simulate(system, scheme, treatment, 1e-2, until=2.0, start=start, derive=False)
-        assert len(run) == 101
+        run = sc.simulate(system, scheme, treatment, 1e-2, until=1.5, start=start, derive=False)
+        assert len(run) == 51
         assert abs(run["q"] - path["q"][-1]).max() < 1e-10
 
 
-def test_a_run_from_a_path_keeps_the_turns_of_springs():
-    model, _, _ = hinged()
-    model.add("motor", sc.JointActuator(model["hinge"], 25.0))
-    system = model.freeze()
-    path = sc.static(system)
-    start = equilibrium(system, path)
-    run = sc.simulate(system, sc.EnergyMomentum(), sc.NullSpace(), 1e-2, until=1.5, start=start)
-    assert abs(run["joint/hinge/angle"] - 12.5).max() < 1e-10
-
-
-@treatments
-def test_energy_is_the_work_of_the_loads(treatment):
+@pytest.mark.slow
+def test_energy_is_the_work_of_the_loads():
     """Stored energy against the trapezoidal sum: second order in the step."""
     system, _ = two_loads()
     errors = []
     for steps in (6, 12, 24):
-        path = sc.static(system, treatment, sc.LoadControl(steps=steps), watch=False)
+        path = sc.static(system, control=sc.LoadControl(steps=steps), watch=False)
         errors.append(path["work_loads"][-1] - path["energy"][-1])
         assert path["energy"][-1] == pytest.approx(path["strain_energy"][-1], rel=1e-14)
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -828,25 +608,9 @@ def test_path_is_a_history_like_any_other(tmp_path):
     assert {"q", "energy", "external", "v"} <= set(again.series) <= set(path.series)
     for name in again.series:
         assert np.array_equal(again[name], path[name]), name
-    names = {p.name for p in write_paraview(again, tmp_path / "view")}
-    assert names == {"beams.pvd", "joints.pvd"}
     assert np.array_equal(equilibrium(system, again, 2).q, path["q"][2])
     short = again.truncated(3)
     assert equilibrium(system, short).load_factor == path["load_factor"][2]
-    (tmp_path / "cut.history").write_bytes(file.read_bytes()[:-100])
-    with pytest.raises(sc.HistoryError, match="cut short"):
-        sc.History.load(tmp_path / "cut.history")
-    pytest.importorskip("matplotlib")
-    from skfem_cosserat import plot
-
-    assert plot.plot_energy is not None
-
-
-def test_a_path_without_derived_series_starts_runs_too():
-    system, _ = two_loads()
-    bare = sc.static(system, derive=False)
-    assert "energy" not in bare
-    assert equilibrium(system, bare, -2).load_factor == bare["load_factor"][-2]
 
 
 # -- critical points -------------------------------------------------------------------------------
@@ -866,8 +630,16 @@ CONTROLS = {
 }
 
 
-@ways
-@pytest.mark.parametrize("control", CONTROLS)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("control", "treatment", "kernels"),
+    [
+        ("load", sc.Multipliers(), "numpy"),
+        pytest.param("arc", sc.NullSpace(), "numba", marks=needs_numba),
+        ("displacement", sc.NullSpace(), "numpy"),
+    ],
+    ids=CONTROLS,
+)
 def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
     """``pi^2 EI/4`` about both axes, shortened by P/EA and softened by P/GA, 1e-6 each."""
     model, tip = column()
@@ -875,24 +647,17 @@ def test_buckling_of_a_column_in_all_controls(treatment, kernels, control):
     assert criticals(path) == [("bifurcation", 1)] * 2
     wanted = np.pi**2 / 4 * np.array([1.0, 1.3])
     assert loads_of(path) == pytest.approx(wanted, rel=2e-6)
-    reference = sc.static(model, control=sc.LoadControl(8.0))
-    assert loads_of(path) == pytest.approx(loads_of(reference), rel=1e-8)
     for c in path.meta["critical"]:
         assert path["load_factor"][c["state"]] == c["load_factor"]
         assert path["critical"][c["state"]] == 2
     assert int(path["unstable"][-1]) == 2
+    for which, axis in enumerate((2, 1)):  # bending about d1, then about d2
+        end = abs(sc.branch(model, path, which).direction[4 * tip.vertex])
+        assert end[axis] > 10 * end[3 - axis]
 
 
-@ways
-def test_two_critical_points_in_a_step(treatment, kernels):
-    model, _ = column()
-    path = sc.static(model, treatment, sc.LoadControl(4.0, steps=1), kernels=kernels)
-    assert criticals(path) == [("bifurcation", 1)] * 2
-    assert loads_of(path) == pytest.approx(np.pi**2 / 4 * np.array([1.0, 1.3]), rel=2e-6)
-
-
-@treatments
-@pytest.mark.parametrize("mode", [0, 1])
+@pytest.mark.slow
+@pytest.mark.parametrize(("treatment", "mode"), [(sc.NullSpace(), 0), (sc.Multipliers(), 1)])
 def test_equal_stiffness_about_both_axes(treatment, mode):
     """Two motions at once; each branch is the plane elastica, turned about the column."""
     model, tip = column(EI=(1.0, 1.0))
@@ -904,7 +669,9 @@ def test_equal_stiffness_about_both_axes(treatment, mode):
     start = sc.branch(model, path, mode=mode)
     side = sc.static(model, treatment, sc.ArcLength(8, length=0.05), start=start)
     assert side.meta["critical"] == []  # the plane of bending is free to turn: no crossing
-    away = np.linalg.norm(at(side, tip)[:, 1:], axis=1)
+    where = at(side, tip)
+    away = np.linalg.norm(where[:, 1:], axis=1)
+    assert abs(where @ np.cross(where[-1], (1.0, 0, 0))).max() < 1e-6 * away[-1]  # in a plane
     assert away[-1] > 0.1
     assert abs(side["load_factor"] - elastica(away)).max() < 1e-5
 
@@ -919,54 +686,13 @@ def elastica(deflection):
     return np.array([load(float(w)) for w in deflection])
 
 
-@treatments
-def test_branches_follow_the_elastica_and_are_mirror_images(treatment):
-    model, tip = column()
-    path = sc.static(model, treatment, sc.LoadControl(3.0))
-    ends = []
-    for sign in (1, -1):
-        start = sc.branch(model, path, sign=sign)
-        side = sc.static(model, treatment, sc.ArcLength(12, length=0.02), start=start)
-        place = at(side, tip)
-        assert abs(place[:, 1]).max() < 1e-8  # d1 is along y: bent about it
-        assert abs(side["load_factor"] - elastica(abs(place[:, 2]))).max() < 1e-5
-        rise, away = np.diff(side["load_factor"][:4]), abs(place[1:4, 2])
-        assert (rise > 0).all()
-        root = away / np.sqrt(side["load_factor"][1:4] - side["load_factor"][0])
-        assert np.ptp(root) < 2e-3 * root[0]  # the pitchfork opens with a root
-        ends.append(place)
-    mirror = np.array([1, 1, -1])
-    assert abs(ends[0] - ends[1] * mirror).max() < 1e-8
-    assert abs(ends[0][-1, 2]) > 0.3
-
-
-def truss(height, stiffness=(100.0, 100.0)):
-    """A mass point on two pairs of springs, at right angles."""
-    model = sc.Model()
-    point = model.add("point", sc.MassPoint(1.0, (0, 0, height)))
-    for k, x in enumerate([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]):
-        spring = sc.SpringDamper(sc.ground(x), point.place(), stiffness[k // 2])
-        model.add(f"spring {k}", spring)
-    model.add("load", sc.LoadForce(point.place(), (0, 0, -1.0)))
-    return model, point
-
-
-def truss_stiffness(z, height, k):
-    """Load, and stiffness in x (springs k[0]), y and z, of the truss at height z."""
-    l0, length = np.hypot(1, height), np.hypot(1, z)
-    k = np.asarray(k)
-    load = 2 * k.sum() * (l0 / length - 1) * z
-    own = 2 * k * (1 - l0 / length + l0 / length**3)
-    other = 2 * k[::-1] * (1 - l0 / length)
-    vertical = 2 * k.sum() * (1 - l0 / length + l0 * z**2 / length**3)
-    return load, *(own + other), vertical
-
-
-@treatments
-@pytest.mark.parametrize("controlled", ["arc", "displacement"])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("treatment", "controlled"), [(sc.NullSpace(), "arc"), (sc.Multipliers(), "displacement")]
+)
 def test_limit_points_of_a_truss(treatment, controlled):
     """Where ``l^3 = l0``: 4 k z^3 down; and the same up again."""
-    model, point = truss(0.3)
+    model, point = truss()
     control = sc.ArcLength(100, until=20.0, first=0.5)
     if controlled == "displacement":
         control = sc.DisplacementControl(point.place(), (0, 0, -1), until=0.7)
@@ -975,65 +701,11 @@ def test_limit_points_of_a_truss(treatment, controlled):
     wanted = 400 * z**3
     assert criticals(path) == [("limit", 1)] * 2
     assert loads_of(path) == pytest.approx([wanted, -wanted], rel=1e-9)
-    assert truss_stiffness(z, 0.3, (100, 100))[0] == pytest.approx(wanted, rel=1e-12)
     assert path["unstable"][0] == path["unstable"][-1] == 0
     assert path["unstable"].max() == 1
 
 
-@treatments
-def test_bifurcations_before_a_limit_point(treatment):
-    """A steep truss gives way sideways first: along x, then y, then it snaps."""
-    height, k = 2.2, (100.0, 130.0)
-    model, point = truss(height, k)
-    control = sc.DisplacementControl(point.place(), (0, 0, -1), until=1.9, longest=0.05)
-    path = sc.static(model, treatment, control)
-    roots = []
-    for i in (1, 2, 3):
-        grid = np.linspace(height - 1.9, height, 200)
-        signs = [truss_stiffness(z, height, k)[i] > 0 for z in grid]
-        for j in np.flatnonzero(np.diff(signs)):
-            z = brentq(lambda z, i=i: truss_stiffness(z, height, k)[i], grid[j], grid[j + 1])
-            roots.append((-z, float(truss_stiffness(z, height, k)[0]), i))
-    order = sorted(roots)
-    assert {i for _, _, i in order} == {1, 2, 3}
-    kinds = [("limit" if i == 3 else "bifurcation", 1) for _, _, i in order]
-    assert criticals(path) == kinds
-    assert loads_of(path) == pytest.approx([load for _, load, _ in order], rel=1e-8)
-    which = kinds.index(("bifurcation", 1))
-    first = order[which][2]
-    sides = []
-    for sign in (1, -1):
-        start = sc.branch(model, path, which, sign)
-        side = sc.static(model, treatment, sc.ArcLength(10), start=start)
-        assert abs(side["q"][:, 2 - first]).max() < 1e-12
-        sides.append(side["q"][-1])
-    assert abs(sides[0][first - 1]) > 0.05
-    mirror = np.ones(3)
-    mirror[first - 1] = -1
-    assert abs(sides[0] - sides[1] * mirror).max() < 1e-9
-
-
-@treatments
-def test_rigid_column_with_two_hinges(treatment):
-    """k on both angles of a universal joint: two motions at once, on branches of their own."""
-    model = sc.Model()
-    body = model.add("body", sc.RigidBody.box(1.0, (0.1, 0.1, 1.0), position=(0, 0, 0.5)))
-    foot = sc.JointUniversal(sc.ground((0, 0, 0)), body.at((0, 0, 0)), (1, 0, 0), (0, 1, 0))
-    model.add("foot", foot)
-    for c in foot.coordinates():
-        model.add(f"spring {c.name}", sc.JointSpringDamper(foot, 3.0, coordinate=c.name))
-    model.add("push", sc.LoadForce(body.at((0, 0, 1)), (0, 0, -1.0)))
-    path = sc.static(model, treatment, sc.LoadControl(5.0))
-    assert criticals(path) == [("bifurcation", 2)]
-    assert loads_of(path) == pytest.approx([3.0], rel=1e-9)
-    side = sc.static(model, treatment, sc.ArcLength(10), start=sc.branch(model, path, mode=1))
-    a, b = (side[f"joint/foot/{c.name}"] for c in foot.coordinates())
-    load = side["load_factor"]
-    assert abs(3 * a - load * np.sin(a) * np.cos(b)).max() < 1e-11
-    assert abs(3 * b - load * np.cos(a) * np.sin(b)).max() < 1e-11
-    assert abs(np.hypot(a, b)[-1]) > 0.1
-
-
+@pytest.mark.slow
 @treatments
 def test_twisted_rod_buckles(treatment):
     """Greenhill: both ends clamped, M = 2 * 4.4934 EI/L (tan x = x); the end may come nearer."""
@@ -1046,6 +718,7 @@ def test_twisted_rod_buckles(treatment):
     assert 2 * loads_of(path)[0] == pytest.approx(2 * x, rel=1e-5)
 
 
+@pytest.mark.one_quick
 @ways
 def test_follower_force_has_no_static_buckling(treatment, kernels):
     """Beck's column is straight and alone up to its flutter load 20.05 EI/L^2, and beyond."""
@@ -1057,6 +730,7 @@ def test_follower_force_has_no_static_buckling(treatment, kernels):
     assert abs(at(path, tip)[:, 1:]).max() < 1e-12
 
 
+@pytest.mark.slow
 @ways
 def test_moment_about_a_fixed_axis_is_not_conservative(treatment, kernels):
     """Its tangent is not symmetric: no critical point on the way to a full circle."""
@@ -1064,23 +738,14 @@ def test_moment_about_a_fixed_axis_is_not_conservative(treatment, kernels):
     model.add("moment", sc.LoadMoment(tip, (0, 0, 2 * np.pi)))
     path = sc.static(model, treatment, kernels=kernels)
     assert path.meta["critical"] == []
-    system = model.freeze()
-    schedule = Schedule(system)
-    for k in (1, -1):
-        t = float(path["load_factor"][k])
-        look = inspect(system, Point(system.extend(path["q"][k], t), t), schedule.at(t))
-        assert not look.symmetric
-        assert look.smallest > 0.1
 
 
+@pytest.mark.slow
 @treatments
 def test_moment_about_a_hinge_is_conservative(treatment):
     """There the same kind of load has a potential: its limit is found as such."""
     model, _, body = hinged(position=(0, 0, -0.5))
-    model.add(
-        "weight",
-        sc.LoadGravity((0, 0, -10.0)),
-    )
+    model.add("weight", sc.LoadGravity((0, 0, -10.0)))
     model.add("moment", sc.LoadMoment(body.at((0, 0, 0)), (0, 6.0, 0)))
     control = sc.ArcLength(24, longest=0.4, first=0.2, length=0.4)
     path = sc.static(model, treatment, control, factors={"weight": 1.0})
@@ -1092,16 +757,6 @@ def test_moment_about_a_hinge_is_conservative(treatment):
     assert loads_of(path)[:2] == pytest.approx(wanted, rel=1e-9)
 
 
-@ways
-def test_no_critical_points_where_there_are_none(treatment, kernels):
-    """Tension, and a cantilever bent far by forces across it."""
-    model, tip = cantilever()
-    model.add("pull", sc.LoadForce(tip, (30.0, 20.0, 5.0)))
-    path = sc.static(model, treatment, kernels=kernels)
-    assert path.meta["critical"] == []
-    assert not path["unstable"].any()
-
-
 def test_unwatched_paths_are_not_looked_at():
     model, _ = column()
     path = sc.static(model, control=sc.LoadControl(4.0), watch=False)
@@ -1109,17 +764,18 @@ def test_unwatched_paths_are_not_looked_at():
     assert (path["unstable"] == -1).all()
 
 
-@treatments
-def test_large_systems_find_the_same_critical_load(treatment):
+@pytest.mark.slow
+def test_large_systems_find_the_same_critical_load():
     """Above 300 unknowns eigenvalues are found by shift and invert."""
     model, _ = column(elements=20)
-    path = sc.static(model, treatment, sc.LoadControl(3.0))
+    path = sc.static(model, control=sc.LoadControl(3.0))
     assert model.freeze().unknowns > 300
     assert loads_of(path) == pytest.approx([np.pi**2 / 4], rel=2e-6)
     one, two = (sc.branch(model, path).direction for _ in range(2))
     assert np.array_equal(one, two)
 
 
+@pytest.mark.slow
 @treatments
 def test_branch_with_loads_held(treatment):
     """Part of the load stays: k theta = (m g l/2 + F l) sin(theta)."""
@@ -1129,8 +785,15 @@ def test_branch_with_loads_held(treatment):
     held = {"factors": {"weight": 0.3}}
     path = sc.static(model, treatment, sc.LoadControl(2.0), **held)
     assert loads_of(path) == pytest.approx([0.5], rel=1e-9)
-    start = sc.branch(model, path, **held)
-    side = sc.static(model, treatment, sc.ArcLength(10), start=start, **held)
-    angle = side["joint/hinge/angle"]
-    assert abs(2 * angle - (1.5 + side["load_factor"]) * np.sin(angle)).max() < 1e-12
-    assert abs(angle[-1]) > 0.1
+    assert abs(path["q"] - path["q"][0]).max() < 1e-14  # nothing moves before it buckles
+    assert path["unstable"].tolist() == (path["load_factor"] > 0.5).astype(int).tolist()
+    ends = []
+    for sign in (1, -1):
+        start = sc.branch(model, path, sign=sign, **held)
+        side = sc.static(model, treatment, sc.ArcLength(10), start=start, **held)
+        angle = side["joint/hinge/angle"]
+        assert abs(2 * angle - (1.5 + side["load_factor"]) * np.sin(angle)).max() < 1e-12
+        assert side.meta["critical"] == []
+        ends.append(angle[-1])
+    assert ends[0] == pytest.approx(-ends[1], abs=1e-10)
+    assert abs(ends[0]) > 0.1

@@ -9,7 +9,6 @@ from rounding import energy_limit, momentum_limits
 
 import skfem_cosserat as sc
 from skfem_cosserat import diagnostics
-from skfem_cosserat.diagnostics.energy import mass_solver
 
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
@@ -90,7 +89,7 @@ SCENES = {
     "body": free_body,
     "hanging": hanging,
 }
-free_scenes = pytest.mark.parametrize("scene", [name for name in SCENES if name != "hanging"])
+free_scenes = pytest.mark.parametrize("scene", ["quadratic beam", "tree", "body"])
 integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 treatments = pytest.mark.parametrize("treatment", TREATMENTS)
 
@@ -107,14 +106,10 @@ def wandering(values):
     return abs(values - values[0]).max()
 
 
-def spread(values):
-    """The same, relative to the size of the first state."""
-    return wandering(values) / np.linalg.norm(values[0])
-
-
 # -- momentum maps -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @free_scenes
 @integrators
 @treatments
@@ -134,36 +129,25 @@ def test_free_scenes_keep_their_momenta(scene, integrator, treatment, kernels):
     assert abs(history["q"][-1] - history["q"][0]).max() > 0.3
 
 
-def without_third_blocks(system, history):
-    """Angular momentum with p dropped on the d3 of beams, which have no mass."""
-    p = history["p"].copy().reshape(len(history), system.rows, 3)
-    p[:, system.mass.diagonal() == 0] = 0
-    return diagnostics.angular_momentum(system, history["q"], p.reshape(len(history), -1))
+@pytest.mark.slow
+@integrators
+def test_a_drive_between_free_bodies_keeps_their_momenta(integrator):
+    model = sc.Model()
+    a = model.add("a", sc.RigidBody.box(2.0, (1, 0.3, 0.2), angular_velocity=(0.3, 0.2, 0)))
+    b = model.add("b", sc.RigidBody.box(1.0, (0.2, 0.4, 0.3), position=(1.0, 0, 0)))
+    track = sc.JointPrismatic(a.at((0.5, 0, 0)), b.at((1.0, 0, 0)), axis=(1.0, 0, 0))
+    model.add("track", track)
+    model.add("motor", sc.JointDrive(track, lambda t: 0.2 * t**2 * np.cos(3 * t)))
+    system = model.freeze()
+    start = sc.initial_state(system, v=sc.project(system, system.q0, system.v0))
+    pair = INTEGRATORS[integrator], sc.NullSpace()
+    history = sc.simulate(system, *pair, 1e-2, 1.0, start=start)
+    assert wandering(history["angular_momentum"]) < 1e-12
+    assert wandering(history["linear_momentum"]) < 1e-12
+    assert history["joint/track/displacement"][-1] == pytest.approx(0.2 * np.cos(3.0), abs=1e-12)
 
 
-@pytest.mark.parametrize("scene", ["beam", "tree"])
-def test_momentum_of_the_third_director_is_needed(scene):
-    """Negative: without it the angular momentum of the variational scheme oscillates, O(h^2)."""
-    errors = []
-    for h in (STEP, STEP / 2, STEP / 4):
-        system, history = run(scene, "variational", "multipliers", h)
-        L = without_third_blocks(system, history)
-        exact = diagnostics.angular_momentum(system, history["q"], history["p"])[0]
-        every = round(STEP / h)
-        errors.append(abs(L - exact)[::every][1:-1].max() / np.linalg.norm(exact))
-    assert errors[0] > 1e-6
-    assert 3.4 < errors[0] / errors[1] < 4.6
-    assert 3.7 < errors[1] / errors[2] < 4.3
-
-
-def test_midpoint_angular_momentum_only_oscillates():
-    """Negative: in terms of (q_n, q_{n+1}) it is not the conserved quantity."""
-    for integrator in INTEGRATORS:
-        system, history = run("beam", integrator, "multipliers")
-        L = diagnostics.midpoint_angular_momentum(system, history["q"], STEP)
-        assert 1e-6 < spread(L) < 1e-2
-
-
+@pytest.mark.slow
 @integrators
 @treatments
 def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment, kernels):
@@ -177,9 +161,8 @@ def test_gravity_leaves_the_momentum_about_its_axis(integrator, treatment, kerne
 # -- energy --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "scene", ["beam", "tree", "body", pytest.param("hanging", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["tree", "hanging"])
 @treatments
 def test_energy_momentum_keeps_the_energy(scene, treatment, kernels):
     system, history = run(scene, "energy-momentum", treatment, STEP, 3.0, kernels)
@@ -187,8 +170,7 @@ def test_energy_momentum_keeps_the_energy(scene, treatment, kernels):
     scale = history["kinetic"].max() + abs(history["external"]).max()
     assert len(total) == 301
     assert np.ptp(total) < energy_limit(system, history) < 1e-8 * scale
-    if scene != "body":  # it is exchanged
-        assert np.ptp(history["kinetic"]) > 0.05 * scale
+    assert np.ptp(history["kinetic"]) > 0.05 * scale  # it is exchanged
 
 
 def top():
@@ -223,7 +205,8 @@ def total_energy(scene, step, until):
     return history["energy_projected"] + history["external"]
 
 
-@pytest.mark.parametrize("scene", ["top", pytest.param("bouncing", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["top", "bouncing"])
 def test_variational_energy_oscillates_without_drift(scene):
     energy = total_energy(scene, STEP, 12.0)
     first, *_, last = np.array_split(energy, 4)
@@ -234,18 +217,11 @@ def test_variational_energy_oscillates_without_drift(scene):
     assert 3.7 < np.ptp(first) / np.ptp(fine) < 4.3  # and O(h^2)
 
 
-@pytest.mark.parametrize("scene", ["beam", "hanging"])
-@pytest.mark.slow
-def test_variational_energy_of_a_violent_motion(scene):
-    """Many modes that exchange energy: its error wanders, but falls with about h^2."""
-    coarse, fine = (np.ptp(total_energy(scene, h, 2.0)) for h in (STEP / 2, STEP / 4))
-    assert 3 < coarse / fine < 6
-
-
 # -- constraints ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scene", ["beam", "quadratic beam", "tree", "body", "hanging"])
+@pytest.mark.one_quick
+@pytest.mark.parametrize("scene", ["quadratic beam", "tree", "body", "hanging"])
 @integrators
 @treatments
 def test_constraints(scene, integrator, treatment, kernels):
@@ -255,27 +231,13 @@ def test_constraints(scene, integrator, treatment, kernels):
     assert history["hidden_violation"].max() < 1e-12 * (1 + abs(history["v"]).max())
 
 
-@integrators
-def test_hidden_constraints_need_the_projection(integrator):
-    """Negative: M^-1 p without it violates them, with O(h^2)."""
-    worst = []
-    for h in (STEP, STEP / 2):
-        system, history = run("body", integrator, "null space", h)
-        inverse = mass_solver(system)
-        v = np.array([inverse(row.reshape(-1, 3)).ravel() for row in history["p"]])
-        hidden = diagnostics.hidden_violation(system, history["q"], v)
-        assert hidden[0] < 1e-12 * abs(v).max()  # given so
-        worst.append(hidden.max())
-    assert worst[0] > 1e-6
-    assert 3.2 < worst[0] / worst[1] < 4.8
-
-
 # -- reversal ------------------------------------------------------------------------------------
 
 
 # momenta of the variational scheme, turned round, have parts along the constraints
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.ModelWarning")
-@pytest.mark.parametrize("scene", ["beam", "tree", "hanging"])
+@pytest.mark.parametrize("scene", ["tree", "hanging"])
 @integrators
 @treatments
 def test_time_can_be_turned_round(scene, integrator, treatment):

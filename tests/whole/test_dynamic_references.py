@@ -5,28 +5,28 @@ another discretisation; what is done with the scenes is that of
 examples/benchmarks/dynamic_references.py.
 """
 
-import importlib
 import json
-import sys
 from itertools import pairwise
-from pathlib import Path
 
+import dynamic_references as dynamic
+import dynamic_report as report
 import numpy as np
 import pytest
-from helpers_kernels import INTEGRATORS, TREATMENTS
-from helpers_scenes import pairs
 
 import skfem_cosserat as sc
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
-
-dynamic = importlib.import_module("dynamic_references")
-report = importlib.import_module("dynamic_report")
 slopes = dynamic.slopes
 
 EM, VI = "energy-momentum", "variational"
 scenes = pytest.mark.parametrize("name", dynamic.SCENES)
+LARGE_STEPS = pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 integrators = pytest.mark.parametrize("integrator", [EM, VI])
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    """What the example's quick studies give."""
+    return dynamic.main(quick=True, out=tmp_path_factory.mktemp("references"))
 
 
 # -- orders, loads ramped smoothly ----------------------------------------------------------------
@@ -45,16 +45,16 @@ def check(found, expected, band):
 TWICE = {p: 2 * p for p in dynamic.ORDERS}
 
 
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # large steps
+@pytest.mark.slow
+@LARGE_STEPS
 @integrators
 @scenes
-@pytest.mark.slow
-def test_order_in_space(name, integrator):
+def test_order_in_space(example, name, integrator):
     """2 p in positions and triads of element ends; with energy-momentum in all.
 
-    Velocities of order 4 reach the noise that the step leaves in them; all of D3's: see below.
+    Velocities of order 4 reach the noise that the step leaves in them, those of D3 with any order.
     """
-    table = dynamic.order_in_space(name, integrator, 2)
+    table = example["space"][name, integrator]
     check(mesh_orders(table, "error"), TWICE, 0.3)
     if integrator == EM:
         check(mesh_orders(table, "energy"), TWICE, 0.3)
@@ -64,40 +64,15 @@ def test_order_in_space(name, integrator):
             check(velocity, TWICE, 0.3)
 
 
-# the largest steps do not follow the energy
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@integrators
-@scenes
-def test_order_in_time(name, integrator):
-    """2 in placements and velocities; 4 once Richardson extrapolation took h^2 away: no h^3."""
-    first, until, elements = dynamic.TIME[name]
-    scene = dynamic.SCENES[name](elements[2], 2, smooth=True)
-    runs = [dynamic.motion(scene, integrator, 2 * first / 2**k, [until]) for k in range(4)]
-    for key in ("placement", "velocities"):
-        values = [np.ravel(getattr(run, key)) for run in runs]
-        better = [b + (b - a) / 3 for a, b in pairwise(values)]
-        for levels, expected, band in ((values, 2, 0.1), (better, 4, 0.2)):
-            change = [np.linalg.norm(b - a) for a, b in pairwise(levels)]
-            assert abs(np.log2(change[-2] / change[-1]) - expected) < band, key
-
-
 @pytest.mark.slow
+@LARGE_STEPS
 @integrators
 @scenes
-def test_order_in_time_on_every_order_of_elements(name, integrator):
-    table = dynamic.order_in_time(name, integrator, 3)
-    for entry in table.values():
+def test_order_in_time_on_every_order_of_elements(example, name, integrator):
+    for entry in example["time"][name, integrator].values():
         for key in ("error", "velocity"):
             found = slopes(entry["steps"], entry[key])[:-1]
             assert np.allclose(found, 2, rtol=0, atol=0.1), (key, found)
-
-
-@pytest.mark.slow
-def test_order_in_space_of_the_spaghettis_velocities():
-    """With half the step; order 4 falls faster still, down to noise of 1e-9 m/s."""
-    found = mesh_orders(dynamic.order_in_space("D3", EM, 2, refine=2), "velocity")
-    assert found.pop(4) > 7
-    check(found, TWICE, 0.3)
 
 
 # -- loads as given: against the reference --------------------------------------------------------
@@ -112,24 +87,22 @@ def test_loads_as_given_right_angle_cantilever():
 
 
 @pytest.mark.slow
-@integrators
-def test_loads_as_given_spaghetti(integrator):
-    found = dynamic.as_given("D3", integrator, 4, 8, (1 / 40, 1 / 80, 1 / 160), 2.5)
+def test_loads_as_given_spaghetti():
+    found = dynamic.as_given("D3", VI, 4, 8, (1 / 40, 1 / 80, 1 / 160), 2.5)
     assert (found["position"] < 4e-5).all(), found["position"]
 
 
-@integrators
-def test_loads_as_given_pendulum(integrator):
-    found = dynamic.as_given("D1", integrator, 4, 16, (1 / 1600,), 0.2)
+@pytest.mark.slow
+def test_loads_as_given_pendulum():
+    found = dynamic.as_given("D1", EM, 4, 16, (1 / 1600,), 0.2)
     assert (found["position"] < 5e-6).all(), found["position"]
 
 
 @pytest.mark.slow
-@integrators
-def test_kinks_of_the_load_leave_positions_but_not_velocities_their_order(integrator):
+def test_kinks_of_the_load_leave_positions_but_not_velocities_their_order():
     """Negative: the step is far above the period of the waves that start at the kinks."""
     scene = dynamic.cantilever(4, 1)
-    runs = [dynamic.motion(scene, integrator, 1 / n, [2.0]) for n in (40, 80, 160, 320)]
+    runs = [dynamic.motion(scene, VI, 1 / n, [2.0]) for n in (40, 80, 160, 320)]
     orders = {}
     for key in ("positions", "velocities"):
         values = [getattr(run, key) for run in runs]
@@ -139,62 +112,10 @@ def test_kinks_of_the_load_leave_positions_but_not_velocities_their_order(integr
     assert orders["velocities"][-1] < 1
 
 
-def test_spaghetti_needs_the_inertia_along_d3():
-    """Negative: as a plane section with 10 along d1 and d2, so 20 about d3, it moves otherwise."""
-    section = sc.Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
-    mesh = sc.MeshCurve.init_line((6, 0, 0), (0, 8, 0), 8, name="rod", nodes={"mid": 0.5})
-    model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, section, order=4, director=(0, 0, 1)))
-    places = {name: rod.node(name) for name in ("rod.start", "mid", "rod.end")}
-    pulse = sc.Table([0, 2.5, 5], [0, 200, 0])
-    model.add("force", sc.LoadForce(places["rod.start"], (0.1, 0, 0), pulse))
-    model.add("moment", sc.LoadMoment(places["rod.start"], (0, 0.5, 1), pulse))
-    scene = dynamic.Scene(model.freeze(), places)
-    reference = dynamic.Reference.load("D3", 1.0)
-    found = dynamic.motion(scene, EM, 1 / 80, reference.times)
-    assert dynamic.errors(found, reference)["position"] > 1e-2
-    found = dynamic.motion(dynamic.spaghetti(8, 4), EM, 1 / 80, reference.times)
-    assert dynamic.errors(found, reference)["position"] < 1e-4
-
-
-@pytest.mark.slow
-def test_trusted_digits_pendulum():
-    """7 digits of positions, 4 of velocities (of 3 m/s)."""
-    found = dynamic.as_given("D1", EM, 4, 32, (1 / 12800,), 0.3)
-    assert (found["position"] < [1e-7, 1e-7, 2e-7]).all(), found["position"]
-    assert (found["velocity"] < 3e-4).all(), found["velocity"]
-
-
-@pytest.mark.slow
-def test_trusted_digits_right_angle_cantilever():
-    """7 to 8 digits of 14 m; energy 114.88034556 from t = 2 on."""
-    found = dynamic.as_given("D2", EM, 4, 16, (1 / 320, 1 / 640), 3.0)
-    assert (found["position"] < [1e-7, 3e-7, 5e-7]).all(), found["position"]
-    assert (found["energy"][1:] < 1e-6).all(), found["energy"]
-
-
-@pytest.mark.slow
-def test_trusted_digits_spaghetti():
-    """Within 1.5 times the reference's own uncertainty; energy 908.7346593 after t = 5."""
-    found = dynamic.as_given("D3", EM, 4, 32, (1 / 640, 1 / 1280), 5.0)
-    assert (found["position"] < 1.5 * found["uncertainty"]).all(), found["position"]
-    assert found["energy"][-1] < 1e-5, found["energy"]
-
-
-@pytest.mark.slow
-def test_loads_as_given_order_in_space():
-    """D2: 2 p as far as the error is above that of the waves from the kinks."""
-    errors = {}
-    for order, counts in {1: (16, 32), 2: (4, 8, 16), 3: (2, 4)}.items():
-        runs = [dynamic.as_given("D2", EM, order, n, (1 / 80, 1 / 160), 2.0) for n in counts]
-        errors[order] = [run["position"][-1] for run in runs]
-    found = {p: slopes([0.5**k for k in range(len(e))], e)[-1] for p, e in errors.items()}
-    check(found, TWICE, 0.4)
-
-
 # -- invariants -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @integrators
 def test_spaghetti_momentum_and_centre_of_mass(integrator):
     """50 along e1 and x = 3 + 5 (t - 2.5) from t = 5 on; angular momentum constant."""
@@ -213,45 +134,11 @@ def test_spaghetti_momentum_and_centre_of_mass(integrator):
     assert abs(turn - turn[0]).max() < 1e-9 * abs(turn[0]).max()
 
 
-@pytest.mark.parametrize(
-    ("name", "end"), [("D2", 2.0), pytest.param("D3", 5.0, marks=pytest.mark.slow)]
-)
-def test_energy_after_the_load(name, end):
-    """Energy-momentum keeps it; the variational scheme lets it oscillate without drift."""
-    system = dynamic.SCENES[name](8, 2).system
-    energy = {}
-    for integrator, make in dynamic.INTEGRATORS.items():
-        history = sc.simulate(system, make(), sc.NullSpace(), 0.025, 2 * end)
-        energy[integrator] = history["energy"][history.times > end - 1e-9]
-    kept = energy[EM]
-    assert abs(kept / kept[0] - 1).max() < 1e-11
-    moved = energy[VI] / kept[0] - 1
-    assert 1e-6 < abs(moved).max() < 2e-3
-    third = len(moved) // 3
-    assert abs(moved[-third:].mean() - moved[:third].mean()) < 2e-4
-
-
-@pytest.mark.parametrize("name", ["D2", "D3"])
-@integrators
-def test_multipliers_give_the_same(name, integrator):
-    scene = dynamic.SCENES[name](4, 3)
-    times = [0.5, 1.0]
-    a, b = (
-        dynamic.motion(scene, integrator, 0.025, times, treatment)
-        for treatment in (sc.NullSpace(), sc.Multipliers())
-    )
-    for one, other in zip(a[:2], b[:2], strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
-
-
-# the largest steps do not follow the energy
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.parametrize(
-    ("name", "step", "until"), [("D1", 0.02, 0.6), ("D2", 0.4, 20.0), ("D3", 0.2, 10.0)]
-)
-def test_variational_blows_up_at_large_steps(name, step, until):
+@pytest.mark.slow
+@LARGE_STEPS
+def test_variational_blows_up_at_large_steps():
     """Negative, and told with the failure: the step is too long, and the run gained energy."""
-    system = dynamic.SCENES[name](8, 2).system
+    system, step, until = dynamic.pendulum(8, 2).system, 0.02, 0.6
     with pytest.raises(sc.Diverged) as caught:
         sc.simulate(system, sc.Variational(), sc.NullSpace(), step, until, derive=False)
     told = {notice["item"] for notice in caught.value.history.meta["warnings"]}
@@ -285,40 +172,15 @@ def test_steps_that_miss_a_time_are_refused():
         dynamic.motion(dynamic.spaghetti(2, 1), EM, 0.3, [1.0])
 
 
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # large steps
 @pytest.mark.slow
-def test_main_writes_tables_and_chart(tmp_path):
-    result = dynamic.main(quick=True, out=tmp_path)
-    assert {p.name for p in result["paths"]} >= {
+@LARGE_STEPS
+def test_main_writes_tables_and_chart(example):
+    assert {p.name for p in example["paths"]} >= {
         f"dynamic_references.{name}.csv" for name in ("space", "time", "reference")
     }
-    for path in result["paths"]:
+    for path in example["paths"]:
         assert path.stat().st_size > 1000
-    assert len(result["given"]) == 12
-    made = json.loads(json.dumps(report.plain(result)))
+    assert len(example["given"]) == 12
+    made = json.loads(json.dumps(report.plain(example)))
     assert made["given"]["D2 3"]["elements"] == [2, 4]
-    assert sum("p = " in line for line in report.lines(result)) == 60
-
-
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # coarse: its elements fold
-@pytest.mark.parametrize("order", [1, pytest.param(3, marks=pytest.mark.slow)])
-@pairs
-def test_kernels_agree_in_the_spaghetti(integrator, treatment, order):
-    """A force and moments on an end of a free rod: fifty steps as with the plain kernels."""
-    pytest.importorskip("numba")
-    system = dynamic.spaghetti(4, order).system
-    plain, compiled = (
-        sc.simulate(
-            system, INTEGRATORS[integrator], TREATMENTS[treatment], 0.05, 2.5, kernels=kernels,
-            settings=sc.NewtonSettings(reuse=0),
-        )
-        for kernels in ("numpy", "numba")
-    )  # fmt: skip
-    assert compiled.meta["kernels"] == "numba"
-    if treatment == "null space":  # with multipliers kernels go another way than the full system
-        assert compiled["newton_iterations"].tolist() == plain["newton_iterations"].tolist()
-    for name, tolerance in (("q", 1e-10), ("p", 1e-10), ("work_loads", 1e-10)):
-        size = abs(plain[name]).max()
-        assert abs(compiled[name] - plain[name]).max() < tolerance * size, name
-    if integrator == "energy-momentum":
-        assert abs(compiled["energy_balance"]).max() < 1e-10 * abs(compiled["energy"]).max()
+    assert sum("p = " in line for line in report.lines(example)) == 60

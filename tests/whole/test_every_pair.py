@@ -12,7 +12,6 @@ from rounding import limits, nudged
 
 import skfem_cosserat as sc
 
-pytestmark = pytest.mark.quick
 H = 2e-3
 SECTION = sc.Section((2e4, 2e4, 5e4, 40.0, 60.0, 30.0), mass=1.3, inertia=(2e-3, 3e-3))
 TREATMENTS = (sc.NullSpace(), sc.Multipliers())

@@ -6,42 +6,27 @@ reached by Richardson extrapolation over levels of halved steps, on which the er
 R4, the six-body linkage, is in test_six_body_linkage.py; there is no R7.
 """
 
-import importlib
 import json
-import sys
-import warnings
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_scenes import chequered
 
 import skfem_cosserat as sc
-from skfem_cosserat import diagnostics
+from collection import motion
+from collection import r01_pendulum as pendulum
+from collection import r02_top as top
+from collection import r03_free_body as free
+from collection import r05_four_bars as four_bars
+from collection import r06_squeezer as andrews
+from collection import r08_chain as rods
 from skfem_cosserat.kernels import exp_quaternion, rotation_matrix
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples" / "benchmarks"))
-
-pendulum, top, free, four_bars, andrews, rods = (
-    importlib.import_module(f"collection.{name}")
-    for name in (
-        *("r01_pendulum", "r02_top", "r03_free_body", "r05_four_bars", "r06_squeezer"),
-        "r08_chain",
-    )
-)
-motion = importlib.import_module("collection.motion")
 DATA = json.loads((Path(__file__).parents[1] / "data" / "rigid_references.json").read_text())
-INTEGRATORS = (sc.Variational, sc.EnergyMomentum)
-PAIRS = [(i, t) for i in INTEGRATORS for t in (sc.NullSpace, sc.Multipliers)]
-pairs = chequered("integrator", INTEGRATORS, "treatment", (sc.NullSpace, sc.Multipliers))
-#: of scenes that the collection runs as well: one of them quickly
-first_pair = pytest.mark.parametrize(
-    ("integrator", "treatment"),
-    [PAIRS[0], *(pytest.param(*pair, marks=pytest.mark.slow) for pair in PAIRS[1:])],
-)
-GRAVITY = (0, 0, -9.81)
-E3 = np.array([0.0, 0.0, 1.0])
+#: each integrator and each treatment once, in the two ways there are
+STRAIGHT = [(sc.Variational, sc.NullSpace), (sc.EnergyMomentum, sc.Multipliers)]
+CROSSED = [(sc.Variational, sc.Multipliers), (sc.EnergyMomentum, sc.NullSpace)]
 
 
 def romberg(levels):
@@ -51,7 +36,7 @@ def romberg(levels):
     return levels[0]
 
 
-def converge(system, pair, h, times, seen, reference, *, levels=3, target=1e-7):
+def converge(system, pair, h, times, seen, reference, *, levels=3, target=1e-7, **options):
     """Order 2 +- 0.1 on all levels from step h on, and their limit against the reference.
 
     `seen` gives (states, k) of a history, `reference` is (times, k).
@@ -59,8 +44,8 @@ def converge(system, pair, h, times, seen, reference, *, levels=3, target=1e-7):
     integrator, treatment = pair
     results = []
     for level in range(levels):
-        step = h / 2**level
-        history = sc.simulate(system, integrator(), treatment(), step, times[-1], at=times)
+        run = integrator(), treatment(), h / 2**level, times[-1]
+        history = sc.simulate(system, *run, **{"at": times, **options})
         ids = [int(np.argmin(abs(history.times - t))) for t in times]
         np.testing.assert_allclose(history.times[ids], times, rtol=1e-12)
         results.append(seen(history)[ids])
@@ -94,40 +79,15 @@ def seen_bob(history):
     return np.c_[history["q"], history["v"]]
 
 
-@pairs
-def test_spherical_pendulum(integrator, treatment):
-    system, pair = pendulum.scene(), (integrator, treatment)
-    converge(system, pair, 1 / 40, [1.0, 2.0], seen_bob, R1[:2])
-
-
 @pytest.mark.slow
-@pairs
-def test_spherical_pendulum_for_ten_seconds(integrator, treatment):
-    system, pair = pendulum.scene(), (integrator, treatment)
-    converge(system, pair, 1 / 80, DATA["R1"]["t"], seen_bob, R1)
-
-
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_spherical_pendulum_as_a_body(integrator):
-    """A body of length (J + m l^2)/(m l) = 1 without spin moves as the bob does: l = 3/4."""
-    model = sc.Model()
-    body = sc.RigidBody(
-        1.0,
-        euler=(0.01, 0.01, 0.1775),
-        position=0.75 * START,
-        triad=sc.triad(-START, (0, 1, 0)),
-        velocity=0.75 * SPEED,
-        angular_velocity=np.cross(START, SPEED),
-    )
-    model.add("body", body)
-    model.add("pin", sc.JointSpherical(sc.ground((0, 0, 0)), body.at((0, 0, 0))))
-    model.add("gravity", sc.LoadGravity(GRAVITY))
-    pair = (integrator, sc.NullSpace)
-
-    def seen(history):
-        return np.c_[history["q"][:, :3], history["v"][:, :3]] / 0.75
-
-    converge(model.freeze(), pair, 1 / 40, [1.0, 2.0], seen, R1[:2])
+@pytest.mark.parametrize(
+    ("pair", "h", "count"),
+    [(STRAIGHT[0], 1 / 40, 2), (STRAIGHT[1], 1 / 40, 2), (CROSSED[0], 1 / 80, len(R1))],
+    ids=["null space", "multipliers", "ten seconds"],
+)
+def test_spherical_pendulum(pair, h, count):
+    times = DATA["R1"]["t"][:count]
+    converge(pendulum.scene(), pair, h, times, seen_bob, R1[:count])
 
 
 # -- R2: heavy top ---------------------------------------------------------------------------------
@@ -141,7 +101,8 @@ def seen_axis(history):
     return seen_directors_and_rates(history)[:, AXIS]
 
 
-@pairs
+@pytest.mark.slow
+@pytest.mark.parametrize(("integrator", "treatment"), CROSSED)
 def test_heavy_top_at_the_first_time(integrator, treatment):
     """With the whole triad, which turns by 15 rad about the axis of the top until then."""
     pair = (integrator, treatment)
@@ -149,22 +110,24 @@ def test_heavy_top_at_the_first_time(integrator, treatment):
 
 
 @pytest.mark.slow
-@pairs
-def test_heavy_top(integrator, treatment):
+def test_heavy_top():
     """Without the spin's phase, which needs finer steps."""
-    times = DATA["R2"]["t"]
-    converge(top.scene(), (integrator, treatment), 1 / 600, times, seen_axis, R2[:, AXIS])
+    times = DATA["R2"]["t"][:2]
+    converge(top.scene(), STRAIGHT[1], 1 / 600, times, seen_axis, R2[:2, AXIS])
 
 
-@pairs
-@pytest.mark.parametrize(("name", "times"), [("slow", [0.2, 0.4]), ("fast", [0.1, 0.2])])
-def test_steady_precession(integrator, treatment, name, times):
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("pair", "name", "times"),
+    [(STRAIGHT[0], "slow", [0.2, 0.4]), (STRAIGHT[1], "fast", [0.1, 0.2])],
+)
+def test_steady_precession(pair, name, times):
     rate = float(DATA["R2 steady precession"][name])
     system = top.steady(rate)
     axis = np.array([np.sin(0.5), 0.0, np.cos(0.5)])
     assert top.precession()[name] == pytest.approx(rate, rel=1e-14)
     turns = rotation_matrix(exp_quaternion(np.outer(times, (0, 0, rate))))
-    pair, h = (integrator, treatment), times[0] / 25
+    h = times[0] / 25
     converge(system, pair, h, times, lambda history: history["q"][:, 9:12], turns @ axis)
 
 
@@ -173,19 +136,18 @@ def test_steady_precession(integrator, treatment, name, times):
 R3 = np.array([directors_and_rates(row) for row in DATA["R3"]["state"]])
 
 
-@pairs
-def test_free_body(integrator, treatment):
-    pair = (integrator, treatment)
-    converge(free.scene(), pair, 1 / 25, [1.0, 2.0], seen_directors_and_rates, R3[:2])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("pair", "count", "levels"),
+    [(STRAIGHT[0], 2, 3), (STRAIGHT[1], 2, 3), (CROSSED[0], 5, 4)],
+    ids=["null space", "multipliers", "twenty seconds"],
+)
+def test_free_body(pair, count, levels):
+    times, seen = DATA["R3"]["t"][:count], seen_directors_and_rates
+    converge(free.scene(), pair, 1 / 25, times, seen, R3[:count], levels=levels)
 
 
 @pytest.mark.slow
-@pairs
-def test_free_body_for_a_hundred_seconds(integrator, treatment):
-    pair = (integrator, treatment)
-    converge(free.scene(), pair, 1 / 25, DATA["R3"]["t"], seen_directors_and_rates, R3, levels=4)
-
-
 def test_first_order_start_would_be_seen():
     """Negative: a momentum that is off by O(h) at the start spoils the ratio of 4."""
     system = free.scene()
@@ -222,10 +184,15 @@ def nearest(angles, reference):
     return angles - 2 * np.pi * np.rint((angles - reference) / (2 * np.pi))
 
 
-def converge_windows(pair, h, times, **options):
-    system = windows()
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # passes singular positions
+@pytest.mark.parametrize(
+    ("pair", "until", "levels"), [(CROSSED[0], 2, 3), (STRAIGHT[1], 4, 4)], ids=["two", "four"]
+)
+def test_four_bar_windows(pair, until, levels):
+    """Past two singular positions, and past four."""
+    system, times, reference = windows(), DATA["R5"]["t"][:until], R5[:until]
     assert system.counts() == {"n": 60, "m": 65, "rank": 59, "unknowns": 1}
-    reference = R5[: len(times)]
     place = system.frame_place("column 0") + 9
 
     def seen(history):
@@ -235,25 +202,10 @@ def converge_windows(pair, h, times, **options):
         rate = rates[:, 0] * d[:, 1] - d[:, 0] * rates[:, 1]
         return np.c_[nearest(angle, known), rate]
 
-    converge(system, pair, h, times, seen, reference, **options)
+    converge(system, pair, 0.02, times, seen, reference, levels=levels)
 
 
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # passes a singular position
-@first_pair
-def test_four_bar_windows(integrator, treatment):
-    """Past two singular positions."""
-    converge_windows((integrator, treatment), 0.02, [1.0, 2.0], levels=3)
-
-
-# the windows pass singular positions
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
 @pytest.mark.slow
-@pairs
-def test_four_bar_windows_for_ten_seconds(integrator, treatment):
-    """Past ten singular positions."""
-    converge_windows((integrator, treatment), 0.02, DATA["R5"]["t"], levels=4)
-
-
 def test_passing_several_rows_at_once_is_reported(caplog):
     """Both loops lie flat together: the sign of a determinant would not change."""
     passes = pytest.warns(sc.AccuracyWarning, match="has passed a singular position")
@@ -266,28 +218,18 @@ def test_passing_several_rows_at_once_is_reported(caplog):
     assert len(history.meta["warnings"]) == 1  # the first time
 
 
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # passes a singular position
-@pairs
-def test_four_bar_windows_stay_parallelograms(integrator, treatment):
-    """The branch is kept, and with energy-momentum the energy, at steps that hit no position."""
-    system = windows()
-    history = sc.simulate(system, integrator(), treatment(), 0.0213, 4.0, derive=False)
-    q = history["q"]
-    angles = column_angles(system, q)
-    assert angles[-1, 0] > 3.5 * np.pi  # past four singular positions
-    assert abs(angles - angles[:, :1]).max() < 1e-9
-    energy = diagnostics.kinetic_energy(system, history["p"])
-    energy += diagnostics.external_energy(system, q, history.times)
-    amplitude = 7 * 9.81
-    if integrator is sc.EnergyMomentum:
-        assert np.ptp(energy) < 1e-10 * amplitude
-    assert diagnostics.constraint_violation(system, q).max() < 1e-12
-
-
 # the windows pass singular positions
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pairs
-@pytest.mark.parametrize("off", [0.0, 0.5, 1e-6, 0.5 + 1e-6])
+@pytest.mark.parametrize(
+    ("off", "integrator", "treatment"),
+    [
+        (off, *pair)
+        for offs, pairs in (((0.0, 0.5 + 1e-6), CROSSED), ((0.5, 1e-6), STRAIGHT))
+        for off in offs
+        for pair in pairs
+    ],
+)
 def test_four_bar_windows_at_singular_nodes_and_midpoints(integrator, treatment, off):
     """All rods on one line at a node (0) or the midpoint (0.5) of the tenth step, or nearly.
 
@@ -310,26 +252,6 @@ def test_four_bar_windows_at_singular_nodes_and_midpoints(integrator, treatment,
     assert apart < bound
 
 
-# the windows pass singular positions
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pairs
-def test_four_bar_windows_start_in_a_singular_position(integrator, treatment):
-    """A warning says so; mobility and motion are those of the parallelograms beside it."""
-    ends = []
-    for angle in (np.pi / 2, np.pi / 2 - 1e-6):
-        with warnings.catch_warnings(record=True):
-            warnings.simplefilter("always")
-            system = windows(angle)
-        said = [each["text"] for each in system.warnings]
-        assert any("singular position" in text for text in said) == (angle == np.pi / 2)
-        assert system.counts() == {"n": 60, "m": 65, "rank": 59, "unknowns": 1}
-        history = sc.simulate(system, integrator(), treatment(), 0.02, 0.5, derive=False)
-        angles = column_angles(system, history["q"])
-        assert abs(angles - angles[:, :1]).max() < 1e-9
-        ends.append(angles[-1, 0])
-    assert np.diff(ends) == pytest.approx(0, abs=1e-5)
-
-
 # -- R6: Andrews' squeezing mechanism --------------------------------------------------------------
 
 R6 = np.array(DATA["R6"]["q"])
@@ -340,58 +262,37 @@ def squeezed(system, history):
     return andrews.read(motion.Track(system, history, np.arange(len(history))))["q"]
 
 
-def converge_squeezer(pair, h, times, motor, levels=3):
+def converge_squeezer(pair, times, motor="actuator"):
     """As `converge`, with all states, for angles go on over turns."""
     system = andrews.scene(motor=motor)
     assert system.counts() == {"n": 84, "m": 92, "rank": 83, "unknowns": 1}
-    results = []
-    for level in range(levels):
-        step = h / 2**level
-        history = sc.simulate(system, pair[0](), pair[1](), step, times[-1], derive=False)
-        results.append(squeezed(system, history)[np.rint(np.array(times) / step).astype(int)])
+    run = {"at": None, "derive": False}
     reference = R6[: len(times)]
-    errors = np.linalg.norm(np.array(results) - reference, axis=2)
-    assert (abs(np.log2(errors[:-1] / errors[1:]) - 2) < 0.1).all()
-    limit = romberg(results)
-    miss = np.linalg.norm(limit - reference, axis=1) / np.linalg.norm(reference, axis=1)
-    assert (miss < 1e-7).all(), miss
-    return limit
-
-
-@first_pair
-def test_squeezer(integrator, treatment):
-    converge_squeezer((integrator, treatment), 2e-4, [0.005, 0.01], "actuator")
-
-
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_squeezer_with_its_torque_as_a_load(integrator):
-    converge_squeezer((integrator, sc.Multipliers), 2e-4, [0.005], "moment")
+    converge(system, pair, 2e-4, times, lambda h: squeezed(system, h), reference, **run)
 
 
 @pytest.mark.slow
-@pairs
-def test_squeezer_to_the_end(integrator, treatment):
-    """And against the value of the literature, whose own error is 1.4e-9."""
-    limit = converge_squeezer((integrator, treatment), 1e-4, DATA["R6"]["t"], "actuator", 4)
-    assert abs(limit[-1] - DATA["R6"]["literature"]).max() < 3e-9
+def test_squeezer_with_its_torque_as_a_load():
+    converge_squeezer(STRAIGHT[1], [0.005], "moment")
 
 
-@pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
-def test_squeezer_energy_balance(treatment):
-    """Energy-momentum: kinetic and spring energy grow by torque times angle."""
-    system = andrews.scene()
-    history = sc.simulate(system, sc.EnergyMomentum(), treatment(), 1e-4, 0.01)
-    turned = squeezed(system, history)[:, 0]
-    work = DATA["R6"]["params"]["mom"] * (turned - turned[0])
-    energy = history["kinetic"] + history["coupling_energy"]
-    assert abs(energy - energy[0] - work).max() < 1e-10 * abs(energy).max()
+@pytest.mark.slow
+def test_squeezer_to_the_end():
+    """The reference is that of the literature, whose own error is 1.4e-9."""
+    converge_squeezer(STRAIGHT[0], DATA["R6"]["t"])
+    assert abs(R6[-1] - DATA["R6"]["literature"]).max() < 3e-9
 
 
 # -- R8: chain of rods -----------------------------------------------------------------------------
 
 
-def converge_chain(pair, count, until, h, **options):
-    system = rods.scene({"N": count})
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("pair", "count", "until", "h"),
+    [(CROSSED[0], 1, 2.0, 0.02), (STRAIGHT[1], 2, 1.0, 0.01), (CROSSED[1], 5, 0.5, 0.02)],
+    ids=["1", "2", "5"],
+)
+def test_chain(pair, count, until, h):
     data = DATA[f"R8 N={count}"]
     times = [t for t in data["t"] if t <= until]
     reference = np.array(data["state"])[: len(times)]
@@ -404,20 +305,4 @@ def converge_chain(pair, count, until, h, **options):
         angle[ids] = nearest(angle[ids], reference[:, :count])
         return np.c_[angle, rate]
 
-    converge(system, pair, h, times, seen, reference, **options)
-
-
-@pairs
-@pytest.mark.parametrize(("count", "until", "h"), [(1, 2.0, 0.02), (2, 1.0, 0.01), (5, 0.5, 0.02)])
-def test_chain(integrator, treatment, count, until, h):
-    converge_chain((integrator, treatment), count, until, h, levels=3)
-
-
-@pytest.mark.slow
-@pairs
-@pytest.mark.parametrize(
-    ("count", "until", "h"), [(1, 10.0, 0.01), (2, 6.0, 1.25e-3), (5, 5.0, 1.25e-3)]
-)
-def test_chain_as_long_as_it_can_be_followed(integrator, treatment, count, until, h):
-    """Chaotic motion: two rods can be followed to 6 s, five to 5 s with these steps."""
-    converge_chain((integrator, treatment), count, until, h)
+    converge(rods.scene({"N": count}), pair, h, times, seen, reference)

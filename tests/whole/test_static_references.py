@@ -5,41 +5,20 @@ closed forms; the scenes are those of examples/benchmarks/static_scenes.py. Snap
 buckling are in test_stability_references.py.
 """
 
-import importlib.util
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import static_scenes as scenes
 from scipy.spatial.transform import Rotation
 
 import skfem_cosserat as sc
+from collection import s13_objectivity as s13
+from collection.statics import regular
 from skfem_cosserat.kernels import rotation_matrix
 
-ROOT = Path(__file__).resolve().parents[2]
-DATA = json.loads((ROOT / "tests" / "data" / "static_references.json").read_text())
-
-
-def load_scenes():
-    """The example as a module, once for all test files."""
-    if "static_scenes" not in sys.modules:
-        path = ROOT / "examples" / "benchmarks" / "static_scenes.py"
-        spec = importlib.util.spec_from_file_location("static_scenes", path)
-        sys.modules["static_scenes"] = module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(module)
-    return sys.modules["static_scenes"]
-
-
-__all__ = ["s08"]
-
-scenes = load_scenes()
-sys.path.insert(0, str(ROOT / "examples" / "benchmarks"))
-
-from collection import s08_arch as s08  # noqa: E402
-from collection import s13_objectivity as s13  # noqa: E402
-from collection.statics import extrapolated, regular  # noqa: E402
-
+DATA = json.loads((Path(__file__).parents[1] / "data" / "static_references.json").read_text())
 treatments = pytest.mark.parametrize("treatment", [sc.NullSpace, sc.Multipliers])
 
 
@@ -57,53 +36,10 @@ def matrix(quaternion):
     return rotation_matrix(np.array(quaternion)[None])[0]
 
 
-@pytest.mark.parametrize(
-    ("scene", "until"),
-    [
-        (scenes.roll_up(16, 4, 2), 1.0),
-        (scenes.elastica(8, 3, 10.0), 1.0),
-        (scenes.bend(8, 3), 1.0),
-        (scenes.helix_roll_up(32, 4), 0.1),
-        (scenes.princeton(4, 4), 1.0),
-        (scenes.slender_arc(8, 3, 1e4), 1.0),
-        (scenes.deployable_ring(16, 4), 1.0),
-        (scenes.twisted_ring(12, 4), 3.0),
-    ],
-    ids=["S1", "S2", "S3", "S4", "S5", "S14", "S11", "S12"],
-)
-def test_treatments_end_in_one_state(scene, until):
-    ends = []
-    for treatment in (sc.NullSpace, sc.Multipliers):
-        control = sc.LoadControl(until=until)
-        history = follow(scene, treatment, control, watch=False, derive=False)
-        ends.append(history["q"][-1])
-    assert abs(ends[0] - ends[1]).max() < 1e-10 * abs(ends[0]).max()
-
-
 # -- S1: roll-up -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("treatment", "turns", "slenderness"),
-    [
-        (sc.NullSpace, 1, 10.0),
-        (sc.NullSpace, 1, 1e4),
-        (sc.NullSpace, 2, 10.0),
-        (sc.NullSpace, 2, 100.0),
-        (sc.NullSpace, 2, 1e4),
-        (sc.Multipliers, 1, 100.0),
-        (sc.Multipliers, 2, 1e4),
-    ],
-)
-def test_roll_up(treatment, turns, slenderness):
-    """One and two full circles; every element bends alike: errors depend on its angle only."""
-    scene = scenes.roll_up(8 * turns, 4, turns, slenderness=slenderness)
-    history = follow(scene, treatment, derive=False, watch=False)
-    assert abs(scene.position(history)).max() == pytest.approx(7.04e-7, rel=1e-2)
-    left = abs(scene.angle(history) - 2 * np.pi * turns)
-    assert left == pytest.approx(4.42e-7 * turns, rel=1e-2)
-
-
+@pytest.mark.slow
 def test_roll_up_converges_with_order_two_p():
     errors = []
     for elements in (8, 16, 32):
@@ -113,6 +49,7 @@ def test_roll_up_converges_with_order_two_p():
     assert np.log2(errors[-2] / errors[-1]) == pytest.approx(6, abs=0.3)
 
 
+@pytest.mark.slow
 def test_roll_up_on_the_way():
     """Tip at shares of two circles."""
     scene = scenes.roll_up(24, 4, 2)
@@ -126,6 +63,7 @@ def test_roll_up_on_the_way():
 # -- S2: elastica ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", DATA["S2 Reissner"]["values"])
 def test_elastica(row):
     """To the eleven digits of the reference; the root moment is force times lever arm."""
@@ -138,33 +76,6 @@ def test_elastica(row):
     root = -history["joint/clamp/moment"][-1, 2]  # on the rod
     assert abs(root) == pytest.approx(moment, rel=4e-11)
     assert abs(root) == pytest.approx(load * scene.position(history)[0], rel=1e-12)
-
-
-@pytest.mark.parametrize("row", DATA["S2 inextensible"]["values"])
-def test_elastica_inextensible(row):
-    """Axial and shear compliance extrapolated to zero."""
-    load, *expected = row
-    found = []
-    for k in range(3):
-        stiff = 1e3 * 4**k
-        scene = scenes.elastica(16, 4, load, EA=stiff, GA=stiff)
-        history = follow(scene, derive=False)
-        found.append([*scene.position(history)[:2], scene.angle(history)])
-    limit = extrapolated(found, 4)
-    assert abs(limit - expected).max() < {1: 1e-14, 2: 1e-13, 5: 4e-12, 10: 5e-11}[load]
-
-
-@treatments
-def test_elastica_converges_with_order_two_p(treatment):
-    thickness, load, *expected = DATA["S2 Reissner"]["values"][2]
-    EA = 12 / thickness**2
-    for order, counts in {1: (16, 32), 2: (8, 16), 3: (4, 8), 4: (4, 8)}.items():
-        errors = []
-        for elements in counts:
-            scene = scenes.elastica(elements, order, load, EA=EA, GA=5 / 6 * EA / 2.6)
-            history = follow(scene, treatment, derive=False, watch=False)
-            errors.append(np.linalg.norm(scene.position(history)[:2] - expected[:2]))
-        assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * order, abs=0.3)
 
 
 # -- S3: 45-degree bend ----------------------------------------------------------------------------
@@ -180,6 +91,7 @@ def bend_error(elements, order):
     return float(np.linalg.norm(scene.position(history) - BEND["plain", 600]["tip"]))
 
 
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("elements", "order", "limit"),
     [(16, 1, 0.4), (8, 2, 8e-3), (16, 2, 5e-4), (8, 3, 2e-5), (16, 3, 1e-6), (8, 4, 1e-7)],
@@ -188,6 +100,7 @@ def test_bend_error(elements, order, limit):
     assert bend_error(elements, order) <= limit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "elements"), [(1, (16, 32)), (2, (16, 32)), (3, (8, 16)), (4, (8, 16))]
 )
@@ -197,6 +110,7 @@ def test_bend_order(order, elements):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2 * order, abs=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in BEND if name[0] in SHEAR_FACTOR])
 def test_bend_values(name):
     """Tip, rotation, root moment and strain energy to the digits of the reference."""
@@ -212,30 +126,7 @@ def test_bend_values(name):
         assert history["strain_energy"][-1] == pytest.approx(ENERGY[P], rel=1e-9)
 
 
-@pytest.mark.parametrize("P", [300.0, 450.0, 600.0])
-def test_bend_inextensible(P):
-    found = []
-    for k in range(3):
-        scene = scenes.bend(16, 4, P, stiffening=2.0**k)
-        found.append(scene.position(follow(scene, derive=False, watch=False)))
-    expected = BEND["inextensible", P]["tip"]
-    assert extrapolated(found, 2) == pytest.approx(expected, abs=2e-10)
-
-
-def test_bend_ends_in_one_state_however_it_is_loaded():
-    """Any number of load steps, either treatment, one step in twelve iterations or fewer."""
-    scene, ends = scenes.bend(8, 3), []
-    for treatment in (sc.NullSpace, sc.Multipliers):
-        for steps in (1, 2, 6, 10, 60):
-            control = sc.LoadControl(steps=steps)
-            history = follow(scene, treatment, control, derive=False, watch=False)
-            assert history.meta["rejected"] == 0
-            assert steps > 1 or history.meta["newton_iterations"] <= 12
-            ends.append(history["q"][-1])
-    scale = abs(ends[0]).max()
-    assert max(abs(q - ends[0]).max() for q in ends) < 1e-10 * scale
-
-
+@pytest.mark.slow
 def test_equidistant_nodes_lose_orders():
     """Negative: of the sixth order of cubic elements four are left, of the eighth six."""
     for order, left in ((3, 4), (4, 6)):
@@ -262,37 +153,24 @@ def helix_errors(elements, order, rows, treatment=sc.NullSpace):
     return tips, np.array(turns)
 
 
+@pytest.mark.slow
 def test_helix_for_three_turns():
     tips, turns = helix_errors(40, 4, 6)
     assert tips.max() < 2e-8
     assert turns.max() < 2e-7
 
 
+@pytest.mark.slow
 def test_helix_with_multipliers():
     tips, turns = helix_errors(32, 4, 2, sc.Multipliers)
     assert tips.max() < 1e-9
     assert turns.max() < 1e-9
 
 
-@pytest.mark.slow
-def test_helix_to_the_end():
-    """Ten turns: eighth order from 80 to 160 quartic elements, there the tip has nine decimals."""
-    coarse, fine = helix_errors(80, 4, len(HELIX)), helix_errors(160, 4, len(HELIX))
-    for far, near in zip(coarse, fine, strict=True):
-        assert np.log2(far[-1] / near[-1]) == pytest.approx(8, abs=0.3)
-    assert fine[0].max() < 3e-9
-    assert fine[1].max() < 2e-8
-
-
-@pytest.mark.slow
-def test_helix_to_the_end_with_cubic_elements():
-    tips, _ = helix_errors(160, 3, len(HELIX))
-    assert tips[:6].max() < 1e-6
-
-
 # -- S5: Princeton beam ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", DATA["S5"]["values"])
 def test_princeton_beam(row):
     P, degrees = row[:2]
@@ -312,31 +190,9 @@ def test_princeton_beam(row):
 RING = np.array(DATA["S11"]["values"])
 
 
-def test_deployable_ring_closes():
-    """After a full turn: a third of the radius everywhere, no torque."""
-    scene = scenes.deployable_ring(24, 4)
-    history = follow(scene)
-    assert scene.displacement(history)[0] == pytest.approx(-80 / 3, abs=1e-6)
-    nodes = history["q"][-1].reshape(-1, 12)[:, :3]
-    radius = np.linalg.norm(nodes - [-20 + 20 / 3, 0, 0], axis=1)
-    ends = np.unique(scene.beam.basis.connectivity[:, [0, -1]])
-    assert abs(radius[ends] / (20 / 3) - 1).max() < 1e-6
-    assert abs(history["joint/drive/moment"][-1]).max() < 1e-6 * RING[:, 1].max()
-
-
-@treatments
-def test_deployable_ring_for_half_a_turn(treatment):
-    rows = RING[RING[:, 0] <= 180][::4]
-    scene = scenes.deployable_ring(16, 4)
-    control = sc.LoadControl(at=rows[:, 0] / 360)
-    history = follow(scene, treatment, control, watch=False)
-    torque = history["joint/drive/moment"][1:, 0]
-    assert torque == pytest.approx(rows[:, 1], rel=1e-6)
-    assert scene.displacement(history, slice(1, None))[:, 0] == pytest.approx(rows[:, 2], abs=2e-5)
-
-
 @pytest.mark.slow
 def test_deployable_ring_to_nine_digits():
+    """After a full turn: a third of the radius, no torque."""
     scene = scenes.deployable_ring(64, 4)
     control = sc.LoadControl(at=RING[:, 0] / 360)
     history = follow(scene, control=control, watch=False)
@@ -351,14 +207,8 @@ def test_deployable_ring_to_nine_digits():
 # -- S13: objectivity and path independence --------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("treatment", "turns"),
-    [
-        (sc.NullSpace, 10),
-        (sc.Multipliers, 2),
-        pytest.param(sc.Multipliers, 10, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("treatment", "turns"), [(sc.NullSpace, 10), (sc.Multipliers, 2)])
 def test_strains_do_not_see_turns_on_the_way(treatment, turns):
     """Found anew at every point of the path, while the clamp turns."""
     control = sc.LoadControl(at=[1.0, *(1 + np.arange(1, turns + 1) / 10)])
@@ -376,28 +226,18 @@ def test_strains_do_not_see_superposed_turns():
     assert s13.superposed(scene, q, 10, axis) < 1e-12
 
 
-@treatments
-def test_load_and_unload(treatment):
+@pytest.mark.slow
+def test_load_and_unload():
     """The way back ends in the reference."""
     scene = scenes.bend(8, 3)
-    there = follow(scene, treatment, derive=False)
+    there = follow(scene, derive=False)
     back = sc.static(
         scene.system,
-        treatment(),
-        sc.LoadControl(until=0.0),
+        control=sc.LoadControl(until=0.0),
         start=sc.equilibrium(scene.system, there),
     )
     assert abs(back["q"][-1] - scene.system.q0).max() < 1e-12 * 100
     assert abs(back["beam/rod/strain"][-1]).max() < 1e-12
-
-
-def test_the_end_does_not_depend_on_the_way():
-    """Two forces one after the other, in either order, and both at once."""
-    system = s13.two_forces(8, 3).system
-    first, last = sc.Table([0, 0.5], [0, 1]), sc.Table([0.5, 1], [0, 1])
-    ways = [{}, {"up": first, "in": last}, {"up": last, "in": first}]
-    ends = [sc.static(system, factors=way, derive=False)["q"][-1] for way in ways]
-    assert max(abs(q - ends[0]).max() for q in ends) < 1e-10 * 100
 
 
 # -- S14: slenderness ------------------------------------------------------------------------------
@@ -422,6 +262,7 @@ def slender_error(elements, order, slenderness):
     return np.linalg.norm(scene.position(history) - TIPS[slenderness])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slenderness", ["100", "1000"])
 def test_slender_arc(slenderness):
     case = DATA["S14"]["cases"][slenderness]
@@ -432,12 +273,14 @@ def test_slender_arc(slenderness):
     assert -history["joint/clamp/moment"][-1] == pytest.approx(case["root_moment"], abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "elements"), [(1, 16), (2, 8), (3, 8), (4, 4)])
 def test_error_does_not_grow_with_slenderness(order, elements):
     thick, *slender = [slender_error(elements, order, z) for z in (100.0, 1000.0, 1e4)]
     assert slender == pytest.approx(2 * [thick], rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "elements"), [(1, 16), (2, 8), (3, 8), (4, 4)])
 def test_full_quadrature_locks(order, elements):
     """Negative: one Gauss point more, and the error grows with slenderness."""

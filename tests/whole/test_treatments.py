@@ -4,14 +4,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_scenes import TENSOR, everything, pairs, random_tree, swing, triangle
+from helpers_scenes import TENSOR, everything, random_tree, swing
 
 import skfem_cosserat as sc
 
 INTEGRATORS = {"variational": sc.Variational(), "energy-momentum": sc.EnergyMomentum()}
-integrators = pytest.mark.parametrize("integrator", INTEGRATORS)
 TREATMENTS = {"null space": sc.NullSpace(), "multipliers": sc.Multipliers()}
 treatments = pytest.mark.parametrize("treatment", TREATMENTS)
+#: each integrator and each treatment once
+straight = pytest.mark.parametrize(
+    ("integrator", "treatment"), [("variational", "null space"), ("energy-momentum", "multipliers")]
+)
 
 
 def pair_of_bodies(kind, **options):
@@ -52,7 +55,6 @@ SCENES = {
     "tree 4": lambda: random_tree(4),
     "swing": lambda: swing(6),
 }
-scenes = pytest.mark.parametrize("scene", SCENES)
 
 
 @cache
@@ -67,65 +69,38 @@ def run(scene, integrator, treatment, again=0):
     return sc.simulate(system, *pair, 0.004, 0.12, start=start, derive=scene == "distance")
 
 
-# a coarse swing is quick: its tension is somewhat above what four elements can hold
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@scenes
-@integrators
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # tension in the coarse swing
+@pytest.mark.parametrize(
+    ("scene", "integrator"),
+    [(scene, [*INTEGRATORS][k % 2]) for k, scene in enumerate(SCENES)],
+)
 def test_both_treatments_give_the_same_motion(scene, integrator):
-    one, two = (run(scene, integrator, name) for name in TREATMENTS)
+    one, two = [run(scene, integrator, name) for name in TREATMENTS]
     size = abs(one["q"]).max()
     assert len(one) == 31
     assert abs(one["q"] - two["q"]).max() < 1e-10 * size
     assert abs(one["p"] - two["p"]).max() < 1e-8 * (1 + abs(one["p"]).max())
     assert abs(one["q"][-1] - one["q"][0]).max() > 1e-3  # it moves
+    for history in (one, two):
+        assert (history["attempts"] == 1).all()
 
 
-# a coarse swing is quick: its tension is somewhat above what four elements can hold
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@scenes
-@integrators
-@treatments
-def test_few_newton_iterations(scene, integrator, treatment):
-    history = run(scene, integrator, treatment)
-    assert (history["attempts"] == 1).all()
-    count = history["newton_iterations"][1:]
-    assert history.meta["factorisations"] <= 4 * len(history)
-    if history.meta["kernels"] == "numpy":  # compiled ones keep factors
-        assert count.max() <= 6
-        assert count.mean() <= 4
-
-
-# a coarse swing is quick: its tension is somewhat above what four elements can hold
-@pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")
-@pytest.mark.parametrize("scene", ["everything", "swing", "distance"])
-@pairs
-def test_repeated_runs_are_identical(scene, integrator, treatment):
-    one, two = (run(scene, integrator, treatment, again) for again in (0, 1))
+@pytest.mark.slow
+@straight
+def test_repeated_runs_are_identical(integrator, treatment):
+    one, two = (run("distance", integrator, treatment, again) for again in (0, 1))
     assert one is not two
     for name in one.series:
         assert np.array_equal(one[name], two[name], equal_nan=True), name
 
 
-@integrators
-def test_unscaled_multipliers_solve_the_same(integrator):
-    one = run("spherical", integrator, "multipliers")
+@pytest.mark.slow
+def test_unscaled_multipliers_solve_the_same():
+    one = run("spherical", "variational", "multipliers")
     system = SCENES["spherical"]()
     unscaled = sc.Multipliers(scaled=False)
-    two = sc.simulate(system, INTEGRATORS[integrator], unscaled, 0.004, 0.12)
-    assert abs(one["q"] - two["q"]).max() < 1e-10
-    assert unscaled.name == "multipliers"
-
-
-@integrators
-def test_loop_of_joints(integrator):
-    """Closed loops have tests of their own; here: the same motion in both treatments."""
-    system = triangle().freeze()
-    one, two = (
-        sc.simulate(system, INTEGRATORS[integrator], treatment, 0.01, 0.3)
-        for treatment in TREATMENTS.values()
-    )
-    assert one["constraint_violation"].max() < 1e-12
-    assert two["constraint_violation"].max() < 1e-11
+    two = sc.simulate(system, INTEGRATORS["variational"], unscaled, 0.004, 0.12)
     assert abs(one["q"] - two["q"]).max() < 1e-10
 
 
@@ -144,9 +119,9 @@ def stiff_whip():
     return model.freeze()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::skfem_cosserat.AccuracyWarning")  # a step far too large
-@integrators
-@treatments
+@straight
 def test_a_step_far_too_large_says_so(integrator, treatment, tmp_path):
     system = stiff_whip()
     path = tmp_path / "whip.history"
@@ -160,22 +135,17 @@ def test_a_step_far_too_large_says_so(integrator, treatment, tmp_path):
     assert 0 < error.residual < 1
     for words in (f"step {error.step}", f"t = {error.time:.9g} s", "residual", "smaller step"):
         assert words in str(error)
-    assert error.advice[1:] in str(error)  # as a sentence
     assert ("EnergyMomentum()" in error.advice) == (integrator == "variational")
     assert history.status == "diverged"
     assert str(error).startswith(history.meta["failure"])  # then what was warned of
-    assert np.isfinite(history["q"]).all()
-    assert np.isfinite(history["p"]).all()
-    history.save(tmp_path / "copy.history")
-    for name in ("copy", "whip"):
-        loaded = sc.History.load(tmp_path / f"{name}.history")
-        assert loaded.status == "diverged"
-        for key in ("t", "q", "p", "carried"):
-            assert np.array_equal(loaded[key], history[key]), key
+    assert np.isfinite(history["q"]).all() and np.isfinite(history["p"]).all()
+    loaded = sc.History.load(path)
+    assert loaded.status == "diverged"
+    for key in ("t", "q", "p", "carried"):
+        assert np.array_equal(loaded[key], history[key]), key
 
 
-@integrators
-@treatments
+@straight
 def test_residual_of_a_load_on_a_scene_at_rest(integrator, treatment):
     """Regression: its size counts the load, else the line search starts from a residual of 0."""
     system = stiff_whip()
@@ -198,99 +168,3 @@ def test_overflow_is_not_a_small_residual(treatment):
     residual[0] = np.nan
     for largest in (1.0, np.nan, 0.0):
         assert not np.isfinite(bound.relative(residual, largest))
-
-
-@pytest.fixture(scope="module")
-def pendulum():
-    model = sc.Model()
-    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, "beam")
-    section = sc.Section([60, 60, 80, 3, 4, 2.5], mass=0.8, inertia=(0.05, 0.06))
-    beam = model.add("beam", sc.Beam(mesh, section))
-    body = model.add("body", sc.RigidBody(0.8, TENSOR, position=(1.2, 0, 0)))
-    model.add("hook", sc.JointSpherical(sc.ground((0, 0, 0)), beam.node("beam.start")))
-    model.add("hinge", sc.JointRevolute(beam.node("beam.end"), body.at((1, 0, 0)), (0, 1, 0)))
-    model.add("gravity", sc.LoadGravity((0, 0, -9.81), sc.Table([0, 0.0333, 1], [0, 1, 0.7])))
-    return model.freeze()
-
-
-@integrators
-@treatments
-def test_interrupt_raised_in_a_callback(pendulum, integrator, treatment, tmp_path):
-    def stop(report):
-        if report.state.index == 7:
-            raise KeyboardInterrupt
-
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    path = tmp_path / "run.history"
-    history = sc.simulate(pendulum, *pair, 0.01, 0.3, callbacks=[stop], path=path)
-    assert history.status == "interrupted"
-    whole = sc.simulate(pendulum, *pair, 0.01, 0.3)
-    loaded = sc.History.load(path)
-    assert loaded.status == "interrupted"
-    for h in (history, loaded):
-        assert h["step"].tolist() == list(range(8))
-        assert np.array_equal(h["q"], whole["q"][:8])
-        assert np.array_equal(h["p"][:-1], whole["p"][:7])
-        assert np.isfinite(h["p"]).all()
-        assert np.isfinite(h["energy"]).all()
-    # and it goes on from there
-    start = sc.restart(pendulum, loaded, pair[0], 0.01)
-    rest = sc.simulate(pendulum, *pair, 0.01, 0.3, start=start)
-    assert abs(rest["q"] - whole["q"][7:]).max() < 1e-11
-
-
-@pairs
-def test_restart_from_a_loaded_history(pendulum, integrator, treatment, tmp_path):
-    """The same run to the Newton tolerance; another step or integrator: the same to O(h^2)."""
-    pair = INTEGRATORS[integrator], TREATMENTS[treatment]
-    whole = sc.simulate(pendulum, *pair, 0.005, 0.4)
-    half = sc.simulate(pendulum, *pair, 0.005, 0.2)
-    half.save(tmp_path / "half.history")
-    loaded = sc.History.load(tmp_path / "half.history")
-    start = sc.restart(pendulum, loaded, pair[0], 0.005)
-    assert start.index == 40
-    rest = sc.simulate(pendulum, *pair, 0.005, 0.4, start=start)
-    assert rest["step"][-1] == 80
-    # what is lost is the guess of the next step: the Newton tolerance is what differs
-    assert abs(rest["q"] - whole["q"][40:]).max() < 1e-11
-    assert abs(rest["p"][1:] - whole["p"][41:]).max() < 1e-11
-    assert abs(rest.times - whole.times[40:]).max() < 1e-14
-    for name, other in INTEGRATORS.items():
-        errors = []
-        for h in (0.01, 0.005):
-            first = sc.simulate(pendulum, *pair, h, 0.2)
-            finer = h if name != integrator else h / 2
-            start = sc.restart(pendulum, first, other, finer)
-            assert start.fresh
-            rest = sc.simulate(pendulum, other, pair[1], finer, 0.4, start=start)
-            reference = exact(pendulum)
-            errors.append(abs(rest["q"][-1] - reference).max())
-        assert errors[1] < 2e-3
-        assert 3 < errors[0] / errors[1] < 5, (name, errors)
-
-
-@cache
-def exact(system):
-    """Richardson value at 0.4 s of the variational scheme."""
-    a, b = (
-        sc.simulate(system, sc.Variational(), sc.Multipliers(), h, 0.4, derive=False)["q"][-1]
-        for h in (0.002, 0.001)
-    )
-    return (4 * b - a) / 3
-
-
-@integrators
-def test_callback_stops_the_run(pendulum, integrator):
-    pair = INTEGRATORS[integrator], sc.NullSpace()
-    history = sc.simulate(
-        pendulum, *pair, 0.01, 0.3, callbacks=[lambda report: report.state.time > 0.1499]
-    )
-    assert history.status == "stopped"
-    assert history["step"][-1] == 15
-    whole = sc.simulate(pendulum, *pair, 0.01, 0.3)
-    assert np.array_equal(history["q"], whole["q"][:16])
-    for name in ("p", "constraint_force"):  # the last ones follow from the steps before alone
-        assert np.array_equal(history[name][:15], whole[name][:15]), name
-    # what is not True itself does not stop it
-    longer = sc.simulate(pendulum, *pair, 0.01, 0.05, callbacks=[lambda report: 1])
-    assert longer.status == "completed"
