@@ -17,6 +17,10 @@ from .basis import (
 from .beam import (
     Beam as Beam,
 )
+from .beamdyn import (
+    BladeBeamDyn as BladeBeamDyn,
+    read_beamdyn as read_beamdyn,
+)
 from .body import (
     MassPoint as MassPoint,
     RigidBody as RigidBody,
@@ -241,6 +245,12 @@ from .section import (
     SectionCircle as SectionCircle,
     SectionRectangle as SectionRectangle,
     SectionTube as SectionTube,
+)
+from .section_field import (
+    SectionAlong as SectionAlong,
+    SectionField as SectionField,
+    SectionTable as SectionTable,
+    SectionTaper as SectionTaper,
 )
 from .statics import (
     ArcLength as ArcLength,

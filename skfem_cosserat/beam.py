@@ -31,11 +31,14 @@ from .mesh.triads import check_bends
 from .section import Section
 from .section_field import SectionAlong, SectionField, section_points
 from .theory import Theory, TheoryReissner
-from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, shaped, switch
+from .types import SAME, Array, ArrayLike, Floats, IndexArray, VectorLike, shaped, switch
 from .warn import Notices, warn
 
 #: what gives a beam, or a named part, its sections
 SectionLike = Section | SectionField | Callable[[float], Section]
+#: steps of sections in a row that look like a smooth taper, and how large each may be: the
+#: logarithm of EA EI_1 EI_2
+STAIRS, STEP = 5, 3.0
 NodalField = Callable[[Floats], ArrayLike] | ArrayLike | None
 
 
@@ -128,6 +131,7 @@ class Beam(LineItem):
         with Notices() as notices:
             check_bends(mesh, kind, nodes, self.basis.nodes[nodes], triads, self.label)
             self._check_thickness()
+            self._check_fields()
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
         self.warnings = tuple(notices.found)
         self.triads = self.basis.nodal_triads(triads)
@@ -262,6 +266,52 @@ class Beam(LineItem):
                     self.label,
                     f"its {name!r} is {thickness:.3g} m thick, more than its whole length of"
                     f" {length:.3g} m: are both in m?",
+                    ModelWarning,
+                )
+
+    def _check_fields(self) -> None:
+        """Refuse fields that do not reach along their parts; say which sections cost accuracy."""
+        starts, totals = self._part_lengths()
+        for k, (name, given) in enumerate(self.sections.items()):
+            own = np.flatnonzero(self.section_id == k)
+            for total in np.unique(totals[own]) if isinstance(given, SectionField) else ():
+                given.check(self.label, total)
+                inside = given.kinks(total)[:, None] - starts[own]
+                lengths = self.mesh.lengths[own]
+                found = (inside > SAME * total) & (inside < lengths - SAME * total)
+                if found.any():
+                    place, e = (int(x[0]) for x in np.nonzero(found))
+                    kinks = given.kinks(total)
+                    warn(
+                        self.label,
+                        f"its {name!r} has a kink at s = {kinks[place]:.6g} m, inside element"
+                        f" {own[e]}: errors fall with h^2 there, whatever the order; give the mesh"
+                        " vertices at its kinks, mesh.at(table.s)",
+                        ModelWarning,
+                    )
+        self._check_stairs()
+
+    def _check_stairs(self) -> None:
+        """Say that sections change in steps, as those of a smooth line that was cut into pieces."""
+        sections = list(self.sections.values())
+        if len(sections) < STAIRS or not all(isinstance(each, Section) for each in sections):
+            return
+        size = np.array([np.log(np.diag(each.stiffness)[2:5]).sum() for each in sections])
+        every = find_chains(self.mesh.t, 0 * self.section_id, [""])
+        for chain in every.chains():
+            change = np.diff(size[self.section_id[chain.elements]])
+            steps = change[change != 0]
+            if (
+                len(steps) >= STAIRS
+                and (abs(steps) < STEP).all()
+                and abs(np.sign(steps).sum()) == len(steps)
+            ):
+                warn(
+                    self.label,
+                    f"its sections change in {len(steps)} steps along the line, as those of a"
+                    " smooth taper cut into pieces do: errors fall with h^2, whatever the order;"
+                    " if it is one, give it a SectionTaper, a SectionTable or a function of the"
+                    " arc length",
                     ModelWarning,
                 )
 

@@ -376,6 +376,8 @@ class SectionRectangle(Section):
     1.57
     """
 
+    dimensions = ("a", "b")
+
     def __init__(self, a: float, b: float, material: Material, shear_factor: float = 5 / 6):
         _positive("rectangle", a=a, b=b, shear_factor=shear_factor)
         _check_material("rectangle", material)
@@ -409,9 +411,12 @@ class SectionTube(Section):
     True
     """
 
+    dimensions = ("outer", "inner")
+
     def __init__(
         self, outer: float, inner: float, material: Material, shear_factor: float | None = None
     ):
+        factor = shear_factor
         _positive("tube", outer=outer)
         _check_material("tube", material)
         if not 0 <= inner < outer:
@@ -427,7 +432,8 @@ class SectionTube(Section):
         circle = outer * np.column_stack([np.cos(angle), np.sin(angle)])
         constants = _solid(material, area, (moments, moments), 2 * moments, shear_factor)
         super().__init__(*constants, circle)
-        self.given = {"outer": outer, "inner": inner, "material": material}
+        sizes = {"outer": outer, "inner": inner}
+        self.given = {**sizes, "material": material, "shear_factor": factor}
 
 
 class SectionCircle(SectionTube):
@@ -447,9 +453,12 @@ class SectionCircle(SectionTube):
     0.08639
     """
 
+    dimensions = ("radius",)
+
     def __init__(self, radius: float, material: Material, shear_factor: float | None = None):
         _positive("circle", radius=radius)
         _check_material("circle", material)
         if shear_factor is not None:
             _positive("circle", shear_factor=shear_factor)
         super().__init__(radius, 0.0, material, shear_factor)
+        self.given = {"radius": radius, "material": material, "shear_factor": shear_factor}

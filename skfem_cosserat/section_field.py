@@ -13,7 +13,7 @@ from .frozen import Frozen
 from .kernels import SectionPoints
 from .section import Section
 from .theory import LawHeld, released
-from .types import Array, ArrayLike, Floats, numbers
+from .types import Array, ArrayLike, Floats, not_negative, numbers
 
 #: how far a table may end before its beam does, relative to the beam's length
 BEYOND = 1e-9
@@ -36,6 +36,16 @@ class SectionField(Frozen):
         length : float
             That of the whole part (m).
         """
+
+    def damped(self, time: float) -> SectionField:
+        """The same sections with Kelvin-Voigt damping, see :meth:`Section.damped`.
+
+        Parameters
+        ----------
+        time : float
+            Retardation time (s), not negative.
+        """
+        return _Damped(self, not_negative("section", "time", time))
 
     def kinks(self, length: float) -> Floats:
         """Arc lengths (k,) where the section has a kink or a jump, of a part of this length (m)."""

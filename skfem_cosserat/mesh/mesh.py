@@ -755,6 +755,37 @@ class MeshCurve(Frozen, MeshLine1):
             return self._adaptive(self.elements_of(times_or_ix))
         return self._adaptive(topology.element_numbers(times_or_ix, self.nelements))
 
+    def at(self, s: ArrayLike, beam: str | None = None) -> MeshCurve:
+        """Copy with vertices at arc lengths, as where a section has a kink.
+
+        Parameters
+        ----------
+        s : float or (k,) array
+            Arc lengths (m) from the start of the beam.
+        beam : str, optional
+            Its name; default: the whole mesh, which has to be a single line.
+
+        Returns
+        -------
+        MeshCurve
+            With as many elements as before, or as many as it takes, of equal lengths in between.
+
+        Raises
+        ------
+        MeshError
+            If the beam is unknown, branches or has gaps, or a place is beyond its ends.
+
+        Examples
+        --------
+        >>> MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4).at([0.3]).p[0].round(9).tolist()
+        [0.0, 0.15, 0.3, 0.65, 1.0]
+        """
+        from .divide import divided
+
+        elements, places = topology.places_along(self, s, beam)
+        keep = list(zip(elements.tolist(), places.tolist(), strict=True))
+        return divided(self, self.nelements, keep)
+
     def _adaptive(self, marked: Array) -> Self:
         """Halve marked elements; the halves follow each other in their parent's place."""
         return replace(self, **halved_arrays(self, np.unique(marked)))
