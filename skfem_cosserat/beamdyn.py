@@ -22,6 +22,8 @@ from .warn import warn
 
 #: how far matrices may be off symmetry, relative to both entries on the diagonal
 SYMMETRY = 1e-6
+#: places that are one, relative to the length of the blade
+NEAR = 1e-7
 #: entries of a primary file that give the line, its sections and what is not read
 READ = ("member_total", "kp_total", "BldFile", "order_elem")
 
@@ -32,7 +34,8 @@ class BladeBeamDyn(NamedTuple):
     Attributes
     ----------
     mesh : MeshCurve
-        The reference axis, a smooth line through all key points, with nodes at all stations.
+        The reference axis, a smooth line through all key points, with nodes at these and at all
+        stations.
     section : SectionTable
         Stiffness, mass and damping at the stations, linear in between as in BeamDyn.
     twist : callable
@@ -53,7 +56,7 @@ class BladeBeamDyn(NamedTuple):
     left: tuple[str, ...]
 
 
-def read_beamdyn(path: FilePath, order: int = 4) -> BladeBeamDyn:
+def read_beamdyn(path: FilePath, order: int = 3) -> BladeBeamDyn:
     """Read a blade from the primary input file of BeamDyn and the blade file that it names.
 
     Coordinates are those of the file: z along the blade, x to the suction side, y to the trailing
@@ -64,7 +67,7 @@ def read_beamdyn(path: FilePath, order: int = 4) -> BladeBeamDyn:
     path : path-like
         The primary file. The blade file is looked for beside it.
     order : int
-        Polynomial order of the elements, of which there is one between two stations.
+        Polynomial order of the elements, of which there is one between two stations or key points.
 
     Returns
     -------
@@ -87,7 +90,10 @@ def read_beamdyn(path: FilePath, order: int = 4) -> BladeBeamDyn:
     points, angles = _key_points(primary)
     curve = CurveSpline(points)
     table = _stations(_Lines(primary.path.parent / primary.text("BldFile")), curve.length)
-    mesh = MeshCurve._from_chain(chain_arrays([curve], [table.s], False), "blade", None, False)
+    # sections have kinks at stations, the line and its twist (slightly) at key points
+    places = np.union1d(table.s, curve.knots)
+    places = places[np.append(True, np.diff(places) > NEAR * curve.length)]
+    mesh = MeshCurve._from_chain(chain_arrays([curve], [places], False), "blade", None, False)
     from scipy.interpolate import CubicSpline  # slow to import
 
     # the director is d2: y as far as possible; d1 is a quarter turn back
