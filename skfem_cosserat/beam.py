@@ -274,7 +274,9 @@ class Beam(LineItem):
         starts, totals = self._part_lengths()
         for k, (name, given) in enumerate(self.sections.items()):
             own = np.flatnonzero(self.section_id == k)
-            for total in np.unique(totals[own]) if isinstance(given, SectionField) else ():
+            if isinstance(given, Section):
+                continue
+            for total in np.unique(totals[own]):
                 given.check(self.label, total)
                 inside = given.kinks(total)[:, None] - starts[own]
                 lengths = self.mesh.lengths[own]
@@ -293,8 +295,8 @@ class Beam(LineItem):
 
     def _check_stairs(self) -> None:
         """Say that sections change in steps, as those of a smooth line that was cut into pieces."""
-        sections = list(self.sections.values())
-        if len(sections) < STAIRS or not all(isinstance(each, Section) for each in sections):
+        sections = [each for each in self.sections.values() if isinstance(each, Section)]
+        if len(sections) < max(STAIRS, len(self.sections)):
             return
         size = np.array([np.log(np.diag(each.stiffness)[2:5]).sum() for each in sections])
         every = find_chains(self.mesh.t, 0 * self.section_id, [""])

@@ -180,8 +180,8 @@ def _key_points(primary: _Lines) -> tuple[Floats, Floats]:
 def _stations(blade: _Lines, length: float) -> SectionTable:
     """The table of a blade file, for a line of this length (m)."""
     count, kind = blade.count("station_total", 2), blade.count("damp_type", 0)
-    rows = range(max(blade.entries.values()) + 1, len(blade.lines))
-    rows = [k for k in rows if blade.lines[k].split()]
+    every = range(max(blade.entries.values()) + 1, len(blade.lines))
+    rows = [k for k in every if blade.lines[k].split()]
     titles = [i for i, k in enumerate(rows) if blade.lines[k].lstrip().startswith("---")]
     mu = blade.numbers(rows[titles[-1] - 1], 6) if kind else np.zeros(6)
     each = np.array_split(rows[titles[-1] + 1 :][: 13 * count], count)

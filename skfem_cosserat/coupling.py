@@ -485,7 +485,7 @@ class Foundation(Item):
         beam, (k, c) = self.beam, self.tensors
         elements = beam.part(self.part)
         weights = np.zeros(len(beam.basis.nodes))
-        np.add.at(weights, beam.basis.connectivity[elements], beam.line_weights(elements))
+        np.add.at(weights, beam.basis.connectivity[elements], beam.basis.elemental_load(elements))
         return {
             int(node): _Support(beam.node(int(node)), weights[node] * k, weights[node] * c)
             for node in np.flatnonzero(weights)

@@ -43,10 +43,11 @@ class SectionPoints:
     laws: tuple[Law, ...] = ()
     law_of: IndexArray | None = None
     #: points of each of the laws
-    stored: list[tuple[tuple[IndexArray, ...], Law]] = field(init=False, repr=False)
+    stored: list[tuple[Any, Law]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        self.stored = [(np.nonzero(self.law_of == k), law) for k, law in enumerate(self.laws)]
+        law_of = np.asarray(self.law_of)
+        self.stored = [(np.nonzero(law_of == k), law) for k, law in enumerate(self.laws)]
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled are the arrays that it is made of: those that follow are made anew."""
@@ -115,7 +116,7 @@ class BeamElements(SectionPoints):
 
     def taken(self, ids: IndexArray) -> BeamElements:
         """The elements of these numbers, each as often as it is there."""
-        own = {
+        own: dict[str, Any] = {
             name: None if array is None else array[ids]
             for name in ("lengths", "stiffness", "reference", "rotations", "viscosity", "law_of")
             for array in (getattr(self, name),)

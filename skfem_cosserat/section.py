@@ -376,7 +376,7 @@ class SectionRectangle(Section):
     1.57
     """
 
-    dimensions = ("a", "b")
+    dimensions: ClassVar[tuple[str, ...]] = ("a", "b")
 
     def __init__(self, a: float, b: float, material: Material, shear_factor: float = 5 / 6):
         _positive("rectangle", a=a, b=b, shear_factor=shear_factor)
@@ -411,7 +411,7 @@ class SectionTube(Section):
     True
     """
 
-    dimensions = ("outer", "inner")
+    dimensions: ClassVar[tuple[str, ...]] = ("outer", "inner")
 
     def __init__(
         self, outer: float, inner: float, material: Material, shear_factor: float | None = None
@@ -453,7 +453,7 @@ class SectionCircle(SectionTube):
     0.08639
     """
 
-    dimensions = ("radius",)
+    dimensions: ClassVar[tuple[str, ...]] = ("radius",)
 
     def __init__(self, radius: float, material: Material, shear_factor: float | None = None):
         _positive("circle", radius=radius)
