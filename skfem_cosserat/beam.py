@@ -9,6 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from .along import Along
 from .basis import DirectorBasis, ElementLoad, ElementMatrix
 from .body import RigidBody
 from .element import Interpolation, InterpolationLobatto
@@ -75,6 +76,10 @@ class Beam(LineItem):
     theory : Theory, optional
         Which strains are modelled: by default all, :class:`TheoryReissner`; fewer with
         :class:`TheoryKirchhoff`, :class:`TheoryInextensible`.
+    strain : (6,) array, callable or pair of arrays, optional
+        Strains ``(Gamma, K)`` at which the sections are free of stress (1, 1/m): by heat, growth
+        or prestress. The same everywhere, a function of the arc length (m) from the start of the
+        part, or a table ``(s (k,), strains (k, 6))`` that is linear in between.
 
     Raises
     ------
@@ -108,6 +113,7 @@ class Beam(LineItem):
         angular_velocity: NodalField = None,
         lumped: bool = False,
         theory: Theory | None = None,
+        strain: Any = None,
     ) -> None:
         if not isinstance(mesh, MeshCurve):
             raise InputError(
@@ -119,7 +125,7 @@ class Beam(LineItem):
             )
         self.theory = TheoryReissner() if theory is None else theory
         self.mesh = mesh
-        self._orientation: tuple[Any, Any] | None = (director, twist)
+        self._orientation: tuple[Any, ...] | None = (director, twist, strain)
         self.basis = DirectorBasis(mesh, order=order)
         self.lumped = switch(self.label, lumped, "lumped")
         if self.lumped and not isinstance(self.basis.interpolation, InterpolationLobatto):
@@ -136,6 +142,7 @@ class Beam(LineItem):
         self.warnings = tuple(notices.found)
         self.triads = self.basis.nodal_triads(triads)
         self.rotations = self.basis.relative_rotations(triads)
+        self._strain = None if strain is None else Along(self.label, "strain", strain, 6)
         self.velocity = self._field("velocity", velocity)
         self.angular_velocity = self._field("angular_velocity", angular_velocity)
         self.reference = np.concatenate([self.basis.nodes[:, None], self.triads], axis=1).reshape(
@@ -328,17 +335,21 @@ class Beam(LineItem):
     def _elements(self) -> BeamElements:
         basis = self.basis
         same = bool((self.rotations == np.eye(3)).all())
-        return BeamElements.create(
+        out = BeamElements.create(
             self.gather(self.reference),
             basis.lengths,
             basis.tabulated,
             self.section_points(np.arange(self.mesh.nelements), basis.tabulated.points),
             None if same else self.rotations,
         )
+        if self._strain is not None:
+            every = np.arange(self.mesh.nelements)
+            out.reference += self._strain.at(self.arc_lengths(every, None, out.points))
+        return out
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the twist, which may be a function that does not reach other processes."""
-        return self.__dict__ | {"_orientation": None}
+        """Without twist and strain, which may be functions that do not reach other processes."""
+        return self.__dict__ | {"_orientation": None, "_strain": None}
 
     def refined(self, marked: Any = (), order: int | Interpolation | None = None) -> Self:
         """Copy of the beam with some elements halved, or of another order.
@@ -414,7 +425,7 @@ class Beam(LineItem):
         """
         if self._orientation is None:
             raise InputError(self.label, "came from another process: refine it where it was made")
-        director, twist = self._orientation
+        director, twist, strain = self._orientation
         sections = self.sections
         beam = loosened(copy(self))  # with what a class of its own adds
         beam.name = None
@@ -427,6 +438,7 @@ class Beam(LineItem):
             twist=twist,
             lumped=self.lumped,
             theory=self.theory if theory is None else theory,
+            strain=strain,
         )
         e, xi = places_in(self.mesh, mesh, beam.basis.interpolation.nodes)
         shape, nodes = self.basis.shape(xi), self.basis.connectivity[e]

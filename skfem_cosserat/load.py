@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from .along import Along
 from .errors import InputError
 from .frames import Item, Place, StructuralItem, check_beam, no_place, vector
 from .frozen import Attached, Replacements
@@ -20,7 +21,7 @@ from .time_function import (
     TimeFunction,
     time_function,
 )
-from .types import ArrayLike, Floats, IndexArray, numbers, shaped, switch
+from .types import ArrayLike, Floats, IndexArray, shaped, switch
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -695,19 +696,6 @@ class _ShareOfLine(TermMoment):
         return out
 
 
-def along_line(item: str, name: str, given: Any) -> Any:
-    """What is given along a line: three numbers, a function, or arrays (k,) and (k, 3)."""
-    if callable(given):
-        return given
-    if isinstance(given, tuple | list) and len(given) == 2:
-        s, values = numbers(item, name, given[0]), numbers(item, name, given[1])
-        if s.ndim != 1 or len(s) < 2 or (np.diff(s) <= 0).any() or values.shape != (len(s), 3):
-            text = f"{name} = arrays of shapes {s.shape} and {values.shape}, expected arc lengths"
-            raise InputError(item, f"{text} (k,) that increase and values (k, 3)")
-        return s, values
-    return vector(item, name, given)
-
-
 class LoadLine(Load):
     """Force and moment per reference length along a beam, dead or following the section triad.
 
@@ -761,8 +749,8 @@ class LoadLine(Load):
         check_beam(self.label, beam)
         self.beam, self.part = beam, part
         self.elements = beam.part(part)
-        self.value = along_line(self.label, "value", value)
-        self.moment = None if moment is None else along_line(self.label, "moment", moment)
+        self.value = Along(self.label, "value", value, 3)
+        self.moment = None if moment is None else Along(self.label, "moment", moment, 3)
         self.terms()  # a function that gives no numbers is named here
 
     def with_replacements(self, replacements: Replacements) -> Self:
@@ -782,7 +770,7 @@ class LoadLine(Load):
         ]
         if self.moment is not None:
             weights = self.beam.basis.elemental_load(self.elements)
-            values = weights[..., None] * self._at("moment", self.moment, kind.nodes)
+            values = weights[..., None] * self._at(self.moment, kind.nodes)
             nodes = self.beam.basis.connectivity[self.elements]
             if self.follower:  # by the triads of the nodes
                 values = np.einsum("eai,eaij->eaj", values, self.beam.rotations[self.elements])
@@ -791,27 +779,17 @@ class LoadLine(Load):
                 out.append(_ShareOfLine(share, self.beam.node(int(node)), values[k, a], *rest))
         return out
 
-    def _at(self, name: str, given: Any, xi: Floats) -> Floats:
+    def _at(self, given: Along, xi: Floats) -> Floats:
         """Values (ne, k, 3) at reference coordinates (k,) of the elements."""
-        if isinstance(given, np.ndarray):
-            return np.broadcast_to(given, (len(self.elements), len(xi), 3))
-        s = self.beam.arc_lengths(self.elements, self.part, xi)
-        if callable(given):
-            found = [vector(self.label, f"{name}({x:.6g})", given(float(x))) for x in s.flat]
-            return np.array(found).reshape(*s.shape, 3)
-        table, values = given
-        if s.min() < table[0] - 1e-9 * s.max() or s.max() > table[-1] * (1 + 1e-9):
-            text = f"{name} is a table from {table[0]:.6g} to {table[-1]:.6g} m, and the line goes"
-            raise InputError(self.label, f"{text} on to {s.max():.6g} m")
-        return np.stack([np.interp(s, table, column) for column in values.T], axis=-1)
+        return given.at(self.beam.arc_lengths(self.elements, self.part, xi))
 
     def _profiles(self, xi: Floats) -> Iterator[tuple[Floats, Floats | None]]:
         """Vectors, and their factors (ne, k): as few as add up to the force."""
-        if isinstance(self.value, np.ndarray):
-            if self.value.any() or self.moment is None:
-                yield self.value, None
+        if self.value.constant is not None:
+            if self.value.constant.any() or self.moment is None:
+                yield self.value.constant, None
             return
-        force = self._at("value", self.value, xi)
+        force = self._at(self.value, xi)
         shares, sizes, vectors = np.linalg.svd(force.reshape(-1, 3), full_matrices=False)
         for share, size, own in zip(shares.T, sizes, vectors, strict=True):
             if size > 1e-14 * sizes[0]:
