@@ -255,6 +255,12 @@ class Beam(LineItem):
                 out[e] = [given.at(float(x), float(total[e])) for x in s[e]]
         return out
 
+    def strains_at(self, elements: IndexArray, xi: Floats) -> Floats | float:
+        """Strains (m, k, 6) without stress at places of elements, see :meth:`sections_at`."""
+        if self._strain is None:
+            return 0.0
+        return self._strain.at(self.arc_lengths(elements, None, xi))
+
     def section_points(self, elements: IndexArray, xi: Floats) -> SectionPoints:
         """What sections resist with at places of elements, as for :meth:`sections_at`."""
         return section_points(self.sections_at(elements, xi), self.theory.held)
@@ -342,9 +348,7 @@ class Beam(LineItem):
             self.section_points(np.arange(self.mesh.nelements), basis.tabulated.points),
             None if same else self.rotations,
         )
-        if self._strain is not None:
-            every = np.arange(self.mesh.nelements)
-            out.reference += self._strain.at(self.arc_lengths(every, None, out.points))
+        out.reference += self.strains_at(np.arange(self.mesh.nelements), out.points)
         return out
 
     def __getstate__(self) -> dict[str, Any]:

@@ -376,6 +376,8 @@ class SectionPlaces:
         own = 4 * beam.basis.connectivity[e][:, :, None] + np.arange(4)
         self._own = own.reshape(len(e), -1)
         self._reference = self._at(beam.reference.reshape(1, -1, 3)[:, self._own])[1]
+        free = np.zeros((len(e), 1, 6)) + beam.strains_at(e, x[:, None])
+        self._reference = self._reference + free[:, 0]
 
     def at_points(self, y: Floats) -> Floats:
         """Values (k, m, 4, 3) of phi, d1, d2, d3 there, of rows (k, rows, 3) of the beam alone."""
