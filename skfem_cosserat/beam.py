@@ -30,7 +30,7 @@ from .mesh.divide import places_in
 from .mesh.topology import arc_starts, find_chains, places_along
 from .mesh.triads import check_bends
 from .section import Section
-from .section_field import SectionAlong, SectionField, section_points
+from .section_field import SectionAlong, SectionField, SectionSampled, section_points
 from .theory import Theory, TheoryReissner
 from .types import SAME, Array, ArrayLike, Floats, IndexArray, VectorLike, shaped, switch
 from .warn import Notices, warn
@@ -251,8 +251,14 @@ class Beam(LineItem):
             if isinstance(given, Section):
                 out[own] = given
                 continue
-            for e in np.flatnonzero(own):
-                out[e] = [given.at(float(x), float(total[e])) for x in s[e]]
+            for m in np.flatnonzero(own):
+                e, length = int(elements[m]), float(total[m])
+                out[m] = [
+                    given.of_element(e, float(x))
+                    if isinstance(given, SectionSampled)
+                    else given.at(float(there), length)
+                    for x, there in zip(at[m], s[m], strict=True)
+                ]
         return out
 
     def strains_at(self, elements: IndexArray, xi: Floats) -> Floats | float:
@@ -352,8 +358,18 @@ class Beam(LineItem):
         return out
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without twist and strain, which may be functions that do not reach other processes."""
-        return self.__dict__ | {"_orientation": None, "_strain": None}
+        """Without functions, which need not reach other processes; sections as arrays."""
+        sections, kind = self._sections, self.basis.interpolation
+        if any(isinstance(each, SectionField) for each in sections.values()):
+            even = np.linspace(0.0, 1.0, kind.order + 1)
+            every = [kind.nodes, kind.full.points, self.elements.points, even, [0.5]]
+            xi = np.unique(np.concatenate(every).round(14))
+            kept = SectionSampled(xi, self.sections_at(np.arange(self.mesh.nelements), xi))
+            sections = {
+                name: kept if isinstance(each, SectionField) else each
+                for name, each in sections.items()
+            }
+        return self.__dict__ | {"_orientation": None, "_strain": None, "_sections": sections}
 
     def refined(self, marked: Any = (), order: int | Interpolation | None = None) -> Self:
         """Copy of the beam with some elements halved, or of another order.

@@ -13,7 +13,7 @@ from .frozen import Frozen
 from .kernels import SectionPoints
 from .section import Section
 from .theory import LawHeld, released
-from .types import Array, ArrayLike, Floats, not_negative, numbers
+from .types import SAME, Array, ArrayLike, Floats, not_negative, numbers
 
 #: how far a table may end before its beam does, relative to the beam's length
 BEYOND = 1e-9
@@ -252,6 +252,42 @@ class SectionTable(SectionField):
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from (("stations", len(self.s)), ("interpolation", self.interpolation))
+
+
+class SectionSampled(SectionField):
+    """Sections of the elements of a beam that came from another process, where functions stay.
+
+    Parameters
+    ----------
+    xi : (k,) array
+        Reference coordinates at which the sections of all elements are known.
+    sections : (ne, k) array of Section
+    """
+
+    def __init__(self, xi: Floats, sections: Array) -> None:
+        self.xi, self.sections = xi, sections
+
+    def at(self, s: float, length: float) -> Section:
+        """InputError: arc lengths are not known here."""
+        raise InputError("section", "came from another process, where its function is not known")
+
+    def of_element(self, e: int, xi: float) -> Section:
+        """The section of an element; between known places its numbers are polynomials."""
+        row, near = self.sections[e], int(abs(self.xi - xi).argmin())
+        if abs(self.xi[near] - xi) < SAME or not row[near].quadratic:
+            return row[near]
+        weights = [
+            np.prod((xi - np.delete(self.xi, k)) / (x - np.delete(self.xi, k)))
+            for k, x in enumerate(self.xi)
+        ]
+        density = sum(w * each.density for w, each in zip(weights, row, strict=True))
+        stiffness, viscosity = (
+            sum(w * getattr(each, name) for w, each in zip(weights, row, strict=True))
+            for name in ("stiffness", "viscosity")
+        )
+        mass = float(density[0, 0])
+        centre, outline = density[0, 1:] / mass, row[near].outline
+        return Section(stiffness, mass, density[1:, 1:], outline, viscosity, centre)
 
 
 class _Damped(SectionField):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -271,3 +273,18 @@ ROUND, SQUARE = sc.SectionCircle(0.1, MATERIAL), sc.SectionRectangle(0.1, 0.1, M
 def test_bad_fields_are_named(make, text):
     with pytest.raises(sc.InputError, match=text):
         make()
+
+
+def test_functions_need_not_reach_other_processes():
+    """A pickled beam has the same mass and elements, and sections in between to rounding."""
+
+    model, end = cantilever(lambda s: tapered(0.9 * s), 3, 3)
+    rod = end.item
+    copy = pickle.loads(pickle.dumps(model))["rod"]
+    assert copy.scalar_mass() == pytest.approx(rod.scalar_mass(), rel=1e-12)
+    for each in (rod, copy):
+        assert each.section_points(np.array([1]), np.array([0.123])).stiffness[0, 0, 3, 3] == (
+            pytest.approx(1 - (1 - LEFT) * 0.9 * (1 + 0.123) / 3, rel=1e-12)
+        )
+    with pytest.raises(sc.InputError, match="came from another process"):
+        copy.refined(1)
