@@ -15,7 +15,7 @@ and ``C/l`` is its second derivative: :func:`strain_table` makes C from the tabl
 Armero, IJNME 54 (2002) 1683; Betsch & Steinmann, IJNME 54 (2002) 1775.
 
 Who needs strains reads one of the two. Compiled kernels have formulas of their own, written out for
-speed; ``tests/compiled/test_compiled.py`` holds them against the table.
+speed; ``tests/compiled/test_compiled_strains.py`` holds them against the table.
 """
 
 from __future__ import annotations

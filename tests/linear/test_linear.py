@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pytest
 from helpers_scenes import lattice
-from scipy.sparse import kron, kronsum
+from scipy.sparse import coo_array, kron, kronsum
 
 import skfem_cosserat as sc
 from skfem_cosserat import PerformanceWarning, Stepper, linear
@@ -84,9 +84,9 @@ def test_solutions(real, name):
 
 def grid(count):
     """Blocks of six unknowns on the points of a cubic grid: pattern and entries."""
-    chain = 2 * np.eye(count) - np.eye(count, k=1) - np.eye(count, k=-1)
+    chain = coo_array(2 * np.eye(count) - np.eye(count, k=1) - np.eye(count, k=-1))
     block = np.random.default_rng(0).integers(1, 4, (6, 6))
-    block = block + block.T + 12.0 * np.eye(6)
+    block = coo_array(block + block.T + 12.0 * np.eye(6))
     matrix = kron(kronsum(kronsum(chain, chain), chain), block).tocoo()
     pattern = FrozenPattern(matrix.row, matrix.col, matrix.shape)
     return pattern, pattern.data(matrix.data)
