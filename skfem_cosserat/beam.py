@@ -591,7 +591,8 @@ class Beam(LineItem):
         own = np.zeros((ne, nn, 3, 4))
         own[:, :, 0, 0], own[:, :, 1:, 1:] = 1, self.rotations[:, :, :2]
         out = np.einsum("eaki,eabkl,eblj->eaibj", own, weighted, own, optimize=True)
-        return out.reshape(ne, 4 * nn, 4 * nn)
+        out = out.reshape(ne, 4 * nn, 4 * nn)
+        return np.asarray(0.5 * (out + out.transpose(0, 2, 1)))
 
     def part(self, name: str | None = None) -> IndexArray:
         """Elements of a named part of the mesh, or all."""

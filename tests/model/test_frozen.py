@@ -29,6 +29,10 @@ def swing(t):
     return (0.0, 0.0, rest(t))
 
 
+def round_section(s):
+    return sc.SectionCircle(0.1 - 0.01 * s, STEEL)
+
+
 def energy(eps):
     return (np.array([2e3, 2e3, 5e3, 0.5, 0.5, 0.4]) * eps**2).sum(-1) / 2
 
@@ -59,6 +63,9 @@ ITEMS = [
     sc.SectionTube(0.1, 0.05, STEEL).damped(time=1e-3),
     sc.Section(np.ones(6), 1.0, (1.0, 1.0)),
     sc.SectionHyperelastic(energy, 0.1, (1e-6, 1e-6)),
+    sc.SectionAlong(round_section),
+    sc.SectionTaper(sc.SectionCircle(0.1, STEEL), sc.SectionCircle(0.05, STEEL)),
+    sc.SectionTable([0, 1], np.ones((2, 6)), np.ones(2), np.ones((2, 2))),
     sc.MaterialAnisotropic(1e9 * np.eye(6), 1000.0),
     sc.Region([(0, 0), (1, 0), (0, 1)], STEEL),
     sc.Profile(sc.ProfileRectangle(0.1, 0.2, STEEL).mesh, STEEL),
@@ -173,7 +180,7 @@ def arrays_in(value):
 def test_all_public_kinds_are_here():
     kinds = {getattr(sc, name) for name in sc.__all__ if isinstance(getattr(sc, name), type)}
     bases = {sc.Theory, sc.Joint, sc.Load, sc.Sensor, sc.Solver, sc.Integrator, sc.Treatment}
-    bases |= {sc.Action, sc.Condition}
+    bases |= {sc.Action, sc.Condition, sc.SectionField}
     frozen = {kind for kind in kinds - bases if issubclass(kind, Frozen)}
     assert frozen <= set(map(type, ITEMS))
 
