@@ -177,11 +177,8 @@ def provenance(folder: FilePath | None = None) -> dict[str, Any]:
     return {
         "versions": {
             "skfem-cosserat": VERSION,
-            "scikit-fem": version("scikit-fem"),
-            "numpy": np.__version__,
-            "scipy": version("scipy"),
+            **{name: version(name) for name in ("scikit-fem", "numpy", "scipy", *compiled)},
             "python": platform.python_version(),
-            **{name: version(name) for name in compiled},
         },
         "commit": _commit(Path.cwd() if folder is None else Path(folder)),
         "machine": f"{platform.system()} {platform.machine()}, {_processor()},"

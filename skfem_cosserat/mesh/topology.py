@@ -325,17 +325,18 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     """
     ends = mesh.p.T[mesh.t]
     along = ends[1] - ends[0]
-    size, middle = np.linalg.norm(along, axis=1), ends.mean(axis=0)
-    if len(size) <= FEW:
-        e, f = np.triu_indices(len(size), 1)
+    size = np.linalg.norm(along, axis=1)
+    if mesh.nelements <= FEW:
+        e, f = np.triu_indices(mesh.nelements, 1)
     else:
         from scipy.spatial import cKDTree  # slow to import
 
+        middle = ends.mean(axis=0)
         # of two that meet the middles are not farther apart than the longer one is long
         near = cKDTree(middle).query_ball_point(middle, size + tol)
-        first = np.repeat(np.arange(len(size)), [len(each) for each in near])
-        pairs = np.stack([first, np.concatenate(near)], axis=1).astype(np.int64)
-        e, f = np.unique(np.sort(pairs, axis=1), axis=0).T
+        first = np.repeat(range(mesh.nelements), [len(each) for each in near])
+        pairs = np.stack([first, np.concatenate(near)])
+        e, f = np.unique(np.sort(pairs, axis=0), axis=1)
     apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
     e, f = e[apart], f[apart]
     # the points that are closest: s of the way along e, r along f

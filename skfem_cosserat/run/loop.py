@@ -344,6 +344,9 @@ def simulate(
         h = step.sizes(integrator, left)[0] if isinstance(step, StepControl) else step
         h = positive("argument step", "step", h, " of seconds")
 
+        if left > MOST * h and not controlled:
+            text = f"{h!r} s gives {left / h:.3g} steps until {until!r} s"
+            raise InputError("argument step", f"{text}, expected at most {MOST:.0e}")
         steps, methods = int(min(left / h, MOST)), (integrator, treatment)
 
         def factory(system: System, h: float) -> Stepper:

@@ -13,7 +13,7 @@ from ..errors import Diverged, IncompatibleError, InputError
 from ..frozen import Frozen
 from ..integrators import Block, Integrator, State, Stepper
 from ..model import System
-from ..types import MOST, Floats, check_kind, positive
+from ..types import Floats, check_kind, positive
 from ..warn import logger
 
 # -- how a run goes on in time: steps of one size, or others that a controller chooses -------------
@@ -73,9 +73,6 @@ class FixedSteps(Plan):
         self._eventful, self._alone, self._end = eventful, alone, until
         self.h = self._size = stepper.h
         item, given, left = "argument step", f"{stepper.h!r} s", until - state.time
-        if left > MOST * stepper.h:
-            text = f"gives {left / stepper.h:.3g} steps until {until!r} s"
-            raise InputError(item, f"{given} {text}, expected at most {MOST:.0e}")
         self.begin(stepper, state)
         if not self._count:
             span = f"{left:.6g} s from {state.time!r} s to {until!r} s"

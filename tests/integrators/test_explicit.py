@@ -328,7 +328,6 @@ def test_springs_and_damping_as_with_energy_momentum():
     assert np.log2(ends[0] / ends[1]) == pytest.approx(2, abs=0.1)
 
 
-@pytest.mark.slow
 def test_drag_in_closed_form():
     """Momentum decays as exp(-alpha t)."""
     model = sc.Model()

@@ -362,8 +362,10 @@ def helix(names=("u", "turn"), stiffness=HELIX):
     return model.freeze()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kernels", ["numpy", pytest.param("numba", marks=needs_numba)])
+@pytest.mark.parametrize(
+    "kernels",
+    [pytest.param("numpy", marks=pytest.mark.slow), pytest.param("numba", marks=needs_numba)],
+)
 def test_full_turns_of_an_angle_beside_a_displacement(kernels):
     """``M x'' = -K x`` of both, up to 8 rad: by modes, second order in the step; energy is kept."""
     size = np.sqrt([2.0, 0.05])
@@ -778,7 +780,6 @@ def test_turns_must_fit():
 # -- compiled kernels ------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @pairs
 def test_kernels_agree_far_from_a_solution(integrator, treatment):
     assert_same_iteration(zoo(), integrator, treatment, 2)

@@ -72,7 +72,6 @@ def ordinary(scheme):
     return model.freeze()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("scheme", "treatment"), EVERY[::2], ids=repr)
 def test_an_ordinary_run_is_silent(scheme, treatment, silent):
     found = balance_of(ordinary(scheme), scheme, treatment, 0.01, 0.06)
