@@ -133,11 +133,13 @@ from .load import (
     LoadGravity as LoadGravity,
     LoadLine as LoadLine,
     LoadMoment as LoadMoment,
+    LoadStrain as LoadStrain,
     TermAcceleration as TermAcceleration,
     TermForce as TermForce,
     TermFunction as TermFunction,
     TermLine as TermLine,
     TermMoment as TermMoment,
+    TermStrain as TermStrain,
 )
 from .time_function import (
     FunctionOfTime as FunctionOfTime,

@@ -41,6 +41,13 @@ class Along:
         elif self.function is None:
             self.constant = shaped(item, name, given, (size,))
 
+    def sampled(self, s: Floats) -> Along:
+        """Without a function, which need not reach other processes: a table of its values at s."""
+        if self.function is None:
+            return self
+        places = np.unique(s)
+        return Along(self.item, self.name, (places, self.at(places)), self.size)
+
     def at(self, s: Floats) -> Floats:
         """Values (..., size) at arc lengths (...)."""
         if self.constant is not None:

@@ -359,17 +359,17 @@ class Beam(LineItem):
 
     def __getstate__(self) -> dict[str, Any]:
         """Without functions, which need not reach other processes; sections as arrays."""
-        sections, kind = self._sections, self.basis.interpolation
+        kind, every = self.basis.interpolation, np.arange(self.mesh.nelements)
+        even = np.linspace(0.0, 1.0, kind.order + 1)
+        kept = [kind.nodes, kind.full.points, self.elements.points, even, [0.5]]
+        xi = np.unique(np.concatenate(kept).round(14))
+        sections = dict(self._sections)
         if any(isinstance(each, SectionField) for each in sections.values()):
-            even = np.linspace(0.0, 1.0, kind.order + 1)
-            every = [kind.nodes, kind.full.points, self.elements.points, even, [0.5]]
-            xi = np.unique(np.concatenate(every).round(14))
-            kept = SectionSampled(xi, self.sections_at(np.arange(self.mesh.nelements), xi))
-            sections = {
-                name: kept if isinstance(each, SectionField) else each
-                for name, each in sections.items()
-            }
-        return self.__dict__ | {"_orientation": None, "_strain": None, "_sections": sections}
+            sampled = SectionSampled(xi, self.sections_at(every, xi))
+            for name, each in sections.items():
+                sections[name] = sampled if isinstance(each, SectionField) else each
+        strain = self._strain and self._strain.sampled(self.arc_lengths(every, None, xi))
+        return self.__dict__ | {"_orientation": None, "_strain": strain, "_sections": sections}
 
     def refined(self, marked: Any = (), order: int | Interpolation | None = None) -> Self:
         """Copy of the beam with some elements halved, or of another order.

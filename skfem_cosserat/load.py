@@ -11,7 +11,7 @@ from .along import Along
 from .errors import InputError
 from .frames import Item, Place, StructuralItem, check_beam, no_place, vector
 from .frozen import Attached, Replacements
-from .kernels import cross
+from .kernels import beam_geometric, cross, product
 from .relative import Expression, point
 from .time_function import (
     Amplitude,
@@ -94,6 +94,10 @@ class Term(Attached):
         factor : float
             What the value is multiplied by.
         """
+        return 0.0
+
+    def strains(self) -> Floats | float:
+        """Strains without stress (k, ng, 6) at Gauss points of the elements that it acts on."""
         return 0.0
 
 
@@ -255,9 +259,14 @@ class TermLine(Term):
         ):
             text = f"elements = {elements!r}, expected numbers from 0 to {every[-1]}, each once"
             raise InputError(self.kind, text)
-        shape = given.size, len(beam.basis.interpolation.full.points)
+        shape = given.size, len(self._points(beam))
         one = np.ones(shape) if profile is None else profile
         self.profile = shaped(self.kind, "profile", one, shape)
+
+    @staticmethod
+    def _points(beam: Beam) -> Floats:
+        """Reference coordinates at which the profile has its values."""
+        return beam.basis.interpolation.full.points
 
     @property
     def site(self) -> tuple[object, ...]:
@@ -274,6 +283,15 @@ class TermLine(Term):
         values = self.beam.basis.interpolation.full.values
         return np.einsum("eq,aq,bq->eab", self._measure(), values, values)
 
+    def matrices(self) -> Floats:
+        """Scalars C (ne, 4 nn, 4 nn) of the nodal forces ``C y`` of a load that follows."""
+        products = self.products()
+        ne, nn = products.shape[:2]
+        out = np.zeros((ne, nn, 4, nn, 4))
+        turned = np.einsum("i,ebij->ebj", self.value, self.beam.rotations[self.elements])
+        out[:, :, 0, :, 1:] = products[:, :, :, None] * turned[:, None]
+        return out.reshape(ne, 4 * nn, 4 * nn)
+
     def _measure(self) -> Floats:
         weights = self.beam.basis.interpolation.full.weights
         return self.profile * self.beam.basis.lengths[self.elements, None] * weights
@@ -288,7 +306,7 @@ class TermLine(Term):
         check_beam(self.kind, other.beam)
         old, new = self.beam.part(None), other.beam.part(None)
         if len(self.elements) == len(old) and np.ptp(self.profile) == 0:
-            whole = len(new), len(other.beam.basis.interpolation.full.points)
+            whole = len(new), len(self._points(other.beam))
             other.elements, other.profile = new, np.full(whole, self.profile[0, 0])
         elif len(old) != len(new) or self.beam.basis.order != other.beam.basis.order:
             text = f"acts on some elements of {self.beam.label}, which are others on another mesh"
@@ -315,6 +333,80 @@ class TermLine(Term):
         else:
             out[e, :, 0] = self.weights()[:, :, None] * value
         return out
+
+
+class TermStrain(TermLine):
+    """Strain without stress along a beam: its sections are as if they had been made with it.
+
+    Parameters
+    ----------
+    beam : Beam
+    value : (3,) array
+        Strains Gamma (-), or K (1/m) if `axial`.
+    amplitude, elements
+        See :class:`TermLine`.
+    profile : (ne, p) array, optional
+        Factors of the value at the Gauss points of these elements, p in each; default: one.
+    axial : bool
+
+    Raises
+    ------
+    InputError
+        See :class:`TermLine`; if the stored energy of a section is not quadratic, or the theory of
+        the beam holds the strain.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import Beam, MeshCurve, Section
+    >>> section = Section([1e4, 1e4, 1e4, 500, 500, 500], mass=1.0, inertia=(10.0, 10.0))
+    >>> beam = Beam(MeshCurve.init_line((0, 0, 0), (0, 2, 0), 4, name="boom"), section)
+    >>> TermStrain(beam, (0, 0, 0.5), axial=True).strains()[0, 0].tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
+    """
+
+    def __init__(
+        self,
+        beam: Beam,
+        value: ArrayLike,
+        amplitude: Amplitude = None,
+        elements: IndexArray | None = None,
+        profile: ArrayLike | None = None,
+        axial: bool = False,
+    ) -> None:
+        super().__init__(beam, value, amplitude, True, elements, profile)
+        self.axial = axial
+        if self.strains()[..., list(beam.theory.held)].any():
+            text = f"changes a strain that {beam.label} does not have: theory = {beam.theory!r}"
+            raise InputError(self.kind, text)
+        law_of = beam.elements.law_of
+        if beam.elements.laws and (law_of is None or (law_of[self.elements] >= 0).any()):
+            text = f"the stored energy of {beam.label} is not quadratic, strains without stress"
+            raise InputError(self.kind, f"{text} are constant there: Beam(..., strain=...)")
+
+    @staticmethod
+    def _points(beam: Beam) -> Floats:
+        """Gauss points of strains."""
+        return beam.elements.points
+
+    @property
+    def site(self) -> tuple[object, ...]:
+        """Identity of what it acts on, see :class:`TermLine`, and which strains it has."""
+        return (*super().site, self.axial)
+
+    def strains(self) -> Floats:
+        """Strains (k, ng, 6) at Gauss points of the elements."""
+        out = np.zeros((*self.profile.shape, 6))
+        out[..., 3 * self.axial : 3 * self.axial + 3] = self.profile[..., None] * self.value
+        return out
+
+    def matrices(self) -> Floats:
+        """Scalars (ne, 4 nn, 4 nn): nodal forces of the stress that the strain would need."""
+        own = self.beam.elements.taken(self.elements)
+        return beam_geometric(own, product(self.strains(), own.stiffness))
+
+    def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
+        """Zero: it is no force, it belongs to the stress."""
+        return 0.0
 
 
 class TermAcceleration(Term):
@@ -736,6 +828,8 @@ class LoadLine(Load):
     >>> snow = LoadLine(beam, lambda s: (0, 0, -300.0 * s), moment=(0, 5.0, 0))
     """
 
+    _components = 3
+
     def __init__(
         self,
         beam: Beam,
@@ -749,7 +843,7 @@ class LoadLine(Load):
         check_beam(self.label, beam)
         self.beam, self.part = beam, part
         self.elements = beam.part(part)
-        self.value = Along(self.label, "value", value, 3)
+        self.value = Along(self.label, "value", value, self._components)
         self.moment = None if moment is None else Along(self.label, "moment", moment, 3)
         self.terms()  # a function that gives no numbers is named here
 
@@ -766,7 +860,7 @@ class LoadLine(Load):
         rest = self.time, self.follower
         out: list[Term] = [
             TermLine(self.beam, vector, *rest, self.elements, profile)
-            for vector, profile in self._profiles(kind.full.points)
+            for vector, profile in self._profiles(self.value, kind.full.points)
         ]
         if self.moment is not None:
             weights = self.beam.basis.elemental_load(self.elements)
@@ -780,20 +874,85 @@ class LoadLine(Load):
         return out
 
     def _at(self, given: Along, xi: Floats) -> Floats:
-        """Values (ne, k, 3) at reference coordinates (k,) of the elements."""
+        """Values (ne, k, size) at reference coordinates (k,) of the elements."""
         return given.at(self.beam.arc_lengths(self.elements, self.part, xi))
 
-    def _profiles(self, xi: Floats) -> Iterator[tuple[Floats, Floats | None]]:
-        """Vectors, and their factors (ne, k): as few as add up to the force."""
-        if self.value.constant is not None:
-            if self.value.constant.any() or self.moment is None:
-                yield self.value.constant, None
+    def _profiles(
+        self, given: Along, xi: Floats, own: slice = slice(0, 3)
+    ) -> Iterator[tuple[Floats, Floats | None]]:
+        """Vectors, and their factors (ne, k): as few as add up to three of the components."""
+        if given.constant is not None:
+            if given.constant[own].any():
+                yield given.constant[own], None
             return
-        force = self._at(self.value, xi)
-        shares, sizes, vectors = np.linalg.svd(force.reshape(-1, 3), full_matrices=False)
-        for share, size, own in zip(shares.T, sizes, vectors, strict=True):
+        values = self._at(given, xi)[..., own]
+        shares, sizes, vectors = np.linalg.svd(values.reshape(-1, 3), full_matrices=False)
+        for share, size, vector in zip(shares.T, sizes, vectors, strict=True):
             if size > 1e-14 * sizes[0]:
-                yield own, (size * share).reshape(force.shape[:2])
+                yield vector, (size * share).reshape(values.shape[:2])
+
+
+class LoadStrain(LoadLine):
+    """Strain that a beam would take without load: heat, growth, swelling, prestress, actuation.
+
+    The beam resists it where it is held. It changes in time by `amplitude`; in statics
+    ``static(model, factors={"heat": 1.0})`` gives it a factor of its own, by the name of the load.
+    One that is always there is ``Beam(..., strain=...)``.
+
+    Parameters
+    ----------
+    beam : Beam
+        Of sections whose stored energy is quadratic.
+    value : (6,) array, callable or pair of arrays
+        Strains ``(Gamma_1, Gamma_2, Gamma_3, K_1, K_2, K_3)`` (-, 1/m): the same along the whole
+        part, a function ``s -> (6,)`` of the arc length (m) from its start, or a table
+        ``(s (k,), values (k, 6))`` that is linear in between. Heat by dT: ``(0, 0, alpha dT, 0, 0,
+        0)``; a force F (N) in a tendon along the line: ``(0, 0, -F/EA, 0, 0, 0)``.
+    amplitude
+        See :class:`Load`.
+    part : str, optional
+        Name of the part of the mesh; default: the whole beam.
+
+    Raises
+    ------
+    InputError
+        If `beam` is no beam or its stored energy is not quadratic, its theory holds a strain that
+        would change, or numbers are not finite; MeshError for an unknown part.
+
+    Notes
+    -----
+    The stress is ``D (eps - f(t) e)``, and the stored energy that of ``eps - f(t) e``. The power
+    ``-int S . e df/dt ds`` is in ``work_loads``, so that the energy balance closes.
+
+    Examples
+    --------
+    A rod that bends to a ring while its curvature grows:
+
+    >>> import skfem_cosserat as sc
+    >>> model, mesh = sc.Model(), sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 16, name="rod")
+    >>> rod = model.add("rod", sc.Beam(mesh, sc.Section([1e4] * 6, 1.0, (10.0, 10.0)), order=3))
+    >>> clamp = model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    >>> bend = model.add("bend", LoadStrain(rod, (0, 0, 0, 2 * np.pi, 0, 0)))
+    >>> path = sc.static(model)
+    >>> bool(abs(path.position(rod.node("rod.end"))[-1]).max() < 1e-6)
+    True
+    """
+
+    _components = 6
+
+    def __init__(
+        self, beam: Beam, value: Any, amplitude: Amplitude = None, part: str | None = None
+    ) -> None:
+        super().__init__(beam, value, amplitude, True, part)
+
+    def terms(self) -> Sequence[Term]:
+        """Strains along the elements: those of the line, and those of its triads."""
+        xi = self.beam.elements.points
+        return [
+            TermStrain(self.beam, vector, self.time, self.elements, profile, axial)
+            for axial, own in ((False, slice(0, 3)), (True, slice(3, 6)))
+            for vector, profile in self._profiles(self.value, xi, own)
+        ]
 
 
 class LoadGravity(Load):

@@ -30,7 +30,7 @@ from ..diagnostics import (
     section_strains,
     strain_energy,
 )
-from ..diagnostics.energy import potential, resultants
+from ..diagnostics.energy import load_factors, potential, resultants
 from ..diagnostics.inputs import at_jumps
 from ..diagnostics.joint_motion import relative_names, relative_series
 from ..diagnostics.stacked import all_rows
@@ -336,7 +336,7 @@ def _momenta_formulas(system: System) -> Formulas:
         ("v",): lambda h: [Projection(system).velocities(h["q"], h["p"], h.times)],
         ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
         ("kinetic",): lambda h: [kinetic_energy(system, h["p"])],
-        ("strain_energy",): lambda h: [strain_energy(system, h["q"])],
+        ("strain_energy",): lambda h: [strain_energy(system, h["q"], h.times)],
         ("external",): lambda h: [external_energy(system, h["q"], h.times)],
         ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["kinetic"] + h["strain_energy"] + h["coupling_energy"]],
@@ -354,7 +354,9 @@ def path_formulas(system: System) -> Formulas:
     """Formulas of the equilibria along a path."""
     return {
         ("v",): lambda h: [np.zeros_like(h["q"])],
-        ("strain_energy",): lambda h: [strain_energy(system, h["q"])],
+        ("strain_energy",): lambda h: [
+            strain_energy(system, h["q"], amplitudes=h["amplitudes/loads"])
+        ],
         ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["strain_energy"] + h["coupling_energy"]],
         ("external",): lambda h: [potential(system, h["q"], h["amplitudes/loads"])],
@@ -402,7 +404,9 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
 
     def resultant(h: History) -> list[Floats]:
         lam = h["multipliers"] if holds else None
-        return [resultants(system, beam, h[strain], lam)]
+        given = h["amplitudes/loads"] if "amplitudes/loads" in h else None
+        factors = load_factors(system, h.instants, given, len(h))
+        return [resultants(system, beam, h[strain], factors, lam)]
 
     return {
         (strain,): lambda h: [section_strains(system, beam, h["q"])],

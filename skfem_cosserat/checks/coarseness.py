@@ -43,7 +43,7 @@ def energies(
     y : (rows or more, 3) array
         Configuration. At complex steps: the energies are those of the derivatives.
     stresses : list of (ne, ng, 6) array
-        At the Gauss points of each beam group.
+        At the Gauss points of each beam group, without strains of loads.
     amplitudes : Amplitudes or None
         None: neither loads nor inertia act between the nodes, of which nothing is known.
     acceleration : (rows, 3) array, optional
@@ -129,7 +129,7 @@ def energies_of_motion(
     y : (total, 3) array
         Equilibrium.
     stresses : list of (ne, ng, 6) array
-        There, of strains that are not held.
+        There, of strains that are not held, with those of loads.
     multipliers : (m,) array
         Of the constraint rows.
     amplitudes : Amplitudes
@@ -139,8 +139,13 @@ def energies_of_motion(
     moved = y.astype(complex)
     moved[: system.rows] += 1j * STEP * dq
     strains, Bs = zip(*(group.strain(moved) for group in system.beam_groups), strict=True)
+    loads = amplitudes.loads[None]
     total = [
-        before + held + 1j * group.linear_stress(group.moduli(eps), eps.imag)
+        before
+        + held
+        + group.linear_stress(
+            group.moduli(eps), 1j * eps.imag - system.loading.strains(group, loads)[0]
+        )
         for group, before, held, eps in zip(
             system.beam_groups, stresses, held_stresses(system, multipliers), strains, strict=True
         )

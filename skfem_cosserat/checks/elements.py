@@ -55,11 +55,14 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
     total = np.zeros((len(beams), 2))
     for row, y, lam in zip(rows, states, lams, strict=True):
         if np.isfinite(lam).all():
+            acting = recorded_amplitudes(history, row) if at_rest else None
+            now = float(history.instants[row])
+            loads = system.loading.values(now) if acting is None else acting.loads
             stresses = [
-                group.stress(group.strain(y)[0]) + held
+                group.stress(group.strain(y)[0] - system.loading.strains(group, loads[None])[0])
+                + held
                 for group, held in zip(system.beam_groups, held_stresses(system, lam), strict=True)
             ]
-            acting = recorded_amplitudes(history, row) if at_rest else None
             total += energies(system, y, stresses, acting)
     total[~seen, 0] = 0.0
     lacking, stored = total.sum(axis=0)

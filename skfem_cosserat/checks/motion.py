@@ -266,7 +266,7 @@ def energies(
     it carries has to first order in the step, moves nothing and only changes the next multipliers
     (the motion is that of ``stabilized=True``). Others carry the momentum of the node.
     """
-    stored = strain_energy(system, q) + coupling_energy(system, q, times, turns)
+    stored = strain_energy(system, q, times) + coupling_energy(system, q, times, turns)
     if node_momentum:
         return kinetic_energy(system, p) + stored
     v, own = Projection(system).stack(q, p, times)

@@ -18,7 +18,7 @@ from ..model.groups import BeamGroup
 from ..model.theories import theory_of
 from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
-from .stacked import as_stack, of_states, step_size
+from .stacked import as_stack, as_times, of_states, step_size
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -181,13 +181,19 @@ def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
 
 @takes_scene
 @of_states
-def strain_energy(system: System, q: ArrayLike) -> Floats:
+def strain_energy(
+    system: System, q: ArrayLike, t: ArrayLike = 0.0, *, amplitudes: ArrayLike | None = None
+) -> Floats:
     """Stored energy ``int W(Gamma, K) ds`` of all beams, W = ``eps . D eps/2`` by default.
 
     Parameters
     ----------
     q : (n,) or (N, n) array
         Configurations.
+    t : float or (N,) array
+        Their times (s), for strains without stress that change: :class:`LoadStrain`.
+    amplitudes : (k,) or (N, k) array, optional
+        Factors of the channels of ``system.loading`` instead of those at `t`.
 
     Returns
     -------
@@ -212,8 +218,11 @@ def strain_energy(system: System, q: ArrayLike) -> Floats:
     >>> round(float(strain_energy(model, q)), 9)
     1.0
     """
-    Q = np.asarray(q)
-    return sum((group_energy(g, Q) for g in system.beam_groups), np.zeros(len(Q)))
+    Q, out = np.asarray(q), np.zeros(len(q))
+    factors = load_factors(system, t, amplitudes, len(Q))
+    for group in system.beam_groups:
+        out += group_energy(group, Q, system.loading.strains(group, factors))
+    return out
 
 
 def stored_energy(e: BeamElements, strains: Floats) -> Floats:
@@ -221,10 +230,41 @@ def stored_energy(e: BeamElements, strains: Floats) -> Floats:
     return np.asarray(np.einsum("neg,g,e->n", beam_energy(e, strains), e.weights, e.lengths))
 
 
-def group_energy(group: BeamGroup, Q: Floats) -> Floats:
-    """Energy (N,) stored in all elements of a group (J), of configurations (N, n)."""
+def group_energy(group: BeamGroup, Q: Floats, free: Floats) -> Floats:
+    """Energy (N,) stored in all elements of a group (J), of configurations (N, n).
+
+    `free`: strains without stress (N, ne, ng, 6).
+    """
     e, rows = group.elements, group.rows
-    return _in_parts(lambda some: stored_energy(e, _strains(e, rows, some)), 3 * rows.size, Q)
+
+    def energies(some: Floats, less: Floats) -> Floats:
+        return stored_energy(e, _strains(e, rows, some) - less)
+
+    return _in_parts(energies, 3 * rows.size, Q, free)
+
+
+def load_factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: int) -> Floats:
+    """Factors (N, k) of all channels of loads: those given, or those at times."""
+    loading = system.loading
+    channels = len(loading.times)
+    if amplitudes is None:
+        # a pulse that is over, most of the time
+        times = np.minimum(as_times(t, count), max(loading.constant_after, 0.0)).tolist()
+        each = {s: loading.values(s) for s in set(times)}
+        return np.array([each[s] for s in times]).reshape(count, channels)
+    given = np.asarray(amplitudes, dtype=float)
+    if given.shape not in ((channels,), (count, channels)):
+        raise InputError(
+            "argument amplitudes",
+            f"has shape {given.shape}, expected ({channels},) or ({count}, {channels})",
+        )
+    return np.broadcast_to(given, (count, channels))
+
+
+def free_strains(system: System, beam: Beam, factors: Floats) -> Floats:
+    """Strains without stress (N, ne, ng, 6) of a beam, for factors (N, k) of loads."""
+    group = group_of(system, beam)
+    return system.loading.strains(group, factors)[:, group.slices[id(beam)]]
 
 
 def group_stretches(group: BeamGroup, Q: Floats) -> Floats:
@@ -248,7 +288,8 @@ def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Fl
     step : float
         Step size (s); the velocity is ``(q_{n+1} - q_n)/step``.
     mean : bool
-        Stored energy as the mean of both ends (energy-momentum) or at the midpoint (variational).
+        Stored energy as the mean of both ends (energy-momentum) or at the midpoint (variational),
+        that of a :class:`LoadStrain` as at t = 0.
 
     Returns
     -------
@@ -315,12 +356,7 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
     >>> external_energy(model, [[0, 0, 0], [0, 0, 3.0]], [0.0, 0.1]).tolist()
     [0.0, 60.0]
     """
-    loading = system.loading
-    # a pulse that is over, most of the time
-    times = np.minimum(t, max(loading.constant_after, 0.0)).tolist()
-    each = {s: loading.values(s) for s in set(times)}
-    amplitudes = np.array([each[s] for s in times]).reshape(len(times), len(loading.times))
-    return potential(system, np.asarray(q), amplitudes)
+    return potential(system, np.asarray(q), load_factors(system, t, None, len(np.asarray(q))))
 
 
 def potential(system: System, q: Floats, amplitudes: Floats) -> Floats:
@@ -489,6 +525,7 @@ def section_forces(
     q: ArrayLike,
     v: ArrayLike | None = None,
     multipliers: ArrayLike | None = None,
+    t: ArrayLike = 0.0,
 ) -> Floats:
     """``(N_1, N_2, N_3, M_1, M_2, M_3)`` at the Gauss points, in the section's frame.
 
@@ -503,6 +540,8 @@ def section_forces(
         (of their own and of Rayleigh damping). Without: the elastic part alone.
     multipliers : (m,) or (N, m) array, optional
         As of :func:`multipliers`: those of strains that the beam's theory holds are resultants.
+    t : float or (N,) array
+        Times (s) of the configurations, for strains without stress that change: :class:`LoadStrain`.
 
     Returns
     -------
@@ -528,7 +567,8 @@ def section_forces(
     [0.0, 0.0, 100.0, 0.0, 0.0, 0.0]
     """
     group = group_of(system, beam)
-    out = resultants(system, beam, section_strains(system, beam, q), multipliers)
+    factors = load_factors(system, t, None, len(np.asarray(q)))
+    out = resultants(system, beam, section_strains(system, beam, q), factors, multipliers)
     if v is not None and group.elements.viscosity is not None:
         rates = section_strain_rates(system, beam, q, v)
         viscosity = group.elements.viscosity[group.slices[id(beam)]]
@@ -537,8 +577,12 @@ def section_forces(
 
 
 def resultants(
-    system: System, beam: Beam, strains: Floats, multipliers: ArrayLike | None = None
+    system: System,
+    beam: Beam,
+    strains: Floats,
+    factors: Floats,
+    multipliers: ArrayLike | None = None,
 ) -> Floats:
-    """Elastic forces and moments of strains, see :func:`section_forces`."""
-    out = beam_stress(beam.elements, strains)
+    """Elastic forces and moments of strains and factors of loads, see :func:`section_forces`."""
+    out = beam_stress(beam.elements, strains - free_strains(system, beam, factors))
     return out + held_forces(system, beam, multipliers, len(out))

@@ -15,7 +15,7 @@ from ..model import Model, System, system_of, takes_scene
 from ..model.balance import Spin
 from ..strain import strain_measures
 from ..types import SAME, TOLERANCE, ArrayLike, Floats, IndexArray, check_kind, numbers, switch
-from .energy import group_of, held_forces, section_strains
+from .energy import free_strains, group_of, held_forces, load_factors, section_strains
 from .forces import accelerations, element_balances, part_resultants
 from .stacked import as_stack, of_states
 
@@ -225,6 +225,7 @@ def evaluate(
     *,
     orthonormal: bool = False,
     multipliers: ArrayLike | None = None,
+    t: ArrayLike = 0.0,
 ) -> SectionValues:
     """A beam at any points inside its elements.
 
@@ -242,6 +243,8 @@ def evaluate(
     multipliers : (m,) or (N, m) array, optional
         As of :func:`multipliers`: resultants of strains that the beam's theory holds, interpolated
         from the Gauss points; NaN without.
+    t : float or (N,) array
+        Times (s) of the configurations, for strains without stress that change: :class:`LoadStrain`.
 
     Returns
     -------
@@ -280,7 +283,7 @@ def evaluate(
     ([0.505, 1.515], [100.0, 100.0])
     """
     places = SectionPlaces(beam, elements, xi)
-    return places.values(system, q, orthonormal=orthonormal, multipliers=multipliers)
+    return places.values(system, q, orthonormal=orthonormal, multipliers=multipliers, t=t)
 
 
 @takes_scene
@@ -397,6 +400,7 @@ class SectionPlaces:
         *,
         orthonormal: bool = False,
         multipliers: ArrayLike | None = None,
+        t: ArrayLike = 0.0,
     ) -> SectionValues:
         """Positions, triads, strains and resultants at the places, see :func:`evaluate`."""
         Q = np.reshape(q, (-1, system.rows, 3))
@@ -407,14 +411,15 @@ class SectionPlaces:
         triad = value[:, :, 1:]
         if switch("argument orthonormal", orthonormal):
             triad = nearest_rotations(triad)
-        resultant = beam_stress(self._sections, strain[:, :, None])[:, :, 0]
+        from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
+
+        weights = lagrange(beam.elements.points, self._x)
+        free = free_strains(system, beam, load_factors(system, t, None, len(Q)))
+        elastic = strain - np.einsum("gm,kmgi->kmi", weights, free[:, self._e])
+        resultant = beam_stress(self._sections, elastic[:, :, None])[:, :, 0]
         held = np.asarray(held_forces(system, beam, multipliers, len(Q)))
         if held.ndim:
-            at_points = held[:, self._e]
-            from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
-
-            weights = lagrange(beam.elements.points, self._x).T
-            resultant = resultant + np.einsum("mg,kmgi->kmi", weights, at_points)
+            resultant = resultant + np.einsum("gm,kmgi->kmi", weights, held[:, self._e])
         return SectionValues(value[:, :, 0], triad, strain, resultant)
 
     def resultants(self, system: System, q: ArrayLike, *motion: Any) -> Floats:
@@ -422,9 +427,11 @@ class SectionPlaces:
 
         `motion`: as for :func:`element_balances`.
         """
-        found = element_balances(system, self.beam, q, *motion, viscous=False)
-        strains = section_strains(system, self.beam, q)
-        return part_resultants(self.beam, self._e, self._x, found, strains)
+        beam, (t, amplitudes, *_) = self.beam, motion
+        found = element_balances(system, beam, q, *motion, viscous=False)
+        factors = load_factors(system, t, amplitudes, len(found.force))
+        strains, free = section_strains(system, beam, q), free_strains(system, beam, factors)
+        return part_resultants(beam, self._e, self._x, found, strains, free)
 
 
 def _places(beam: Beam, elements: ArrayLike, xi: ArrayLike) -> tuple[IndexArray, Floats]:

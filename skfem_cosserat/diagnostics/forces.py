@@ -19,7 +19,7 @@ from ..model import System, takes_scene
 from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import Array, ArrayLike, Floats, IndexArray, switch
-from .energy import group_of, held_forces
+from .energy import group_of, held_forces, load_factors
 from .stacked import all_rows, as_array, as_stack, as_times, of_states
 
 if TYPE_CHECKING:
@@ -137,7 +137,8 @@ def element_balances(
     With or without the viscous forces of sections.
     """
     group, Q = group_of(system, beam), np.reshape(q, (-1, system.rows, 3))
-    factors = _factors(system, t, amplitudes, len(Q))
+    factors = load_factors(system, t, amplitudes, len(Q))
+    free = system.loading.strains(group, factors)
     rates = [None if rate is None else np.reshape(rate, Q.shape) for rate in (v, a)]
     elements = group.slices[id(beam)]
     own = group.rows[elements]
@@ -149,7 +150,7 @@ def element_balances(
         velocity, acceleration = (None if rate is None else rate[k] for rate in rates)
         spread[k] = spread_over(system, beam, y, factors[k], velocity, acceleration)
         eps, B = group.strain(y)
-        stress = group.stress(eps)
+        stress = group.stress(eps - free[k])
         stress[elements] += held[k]
         if viscous and velocity is not None and group.viscous:
             stress = stress + group.viscous_stress(group.strain_rate(B, velocity))
@@ -161,20 +162,6 @@ def _passed_on(F: Array, nodal: Array, end: int) -> tuple[Array, Array]:
     """Force and moment (..., 3) in space on the face at the end 0 or -1 of elements."""
     sign, f = (1.0 if end else -1.0), F[..., end, :, :]
     return sign * f[..., 0, :], sign * cross(nodal[..., end, 1:, :], f[..., 1:, :]).sum(-2)
-
-
-def _factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: int) -> Floats:
-    """Factor (N, k) of each channel of the loads."""
-    if amplitudes is None:
-        return np.array([system.loading.values(float(s)) for s in as_times(t, count)])
-    given = np.asarray(amplitudes, dtype=float)
-    channels = len(system.loading.times)
-    if given.shape not in ((channels,), (count, channels)):
-        raise InputError(
-            "argument amplitudes",
-            f"has shape {given.shape}, expected ({channels},) or ({count}, {channels})",
-        )
-    return np.broadcast_to(given, (count, channels))
 
 
 def spread_over(
@@ -208,7 +195,7 @@ def spread_over(
 
 
 def part_resultants(
-    beam: Beam, e: IndexArray, x: Floats, found: Balances, strains: Floats
+    beam: Beam, e: IndexArray, x: Floats, found: Balances, strains: Floats, free: Floats
 ) -> Floats:
     """Forces and moments (N, m, 6) in section triads, at x of the elements e (m,).
 
@@ -216,10 +203,10 @@ def part_resultants(
     ----------
     found : Balances
         Of its elements.
-    strains : (N, ne, ng, 6) array
-        At their Gauss points.
+    strains, free : (N, ne, ng, 6) array
+        At their Gauss points, those without stress by loads apart.
     """
-    first, last = (_from_end(beam, e, x, end, found, strains) for end in (0, -1))
+    first, last = (_from_end(beam, e, x, end, found, strains, free) for end in (0, -1))
     return (1.0 - x)[:, None] * first + x[:, None] * last
 
 
@@ -263,7 +250,7 @@ def integrals(places: Floats, to: Floats) -> Floats:
 
 
 def _from_end(
-    beam: Beam, e: IndexArray, x: Floats, end: int, found: Balances, strains: Floats
+    beam: Beam, e: IndexArray, x: Floats, end: int, found: Balances, strains: Floats, free: Floats
 ) -> Floats:
     """Components (N, m, 6) at points, by the parts of elements from an end, 0 or -1, to these."""
     from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
@@ -285,8 +272,11 @@ def _from_end(
     slopes = beam.basis.dshape(inner) / length[:, None]
     m = statics.moment(np.einsum("amk,nmac->nmkc", slopes, nodal[..., 0, :]))
     weights = lagrange(elements.points, inner)
-    elastic = np.einsum("gmk,nmgi->nmki", weights, strains[:, e])
-    strain = elastic + np.einsum("gmk,mgi->mki", weights, elements.reference)
+    strain, unloaded = (
+        np.einsum("gmk,nmgi->nmki", weights, each)
+        for each in (strains[:, e] + elements.reference, free[:, e] + elements.reference)
+    )
+    elastic = strain - unloaded
     sections = beam.section_points(e, inner)
     stress, moduli = beam_stress(sections, elastic), section_moduli(sections, elastic)
     held = list(beam.theory.held)

@@ -22,6 +22,7 @@ from ..load import (
     TermFunction,
     TermLine,
     TermMoment,
+    TermStrain,
 )
 from ..pattern import product_form
 from ..time_function import (
@@ -118,6 +119,8 @@ class Loading:
         self._dead_times = []
         #: (channel, group number or -1 for frames, element ids, (e, r, r) scalar blocks)
         self._followers: list[tuple[int, int, IndexArray, Floats]] = []
+        #: strains without stress, likewise (e, ng, 6)
+        self._strains: list[tuple[int, int, IndexArray, Floats]] = []
         moments = []
         for load in loads:
             for term in load.made_of:
@@ -142,6 +145,8 @@ class Loading:
         self.constant_after = max(map(constant_after, self.times), default=-np.inf)
         #: whether no load depends on the motion
         self.dead_only = not self._followers and not moments and not self.functions
+        #: whether some load is a strain, whose energy is not that of the strain seen
+        self.strained = bool(self._strains)
         #: what looks at the factors of all channels at a time (s): whether they leave a plane
         self.guard: Callable[[Floats, float], None] | None = None
         self._set_moments(moments)
@@ -202,12 +207,9 @@ class Loading:
             beam = term.beam
             number = next(k for k, g in enumerate(self._beam_groups) if id(beam) in g.slices)
             ids = term.elements + self._beam_groups[number].slices[id(beam)].start
-            shape = term.products()
-            ne, nn = shape.shape[:2]
-            block = np.zeros((ne, nn, 4, nn, 4))
-            turned = np.einsum("i,ebij->ebj", value, beam.rotations[term.elements])
-            block[:, :, 0, :, 1:] = shape[:, :, :, None] * turned[:, None]
-            self._followers.append((channel, number, ids, block.reshape(ne, 4 * nn, 4 * nn)))
+            self._followers.append((channel, number, ids, term.matrices()))
+            if isinstance(term, TermStrain):
+                self._strains.append((channel, number, ids, term.strains()))
             return
         assert isinstance(term, TermForce)
         block = np.zeros((1, 4, 4))
@@ -241,6 +243,15 @@ class Loading:
     def dead_channels(self) -> IndexArray:
         """Channels of the dead loads."""
         return np.array(self._dead_times, dtype=np.int64)
+
+    def strains(self, group: BeamGroup, factors: Floats) -> Floats:
+        """Strains without stress (N, ne, ng, 6) of beams, for factors (N, channels)."""
+        shape = len(factors), *group.elements.reference.shape
+        own = [each for each in self._strains if self._beam_groups[each[1]] is group]
+        out = np.zeros(shape) if own else np.broadcast_to(0.0, shape)
+        for channel, _, ids, strains in own:
+            out[:, ids] += factors[:, channel, None, None, None] * strains
+        return out
 
     @property
     def followers(self) -> Followers:

@@ -364,7 +364,12 @@ def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
     if twist > TOLERANCE:
         yield beam.label, f"its sections turn about its axis along it (pre-twist, by {twist:.6g})"
         return
-    sections = beam.sections_at(np.arange(len(nu)), beam.elements.points)
+    every, points = np.arange(len(nu)), beam.elements.points
+    free = np.broadcast_to(beam.strains_at(every, points), beam.elements.reference.shape)
+    mirrored = [strain @ _flip(n) for strain, n in zip(free, nu[:, 0], strict=True)]
+    if abs(free - mirrored).max() > TOLERANCE * abs(free).max():
+        yield beam.label, "its strain without load leaves the plane"
+    sections = beam.sections_at(every, points)
     seen, told = set(), set()
     for e, row in enumerate(sections):
         name = list(beam.sections)[beam.section_id[e]]

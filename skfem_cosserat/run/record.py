@@ -10,7 +10,8 @@ import numpy as np
 from .. import checks
 from ..analysis.describe import describe, recorded_turns, run_formulas, take_along
 from ..constraints.saddle import nearest_momentum
-from ..diagnostics import Projection
+from ..diagnostics import Projection, strain_energy
+from ..diagnostics.energy import load_factors
 from ..errors import (
     CosseratError,
     Diverged,
@@ -80,8 +81,10 @@ class Works:
         (k,) array
             Work of drives up to the start of each of them, which is known with it.
         """
+        works = block.works[:, [0, 1, 2, 4]]
+        works[:, 0] += _of_strains(block)
         # one after the other, whatever the length of blocks
-        sums = np.cumsum([self.sums, *block.works[:, [0, 1, 2, 4]]], axis=0)[1:]
+        sums = np.cumsum([self.sums, *works], axis=0)[1:]
         self.sums = sums[-1]
         starts = np.full(len(block), self.drives)
         if self._driven:
@@ -123,6 +126,29 @@ class Works:
             force = self._force if force is None else force
             self.drives -= self._shares[1] * float(_along(force, self._change))
             self._change = np.zeros_like(self._change)
+
+
+def _of_strains(block: Block) -> Floats | float:
+    """Work (k,) that loads by strains do beside that of the forces which steps have for them (J).
+
+    The stresses of a step that is no discrete derivative do not belong to the mean of the strains
+    at its ends; what a strain without stress takes is by those that it meets.
+    """
+    system, scheme = block.system, block.integrator.scheme(1.0)
+    if not system.loading.strained or scheme is None or scheme.ends:
+        return 0.0
+    steps = block.single
+    q = np.concatenate([block.start.q[None], steps.q])
+    t = np.concatenate([[block.start.time], steps.times])
+    change = np.diff(load_factors(system, t, None, len(t)), axis=0)
+
+    def work(q: Floats) -> Floats:
+        less, more = (strain_energy(system, q, amplitudes=s * change) for s in (1.0, -1.0))
+        return 0.5 * (more - less)
+
+    missed = 0.5 * (work(q[1:]) + work(q[:-1])) - work(0.5 * (q[1:] + q[:-1]))
+    missed *= -2.0 if scheme.at_end else 1.0
+    return missed.reshape(len(block), -1).sum(axis=1)
 
 
 def _along(force: Floats, change: Floats) -> Floats:
@@ -201,6 +227,7 @@ class Record:
         self.closed: History | None = None
         #: rows so far, with those that wait
         self._rows = 0
+        self._excess = self._strained(state.q[None], np.array([state.time]))
         self._begin(state)
 
     def _begin(self, state: State, loss: float = 0.0) -> None:
@@ -257,7 +284,7 @@ class Record:
             "newton_iterations": counts[:, 0],
             "attempts": counts[:, 1],
             "residual": residual,
-            "work_loads": sums[:, 0],
+            "work_loads": sums[:, 0] + (self._strained(q, times) - self._excess),
             "work_actuators": sums[:, 1],
             "work_drives": np.full(len(times), np.nan),
             "dissipated": sums[:, 2],
@@ -271,6 +298,17 @@ class Record:
         if self.stepper.integrator.remembered:
             rows["rates"] = rates
         return rows
+
+    def _strained(self, q: Floats, times: Floats) -> Floats | float:
+        """Energy (k,) that strains without stress add to that of the strains seen (J).
+
+        Steps have them as forces, whose work is on all strains.
+        """
+        if not self.system.loading.strained:
+            return 0.0
+        none = np.zeros(len(self.system.loading.times))
+        with_them = strain_energy(self.system, q, times)
+        return with_them - strain_energy(self.system, q, amplitudes=none)
 
     def add(self, block: Block) -> None:
         """Add solved steps: rows are complete up to the start of the last one."""
@@ -393,7 +431,10 @@ class Record:
         if stepper.system is not self.system:
             self.segments.append(Segment(self._rows, stepper.system))
         self.note()
+        at = state.q[None], np.array([state.time])
+        self._excess -= self._strained(*at)
         self.system, self.stepper, self.h = stepper.system, stepper, h
+        self._excess += self._strained(*at)  # an event's change of energy is its own
         self._begin(state, loss)
 
     def note(self) -> None:

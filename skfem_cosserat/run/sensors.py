@@ -141,8 +141,8 @@ class Window:
     def stored_energy(self) -> Floats:
         """Energy stored in beams and force elements (k,) in J."""
         stored = None if self._motions is None else self._motion.stored
-        if stored is None:
-            stored = diagnostics.strain_energy(self.system, self.q)
+        if stored is None or self.system.loading.strained:
+            stored = diagnostics.strain_energy(self.system, self.q, self.t)
         if self.system.couplings.count:
             given = self.system, self.q, self.t, self.turns
             stored = stored + diagnostics.coupling_energy(*given)

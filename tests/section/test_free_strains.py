@@ -6,17 +6,25 @@ import numpy as np
 import pytest
 
 import skfem_cosserat as sc
-from skfem_cosserat.diagnostics import evaluate
+from skfem_cosserat.diagnostics import evaluate, forces_along, nodal_resultants, section_forces
+from skfem_cosserat.modal import buckling
 
 SECTION = sc.Section([1e5, 1e5, 2e5, 30.0, 30.0, 20.0], 1.0, (1e-3, 1e-3))
 THEORIES = pytest.mark.parametrize("theory", [None, sc.TheoryKirchhoff()], ids=repr)
 
 
-def cantilever(strain, theory=None, order=4, elements=3):
+HARDENING = sc.SectionHyperelastic(
+    lambda e: 0.5 * (SECTION.stiffness.diagonal() * e**2).sum(-1) + 1e5 * e[..., 3] ** 4,
+    1.0,
+    (1e-3, 1e-3),
+)
+
+
+def cantilever(strain, theory=None, order=4, elements=3, section=SECTION):
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="rod")
     more = {"order": order, "director": (0, 1, 0), "theory": theory, "strain": strain}
     model = sc.Model()
-    rod = model.add("rod", sc.Beam(mesh, SECTION, **more))
+    rod = model.add("rod", sc.Beam(mesh, section, **more))
     model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
     return model, rod
 
@@ -66,3 +74,122 @@ def test_a_strip_swings_with_the_energy_of_its_curvature():
 def test_strains_that_are_none(strain):
     with pytest.raises(sc.InputError, match="strain"):
         cantilever(strain)
+
+
+# -- strains that change: in statics by a factor, in motion with their power ---------------------
+
+HEAT = (0, 0, 1e-3, 0, 0, 0)
+
+
+def heated(strain, amplitude=None, **more):
+    model, rod = cantilever(None, **more)
+    model.add("heat", sc.LoadStrain(rod, strain, amplitude))
+    return model, rod
+
+
+def forces_in_all_ways(model, rod, path):
+    q, lam = path["q"][-1], path["multipliers"][-1]
+    yield path["beam/rod/resultant"][-1]
+    yield section_forces(model, rod, q, multipliers=lam)
+    yield nodal_resultants(model, rod, q, multipliers=lam)
+    yield forces_along(model, path, rod, [0.2, 0.7])[-1]
+    yield evaluate(model, rod, q, [0, 1], [0.3, 0.6], multipliers=lam).resultant
+
+
+@THEORIES
+def test_heat_has_a_factor_of_its_own(theory, kernels):
+    """A bar that is held pushes by EA alpha dT, and stores the energy of that."""
+    model, rod = heated(HEAT, theory=theory)
+    model.add("wall", sc.JointFixed(rod.node("rod.end"), sc.ground((1, 0, 0))))
+    heats = {"heat": sc.Table([0, 1], [0, 3])}
+    path = sc.static(model, kernels=kernels, factors=heats, watch=False)
+    assert path["joint/clamp/force"][-1] == pytest.approx([600.0, 0, 0], abs=1e-9)
+    assert path["strain_energy"][-1] == pytest.approx(0.5 * 2e5 * 3e-3**2, rel=1e-10)
+    assert path["beam/rod/resultant"][-1, :, :, 2] == pytest.approx(-600.0, rel=1e-10)
+    once = sc.static(model, kernels=kernels, watch=False)
+    for found in forces_in_all_ways(model, rod, once):
+        expected = np.broadcast_to([0, 0, -200.0, 0, 0, 0], found.shape)
+        assert found == pytest.approx(expected, abs=1e-8)
+
+
+def test_heat_buckles_a_column_that_is_held():
+    """At P (1 + P/GA) = 4 pi^2 EI/L^2 with P = EA alpha dT: no strain comes before it."""
+    model, rod = heated(HEAT, elements=16)
+    model.add("wall", sc.JointFixed(rod.node("rod.end"), sc.ground((1, 0, 0))))
+    P = 0.5e5 * (np.sqrt(1 + 16 * np.pi**2 * 30 / 1e5) - 1)
+    assert buckling(model, 1).factors[0] * 200 == pytest.approx(P, rel=1e-9)
+
+
+@pytest.mark.one_quick
+@pytest.mark.parametrize(
+    "integrator",
+    [sc.EnergyMomentum(), sc.EnergyDecaying(), sc.Variational(), sc.GeneralizedAlpha()],
+)
+@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
+def test_the_power_of_a_growing_curvature_is_in_the_balance(integrator, treatment, kernels):
+    """To rounding where stresses are discrete derivatives, else to second order of the step."""
+    model, rod = heated((0, 0, 0, 0.4, 0, 0.3), sc.RampSmooth(0, 1.0), order=2)
+    off = []
+    for step in (0.005, 0.0025):
+        run = sc.simulate(model, integrator, treatment, step, 0.4, kernels=kernels)
+        off.append(abs(run["energy_balance"]).max() / abs(run["work_loads"]).max())
+    if integrator.numbers.ends:
+        assert max(off) < 1e-10
+    else:
+        assert np.log2(off[0] / off[1]) == pytest.approx(2.0, abs=0.15)
+        assert off[1] < 1e-4
+
+
+def test_a_strain_that_ends_leaves_its_energy_to_the_motion(kernels):
+    """Heat that goes at an event: what is stored then is work, the balance closes."""
+    model, rod = heated(HEAT, order=2)
+    model.add("wall", sc.JointFixed(rod.node("rod.end"), sc.ground((1, 0, 0))))
+    events = [sc.Event(sc.ConditionTime(0.005), sc.ActionLoad("heat", 0.0))]
+    run = sc.simulate(
+        model, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.01, events=events, kernels=kernels
+    )
+    assert abs(run["energy_balance"]).max() < 1e-12
+
+
+def test_curvature_in_a_rest_state_closes_a_ring():
+    model, rod = heated((0, 0, 0, 2 * np.pi, 0, 0), order=8)
+    path = sc.static(model, watch=False)
+    assert path.position(rod.node("rod.end"))[-1] == pytest.approx(np.zeros(3), abs=1e-10)
+    assert path["strain_energy"][-1] < 1e-18
+
+
+def test_a_bow_string_sounds_by_the_force_in_it():
+    """Drawn by -F/EA between hinges: a string with a little stiffness in bending and in shear."""
+    F, EI, GA, k = 2e3, 1.0, 1e6, np.pi
+    section = sc.Section([GA, GA, 1e6, EI, EI, EI], 0.1, (1e-10, 1e-10))
+    model, mesh = sc.Model(), sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod")
+    string = model.add("string", sc.Beam(mesh, section, order=4, director=(0, 0, 1)))
+    for end, x in (("start", 0), ("end", 1)):
+        hinge = sc.JointRevolute(sc.ground((x, 0, 0)), string.node(f"rod.{end}"), (0, 0, 1))
+        model.add(end, hinge)
+    model.add("force", sc.LoadStrain(string, (0, 0, -F / 1e6, 0, 0, 0)))
+    shear = EI * k**2 / (GA - F)
+    squared = (F + GA * shear) / (1 + shear) * k**2 / 0.1
+    found = sc.modes(model, sc.static(model, watch=False), count=1)
+    assert found.frequencies[0] == pytest.approx(np.sqrt(squared) / (2 * np.pi), rel=1e-6)
+
+
+def test_actuation_leaves_a_plane():
+    """A plane scene refuses a strain that bends out of it, constant or in time, and names it."""
+    for label in ("beam 'rod'", "load 'heat'"):
+        strain = (0, 0, 0, 0.1, 0, 0.1)
+        model, rod = cantilever(strain) if label[0] == "b" else heated(strain)
+        with pytest.raises(sc.InputError, match=f"{label}.*plane"):
+            model.freeze(planar=sc.Planar())
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"theory": sc.TheoryInextensible()}, "changes a strain that .* does not have"),
+        ({"section": HARDENING}, "not quadratic"),
+    ],
+)
+def test_strains_in_time_that_cannot_be(more, words):
+    with pytest.raises(sc.InputError, match=words):
+        heated(HEAT, **more)
