@@ -361,8 +361,8 @@ class Beam(LineItem):
         """Without functions, which need not reach other processes; sections as arrays."""
         kind, every = self.basis.interpolation, np.arange(self.mesh.nelements)
         even = np.linspace(0.0, 1.0, kind.order + 1)
-        kept = [kind.nodes, kind.full.points, self.elements.points, even, [0.5]]
-        xi = np.unique(np.concatenate(kept).round(14))
+        xi = np.concatenate([kind.nodes, kind.full.points, self.elements.points, even, [0.5]])
+        xi = np.unique(xi.round(14))
         sections = dict(self._sections)
         if any(isinstance(each, SectionField) for each in sections.values()):
             sampled = SectionSampled(xi, self.sections_at(every, xi))

@@ -886,10 +886,10 @@ class LoadLine(Load):
                 yield given.constant[own], None
             return
         values = self._at(given, xi)[..., own]
-        shares, sizes, vectors = np.linalg.svd(values.reshape(-1, 3), full_matrices=False)
-        for share, size, vector in zip(shares.T, sizes, vectors, strict=True):
+        shares, sizes, ways = np.linalg.svd(values.reshape(-1, 3), full_matrices=False)
+        for share, size, way in zip(shares.T, sizes, ways, strict=True):
             if size > 1e-14 * sizes[0]:
-                yield vector, (size * share).reshape(values.shape[:2])
+                yield way, (size * share).reshape(values.shape[:2])
 
 
 class LoadStrain(LoadLine):

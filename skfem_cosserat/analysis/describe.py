@@ -404,7 +404,7 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
 
     def resultant(h: History) -> list[Floats]:
         lam = h["multipliers"] if holds else None
-        given = h["amplitudes/loads"] if "amplitudes/loads" in h else None
+        given = h["amplitudes/loads"] if "load_factor" in h else None
         factors = load_factors(system, h.instants, given, len(h))
         return [resultants(system, beam, h[strain], factors, lam)]
 

@@ -218,8 +218,8 @@ def strain_energy(
     >>> round(float(strain_energy(model, q)), 9)
     1.0
     """
-    Q, out = np.asarray(q), np.zeros(len(q))
-    factors = load_factors(system, t, amplitudes, len(Q))
+    Q = np.asarray(q)
+    factors, out = load_factors(system, t, amplitudes, len(Q)), np.zeros(len(Q))
     for group in system.beam_groups:
         out += group_energy(group, Q, system.loading.strains(group, factors))
     return out
@@ -541,7 +541,7 @@ def section_forces(
     multipliers : (m,) or (N, m) array, optional
         As of :func:`multipliers`: those of strains that the beam's theory holds are resultants.
     t : float or (N,) array
-        Times (s) of the configurations, for strains without stress that change: :class:`LoadStrain`.
+        Times (s) of the configurations, for strains that change: :class:`LoadStrain`.
 
     Returns
     -------

@@ -244,7 +244,7 @@ def evaluate(
         As of :func:`multipliers`: resultants of strains that the beam's theory holds, interpolated
         from the Gauss points; NaN without.
     t : float or (N,) array
-        Times (s) of the configurations, for strains without stress that change: :class:`LoadStrain`.
+        Times (s) of the configurations, for strains that change: :class:`LoadStrain`.
 
     Returns
     -------

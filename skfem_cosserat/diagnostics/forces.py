@@ -20,7 +20,7 @@ from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import Array, ArrayLike, Floats, IndexArray, switch
 from .energy import group_of, held_forces, load_factors
-from .stacked import all_rows, as_array, as_stack, as_times, of_states
+from .stacked import all_rows, as_array, as_stack, of_states
 
 if TYPE_CHECKING:
     from ..beam import Beam

@@ -128,7 +128,7 @@ def test_heat_buckles_a_column_that_is_held():
 @pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
 def test_the_power_of_a_growing_curvature_is_in_the_balance(integrator, treatment, kernels):
     """To rounding where stresses are discrete derivatives, else to second order of the step."""
-    model, rod = heated((0, 0, 0, 0.4, 0, 0.3), sc.RampSmooth(0, 1.0), order=2)
+    model, _ = heated((0, 0, 0, 0.4, 0, 0.3), sc.RampSmooth(0, 1.0), order=2)
     off = []
     for step in (0.005, 0.0025):
         run = sc.simulate(model, integrator, treatment, step, 0.4, kernels=kernels)
@@ -178,7 +178,7 @@ def test_actuation_leaves_a_plane():
     """A plane scene refuses a strain that bends out of it, constant or in time, and names it."""
     for label in ("beam 'rod'", "load 'heat'"):
         strain = (0, 0, 0, 0.1, 0, 0.1)
-        model, rod = cantilever(strain) if label[0] == "b" else heated(strain)
+        model, _ = cantilever(strain) if label[0] == "b" else heated(strain)
         with pytest.raises(sc.InputError, match=f"{label}.*plane"):
             model.freeze(planar=sc.Planar())
 
