@@ -246,9 +246,6 @@ def _transported(
     return (c * normal + s * np.cross(t, normal)).reshape(chains * m, n, 3)
 
 
-_NAMES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic"}
-
-
 def turns(before: Floats, after: Floats) -> Floats:
     """Angles (...) in rad of the rotations between triads (..., 3, 3), 0 to pi.
 
@@ -273,8 +270,8 @@ def gives_way(kind: Interpolation, angle: Floats) -> str:
     others = int((angle > kind.turn_limit + 1e-8).sum()) - 1
     more = f" ({others} more like it)" if others else ""
     return (
-        f"{np.degrees(angle.max()):.3g} degrees, beyond the {limit:.3g} that a"
-        f" {_NAMES[kind.order]} element can be bent by{more}: refine"
+        f"{np.degrees(angle.max()):.3g} degrees, beyond the {limit:.3g} that an element of order"
+        f" {kind.order} can be bent by{more}: refine"
     )
 
 

@@ -63,7 +63,7 @@ class BentElement:
     def bent(self, angle: float) -> np.ndarray:
         """Angles of the nodes, the inner ones in equilibrium."""
         angles = np.zeros(len(self.nodes))
-        for part in np.linspace(0.1, 1.0, 10):
+        for part in np.linspace(0.05, 1.0, 20):
             angles[1:-1] += angle * part * self.nodes[1:-1] - angles[-1] * self.nodes[1:-1]
             angles[-1] = angle * part
             for _ in range(6):
@@ -78,11 +78,11 @@ class BentElement:
 
 
 @pytest.mark.one_quick
-@pytest.mark.parametrize("p", ORDERS)
+@pytest.mark.parametrize("p", range(1, 9))
 def test_limits_are_where_an_element_gives_way(p):
     element = BentElement(p)
     limit = element.limit
-    assert element.stiffness(0.05) > 0.4
+    assert element.stiffness(0.05) > 0.25
     assert element.stiffness(0.998 * limit) > 1e-4
     assert element.stiffness(1.002 * limit) < -1e-4
 
@@ -97,7 +97,7 @@ def test_moment_of_a_linear_element_peaks_at_45_degrees():
 @pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("kind", "away"),
-    [(sc.InterpolationLobatto(p, points=p + 1), 0.06) for p in ORDERS]
+    [(sc.InterpolationLobatto(p, points=p + 1), 0.06) for p in (1, 2, 3, 4)]
     + [(sc.InterpolationEquidistant(p), 0.17) for p in (3, 4)],
 )
 def test_limits_of_variants_are_near(kind, away):
@@ -142,11 +142,8 @@ def bent(system, beam, rotation_at) -> np.ndarray:
     return y.reshape(-1, 3)
 
 
-NAMES = ("linear", "quadratic", "cubic", "quartic")
-
-
 @pytest.mark.one_quick
-@pytest.mark.parametrize("p", ORDERS)
+@pytest.mark.parametrize("p", range(1, 9))
 @pytest.mark.parametrize("axis", [(1.0, 0, 0), (0.6, 0, -0.8)])
 def test_bent_elements_are_named(p, axis):
     """Bending alone and with torsion, only in the middle of three elements."""
@@ -165,7 +162,7 @@ def test_bent_elements_are_named(p, axis):
     shown, bound = f"{np.degrees(1.04 * limit):.3g}", f"{np.degrees(limit):.3g}"
     assert text == (
         f"relative rotation between nodes 1 and 2 of beam 'boom' is {shown} degrees, beyond the"
-        f" {bound} that a {NAMES[p - 1]} element can be bent by: refine"
+        f" {bound} that an element of order {p} can be bent by: refine"
     )
 
 
@@ -189,7 +186,7 @@ def test_a_full_circle_fails_where_elements_give_way(p, elements):
     peak = element.derivatives(angles)[0][-1] * elements / (2 * np.pi)
     with pytest.raises(sc.Diverged) as caught:
         rolled_up(p, elements)
-    assert f"that a {NAMES[p - 1]} element can be bent by" in str(caught.value)
+    assert f"that an element of order {p} can be bent by" in str(caught.value)
     reached = caught.value.history["load_factor"][-1]
     assert abs(reached - peak) < 1e-4
     assert rolled_up(p, elements + 1)["load_factor"][-1] == 1.0
@@ -210,11 +207,11 @@ def test_rigid_motion_and_curved_references_do_not_count():
     for node, angle in ((1, -55.0), (2, -110.0)):
         triads[node, 1:] = triads[node, 1:] @ turned(np.radians([angle, 0, 0]))
     text = over_rotated(system, triads.reshape(-1, 3))
-    assert "beam 'arc' is 55 degrees, beyond the 45 that a linear" in text
+    assert "beam 'arc' is 55 degrees, beyond the 45 that an element of order 1" in text
     # the worst of all beams, by the share of its limit
     z = bent(system, other, lambda s: s * np.radians([120.0, 0, 0]))
     text = over_rotated(system, z)
-    assert "beam 'line' is 120 degrees, beyond the 87.5 that a quadratic" in text
+    assert "beam 'line' is 120 degrees, beyond the 87.5 that an element of order 2" in text
     assert text.endswith("(2 more like it): refine")
 
 
@@ -280,7 +277,7 @@ def test_lines_that_elements_cannot_follow(make, text):
             lambda: sc.Beam(ring(6), SECTION),
             "beam: element 0.* its ends, the nodes 0 and 1,.*60 degrees.*the 45.*5 more like it",
         ),
-        (lambda: sc.Beam(ring(2), SECTION, order=4), "180 degrees.*141.*quartic.*1 more like it"),
+        (lambda: sc.Beam(ring(2), SECTION, order=4), "180 degrees.*141.*order 4.*1 more like it"),
         (lambda: sc.Beam(LINE, SECTION, twist=2.0), "57.3 degrees.*the 45.*3 more like it"),
         (
             lambda: sc.Beam(CORNER, SECTION, director=(0.6, 0.8, 0.0)),
