@@ -63,7 +63,7 @@ class BentElement:
     def bent(self, angle: float) -> np.ndarray:
         """Angles of the nodes, the inner ones in equilibrium."""
         angles = np.zeros(len(self.nodes))
-        for part in np.linspace(0.05, 1.0, 20):
+        for part in np.arange(1, 12 + 1) / 12:
             angles[1:-1] += angle * part * self.nodes[1:-1] - angles[-1] * self.nodes[1:-1]
             angles[-1] = angle * part
             for _ in range(6):
