@@ -104,3 +104,34 @@ def test_wrong_files_are_named_by_the_line(tmp_path, name, old, new, text):
         (tmp_path / each).write_text(content.replace(old, new, 1) if each == name else content)
     with pytest.raises(sc.MeshError, match=text):
         sc.read_beamdyn(tmp_path / PRIMARY)
+
+
+def rotor(blade, shaft):
+    """A hub, held or on a shaft, with three blades."""
+    model = sc.Model()
+    hub = model.add("hub", sc.RigidBody.cylinder(1e5, radius=4.0, length=6.0))
+    axis = sc.ground((0, 0, 0)), hub.local((0, 0, 0))
+    model.add("shaft", sc.JointRevolute(*axis, (1, 0, 0)) if shaft else sc.JointFixed(*axis))
+    for k, angle in enumerate((0, 2 * np.pi / 3, 4 * np.pi / 3)):
+        c, s = np.cos(angle), np.sin(angle)
+        R = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+        root = R @ (0, 0, 4)
+        more = {"order": 1, "director": R @ (0, 1, 0), "twist": blade.twist}
+        each = sc.Beam(blade.mesh.moved(R, root), blade.section, **more)
+        model.add(f"blade {k}", each)
+        model.add(f"root {k}", sc.JointFixed(hub.at(root), each.node("blade.start")))
+    return model.freeze()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("treatment", [sc.NullSpace(), sc.Multipliers()], ids=repr)
+def test_a_rotor_started_without_transients_turns_steadily(treatment):
+    """At 7.55 rpm from its equilibrium in the turning frame: nothing but the angle changes."""
+    blade, spin = sc.read_beamdyn(FOLDER / PRIMARY, 1), sc.Spin((7.55 * np.pi / 30, 0, 0))
+    q = sc.static(rotor(blade, shaft=False), spin=spin)["q"][-1]
+    system = rotor(blade, shaft=True)
+    start = sc.initial_state(system, q, spin.rates(system, q.reshape(-1, 3)).ravel())
+    run = sc.simulate(system, sc.EnergyMomentum(), treatment, 0.02, 2.0, start=start)
+    tip = run.position(system.beams[0].node("blade.end"))
+    assert np.ptp(np.hypot(tip[:, 1], tip[:, 2])) < 1e-10 and np.ptp(tip[:, 0]) < 1e-10
+    assert abs(run["energy_balance"]).max() < 1e-12 * run["energy"][0]
