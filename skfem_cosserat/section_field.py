@@ -68,9 +68,10 @@ class SectionAlong(SectionField):
 
     Examples
     --------
+    >>> from skfem_cosserat import Material, SectionCircle
     >>> material = Material(70e9, 0.3, 2700)
     >>> field = SectionAlong(lambda s: SectionCircle(0.02 - 0.005 * s, material))
-    >>> field.at(2.0, 3.0).outline.max().round(6)
+    >>> float(field.at(2.0, 3.0).outline.max().round(6))
     0.01
     """
 
@@ -103,9 +104,10 @@ class SectionTaper(SectionField):
 
     Examples
     --------
+    >>> from skfem_cosserat import Material, SectionTube
     >>> material = Material(70e9, 0.3, 2700)
     >>> mast = SectionTaper(SectionTube(0.2, 0.19, material), SectionTube(0.1, 0.09, material))
-    >>> mast.at(5.0, 10.0).outline.max().round(6)
+    >>> float(mast.at(5.0, 10.0).outline.max().round(6))
     0.15
     """
 

@@ -147,6 +147,9 @@ def _energy(eps: Any) -> Any:
     return 0.5 * (eps * eps) @ np.array([2e4, 2e4, 5e4, 40.0, 60.0, 30.0]) + 3.0 * eps[..., 4] ** 4
 
 
+TAPER = sc.SectionTaper(sc.SectionTube(0.02, 0.015, STEEL), sc.SectionTube(0.01, 0.005, STEEL))
+TABLE = [SECTION.stiffness, 0.5 * SECTION.stiffness], [1.3, 1.0], [(2e-3, 3e-3), (1e-3, 2e-3)]
+
 PARTS |= {
     "plain": beam_of(),
     "order 2": beam_of(order=2),
@@ -162,6 +165,9 @@ PARTS |= {
     "rigid": beam_of(theory=sc.TheoryRigid()),
     "tube": beam_of(section=sc.SectionTube(0.02, 0.015, STEEL)),
     "bar": beam_of(section=sc.SectionRectangle(0.02, 0.03, STEEL)),
+    "taper": beam_of(section=TAPER, order=3),
+    "along": beam_of(section=sc.SectionAlong(lambda s: SECTION.damped(time=1e-3 * (1 + s)))),
+    "table": beam_of(section=sc.SectionTable([0, 1], *TABLE), strain=(0, 0, 1e-3, 0, 0.1, 0)),
 }
 
 
@@ -193,6 +199,16 @@ def loads() -> sc.Model:
     model.add("turn", sc.LoadMoment(end, (0.1, 0.2, 0.3), sc.RampSmooth(0, 0.02), follower=True))
     model.add("snow", sc.LoadLine(beam, (0, -2, 1), function))
     model.add("wind", sc.LoadLine(beam, (0.5, 1, 0), follower=True))
+    return model
+
+
+@scene
+def heated() -> sc.Model:
+    model = sc.Model()
+    beam = rod(model)
+    hinged(model, beam)
+    weighted(model, beam)
+    model.add("heat", sc.LoadStrain(beam, (0, 0, 1e-3, 0.2, 0, 0), sc.RampSmooth(0, 0.02)))
     return model
 
 

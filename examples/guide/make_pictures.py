@@ -623,6 +623,7 @@ LOADS: dict[str, Draw] = {
     "load_moment": _moment,
     "load_line": lambda s: _line_load(s, False),
     "load_pressure": lambda s: _line_load(s, True),
+    "load_strain": lambda s: (s.cantilever(), s.text((0.3, 0.6), "ΔT", LOAD)),
     "load_gravity": _gravity,
     "load_own": _own_load,
     "time_callable": lambda s: (s.chart(lambda t: t**2), s.text((-0.5, 0.4), "f(t)", LOAD)),

@@ -778,7 +778,7 @@ class MeshCurve(Frozen, MeshLine1):
         Examples
         --------
         >>> MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4).at([0.3]).p[0].round(9).tolist()
-        [0.0, 0.15, 0.3, 0.65, 1.0]
+        [0.0, 0.3, 0.533333333, 0.766666667, 1.0]
         """
         from .divide import divided
 

@@ -30,6 +30,7 @@ ITEMS |= {"ArcLength", "DisplacementControl"}
 LEFT_OUT = {
     "Joint",
     "Load",
+    "SectionField",
     "Sensor",
     "Solver",
     "Theory",
