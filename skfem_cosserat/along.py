@@ -7,10 +7,32 @@ from typing import Any
 import numpy as np
 
 from .errors import InputError
-from .types import Floats, numbers, shaped
+from .types import ArrayLike, Floats, numbers, shaped
 
 #: how far a line may go beyond a table, relative to its length
 BEYOND = 1e-9
+
+
+class Stations:
+    """Values (k, m) at increasing arc lengths (k,) in m, linear or smooth in between."""
+
+    def __init__(self, item: str, s: ArrayLike, values: Floats, smooth: bool = False) -> None:
+        self.item, self.s, self.values, self.smooth = item, numbers(item, "s", s), values, smooth
+        if self.s.ndim != 1 or len(self.s) < 2 or not (np.diff(self.s) > 0).all():
+            text = f"s = {self.s.tolist()}, expected two or more arc lengths that increase"
+            raise InputError(item, text)
+
+    def at(self, s: Floats) -> Floats:
+        """Values (..., m) at arc lengths (...), which may be beyond the ends by rounding."""
+        first, last, far = self.s[0], self.s[-1], BEYOND * s.max()
+        if s.min() < first - far or s.max() > last + far:
+            text = f"goes from {first:.9g} to {last:.9g} m, and the line goes on to {s.max():.9g} m"
+            raise InputError(self.item, text)
+        if self.smooth:
+            from scipy.interpolate import PchipInterpolator  # slow to import
+
+            return np.asarray(PchipInterpolator(self.s, self.values)(s.clip(first, last)))
+        return np.stack([np.interp(s, self.s, column) for column in self.values.T], axis=-1)
 
 
 class Along:
@@ -28,16 +50,12 @@ class Along:
 
     def __init__(self, item: str, name: str, given: Any, size: int) -> None:
         self.item, self.name, self.size = item, name, size
-        self.table: tuple[Floats, Floats] | None = None
+        self.table: Stations | None = None
         self.function = given if callable(given) else None
         self.constant: Floats | None = None
         if isinstance(given, tuple | list) and len(given) == 2:
-            s, values = numbers(item, name, given[0]), numbers(item, name, given[1])
-            wrong = s.ndim != 1 or len(s) < 2 or not (np.diff(s) > 0).all()
-            if wrong or values.shape != (len(s), size):
-                text = f"{name} = arrays of shapes {s.shape} and {values.shape}, expected arc"
-                raise InputError(item, f"{text} lengths (k,) that increase and values (k, {size})")
-            self.table = s, values
+            values = shaped(item, name, given[1], (np.size(given[0]), size))
+            self.table = Stations(f"{item}, table of {name}", given[0], values)
         elif self.function is None:
             self.constant = shaped(item, name, given, (size,))
 
@@ -53,12 +71,7 @@ class Along:
         if self.constant is not None:
             return np.broadcast_to(self.constant, (*s.shape, self.size))
         if self.table is not None:
-            places, values = self.table
-            far = BEYOND * s.max()
-            if s.min() < places[0] - far or s.max() > places[-1] + far:
-                text = f"{self.name} is a table from {places[0]:.6g} to {places[-1]:.6g} m, and"
-                raise InputError(self.item, f"{text} the line goes on to {s.max():.6g} m")
-            return np.stack([np.interp(s, places, column) for column in values.T], axis=-1)
+            return self.table.at(s)
         assert self.function is not None
         found = [
             shaped(self.item, f"{self.name}({x:.6g})", self.function(float(x)), (self.size,))

@@ -296,7 +296,6 @@ class Beam(LineItem):
             if isinstance(given, Section):
                 continue
             for total in np.unique(totals[own]):
-                given.check(self.label, total)
                 inside = given.kinks(total)[:, None] - starts[own]
                 lengths = self.mesh.lengths[own]
                 found = (inside > SAME * total) & (inside < lengths - SAME * total)

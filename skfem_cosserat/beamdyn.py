@@ -5,23 +5,25 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .beam import Beam
-from .errors import MeshError, ModelWarning
+from .errors import InputError, MeshError, ModelWarning
 from .frames import ground
 from .joint import JointFixed
+from .kernels import skew
 from .mesh import CurveSpline, MeshCurve
 from .mesh.topology import chain_arrays
 from .model import Model
+from .section import Section
 from .section_field import SectionTable
 from .types import FilePath, Floats
 from .warn import warn
 
-#: how far matrices may be off symmetry, relative to both entries on the diagonal
-SYMMETRY = 1e-6
+#: how far entries may be off what they have to be, relative to the diagonal
+WRONG = 1e-6
 #: places that are one, relative to the length of the blade
 NEAR = 1e-7
 #: entries of a primary file that give the line, its sections and what is not read
@@ -79,7 +81,8 @@ def read_beamdyn(path: FilePath, order: int = 3) -> BladeBeamDyn:
     ------
     MeshError
         If a file is missing, an entry is no number, a table ends early, stations do not increase
-        from 0 to 1, or a matrix is not symmetric or not positive definite, with the line.
+        from 0 to 1, a stiffness is not symmetric positive definite or a mass matrix not that of a
+        flat section, with the line.
 
     Examples
     --------
@@ -185,44 +188,43 @@ def _stations(blade: _Lines, length: float) -> SectionTable:
     titles = [i for i, k in enumerate(rows) if blade.lines[k].lstrip().startswith("---")]
     mu = blade.numbers(rows[titles[-1] - 1], 6) if kind else np.zeros(6)
     each = np.array_split(rows[titles[-1] + 1 :][: 13 * count], count)
-    eta, stiffness, masses = [], [], []
+    eta: list[float] = []
+    stations = []
     for k in range(count):
         own = [*each[k], *[len(blade.lines)] * 13][:13]
         eta.append(blade.numbers(own[0], 1)[0])
         if (k == 0 and eta[0] != 0) or (k and not eta[-2] < eta[-1]) or eta[-1] > 1:
             raise blade.wrong(own[0], f"station at {eta[-1]:.6g}, expected to increase, 0 to 1")
-        stiffness.append(_matrix(blade, own[1:7], "stiffness"))
-        masses.append(_matrix(blade, own[7:13], "mass"))
+        matrices = np.array([blade.numbers(row, 6) for row in own[1:]])
+        try:
+            D, mass, inertia, centre, viscosity = _station(matrices, mu)
+            Section(D, mass, inertia, viscosity=viscosity, centre=centre)
+        except InputError as error:
+            raise blade.wrong(own[0], f"station at {eta[-1]:.6g}: {error}") from error
+        stations.append((D, mass, inertia, centre, viscosity))
     if eta[-1] != 1.0:
         raise blade.wrong(own[0], f"the last station is at {eta[-1]:.6g}, expected 1")
-    D, M = np.array(stiffness), np.array(masses)
-    mass = M[:, 0, 0]
-    return SectionTable(
-        np.array(eta) * length,
-        D,
-        mass,
-        np.array([[M[:, 4, 4], -M[:, 3, 4]], [-M[:, 3, 4], M[:, 3, 3]]]).transpose(2, 0, 1),
-        centre=np.stack([M[:, 1, 5], -M[:, 0, 5]], axis=1) / mass[:, None],
-        viscosity=D * np.sqrt(np.outer(mu, mu)) if kind else None,
-    )
+    values = (np.array(each) for each in zip(*stations, strict=True))
+    stiffness, masses, inertias, centres, damping = values
+    return SectionTable(np.array(eta) * length, stiffness, masses, inertias, centres, damping)
 
 
-def _matrix(blade: _Lines, rows: Any, what: str) -> Floats:
-    """A symmetric (6, 6) matrix, positive definite if it is a stiffness."""
-    found = np.array([blade.numbers(k, 6) for k in rows])
-    diagonal = np.diag(found)
-    if (diagonal <= 0).any():
-        k = int(np.argmin(diagonal))
-        raise blade.wrong(rows[k], f"{what} has {diagonal[k]:.6g} on its diagonal")
-    size = np.sqrt(np.outer(diagonal, diagonal))
-    off = abs(found - found.T) / size
-    if off.max() > SYMMETRY:
-        i, j = np.unravel_index(int(off.argmax()), (6, 6))
-        text = f"{what} is not symmetric: {found[i, j]:.6g} and {found[j, i]:.6g}"
-        raise blade.wrong(rows[i], text)
-    found = 0.5 * (found + found.T)
-    lowest = float(np.linalg.eigvalsh(found / size)[0])
-    if lowest <= 0:
-        text = f"{what} is not positive definite: lowest scaled eigenvalue {lowest:.3g}"
-        raise blade.wrong(rows[0], text)
-    return found
+def _station(rows: Floats, mu: Floats) -> tuple[Floats, float, Floats, Floats, Floats]:
+    """Stiffness, mass, inertia, centre and viscosity of a station, of twelve rows of its matrices.
+
+    InputError for matrices that no flat section has.
+    """
+    D, M = rows[:6], rows[6:]
+    mass, a, b, c = M[0, 0], M[4, 4], -M[3, 4], M[3, 3]
+    centre = np.array([M[1, 5], -M[0, 5]]) / mass
+    arm = mass * skew(np.append(centre, 0.0))
+    turning = np.array([[c, -b, 0.0], [-b, a, 0.0], [0.0, 0.0, a + c]])
+    flat = np.block([[mass * np.eye(3), -arm], [arm, turning]])
+    for matrix, expected, what in ((D, D.T, "symmetric"), (M, flat, "that of a flat section")):
+        off = abs(matrix - expected) / np.sqrt(abs(np.outer(np.diag(expected), np.diag(expected))))
+        if not off.max() < WRONG:
+            i, j = np.unravel_index(int(off.argmax()), (6, 6))
+            text = f"entry {i + 1}, {j + 1} is {matrix[i, j]:.6g}, not {expected[i, j]:.6g}"
+            raise InputError("a matrix", f"is not {what}: {text}")
+    D = 0.5 * (D + D.T)
+    return D, mass, np.array([[a, b], [b, c]]), centre, D * np.sqrt(np.outer(mu, mu))

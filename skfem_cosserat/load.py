@@ -880,16 +880,15 @@ class LoadLine(Load):
     def _profiles(
         self, given: Along, xi: Floats, own: slice = slice(0, 3)
     ) -> Iterator[tuple[Floats, Floats | None]]:
-        """Vectors, and their factors (ne, k): as few as add up to three of the components."""
+        """Vectors, and their factors (ne, k), that add up to three of the components."""
         if given.constant is not None:
             if given.constant[own].any():
                 yield given.constant[own], None
             return
         values = self._at(given, xi)[..., own]
-        shares, sizes, ways = np.linalg.svd(values.reshape(-1, 3), full_matrices=False)
-        for share, size, way in zip(shares.T, sizes, ways, strict=True):
-            if size > 1e-14 * sizes[0]:
-                yield way, (size * share).reshape(values.shape[:2])
+        for axis, profile in zip(np.eye(3), np.moveaxis(values, -1, 0), strict=True):
+            if profile.any():
+                yield axis, profile
 
 
 class LoadStrain(LoadLine):

@@ -8,15 +8,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from .along import BEYOND, Stations
 from .errors import InputError
 from .frozen import Frozen
 from .kernels import SectionPoints
 from .section import Section
 from .theory import LawHeld, released
 from .types import SAME, Array, ArrayLike, Floats, not_negative, numbers
-
-#: how far a table may end before its beam does, relative to the beam's length
-BEYOND = 1e-9
 
 
 class SectionField(Frozen):
@@ -50,9 +48,6 @@ class SectionField(Frozen):
     def kinks(self, length: float) -> Floats:
         """Arc lengths (k,) where the section has a kink or a jump, of a part of this length (m)."""
         return np.zeros(0)
-
-    def check(self, item: str, length: float) -> None:
-        """Raise InputError if it cannot be that of a part of this length (m)."""
 
 
 class SectionAlong(SectionField):
@@ -192,9 +187,6 @@ class SectionTable(SectionField):
         if interpolation not in ("linear", "pchip"):
             text = f"interpolation = {interpolation!r}, expected 'linear' or 'pchip'"
             raise InputError(item, text)
-        self.s = numbers(item, "s", s)
-        if self.s.ndim != 1 or len(self.s) < 2 or not (np.diff(self.s) > 0).all():
-            raise InputError(item, f"s = {self.s.tolist()}, expected two or more that increase")
         given = {
             "stiffness": stiffness,
             "mass": mass,
@@ -203,14 +195,17 @@ class SectionTable(SectionField):
             "viscosity": viscosity,
             "outline": outline,
         }
-        self.values = {
-            k: numbers(item, k, value) for k, value in given.items() if value is not None
-        }
-        for name, array in self.values.items():
-            if len(np.atleast_1d(array)) != len(self.s):
+        arrays = {k: numbers(item, k, value) for k, value in given.items() if value is not None}
+        count = np.size(s)
+        for name, array in arrays.items():
+            if len(np.atleast_1d(array)) != count:
                 text = f"{name} has shape {array.shape}, expected one entry for each of the"
-                raise InputError(item, f"{text} {len(self.s)} stations")
-        self.interpolation = interpolation
+                raise InputError(item, f"{text} {count} stations")
+        self._shapes = {name: array.shape[1:] for name, array in arrays.items()}
+        parts = [array.reshape(count, -1) for array in arrays.values()]
+        self._ends, flat = np.cumsum([part.shape[1] for part in parts])[:-1], np.hstack(parts)
+        self._stations = Stations(item, s, flat, interpolation == "pchip")
+        self.s = self._stations.s
         for k, place in enumerate(self.s):
             try:
                 self.at(place, self.s[-1])
@@ -218,42 +213,29 @@ class SectionTable(SectionField):
                 raise InputError(item, f"station {k} at s = {place:.6g} m: {error}") from error
 
     def at(self, s: float, length: float) -> Section:
-        """The section between its stations."""
-        return Section(**{name: self._between(array, s) for name, array in self.values.items()})
-
-    def _between(self, array: Floats, s: float) -> Any:
-        if self.interpolation == "pchip":
-            from scipy.interpolate import PchipInterpolator  # slow to import
-
-            found = PchipInterpolator(self.s, array)(np.clip(s, self.s[0], self.s[-1]))
-        else:
-            k = int(np.clip(np.searchsorted(self.s, s) - 1, 0, len(self.s) - 2))
-            x = np.clip((s - self.s[k]) / (self.s[k + 1] - self.s[k]), 0.0, 1.0)
-            found = (1 - x) * array[k] + x * array[k + 1]
-        return found if np.ndim(found) else float(found)
+        """The section between its stations; InputError if they do not reach to it."""
+        parts = np.split(self._stations.at(np.array(s)), self._ends)
+        shaped: dict[str, Any] = {
+            name: part.reshape(shape) if shape else float(part[0])
+            for (name, shape), part in zip(self._shapes.items(), parts, strict=True)
+        }
+        return Section(**shaped)
 
     def kinks(self, length: float) -> Floats:
-        """Stations of a linear table at which a number has another slope."""
-        if self.interpolation == "pchip":
-            return np.zeros(0)
-        kinked = np.zeros(len(self.s) - 2, dtype=bool)
-        for array in self.values.values():
-            slopes = np.diff(array.reshape(len(self.s), -1), axis=0) / np.diff(self.s)[:, None]
-            size = abs(array).max() / (self.s[-1] - self.s[0])
-            kinked |= (abs(np.diff(slopes, axis=0)) > BEYOND * size).any(axis=1)
-        return self.s[1:-1][kinked]
+        """Stations of a linear table at which a number has another slope.
 
-    def check(self, item: str, length: float) -> None:
-        """Raise InputError if its stations do not reach from 0 to this length (m)."""
-        if self.s[0] > BEYOND * length or self.s[-1] < length * (1 - BEYOND):
-            raise InputError(
-                item,
-                f"its section table has stations from {self.s[0]:.9g} to {self.s[-1]:.9g} m, and"
-                f" the beam goes from 0 to {length:.9g} m",
-            )
+        InputError if the table does not reach from 0 to this length.
+        """
+        self._stations.at(np.array([0.0, length]))
+        if self._stations.smooth:
+            return np.zeros(0)
+        values = self._stations.values
+        slopes = np.diff(values, axis=0) / np.diff(self.s)[:, None]
+        size = abs(values).max(axis=0) / (self.s[-1] - self.s[0])
+        return self.s[1:-1][(abs(np.diff(slopes, axis=0)) > BEYOND * size).any(axis=1)]
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
-        yield from (("stations", len(self.s)), ("interpolation", self.interpolation))
+        yield from (("stations", len(self.s)), ("smooth", self._stations.smooth))
 
 
 class SectionSampled(SectionField):
@@ -275,13 +257,12 @@ class SectionSampled(SectionField):
 
     def of_element(self, e: int, xi: float) -> Section:
         """The section of an element; between known places its numbers are polynomials."""
+        from .element import lagrange  # imports scikit-fem
+
         row, near = self.sections[e], int(abs(self.xi - xi).argmin())
         if abs(self.xi[near] - xi) < SAME or not row[near].quadratic:
             return row[near]
-        weights = [
-            np.prod((xi - np.delete(self.xi, k)) / (x - np.delete(self.xi, k)))
-            for k, x in enumerate(self.xi)
-        ]
+        weights = lagrange(self.xi, xi)
         density = sum(w * each.density for w, each in zip(weights, row, strict=True))
         stiffness, viscosity = (
             sum(w * getattr(each, name) for w, each in zip(weights, row, strict=True))
@@ -303,9 +284,6 @@ class _Damped(SectionField):
 
     def kinks(self, length: float) -> Floats:
         return self.field.kinks(length)
-
-    def check(self, item: str, length: float) -> None:
-        self.field.check(item, length)
 
 
 def section_points(sections: Array, held: Sequence[int] = ()) -> SectionPoints:

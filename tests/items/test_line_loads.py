@@ -78,8 +78,11 @@ ROD = cantilever()[1]
     ("make", "text"),
     [
         (lambda: sc.LoadLine(ROD, lambda s: 3.0), r"value\(0.*\)"),
-        (lambda: sc.LoadLine(ROD, ([0, 0.5], np.zeros((2, 3)))), "value is a table .* to 0.5 m"),
-        (lambda: sc.LoadLine(ROD, ([0, 1], [1.0, 2.0])), "value = arrays of shapes"),
+        (
+            lambda: sc.LoadLine(ROD, ([0, 0.5], np.zeros((2, 3)))),
+            "table of value: goes from 0 to 0.5 m",
+        ),
+        (lambda: sc.LoadLine(ROD, ([0, 1], [1.0, 2.0])), "value has shape"),
         (lambda: sc.LoadLine(ROD, moment=(1, 2)), "moment"),
         (lambda: sc.TermLine(ROD, (1, 0, 0), profile=[1.0, 2.0]), "profile"),
     ],

@@ -260,7 +260,10 @@ ROUND, SQUARE = sc.SectionCircle(0.1, MATERIAL), sc.SectionRectangle(0.1, 0.1, M
             lambda: sc.SectionTaper(ROUND, sc.SectionCircle(0.1, sc.Material(1e6, 0.3, 1.0))),
             "material = .* at the start",
         ),
-        (lambda: sc.SectionTable([0, 0], *ONES), "s = .*, expected two or more that increase"),
+        (
+            lambda: sc.SectionTable([0, 0], *ONES),
+            "s = .*, expected two or more arc lengths that increase",
+        ),
         (lambda: sc.SectionTable([0, 0.5, 1], *ONES), "stiffness has shape .* 3 stations"),
         (
             lambda: sc.SectionTable([0, 1], [[1e4] * 6, [1e4, 1e4, -1, 1, 1, 1]], *ONES[1:]),
