@@ -155,7 +155,7 @@ def discrete_lagrangian(system, q0, q1, h):
     stored = 0.0
     for group, (eps, _) in zip(system.beam_groups, system.strain(y), strict=True):
         e = group.elements
-        density = 0.5 * np.einsum("egi,eij,egj->eg", eps, e.stiffness, eps)
+        density = 0.5 * np.einsum("egi,egij,egj->eg", eps, e.stiffness, eps)
         stored = stored + np.einsum("eg,g,e->", density, e.weights, e.lengths)
     return h * (kinetic - stored)
 

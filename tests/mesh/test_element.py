@@ -103,7 +103,7 @@ def test_l2_and_h1_convergence_of_a_plain_line_problem(p):
     assert abs(h1 - p) < 0.1
 
 
-@pytest.mark.parametrize("p", [0, 5, 1.5, True, "2", None])
+@pytest.mark.parametrize("p", [0, 9, 1.5, True, "2", None])
 def test_impossible_orders(p):
     for make in (lobatto_nodes, ElementLineLobatto, ElementDirector):
         with pytest.raises(InputError, match="argument order: got") as caught:
@@ -181,7 +181,7 @@ def test_equidistant_nodes_everywhere(p):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: InterpolationLobatto(5), "argument order.*5"),
+        (lambda: InterpolationLobatto(9), "argument order.*9"),
         (lambda: InterpolationEquidistant(0), "argument order.*0"),
         (lambda: InterpolationLobatto(3, points=2), "argument points.*2 Gauss.*mechanisms"),
         (lambda: InterpolationLobatto(1, points=True), "argument points.*True"),

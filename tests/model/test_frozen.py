@@ -118,6 +118,8 @@ ITEMS = [
     sc.TermForce(PLACE, Z, TABLE, follower=True),
     sc.TermMoment(PLACE, Z, ramp),
     sc.TermLine(ROD, Z),
+    sc.TermStrain(ROD, Z),
+    sc.LoadStrain(ROD, (0, 0, 1e-3, 0, 0, 0)),
     sc.TermAcceleration((0, 0, -9.81)),
     sc.TermFunction([PLACE, BALL.place()], passing),
     sc.FunctionOfTime(ramp),

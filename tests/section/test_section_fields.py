@@ -187,6 +187,29 @@ def constants(section):
     return np.concatenate([section.stiffness.ravel(), section.density.ravel()])
 
 
+def test_an_answer_keeps_the_taper(exact_tip):
+    model, end = cantilever(tapered, 1, 1)
+    model.add("push", sc.LoadForce(end, (0, 1.0, 0)))
+    found = sc.answer(model, {"tip": sc.SensorPosition(end)}, 1e-6, until=None)
+    assert found.reached
+    assert found.values["tip"][:2] == pytest.approx(exact_tip, abs=1e-6)
+
+
+def test_explicit_steps_have_the_taper():
+    """The motion is that of implicit steps; both are of second order."""
+    found = []
+
+    def soft(s):
+        return sc.Section([50.0] * 3 + [1 - 0.8 * s] * 3, 1 - 0.8 * s, (0.1, 0.1))
+
+    for scheme, step in ((sc.Explicit(), 1e-3), (sc.EnergyMomentum(), 2e-3)):
+        model, end = cantilever(soft, 1, 4, lumped=True)
+        model.add("push", sc.LoadForce(end, (0, 0.5, 0), sc.RampSmooth(0, 0.2)))
+        run = sc.simulate(model, scheme, sc.Multipliers(), step, 0.2)
+        found.append(run.position(end)[-1])
+    assert found[0] == pytest.approx(found[1], abs=1e-5)
+
+
 def test_tapers_and_functions_of_the_share_are_the_same_sections():
     first, last = (sc.SectionRectangle(b, 0.02, MATERIAL) for b in (0.04, 0.01))
     taper = sc.SectionTaper(first, last)
