@@ -478,8 +478,9 @@ def sprung():
     return model.freeze()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
+@pytest.mark.parametrize(
+    "treatment", [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)], ids=lambda t: t.name
+)
 @pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.6), sc.EnergyDecaying(0.3)], ids=repr)
 def test_tangent_with_dampers_to_moving_ground(scheme, treatment):
     step = Step(sprung(), scheme, treatment, size=0.1)
