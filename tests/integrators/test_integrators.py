@@ -253,7 +253,7 @@ def scale(system, start):
     return float((np.linalg.norm(start.q.reshape(-1, 3), axis=1) * np.linalg.norm(p, axis=1)).sum())
 
 
-@pytest.mark.slow
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("make", "treatment"), [(free_beam, NULL), (free_tree, MULTIPLIERS)], ids=["beam", "tree"]
 )
