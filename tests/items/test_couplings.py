@@ -302,6 +302,17 @@ def test_linear_oscillator_is_the_midpoint_rule(integrator):
     assert abs(history["joint/rail/displacement_rate"] - wanted[:, 1]).max() < 1e-12
 
 
+def test_generalized_alpha_has_the_work_of_actuators_by_the_trapezoidal_rule():
+    def push(t):
+        return 1.5 + np.sin(7 * t)
+
+    run = oscillator(30.0, 0.8, push), sc.GeneralizedAlpha(), sc.NullSpace(), 0.05, 1.0
+    history = sc.simulate(*run)
+    force, x = push(history.times), history["joint/rail/displacement"]
+    work = np.cumsum((force[1:] + force[:-1]) / 2 * np.diff(x))
+    assert history["work_actuators"][1:] == pytest.approx(work, abs=1e-12)
+
+
 def pendulum(neutral=0.0, stiffness=12.0, damping=0.0, spin=0.0):
     """A body on a hinge through its centre of mass, spring and damper about its axis."""
     model = sc.Model()
