@@ -56,7 +56,7 @@ TESTS = {
         tests/items/test_joints.py tests/run/test_starts.py tests/items/test_couplings.py
         tests/constraints/test_closed_loops.py tests/model/test_planar.py
         tests/items/test_own_items.py tests/section/test_theories.py
-        tests/statics/test_path_following.py tests/integrators/test_integrators.py""",
+        tests/statics/test_path_following.py""",
     "schemes": """-k 'not numba' tests/whole/test_regressions.py
         tests/integrators/test_discrete_mechanics.py tests/integrators/test_integrators.py
         tests/integrators/test_tangents.py tests/integrators/test_explicit.py
