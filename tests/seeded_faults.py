@@ -54,12 +54,15 @@ TESTS = {
         tests/compiled/test_compiled_statics.py tests/integrators/test_schemes_compiled.py""",
     "constraints": """-k 'not numba' tests/constraints/test_null_space.py
         tests/items/test_joints.py tests/run/test_starts.py tests/items/test_couplings.py
-        tests/constraints/test_closed_loops.py tests/model/test_planar.py""",
+        tests/constraints/test_closed_loops.py tests/model/test_planar.py
+        tests/items/test_own_items.py tests/section/test_theories.py
+        tests/statics/test_path_following.py""",
     "schemes": """-k 'not numba' tests/whole/test_regressions.py
         tests/integrators/test_discrete_mechanics.py tests/integrators/test_integrators.py
         tests/integrators/test_tangents.py tests/integrators/test_explicit.py
         tests/whole/test_treatments.py tests/run/test_energy_balance.py
-        tests/run/test_constraint_forces.py tests/items/test_damping.py""",
+        tests/run/test_constraint_forces.py tests/items/test_damping.py
+        tests/run/test_step_control.py tests/project/test_doctests.py""",
 }
 #: files and functions that judge, describe and choose, and compute nothing of a motion
 APART = re.compile(r"check|limit|describe|choice|choose|warn|hint|explain|refuse|__repr__|__str__")

@@ -253,7 +253,7 @@ def scale(system, start):
     return float((np.linalg.norm(start.q.reshape(-1, 3), axis=1) * np.linalg.norm(p, axis=1)).sum())
 
 
-@pytest.mark.slow
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("make", "treatment"), [(free_beam, NULL), (free_tree, MULTIPLIERS)], ids=["beam", "tree"]
 )
@@ -478,8 +478,9 @@ def sprung():
     return model.freeze()
 
 
-@pytest.mark.one_quick
-@pytest.mark.parametrize("treatment", [NULL, MULTIPLIERS], ids=lambda t: t.name)
+@pytest.mark.parametrize(
+    "treatment", [NULL, pytest.param(MULTIPLIERS, marks=pytest.mark.slow)], ids=lambda t: t.name
+)
 @pytest.mark.parametrize("scheme", [sc.GeneralizedAlpha(0.6), sc.EnergyDecaying(0.3)], ids=repr)
 def test_tangent_with_dampers_to_moving_ground(scheme, treatment):
     step = Step(sprung(), scheme, treatment, size=0.1)

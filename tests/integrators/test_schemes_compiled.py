@@ -175,13 +175,17 @@ def test_kernels_agree(scheme, scene, treatment):
     assert_same(compiled, plain, beside)
 
 
-@pytest.mark.slow
 def test_velocities_are_moved_at_the_instant_that_steps_end():
-    """Not at a rounded one: rates of the ground are differences, of another rounding there."""
+    """Not at a rounded one: rates of the ground are differences, of another rounding there.
+
+    A damper takes the rates at the end, too.
+    """
     model = sc.Model()
     shake = sc.Motion(displacement=lambda t: (0.3 * np.sin(7 * t) ** 2, t * t, 0.0))
     box = model.add("box", sc.RigidBody.box(4.0, (0.3, 0.2, 0.1), position=(0.3, -0.2, 0)))
     model.add("hook", sc.JointSpherical(sc.ground((0, 0, 0), shake), box.at((0, 0, 0))))
+    damper = sc.SpringDamper(sc.ground((1, 0, 0), shake), box.at((0.5, 0, 0)), 2.0, damping=0.3)
+    model.add("damper", damper)
     model.add("weight", sc.LoadGravity((0.5, -9.81, 0)))
     compiled, plain, beside = runs(model.freeze(), sc.GeneralizedAlpha(0.8), NULL, 0.01, 0.4)
     force = [run["constraint_force"] for run in (compiled, plain, beside)]

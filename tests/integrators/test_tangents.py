@@ -8,6 +8,7 @@ from helpers_scenes import everything, random_state, random_tree, swing, triangl
 
 from skfem_cosserat import (
     EnergyMomentum,
+    GeneralizedAlpha,
     Multipliers,
     NullSpace,
     State,
@@ -88,6 +89,21 @@ def test_tangent_of_a_step_with_every_item(integrator, treatment, order, swapped
     """Of beams of each order; the two sides of joints in either order."""
     step = Step(everything(order, swapped), integrator, treatment, seed=order)
     assert worst(step.matrix(), step.derivative()) < TOLERANCE
+
+
+@pytest.mark.parametrize("integrator", [*INTEGRATORS, GeneralizedAlpha(0.6)], ids=lambda i: i.name)
+def test_predicted_stresses_are_those_of_the_complex_step(integrator):
+    """Those that the mixed iteration takes the geometric stiffness with, for any increment."""
+    step = Step(everything(1), integrator, NullSpace(), seed=1)
+    _, now, y1 = step.residual()
+    change = np.random.default_rng(1).standard_normal((step.system.rows, 3))
+    found = step.balance.predicted(step.step, now, change)
+    y1 = y1.astype(complex)
+    y1[: step.system.rows] += 1j * EPS * change
+    later = step.balance.evaluate(step.step, y1)
+    for S, before, moved in zip(found, now.stresses, later.stresses, strict=True):
+        slope = moved.imag / EPS
+        assert abs(S - before - slope).max() < TOLERANCE * abs(slope).max()
 
 
 @pytest.mark.one_quick

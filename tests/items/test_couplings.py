@@ -302,6 +302,27 @@ def test_linear_oscillator_is_the_midpoint_rule(integrator):
     assert abs(history["joint/rail/displacement_rate"] - wanted[:, 1]).max() < 1e-12
 
 
+def test_generalized_alpha_has_the_work_of_actuators_by_the_trapezoidal_rule():
+    def push(t):
+        return 1.5 + np.sin(7 * t)
+
+    run = oscillator(30.0, 0.8, push), sc.GeneralizedAlpha(), sc.NullSpace(), 0.05, 1.0
+    history = sc.simulate(*run)
+    force, x = push(history.times), history["joint/rail/displacement"]
+    work = np.cumsum((force[1:] + force[:-1]) / 2 * np.diff(x))
+    assert history["work_actuators"][1:] == pytest.approx(work, abs=1e-12)
+
+
+def test_what_an_energy_decaying_step_takes_from_a_spring(kernels):
+    """By its stiffness, ``chi k dx^2/2``: no damper has it, and the energy falls by it."""
+    run = oscillator(30.0, 0.0), sc.EnergyDecaying(0.3, velocity=False), sc.NullSpace(), 0.05
+    history = sc.simulate(*run, 0.05, kernels=kernels)
+    taken = 0.5 * 0.3 * 30.0 * np.diff(history["joint/rail/displacement"])[0] ** 2
+    work = sc.Stepper(*run, kernels=kernels).advance(sc.initial_state(run[0])).work
+    found = work.numerical, work.dissipated, -np.diff(history["energy"])[0]
+    assert found == pytest.approx((taken,) * 3, rel=1e-12)
+
+
 def pendulum(neutral=0.0, stiffness=12.0, damping=0.0, spin=0.0):
     """A body on a hinge through its centre of mass, spring and damper about its axis."""
     model = sc.Model()

@@ -554,6 +554,11 @@ def test_a_function_of_time_and_of_the_moving_ground(kept):
             lambda x, v, t: (np.full((1, 3, 1, 3), np.nan),) * 2,
             "slopes are not finite",
         ),
+        (  # a drag that is not there
+            lambda x, v, t: -x,
+            lambda x, v, t: (-np.eye(3).reshape(1, 3, 1, 3),) * 2,
+            "slopes of its force differ",
+        ),
     ],
 )
 def test_functions_that_fail_or_give_no_slopes_are_named(force, slopes, text):

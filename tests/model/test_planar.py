@@ -593,6 +593,18 @@ def test_what_leaves_the_plane_is_named(name: str):
     assert len(found.out_of_plane) == 1, found
 
 
+def test_sections_of_all_parts_of_a_beam_are_looked_at():
+    """Those of the second part, with nodes of its own: its stiffness alone leads out."""
+    parts = [sc.MeshCurve.init_line((k, 0, 0), (k + 1.0, 0, 0), 4, "ab"[k]) for k in (0, 1)]
+    mesh = parts[0].joined(parts[1])
+    for other, leaves in ((section(), False), (sc.Section(COUPLED, 1.0, (1e-3, 2e-3)), True)):
+        model = sc.Model()
+        model.add("rod", sc.Beam(mesh, {"a": section(), "b": other}, director=(0, 0, 1.0)))
+        found = sc.planarity(model, (0, 0, 1.0))
+        assert bool(found) is not leaves
+        assert ("of its section 'b' the stiffness couples" in str(found.out_of_plane)) is leaves
+
+
 @pytest.mark.one_quick
 @pytest.mark.parametrize("name", ADDED)
 def test_forces_that_leave_the_plane_are_named(name: str):

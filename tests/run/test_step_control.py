@@ -148,12 +148,12 @@ def test_a_controlled_run_goes_on_from_its_history():
 
 
 ALTERNATING = [
+    sc.GeneralizedAlpha(0.3, stabilized=False),  # its rates depend on the last step
     *(scheme for scheme in SCHEMES if scheme.order == 2 and scheme.part is None),
-    sc.GeneralizedAlpha(0.3, stabilized=False),
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.one_quick
 @pytest.mark.parametrize(
     ("scheme", "treatment"), list(zip(ALTERNATING, cycle(TREATMENTS.values()))), ids=repr
 )
