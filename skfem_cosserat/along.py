@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .errors import InputError
+from .errors import InputError, failed
 from .types import ArrayLike, Floats, numbers, shaped
 
 #: how far a line may go beyond a table, relative to its length
@@ -22,16 +22,18 @@ class Stations:
             text = f"s = {self.s.tolist()}, expected two or more arc lengths that increase"
             raise InputError(item, text)
 
+    def check(self, length: float) -> None:
+        """Raise InputError if they do not reach from 0 to this length (m)."""
+        if self.s[0] > BEYOND * length or self.s[-1] < (1 - BEYOND) * length:
+            text = f"goes from {self.s[0]:.9g} to {self.s[-1]:.9g} m, and the line from 0 to"
+            raise InputError(self.item, f"{text} {length:.9g} m")
+
     def at(self, s: Floats) -> Floats:
-        """Values (..., m) at arc lengths (...), which may be beyond the ends by rounding."""
-        first, last, far = self.s[0], self.s[-1], BEYOND * s.max()
-        if s.min() < first - far or s.max() > last + far:
-            text = f"goes from {first:.9g} to {last:.9g} m, and the line goes on to {s.max():.9g} m"
-            raise InputError(self.item, text)
+        """Values (..., m) at arc lengths (...)."""
         if self.smooth:
             from scipy.interpolate import PchipInterpolator  # slow to import
 
-            return np.asarray(PchipInterpolator(self.s, self.values)(s.clip(first, last)))
+            return np.asarray(PchipInterpolator(self.s, self.values)(s.clip(*self.s[[0, -1]])))
         return np.stack([np.interp(s, self.s, column) for column in self.values.T], axis=-1)
 
 
@@ -53,28 +55,32 @@ class Along:
         self.table: Stations | None = None
         self.function = given if callable(given) else None
         self.constant: Floats | None = None
-        if isinstance(given, tuple | list) and len(given) == 2:
+        if isinstance(given, tuple | list) and len(given) == 2 and np.ndim(given[0]):
             values = shaped(item, name, given[1], (np.size(given[0]), size))
             self.table = Stations(f"{item}, table of {name}", given[0], values)
         elif self.function is None:
             self.constant = shaped(item, name, given, (size,))
 
-    def sampled(self, s: Floats) -> Along:
+    def sampled(self, s: Floats, length: float) -> Along:
         """Without a function, which need not reach other processes: a table of its values at s."""
         if self.function is None:
             return self
-        places = np.unique(s)
-        return Along(self.item, self.name, (places, self.at(places)), self.size)
+        places = np.unique([0.0, *s.flat, length])
+        return Along(self.item, self.name, (places, self.at(places, length)), self.size)
 
-    def at(self, s: Floats) -> Floats:
-        """Values (..., size) at arc lengths (...)."""
+    def at(self, s: Floats, length: float) -> Floats:
+        """Values (..., size) at arc lengths (...) of lines that are no longer than a length (m)."""
         if self.constant is not None:
             return np.broadcast_to(self.constant, (*s.shape, self.size))
         if self.table is not None:
+            self.table.check(length)
             return self.table.at(s)
+        return np.array([self._of(float(x)) for x in s.flat]).reshape(*s.shape, self.size)
+
+    def _of(self, s: float) -> Floats:
         assert self.function is not None
-        found = [
-            shaped(self.item, f"{self.name}({x:.6g})", self.function(float(x)), (self.size,))
-            for x in s.flat
-        ]
-        return np.array(found).reshape(*s.shape, self.size)
+        try:
+            found = self.function(s)
+        except Exception as error:
+            raise failed(self.item, f"{self.name}({s:.6g})", error) from error
+        return shaped(self.item, f"{self.name}({s:.6g})", found, (self.size,))

@@ -206,22 +206,27 @@ class Beam(LineItem):
             raise InputError(self.label, f"section {text}{given!r}, {expected}")
         return SectionAlong(given)
 
-    def arc_lengths(self, elements: IndexArray, part: str | None, xi: Floats) -> Floats:
-        """Arc lengths (m, k) of places (k,) in elements (m,) from the start of their part (m).
+    def arc_lengths(
+        self, elements: IndexArray, part: str | None, xi: Floats
+    ) -> tuple[Floats, float]:
+        """Arc lengths (m, k) of places (k,) in elements (m,) along their line, and its length (m).
 
-        Without a name the parts are those of the mesh.
+        The line is that of the part; without a name the whole beam, or if this is no single line
+        the parts of the mesh, of which the length is that of the longest.
         """
-        starts, _ = self._chains(self.part(part), part is None)
-        return starts[elements, None] + self.mesh.lengths[elements, None] * xi
+        starts, totals = self._chains(self.part(part), part is None)
+        places = starts[elements, None] + self.mesh.lengths[elements, None] * xi
+        return places, float(np.nanmax(totals))
 
     def _chains(self, ids: IndexArray, named: bool) -> Floats:
         """Arc length (2, ne) from the start of its line to each element, and of the whole line.
 
-        Lines are those of some elements, or if `named` those of the parts of the mesh.
+        Lines are those of some elements; if they are not one, and `named`, those of the parts.
         """
         out = np.full((2, self.mesh.nelements), np.nan)
-        owners = self.mesh.owners[ids] if named else 0 * ids
-        chains = find_chains(self.mesh.t[:, ids], owners, list(self.mesh.beams) or [""])
+        chains, names = find_chains(self.mesh.t[:, ids], 0 * ids, [""]), list(self.mesh.beams)
+        if named and len(chains.chains()) > 1:
+            chains = find_chains(self.mesh.t[:, ids], self.mesh.owners[ids], names or [""])
         lengths = self.mesh.lengths[ids]
         out[0, ids] = arc_starts(chains, lengths)
         for chain in chains.chains():
@@ -246,26 +251,31 @@ class Beam(LineItem):
         out = np.empty(at.shape, dtype=object)
         start, total = self._part_lengths()[:, elements]
         s = start[:, None] + self.mesh.lengths[elements, None] * at
-        for k, given in enumerate(self.sections.values()):
+        for k, (name, given) in enumerate(self.sections.items()):
             own = self.section_id[elements] == k
             if isinstance(given, Section):
                 out[own] = given
                 continue
             for m in np.flatnonzero(own):
                 e, length = int(elements[m]), float(total[m])
-                out[m] = [
-                    given.of_element(e, float(x))
-                    if isinstance(given, SectionSampled)
-                    else given.at(float(there), length)
-                    for x, there in zip(at[m], s[m], strict=True)
-                ]
+                for j, (x, there) in enumerate(zip(at[m], s[m], strict=True)):
+                    try:
+                        found = (
+                            given.of_element(e, float(x))
+                            if isinstance(given, SectionSampled)
+                            else given.at(float(there), length)
+                        )
+                    except Exception as error:
+                        text = f"its {name!r} at s = {there:.6g} m: {error}"
+                        raise InputError(self.label, text) from error
+                    out[m, j] = found
         return out
 
     def strains_at(self, elements: IndexArray, xi: Floats) -> Floats | float:
         """Strains (m, k, 6) without stress at places of elements, see :meth:`sections_at`."""
         if self._strain is None:
             return 0.0
-        return self._strain.at(self.arc_lengths(elements, None, xi))
+        return self._strain.at(*self.arc_lengths(elements, None, xi))
 
     def section_points(self, elements: IndexArray, xi: Floats) -> SectionPoints:
         """What sections resist with at places of elements, as for :meth:`sections_at`."""
@@ -367,7 +377,7 @@ class Beam(LineItem):
             sampled = SectionSampled(xi, self.sections_at(every, xi))
             for name, each in sections.items():
                 sections[name] = sampled if isinstance(each, SectionField) else each
-        strain = self._strain and self._strain.sampled(self.arc_lengths(every, None, xi))
+        strain = self._strain and self._strain.sampled(*self.arc_lengths(every, None, xi))
         return self.__dict__ | {"_orientation": None, "_strain": strain, "_sections": sections}
 
     def refined(self, marked: Any = (), order: int | Interpolation | None = None) -> Self:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from copy import copy
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -661,9 +662,7 @@ class Load(Item):
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy that refers to the replacements and makes its own terms."""
-        other = super().with_replacements(replacements)
-        vars(other).pop("_made_of", None)
-        return other
+        return super(Load, copy(self)).with_replacements(replacements)
 
     def references(self) -> list[StructuralItem]:
         """The items it acts on."""
@@ -875,7 +874,7 @@ class LoadLine(Load):
 
     def _at(self, given: Along, xi: Floats) -> Floats:
         """Values (ne, k, size) at reference coordinates (k,) of the elements."""
-        return given.at(self.beam.arc_lengths(self.elements, self.part, xi))
+        return given.at(*self.beam.arc_lengths(self.elements, self.part, xi))
 
     def _profiles(
         self, given: Along, xi: Floats, own: slice = slice(0, 3)

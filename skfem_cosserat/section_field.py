@@ -14,7 +14,7 @@ from .frozen import Frozen
 from .kernels import SectionPoints
 from .section import Section
 from .theory import LawHeld, released
-from .types import SAME, Array, ArrayLike, Floats, not_negative, numbers
+from .types import SAME, Array, ArrayLike, Floats, not_negative, numbers, switch
 
 
 class SectionField(Frozen):
@@ -73,7 +73,7 @@ class SectionAlong(SectionField):
     def __init__(self, function: Callable[[float], Section], share: bool = False) -> None:
         if not callable(function):
             raise InputError("section", f"function = {function!r}, expected a callable")
-        self.function, self.share = function, share
+        self.function, self.share = function, switch("section", share, "share")
 
     def at(self, s: float, length: float) -> Section:
         """The section that the function gives; InputError if it gives something else."""
@@ -202,7 +202,7 @@ class SectionTable(SectionField):
                 text = f"{name} has shape {array.shape}, expected one entry for each of the"
                 raise InputError(item, f"{text} {count} stations")
         self._shapes = {name: array.shape[1:] for name, array in arrays.items()}
-        parts = [array.reshape(count, -1) for array in arrays.values()]
+        parts = [np.reshape(a, (count, int(np.prod(a.shape[1:])))) for a in arrays.values()]
         self._ends, flat = np.cumsum([part.shape[1] for part in parts])[:-1], np.hstack(parts)
         self._stations = Stations(item, s, flat, interpolation == "pchip")
         self.s = self._stations.s
@@ -213,7 +213,7 @@ class SectionTable(SectionField):
                 raise InputError(item, f"station {k} at s = {place:.6g} m: {error}") from error
 
     def at(self, s: float, length: float) -> Section:
-        """The section between its stations; InputError if they do not reach to it."""
+        """The section between its stations; beyond them that of the nearest one."""
         parts = np.split(self._stations.at(np.array(s)), self._ends)
         shaped: dict[str, Any] = {
             name: part.reshape(shape) if shape else float(part[0])
@@ -226,7 +226,7 @@ class SectionTable(SectionField):
 
         InputError if the table does not reach from 0 to this length.
         """
-        self._stations.at(np.array([0.0, length]))
+        self._stations.check(length)
         if self._stations.smooth:
             return np.zeros(0)
         values = self._stations.values

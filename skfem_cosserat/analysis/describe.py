@@ -30,7 +30,7 @@ from ..diagnostics import (
     section_strains,
     strain_energy,
 )
-from ..diagnostics.energy import load_factors, potential, resultants
+from ..diagnostics.energy import potential, recorded_factors, resultants
 from ..diagnostics.inputs import at_jumps
 from ..diagnostics.joint_motion import relative_names, relative_series
 from ..diagnostics.stacked import all_rows
@@ -404,9 +404,7 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
 
     def resultant(h: History) -> list[Floats]:
         lam = h["multipliers"] if holds else None
-        given = h["amplitudes/loads"] if "load_factor" in h else None
-        factors = load_factors(system, h.instants, given, len(h))
-        return [resultants(system, beam, h[strain], factors, lam)]
+        return [resultants(system, beam, h[strain], recorded_factors(system, h), lam)]
 
     return {
         (strain,): lambda h: [section_strains(system, beam, h["q"])],

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..diagnostics.energy import group_stretches, kinetic_energy
+from ..diagnostics.energy import group_stretches, kinetic_energy, recorded_factors
 from ..diagnostics.forces import multipliers
 from ..diagnostics.stacked import all_rows
 from ..model import System
@@ -52,12 +52,11 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
     lams = np.zeros((len(rows), system.m))
     if system.theory_rows:
         lams = multipliers(system, states, history["constraint_force"][rows])
-    total = np.zeros((len(beams), 2))
+    total, factors = np.zeros((len(beams), 2)), recorded_factors(system, history)
     for row, y, lam in zip(rows, states, lams, strict=True):
         if np.isfinite(lam).all():
             acting = recorded_amplitudes(history, row) if at_rest else None
-            now = float(history.instants[row])
-            loads = system.loading.values(now) if acting is None else acting.loads
+            loads = factors[row]
             stresses = [
                 group.stress(group.strain(y)[0] - system.loading.strains(group, loads[None])[0])
                 + held

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..diagnostics.energy import recorded_factors
 from ..diagnostics.forces import overstretched_at
 from ..history import History
 from ..model import System
@@ -75,9 +76,10 @@ class Recorded:
     def drawn(self) -> list[Doubt]:
         """A beam whose elements are drawn too much: of the end nothing may be seen any more."""
         system, history = self.system, self.history
+        factors = recorded_factors(system, history)
         for k in spread(len(history)) if system.beam_groups else ():
             y = system.extend(history["q"][k], float(history.instants[k]))
-            if found := overstretched_at(system, y, history["constraint_force"][k]):
+            if found := overstretched_at(system, y, history["constraint_force"][k], factors[k]):
                 return [Doubt(*found, history.instants[k], "")]
         return []
 

@@ -12,6 +12,7 @@ from scipy.sparse.linalg import splu
 
 from ..errors import InputError
 from ..frames import is_beam
+from ..history import History
 from ..kernels import BeamElements, beam_energy, beam_stress, product
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
@@ -241,6 +242,23 @@ def group_energy(group: BeamGroup, Q: Floats, free: Floats) -> Floats:
         return stored_energy(e, _strains(e, rows, some) - less)
 
     return _in_parts(energies, 3 * rows.size, Q, free)
+
+
+def strain_excess(system: System, q: Floats, factors: Floats) -> Floats:
+    """Energy (N,) that strains of loads add to that of all strains (J), for factors (N, k).
+
+    Steps and paths have these strains as forces, whose work is on all strains.
+    """
+    if not system.loading.strained:
+        return np.zeros(len(q))
+    less, none = (strain_energy(system, q, amplitudes=s * factors) for s in (1.0, 0.0))
+    return np.asarray(less - none)
+
+
+def recorded_factors(system: System, history: History) -> Floats:
+    """Factors (N, k) of all channels of loads at the states of a run, or a path."""
+    given = history["amplitudes/loads"] if "load_factor" in history else None
+    return load_factors(system, history.instants, given, len(history))
 
 
 def load_factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: int) -> Floats:
@@ -526,6 +544,8 @@ def section_forces(
     v: ArrayLike | None = None,
     multipliers: ArrayLike | None = None,
     t: ArrayLike = 0.0,
+    *,
+    amplitudes: ArrayLike | None = None,
 ) -> Floats:
     """``(N_1, N_2, N_3, M_1, M_2, M_3)`` at the Gauss points, in the section's frame.
 
@@ -542,6 +562,8 @@ def section_forces(
         As of :func:`multipliers`: those of strains that the beam's theory holds are resultants.
     t : float or (N,) array
         Times (s) of the configurations, for strains that change: :class:`LoadStrain`.
+    amplitudes : (k,) or (N, k) array, optional
+        Factors of the channels of loads instead of those at `t`: ``path["amplitudes/loads"]``.
 
     Returns
     -------
@@ -567,7 +589,7 @@ def section_forces(
     [0.0, 0.0, 100.0, 0.0, 0.0, 0.0]
     """
     group = group_of(system, beam)
-    factors = load_factors(system, t, None, len(np.asarray(q)))
+    factors = load_factors(system, t, amplitudes, len(np.asarray(q)))
     out = resultants(system, beam, section_strains(system, beam, q), factors, multipliers)
     if v is not None and group.elements.viscosity is not None:
         rates = section_strain_rates(system, beam, q, v)

@@ -226,6 +226,7 @@ def evaluate(
     orthonormal: bool = False,
     multipliers: ArrayLike | None = None,
     t: ArrayLike = 0.0,
+    amplitudes: ArrayLike | None = None,
 ) -> SectionValues:
     """A beam at any points inside its elements.
 
@@ -245,6 +246,8 @@ def evaluate(
         from the Gauss points; NaN without.
     t : float or (N,) array
         Times (s) of the configurations, for strains that change: :class:`LoadStrain`.
+    amplitudes : (k,) or (N, k) array, optional
+        Factors of the channels of loads instead of those at `t`: ``path["amplitudes/loads"]``.
 
     Returns
     -------
@@ -283,7 +286,8 @@ def evaluate(
     ([0.505, 1.515], [100.0, 100.0])
     """
     places = SectionPlaces(beam, elements, xi)
-    return places.values(system, q, orthonormal=orthonormal, multipliers=multipliers, t=t)
+    factors = load_factors(system, t, amplitudes, len(np.asarray(q)))
+    return places.values(system, q, factors, orthonormal=orthonormal, multipliers=multipliers)
 
 
 @takes_scene
@@ -397,10 +401,10 @@ class SectionPlaces:
         self,
         system: System,
         q: ArrayLike,
+        factors: Floats | None = None,
         *,
         orthonormal: bool = False,
         multipliers: ArrayLike | None = None,
-        t: ArrayLike = 0.0,
     ) -> SectionValues:
         """Positions, triads, strains and resultants at the places, see :func:`evaluate`."""
         Q = np.reshape(q, (-1, system.rows, 3))
@@ -413,9 +417,10 @@ class SectionPlaces:
             triad = nearest_rotations(triad)
         from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
 
-        weights = lagrange(beam.elements.points, self._x)
-        free = free_strains(system, beam, load_factors(system, t, None, len(Q)))
-        elastic = strain - np.einsum("gm,kmgi->kmi", weights, free[:, self._e])
+        weights, elastic = lagrange(beam.elements.points, self._x), strain
+        if factors is not None:
+            free = free_strains(system, beam, factors)[:, self._e]
+            elastic = strain - np.einsum("gm,kmgi->kmi", weights, free)
         resultant = beam_stress(self._sections, elastic[:, :, None])[:, :, 0]
         held = np.asarray(held_forces(system, beam, multipliers, len(Q)))
         if held.ndim:

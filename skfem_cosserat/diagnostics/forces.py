@@ -438,12 +438,14 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     return out
 
 
-def overstretched_at(system: System, y: Floats, force: Floats) -> tuple[str, str] | None:
+def overstretched_at(
+    system: System, y: Floats, force: Floats, loads: Floats
+) -> tuple[str, str] | None:
     """A beam drawn too much, and what to say: with the tension of constraint forces (n,) at y."""
     lam = None
     if any(2 in theory.held for theory in system.theory_rows) and np.isfinite(force).all():
         lam = multipliers(system, y[None], force[None])[0]
-    return overstretched_beam(system, y, lam)
+    return overstretched_beam(system, y, lam, loads)
 
 
 @takes_scene

@@ -634,7 +634,8 @@ class Stepper:
         at = [y for y in (step.y0, y1) if np.isfinite(y).all()]
         odd = next((text for y in at if (text := undefined(self.system, y))), None)
         bent = next((text for y in at if (text := over_rotated(self.system, y))), None)
-        drawn = overstretched(self.system, step.y0)  # forces at y1 mean nothing
+        loads = self.system.loading.values(step.state.time)
+        drawn = overstretched(self.system, step.y0, loads)  # forces at y1 mean nothing
         causes = [text for text in (odd, bent, drawn, self._turned(step)) if text is not None]
         first, *more = [*causes, f"Newton's method: {reason}" if causes else reason]
         tried = f"try a smaller step than {origin.step:g} s", self.integrator.advice

@@ -128,7 +128,7 @@ def resting(
     at = balance(system, y, amplitudes, turns=start.turns)
     tangent = reduced_tangent(system, y, amplitudes, at)
     tangent, error = _at_rest(system, tangent, amplitudes, tolerance)
-    if drawn := overstretched_beam(system, y, tangent.multipliers):
+    if drawn := overstretched_beam(system, y, tangent.multipliers, amplitudes.loads):
         warn(*drawn, AccuracyWarning, start.time)
     return Equilibrium(system, y, start.time, amplitudes, tangent, error, bool(drawn))
 

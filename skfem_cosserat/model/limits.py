@@ -303,7 +303,7 @@ def beam_of(system: System, group: BeamGroup, element: int) -> tuple[Beam, int]:
     return next((beam, element - e.start) for beam, e in own if e.start <= element < e.stop)
 
 
-def overstretched(system: System, y: Floats) -> str | None:
+def overstretched(system: System, y: Floats, loads: Floats | None = None) -> str | None:
     """Elements whose tension is above what their bending stiffness can hold on this mesh.
 
     Parameters
@@ -311,6 +311,8 @@ def overstretched(system: System, y: Floats) -> str | None:
     system : System
     y : (rows or more, 3) array
         Configuration: the rows of a state q, or all rows from ``system.extend``.
+    loads : (k,) array, optional
+        Factors of the channels of loads, for strains that are loads; default: zero.
 
     Returns
     -------
@@ -351,22 +353,26 @@ def overstretched(system: System, y: Floats) -> str | None:
     >>> overstretched(system, y).partition(" (1 more")[0]
     "tension 2.5e+03 N between nodes 0 and 1 of beam 'rope' is above 4 EI/h^2 = 2e+03 N"
     """
-    found = overstretched_beam(system, y)
+    found = overstretched_beam(system, y, loads=loads)
     return None if found is None else found[1]
 
 
 def overstretched_beam(
-    system: System, y: Floats, multipliers: Floats | None = None
+    system: System,
+    y: Floats,
+    multipliers: Floats | None = None,
+    loads: Floats | None = None,
 ) -> tuple[str, str] | None:
     """Label of the beam that :func:`overstretched` reports, and the message; None: none.
 
     With `multipliers` (m,) of the constraint rows the tension of inextensible beams counts, too.
     """
     worst, about = 1.0 + 1e-9, None
+    factors = np.zeros(len(system.loading.times)) if loads is None else loads
     drawn = {
         beam: tuple(values[which] for values in found)
         for group in system.beam_groups
-        for found in [_tension(group, y)]
+        for found in [_tension(group, y, system.loading.strains(group, factors[None])[0])]
         for beam, which in group.slices.items()
     }
     for beam in system.beams:
@@ -437,13 +443,14 @@ def tension_factor(kind: Interpolation) -> float:
     return float(real[real > 1e-9].min())  # zero belongs to a constant theta
 
 
-def _tension(group: BeamGroup, y: Floats) -> tuple[Floats, Floats, Floats]:
+def _tension(group: BeamGroup, y: Floats, free: Floats) -> tuple[Floats, Floats, Floats]:
     """Mean axial force (ne,) in N and stretch ``d3 . phi'`` (ne,) of elements.
 
-    And the bending stiffness that sections of a stored energy have there, NaN for others.
+    And the bending stiffness that sections of a stored energy have there, NaN for others. `free`:
+    strains without stress (ne, ng, 6).
     """
-    strain, weights = group.strain(y)[0], group.elements.weights
-    stretch = strain + group.elements.reference
+    seen, weights = group.strain(y)[0], group.elements.weights
+    strain, stretch = seen - free, seen + group.elements.reference
     present = np.full(len(strain), np.nan)
     for points, law in group.elements.stored:
         ids = np.unique(points[0])

@@ -25,7 +25,7 @@ from ..warn import Notices, logger
 from .conditions import ActionOutcome
 from .events import Event, EventMonitor, Found, checked_events
 from .plan import ControlledSteps, FixedSteps, Plan, StepControl, StepperFactory
-from .record import Record, wanted_states
+from .record import Record, excess, wanted_states
 from .sensors import Sensor, View
 
 # -- the loop of a run: steps, events and what they change, until the end --------------------------
@@ -150,10 +150,11 @@ class RunLoop:
 
 
 def _energy(system: System, integrator: Integrator, state: State) -> float:
-    """Kinetic and stored energy (J) of a state."""
+    """Kinetic and stored energy (J) of a state, of all strains: loads work on these."""
     turns = None if state.turns is None else state.turns[None]
     own = state.q[None], state.p[None], np.array([state.time]), turns
-    return float(energies(system, integrator.carries_node_momentum, *own)[0])
+    found = energies(system, integrator.carries_node_momentum, *own)
+    return float((found - excess(system, own[0], own[2]))[0])
 
 
 # -- the loop in time: a generator of steps, and a simulation with a history on top of it ----------

@@ -11,7 +11,7 @@ from .. import checks
 from ..analysis.describe import describe, recorded_turns, run_formulas, take_along
 from ..constraints.saddle import nearest_momentum
 from ..diagnostics import Projection, strain_energy
-from ..diagnostics.energy import load_factors
+from ..diagnostics.energy import load_factors, strain_excess
 from ..errors import (
     CosseratError,
     Diverged,
@@ -128,6 +128,11 @@ class Works:
             self._change = np.zeros_like(self._change)
 
 
+def excess(system: System, q: Floats, times: Floats) -> Floats:
+    """Energy (k,) that strains of loads add at some states, see :func:`strain_excess` (J)."""
+    return strain_excess(system, q, load_factors(system, times, None, len(q)))
+
+
 def _of_strains(block: Block) -> Floats | float:
     """Work (k,) that loads by strains do beside that of the forces which steps have for them (J).
 
@@ -227,7 +232,7 @@ class Record:
         self.closed: History | None = None
         #: rows so far, with those that wait
         self._rows = 0
-        self._excess = self._strained(state.q[None], np.array([state.time]))
+        self._excess = excess(self.system, state.q[None], np.array([state.time]))
         self._begin(state)
 
     def _begin(self, state: State, loss: float = 0.0) -> None:
@@ -284,7 +289,7 @@ class Record:
             "newton_iterations": counts[:, 0],
             "attempts": counts[:, 1],
             "residual": residual,
-            "work_loads": sums[:, 0] + (self._strained(q, times) - self._excess),
+            "work_loads": sums[:, 0] + excess(self.system, q, times) - self._excess,
             "work_actuators": sums[:, 1],
             "work_drives": np.full(len(times), np.nan),
             "dissipated": sums[:, 2],
@@ -298,17 +303,6 @@ class Record:
         if self.stepper.integrator.remembered:
             rows["rates"] = rates
         return rows
-
-    def _strained(self, q: Floats, times: Floats) -> Floats | float:
-        """Energy (k,) that strains without stress add to that of the strains seen (J).
-
-        Steps have them as forces, whose work is on all strains.
-        """
-        if not self.system.loading.strained:
-            return 0.0
-        none = np.zeros(len(self.system.loading.times))
-        with_them = strain_energy(self.system, q, times)
-        return with_them - strain_energy(self.system, q, amplitudes=none)
 
     def add(self, block: Block) -> None:
         """Add solved steps: rows are complete up to the start of the last one."""
@@ -431,10 +425,7 @@ class Record:
         if stepper.system is not self.system:
             self.segments.append(Segment(self._rows, stepper.system))
         self.note()
-        at = state.q[None], np.array([state.time])
-        self._excess -= self._strained(*at)
         self.system, self.stepper, self.h = stepper.system, stepper, h
-        self._excess += self._strained(*at)  # an event's change of energy is its own
         self._begin(state, loss)
 
     def note(self) -> None:

@@ -14,6 +14,7 @@ from ..analysis.describe import checked_asked, describe, finish, path_formulas, 
 from ..analysis.progress import Interrupt, Progress
 from ..analysis.start import checked_start
 from ..constraints import NullSpace, Treatment
+from ..diagnostics.energy import strain_excess
 from ..diagnostics.forces import overstretched_at
 from ..diagnostics.inputs import INSIDE
 from ..errors import (
@@ -184,6 +185,7 @@ class PathRecorder:
             q0, before = self._before
             self._work += float((before + loads) @ (q - q0)) / 2
         self._before, spin = (q, loads), amplitudes.spin
+        excess = float(strain_excess(system, q[None], amplitudes.loads[None])[0])
         turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
         row = {
             "t": float(parameter),
@@ -199,7 +201,7 @@ class PathRecorder:
             "newton_iterations": int(effort[0]),
             "attempts": int(effort[1]),
             "residual": residual,
-            "work_loads": self._work,
+            "work_loads": self._work + excess,
             "amplitudes/loads": amplitudes.loads,
             "amplitudes/actuators": amplitudes.actuators,
             "amplitudes/spin": turning,
@@ -472,7 +474,8 @@ class Continuation:
         if before is None or stability.unstable == before.unstable:
             return
         force = step.solution.constraint_force
-        step.unsought = overstretched_at(self.system, point.y, force) is not None
+        loads = self.solver.schedule.at(point.t).loads
+        step.unsought = overstretched_at(self.system, point.y, force, loads) is not None
         if step.unsought:  # motions of the mesh are unstable
             return
         found = locate_all(self.solver, before, stability)
@@ -619,7 +622,7 @@ class Continuation:
         y = self.solver.ended.y
         forces = self.system.couplings.forces(y, np.zeros_like(y)) if np.isfinite(y).all() else []
         slack = [item.label for item, _, force in forces if item.slack and not force.any()]
-        if drawn := overstretched(self.system, point.y):
+        if drawn := overstretched(self.system, point.y, self.solver.schedule.at(point.t).loads):
             found, advice = f"{drawn}. Newton's method: {found}", "refine the mesh there"
         elif not self.recorder.count:
             advice = "start nearer to an equilibrium"
