@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .errors import InputError
-from .types import ArrayLike, Floats, numbers, shaped
+from .types import ArrayLike, Floats, IndexArray, numbers, shaped
+
+if TYPE_CHECKING:
+    from .beam import Beam
 
 #: how far a line may go beyond a table, relative to its length
 BEYOND = 1e-9
@@ -50,31 +53,35 @@ class Along:
 
     def __init__(self, item: str, name: str, given: Any, size: int) -> None:
         self.item, self.name, self.size = item, name, size
-        self.table: Stations | None = None
-        self.function = given if callable(given) else None
-        self.constant: Floats | None = None
-        if isinstance(given, tuple | list) and len(given) == 2:
+        if isinstance(given, tuple | list) and len(given) == 2 and np.ndim(given[0]):
             values = shaped(item, name, given[1], (np.size(given[0]), size))
-            self.table = Stations(f"{item}, table of {name}", given[0], values)
-        elif self.function is None:
-            self.constant = shaped(item, name, given, (size,))
+            given = Stations(f"{item}, table of {name}", given[0], values)
+        elif not callable(given):
+            given = shaped(item, name, given, (size,))
+        self.given: Any = given
 
     def sampled(self, s: Floats) -> Along:
         """Without a function, which need not reach other processes: a table of its values at s."""
-        if self.function is None:
+        if not callable(self.given):
             return self
         places = np.unique(s)
-        return Along(self.item, self.name, (places, self.at(places)), self.size)
+        return Along(self.item, self.name, (places, self._at(places)), self.size)
 
-    def at(self, s: Floats) -> Floats:
+    def on(self, beam: Beam, elements: IndexArray, part: str | None, xi: Floats) -> Floats:
+        """Values (m, k, size) at places of elements, as of :meth:`Beam.arc_lengths`.
+
+        (size,) if they are the same everywhere.
+        """
+        if isinstance(self.given, np.ndarray):
+            return self.given
+        return self._at(beam.arc_lengths(elements, part, xi))
+
+    def _at(self, s: Floats) -> Floats:
         """Values (..., size) at arc lengths (...)."""
-        if self.constant is not None:
-            return np.broadcast_to(self.constant, (*s.shape, self.size))
-        if self.table is not None:
-            return self.table.at(s)
-        assert self.function is not None
+        if isinstance(self.given, Stations):
+            return self.given.at(s)
         found = [
-            shaped(self.item, f"{self.name}({x:.6g})", self.function(float(x)), (self.size,))
+            shaped(self.item, f"{self.name}({x:.6g})", self.given(float(x)), (self.size,))
             for x in s.flat
         ]
         return np.array(found).reshape(*s.shape, self.size)

@@ -345,7 +345,7 @@ class BeamGroup(Group):
         e = self.elements
         if not e.stored:
             return product(change, e.stiffness)
-        return (moduli @ change[..., None])[..., 0] / e.measure
+        return product(change, moduli) / e.measure
 
     def force(self, B: Array, stress: Array) -> Array:
         """Nodal forces of each element (ne, 12 nn)."""
