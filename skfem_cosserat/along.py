@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .errors import InputError, failed
-from .types import ArrayLike, Floats, numbers, shaped
+from .types import ArrayLike, Floats, IndexArray, numbers, shaped
+
+if TYPE_CHECKING:
+    from .beam import Beam
 
 #: how far a line may go beyond a table, relative to its length
 BEYOND = 1e-9
@@ -52,35 +55,39 @@ class Along:
 
     def __init__(self, item: str, name: str, given: Any, size: int) -> None:
         self.item, self.name, self.size = item, name, size
-        self.table: Stations | None = None
-        self.function = given if callable(given) else None
-        self.constant: Floats | None = None
         if isinstance(given, tuple | list) and len(given) == 2 and np.ndim(given[0]):
             values = shaped(item, name, given[1], (np.size(given[0]), size))
-            self.table = Stations(f"{item}, table of {name}", given[0], values)
-        elif self.function is None:
-            self.constant = shaped(item, name, given, (size,))
+            given = Stations(f"{item}, table of {name}", given[0], values)
+        elif not callable(given):
+            given = shaped(item, name, given, (size,))
+        self.given: Any = given
 
     def sampled(self, s: Floats, length: float) -> Along:
         """Without a function, which need not reach other processes: a table of its values at s."""
-        if self.function is None:
+        if not callable(self.given):
             return self
         places = np.unique([0.0, *s.flat, length])
-        return Along(self.item, self.name, (places, self.at(places, length)), self.size)
+        return Along(self.item, self.name, (places, self._at(places, length)), self.size)
 
-    def at(self, s: Floats, length: float) -> Floats:
+    def on(self, beam: Beam, elements: IndexArray, part: str | None, xi: Floats) -> Floats:
+        """Values (m, k, size) at places of elements, as of :meth:`Beam.arc_lengths`.
+
+        (size,) if they are the same everywhere.
+        """
+        if isinstance(self.given, np.ndarray):
+            return self.given
+        return self._at(*beam.arc_lengths(elements, part, xi))
+
+    def _at(self, s: Floats, length: float) -> Floats:
         """Values (..., size) at arc lengths (...) of lines that are no longer than a length (m)."""
-        if self.constant is not None:
-            return np.broadcast_to(self.constant, (*s.shape, self.size))
-        if self.table is not None:
-            self.table.check(length)
-            return self.table.at(s)
+        if isinstance(self.given, Stations):
+            self.given.check(length)
+            return self.given.at(s)
         return np.array([self._of(float(x)) for x in s.flat]).reshape(*s.shape, self.size)
 
     def _of(self, s: float) -> Floats:
-        assert self.function is not None
+        name = f"{self.name}({s:.6g})"
         try:
-            found = self.function(s)
+            return shaped(self.item, name, self.given(s), (self.size,))
         except Exception as error:
-            raise failed(self.item, f"{self.name}({s:.6g})", error) from error
-        return shaped(self.item, f"{self.name}({s:.6g})", found, (self.size,))
+            raise failed(self.item, name, error) from error

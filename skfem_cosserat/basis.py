@@ -229,7 +229,6 @@ class DirectorBasis(CellBasis):
     def elemental_mass(
         self,
         coefficient: float | Floats | Callable[[Floats], Floats] | None = None,
-        elements: IndexArray | slice = slice(None),
     ) -> Floats:
         """Integrals of products of shape functions over each element.
 
@@ -238,8 +237,6 @@ class DirectorBasis(CellBasis):
         coefficient : float, (ne,) or callable, optional
             Factor under the integral: one, one an element, or a function of positions
             (3, ne, nq) that returns (ne, nq).
-        elements : int array, optional
-            Those that are asked for; all by default.
 
         Returns
         -------
@@ -248,8 +245,8 @@ class DirectorBasis(CellBasis):
             coefficient is constant in an element.
         """
         N = self.interpolation.full.values
-        weight = 1.0 if coefficient is None else self._coefficient(coefficient)[elements]
-        out = (weight * N[:, None, None] * N[None, :, None] * self._measure(elements)).sum(-1)
+        weight = 1.0 if coefficient is None else self._coefficient(coefficient)
+        out = (weight * N[:, None, None] * N[None, :, None] * self._measure(slice(None))).sum(-1)
         return out.transpose(2, 0, 1).copy()
 
     def elemental_load(self, elements: IndexArray | slice = slice(None)) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from copy import copy
 from types import MappingProxyType
 from typing import Any, Self
@@ -13,7 +14,7 @@ from .along import Along
 from .basis import DirectorBasis, ElementLoad, ElementMatrix
 from .body import RigidBody
 from .element import Interpolation, InterpolationLobatto
-from .errors import InputError, ModelWarning
+from .errors import InputError, MeshError, ModelWarning
 from .frames import LineItem, Place, Vertices, vector
 from .frozen import lock_arrays, loosened, seal
 from .kernels import (
@@ -27,10 +28,10 @@ from .kernels import (
 )
 from .mesh import MeshCurve
 from .mesh.divide import places_in
-from .mesh.topology import arc_starts, find_chains, places_along
+from .mesh.topology import arc_starts, directed_flips, find_chains, places_along
 from .mesh.triads import check_bends
 from .section import Section
-from .section_field import SectionAlong, SectionField, SectionSampled, section_points
+from .section_field import SectionAlong, SectionField, SectionSampled, distinct, section_points
 from .theory import Theory, TheoryReissner
 from .types import SAME, Array, ArrayLike, Floats, IndexArray, VectorLike, shaped, switch
 from .warn import Notices, warn
@@ -142,7 +143,8 @@ class Beam(LineItem):
         self.warnings = tuple(notices.found)
         self.triads = self.basis.nodal_triads(triads)
         self.rotations = self.basis.relative_rotations(triads)
-        self._strain = None if strain is None else Along(self.label, "strain", strain, 6)
+        free = np.zeros(6) if strain is None else strain
+        self._strain = Along(self.label, "strain", free, 6)
         self.velocity = self._field("velocity", velocity)
         self.angular_velocity = self._field("angular_velocity", angular_velocity)
         self.reference = np.concatenate([self.basis.nodes[:, None], self.triads], axis=1).reshape(
@@ -175,12 +177,11 @@ class Beam(LineItem):
         self, section: SectionLike | Mapping[str, SectionLike]
     ) -> tuple[dict[str, Section | SectionField], IndexArray]:
         ne = self.mesh.nelements
+        if not isinstance(section, Mapping) or not section:
+            return {"section": self._section("= ", section)}, np.zeros(ne, dtype=np.int64)
         number = np.full(ne, -1, dtype=np.int64)
-        if isinstance(section, Mapping) and section:
-            given = {name: self._section(f"of part {name!r} is ", x) for name, x in section.items()}
-        else:
-            given, number[:] = {"section": self._section("= ", section)}, 0
-        for k, name in enumerate(given if isinstance(section, Mapping) else ()):
+        given = {name: self._section(f"of part {name!r} is ", x) for name, x in section.items()}
+        for k, name in enumerate(given):
             ids = self.mesh.elements_of(name)
             taken = ids[number[ids] >= 0]
             if len(taken):
@@ -201,7 +202,7 @@ class Beam(LineItem):
     def _section(self, text: str, given: Any) -> Section | SectionField:
         if isinstance(given, Section | SectionField):
             return given
-        if not callable(given):
+        if not callable(given) or isinstance(given, type):
             expected = "expected Section, SectionField, function of arc length or dict of them"
             raise InputError(self.label, f"section {text}{given!r}, {expected}")
         return SectionAlong(given)
@@ -214,29 +215,39 @@ class Beam(LineItem):
         The line is that of the part; without a name the whole beam, or if this is no single line
         the parts of the mesh, of which the length is that of the longest.
         """
-        starts, totals = self._chains(self.part(part), part is None)
+        owner, names = self._lines() if part is None else (0 * self.section_id, [part])
+        starts, totals = self._chains(self.part(part), owner, names)
         places = starts[elements, None] + self.mesh.lengths[elements, None] * xi
         return places, float(np.nanmax(totals))
 
-    def _chains(self, ids: IndexArray, named: bool) -> Floats:
+    def _lines(self) -> tuple[IndexArray, Iterable[str]]:
+        """Numbers (ne,) and names of lines: the whole beam if it is one, else those of the mesh."""
+        one = 0 * self.section_id
+        with suppress(MeshError):  # parts point against each other
+            if len(find_chains(self.mesh.t, one, [""]).chains()) == 1:
+                return one, [""]
+        return self.mesh.owners, self.mesh.beams
+
+    def _chains(self, ids: IndexArray, owner: IndexArray, names: Iterable[str]) -> Floats:
         """Arc length (2, ne) from the start of its line to each element, and of the whole line.
 
-        Lines are those of some elements; if they are not one, and `named`, those of the parts.
+        Lines are those of some elements that have one owner.
         """
-        out = np.full((2, self.mesh.nelements), np.nan)
-        chains, names = find_chains(self.mesh.t[:, ids], 0 * ids, [""]), list(self.mesh.beams)
-        if named and len(chains.chains()) > 1:
-            chains = find_chains(self.mesh.t[:, ids], self.mesh.owners[ids], names or [""])
-        lengths = self.mesh.lengths[ids]
-        out[0, ids] = arc_starts(chains, lengths)
-        for chain in chains.chains():
-            out[1, ids[chain.elements]] = lengths[chain.elements].sum()
+        out, lengths = np.full((2, self.mesh.nelements), np.nan), self.mesh.lengths[ids]
+        if len(ids):
+            chains = find_chains(self.mesh.t[:, ids], owner[ids], list(names))
+            out[0, ids] = arc_starts(chains, lengths)
+            for chain in chains.chains():
+                out[1, ids[chain.elements]] = lengths[chain.elements].sum()
         return out
 
     def _part_lengths(self) -> Floats:
-        """Arc length (2, ne) from the start of its part to each element, and of the whole part."""
-        parts = [np.flatnonzero(self.section_id == k) for k in range(len(self.sections))]
-        return np.nansum([self._chains(ids, self._one_section) for ids in parts], axis=0)
+        """As :meth:`_chains`, for the parts whose sections vary."""
+        varying = np.array([isinstance(each, SectionField) for each in self.sections.values()])
+        lines: tuple[IndexArray, Iterable[str]] = self.section_id, self.sections
+        if self._one_section:
+            lines = self._lines()
+        return self._chains(np.flatnonzero(varying[self.section_id]), *lines)
 
     def sections_at(self, elements: IndexArray, xi: Floats) -> Array:
         """Sections at places of elements, an array (m, k) of objects.
@@ -248,34 +259,24 @@ class Beam(LineItem):
             Reference coordinates in [0, 1].
         """
         at = np.broadcast_to(xi, (len(elements), np.shape(xi)[-1]))
-        out = np.empty(at.shape, dtype=object)
-        start, total = self._part_lengths()[:, elements]
-        s = start[:, None] + self.mesh.lengths[elements, None] * at
-        for k, (name, given) in enumerate(self.sections.items()):
-            own = self.section_id[elements] == k
-            if isinstance(given, Section):
-                out[own] = given
-                continue
-            for m in np.flatnonzero(own):
-                e, length = int(elements[m]), float(total[m])
-                for j, (x, there) in enumerate(zip(at[m], s[m], strict=True)):
-                    try:
-                        found = (
-                            given.of_element(e, float(x))
-                            if isinstance(given, SectionSampled)
-                            else given.at(float(there), length)
-                        )
-                    except Exception as error:
-                        text = f"its {name!r} at s = {there:.6g} m: {error}"
-                        raise InputError(self.label, text) from error
-                    out[m, j] = found
+        given = np.array(list(self.sections.values()), dtype=object)[self.section_id[elements]]
+        out = given[:, None].repeat(at.shape[1], axis=1)
+        starts, totals = self._part_lengths()
+        for m in np.flatnonzero(np.isfinite(totals[elements])):
+            e = elements[m]
+            for k, x in enumerate(at[m]):
+                s = float(starts[e] + self.mesh.lengths[e] * x)
+                try:
+                    out[m, k] = given[m].inside(e, x, s, totals[e])
+                except Exception as error:
+                    name = list(self.sections)[self.section_id[e]]
+                    text = f"its {name!r} at s = {s:.6g} m: {error}"
+                    raise InputError(self.label, text) from error
         return out
 
-    def strains_at(self, elements: IndexArray, xi: Floats) -> Floats | float:
-        """Strains (m, k, 6) without stress at places of elements, see :meth:`sections_at`."""
-        if self._strain is None:
-            return 0.0
-        return self._strain.at(*self.arc_lengths(elements, None, xi))
+    def strains_at(self, elements: IndexArray, xi: Floats) -> Floats:
+        """Strains (m, k, 6) or (6,) without stress at places, see :meth:`sections_at`."""
+        return self._strain.on(self, elements, None, xi)
 
     def section_points(self, elements: IndexArray, xi: Floats) -> SectionPoints:
         """What sections resist with at places of elements, as for :meth:`sections_at`."""
@@ -302,20 +303,19 @@ class Beam(LineItem):
         """Refuse fields that do not reach along their parts; say which sections cost accuracy."""
         starts, totals = self._part_lengths()
         for k, (name, given) in enumerate(self.sections.items()):
-            own = np.flatnonzero(self.section_id == k)
             if isinstance(given, Section):
                 continue
+            own = self.section_id == k
             for total in np.unique(totals[own]):
-                inside = given.kinks(total)[:, None] - starts[own]
-                lengths = self.mesh.lengths[own]
-                found = (inside > SAME * total) & (inside < lengths - SAME * total)
-                if found.any():
-                    place, e = (int(x[0]) for x in np.nonzero(found))
-                    kinks = given.kinks(total)
+                ids = np.flatnonzero(own & (totals == total))
+                kinks, room = given.kinks(total), SAME * total
+                inside = kinks[:, None] - starts[ids]
+                found = (inside > room) & (inside < self.mesh.lengths[ids] - room)
+                for place, e in np.argwhere(found)[:1]:
                     warn(
                         self.label,
                         f"its {name!r} has a kink at s = {kinks[place]:.6g} m, inside element"
-                        f" {own[e]}: errors fall with h^2 there, whatever the order; give the mesh"
+                        f" {ids[e]}: errors fall with h^2 there, whatever the order; give the mesh"
                         " vertices at its kinks, mesh.at(table.s)",
                         ModelWarning,
                     )
@@ -324,18 +324,15 @@ class Beam(LineItem):
     def _check_stairs(self) -> None:
         """Say that sections change in steps, as those of a smooth line that was cut into pieces."""
         sections = [each for each in self.sections.values() if isinstance(each, Section)]
-        if len(sections) < max(STAIRS, len(self.sections)):
+        if len(sections) < len(self.sections):
             return
+        one = 0 * self.section_id
         size = np.array([np.log(np.diag(each.stiffness)[2:5]).sum() for each in sections])
-        every = find_chains(self.mesh.t, 0 * self.section_id, [""])
-        for chain in every.chains():
+        t = np.where(directed_flips(self.mesh.t, one), self.mesh.t[::-1], self.mesh.t)
+        for chain in find_chains(t, one, [""]).chains():
             change = np.diff(size[self.section_id[chain.elements]])
             steps = change[change != 0]
-            if (
-                len(steps) >= STAIRS
-                and (abs(steps) < STEP).all()
-                and abs(np.sign(steps).sum()) == len(steps)
-            ):
+            if len(steps) >= STAIRS and (abs(steps) < STEP).all() and np.ptp(np.sign(steps)) == 0:
                 warn(
                     self.label,
                     f"its sections change in {len(steps)} steps along the line, as those of a"
@@ -372,12 +369,12 @@ class Beam(LineItem):
         even = np.linspace(0.0, 1.0, kind.order + 1)
         xi = np.concatenate([kind.nodes, kind.full.points, self.elements.points, even, [0.5]])
         xi = np.unique(xi.round(14))
-        sections = dict(self._sections)
-        if any(isinstance(each, SectionField) for each in sections.values()):
-            sampled = SectionSampled(xi, self.sections_at(every, xi))
-            for name, each in sections.items():
-                sections[name] = sampled if isinstance(each, SectionField) else each
-        strain = self._strain and self._strain.sampled(*self.arc_lengths(every, None, xi))
+        sampled = SectionSampled(xi, self.sections_at(every, xi))
+        sections = {
+            name: sampled if isinstance(each, SectionField) else each
+            for name, each in self.sections.items()
+        }
+        strain = self._strain.sampled(*self.arc_lengths(every, None, xi))
         return self.__dict__ | {"_orientation": None, "_strain": strain, "_sections": sections}
 
     def refined(self, marked: Any = (), order: int | Interpolation | None = None) -> Self:
@@ -591,10 +588,8 @@ class Beam(LineItem):
             points, values = kind.full.points, kind.full.values
             measure = self.basis.lengths[:, None] * kind.full.weights
         ne, nn = self.basis.connectivity.shape
-        sections = self.sections_at(np.arange(ne), points)
-        kinds = {id(each): each for each in sections.flat}
-        found = {key: each.density for key, each in kinds.items()}
-        density = np.array([found[id(each)] for each in sections.flat]).reshape(ne, -1, 3, 3)
+        kinds, number = distinct(self.sections_at(np.arange(ne), points))
+        density = np.array([each.density for each in kinds])[number]
         weighted = np.einsum("eg,ag,bg,egkl->eabkl", measure, values, values, density)
         # (phi, d1, d2) of the section by those of the node: d_k = Lambda_kj d_j
         own = np.zeros((ne, nn, 3, 4))

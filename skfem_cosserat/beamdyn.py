@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -109,7 +109,7 @@ def read_beamdyn(path: FilePath, order: int = 3) -> BladeBeamDyn:
     blade = Beam(mesh, table, order=order, director=(0.0, 1.0, 0.0), twist=twist)
     beam = model.add("blade", blade)
     model.add("root", JointFixed(ground(points[0]), beam.node("blade.start")))
-    if primary.text("UsePitchAct").upper().startswith("T"):
+    if primary.texts.get("UsePitchAct", "").upper().startswith("T"):
         warn(str(primary.path), "its pitch actuator is not read", ModelWarning)
     left = tuple(name for name in primary.entries if name not in READ)
     return BladeBeamDyn(mesh, table, twist, model, beam, left)
@@ -124,52 +124,43 @@ class _Lines:
             self.lines = path.read_text(errors="replace").splitlines()
         except OSError as error:
             raise MeshError(f"file '{path}'", f"cannot be read: {error.strerror}") from error
-        #: numbers of the lines of entries, by name
+        #: numbers of the lines of entries by name, and their values without quotes
         self.entries: dict[str, int] = {}
+        self.texts: dict[str, str] = {}
         for k, line in enumerate(self.lines):
             found = re.match(r'\s*("[^"]*"|\S+)\s+([A-Za-z_]\w*)\s+-', line)
-            if found:
-                self.entries.setdefault(found[2], k)
+            if found and found[2] not in self.entries:
+                self.entries[found[2]], self.texts[found[2]] = k, found[1].strip('"')
 
     def text(self, name: str) -> str:
-        """Value of an entry without quotes; "" if an entry that need not be is missing."""
-        if name not in self.entries:
-            return ""
-        found = re.match(r'\s*(?:"([^"]*)"|(\S+))', self.lines[self.entries[name]])
-        return (found[1] or found[2]) if found else ""
+        """Value of an entry, which has to be there."""
+        if name not in self.texts:
+            raise MeshError(f"file '{self.path}'", f"has no entry {name}")
+        return self.texts[name]
 
     def count(self, name: str, least: int) -> int:
         """A whole number, of an entry that has to be there."""
-        if name not in self.entries:
-            raise MeshError(f"file '{self.path}'", f"has no entry {name}")
-        value, k = self.text(name), self.entries[name]
+        value = self.text(name)
         if not value.isdigit() or int(value) < least:
-            raise self.wrong(k, f"{name} = {value}, expected a whole number of {least} or more")
+            text = f"{name} = {value}, expected a whole number of {least} or more"
+            raise self.wrong(self.entries[name], text)
         return int(value)
 
     def numbers(self, k: int, count: int) -> Floats:
         """The numbers with which a line begins."""
         words = self.lines[k].split()[:count] if k < len(self.lines) else []
-        try:
-            found = [_finite(word) for word in words]
+        try:  # as Fortran writes them
+            found = np.array([float(word.upper().replace("D", "E")) for word in words])
         except ValueError:
-            found = []
-        if len(found) < count:
+            found = np.zeros(0)
+        if len(found) < count or not np.isfinite(found).all():
             text = " ".join(words) or "nothing"
             raise self.wrong(k, f"{text}, expected {count} numbers")
-        return np.array(found)
+        return found
 
     def wrong(self, k: int, text: str) -> MeshError:
         """An error about a line."""
         return MeshError(f"file '{self.path}'", f"line {k + 1}: {text}")
-
-
-def _finite(word: str) -> float:
-    """A number as Fortran writes it."""
-    value = float(word.upper().replace("D", "E"))
-    if not np.isfinite(value):
-        raise ValueError(word)
-    return value
 
 
 def _key_points(primary: _Lines) -> tuple[Floats, Floats]:
@@ -183,34 +174,36 @@ def _key_points(primary: _Lines) -> tuple[Floats, Floats]:
 def _stations(blade: _Lines, length: float) -> SectionTable:
     """The table of a blade file, for a line of this length (m)."""
     count, kind = blade.count("station_total", 2), blade.count("damp_type", 0)
-    every = range(max(blade.entries.values()) + 1, len(blade.lines))
-    rows = [k for k in every if blade.lines[k].split()]
+    end = len(blade.lines)
+    rows = [k for k in range(end) if blade.lines[k].split()]
     titles = [i for i, k in enumerate(rows) if blade.lines[k].lstrip().startswith("---")]
+    if not titles or rows[titles[-1]] < blade.entries["damp_type"]:
+        raise MeshError(f"file '{blade.path}'", "has no table of stations under a '---' heading")
     mu = blade.numbers(rows[titles[-1] - 1], 6) if kind else np.zeros(6)
-    each = np.array_split(rows[titles[-1] + 1 :][: 13 * count], count)
+    table = [*rows[titles[-1] + 1 :], *[end] * 13 * count]
     eta: list[float] = []
     stations = []
     for k in range(count):
-        own = [*each[k], *[len(blade.lines)] * 13][:13]
+        own = table[13 * k :][:13]
         eta.append(blade.numbers(own[0], 1)[0])
-        if (k == 0 and eta[0] != 0) or (k and not eta[-2] < eta[-1]) or eta[-1] > 1:
+        if not (eta[-2] < eta[-1] <= 1 if k else eta[0] == 0):
             raise blade.wrong(own[0], f"station at {eta[-1]:.6g}, expected to increase, 0 to 1")
         matrices = np.array([blade.numbers(row, 6) for row in own[1:]])
         try:
-            D, mass, inertia, centre, viscosity = _station(matrices, mu)
-            Section(D, mass, inertia, viscosity=viscosity, centre=centre)
+            stations.append(_station(matrices, mu))
         except InputError as error:
             raise blade.wrong(own[0], f"station at {eta[-1]:.6g}: {error}") from error
-        stations.append((D, mass, inertia, centre, viscosity))
     if eta[-1] != 1.0:
         raise blade.wrong(own[0], f"the last station is at {eta[-1]:.6g}, expected 1")
-    values = (np.array(each) for each in zip(*stations, strict=True))
-    stiffness, masses, inertias, centres, damping = values
-    return SectionTable(np.array(eta) * length, stiffness, masses, inertias, centres, damping)
+    values: dict[str, Any] = {
+        name: [getattr(each, name) for each in stations]
+        for name in ("stiffness", "mass", "inertia", "centre", "viscosity")
+    }
+    return SectionTable(np.array(eta) * length, **values)
 
 
-def _station(rows: Floats, mu: Floats) -> tuple[Floats, float, Floats, Floats, Floats]:
-    """Stiffness, mass, inertia, centre and viscosity of a station, of twelve rows of its matrices.
+def _station(rows: Floats, mu: Floats) -> Section:
+    """The section of a station, of twelve rows of its matrices.
 
     InputError for matrices that no flat section has.
     """
@@ -227,4 +220,5 @@ def _station(rows: Floats, mu: Floats) -> tuple[Floats, float, Floats, Floats, F
             text = f"entry {i + 1}, {j + 1} is {matrix[i, j]:.6g}, not {expected[i, j]:.6g}"
             raise InputError("a matrix", f"is not {what}: {text}")
     D = 0.5 * (D + D.T)
-    return D, mass, np.array([[a, b], [b, c]]), centre, D * np.sqrt(np.outer(mu, mu))
+    viscosity = D * np.sqrt(np.outer(mu, mu))
+    return Section(D, mass, [[a, b], [b, c]], viscosity=viscosity, centre=centre)

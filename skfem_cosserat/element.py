@@ -95,9 +95,7 @@ class Tabulated:
 
 
 #: See :attr:`Interpolation.turn_limit`.
-_TURN_LIMITS = dict(
-    enumerate([45.0, 87.4669, 103.9892, 141.1347, 165.001, 187.6487, 208.5281, 229.9277], 1)
-)
+_TURN_LIMITS = (45.0, 87.4669, 103.9892, 141.1347, 165.001, 187.6487, 208.5281, 229.9277)
 
 
 @dataclass(frozen=True, repr=False)
@@ -154,7 +152,7 @@ class Interpolation(Frozen):
         without shear and extension); full quadrature changes them by less than 6 %, equidistant
         nodes by up to 17 %.
         """
-        return float(np.radians(_TURN_LIMITS[self.order]))
+        return float(np.radians(_TURN_LIMITS[self.order - 1]))
 
     # what all beams of one interpolation have in common, computed when it is first asked for
 

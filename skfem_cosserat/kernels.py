@@ -9,7 +9,7 @@ two plain matrices the product is ``a.dot(b)``: for a few elements its call cost
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,12 +51,8 @@ class SectionPoints:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled are the arrays that it is made of: those that follow are made anew."""
-        given = (each.name for each in fields(self) if each.init)
-        return _made, (type(self), {name: getattr(self, name) for name in given})
-
-
-def _made(kind: type[SectionPoints], given: dict[str, Any]) -> SectionPoints:
-    return kind(**given)
+        given = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+        return partial(type(self), **given), ()
 
 
 @dataclass(eq=False, kw_only=True)
@@ -117,9 +113,9 @@ class BeamElements(SectionPoints):
     def taken(self, ids: IndexArray) -> BeamElements:
         """The elements of these numbers, each as often as it is there."""
         own: dict[str, Any] = {
-            name: None if array is None else array[ids]
+            name: array[ids]
             for name in ("lengths", "stiffness", "reference", "rotations", "viscosity", "law_of")
-            for array in (getattr(self, name),)
+            if (array := getattr(self, name)) is not None
         }
         return replace(self, **own)
 

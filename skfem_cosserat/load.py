@@ -97,10 +97,6 @@ class Term(Attached):
         """
         return 0.0
 
-    def strains(self) -> Floats | float:
-        """Strains without stress (k, ng, 6) at Gauss points of the elements that it acts on."""
-        return 0.0
-
 
 def _checked_place(item: str, place: Place, framed: bool) -> Place:
     """The place, if a force or moment can act there; `framed`: its triad is needed."""
@@ -222,8 +218,6 @@ class TermLine(Term):
         See :class:`TermForce`.
     elements : int array, optional
         Numbers of the elements, as of ``beam.part(name)``; default: all.
-    profile : (ne, p + 1) array, optional
-        Factors of the value at the Gauss points of these elements, p + 1 in each; default: one.
 
     Raises
     ------
@@ -246,9 +240,7 @@ class TermLine(Term):
         amplitude: Amplitude = None,
         follower: bool = False,
         elements: IndexArray | None = None,
-        profile: ArrayLike | None = None,
     ) -> None:
-        self._set(value, amplitude, follower)
         check_beam(self.kind, beam)
         self.beam, every = beam, beam.part(None)
         self.elements = every if elements is None else np.asarray(elements)
@@ -260,42 +252,36 @@ class TermLine(Term):
         ):
             text = f"elements = {elements!r}, expected numbers from 0 to {every[-1]}, each once"
             raise InputError(self.kind, text)
-        shape = given.size, len(self._points(beam))
-        one = np.ones(shape) if profile is None else profile
-        self.profile = shaped(self.kind, "profile", one, shape)
+        self.value = shaped(self.kind, "value", value, (3,), self._shape(beam))
+        self.time = time_function(self.kind, amplitude)
+        self.follower = switch(self.kind, follower, "follower")
 
-    @staticmethod
-    def _points(beam: Beam) -> Floats:
-        """Reference coordinates at which the profile has its values."""
-        return beam.basis.interpolation.full.points
+    def _shape(self, beam: Beam) -> tuple[int, int, int]:
+        """That of a value at Gauss points."""
+        return len(self.elements), len(beam.basis.interpolation.full.points), 3
 
     @property
     def site(self) -> tuple[object, ...]:
-        """Identity of its beam, elements and profile, which tells it from loads elsewhere."""
-        return id(self.beam), self.elements.tobytes(), self.profile.tobytes()
+        """Identity of its beam and elements, which tells it from loads elsewhere."""
+        return id(self.beam), self.elements.tobytes()
 
-    def weights(self) -> Floats:
-        """Integrals of the shape functions and the profile (ne, p + 1) in m."""
-        full = self.beam.basis.interpolation.full
-        return self._measure() @ full.values.T
-
-    def products(self) -> Floats:
-        """Integrals of two shape functions and the profile (ne, p + 1, p + 1) in m."""
-        values = self.beam.basis.interpolation.full.values
-        return np.einsum("eq,aq,bq->eab", self._measure(), values, values)
+    def forces(self) -> Floats:
+        """Nodal forces (ne, p + 1, 3) of a load that is fixed in space (N)."""
+        return self.beam.basis.interpolation.full.values @ self._weighted()
 
     def matrices(self) -> Floats:
         """Scalars C (ne, 4 nn, 4 nn) of the nodal forces ``C y`` of a load that follows."""
-        products = self.products()
-        ne, nn = products.shape[:2]
+        values, turned = self.beam.basis.interpolation.full.values, self.beam.rotations
+        shares = np.einsum("aq,bq,eqi->eabi", values, values, self._weighted())
+        ne, nn = shares.shape[:2]
         out = np.zeros((ne, nn, 4, nn, 4))
-        turned = np.einsum("i,ebij->ebj", self.value, self.beam.rotations[self.elements])
-        out[:, :, 0, :, 1:] = products[:, :, :, None] * turned[:, None]
+        out[:, :, 0, :, 1:] = np.einsum("eabi,ebij->eabj", shares, turned[self.elements])
         return out.reshape(ne, 4 * nn, 4 * nn)
 
-    def _measure(self) -> Floats:
-        weights = self.beam.basis.interpolation.full.weights
-        return self.profile * self.beam.basis.lengths[self.elements, None] * weights
+    def _weighted(self) -> Floats:
+        """Values (ne, p + 1, 3) at Gauss points, times their weights (N)."""
+        measure = self.beam.basis.interpolation.full.weights[:, None]
+        return self.beam.basis.lengths[self.elements, None, None] * measure * self.value
 
     def items(self) -> Sequence[StructuralItem]:
         """The beam."""
@@ -306,33 +292,32 @@ class TermLine(Term):
         other = super().with_replacements(replacements)
         check_beam(self.kind, other.beam)
         old, new = self.beam.part(None), other.beam.part(None)
-        if len(self.elements) == len(old) and np.ptp(self.profile) == 0:
-            whole = len(new), len(self._points(other.beam))
-            other.elements, other.profile = new, np.full(whole, self.profile[0, 0])
-        elif len(old) != len(new) or self.beam.basis.order != other.beam.basis.order:
+        if len(self.elements) == len(old) and self.value.ndim == 1:
+            other.elements = new
+        elif len(old) != len(new) or self.value.shape not in ((3,), self._shape(other.beam)):
             text = f"acts on some elements of {self.beam.label}, which are others on another mesh"
             raise InputError(self.kind, f"{text}: take them in terms(), from beam.part(name)")
         return other
 
     def vectors(self, value: Floats) -> Floats:
-        """Value in space (1, 3); if it follows the sections, for each node of elements (k, 3)."""
+        """Values in space (k, 3); if it follows the sections, for each node of elements."""
         if not self.follower:
-            return value[None]
+            return value.reshape(-1, 3)
         beam = self.beam
         nodes = beam.basis.connectivity[self.elements]
         triads = beam.rotations[self.elements] @ beam.triads[nodes]
-        return np.einsum("i,eaij->eaj", value, triads).reshape(-1, 3)
+        return (value[..., None, None, :] @ triads[:, None]).reshape(-1, 3)
 
     def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
         """Nodal forces (ne, p + 1, 4, 3) of the line load on a beam; zero on other beams."""
         if self.beam is not beam:
             return 0.0
-        out, e, value = np.zeros_like(nodal), self.elements, factor * self.value
+        out, e = np.zeros_like(nodal), self.elements
         if self.follower:
-            spatial = np.einsum("i,ebij,ebjc->ebc", value, beam.rotations[e], nodal[e, :, 1:])
-            out[e, :, 0] = self.products() @ spatial
+            own = nodal[e]
+            out[e] = factor * (self.matrices() @ own.reshape(len(e), -1, 3)).reshape(own.shape)
         else:
-            out[e, :, 0] = self.weights()[:, :, None] * value
+            out[e, :, 0] = factor * self.forces()
         return out
 
 
@@ -346,8 +331,6 @@ class TermStrain(TermLine):
         Strains Gamma (-), or K (1/m) if `axial`.
     amplitude, elements
         See :class:`TermLine`.
-    profile : (ne, p) array, optional
-        Factors of the value at the Gauss points of these elements, p in each; default: one.
     axial : bool
 
     Raises
@@ -371,23 +354,20 @@ class TermStrain(TermLine):
         value: ArrayLike,
         amplitude: Amplitude = None,
         elements: IndexArray | None = None,
-        profile: ArrayLike | None = None,
         axial: bool = False,
     ) -> None:
-        super().__init__(beam, value, amplitude, True, elements, profile)
+        super().__init__(beam, value, amplitude, True, elements)
         self.axial = axial
         if self.strains()[..., list(beam.theory.held)].any():
             text = f"changes a strain that {beam.label} does not have: theory = {beam.theory!r}"
             raise InputError(self.kind, text)
-        law_of = beam.elements.law_of
-        if beam.elements.laws and (law_of is None or (law_of[self.elements] >= 0).any()):
+        if any(np.isin(self.elements, points[0]).any() for points, _ in beam.elements.stored):
             text = f"the stored energy of {beam.label} is not quadratic, strains without stress"
             raise InputError(self.kind, f"{text} are constant there: Beam(..., strain=...)")
 
-    @staticmethod
-    def _points(beam: Beam) -> Floats:
-        """Gauss points of strains."""
-        return beam.elements.points
+    def _shape(self, beam: Beam) -> tuple[int, int, int]:
+        """That of a value at Gauss points of strains."""
+        return len(self.elements), len(beam.elements.points), 3
 
     @property
     def site(self) -> tuple[object, ...]:
@@ -396,8 +376,8 @@ class TermStrain(TermLine):
 
     def strains(self) -> Floats:
         """Strains (k, ng, 6) at Gauss points of the elements."""
-        out = np.zeros((*self.profile.shape, 6))
-        out[..., 3 * self.axial : 3 * self.axial + 3] = self.profile[..., None] * self.value
+        out = np.zeros((*self._shape(self.beam)[:2], 6))
+        out[..., 3 * self.axial : 3 * self.axial + 3] = self.value
         return out
 
     def matrices(self) -> Floats:
@@ -854,16 +834,14 @@ class LoadLine(Load):
         return other
 
     def terms(self) -> Sequence[Term]:
-        """Forces along the elements, one or three terms, and moments at their nodes."""
+        """Forces along the elements, and moments at their nodes."""
         kind = self.beam.basis.interpolation
-        rest = self.time, self.follower
-        out: list[Term] = [
-            TermLine(self.beam, vector, *rest, self.elements, profile)
-            for vector, profile in self._profiles(self.value, kind.full.points)
-        ]
+        rest, place = (self.time, self.follower), (self.beam, self.elements, self.part)
+        force = self.value.on(*place, kind.full.points)
+        out: list[Term] = [TermLine(self.beam, force, *rest, self.elements)]
         if self.moment is not None:
             weights = self.beam.basis.elemental_load(self.elements)
-            values = weights[..., None] * self._at(self.moment, kind.nodes)
+            values = weights[..., None] * self.moment.on(*place, kind.nodes)
             nodes = self.beam.basis.connectivity[self.elements]
             if self.follower:  # by the triads of the nodes
                 values = np.einsum("eai,eaij->eaj", values, self.beam.rotations[self.elements])
@@ -871,23 +849,6 @@ class LoadLine(Load):
                 share = int(self.elements[k]), a
                 out.append(_ShareOfLine(share, self.beam.node(int(node)), values[k, a], *rest))
         return out
-
-    def _at(self, given: Along, xi: Floats) -> Floats:
-        """Values (ne, k, size) at reference coordinates (k,) of the elements."""
-        return given.at(*self.beam.arc_lengths(self.elements, self.part, xi))
-
-    def _profiles(
-        self, given: Along, xi: Floats, own: slice = slice(0, 3)
-    ) -> Iterator[tuple[Floats, Floats | None]]:
-        """Vectors, and their factors (ne, k), that add up to three of the components."""
-        if given.constant is not None:
-            if given.constant[own].any():
-                yield given.constant[own], None
-            return
-        values = self._at(given, xi)[..., own]
-        for axis, profile in zip(np.eye(3), np.moveaxis(values, -1, 0), strict=True):
-            if profile.any():
-                yield axis, profile
 
 
 class LoadStrain(LoadLine):
@@ -945,11 +906,11 @@ class LoadStrain(LoadLine):
 
     def terms(self) -> Sequence[Term]:
         """Strains along the elements: those of the line, and those of its triads."""
-        xi = self.beam.elements.points
+        points = self.beam.elements.points
+        strains = self.value.on(self.beam, self.elements, self.part, points)
         return [
-            TermStrain(self.beam, vector, self.time, self.elements, profile, axial)
-            for axial, own in ((False, slice(0, 3)), (True, slice(3, 6)))
-            for vector, profile in self._profiles(self.value, xi, own)
+            TermStrain(self.beam, own, self.time, self.elements, axial)
+            for axial, own in zip((False, True), np.split(strains, 2, axis=-1), strict=True)
         ]
 
 

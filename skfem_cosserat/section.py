@@ -222,9 +222,9 @@ class Section(Frozen):
 
     _remedy = "make another one, and a beam of it"
 
-    #: arguments of the constructor that a :class:`SectionTaper` changes, and what all were given
-    dimensions: ClassVar[tuple[str, ...]] = ()
-    given: Mapping[str, Any] = MappingProxyType({})
+    #: arguments of the constructor: those that a :class:`SectionTaper` changes, and all others
+    dimensions: Mapping[str, float] = MappingProxyType({})
+    others: Mapping[str, Any] = MappingProxyType({})
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         constants = np.diag(self.stiffness)
@@ -376,8 +376,6 @@ class SectionRectangle(Section):
     1.57
     """
 
-    dimensions: ClassVar[tuple[str, ...]] = ("a", "b")
-
     def __init__(self, a: float, b: float, material: Material, shear_factor: float = 5 / 6):
         _positive("rectangle", a=a, b=b, shear_factor=shear_factor)
         _check_material("rectangle", material)
@@ -389,7 +387,8 @@ class SectionRectangle(Section):
         moments = (a * b**3 / 12, b * a**3 / 12)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (a / 2, b / 2)
         super().__init__(*_solid(material, area, moments, float(J), shear_factor), corners)
-        self.given = {"a": a, "b": b, "material": material, "shear_factor": shear_factor}
+        self.dimensions = {"a": a, "b": b}
+        self.others = {"material": material, "shear_factor": shear_factor}
 
 
 class SectionTube(Section):
@@ -411,12 +410,10 @@ class SectionTube(Section):
     True
     """
 
-    dimensions: ClassVar[tuple[str, ...]] = ("outer", "inner")
-
     def __init__(
         self, outer: float, inner: float, material: Material, shear_factor: float | None = None
     ):
-        factor = shear_factor
+        others = {"material": material, "shear_factor": shear_factor}
         _positive("tube", outer=outer)
         _check_material("tube", material)
         if not 0 <= inner < outer:
@@ -432,8 +429,7 @@ class SectionTube(Section):
         circle = outer * np.column_stack([np.cos(angle), np.sin(angle)])
         constants = _solid(material, area, (moments, moments), 2 * moments, shear_factor)
         super().__init__(*constants, circle)
-        sizes = {"outer": outer, "inner": inner}
-        self.given = {**sizes, "material": material, "shear_factor": factor}
+        self.dimensions, self.others = {"outer": outer, "inner": inner}, others
 
 
 class SectionCircle(SectionTube):
@@ -453,12 +449,11 @@ class SectionCircle(SectionTube):
     0.08639
     """
 
-    dimensions: ClassVar[tuple[str, ...]] = ("radius",)
-
     def __init__(self, radius: float, material: Material, shear_factor: float | None = None):
         _positive("circle", radius=radius)
         _check_material("circle", material)
         if shear_factor is not None:
             _positive("circle", shear_factor=shear_factor)
         super().__init__(radius, 0.0, material, shear_factor)
-        self.given = {"radius": radius, "material": material, "shear_factor": shear_factor}
+        self.dimensions = {"radius": radius}
+        self.others = {"material": material, "shear_factor": shear_factor}

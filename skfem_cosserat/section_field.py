@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from .frozen import Frozen
 from .kernels import SectionPoints
 from .section import Section
 from .theory import LawHeld, released
-from .types import SAME, Array, ArrayLike, Floats, not_negative, numbers, switch
+from .types import SAME, Array, ArrayLike, Floats, IndexArray, not_negative, numbers, switch
 
 
 class SectionField(Frozen):
@@ -34,6 +34,10 @@ class SectionField(Frozen):
         length : float
             That of the whole part (m).
         """
+
+    def inside(self, e: int, xi: float, s: float, length: float) -> Section:
+        """The section at xi of an element, which is at an arc length."""
+        return self.at(float(s), float(length))
 
     def damped(self, time: float) -> SectionField:
         """The same sections with Kelvin-Voigt damping, see :meth:`Section.damped`.
@@ -114,9 +118,8 @@ class SectionTaper(SectionField):
                 f"first = {first!r}, last = {last!r}, expected two of one kind that has dimensions,"
                 " as SectionTube; others take a SectionTable, or a function of the arc length",
             )
-        for name in first.given:
-            here, there = first.given[name], last.given[name]
-            if name not in first.dimensions and here != there:
+        for name, here in first.others.items():
+            if here != (there := last.others[name]):
                 raise InputError(item, f"{name} = {here!r} at the start, {there!r} at the end")
         if first.viscosity.any() or last.viscosity.any():
             raise InputError(item, "its ends are damped: damp the taper, by .damped(time)")
@@ -124,9 +127,9 @@ class SectionTaper(SectionField):
 
     def at(self, s: float, length: float) -> Section:
         """The section with the dimensions there."""
-        x, (a, b) = s / length, (self.first.given, self.last.given)
-        own = {name: (1 - x) * a[name] + x * b[name] for name in self.first.dimensions}
-        return type(self.first)(**{**a, **own})
+        x, last = s / length, self.last.dimensions
+        own = {name: (1 - x) * a + x * last[name] for name, a in self.first.dimensions.items()}
+        return type(self.first)(**own, **self.first.others)
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from (("first", self.first), ("last", self.last))
@@ -255,18 +258,17 @@ class SectionSampled(SectionField):
         """InputError: arc lengths are not known here."""
         raise InputError("section", "came from another process, where its function is not known")
 
-    def of_element(self, e: int, xi: float) -> Section:
-        """The section of an element; between known places its numbers are polynomials."""
+    def inside(self, e: int, xi: float, s: float, length: float) -> Section:
+        """The section at xi of an element; between known places its numbers are polynomials."""
         from .element import lagrange  # imports scikit-fem
 
         row, near = self.sections[e], int(abs(self.xi - xi).argmin())
         if abs(self.xi[near] - xi) < SAME or not row[near].quadratic:
             return row[near]
         weights = lagrange(self.xi, xi)
-        density = sum(w * each.density for w, each in zip(weights, row, strict=True))
-        stiffness, viscosity = (
-            sum(w * getattr(each, name) for w, each in zip(weights, row, strict=True))
-            for name in ("stiffness", "viscosity")
+        stiffness, viscosity, density = (
+            np.tensordot(weights, [getattr(each, name) for each in row], 1)
+            for name in ("stiffness", "viscosity", "density")
         )
         mass = float(density[0, 0])
         centre, outline = density[0, 1:] / mass, row[near].outline
@@ -286,26 +288,26 @@ class _Damped(SectionField):
         return self.field.kinks(length)
 
 
-def section_points(sections: Array, held: Sequence[int] = ()) -> SectionPoints:
-    """What sections (...), an array of objects, resist with; `held`: strains that are held."""
-    kinds = {id(each): each for each in sections.ravel()}
+def distinct(sections: Array) -> tuple[list[Section], IndexArray]:
+    """The sections of an array (...) of objects, each once, and which of them is where."""
+    kinds = {id(each): each for each in sections.flat}
     place = {key: k for k, key in enumerate(kinds)}
-    number = np.array([place[id(each)] for each in sections.ravel()]).reshape(sections.shape)
-    stiffness, viscosity = (
-        np.array([getattr(each, name) for each in kinds.values()])[number]
+    number = np.array([place[id(each)] for each in sections.flat])
+    return list(kinds.values()), number.reshape(sections.shape)
+
+
+def section_points(sections: Array, held: tuple[int, ...]) -> SectionPoints:
+    """What sections (...), an array of objects, resist with; `held`: strains that are held."""
+    kinds, number = distinct(sections)
+    stiffness, viscosity = (  # what resists held strains are constraint forces
+        released(np.array([getattr(each, name) for each in kinds]), held)[number]
         for name in ("stiffness", "viscosity")
     )
-    laws = [None if each.quadratic else each.law for each in kinds.values()]
-    general = [k for k, law in enumerate(laws) if law is not None]
-    law_of = np.full(len(laws), -1)
-    law_of[general] = np.arange(len(general))
-    own = tuple(law for law in laws if law is not None)
-    if held:  # what they resist with are constraint forces
-        stiffness, viscosity = released(stiffness, tuple(held)), released(viscosity, tuple(held))
-        own = tuple(LawHeld(law, tuple(held)) for law in own)
+    laws = tuple(each.law for each in kinds if not each.quadratic)
+    general = np.array([not each.quadratic for each in kinds])
     return SectionPoints(
         stiffness=stiffness,
         viscosity=viscosity if viscosity.any() else None,
-        laws=own,
-        law_of=law_of[number] if own else None,
+        laws=tuple(LawHeld(law, held) for law in laws) if held else laws,
+        law_of=np.where(general, general.cumsum() - 1, -1)[number] if laws else None,
     )

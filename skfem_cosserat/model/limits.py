@@ -384,7 +384,8 @@ def overstretched_beam(
         held = None if multipliers is None else theory_of(system.theory_rows, beam)
         if held is not None and multipliers is not None and held.can_bend:
             force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
-        bending = np.where(np.isnan(present), softest(beam), present)
+        least = _bending(beam.elements.stiffness, beam.theory.held).min(axis=1)
+        bending = np.where(np.isnan(present), least, present)
         limit = factor * bending / (beam.basis.lengths**2 * stretch.clip(1e-300))
         ratio = (force / limit).round(9)  # of equal ones the first is named
         if ratio.max() > worst:
@@ -457,11 +458,6 @@ def _tension(group: BeamGroup, y: Floats, free: Floats) -> tuple[Floats, Floats,
         mean = group.moduli(strain)[ids].sum(1) / group.elements.lengths[ids, None, None]
         present[ids] = _bending(mean, law.held)
     return group.stress(strain)[:, :, 2] @ weights, stretch[:, :, 2] @ weights, present
-
-
-def softest(beam: Beam) -> Floats:
-    """The smallest bending stiffness (ne,) of each element at zero strain (N m^2)."""
-    return _bending(beam.elements.stiffness, beam.theory.held).min(axis=1)
 
 
 def _bending(stiffness: Floats, held: tuple[int, ...]) -> Floats:

@@ -175,11 +175,10 @@ class Loading:
             return np.arange(self._rows), self._mass @ out
         if isinstance(term, TermLine):
             _, r = self._first[id(term.beam)]
-            weights = term.weights()
             nodes = term.beam.basis.connectivity[term.elements]
             loaded, place = np.unique(nodes, return_inverse=True)
             out = np.zeros((len(loaded), 3))
-            np.add.at(out, place.reshape(nodes.shape), weights[:, :, None] * value)
+            np.add.at(out, place.reshape(nodes.shape), term.forces())
             return r + 4 * loaded, out
         assert isinstance(term, TermForce)
         _, r = self._first[id(term.place.item)]

@@ -27,7 +27,7 @@ from ..law import Law
 from ..load import Term
 from ..relative import normals
 from ..time_function import Constant
-from ..types import SAME, TOLERANCE, ArrayLike, Floats, IndexArray
+from ..types import SAME, TOLERANCE, ArrayLike, Floats, IndexArray, shown
 from .force_elements import Couplings
 from .groups import lumped
 from .loading import Loading
@@ -370,19 +370,19 @@ def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
     if abs(free - mirrored).max() > TOLERANCE * abs(free).max():
         yield beam.label, "its strain without load leaves the plane"
     sections = beam.sections_at(every, points)
-    seen, told = set(), set()
-    for e, row in enumerate(sections):
+    normals, told = nu[:, 0].round(9), set()
+    each = {
+        (id(section), *n): (section, e)
+        for e, (row, n) in enumerate(zip(sections, normals, strict=True))
+        for section in row
+    }
+    for section, e in each.values():
         name = list(beam.sections)[beam.section_id[e]]
-        for section in {id(each): each for each in row}.values():
-            key = id(section), *nu[e, 0].round(9)
-            if key in seen or name in told:
-                continue
-            seen.add(key)
-            found = _section(section.law, section.stiffness, section.density, nu[e, 0])
-            found = found or _matrix(section.viscosity, nu[e, 0], "viscosity")
-            if found:
-                told.add(name)
-                yield beam.label, f"of its section {name!r} {found}"
+        found = _section(section.law, section.stiffness, section.density, nu[e, 0])
+        found = found or _matrix(section.viscosity, nu[e, 0], "viscosity")
+        if found and name not in told:
+            told.add(name)
+            yield beam.label, f"of its section {name!r} {found}"
 
 
 def _section(law: Law, D: Floats, density: Floats, nu: Floats) -> str:
@@ -482,7 +482,7 @@ def _loads(loading: Loading, plane: Plane) -> OutOfPlane:
             if off > TOLERANCE * float(np.linalg.norm(value)):
                 when = "" if single else f" at t = {t:g} s"
                 where = "is off the normal" if terms[0].axial else "leaves the plane"
-                text = f"{value.round(9).tolist()}{when} {where} by {off:.6g}"
+                text = f"{shown(value.round(9).tolist())}{when} {where} by {off:.6g}"
                 yield loading.owners[site[0]].label, text
                 break
 
@@ -497,7 +497,7 @@ def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None] 
 
     def check(factors: Floats, t: float) -> None:
         for site in watched:
-            value = factors[site] @ np.array([loading.terms[k].value for k in site])
+            value = np.asarray(sum(factors[k] * loading.terms[k].value for k in site))
             off = _stray(loading.terms[site[0]], value, plane)
             if off > SHARE * float(np.linalg.norm(value)):
                 raise InputError(
