@@ -25,14 +25,14 @@ class Stations:
             text = f"s = {self.s.tolist()}, expected two or more arc lengths that increase"
             raise InputError(item, text)
 
-    def check(self, length: float) -> None:
-        """Raise InputError if they do not reach from 0 to this length (m)."""
+    def at(self, s: Floats, length: float) -> Floats:
+        """Values (..., m) at arc lengths (...) of a line of this length (m).
+
+        InputError if the stations do not reach from its start to its end.
+        """
         if self.s[0] > BEYOND * length or self.s[-1] < (1 - BEYOND) * length:
             text = f"goes from {self.s[0]:.9g} to {self.s[-1]:.9g} m, and the line from 0 to"
             raise InputError(self.item, f"{text} {length:.9g} m")
-
-    def at(self, s: Floats) -> Floats:
-        """Values (..., m) at arc lengths (...)."""
         if self.smooth:
             from scipy.interpolate import PchipInterpolator  # slow to import
 
@@ -62,13 +62,6 @@ class Along:
             given = shaped(item, name, given, (size,))
         self.given: Any = given
 
-    def sampled(self, s: Floats, length: float) -> Along:
-        """Without a function, which need not reach other processes: a table of its values at s."""
-        if not callable(self.given):
-            return self
-        places = np.unique([0.0, *s.flat, length])
-        return Along(self.item, self.name, (places, self._at(places, length)), self.size)
-
     def on(self, beam: Beam, elements: IndexArray, part: str | None, xi: Floats) -> Floats:
         """Values (m, k, size) at places of elements, as of :meth:`Beam.arc_lengths`.
 
@@ -81,8 +74,7 @@ class Along:
     def _at(self, s: Floats, length: float) -> Floats:
         """Values (..., size) at arc lengths (...) of lines that are no longer than a length (m)."""
         if isinstance(self.given, Stations):
-            self.given.check(length)
-            return self.given.at(s)
+            return self.given.at(s, length)
         return np.array([self._of(float(x)) for x in s.flat]).reshape(*s.shape, self.size)
 
     def _of(self, s: float) -> Floats:

@@ -28,19 +28,19 @@ from .kernels import (
 )
 from .mesh import MeshCurve
 from .mesh.divide import places_in
-from .mesh.topology import arc_starts, directed_flips, find_chains, places_along
+from .mesh.topology import arc_starts, find_chains, places_along
 from .mesh.triads import check_bends
 from .section import Section
 from .section_field import SectionAlong, SectionField, SectionSampled, distinct, section_points
 from .theory import Theory, TheoryReissner
-from .types import SAME, Array, ArrayLike, Floats, IndexArray, VectorLike, shaped, switch
+from .types import Array, ArrayLike, Floats, IndexArray, VectorLike, shaped, switch
 from .warn import Notices, warn
 
 #: what gives a beam, or a named part, its sections
 SectionLike = Section | SectionField | Callable[[float], Section]
 #: steps of sections in a row that look like a smooth taper, and how large each may be: the
-#: logarithm of EA EI_1 EI_2
-STAIRS, STEP = 5, 3.0
+#: logarithm of EA EI_1 EI_2; how near to its end a kink does an element no harm, of its length
+STAIRS, STEP, NEAR = 5, 3.0, 1e-6
 NodalField = Callable[[Floats], ArrayLike] | ArrayLike | None
 
 
@@ -151,12 +151,21 @@ class Beam(LineItem):
             -1
         )
         self.elements = self._elements()
+        free = self.strains_at(np.arange(mesh.nelements), self.elements.points)
+        if free[..., list(self.theory.held)].any():
+            raise InputError(self.label, f"strain is of what {self.theory!r} holds: leave it out")
         self._lock()
 
     @property
     def sections(self) -> Mapping[str, Section | SectionField]:
         """Sections, or fields of them, by the names of parts; "section" if there is one for all."""
         return MappingProxyType(self._sections)
+
+    @property
+    def _varying(self) -> dict[str, SectionField]:
+        """Those of the sections that vary along the line."""
+        named = self.sections.items()
+        return {name: each for name, each in named if isinstance(each, SectionField)}
 
     @property
     def _one_section(self) -> bool:
@@ -243,7 +252,7 @@ class Beam(LineItem):
 
     def _part_lengths(self) -> Floats:
         """As :meth:`_chains`, for the parts whose sections vary."""
-        varying = np.array([isinstance(each, SectionField) for each in self.sections.values()])
+        varying = np.array([name in self._varying for name in self.sections])
         lines: tuple[IndexArray, Iterable[str]] = self.section_id, self.sections
         if self._one_section:
             lines = self._lines()
@@ -286,10 +295,9 @@ class Beam(LineItem):
         """Say that a section is thicker than the whole beam is long."""
         length = float(self.basis.lengths.sum())
         middle = self.sections_at(np.arange(self.mesh.nelements), np.array([0.5]))[:, 0]
-        names = list(self.sections)
-        seen = zip(middle, self.section_id, strict=True)
-        for one, k in {id(each): (each, k) for each, k in seen}.values():
-            name = names[k]
+        kinds, number = distinct(middle)
+        for k, one in enumerate(kinds):
+            name = list(self.sections)[self.section_id[np.argmax(number == k)]]
             thickness = 0.0 if one.outline is None else float(np.ptp(one.outline, axis=0).max())
             if thickness > length:
                 warn(
@@ -299,48 +307,46 @@ class Beam(LineItem):
                     ModelWarning,
                 )
 
-    def _check_fields(self) -> None:
-        """Refuse fields that do not reach along their parts; say which sections cost accuracy."""
-        starts, totals = self._part_lengths()
-        for k, (name, given) in enumerate(self.sections.items()):
-            if isinstance(given, Section):
-                continue
-            own = self.section_id == k
-            for total in np.unique(totals[own]):
-                ids = np.flatnonzero(own & (totals == total))
-                kinks, room = given.kinks(total), SAME * total
-                inside = kinks[:, None] - starts[ids]
-                found = (inside > room) & (inside < self.mesh.lengths[ids] - room)
-                for place, e in np.argwhere(found)[:1]:
-                    warn(
-                        self.label,
-                        f"its {name!r} has a kink at s = {kinks[place]:.6g} m, inside element"
-                        f" {ids[e]}: errors fall with h^2 there, whatever the order; give the mesh"
-                        " vertices at its kinks, mesh.at(table.s)",
-                        ModelWarning,
-                    )
-        self._check_stairs()
+    def kinks(self) -> Iterator[tuple[str, float, int, float]]:
+        """Kinks of sections that vary: their name, arc length (m), element and place in it, 0 to 1.
 
-    def _check_stairs(self) -> None:
-        """Say that sections change in steps, as those of a smooth line that was cut into pieces."""
-        sections = [each for each in self.sections.values() if isinstance(each, Section)]
-        if len(sections) < len(self.sections):
+        One between two elements is that of the element that ends there.
+        """
+        starts, totals = self._part_lengths()
+        names = list(self.sections)
+        for e in np.flatnonzero(np.isfinite(totals)).tolist():
+            name = names[self.section_id[e]]
+            for s in self._varying[name].kinks(float(totals[e])).tolist():
+                xi = (s - starts[e]) / self.mesh.lengths[e]
+                if NEAR < xi <= 1 + NEAR:
+                    yield name, s, e, float(xi)
+
+    def _check_fields(self) -> None:
+        """Say which sections cost accuracy."""
+        for name, s, e, _ in [each for each in self.kinks() if each[3] < 1 - NEAR][:1]:
+            part = "" if self._one_section else f", {name!r}"
+            warn(
+                self.label,
+                f"its {name!r} has a kink at s = {s:.6g} m, inside element {e}: errors fall with"
+                " h^2 there, whatever the order; give the mesh vertices at its kinks, as"
+                f" mesh.at({s:.6g}{part})",
+                ModelWarning,
+            )
+        starts, _ = self._chains(np.arange(len(self.section_id)), *self._lines())
+        if self._varying or len(np.unique(starts)) < len(starts):
             return
-        one = 0 * self.section_id
-        size = np.array([np.log(np.diag(each.stiffness)[2:5]).sum() for each in sections])
-        t = np.where(directed_flips(self.mesh.t, one), self.mesh.t[::-1], self.mesh.t)
-        for chain in find_chains(t, one, [""]).chains():
-            change = np.diff(size[self.section_id[chain.elements]])
-            steps = change[change != 0]
-            if len(steps) >= STAIRS and (abs(steps) < STEP).all() and np.ptp(np.sign(steps)) == 0:
-                warn(
-                    self.label,
-                    f"its sections change in {len(steps)} steps along the line, as those of a"
-                    " smooth taper cut into pieces do: errors fall with h^2, whatever the order;"
-                    " if it is one, give it a SectionTaper, a SectionTable or a function of the"
-                    " arc length",
-                    ModelWarning,
-                )
+        sections = self.sections_at(np.argsort(starts), np.array([0.5]))[:, 0]
+        size = [np.log(np.diag(each.stiffness)[2:5]).sum() for each in sections]
+        steps = np.diff(size)
+        steps = steps[steps != 0]
+        if len(steps) >= STAIRS and (abs(steps) < STEP).all() and np.ptp(np.sign(steps)) == 0:
+            warn(
+                self.label,
+                f"its sections change in {len(steps)} steps along the line, as those of a smooth"
+                " taper cut into pieces do: errors fall with h^2, whatever the order; if it is"
+                " one, give it a SectionTaper, a SectionTable or a function of the arc length",
+                ModelWarning,
+            )
 
     def _field(self, name: str, value: NodalField) -> Floats:
         nodes = self.basis.nodes
@@ -374,8 +380,7 @@ class Beam(LineItem):
             name: sampled if isinstance(each, SectionField) else each
             for name, each in self.sections.items()
         }
-        strain = self._strain.sampled(*self.arc_lengths(every, None, xi))
-        return self.__dict__ | {"_orientation": None, "_strain": strain, "_sections": sections}
+        return self.__dict__ | {"_orientation": None, "_sections": sections}
 
     def refined(self, marked: Any = (), order: int | Interpolation | None = None) -> Self:
         """Copy of the beam with some elements halved, or of another order.

@@ -10,24 +10,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .beam import Beam
-from .errors import InputError, MeshError, ModelWarning
+from .errors import InputError, MeshError
 from .frames import ground
 from .joint import JointFixed
 from .kernels import skew
 from .mesh import CurveSpline, MeshCurve
-from .mesh.topology import chain_arrays
 from .model import Model
 from .section import Section
 from .section_field import SectionTable
 from .types import FilePath, Floats
-from .warn import warn
 
 #: how far entries may be off what they have to be, relative to the diagonal
 WRONG = 1e-6
 #: places that are one, relative to the length of the blade
 NEAR = 1e-7
 #: entries of a primary file that give the line, its sections and what is not read
-READ = ("member_total", "kp_total", "BldFile", "order_elem")
+READ = ("member_total", "kp_total", "BldFile")
 
 
 class BladeBeamDyn(NamedTuple):
@@ -96,21 +94,16 @@ def read_beamdyn(path: FilePath, order: int = 3) -> BladeBeamDyn:
     # sections have kinks at stations, the line and its twist (slightly) at key points
     places = np.union1d(table.s, curve.knots)
     places = places[np.append(True, np.diff(places) > NEAR * curve.length)]
-    mesh = MeshCurve._from_chain(chain_arrays([curve], [places], False), "blade", None, False)
+    mesh = MeshCurve.init_curve(curve, 1, name="blade").at(places[1:-1])
     from scipy.interpolate import CubicSpline  # slow to import
 
     # the director is d2: y as far as possible; d1 is a quarter turn back
-    turn = CubicSpline(curve.knots, -0.5 * np.pi - np.radians(angles), bc_type="not-a-knot")
-
-    def twist(s: float) -> float:
-        return float(turn(s))
+    twist = CubicSpline(curve.knots, -0.5 * np.pi - np.radians(angles), bc_type="not-a-knot")
 
     model = Model()
     blade = Beam(mesh, table, order=order, director=(0.0, 1.0, 0.0), twist=twist)
     beam = model.add("blade", blade)
     model.add("root", JointFixed(ground(points[0]), beam.node("blade.start")))
-    if primary.texts.get("UsePitchAct", "").upper().startswith("T"):
-        warn(str(primary.path), "its pitch actuator is not read", ModelWarning)
     left = tuple(name for name in primary.entries if name not in READ)
     return BladeBeamDyn(mesh, table, twist, model, beam, left)
 
@@ -138,12 +131,11 @@ class _Lines:
             raise MeshError(f"file '{self.path}'", f"has no entry {name}")
         return self.texts[name]
 
-    def count(self, name: str, least: int) -> int:
+    def count(self, name: str) -> int:
         """A whole number, of an entry that has to be there."""
         value = self.text(name)
-        if not value.isdigit() or int(value) < least:
-            text = f"{name} = {value}, expected a whole number of {least} or more"
-            raise self.wrong(self.entries[name], text)
+        if not value.isdigit():
+            raise self.wrong(self.entries[name], f"{name} = {value}, expected a whole number")
         return int(value)
 
     def numbers(self, k: int, count: int) -> Floats:
@@ -165,7 +157,7 @@ class _Lines:
 
 def _key_points(primary: _Lines) -> tuple[Floats, Floats]:
     """Key points (k, 3) in m, and twists (k,) in degrees."""
-    count, members = primary.count("kp_total", 3), primary.count("member_total", 1)
+    count, members = primary.count("kp_total"), primary.count("member_total")
     first = primary.entries["kp_total"] + 1 + members + 2  # two lines of headings
     rows = np.array([primary.numbers(k, 4) for k in range(first, first + count)])
     return rows[:, :3], rows[:, 3]
@@ -173,12 +165,15 @@ def _key_points(primary: _Lines) -> tuple[Floats, Floats]:
 
 def _stations(blade: _Lines, length: float) -> SectionTable:
     """The table of a blade file, for a line of this length (m)."""
-    count, kind = blade.count("station_total", 2), blade.count("damp_type", 0)
+    count, kind = blade.count("station_total"), blade.count("damp_type")
     end = len(blade.lines)
     rows = [k for k in range(end) if blade.lines[k].split()]
     titles = [i for i, k in enumerate(rows) if blade.lines[k].lstrip().startswith("---")]
     if not titles or rows[titles[-1]] < blade.entries["damp_type"]:
         raise MeshError(f"file '{blade.path}'", "has no table of stations under a '---' heading")
+    if kind > 1:
+        text = f"damp_type = {kind}, expected 0 or 1: others are not read"
+        raise blade.wrong(blade.entries["damp_type"], text)
     mu = blade.numbers(rows[titles[-1] - 1], 6) if kind else np.zeros(6)
     table = [*rows[titles[-1] + 1 :], *[end] * 13 * count]
     eta: list[float] = []

@@ -291,10 +291,10 @@ class TermLine(Term):
         """Copy on another beam: all elements stay all, some need the same number of elements."""
         other = super().with_replacements(replacements)
         check_beam(self.kind, other.beam)
-        old, new = self.beam.part(None), other.beam.part(None)
-        if len(self.elements) == len(old) and self.value.ndim == 1:
-            other.elements = new
-        elif len(old) != len(new) or self.value.shape not in ((3,), self._shape(other.beam)):
+        count = self.beam.mesh.nelements, other.beam.mesh.nelements
+        if len(self.elements) == count[0] and self.value.ndim == 1:
+            other.elements = other.beam.part(None)
+        elif len(set(count)) > 1 or self.value.shape not in ((3,), self._shape(other.beam)):
             text = f"acts on some elements of {self.beam.label}, which are others on another mesh"
             raise InputError(self.kind, f"{text}: take them in terms(), from beam.part(name)")
         return other

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
+from copy import copy
 from typing import Any, Literal
 
 import numpy as np
 
 from .along import BEYOND, Stations
 from .errors import InputError
-from .frozen import Frozen
+from .frozen import Frozen, loosened, seal
 from .kernels import SectionPoints
 from .section import Section
 from .theory import LawHeld, released
@@ -22,6 +23,9 @@ class SectionField(Frozen):
 
     Derive from it and write :meth:`at`; a function of the arc length does as well.
     """
+
+    #: retardation time (s) of all sections, see :meth:`damped`
+    time: float = 0.0
 
     @abstractmethod
     def at(self, s: float, length: float) -> Section:
@@ -36,8 +40,9 @@ class SectionField(Frozen):
         """
 
     def inside(self, e: int, xi: float, s: float, length: float) -> Section:
-        """The section at xi of an element, which is at an arc length."""
-        return self.at(float(s), float(length))
+        """The section, damped, at xi of an element, which is at an arc length."""
+        found = self.at(float(s), float(length))
+        return found.damped(self.time) if self.time else found
 
     def damped(self, time: float) -> SectionField:
         """The same sections with Kelvin-Voigt damping, see :meth:`Section.damped`.
@@ -47,7 +52,9 @@ class SectionField(Frozen):
         time : float
             Retardation time (s), not negative.
         """
-        return _Damped(self, not_negative("section", "time", time))
+        other = loosened(copy(self))
+        other.time = not_negative("section", "time", time)
+        return seal(other)
 
     def kinks(self, length: float) -> Floats:
         """Arc lengths (k,) where the section has a kink or a jump, of a part of this length (m)."""
@@ -216,8 +223,8 @@ class SectionTable(SectionField):
                 raise InputError(item, f"station {k} at s = {place:.6g} m: {error}") from error
 
     def at(self, s: float, length: float) -> Section:
-        """The section between its stations; beyond them that of the nearest one."""
-        parts = np.split(self._stations.at(np.array(s)), self._ends)
+        """The section between its stations; InputError if these do not reach along the part."""
+        parts = np.split(self._stations.at(np.array(s), length), self._ends)
         shaped: dict[str, Any] = {
             name: part.reshape(shape) if shape else float(part[0])
             for (name, shape), part in zip(self._shapes.items(), parts, strict=True)
@@ -225,11 +232,7 @@ class SectionTable(SectionField):
         return Section(**shaped)
 
     def kinks(self, length: float) -> Floats:
-        """Stations of a linear table at which a number has another slope.
-
-        InputError if the table does not reach from 0 to this length.
-        """
-        self._stations.check(length)
+        """Stations of a linear table at which a number has another slope."""
         if self._stations.smooth:
             return np.zeros(0)
         values = self._stations.values
@@ -273,19 +276,6 @@ class SectionSampled(SectionField):
         mass = float(density[0, 0])
         centre, outline = density[0, 1:] / mass, row[near].outline
         return Section(stiffness, mass, density[1:, 1:], outline, viscosity, centre)
-
-
-class _Damped(SectionField):
-    """A field with Kelvin-Voigt damping."""
-
-    def __init__(self, field: SectionField, time: float) -> None:
-        self.field, self.time = field, time
-
-    def at(self, s: float, length: float) -> Section:
-        return self.field.at(s, length).damped(self.time)
-
-    def kinks(self, length: float) -> Floats:
-        return self.field.kinks(length)
 
 
 def distinct(sections: Array) -> tuple[list[Section], IndexArray]:

@@ -617,9 +617,9 @@ class Scene:
 
 
 def _kept(beam: Beam, places: list[Place]) -> list[tuple[int, float]]:
-    """Elements and reference coordinates of the nodes of a beam that places are at."""
+    """Elements and coordinates in them of a beam's nodes with places, and of kinks of sections."""
     nodes = beam.basis.interpolation.nodes
-    found = []
+    found = [(e, xi) for *_, e, xi in beam.kinks()]
     for vertex in sorted({place.vertex for place in places if place.item is beam}):
         e, k = (int(x[0]) for x in np.nonzero(beam.basis.connectivity == vertex))
         found.append((e, float(nodes[k])))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
@@ -136,8 +137,8 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     static[key + "section"] = beam.section_id
     static[key + "gauss"] = beam.elements.points
     static[key + "nodes"] = beam.basis.interpolation.nodes
-    for k, section in enumerate(beam.sections.values()):
-        found = _outline(beam, section, np.flatnonzero(beam.section_id == k))
+    for k in range(len(beam.sections)):
+        found = _outline(beam, np.flatnonzero(beam.section_id == k))
         if found is not None:
             static[key + f"outline/{k}"] = found
     return {
@@ -148,17 +149,17 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     }
 
 
-def _outline(beam: Beam, section: Any, elements: IndexArray) -> Floats | None:
-    """Outline of a section (m, 2), or of the nodes of elements (k, p + 1, m, 2); None: none."""
-    from ..section import Section
+def _outline(beam: Beam, elements: IndexArray) -> Floats | None:
+    """Outline of elements (m, 2), or of their nodes (k, p + 1, m, 2); None: there is none."""
+    from ..section_field import distinct
 
-    if isinstance(section, Section):
-        return section.outline
-    sections = beam.sections_at(elements, np.linspace(0.0, 1.0, beam.basis.order + 1))
-    found = [each.outline for each in sections.flat]
-    if any(each is None or each.shape != found[0].shape for each in found):
-        return None
-    return np.array(found).reshape(*sections.shape, *found[0].shape)
+    with suppress(InputError):  # as at the point of a cone, which is drawn as a line
+        at = np.linspace(0.0, 1.0, beam.basis.order + 1)
+        sections, number = distinct(beam.sections_at(elements, at))
+        found = [each.outline for each in sections if each.outline is not None]
+        if len(found) == len(sections) and len({each.shape for each in found}) == 1:
+            return found[0] if len(found) == 1 else np.array(found)[number]
+    return None
 
 
 # -- series that follow from the states: energies, velocities, momenta, forces, reactions ----------
@@ -336,7 +337,7 @@ def _momenta_formulas(system: System) -> Formulas:
         ("v",): lambda h: [Projection(system).velocities(h["q"], h["p"], h.times)],
         ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
         ("kinetic",): lambda h: [kinetic_energy(system, h["p"])],
-        ("strain_energy",): lambda h: [strain_energy(system, h["q"], h.times)],
+        ("strain_energy",): _strain_energy(system),
         ("external",): lambda h: [external_energy(system, h["q"], h.times)],
         ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["kinetic"] + h["strain_energy"] + h["coupling_energy"]],
@@ -354,9 +355,7 @@ def path_formulas(system: System) -> Formulas:
     """Formulas of the equilibria along a path."""
     return {
         ("v",): lambda h: [np.zeros_like(h["q"])],
-        ("strain_energy",): lambda h: [
-            strain_energy(system, h["q"], amplitudes=h["amplitudes/loads"])
-        ],
+        ("strain_energy",): _strain_energy(system),
         ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["strain_energy"] + h["coupling_energy"]],
         ("external",): lambda h: [potential(system, h["q"], h["amplitudes/loads"])],
@@ -410,6 +409,11 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
         (strain,): lambda h: [section_strains(system, beam, h["q"])],
         (f"beam/{beam.name}/resultant",): resultant,
     }
+
+
+def _strain_energy(system: System) -> Formula:
+    """Formula of the energy of all beams together."""
+    return lambda h: [strain_energy(system, h["q"], amplitudes=recorded_factors(system, h))]
 
 
 def _coupling_energy(system: System) -> Formula:

@@ -244,21 +244,25 @@ def group_energy(group: BeamGroup, Q: Floats, free: Floats) -> Floats:
     return _in_parts(energies, 3 * rows.size, Q, free)
 
 
-def strain_excess(system: System, q: Floats, factors: Floats) -> Floats:
-    """Energy (N,) that strains of loads add to that of all strains (J), for factors (N, k).
+def strain_excess(
+    system: System, q: Floats, t: ArrayLike = 0.0, amplitudes: ArrayLike | None = None
+) -> Floats:
+    """Energy (N,) that strains of loads add to that of all strains (J), see :func:`strain_energy`.
 
     Steps and paths have these strains as forces, whose work is on all strains.
     """
     if not system.loading.strained:
         return np.zeros(len(q))
+    factors = load_factors(system, t, amplitudes, len(q))
     less, none = (strain_energy(system, q, amplitudes=s * factors) for s in (1.0, 0.0))
     return np.asarray(less - none)
 
 
 def recorded_factors(system: System, history: History) -> Floats:
-    """Factors (N, k) of all channels of loads at the states of a run, or a path."""
+    """Factors (N, k) of loads at the states of a run, or a path, as far as strains need them."""
     given = history["amplitudes/loads"] if "load_factor" in history else None
-    return load_factors(system, history.instants, given, len(history))
+    times = history.instants if system.loading.strained else 0.0
+    return load_factors(system, times, given, len(history))
 
 
 def load_factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: int) -> Floats:

@@ -783,8 +783,7 @@ class MeshCurve(Frozen, MeshLine1):
         from .divide import divided
 
         elements, places = topology.places_along(self, s, beam)
-        keep = list(zip(elements.tolist(), places.tolist(), strict=True))
-        return divided(self, self.nelements, keep)
+        return divided(self, self.nelements, [*zip(elements, places, strict=True)])
 
     def _adaptive(self, marked: Array) -> Self:
         """Halve marked elements; the halves follow each other in their parent's place."""

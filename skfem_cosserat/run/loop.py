@@ -14,6 +14,7 @@ from ..analysis.start import consistent_start, initial_state
 from ..checks.motion import energies
 from ..constraints import Treatment
 from ..diagnostics import Projection
+from ..diagnostics.energy import strain_excess
 from ..errors import Diverged, InputError
 from ..history import EventRecord, History
 from ..integrators import Block, Integrator, State, Stepper, StepReport
@@ -25,7 +26,7 @@ from ..warn import Notices, logger
 from .conditions import ActionOutcome
 from .events import Event, EventMonitor, Found, checked_events
 from .plan import ControlledSteps, FixedSteps, Plan, StepControl, StepperFactory
-from .record import Record, excess, wanted_states
+from .record import Record, wanted_states
 from .sensors import Sensor, View
 
 # -- the loop of a run: steps, events and what they change, until the end --------------------------
@@ -154,7 +155,7 @@ def _energy(system: System, integrator: Integrator, state: State) -> float:
     turns = None if state.turns is None else state.turns[None]
     own = state.q[None], state.p[None], np.array([state.time]), turns
     found = energies(system, integrator.carries_node_momentum, *own)
-    return float((found - excess(system, own[0], own[2]))[0])
+    return float((found - strain_excess(system, own[0], state.time))[0])
 
 
 # -- the loop in time: a generator of steps, and a simulation with a history on top of it ----------

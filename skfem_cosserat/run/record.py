@@ -10,7 +10,7 @@ import numpy as np
 from .. import checks
 from ..analysis.describe import describe, recorded_turns, run_formulas, take_along
 from ..constraints.saddle import nearest_momentum
-from ..diagnostics import Projection, strain_energy
+from ..diagnostics import Projection
 from ..diagnostics.energy import load_factors, strain_excess
 from ..errors import (
     CosseratError,
@@ -128,11 +128,6 @@ class Works:
             self._change = np.zeros_like(self._change)
 
 
-def excess(system: System, q: Floats, times: Floats) -> Floats:
-    """Energy (k,) that strains of loads add at some states, see :func:`strain_excess` (J)."""
-    return strain_excess(system, q, load_factors(system, times, None, len(q)))
-
-
 def _of_strains(block: Block) -> Floats | float:
     """Work (k,) that loads by strains do beside that of the forces which steps have for them (J).
 
@@ -147,12 +142,11 @@ def _of_strains(block: Block) -> Floats | float:
     t = np.concatenate([[block.start.time], steps.times])
     change = np.diff(load_factors(system, t, None, len(t)), axis=0)
 
-    def work(q: Floats) -> Floats:
-        less, more = (strain_energy(system, q, amplitudes=s * change) for s in (1.0, -1.0))
-        return 0.5 * (more - less)
-
-    missed = 0.5 * (work(q[1:]) + work(q[:-1])) - work(0.5 * (q[1:] + q[:-1]))
-    missed *= -2.0 if scheme.at_end else 1.0
+    first, last, middle = (
+        strain_excess(system, each, amplitudes=change)
+        for each in (q[:-1], q[1:], 0.5 * (q[1:] + q[:-1]))
+    )
+    missed = (middle - 0.5 * (first + last)) * (-2.0 if scheme.at_end else 1.0)
     return missed.reshape(len(block), -1).sum(axis=1)
 
 
@@ -232,7 +226,7 @@ class Record:
         self.closed: History | None = None
         #: rows so far, with those that wait
         self._rows = 0
-        self._excess = excess(self.system, state.q[None], np.array([state.time]))
+        self._excess = strain_excess(self.system, state.q[None], state.time)
         self._begin(state)
 
     def _begin(self, state: State, loss: float = 0.0) -> None:
@@ -289,7 +283,7 @@ class Record:
             "newton_iterations": counts[:, 0],
             "attempts": counts[:, 1],
             "residual": residual,
-            "work_loads": sums[:, 0] + excess(self.system, q, times) - self._excess,
+            "work_loads": sums[:, 0] + strain_excess(self.system, q, times) - self._excess,
             "work_actuators": sums[:, 1],
             "work_drives": np.full(len(times), np.nan),
             "dissipated": sums[:, 2],

@@ -185,7 +185,7 @@ class PathRecorder:
             q0, before = self._before
             self._work += float((before + loads) @ (q - q0)) / 2
         self._before, spin = (q, loads), amplitudes.spin
-        excess = float(strain_excess(system, q[None], amplitudes.loads[None])[0])
+        excess = float(strain_excess(system, q[None], amplitudes=amplitudes.loads)[0])
         turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
         row = {
             "t": float(parameter),

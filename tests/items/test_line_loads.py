@@ -84,7 +84,7 @@ ROD = cantilever()[1]
         ),
         (lambda: sc.LoadLine(ROD, ([0, 1], [1.0, 2.0])), "value has shape"),
         (lambda: sc.LoadLine(ROD, moment=(1, 2)), "moment"),
-        (lambda: sc.TermLine(ROD, (1, 0, 0), profile=[1.0, 2.0]), "profile"),
+        (lambda: sc.TermLine(ROD, [1.0, 2.0]), "value"),
     ],
 )
 def test_bad_line_loads(make, text):
