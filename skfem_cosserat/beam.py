@@ -336,8 +336,7 @@ class Beam(LineItem):
         if self._varying or len(np.unique(starts)) < len(starts):
             return
         sections = self.sections_at(np.argsort(starts), np.array([0.5]))[:, 0]
-        size = [np.log(np.diag(each.stiffness)[2:5]).sum() for each in sections]
-        steps = np.diff(size)
+        steps = np.diff([np.log(np.diag(each.stiffness)[2:5]).sum() for each in sections])
         steps = steps[steps != 0]
         if len(steps) >= STAIRS and (abs(steps) < STEP).all() and np.ptp(np.sign(steps)) == 0:
             warn(

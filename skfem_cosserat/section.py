@@ -456,4 +456,3 @@ class SectionCircle(SectionTube):
             _positive("circle", shear_factor=shear_factor)
         super().__init__(radius, 0.0, material, shear_factor)
         self.dimensions = {"radius": radius}
-        self.others = {"material": material, "shear_factor": shear_factor}

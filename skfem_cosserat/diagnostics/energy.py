@@ -271,9 +271,10 @@ def load_factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, cou
     channels = len(loading.times)
     if amplitudes is None:
         # a pulse that is over, most of the time
-        times = np.minimum(as_times(t, count), max(loading.constant_after, 0.0)).tolist()
-        each = {s: loading.values(s) for s in set(times)}
-        return np.array([each[s] for s in times]).reshape(count, channels)
+        times = np.minimum(as_times(t, count), max(loading.constant_after, 0.0))
+        some, which = np.unique(times, return_inverse=True)
+        each = [loading.values(s) for s in some.tolist()]
+        return np.reshape(each, (len(some), channels))[which]
     given = np.asarray(amplitudes, dtype=float)
     if given.shape not in ((channels,), (count, channels)):
         raise InputError(

@@ -56,6 +56,28 @@ def test_resultants_of_polynomials_up_to_the_order_are_exact(order):
         assert abs(found[axis]) == pytest.approx(1e-3 / (order + 1), rel=1e-9)
 
 
+def test_arc_lengths_count_along_a_line_of_several_parts():
+    """A force s along 2 m in two parts: 2 N; on a part alone it starts there: 1/2 N."""
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="a")
+    mesh = mesh + sc.MeshCurve.init_line((1, 0, 0), (2, 0, 0), 2, name="b")
+    for part, total in ((None, 2.0), ("b", 0.5)):
+        model = sc.Model()
+        rod = model.add("rod", sc.Beam(mesh, SECTION))
+        model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("a.start")))
+        model.add("load", sc.LoadLine(rod, lambda s: (s, 0, 0), part=part))
+        found = sc.static(model, watch=False)["joint/clamp/force"][-1]
+        assert abs(found[0]) == pytest.approx(total)
+
+
+def test_functions_in_a_plane_stay_there():
+    """Neither component of space lies in the plane alone."""
+    model, rod = cantilever()
+    across = np.array([0, 0.6, 0.8])
+    model.add("load", sc.LoadLine(rod, lambda s: (1 + s) * across))
+    system = model.freeze(planar=sc.Planar((0, 0.8, -0.6)))
+    assert sc.static(system, watch=False).position(rod.node("rod.end"))[-1] @ (0, 0.8, -0.6) == 0
+
+
 def test_moving_beams_take_functions_of_arc_length(kernels):
     """A free rod under a force 6 s(1 - s) along it: its centre falls as a body of its mass."""
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")

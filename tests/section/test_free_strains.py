@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
@@ -76,6 +78,11 @@ def test_strains_that_are_none(strain):
         cantilever(strain)
 
 
+def test_strains_that_a_theory_holds_are_refused():
+    with pytest.raises(sc.InputError, match="strain is of what TheoryInextensible"):
+        cantilever((0, 0, 1e-3, 0, 0, 0), theory=sc.TheoryInextensible())
+
+
 # -- strains that change: in statics by a factor, in motion with their power ---------------------
 
 HEAT = (0, 0, 1e-3, 0, 0, 0)
@@ -106,6 +113,10 @@ def test_heat_has_a_factor_of_its_own(theory, kernels):
     assert path["joint/clamp/force"][-1] == pytest.approx([600.0, 0, 0], abs=1e-9)
     assert path["strain_energy"][-1] == pytest.approx(0.5 * 2e5 * 3e-3**2, rel=1e-10)
     assert path["beam/rod/resultant"][-1, :, :, 2] == pytest.approx(-600.0, rel=1e-10)
+    assert path["work_loads"] == pytest.approx(path["strain_energy"], abs=1e-10)
+    loads = path["amplitudes/loads"]
+    found = section_forces(model, rod, path["q"], multipliers=path["multipliers"], amplitudes=loads)
+    assert found == pytest.approx(path["beam/rod/resultant"], abs=1e-8)
     once = sc.static(model, kernels=kernels, watch=False)
     for found in forces_in_all_ways(model, rod, once):
         expected = np.broadcast_to([0, 0, -200.0, 0, 0, 0], found.shape)
@@ -149,6 +160,8 @@ def test_a_strain_that_ends_leaves_its_energy_to_the_motion(kernels):
         model, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 0.01, events=events, kernels=kernels
     )
     assert abs(run["energy_balance"]).max() < 1e-12
+    assert run["work_loads"][-1] == pytest.approx(-0.1, rel=1e-9)
+    assert run["dissipated"][-1] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_curvature_in_a_rest_state_closes_a_ring():
@@ -172,6 +185,27 @@ def test_a_bow_string_sounds_by_the_force_in_it():
     squared = (F + GA * shear) / (1 + shear) * k**2 / 0.1
     found = sc.modes(model, sc.static(model, watch=False), count=1)
     assert found.frequencies[0] == pytest.approx(np.sqrt(squared) / (2 * np.pi), rel=1e-6)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_tension_is_that_of_what_is_held(held):
+    """A free rod that grows is not drawn; one that is held and cooled is, beyond its limit."""
+    model, rod = heated((0, 0, -0.02 if held else 0.5, 0, 0, 0), order=1)
+    if held:
+        model.add("wall", sc.JointFixed(rod.node("rod.end"), sc.ground((1, 0, 0))))
+    told = pytest.warns(sc.AccuracyWarning, match="tension .* is above") if held else nullcontext()
+    with told:
+        sc.static(model, watch=False)
+
+
+def test_answers_keep_loads_that_vary():
+    """A strain and a force by functions of the arc length, on finer meshes than the given one."""
+    model, rod = cantilever(None, order=1, elements=1)
+    model.add("heat", sc.LoadStrain(rod, lambda s: (0, 0, 0.01 * s, 0, 0, 0)))
+    model.add("pull", sc.LoadLine(rod, lambda s: (1e3 * s, 0, 0), part="rod"))
+    place = sc.SensorPosition(rod.node("rod.end"))
+    found = sc.answer(model, {"end": place}, 1e-6, until=None)
+    assert found.values["end"][0] == pytest.approx(1.005 + 1e3 / (3 * 2e5), abs=1e-6)
 
 
 def test_actuation_leaves_a_plane():

@@ -301,6 +301,43 @@ def test_bad_fields_are_named(make, text):
         make()
 
 
+def test_sections_that_fail_are_named_with_their_place():
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="a")
+    mesh = mesh + sc.MeshCurve.init_line((1, 0, 0), (1, 1, 0), 2, name="b")
+    sections = {"a": tapered(0), "b": lambda s: 1 / 0}
+    with pytest.raises(sc.InputError, match=r"beam: its 'b' at s = 0.25 m: division by zero"):
+        sc.Beam(mesh, sections)
+
+
+def test_parts_that_point_against_each_other_have_their_sections():
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="a")
+    mesh = mesh + sc.MeshCurve.init_line((2, 0, 0), (1, 0, 0), 2, name="b")
+    beam = sc.Beam(mesh, {"a": tapered, "b": tapered(0.0)})
+    assert beam.rigid_body().mass == pytest.approx(0.6 + 1.0)
+
+
+def test_a_cone_to_a_point_is_computed_and_drawn_as_a_line():
+    steel = sc.Material(2e11, 0.3, 7800.0)
+    model, end = cantilever(lambda s: sc.SectionCircle(0.05 * (1 - s), steel), 3, 4)
+    model.add("push", sc.LoadForce(end, (0, 1e-3, 0)))
+    history = sc.static(model, watch=False)
+    assert "beam/rod/outline/0" not in history.static
+
+
+def test_answers_have_vertices_at_kinks_of_tables():
+    """A tie of half the stiffness in its middle: 2 log(2) times the strain of one of even kind."""
+    even = [tapered(0.0).stiffness * share for share in (1, 0.5, 1)]
+    table = sc.SectionTable([0, 0.3, 1], even, [1.0] * 3, [(1e-4, 1e-4)] * 3)
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 1, name="rod").at(0.3)
+    model = sc.Model()
+    rod = model.add("rod", sc.Beam(mesh, table))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    model.add("pull", sc.LoadForce(rod.node("rod.end"), (1.0, 0, 0)))
+    found = sc.answer(model, {"end": sc.SensorPosition(rod.node("rod.end"))}, 1e-12, until=None)
+    assert found.reached
+    assert found.values["end"][0] == pytest.approx(1 + 1e-6 * 2 * np.log(2), abs=1e-12)
+
+
 def test_functions_need_not_reach_other_processes():
     """A pickled beam has the same mass and elements, and sections in between to rounding."""
 
