@@ -821,17 +821,15 @@ class LoadLine(Load):
         super().__init__((), amplitude, follower)
         check_beam(self.label, beam)
         self.beam, self.part = beam, part
-        self.elements = beam.part(part)
         self.value = Along(self.label, "value", value, self._components)
         self.moment = None if moment is None else Along(self.label, "moment", moment, 3)
         self.terms()  # a function that gives no numbers is named here
 
-    def with_replacements(self, replacements: Replacements) -> Self:
-        """Copy on another beam, on the elements that the part has there."""
-        other = super().with_replacements(replacements)
-        check_beam(self.label, other.beam)
-        other.elements = other.beam.part(self.part)
-        return other
+    @property
+    def elements(self) -> IndexArray:
+        """Numbers of the elements of its part."""
+        check_beam(self.label, self.beam)
+        return self.beam.part(self.part)
 
     def terms(self) -> Sequence[Term]:
         """Forces along the elements, and moments at their nodes."""

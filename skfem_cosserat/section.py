@@ -6,10 +6,9 @@ axial; bending about d1 and d2, torsion about d3 (the tangent of the reference l
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -222,9 +221,9 @@ class Section(Frozen):
 
     _remedy = "make another one, and a beam of it"
 
-    #: arguments of the constructor: those that a :class:`SectionTaper` changes, and all others
-    dimensions: Mapping[str, float] = MappingProxyType({})
-    others: Mapping[str, Any] = MappingProxyType({})
+    #: arguments of the constructor by name: those that a :class:`SectionTaper` changes, all others
+    dimensions: tuple[tuple[str, float], ...] = ()
+    others: tuple[tuple[str, Any], ...] = ()
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         constants = np.diag(self.stiffness)
@@ -387,8 +386,8 @@ class SectionRectangle(Section):
         moments = (a * b**3 / 12, b * a**3 / 12)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (a / 2, b / 2)
         super().__init__(*_solid(material, area, moments, float(J), shear_factor), corners)
-        self.dimensions = {"a": a, "b": b}
-        self.others = {"material": material, "shear_factor": shear_factor}
+        self.dimensions = ("a", a), ("b", b)
+        self.others = ("material", material), ("shear_factor", shear_factor)
 
 
 class SectionTube(Section):
@@ -413,7 +412,7 @@ class SectionTube(Section):
     def __init__(
         self, outer: float, inner: float, material: Material, shear_factor: float | None = None
     ):
-        others = {"material": material, "shear_factor": shear_factor}
+        others = ("material", material), ("shear_factor", shear_factor)
         _positive("tube", outer=outer)
         _check_material("tube", material)
         if not 0 <= inner < outer:
@@ -429,7 +428,7 @@ class SectionTube(Section):
         circle = outer * np.column_stack([np.cos(angle), np.sin(angle)])
         constants = _solid(material, area, (moments, moments), 2 * moments, shear_factor)
         super().__init__(*constants, circle)
-        self.dimensions, self.others = {"outer": outer, "inner": inner}, others
+        self.dimensions, self.others = (("outer", outer), ("inner", inner)), others
 
 
 class SectionCircle(SectionTube):
@@ -455,4 +454,4 @@ class SectionCircle(SectionTube):
         if shear_factor is not None:
             _positive("circle", shear_factor=shear_factor)
         super().__init__(radius, 0.0, material, shear_factor)
-        self.dimensions = {"radius": radius}
+        self.dimensions = (("radius", radius),)

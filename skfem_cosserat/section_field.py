@@ -125,8 +125,8 @@ class SectionTaper(SectionField):
                 f"first = {first!r}, last = {last!r}, expected two of one kind that has dimensions,"
                 " as SectionTube; others take a SectionTable, or a function of the arc length",
             )
-        for name, here in first.others.items():
-            if here != (there := last.others[name]):
+        for (name, here), (_, there) in zip(first.others, last.others, strict=True):
+            if here != there:
                 raise InputError(item, f"{name} = {here!r} at the start, {there!r} at the end")
         if first.viscosity.any() or last.viscosity.any():
             raise InputError(item, "its ends are damped: damp the taper, by .damped(time)")
@@ -134,9 +134,9 @@ class SectionTaper(SectionField):
 
     def at(self, s: float, length: float) -> Section:
         """The section with the dimensions there."""
-        x, last = s / length, self.last.dimensions
-        own = {name: (1 - x) * a + x * last[name] for name, a in self.first.dimensions.items()}
-        return type(self.first)(**own, **self.first.others)
+        x, ends = s / length, zip(self.first.dimensions, self.last.dimensions, strict=True)
+        own = {name: (1 - x) * a + x * b for (name, a), (_, b) in ends}
+        return type(self.first)(**own, **dict(self.first.others))
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from (("first", self.first), ("last", self.last))

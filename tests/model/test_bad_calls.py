@@ -134,9 +134,9 @@ def examples(tmp_path_factory):
     return calls, seen
 
 
-#: bases of what a user writes anew, and what those are given
-WRITTEN = {"Integrator", "Joint", "Load", "StepBalance", "Theory"}
-WRITTEN |= {"Evaluation", "StepData", "StepWork"}
+#: bases of what a user writes anew, what those are given, and what reads files
+WRITTEN = {"Integrator", "Joint", "Load", "SectionField", "StepBalance", "Theory"}
+WRITTEN |= {"Evaluation", "StepData", "StepWork", "BladeBeamDyn", "read_beamdyn"}
 
 
 @pytest.mark.slow
