@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError, failed
+from .frozen import Frozen, brief
 from .types import ArrayLike, Floats, IndexArray, numbers, shaped
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ class Stations:
         return np.stack([np.interp(s, self.s, column) for column in self.values.T], axis=-1)
 
 
-class Along:
+class Along(Frozen):
     """Values (size,) along a line, as a user gives them.
 
     Parameters
@@ -54,13 +55,16 @@ class Along:
     """
 
     def __init__(self, item: str, name: str, given: Any, size: int) -> None:
-        self.item, self.name, self.size = item, name, size
+        self.item, self.name, self.size, self._given = item, name, size, given
         if isinstance(given, tuple | list) and len(given) == 2 and np.ndim(given[0]):
             values = shaped(item, name, given[1], (np.size(given[0]), size))
             given = Stations(f"{item}, table of {name}", given[0], values)
         elif not callable(given):
             given = shaped(item, name, given, (size,))
         self.given: Any = given
+
+    def _brief(self) -> str:
+        return brief(self._given)
 
     def on(self, beam: Beam, elements: IndexArray, part: str | None, xi: Floats) -> Floats:
         """Values (m, k, size) at places of elements, as of :meth:`Beam.arc_lengths`.

@@ -224,8 +224,8 @@ class Beam(LineItem):
         The line is that of the part; without a name the whole beam, or if this is no single line
         the parts of the mesh, of which the length is that of the longest.
         """
-        owner, names = self._lines() if part is None else (0 * self.section_id, [part])
-        starts, totals = self._chains(self.part(part), owner, names)
+        lines = self._lines() if part is None else (0 * self.section_id, [part])
+        starts, totals = self._chains(self.part(part), *lines)
         places = starts[elements, None] + self.mesh.lengths[elements, None] * xi
         return places, float(np.nanmax(totals))
 
@@ -253,9 +253,7 @@ class Beam(LineItem):
     def _part_lengths(self) -> Floats:
         """As :meth:`_chains`, for the parts whose sections vary."""
         varying = np.array([name in self._varying for name in self.sections])
-        lines: tuple[IndexArray, Iterable[str]] = self.section_id, self.sections
-        if self._one_section:
-            lines = self._lines()
+        lines = self._lines() if self._one_section else (self.section_id, self.sections)
         return self._chains(np.flatnonzero(varying[self.section_id]), *lines)
 
     def sections_at(self, elements: IndexArray, xi: Floats) -> Array:
@@ -294,8 +292,8 @@ class Beam(LineItem):
     def _check_thickness(self) -> None:
         """Say that a section is thicker than the whole beam is long."""
         length = float(self.basis.lengths.sum())
-        middle = self.sections_at(np.arange(self.mesh.nelements), np.array([0.5]))[:, 0]
-        kinds, number = distinct(middle)
+        every = np.arange(self.mesh.nelements)
+        kinds, number = distinct(self.sections_at(every, np.array([0.5]))[:, 0])
         for k, one in enumerate(kinds):
             name = list(self.sections)[self.section_id[np.argmax(number == k)]]
             thickness = 0.0 if one.outline is None else float(np.ptp(one.outline, axis=0).max())
@@ -313,23 +311,21 @@ class Beam(LineItem):
         One between two elements is that of the element that ends there.
         """
         starts, totals = self._part_lengths()
-        names = list(self.sections)
         for e in np.flatnonzero(np.isfinite(totals)).tolist():
-            name = names[self.section_id[e]]
+            name = list(self.sections)[self.section_id[e]]
             for s in self._varying[name].kinks(float(totals[e])).tolist():
                 xi = (s - starts[e]) / self.mesh.lengths[e]
                 if NEAR < xi <= 1 + NEAR:
-                    yield name, s, e, float(xi)
+                    yield name, s, e, xi
 
     def _check_fields(self) -> None:
         """Say which sections cost accuracy."""
         for name, s, e, _ in [each for each in self.kinks() if each[3] < 1 - NEAR][:1]:
-            part = "" if self._one_section else f", {name!r}"
             warn(
                 self.label,
                 f"its {name!r} has a kink at s = {s:.6g} m, inside element {e}: errors fall with"
-                " h^2 there, whatever the order; give the mesh vertices at its kinks, as"
-                f" mesh.at({s:.6g}{part})",
+                " h^2 there, whatever the order; give the mesh vertices at its kinks, by"
+                " mesh.at(s) or mesh.at(s, part)",
                 ModelWarning,
             )
         starts, _ = self._chains(np.arange(len(self.section_id)), *self._lines())

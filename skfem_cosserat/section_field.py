@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from copy import copy
 from typing import Any, Literal
 
@@ -138,9 +138,6 @@ class SectionTaper(SectionField):
         own = {name: (1 - x) * a + x * b for (name, a), (_, b) in ends}
         return type(self.first)(**own, **dict(self.first.others))
 
-    def _parts(self) -> Iterator[tuple[str, Any]]:
-        yield from (("first", self.first), ("last", self.last))
-
 
 class SectionTable(SectionField):
     """Sections by numbers at stations along a beam, or part, with what lies between.
@@ -215,7 +212,7 @@ class SectionTable(SectionField):
         parts = [np.reshape(a, (count, int(np.prod(a.shape[1:])))) for a in arrays.values()]
         self._ends, flat = np.cumsum([part.shape[1] for part in parts])[:-1], np.hstack(parts)
         self._stations = Stations(item, s, flat, interpolation == "pchip")
-        self.s = self._stations.s
+        self.s, self.interpolation = self._stations.s, interpolation
         for k, place in enumerate(self.s):
             try:
                 self.at(place, self.s[-1])
@@ -233,15 +230,12 @@ class SectionTable(SectionField):
 
     def kinks(self, length: float) -> Floats:
         """Stations of a linear table at which a number has another slope."""
-        if self._stations.smooth:
+        if self.interpolation == "pchip":
             return np.zeros(0)
         values = self._stations.values
         slopes = np.diff(values, axis=0) / np.diff(self.s)[:, None]
         size = abs(values).max(axis=0) / (self.s[-1] - self.s[0])
         return self.s[1:-1][(abs(np.diff(slopes, axis=0)) > BEYOND * size).any(axis=1)]
-
-    def _parts(self) -> Iterator[tuple[str, Any]]:
-        yield from (("stations", len(self.s)), ("smooth", self._stations.smooth))
 
 
 class SectionSampled(SectionField):

@@ -255,7 +255,7 @@ def strain_excess(
         return np.zeros(len(q))
     factors = load_factors(system, t, amplitudes, len(q))
     less, none = (strain_energy(system, q, amplitudes=s * factors) for s in (1.0, 0.0))
-    return np.asarray(less - none)
+    return less - none
 
 
 def recorded_factors(system: System, history: History) -> Floats:
