@@ -54,8 +54,8 @@ def test_stability_of_the_stiff_swing_with_all_integrators(tmp_path):
             elif name == "energy-momentum":
                 assert cell.status == "ok" and cell.energy_error < 1e-10, (name, cell)
             elif name in measuring.MOST_DISSIPATIVE:
-                # a step of generalized-alpha from 0.62 s has two solutions, of which one has many
-                # times the energy: one start in six, moved by 1e-13, lands there
+                # the step of generalized-alpha to 0.62 s has several solutions (the run warns of
+                # them), one of many times the energy: which one is found turns with rounding
                 passed = cell.status == "drift" and cell.time > 0.66
                 lost = cell.status == "blowup" and cell.time > 0.61
                 assert passed or (lost and name == "generalized-alpha 0"), (name, cell)
