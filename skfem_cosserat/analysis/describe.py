@@ -193,7 +193,8 @@ def derive_series(system: System, history: History) -> None:
     ``diagnostics.section_forces``), for each joint ``position``, ``force`` and ``moment``, its
     relative coordinates and their rates, for each spring, damper, cable and bushing
     ``coordinate``, ``force`` and ``ends``, for each load that acts at places ``position``,
-    ``force`` and ``moment`` (N, k, 3), line loads in the middle of each element. Of a path: the same without momenta.
+    ``force`` and ``moment`` (N, k, 3), line loads in the middle of each element. Of a path: the
+    same without momenta.
 
     Forces and moments of joints, ``multipliers`` and resultants of strains that a beam's theory
     holds belong to the states, like all series, and are of the order of the scheme up to the second
