@@ -249,7 +249,7 @@ class CurveHelix(_Winding):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CurveMoved(Frozen):
-    """A curve moved as a rigid body: ``x -> rotation @ x + shift``.
+    """A curve moved as a rigid body and scaled: ``x -> scale * rotation @ x + shift``.
 
     Parameters
     ----------
@@ -259,6 +259,8 @@ class CurveMoved(Frozen):
         Orthogonal matrix (a reflection is allowed).
     shift : (3,)
         Translation (m).
+    scale : float
+        Factor of all lengths.
 
     Examples
     --------
@@ -270,20 +272,22 @@ class CurveMoved(Frozen):
     curve: Curve
     rotation: Floats
     shift: Floats
+    scale: float = 1.0
 
     @property
     def length(self) -> float:
         """Arc length (m)."""
-        return self.curve.length
+        return self.scale * self.curve.length
 
     def point(self, s: ArrayLike) -> Floats:
         """Points (3, ...) at arc lengths s (...), in m."""
         shift = np.asarray(self.shift).reshape((3,) + (1,) * np.ndim(s))
-        return np.tensordot(self.rotation, self.curve.point(s), 1) + shift
+        own = self.curve.point(np.asarray(s) / self.scale)
+        return np.tensordot(self.scale * self.rotation, own, 1) + shift
 
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (3, ...) at arc lengths s (...)."""
-        return np.tensordot(self.rotation, self.curve.tangent(s), 1)
+        return np.tensordot(self.rotation, self.curve.tangent(np.asarray(s) / self.scale), 1)
 
 
 class CurveSpline(Frozen):

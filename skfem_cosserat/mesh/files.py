@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MeshError, ModelWarning
-from ..types import Array, FilePath, Floats, IndexArray, file_path
+from ..types import Array, ArrayLike, FilePath, Floats, IndexArray, file_path, names_known
 from ..warn import logger, warn
 from .decks import DECKS, Deck
+from .topology import element_numbers
 
 # -- ASCII gmsh files of points and lines: written in 4.1 and 2.2, read in 4.1 ---------------------
 #
@@ -356,19 +357,50 @@ def _read_lines(file: Path) -> LineData:
         beams, nodes = _arrays(found.beams), _arrays(found.nodes)
         return _cleaned(found.points, np.concatenate(found.lines), beams, nodes, found.other)
     mesh = _meshio(file, content)
+    lines = lines_of(mesh, physical_names(content))
+    if _is_gmsh41(content, b"1"):
+        for name, (_, dimension) in mesh.field_data.items():
+            if dimension <= 1 and name not in lines.beams and name not in lines.nodes:
+                raise ValueError(f"group '{name}' cannot be read; {_AS_ASCII}")
+    return lines
+
+
+def lines_of(mesh: Any, names: Mapping[tuple[int, int], str] | None = None) -> LineData:
+    """Lines of a meshio.Mesh; names of its physical groups, if they are not all in the mesh."""
     _check_cells(Counter({block.type: len(block.data) for block in mesh.cells}))
     lines = np.vstack([block.data for block in mesh.cells if block.type == "line"])
     if lines.shape[1] != 2:
         raise ValueError(f"has polylines of {lines.shape[1]} nodes: split them")
-    beams, nodes = _meshio_names(mesh, content)
-    if _is_gmsh41(content, b"1"):
-        for name, (_, dimension) in mesh.field_data.items():
-            if dimension <= 1 and name not in beams and name not in nodes:
-                raise ValueError(f"group '{name}' cannot be read; {_AS_ASCII}")
-    points = np.zeros((len(mesh.points), 3))
-    points[:, : mesh.points.shape[1]] = mesh.points
+    if names is None:
+        own = mesh.field_data.items()
+        names = {(int(dim), int(tag)): name for name, (tag, dim) in own}
+    beams, nodes = _meshio_names(mesh, names)
     others = [block.data for block in mesh.cells if block.type not in ("line", "vertex")]
-    return _cleaned(points, lines, beams, nodes, others)
+    return _cleaned(_in_space(mesh.points), lines, beams, nodes, others)
+
+
+def _in_space(points: Array) -> Floats:
+    """Points (n, 3), what is missing is zero."""
+    out = np.zeros((len(points), 3))
+    out[:, : points.shape[1]] = points
+    return out
+
+
+def lines_of_skfem(mesh: Any, edges: str | ArrayLike | None) -> LineData:
+    """Lines, or edges, of a mesh of scikit-fem."""
+    dimension, named = mesh.dim(), mesh.boundaries or {}
+    beams, nodes = (dict(mesh.subdomains or {}), named) if dimension == 1 else (named, {})
+    if dimension == 3:
+        beams = {}
+    lines = (mesh.t[:2], mesh.facets, mesh.edges)[dimension - 1].T
+    if isinstance(edges, str):
+        if edges not in beams:
+            raise MeshError("argument edges", f"got {edges!r}; {names_known(edges, beams)}")
+        edges = beams[edges]
+    chosen = element_numbers(np.arange(len(lines)) if edges is None else edges, len(lines))
+    beams = {name: np.flatnonzero(np.isin(chosen, own)) for name, own in beams.items()}
+    beams = {name: own for name, own in beams.items() if len(own)}
+    return _cleaned(_in_space(mesh.p.T), lines[chosen], beams, nodes)
 
 
 def _from_deck(file: Path, deck: Deck) -> LineData:
@@ -492,12 +524,14 @@ def _arrays(names: dict[str, list[Any]]) -> dict[str, IndexArray]:
     }
 
 
-def _meshio_names(mesh: Any, content: bytes) -> tuple[dict[str, IndexArray], dict[str, IndexArray]]:
+def _meshio_names(
+    mesh: Any, names: Mapping[tuple[int, int], str]
+) -> tuple[dict[str, IndexArray], dict[str, IndexArray]]:
     """Named elements and points of whatever convention the file follows."""
     beams: dict[str, list[Any]] = {}
     nodes: dict[str, list[Any]] = {}
     if "gmsh:physical" in mesh.cell_data:
-        names, tags = physical_names(content), mesh.cell_data_dict["gmsh:physical"]
+        tags = mesh.cell_data_dict["gmsh:physical"]
         for dim, (kind, sets) in enumerate((("vertex", nodes), ("line", beams))):
             cells = [block.data for block in mesh.cells if block.type == kind]
             for tag in set(tags.get(kind, ())) - {0}:
@@ -573,16 +607,16 @@ def write_lines(
 ) -> None:
     """Write lines; see :func:`skfem_cosserat.mesh.write_mesh`."""
     file = file_path("argument path", path)
-    default = {".msh": "gmsh", ".vtu": "vtu"}.get(file.suffix.lower())
+    default = {".msh": "gmsh", ".vtu": "vtu", ".vtk": "vtk"}.get(file.suffix.lower())
     kind = default if file_format is None else file_format
-    if kind not in {"gmsh", "gmsh22", "vtu"}:
+    if kind not in {"gmsh", "gmsh22", "vtu", "vtk"}:
         raise MeshError(
-            f"file '{file}'", f"format {kind!r} of suffix '{file.suffix}' is not .msh or .vtu"
+            f"file '{file}'", f"format {kind!r} of suffix '{file.suffix}' is not .msh, .vtu or .vtk"
         )
     if not file.parent.is_dir():
         raise MeshError(f"file '{file}'", f"cannot be written: no folder '{file.parent}'")
-    if kind == "vtu":
-        _write_vtu(file, lines, point_data or {}, cell_data or {})
+    if kind in ("vtu", "vtk"):
+        _write_vtk(file, kind, lines, point_data or {}, cell_data or {})
         return
     if point_data or cell_data:
         raise MeshError(f"file '{file}'", "data on points or cells are written to .vtu only")
@@ -590,15 +624,17 @@ def write_lines(
     write_gmsh(file, lines.points, lines.t, lines.beams, lines.nodes, version)
 
 
-def _write_vtu(
-    file: Path, lines: LineData, point_data: dict[str, Any], cell_data: dict[str, Any]
+def _write_vtk(
+    file: Path, kind: str, lines: LineData, point_data: dict[str, Any], cell_data: dict[str, Any]
 ) -> None:
-    """Write VTU with 0/1 arrays for the names."""
+    """Write VTU, or legacy VTK, with 0/1 arrays for the names."""
     import meshio  # slow to import: gmsh files do without
 
     for name in [*lines.beams, *lines.nodes]:  # meshio writes names unescaped
         if not name.isprintable() or set(name) & set('"<>&'):
             raise MeshError(f"name {name!r}", "cannot be written to a VTU file: quotes, <, > or &")
+        if kind == "vtk" and " " in name:
+            raise MeshError(f"name {name!r}", "has a space, which a .vtk file cannot hold: .vtu")
     ne, nv = lines.t.shape[1], lines.points.shape[1]
     cells = {BEAM + k: np.isin(np.arange(ne), v).astype(np.int32) for k, v in lines.beams.items()}
     points = {NODE + k: np.isin(np.arange(nv), v).astype(np.int32) for k, v in lines.nodes.items()}
@@ -608,4 +644,4 @@ def _write_vtu(
         point_data={**points, **point_data},
         cell_data={k: [np.asarray(v)] for k, v in {**cells, **cell_data}.items()},
     )
-    meshio.write(file, mesh, file_format="vtu")
+    meshio.write(file, mesh, file_format=kind)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from skfem import MeshLine1
+from skfem import Mesh, MeshLine1
 from skfem.mapping import Mapping as SkfemMapping
 
 from ..arguments import checked
@@ -24,6 +25,7 @@ from ..types import (
     VectorLike,
     check_kind,
     is_whole,
+    positive,
     switch,
 )
 from . import topology
@@ -35,6 +37,9 @@ from .topology import (
     check_geometry,
     element_count,
 )
+
+if TYPE_CHECKING:
+    from .files import LineData
 
 # -- the arc-length mapping scikit-fem evaluates bases with ----------------------------------------
 
@@ -191,15 +196,16 @@ def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
     }
 
 
-def moved_arrays(mesh: MeshCurve, rotation: Any, shift: Any) -> dict[str, Any]:
-    """Fields of a mesh moved by ``x -> rotation @ x + shift``."""
+def moved_arrays(mesh: MeshCurve, rotation: Any, shift: Any, scale: float = 1.0) -> dict[str, Any]:
+    """Fields of a mesh moved by ``x -> scale * rotation @ x + shift``."""
     turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-12):
         raise MeshError("argument rotation", f"{turn.tolist()} is no orthogonal matrix")
     by = vector(shift, "argument shift")
     return {
-        "doflocs": turn @ mesh.p + by[:, None],
-        "curves": [CurveMoved(curve, turn, by) for curve in mesh.curves],
+        "doflocs": scale * turn @ mesh.p + by[:, None],
+        "curves": [CurveMoved(curve, turn, by, scale) for curve in mesh.curves],
+        "spans": scale * mesh.spans,
     }
 
 
@@ -265,20 +271,30 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
         "curves": [curve for m in meshes for curve in m.curves],
         "curve_ids": np.concatenate(ids),
         "spans": np.concatenate([m.spans for m in meshes], axis=1),
-        "_subdomains": _united("beam", [m.beams for m in meshes], lambda k, v: v + first[k]),
-        "_boundaries": _united("node", [m.nodes for m in meshes], lambda k, v: numbers[k][v]),
+        "_subdomains": _united([m.beams for m in meshes], lambda k, v: v + first[k]),
+        "_boundaries": _united([m.nodes for m in meshes], lambda k, v: numbers[k][v]),
     }
 
 
-def _united(kind: str, parts: Sequence[dict[str, IndexArray]], renumber: Any) -> dict[str, Any]:
-    """All names of all meshes; each may occur once."""
-    out = {}
+def _united(parts: Sequence[dict[str, IndexArray]], renumber: Any) -> dict[str, Any]:
+    """All names of all meshes; what has one name in several meshes becomes one."""
+    out: dict[str, list[IndexArray]] = {}
     for k, names in enumerate(parts):
         for name, index in names.items():
-            if name in out:
-                raise MeshError(f"{kind} '{name}'", f"occurs in several meshes (again in mesh {k})")
-            out[name] = renumber(k, index)
-    return out
+            out.setdefault(name, []).append(renumber(k, index))
+    return {name: np.unique(np.concatenate(members)) for name, members in out.items()}
+
+
+def _with_ends(mesh: MeshCurve, beams: Iterable[str]) -> dict[str, IndexArray]:
+    """Named nodes of a mesh whose beams of some names have been put together."""
+    nodes = mesh.nodes
+    for name in beams:
+        first, last = mesh.t[:, mesh.beams[name]]
+        for where, other, end in ((first, last, "start"), (last, first, "end")):
+            nodes.pop(f"{name}.{end}", None)
+            if len(found := np.setdiff1d(where, other)):
+                nodes[f"{name}.{end}"] = found
+    return nodes
 
 
 def _near(points: Floats, tol: float) -> dict[int, list[int]]:
@@ -552,15 +568,70 @@ class MeshCurve(Frozen, MeshLine1):
         from . import files  # few scenes need it
 
         with files.read_errors(filename):
-            lines = files.read_lines(filename)
-            mesh = cls(
-                doflocs=lines.points,
-                t=lines.t,
-                _boundaries=lines.nodes,
-                _subdomains=lines.beams,
-            )
+            mesh = cls._of_lines(files.read_lines(filename))
         topology.warn_of_crossings(mesh, np.arange(mesh.nelements))
-        return mesh.directed()
+        return mesh
+
+    @classmethod
+    def _of_lines(cls, lines: LineData) -> Self:
+        """Mesh of straight lines, each beam in one direction."""
+        return cls(lines.points, lines.t, lines.nodes, lines.beams).directed()
+
+    @classmethod
+    def from_meshio(cls, mesh: Any) -> Self:
+        """Mesh of the lines of a ``meshio.Mesh``, with names as :func:`read_mesh` has them.
+
+        Raises
+        ------
+        MeshError
+            If it has no lines, or lines of more than two nodes.
+
+        Examples
+        --------
+        >>> import meshio
+        >>> lines = meshio.Mesh([[0.0, 0], [1, 0], [2, 0]], [("line", [[0, 1], [1, 2]])])
+        >>> MeshCurve.from_meshio(lines).lengths.tolist()
+        [1.0, 1.0]
+        """
+        from . import files
+
+        try:
+            return cls._of_lines(files.lines_of(mesh))
+        except ValueError as error:
+            raise MeshError("argument mesh", str(error)) from error
+
+    @classmethod
+    def from_mesh(cls, mesh: Mesh, edges: str | ArrayLike | None = None) -> Self:
+        """Mesh of the lines of a mesh of scikit-fem, or of the edges of its elements.
+
+        Coordinates that it lacks are zero. Of a line mesh subdomains are beams and boundaries are
+        nodes; of a mesh of the plane boundaries are beams. Lines are straight.
+
+        Parameters
+        ----------
+        mesh : skfem.Mesh
+            In one, two or three dimensions.
+        edges : str or (k,) int array, optional
+            A boundary of a mesh of the plane by name, or numbers of its ``facets``, in space of
+            its ``edges``; default: all.
+
+        Raises
+        ------
+        MeshError
+            If there is no such boundary or edge.
+
+        Examples
+        --------
+        >>> import skfem
+        >>> square = skfem.MeshQuad().with_boundaries({"left": lambda x: x[0] == 0})
+        >>> MeshCurve.from_mesh(square, "left").p.T.tolist()
+        [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+        >>> MeshCurve.from_mesh(skfem.MeshTet()).nelements
+        19
+        """
+        from . import files
+
+        return cls._of_lines(files.lines_of_skfem(mesh, edges))
 
     def save(
         self,
@@ -687,6 +758,9 @@ class MeshCurve(Frozen, MeshLine1):
     def joined(self, *others: MeshCurve, tol: float | None = None, weld: bool = True) -> Self:
         """One mesh of several; coinciding vertices of different meshes become one.
 
+        A name of several meshes is that of all their elements, or nodes: pieces of a beam that
+        follow each other become one beam, whose ends are NAME.start and NAME.end.
+
         Lines that cross where they have no common vertex stay apart: a :class:`ModelWarning` says
         where, unless nothing is merged at all.
 
@@ -702,7 +776,7 @@ class MeshCurve(Frozen, MeshLine1):
         Raises
         ------
         MeshError
-            If two meshes use the same beam or node name, or ``tol`` would collapse an element.
+            If ``tol`` would collapse an element.
 
         Examples
         --------
@@ -715,6 +789,10 @@ class MeshCurve(Frozen, MeshLine1):
         weld = switch("argument weld", weld)
         meshes: list[MeshCurve] = [self, *others]
         mesh = replace(self, **joined_arrays(meshes, tol, weld))
+        names = Counter(name for each in meshes for name in each.beams)
+        if several := [name for name, count in names.items() if count > 1]:
+            mesh = mesh.directed()
+            mesh = replace(mesh, _boundaries=_with_ends(mesh, several))
         if weld:
             part = [np.full(each.nelements, k) for k, each in enumerate(meshes)]
             topology.warn_of_crossings(mesh, np.concatenate(part))
@@ -814,6 +892,11 @@ class MeshCurve(Frozen, MeshLine1):
         """Copy moved by a vector (3,)."""
         return self.moved(shift=diffs)
 
+    def scaled(self, factors: float) -> Self:
+        """Copy with all lengths times a positive number."""
+        factor = positive("argument factors", "its value", factors)
+        return replace(self, **moved_arrays(self, None, np.zeros(3), factor))
+
     def mirrored(self, normal: VectorLike, point: VectorLike | None = None) -> Self:
         """Copy reflected at the plane with a normal (3,) through a point (3,)."""
         n = np.asarray(normal, dtype=float)
@@ -901,11 +984,12 @@ def write_mesh(path: FilePath, mesh: MeshCurve, file_format: str | None = None) 
     Parameters
     ----------
     path : path
-        Ends in ``.msh`` or ``.vtu``.
+        Ends in ``.msh``, ``.vtu`` or ``.vtk``.
     mesh : MeshCurve
         The mesh.
     file_format : str, optional
-        ``"gmsh"`` (ASCII 4.1, default for ``.msh``), ``"gmsh22"`` (ASCII 2.2) or ``"vtu"``.
+        ``"gmsh"`` (ASCII 4.1, default for ``.msh``), ``"gmsh22"`` (ASCII 2.2), ``"vtu"`` or
+        ``"vtk"``.
 
     Raises
     ------
