@@ -13,6 +13,7 @@ from .arguments import checked
 from .element import (
     ElementDirector,
     ElementLineLobatto,
+    ElementMotion,
     Interpolation,
     gauss_rule,
     interpolation,
@@ -202,10 +203,31 @@ class DirectorBasis(CellBasis):
         """
         if quadrature is None:
             count = self.order + 1 if intorder is None else int(intorder) // 2 + 1
-            x, w = gauss_rule(count)
-            quadrature = (x[None], w)
+            quadrature = self._rule(count)
         element = ElementLineLobatto(self.interpolation)
         return CellBasis(self.mesh, element, mapping=self.mapping, quadrature=quadrature)
+
+    def linear(self) -> CellBasis:
+        """Basis of small motions on the same mesh and nodes: u and theta, six numbers a node.
+
+        The unknowns of :meth:`Beam.linear` and :meth:`Beam.reduce`: displacements (m) and
+        rotation vectors in space. It integrates products of shape functions exactly.
+
+        Examples
+        --------
+        >>> basis = DirectorBasis(MeshCurve.init_line((0, 0, 0), (1, 0, 0), 4, name="rod"))
+        >>> basis.linear().get_dofs("rod.end").all(["u_2", "theta_3"]).tolist()
+        [25, 29]
+        """
+        element = ElementMotion(self.interpolation)
+        rule = self._rule(self.order + 1)
+        return CellBasis(self.mesh, element, mapping=self.mapping, quadrature=rule)
+
+    @staticmethod
+    def _rule(count: int) -> tuple[Floats, Floats]:
+        """Gauss points (1, nq) and weights (nq,)."""
+        x, w = gauss_rule(count)
+        return x[None], w
 
     def with_element(self, elem: Any) -> CellBasis:
         """Basis with another element on the same mesh and quadrature."""

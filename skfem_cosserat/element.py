@@ -360,3 +360,25 @@ class ElementDirector(ElementVector):
         super().__init__(ElementLineLobatto(order), 12)
         names = [f"{v}_{i}" for v in ("phi", "d1", "d2", "d3") for i in (1, 2, 3)]
         self.dofnames = names * self.elem.order
+
+
+class ElementMotion(ElementVector):
+    """Six components a node, displacements u and small rotations theta, on the same points.
+
+    ``basis.get_dofs("tip").all(["u_1", "theta_2"])`` finds single components by name.
+
+    Parameters
+    ----------
+    order : int or Interpolation
+        Polynomial order, 1 to 8, or an interpolation with nodes elsewhere.
+
+    Examples
+    --------
+    >>> ElementMotion(1).dofnames[2:5]
+    ['u_3', 'theta_1', 'theta_2']
+    """
+
+    def __init__(self, order: int | Interpolation = 1) -> None:
+        super().__init__(ElementLineLobatto(order), 6)
+        names = [f"{v}_{i}" for v in ("u", "theta") for i in (1, 2, 3)]
+        self.dofnames = names * self.elem.order

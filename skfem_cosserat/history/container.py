@@ -698,6 +698,43 @@ class History:
             self._derive(name)
         return self._series[name]
 
+    def field(self, beam: str, index: int) -> Floats:
+        """Coordinates (12 nodes,) of a beam in a state, in the order of its basis.
+
+        They are those of ``beam.basis``, for scikit-fem's forms and ``basis.interpolate``.
+
+        Parameters
+        ----------
+        beam : str
+            Its name.
+        index : int
+            Number of the state; negative ones count from the end.
+
+        Raises
+        ------
+        InputError
+            If there is no such beam or state.
+
+        Examples
+        --------
+        >>> import skfem_cosserat as sc
+        >>> mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2, name="rod")
+        >>> section = sc.Section([1e4, 1e4, 1e4, 5, 5, 5], mass=1.0, inertia=(1.0, 1.0))
+        >>> model = sc.Model()
+        >>> rod = model.add("rod", sc.Beam(mesh, section, velocity=(1.0, 0, 0)))
+        >>> history = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.1, until=0.2)
+        >>> change = history.field("rod", -1) - rod.reference
+        >>> change[rod.basis.get_dofs("rod.end").all("phi_1")].round(9).tolist()
+        [0.2]
+        """
+        key = f"beam/{beam}/offsets"
+        if key not in self.static:
+            known = [entry["name"] for entry in self.meta.get("beams", [])]
+            raise InputError("argument beam", f"got {beam!r}; {names_known(beam, known)}")
+        if not -len(self) <= index < len(self):
+            raise InputError("argument index", f"got {index}, there are {len(self)} states")
+        return self["q"][index][(self.static[key][:, None] + np.arange(12)).ravel()]
+
     def position(
         self, place: Place | Beam, s: ArrayLike | None = None, part: str | None = None
     ) -> Floats:

@@ -565,6 +565,39 @@ class System:
         """First number in q of the frame or point that carries a place."""
         return int(self.dofs(place)[0])
 
+    def split(self, q: ArrayLike) -> dict[str, Floats]:
+        """Coordinates, velocities or forces of the beams, in the order of their bases.
+
+        Parameters
+        ----------
+        q : (..., n) array
+
+        Returns
+        -------
+        dict of str to (..., basis.N) array
+            By the names of the beams.
+
+        Raises
+        ------
+        InputError
+            If it is not as long as the coordinates of the system.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import Beam, MeshCurve, Model, Section
+        >>> section = Section([1e4, 1e4, 1e4, 5, 5, 5], mass=1.0, inertia=(1.0, 1.0))
+        >>> model = Model()
+        >>> rod = model.add("rod", Beam(MeshCurve.init_line((0, 0, 0), (1, 0, 0), 2), section))
+        >>> system = model.freeze()
+        >>> bool((system.split(system.q0)["rod"] == rod.reference).all())
+        True
+        """
+        given = numbers("argument q", "q", q)
+        if given.shape[-1:] != (self.n,):
+            raise InputError("argument q", f"has shape {given.shape}, expected (..., {self.n})")
+        starts = ((beam, 3 * self.first[id(beam)][1]) for beam in self.beams)
+        return {str(b.name): given[..., start : start + b.basis.N] for b, start in starts}
+
     def dofs(self, place: Place) -> IndexArray:
         """Numbers in q of the frame or point that carries a place.
 
