@@ -13,6 +13,9 @@ from . import (
 )
 from .basis import (
     DirectorBasis as DirectorBasis,
+    ElementLoad as ElementLoad,
+    ElementMatrix as ElementMatrix,
+    error_norms as error_norms,
 )
 from .beam import (
     Beam as Beam,

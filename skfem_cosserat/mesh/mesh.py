@@ -627,7 +627,7 @@ class MeshCurve(Frozen, MeshLine1):
         >>> MeshCurve.from_mesh(square, "left").p.T.tolist()
         [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
         >>> MeshCurve.from_mesh(skfem.MeshTet()).nelements
-        19
+        18
         """
         from . import files
 

@@ -78,3 +78,14 @@ def test_outputs_are_compared():
 def test_blocks_are_found_with_their_output():
     text = "# T\n```python\nx = 1\n```\n\n```text\n1\n```\n```python\ny = 2\n```\nwords\n"
     assert blocks(text) == [(3, "x = 1\n", "1\n"), (10, "y = 2\n", None)]
+
+
+def test_scripts_inside_scikit_fem_take_public_names_alone():
+    """Page 09 and its programs import the package, nothing from inside it."""
+    pages = [GUIDE / "09_inside_scikit_fem.md"]
+    pages += [GUIDE.parent / name for name in ("skfem_alone.py", "own_loops.py")]
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        assert "import skfem_cosserat as sc" in text
+        assert not re.search(r"skfem_cosserat\.|from skfem_cosserat", text), page.name
+        assert not re.search(r"\[(12|6) \*", text), page.name
