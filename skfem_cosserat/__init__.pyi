@@ -75,6 +75,9 @@ from .export import (
     write_csv as write_csv,
     write_paraview as write_paraview,
 )
+from .force import (
+    Force as Force,
+)
 from .frames import (
     Motion as Motion,
     MotionShake as MotionShake,
@@ -139,7 +142,6 @@ from .load import (
     LoadStrain as LoadStrain,
     TermAcceleration as TermAcceleration,
     TermForce as TermForce,
-    TermFunction as TermFunction,
     TermLine as TermLine,
     TermMoment as TermMoment,
     TermStrain as TermStrain,

@@ -56,6 +56,10 @@ class Coupling(Item):
     kind = "coupling"
     slack = False
     channels: tuple[TimeFunction, ...] = ()
+    #: whether its law is a user's own: compiled steps call it back
+    own_law = False
+    #: at which it acts, if these are no sides of a coupling
+    points: tuple[object, ...] = ()
     a: Place
     b: Place
     coordinates: tuple[RelativeCoordinate, ...]
@@ -78,6 +82,10 @@ class Coupling(Item):
         forms = [form for coordinate in self.coordinates for form in coordinate.forms]
         ends = [end for form in forms for product in form for end in (product.left, product.right)]
         return [place for end in ends for place, _, _ in end.terms]
+
+    def sides(self) -> Sequence[Place]:
+        """The places that it connects."""
+        return self.a, self.b
 
     def references(self) -> Sequence[Item]:
         """The items of both sides."""

@@ -30,9 +30,6 @@ STEP = 1e-30
 DIFFERENCE = 1e-4
 #: Gauss points of an interval [-1/2, 1/2] beside its middle, and the weight of each
 GAUSS = float(np.sqrt(0.15)), 5 / 18
-#: pairs of strains, each once
-_PAIRS = np.triu_indices(6)
-_ONES = np.ones(6)
 _PLACES = np.array([0.0, -GAUSS[0], GAUSS[0]])
 #: increments below this share of the strains leave only the leading term of a discrete tangent
 SMALL = 1e-7
@@ -44,7 +41,10 @@ class Law(Frozen, ABC):
     Parameters
     ----------
     stiffness : (6, 6) array
-        Its second derivative at zero strain, symmetric positive definite.
+        Its second derivative at zero strain, symmetric positive definite; a metric, if it is a
+        potential of other coordinates (m,), as those of forces.
+    size : float
+        Axial strain, or coordinate, that steps of differences are relative to.
     """
 
     #: what rounding makes of an energy that vanishes (J/m)
@@ -52,10 +52,12 @@ class Law(Frozen, ABC):
     #: numbers of strains that are held (:class:`skfem_cosserat.Theory`): it knows nothing of them
     held: tuple[int, ...] = ()
 
-    def __init__(self, stiffness: Floats) -> None:
+    def __init__(self, stiffness: Floats, size: float = 1.0) -> None:
         self.stiffness = stiffness
         #: strains (6,) that have the energy of an axial strain of one: what steps are relative to
-        self.scale = np.sqrt(stiffness[2, 2] / np.diag(stiffness))
+        axial = min(2, len(stiffness) - 1)
+        self.scale = size * np.sqrt(stiffness[axial, axial] / np.diag(stiffness))
+        self._ones = np.ones(len(stiffness))
 
     @abstractmethod
     def energy(self, eps: Array) -> Array:
@@ -104,7 +106,7 @@ class Law(Frozen, ABC):
         """
         # in one call: calls of functions take longer than what they do
         found = self.stress(mean + _PLACES.reshape(3, *(1,) * d.ndim) * d)
-        return found[0], ((found[1] + found[2]) * d).dot(_ONES)
+        return found[0], ((found[1] + found[2]) * d).dot(self._ones)
 
     def _correction(self, eps0: Array, eps1: Array) -> _Correction:
         """Terms of the discrete derivative.
@@ -117,12 +119,12 @@ class Law(Frozen, ABC):
         middle, beside = self.beside(0.5 * (eps0 + eps1), d)
         before, after = self.energy(np.array([eps0, eps1]))
         metric, terms = d.dot(self.stiffness), middle * d
-        work = terms.dot(_ONES)  # faster than the sum over the last axis
+        work = terms.dot(self._ones)  # faster than the sum over the last axis
         gap, smooth = (after - before) - work, GAUSS[1] * (beside - work - work)
         size = abs(before.real) + abs(after.real)
-        rounding = (4 * EPS) * (size + abs(terms.real).dot(_ONES)) + 2 * self.noise
+        rounding = (4 * EPS) * (size + abs(terms.real).dot(self._ones)) + 2 * self.noise
         np.copyto(gap, smooth, where=abs((gap - smooth).real) <= rounding)
-        return _Correction(middle, metric, (metric * d).dot(_ONES), gap, size)
+        return _Correction(middle, metric, (metric * d).dot(self._ones), gap, size)
 
 
 class _Correction(NamedTuple):
@@ -193,6 +195,8 @@ class LawStored(Law):
         Whether the gradient takes complex numbers.
     noise : float
         What rounding makes of W at strains where it vanishes (J/m).
+    size : float
+        See :class:`Law`.
     """
 
     def __init__(
@@ -203,8 +207,9 @@ class LawStored(Law):
         stiffness: Floats,
         complex_step: bool = True,
         noise: float = 0.0,
+        size: float = 1.0,
     ) -> None:
-        super().__init__(stiffness)
+        super().__init__(stiffness, size)
         self.functions = energy, gradient, hessian
         self.complex_step, self.noise = complex_step, noise
         self._steps = STEP * self.scale
@@ -231,16 +236,17 @@ class LawStored(Law):
         energy, gradient, _ = self.functions
         if gradient is not None or np.iscomplexobj(mean):
             return super().beside(mean, d)
-        moved = np.empty((*d.shape[:-1], 8, 6), dtype=complex)
-        moved[..., :6, :] = mean[..., None, :] + self._moves
+        m = len(self._ones)
+        moved = np.empty((*d.shape[:-1], m + 2, m), dtype=complex)
+        moved[..., :m, :] = mean[..., None, :] + self._moves
         along, step = STEP * 1j * d, GAUSS[0] * d
-        moved[..., 6, :], moved[..., 7, :] = mean - step + along, mean + step + along
+        moved[..., m, :], moved[..., m + 1, :] = mean - step + along, mean + step + along
         found = self._value("energy", energy, moved, moved.shape[:-1]).imag
-        return found[..., :6] / self._steps, (found[..., 6] + found[..., 7]) / STEP
+        return found[..., :m] / self._steps, (found[..., m] + found[..., m + 1]) / STEP
 
     def tangent(self, eps: Array) -> Array:
         """Second derivative (..., 6, 6), given or made; made from the gradient it is symmetric."""
-        shape = (*eps.shape, 6)
+        shape = (*eps.shape, eps.shape[-1])
         energy, gradient, hessian = self.functions
         if hessian is not None:
             return self._value("hessian", hessian, eps, shape)
@@ -255,13 +261,14 @@ class LawStored(Law):
     def _from_energy(self, energy: StrainFunction, eps: Array) -> Array:
         """Second derivative: complex steps of differences, each pair once."""
         steps, moves = self._steps, DIFFERENCE * self.scale
-        a, b = _PAIRS
-        by = moves[a, None] * np.eye(6)[a]
+        m = len(moves)
+        a, b = np.triu_indices(m)  # each pair once
+        by = moves[a, None] * np.eye(m)[a]
         shifts = np.array([by, -by, 2 * by, -2 * by]) + self._moves[b]
         moved = eps[..., None, None, :] + shifts
         found = self._value("energy", energy, moved, moved.shape[:-1]).imag / steps[b]
         near, far = found[..., 0, :] - found[..., 1, :], found[..., 2, :] - found[..., 3, :]
-        out = np.empty((*eps.shape, 6))
+        out = np.empty((*eps.shape, m))
         out[..., a, b] = out[..., b, a] = (8 * near - far) / (12 * moves[a])
         return out
 
@@ -272,7 +279,7 @@ class LawStored(Law):
         steps, moved = self._steps, eps[..., None, :] + self._moves
         found = self._value(name, function, moved, (*eps.shape, *shape[eps.ndim :]))
         axis = eps.ndim - 1
-        return found.imag / steps.reshape(6, *(1,) * (found.ndim - 1 - axis))
+        return found.imag / steps.reshape(-1, *(1,) * (found.ndim - 1 - axis))
 
     def _value(
         self, name: str, function: StrainFunction, eps: Array, shape: tuple[int, ...]
@@ -283,6 +290,8 @@ class LawStored(Law):
         with np.errstate(all="ignore"):  # what is not finite is named, or given up by the solver
             try:
                 out = np.array(function(given))
+            except InputError:
+                raise
             except Exception as error:
                 what = f"{name} of {eps.dtype} strains {eps.shape} (which it must not change)"
                 raise failed(ITEM, what, error) from error
@@ -299,13 +308,13 @@ class LawStored(Law):
 
 
 def difference(function: StrainFunction, eps: Array, steps: Floats) -> Array:
-    """Derivative by differences of fourth order with steps (6,); its index follows the stack's."""
+    """Derivative by differences of fourth order with steps (m,); its index follows the stack's."""
     by = np.diag(steps)
     near, far = (
         function(eps[..., None, :] + k * by) - function(eps[..., None, :] - k * by) for k in (1, 2)
     )
     extra = (1,) * (near.ndim - eps.ndim)
-    return (8 * near - far) / (12 * steps.reshape(6, *extra))
+    return (8 * near - far) / (12 * steps.reshape(-1, *extra))
 
 
 # -- functions of the strains of one point that numba, not imported here, has compiled -------------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from typing import TYPE_CHECKING, Any, Self
 
@@ -13,7 +13,6 @@ from .errors import InputError
 from .frames import Item, Place, StructuralItem, check_beam, no_place, vector
 from .frozen import Attached, Replacements
 from .kernels import beam_geometric, cross, product
-from .relative import Expression, point
 from .time_function import (
     Amplitude,
     Component,
@@ -425,84 +424,6 @@ class TermAcceleration(Term):
         return (mass @ field.reshape(len(field), -1, 1)).reshape(field.shape)
 
 
-#: ``(x, v, t) -> (k, 3)``, see :class:`TermFunction`
-ForceFunction = Callable[[Any, Any, float], ArrayLike]
-#: ``(x, v, t) -> two arrays (k, 3, k, 3)``
-SlopeFunction = Callable[[Any, Any, float], tuple[ArrayLike, ArrayLike]]
-
-
-class TermFunction(Term):
-    """Forces (N) at k points as a function of the points, their velocities and time.
-
-    In a step it is taken at the midpoints of positions and time with the mean velocity, by
-    generalized-alpha at the end; in statics at rest. Newton's method needs its slopes. They are
-    found by complex steps, for which `force` must be made of what is differentiable:
-    ``np.sqrt((v * v).sum())``, not ``abs`` or ``np.linalg.norm``. When a scene is frozen they are
-    compared with differences. Compiled kernels call them back; `modes` leaves its slopes by the
-    velocities out (without a state or time all of it, as all loads), and the step limit of explicit
-    schemes all of them. Whether it leaves a plane is looked at when the scene is
-    frozen, at a few first instants, and at the end of a run, at some recorded states: a warning.
-
-    Parameters
-    ----------
-    points : sequence of Place or Expression
-        The points; expressions such as :func:`direction` give other vectors, whose `force` does
-        work on their change. Places of the ground are allowed.
-    force : callable
-        ``force(x, v, t) -> (k, 3)`` of points x (k, 3) in m, velocities v (k, 3) in m/s and the
-        time t (s); x and v may be complex. In statics without `time` t is the load factor.
-    amplitude : float, TimeFunction or callable, optional
-        Factor in time; on a path of :func:`static` it grows as that of other loads.
-    slopes : callable, optional
-        ``slopes(x, v, t)``: the derivatives of the forces by x and by v, (k, 3, k, 3) each.
-
-    Raises
-    ------
-    InputError
-        If there are no points, or something cannot be called; when a scene is frozen, if slopes
-        are wrong; if a force is not finite or its function fails, in a run with the states so far
-        as ``error.history``.
-
-    Examples
-    --------
-    >>> from skfem_cosserat import MassPoint
-    >>> ball = MassPoint(1.0)
-    >>> drag = TermFunction([ball.place()], lambda x, v, t: -0.2 * np.sqrt((v * v).sum()) * v)
-    >>> [place.label for place in drag.places()]
-    ['mass point at [0.0, 0.0, 0.0]']
-    """
-
-    def __init__(
-        self,
-        points: Sequence[Place | Expression],
-        force: ForceFunction,
-        amplitude: Amplitude = None,
-        slopes: SlopeFunction | None = None,
-    ) -> None:
-        self._set(np.zeros(3), amplitude)
-        if not isinstance(points, Iterable):
-            raise InputError(self.kind, f"points = {points!r}, expected a sequence of places")
-        points = tuple(points)
-        for each in points:
-            if not isinstance(each, Place | Expression):
-                raise InputError(self.kind, f"acts on {no_place(each)}")
-            if isinstance(each, Expression) and not each.terms:
-                raise InputError(self.kind, f"{each!r} has no terms")
-        if not points:
-            raise InputError(self.kind, "points is empty, expected places")
-        for name, function in (("force", force), ("slopes", slopes)):
-            if not (callable(function) or (function is None and name == "slopes")):
-                raise InputError(self.kind, f"{name} = {function!r}, expected a function")
-        self.points = points
-        self.expressions = tuple(point(p) if isinstance(p, Place) else p for p in points)
-        self.force, self.slopes = force, slopes
-
-    def places(self) -> Sequence[Place]:
-        """Places of all its points, except those at rest."""
-        found = {id(p): p for each in self.expressions for p, _, _ in each.terms}
-        return [p for p in found.values() if p.item is not None or p.motion is not None]
-
-
 # -- loads -----------------------------------------------------------------------------------------
 
 
@@ -630,7 +551,7 @@ class Load(Item):
                 raise InputError(self.label, f"terms() gives {made!r}, expected a list of terms")
             found = tuple(made)
             for term in found:
-                if not isinstance(term, TermForce | TermLine | TermAcceleration | TermFunction):
+                if not isinstance(term, TermForce | TermLine | TermAcceleration):
                     text = f"has {term!r} among its terms, expected TermForce(...) or the like"
                     raise InputError(self.label, text)
             self._made_of = found

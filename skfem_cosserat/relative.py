@@ -157,9 +157,9 @@ class RelativeCoordinate(Attached):
     ----------
     name : str
         Such as "angle" or "displacement".
-    kind : {"angle", "displacement", "distance", "rotation"}
-        ``atan2(pi_2, pi_1)``; ``pi_1`` less its reference value; ``sqrt(pi_1)``; the rotation
-        vector of which ``pi_1..3`` is the sine times the axis and ``pi_4`` the cosine.
+    kind : {"angle", "displacement", "distance", "rotation", "position"}
+        ``atan2(pi_2, pi_1)``; ``pi_1`` less its reference value; ``sqrt(pi_1)``; ``pi_1``; the
+        rotation vector of which ``pi_1..3`` is the sine times the axis and ``pi_4`` the cosine.
     forms : tuple of sums of products
         The invariants.
     """
@@ -215,6 +215,16 @@ def displacement(name: str, a: Place, b: Place, axis: Floats) -> RelativeCoordin
     """``n^A . (x_b - x_a)`` less its reference value."""
     form = (Product(direction(a, axis), point(b) - point(a)),)
     return RelativeCoordinate(name, "displacement", (form,))
+
+
+def position(name: str, of: Place | Expression) -> tuple[RelativeCoordinate, ...]:
+    """Components in space of a point, or of another vector that is linear in q."""
+    vector = point(of) if isinstance(of, Place) else of
+    forms = (((Product(axis, vector),),) for axis in axes(ORIGIN))
+    return tuple(
+        RelativeCoordinate(f"{name}_{k}", "position", form)
+        for k, form in zip("xyz", forms, strict=True)
+    )
 
 
 def distance(name: str, a: Place, b: Place) -> RelativeCoordinate:

@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 
 from ..body import MassPoint, RigidBody, ball_surface
+from ..coupling import Coupling
 from ..diagnostics import (
     Projection,
     angular_momentum,
@@ -34,9 +35,10 @@ from ..diagnostics import (
 from ..diagnostics.energy import potential, recorded_factors, resultants
 from ..diagnostics.inputs import at_jumps
 from ..diagnostics.joint_motion import relative_names, relative_series
-from ..diagnostics.loads import acts_somewhere, load_wrenches
+from ..diagnostics.loads import acting, load_wrenches, whole_of
 from ..diagnostics.stacked import all_rows, at_place
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
+from ..force import Force
 from ..frames import is_beam
 from ..history import History
 from ..history.container import BALANCE, Formula, Formulas, Kind
@@ -88,9 +90,12 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
-    for coupling in system.couplings.items:
+    for coupling in shown(system):
         ends = {"a": coupling.a.label, "b": coupling.b.label}
         meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
+    for load in dict.fromkeys(acting(system)):
+        if isinstance(load, Force):
+            meta["loads"].append({"name": load.name, "type": "Force"})
     for load in system.loads:
         gravity = np.sum([term.acceleration() for term in load.made_of], axis=0)
         own = {"acceleration": gravity.tolist()} if gravity.any() else {}
@@ -99,6 +104,12 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         kind = drive.coordinate.kind
         meta["drives"].append({"name": drive.name, "type": kind, "joint": drive.joint.name})
     return meta, static
+
+
+def shown(system: System) -> list[Coupling]:
+    """Force elements between two places: those of own laws at places are listed as loads."""
+    own = [c for c in system.couplings.own if not whole_of(c).points]
+    return [*system.couplings.items, *own]
 
 
 def recorded_turns(system: System, history: History, index: int = -1) -> IndexArray | None:
@@ -372,7 +383,7 @@ def path_formulas(system: System) -> Formulas:
 def configuration_formulas(system: System) -> Formulas:
     """Formulas that take configurations, constraint forces and the velocities "v"."""
     items = [jr.joint for jr in system.joint_rows]
-    couplings = system.couplings.items
+    couplings = shown(system)
 
     def coordinates(h: History) -> list[Floats]:
         given = h["q"], h["v"], h.instants, h.series.get("turns")
@@ -397,7 +408,7 @@ def configuration_formulas(system: System) -> Formulas:
     for beam in system.beams:
         formulas |= _beam_formulas(system, beam)
     wrench_names = [f"joint/{item.name}/{each}" for item in items for each in ("force", "moment")]
-    for load in filter(acts_somewhere, system.loads):
+    for load in acting(system):
         names = tuple(f"load/{load.name}/{each}" for each in ("position", "force", "moment"))
         formulas[names] = partial(load_wrenches, system, load)
     place_names = [f"joint/{item.name}/position" for item in items]

@@ -185,7 +185,7 @@ def parts_of(
         unused.add("beam_start")
     if not system.beam_groups:
         unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
-    if not static and system.loading.dead_only and system.drag is None:
+    if not static and system.dead_only and system.drag is None:
         unused.add("load")
     if not system.couplings.items:
         unused.add("couple")

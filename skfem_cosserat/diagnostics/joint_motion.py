@@ -171,6 +171,8 @@ def relative_series(
         each for joint in system.joints for each in _coordinates(system, joint, y, ydot, t, turns)
     ]
     number = None if turns is None else np.asarray(turns, dtype=np.int64)
-    for item, xi, force in system.couplings.forces(y, ydot, number):
+    for item, xi, force in system.couplings.forces(y, ydot, number, t):
+        if item.points:
+            continue
         out += [each[:, 0] if item.size == 1 else each for each in (xi, force)]
     return dict(zip(relative_names(system), out, strict=True))

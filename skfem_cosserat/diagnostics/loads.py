@@ -6,7 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..coupling import Coupling
 from ..element import lagrange
+from ..force import Force
 from ..frames import Place
 from ..history import History
 from ..load import Load, Term, TermForce, TermLine, TermStrain
@@ -16,25 +18,47 @@ from .energy import load_factors
 from .stacked import all_rows, at_place, rates
 
 
-def acts_somewhere(load: Load) -> bool:
-    """Whether a load has places, unlike gravity, and forces there, unlike strains."""
-    return any(
-        term.places() or (isinstance(term, TermLine) and not isinstance(term, TermStrain))
-        for term in load.made_of
-    )
+def acting(system: System) -> list[Load | Force]:
+    """Loads that have places, unlike gravity, and forces there, unlike strains."""
+    out: list[Load | Force] = []
+    for load in system.loads:
+        lines = [each for each in load.made_of if isinstance(each, TermLine)]
+        if load.places() or any(not isinstance(each, TermStrain) for each in lines):
+            out.append(load)
+    own = {id(whole): whole for whole in map(whole_of, system.couplings.own)}
+    return out + [each for each in own.values() if each.points]
 
 
-def load_wrenches(system: System, load: Load, history: History) -> list[Floats]:
+def whole_of(item: Coupling) -> Force:
+    """The force of own law that an element is, or is a piece of."""
+    found = getattr(item, "whole", item)
+    assert isinstance(found, Force)
+    return found
+
+
+def load_wrenches(system: System, load: Load | Force, history: History) -> list[Floats]:
     """Places of a load (N, k, 3), its forces and its moments there, in space (m, N, N m).
 
     What is spread along a beam is one force in the middle of each element. Forces at vectors that
     are no places are left out.
     """
     y = all_rows(system, history["q"], history.instants)
-    acting = [*_of_channels(system, load, history, y), *_of_functions(system, load, history, y)]
-    if not acting:  # functions of directions alone
-        return [np.zeros((len(y), 0, 3))] * 3
-    return [np.concatenate(each, axis=1) for each in zip(*acting, strict=True)]
+    if isinstance(load, Force):
+        return _of_own_law(system, load, history, y)
+    found = list(_of_channels(system, load, history, y))
+    return [np.concatenate(each, axis=1) for each in zip(*found, strict=True)]
+
+
+def _of_own_law(system: System, load: Force, history: History, y: Floats) -> list[Floats]:
+    """Places, forces and moments of a force by a law of the user's own."""
+    own = [item for item in system.couplings.own if whole_of(item) is load]
+    speeds = rates(system, history["v"], history.instants)
+    found = system.couplings_of(own).forces(y, speeds, None, history.instants)
+    pairs = ((x, -force) for _, x, force in found)
+    x, force = (np.concatenate(each, axis=1) for each in zip(*pairs, strict=True))
+    at = [k for k, each in enumerate(load.points) if isinstance(each, Place)]
+    x, force = (each.reshape(len(y), -1, 3)[:, at] for each in (x, force))
+    return [x, force, np.zeros_like(force)]
 
 
 def _of_channels(
@@ -71,23 +95,3 @@ def _place_and_vector(system: System, term: Term, y: Floats) -> tuple[Floats, Fl
     factors = term.matrices().reshape(*rows.shape, 4, *rows.shape[1:], 4)[:, :, 0].sum(1)
     nodal = y[:, rows[..., None] + np.arange(4)]
     return place, np.einsum("eab,neabi->nei", factors, nodal)
-
-
-def _of_functions(
-    system: System, load: Load, history: History, y: Floats
-) -> Iterator[tuple[Floats, Floats, Floats]]:
-    """Places, forces and moments of the terms that are functions of the motion."""
-    functions = system.couplings.functions
-    own = [(k, each) for k, each in enumerate(functions) if each.load is load]
-    speeds = rates(system, history["v"], history.instants) if own else y
-    for number, function in own:
-        if "load_factor" in history:  # theirs are the last of all actuators, before a zero
-            factors = history["amplitudes/actuators"][:, number - len(functions) - 1]
-        else:
-            factors = np.array([function.term.time.value(t) for t in history.instants.tolist()])
-        at = [k for k, each in enumerate(function.term.points) if isinstance(each, Place)]
-        x, v = function.matrix @ y[:, function.rows], function.matrix @ speeds[:, function.rows]
-        states = zip(x, v, history.instants.tolist(), strict=True)
-        force = np.array([function.force(*state) for state in states])
-        force = factors[:, None, None] * force
-        yield x[:, at], force[:, at], np.zeros_like(force[:, at])

@@ -1,7 +1,7 @@
 """Callbacks from compiled steps to numpy, for what has no kernels of its own.
 
-Compiled code calls a Python function at the stages of an iteration. Loads that are functions add
-their forces to the rows of y, and their 3x3 blocks to those of the matrix. Sections give what the
+Compiled code calls a Python function at the stages of an iteration. Forces by own laws add
+themselves to the rows of y, and their 3x3 blocks to those of the matrix. Sections give what the
 functions of their stored energies do, unless these are compiled.
 """
 
@@ -236,7 +236,7 @@ class RowBlocks:
 
 
 class CalledAtRest(Called):
-    """Loads that are functions, and centrifugal forces, in compiled iterations at rest.
+    """Forces by own laws, and centrifugal forces, in compiled iterations at rest.
 
     Parameters
     ----------
@@ -251,7 +251,7 @@ class CalledAtRest(Called):
         stages = {AT_FORCE: self._add_force, AT_MATRIX: self._add_blocks}
         super().__init__(lambda stage: stages[stage]() if stage in stages else None)
         self._system, self._arrays, self._spin = system, arrays, spin
-        self._functions = system.couplings_of([], system.couplings.functions)
+        self._functions = system.couplings_of(system.couplings.own)
         self._mass = system.mass.tocoo()
         mass = np.stack([self._mass.row, self._mass.col], -1)[: self._mass.nnz * spin]
         self._blocks = RowBlocks(
@@ -261,9 +261,8 @@ class CalledAtRest(Called):
     def take(self, amplitudes: Amplitudes) -> None:
         """Evaluate with these from now on."""
         self._amplitudes = amplitudes
-        own = amplitudes.actuators[-len(self._functions.times) - 1 :]
         y0 = self._arrays.y0.copy()
-        self._start = self._functions.starting(y0, None, own, 1.0, amplitudes.time)
+        self._start = self._functions.starting(y0, None, np.zeros(1), 1.0, amplitudes.time)
 
     def _add_force(self) -> None:
         a, spin = self._arrays, self._amplitudes.spin
@@ -282,7 +281,7 @@ class CalledAtRest(Called):
 
 
 class CalledBack(Called):
-    """Loads that are functions, of a scene in compiled steps.
+    """Forces by own laws, of a scene in compiled steps.
 
     Parameters
     ----------
@@ -302,7 +301,7 @@ class CalledBack(Called):
         }
         super().__init__(lambda stage: stages[stage]())
         self._system, self._arrays = system, arrays
-        self._couplings = system.couplings_of([], system.couplings.functions)
+        self._couplings = system.couplings_of(system.couplings.own)
         self._blocks = RowBlocks(system, self._couplings.pairs, plan, arrays)
 
     def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:

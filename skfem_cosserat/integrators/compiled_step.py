@@ -202,7 +202,7 @@ class CompiledScene:
         self._solver = solver
         self._rest: Rest | None = None
         self._beams: list[dict[str, Any]] = []
-        damped = is_viscous(system) or len(system.couplings.items) > 0
+        damped = is_viscous(system) or system.couplings.count > 0
         #: whether dampers act by the velocity at the end of a step
         self.late = scheme.at_end and damped and not static
         # how many iterations new factors cost, as measured; by sparse solvers they are kept longer
@@ -217,7 +217,7 @@ class CompiledScene:
         self._laws = self._called_laws()
         #: whether Python functions of users are called
         self.calls_laws = bool(self._laws)
-        self._evaluated = static or not system.loading.dead_only or system.drag is not None
+        self._evaluated = static or not system.dead_only or system.drag is not None
         self._moments, self._followers = system.loading.moments, following(system)
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
 
@@ -577,7 +577,7 @@ class CompiledStep(CompiledScene):
             or (self._viscous and scheme.at_end)
             or self._rest is not None
             or (self._moves and self._nearest is None)
-            or (scheme.at_end and not system.loading.dead_only)
+            or (scheme.at_end and not system.dead_only)
             or scheme.decay
             or (integrator.loses and 0 < scheme.weight < 1)  # forces at states take more than means
         )
@@ -614,14 +614,14 @@ class CompiledStep(CompiledScene):
             o.moved[:] = scheme.moved
 
     def _couple(self, scheme: Scheme, h: float) -> None:
-        """Force elements; loads that are functions are called back."""
-        system, functions = self.system, self.system.couplings.functions
-        inside = system.couplings_of(system.couplings.items) if functions else system.couplings
+        """Force elements; those of own laws are called back."""
+        system, own = self.system, self.system.couplings.own
+        inside = system.couplings_of(system.couplings.items) if own else system.couplings
         self._coupled = Coupled(system, inside, self._a.coupled, scheme, h)
         self._next = Called(lambda k: self._load_at(*self._times[k : k + 2]))
         self._all[0][NEXT_LOADS] = self._next.address
         self._called_back: CalledBack | None = None
-        if functions:
+        if own:
             self._called_back = CalledBack(system, self.plan, self._a)
             self._all[0][CALLED_BACK] = self._called_back.address
 
@@ -875,7 +875,7 @@ class CompiledStep(CompiledScene):
         if scheme.at_end:
             loading = system.loading
             same = loading.constant or state.time >= loading.constant_after
-            if same and loading.dead_only and not (self.late or system.drag is not None):
+            if same and system.dead_only and not (self.late or system.drag is not None):
                 return known
             # by the trapezoidal rule
             balance = self.integrator.balance(system, self.h)

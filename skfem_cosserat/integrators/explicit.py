@@ -596,7 +596,7 @@ class Marching:
         self._scheme, self._watch, self.nodes = scheme, watch, Nodes(system)
         self.shortened = False
         couplings = system.couplings
-        viscous = any(c.damping.any() for c in couplings.items) or bool(couplings.functions)
+        viscous = any(c.damping.any() for c in couplings.items) or bool(couplings.own)
         self._viscous = viscous or system.damped
         #: q and p of the last state, and forces of elements there
         self._last: tuple[Floats, Floats, tuple[Floats, float]] | None = None

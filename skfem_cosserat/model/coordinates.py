@@ -183,6 +183,7 @@ class Joined(Kind):
 #: by the name of :class:`skfem_cosserat.relative.RelativeCoordinate`
 KINDS: dict[str, Kind] = {
     "displacement": Displacement(),
+    "position": Displacement(),
     "distance": Distance(),
     "angle": Angle(),
     "rotation": Rotation(),

@@ -13,17 +13,16 @@ from scipy.sparse import csr_matrix
 from ..coupling import Coupling
 from ..errors import AccuracyWarning, InputError
 from ..frames import Place
-from ..load import Load
 from ..relative import Form, RelativeCoordinate
 from ..time_function import (
     Constant,
     TimeFunction,
     numbers_of,
 )
-from ..types import Array, Floats, IndexArray
+from ..types import Array, ArrayLike, Floats, IndexArray
 from ..warn import warn
 from .coordinates import KINDS, Joined, Kind
-from .loading import FunctionLoad, Push
+from .own_law import OwnLaw
 
 # -- laws of force elements: generalised force, stored energy, and what is dissipated in a step ----
 
@@ -50,16 +49,26 @@ class LinearLaw:
         """Stored energy (..., c)."""
         return 0.5 * (e * apply(self.K, e)).sum(-1)
 
-    def force(self, e: Array, rate: Array) -> Array:
+    force_of_load = False
+
+    def force(self, e: Array, rate: Array, t: float = 0.0) -> Array:
         """Force (..., c, m) against a larger stretch: tension is positive."""
         return apply(self.K, e) + apply(self.C, rate)
+
+    def stiffness(self, e: Array, taut: bool) -> Array:
+        """Derivative (..., c, m, m) of the force by the stretch; `taut`: also of slack cables."""
+        return self.K if taut else self.K * self.acts(e)[..., None]
+
+    def damping(self, e: Array, taut: bool) -> Array:
+        """Derivative (..., c, m, m) of the force by the rate."""
+        return self.C if taut else self.C * self.acts(e)[..., None]
 
     def acts(self, e: Array) -> Array:
         """Mask (..., c, m) of the stretches e with a force: a cable may be slack."""
         return np.ones(e.shape, dtype=bool)
 
     def discrete(
-        self, e0: Array, e1: Array, h: float, decay: float = 0.0
+        self, e0: Array, e1: Array, h: float, t: float, decay: float = 0.0
     ) -> tuple[Array, Array, Array]:
         """Force sigma (..., c, m), what is dissipated (..., c), numerically (..., c).
 
@@ -77,7 +86,7 @@ class LinearLaw:
         return sigma, dissipated, numerical
 
     def midpoint(
-        self, e: Array, rate: Array, e0: Array, e1: Array, h: float
+        self, e: Array, rate: Array, e0: Array, e1: Array, h: float, t: float
     ) -> tuple[Array, Array]:
         """Force sigma, and what is dissipated; e is that of the midpoint configuration."""
         return self.force(e, rate), h * (apply(self._root, rate) ** 2).sum(-1)
@@ -97,7 +106,7 @@ class SlackLaw(LinearLaw):
         """Stored energy ``k e^2/2`` (..., c) of a taut cable, 0 of a slack one."""
         return 0.5 * (self.k * _positive(e) ** 2).sum(-1)
 
-    def force(self, e: Array, rate: Array) -> Array:
+    def force(self, e: Array, rate: Array, t: float = 0.0) -> Array:
         """Tension (..., c, m), 0 of a slack cable."""
         return np.where(e.real > 0, _positive(self.k * e + self.c * rate), 0.0)
 
@@ -106,7 +115,7 @@ class SlackLaw(LinearLaw):
         return e.real > 0
 
     def discrete(
-        self, e0: Array, e1: Array, h: float, decay: float = 0.0
+        self, e0: Array, e1: Array, h: float, t: float, decay: float = 0.0
     ) -> tuple[Array, Array, Array]:
         """Tension with the discrete derivative of the energy, what is dissipated."""
         up0, up1 = _positive(e0), _positive(e1)
@@ -123,7 +132,7 @@ class SlackLaw(LinearLaw):
         return sigma, lost.sum(-1), numerical
 
     def midpoint(
-        self, e: Array, rate: Array, e0: Array, e1: Array, h: float
+        self, e: Array, rate: Array, e0: Array, e1: Array, h: float, t: float
     ) -> tuple[Array, Array]:
         """Tension, and what is dissipated.
 
@@ -241,6 +250,8 @@ class _Start:
     pi: Floats
     xi: Floats
     amplitude: Array
+    #: at which laws are taken (s)
+    time: float
 
 
 #: of the complex steps that give slopes: without differences, any that is small enough
@@ -270,6 +281,7 @@ class _Response:
     `share` is the factor of the end in the configuration at which the force acts.
     """
 
+    group: _Group
     function: Callable[[Array], _Forces]
     at: Array
     gradients: Array
@@ -289,14 +301,24 @@ class _Group:
     """Couplings of one kind of coordinates and one law."""
 
     def __init__(
-        self, members: list[Coupling], row_of: RowOf, reference: Floats, free: int, channel: int
+        self,
+        members: list[Coupling],
+        row_of: RowOf,
+        reference: Floats,
+        free: int,
+        channel: int,
+        length: float,
     ) -> None:
         self.members = members
         self.kind = kind_of(members[0].coordinates)
         self.invariants = Invariants(
             [tuple(f for c in m.coordinates for f in c.forms) for m in members], row_of
         )
-        self.law = SlackLaw(members) if members[0].slack else LinearLaw(members)
+        self.law: LinearLaw | OwnLaw
+        if members[0].own_law:
+            self.law = OwnLaw(members, length)
+        else:
+            self.law = SlackLaw(members) if members[0].slack else LinearLaw(members)
         self.neutral = np.array([m.neutral for m in members])
         kinds = np.array([c.kind for c in members[0].coordinates for _ in range(c.size)])
         #: components that are angles, whose full turns count, and those of rotation vectors
@@ -328,12 +350,12 @@ class _Group:
             xi1 = self.kind.continued(pi1, start.xi)
             Psi = self.kind.discrete(start.pi, start.xi, pi1, xi1)
             ends = self.stretch(start.xi), self.stretch(xi1)
-            law, dissipated, numerical = self.law.discrete(*ends, h, decay)
+            law, dissipated, numerical = self.law.discrete(*ends, h, start.time, decay)
             s = apply(Psi.swapaxes(-1, -2), law - start.amplitude)
             return _Forces(s, xi1 - start.xi, dissipated, numerical)
 
         gradients, by_end = (self.invariants.gradients(y) for y in (mid, y1))
-        return _Response(forces, self.invariants.values(y1), gradients, by_end)
+        return _Response(self, forces, self.invariants.values(y1), gradients, by_end)
 
     def midpoint(self, start: _Start, h: float, mid: Array, y1: Array) -> _Response:
         """``s = xi'(pi_mid)^T sigma`` of the coordinates of the midpoint configuration."""
@@ -345,13 +367,14 @@ class _Group:
             J = self.kind.slope(pi)
             travel = apply(J, pi1 - start.pi)
             ends = self.stretch(start.xi), self.stretch(xi1)
-            law, dissipated = self.law.midpoint(self.stretch(xi), travel / h, *ends, h)
+            now = self.stretch(xi), travel / h
+            law, dissipated = self.law.midpoint(*now, *ends, h, start.time)
             return _Forces(apply(J.swapaxes(-1, -2), law - start.amplitude), travel, dissipated)
 
         both = np.concatenate([self.invariants.values(y) for y in (mid, y1)], axis=-1)
         gradients = self.invariants.gradients(mid)
         by_end = np.concatenate([0.5 * gradients, self.invariants.gradients(y1)], axis=1)
-        return _Response(forces, both, gradients, by_end)
+        return _Response(self, forces, both, gradients, by_end)
 
     def static(self, start: _Start, y: Array, ydot: Array, share: float) -> _Response:
         """``s = xi'(pi)^T sigma`` at y, angles counted on from `start`; see the caller."""
@@ -361,28 +384,40 @@ class _Group:
             pi, flow = both[..., :count], both[..., count:]
             xi, J = self.kind.continued(pi, start.xi), self.kind.slope(pi)
             e, rate = self.stretch(xi), apply(J, flow)
-            law = self.law.force(e, rate)
-            damped = law - self.law.force(e, 0 * rate)
+            law = self.law.force(e, rate, start.time)
+            rest = law if self.law.force_of_load else self.law.force(e, 0 * rate, start.time)
+            damped = law - rest
             s = apply(J.swapaxes(-1, -2), law - start.amplitude)
             return _Forces(s, xi - start.xi, (damped * rate).sum(-1), damped=damped)
 
         values = self.invariants.values(y), self.invariants.rates(y, ydot)
         gradients, faster = (self.invariants.gradients(each) for each in (y, ydot))
         by_end = np.concatenate([gradients, faster + share * gradients], axis=1)
-        return _Response(forces, np.concatenate(values, axis=-1), gradients, by_end, 1.0)
+        return _Response(self, forces, np.concatenate(values, axis=-1), gradients, by_end, 1.0)
+
+    def forces(self, xi: Array, rate: Array, times: Floats) -> Array:
+        """Forces of the law at coordinates (..., c, m) of states at times (...), or at one time."""
+        if not times.ndim or not isinstance(self.law, OwnLaw):
+            t = 0.0 if times.ndim else float(times)
+            return self.law.force(self.stretch(xi), rate, t)
+        states = zip(self.stretch(xi), rate, times.tolist(), strict=True)
+        return np.array([self.law.force(e, v, t) for e, v, t in states])
+
+    def check(self, y: Floats) -> None:
+        """Check the derivatives of an own law near a configuration."""
+        if isinstance(self.law, OwnLaw):
+            self.law.check(self.kind.value(self.invariants.values(y)))
 
     def stiffness(self, y: Array, taut: bool = False) -> Array:
         """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; of a cable while taut."""
-        return self._by_rows(self.law.K, y, taut)
+        return self._by_rows(self.law.stiffness, y, taut)
 
     def damping(self, y: Array, taut: bool = False) -> Array:
         """``B^T C B`` at :attr:`pairs`; of a cable while taut."""
-        return self._by_rows(self.law.C, y, taut)
+        return self._by_rows(self.law.damping, y, taut)
 
-    def _by_rows(self, matrices: Array, y: Array, taut: bool) -> Array:
-        if not taut:
-            acts = self.law.acts(self.stretch(self.kind.value(self.invariants.values(y))))
-            matrices = matrices * acts[..., None]
+    def _by_rows(self, slope: Callable[[Array, bool], Array], y: Array, taut: bool) -> Array:
+        matrices = slope(self.stretch(self.kind.value(self.invariants.values(y))), taut)
         J, gradients = self.kind.slope(self.invariants.values(y)), self.invariants.gradients(y)
         c, k, R, _ = gradients.shape
         B = J @ gradients.reshape(c, k, 3 * R)
@@ -413,21 +448,11 @@ def warn_of_jump(item: Coupling, time: float | None) -> None:
 
 @dataclass(eq=False)
 class CoupledStart:
-    """All couplings at the start of a step of size h.
-
-    Attributes
-    ----------
-    time : float
-        At which functions of the motion are taken (s).
-    factors : array
-        Of these functions.
-    """
+    """All couplings at the start of a step of size h."""
 
     h: float
     y0: Floats
     groups: list[_Start]
-    time: float
-    factors: Array
 
 
 @dataclass(eq=False)
@@ -438,17 +463,19 @@ class CoupledForce:
     ----------
     force : (total, 3) array
         On all rows of y, the ground included, in the sense of an internal force.
-    pushes : list of Push
-        Loads that are functions of the motion.
     """
 
     force: Array
     responses: list[_Response]
-    pushes: list[Push]
 
     def work_of_loads(self, change: Floats) -> float:
-        """Work (J) of the loads that are functions along a change (total, 3) of the rows."""
-        return sum(push.work(change) for push in self.pushes)
+        """Work (J) of laws without a potential along a change (total, 3) of the rows."""
+        out = 0.0
+        for r in self.responses:
+            if r.group.law.force_of_load:
+                moved = change[r.group.invariants.rows]
+                out -= float((r.forces.s[:, :, None, None] * r.gradients * moved[:, None]).sum())
+        return out
 
 
 @dataclass(frozen=True)
@@ -467,10 +494,7 @@ class CouplingWork:
 
 
 class Couplings:
-    """Springs, dampers, cables, bushings and actuators of a scene; loads that are functions.
-
-    Loads that are functions of points, velocities and time act like force elements: on any rows of
-    y, with tangents at pairs of them.
+    """Springs, dampers, cables, bushings, actuators and forces of own laws of a scene.
 
     Parameters
     ----------
@@ -481,12 +505,15 @@ class Couplings:
         Reference configuration, all rows: displacements count from there.
     free : int
         Rows of y that are unknowns; the rest is ground.
-    functions : list of FunctionLoad
+    length : float
+        Extent of the scene (m).
 
     Attributes
     ----------
+    items, own : list of Coupling
+        Those that compiled kernels know, and forces by laws of the user's own.
     count : int
-        Number of couplings and functions.
+        Number of all.
     pairs : (k, 2) int array
         Rows (a, b) of y, both unknowns, at which :meth:`tangent` has blocks.
     angles : list of Coupling
@@ -501,31 +528,30 @@ class Couplings:
         row_of: RowOf,
         reference: Floats,
         free: int,
-        functions: Sequence[FunctionLoad] = (),
+        length: float,
     ) -> None:
-        self.items, self.functions, self._free = list(items), list(functions), free
-        self.count = len(self.items) + len(self.functions)
+        self.items = [item for item in items if not item.own_law]
+        self.own = [item for item in items if item.own_law]
+        self._free, self.count = free, len(items)
         families: dict[tuple[object, ...], list[Coupling]] = {}
-        for item in items:
-            key = (item.slack, *(c.kind for c in item.coordinates))
+        for item in [*self.items, *self.own]:
+            law = id(getattr(item, "whole", item)) if item.own_law else item.slack
+            key = (law, *(c.kind for c in item.coordinates))
             families.setdefault(key, []).append(item)
         self.times: list[TimeFunction] = []
         #: whose times they are
-        self.owners: list[Coupling | Load] = []
+        self.owners: list[Coupling] = []
         self._groups = []
         for members in families.values():
-            self._groups.append(_Group(members, row_of, reference, free, len(self.times)))
+            given = reference, free, len(self.times), length
+            self._groups.append(_Group(members, row_of, *given))
             for member in members:
                 self.times += member.channels
                 self.owners += [member] * len(member.channels)
-        self._factors = len(self.times) + np.arange(len(self.functions))
-        self.times += [function.term.time for function in self.functions]
-        self.owners += [function.load for function in self.functions]
         #: whether no actuator depends on time
         self.constant = all(isinstance(time, Constant) for time in self.times)
         none = np.zeros((0, 2), dtype=np.int64)
-        pairs = [*(g.pairs for g in self._groups), *(f.pairs for f in self.functions)]
-        self.pairs = np.concatenate([none, *pairs])
+        self.pairs = np.concatenate([none, *(g.pairs for g in self._groups)])
         self.angles = [m for g in self._groups for m in g.members for _ in g.angles]
         self.turning = [name for item in dict.fromkeys(self.angles) for name in angle_names(item)]
         self._total = len(reference)
@@ -538,6 +564,17 @@ class Couplings:
         entries = np.ones(len(rows)), (rows, np.arange(len(rows)))
         return csr_matrix(entries, shape=(self._total, len(rows)))
 
+    def check(self, y: Floats) -> None:
+        """Check derivatives of own laws near a configuration (total, 3).
+
+        Raises
+        ------
+        InputError
+            If they are wrong.
+        """
+        for group in self._groups:
+            group.check(y)
+
     # -- a step ----------------------------------------------------------------------------------
 
     def begin(self, y0: Floats, turns: IndexArray | None, t0: float, h: float) -> CoupledStart:
@@ -549,13 +586,13 @@ class Couplings:
     ) -> CoupledStart:
         """Couplings at the start of a step with given amplitudes of actuators, and a zero.
 
-        Functions are taken at a time (s).
+        Laws are taken at a time (s).
         """
         starts = [
-            _Start(pi, xi, amplitudes[g.channels])
+            _Start(pi, xi, amplitudes[g.channels], time)
             for g, (pi, xi) in zip(self._groups, self._values(y0, turns), strict=True)
         ]
-        return CoupledStart(h, y0, starts, time, amplitudes[self._factors])
+        return CoupledStart(h, y0, starts)
 
     def discrete(
         self, start: CoupledStart, mid: Array, y1: Array, decay: float = 0.0
@@ -563,13 +600,13 @@ class Couplings:
         """Forces that do the work ``V_1 - V_0``, but for dampers, actuators and `decay`."""
         pairs = zip(self._groups, start.groups, strict=True)
         responses = [g.discrete(s, start.h, mid, y1, decay) for g, s in pairs]
-        return self._assemble(responses, self._in_step(start, mid, y1))
+        return self._assemble(responses)
 
     def midpoint(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
         """Forces of the midpoint configuration: springs have the potential ``V(y_mid)``."""
         pairs = zip(self._groups, start.groups, strict=True)
         responses = [g.midpoint(s, start.h, mid, y1) for g, s in pairs]
-        return self._assemble(responses, self._in_step(start, mid, y1))
+        return self._assemble(responses)
 
     def static(
         self, start: CoupledStart, y: Array, ydot: Array | None = None, share: float = 0.0
@@ -581,29 +618,25 @@ class Couplings:
         rates = np.zeros_like(y) if ydot is None else ydot
         pairs = zip(self._groups, start.groups, strict=True)
         responses = [g.static(s, y, rates, share) for g, s in pairs]
-        return self._assemble(responses, self._pushes(start, y, rates, 1.0, share))
+        return self._assemble(responses)
 
-    def pushed(self, y: Array, amplitudes: Array, time: float) -> Array:
-        """Loads (free rows, 3) that are functions, at rest at y; amplitudes as of a start."""
+    def pushed(self, y: Array, time: float) -> Array:
+        """Forces (free rows, 3) of laws without a potential, at rest at y."""
+        laws = [g for g in self._groups if g.law.force_of_load]
         out = np.zeros_like(y)
-        for function, factor in zip(self.functions, amplitudes[self._factors], strict=True):
-            push = function.push(y, np.zeros_like(y), time, factor, 1.0, 0.0)
-            out[function.rows] += push.nodal()
+        for g in laws:
+            start = _Start(*self._at(g, y), np.zeros(g.channels.shape), time)
+            found = g.static(start, y, np.zeros_like(y), 0.0)
+            nodal = (found.forces.s[:, :, None, None] * found.gradients).sum(1)
+            np.subtract.at(out, g.invariants.rows, nodal)
         return out[: self._free]
 
-    def _in_step(self, start: CoupledStart, mid: Array, y1: Array) -> list[Push]:
-        """Functions of the midpoint configuration and the mean rates of a step."""
-        if not self.functions:
-            return []
-        return self._pushes(start, mid, (y1 - start.y0) / start.h, 0.5, 1 / start.h)
+    @staticmethod
+    def _at(group: _Group, y: Array) -> tuple[Array, Array]:
+        pi = group.invariants.values(y)
+        return pi, group.kind.value(pi)
 
-    def _pushes(
-        self, start: CoupledStart, y: Array, rates: Array, by_y: float, by_rate: float
-    ) -> list[Push]:
-        pairs = zip(self.functions, start.factors, strict=True)
-        return [f.push(y, rates, start.time, factor, by_y, by_rate) for f, factor in pairs]
-
-    def _assemble(self, responses: list[_Response], pushes: list[Push]) -> CoupledForce:
+    def _assemble(self, responses: list[_Response]) -> CoupledForce:
         if responses:
             nodal = [
                 (r.forces.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3)
@@ -612,17 +645,12 @@ class Couplings:
             force = self._scatter @ np.concatenate(nodal)
         else:
             force = np.zeros((self._total, 3))
-        for push in pushes:
-            if force.dtype != push.force.dtype:
-                force = force.astype(np.result_type(force, push.force))
-            force[push.function.rows] -= push.nodal()
-        return CoupledForce(force, responses, pushes)
+        return CoupledForce(force, responses)
 
     def tangent(self, force: CoupledForce, factor: float) -> Array:
         """``factor`` times the derivative of the force on row a by row b of y_1, (k, 3, 3)."""
         blocks = [np.zeros((0, 3, 3))]  # there may be none
         blocks += [g.tangent(r) for g, r in zip(self._groups, force.responses, strict=True)]
-        blocks += [-push.tangent() for push in force.pushes]
         return factor * np.concatenate(blocks)
 
     def work(self, start: CoupledStart, force: CoupledForce, y1: Floats) -> CouplingWork:
@@ -634,7 +662,7 @@ class Couplings:
             sum(float(r.dissipated.sum()) for _, r in pairs),
             float((force.force[self._free :] * moved).sum()),
             sum(float(r.numerical.sum()) for _, r in pairs if r.numerical is not None),
-            force.work_of_loads(y1 - start.y0) if force.pushes else 0.0,
+            force.work_of_loads(y1 - start.y0),
         )
 
     def turns(
@@ -669,27 +697,22 @@ class Couplings:
 
         `taut`: also of cables that are slack at y.
         """
-        return self._padded([g.stiffness(y, taut) for g in self._groups])
+        return np.concatenate([np.zeros((0, 3, 3)), *(g.stiffness(y, taut) for g in self._groups)])
 
     def damping(self, y: Array, taut: bool = False) -> Array:
         """Damping of force elements by velocity b on row a, at :attr:`pairs`; (k, 3, 3).
 
         `taut`: also of cables that are slack at y.
         """
-        return self._padded([g.damping(y, taut) for g in self._groups])
-
-    def _padded(self, blocks: list[Array]) -> Array:
-        """Blocks of springs at all pairs: zero at those of functions."""
-        rest = len(self.pairs) - sum(map(len, blocks))
-        return np.concatenate([*blocks, np.zeros((rest, 3, 3))])
+        return np.concatenate([np.zeros((0, 3, 3)), *(g.damping(y, taut) for g in self._groups)])
 
     @property
     def passive(self) -> list[Coupling]:
-        """All but actuators, in the order of :meth:`forces`."""
-        return [m for g in self._groups for m in g.members if not m.channels]
+        """All but actuators and forces at places, in the order of :meth:`forces`."""
+        return [m for g in self._groups for m in g.members if not (m.channels or m.points)]
 
     def forces(
-        self, y: Floats, ydot: Floats, turns: IndexArray | None = None
+        self, y: Floats, ydot: Floats, turns: IndexArray | None = None, times: ArrayLike = 0.0
     ) -> list[tuple[Coupling, Floats, Floats]]:
         """Coordinates and forces (..., m) of each coupling but actuators, at y and its rate.
 
@@ -698,7 +721,7 @@ class Couplings:
         out = []
         for g, (pi, xi) in zip(self._groups, self._values(y, turns), strict=True):
             rate = g.rate(y, ydot, pi)
-            force = g.law.force(g.stretch(xi), rate)
+            force = g.forces(xi, rate, np.asarray(times))
             shown = xi - g.origin
             out += [
                 (m, shown[..., i, :], force[..., i, :])

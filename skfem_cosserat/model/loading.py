@@ -1,17 +1,15 @@
-"""All loads of a scene as arrays: dead loads, follower forces, moments, functions."""
+"""All loads of a scene as arrays: dead loads, follower forces, moments."""
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from ..errors import InputError, failed
 from ..frames import Place
 from ..kernels import cross
 from ..load import (
@@ -19,7 +17,6 @@ from ..load import (
     Term,
     TermAcceleration,
     TermForce,
-    TermFunction,
     TermLine,
     TermMoment,
     TermStrain,
@@ -31,8 +28,11 @@ from ..time_function import (
     constant_after,
     numbers_of,
 )
-from ..types import Array, Floats, IndexArray, numbers
+from ..types import Array, Floats, IndexArray
 from .groups import BeamGroup, Group
+
+#: of the complex step
+TINY = 1e-20
 
 
 class Followers(NamedTuple):
@@ -73,8 +73,6 @@ class Moments(NamedTuple):
 class Loading:
     """Generalised forces ``f(y, amplitudes)`` of the terms of all loads, and their derivative.
 
-    Those of functions of the motion depend on velocities and time, too: :class:`FunctionLoad`.
-
     Parameters
     ----------
     loads : list of Load
@@ -94,8 +92,6 @@ class Loading:
     ----------
     terms, times, owners : list
         For each channel its term, function of time and load.
-    functions : list of (Load, TermFunction)
-        Terms that are functions of the motion, which have no channel here.
     """
 
     def __init__(
@@ -114,7 +110,6 @@ class Loading:
         self.times: list[TimeFunction] = []
         self.owners = []
         self.terms = []
-        self.functions = []
         dead = []
         self._dead_times = []
         #: (channel, group number or -1 for frames, element ids, (e, r, r) scalar blocks)
@@ -124,9 +119,6 @@ class Loading:
         moments = []
         for load in loads:
             for term in load.made_of:
-                if isinstance(term, TermFunction):
-                    self.functions.append((load, term))
-                    continue
                 channel = len(self.times)
                 self.times.append(term.time)
                 self.owners.append(load)
@@ -144,7 +136,7 @@ class Loading:
         #: time (s) from which no channel changes
         self.constant_after = max(map(constant_after, self.times), default=-np.inf)
         #: whether no load depends on the motion
-        self.dead_only = not self._followers and not moments and not self.functions
+        self.dead_only = not self._followers and not moments
         #: whether some load is a strain, whose energy is not that of the strain seen
         self.strained = bool(self._strains)
         #: what looks at the factors of all channels at a time (s): whether they leave a plane
@@ -327,210 +319,3 @@ class Loading:
             derivative = np.zeros((len(D), 12, 12))
             derivative[:, 3:, 3:] = slopes.transpose(1, 2, 0)
             np.add.at(blocks[len(self._beam_groups)], self._moment_block, factor * derivative)
-
-
-# -- forces that are functions of points, their velocities and time --------------------------------
-
-#: of the complex step, relative to the size of what is changed
-TINY = 1e-20
-#: of differences, likewise
-SMALL = 1e-6
-
-
-class Push(NamedTuple):
-    """A function at a trial configuration.
-
-    Attributes
-    ----------
-    function : FunctionLoad
-    factor, t : float
-        Amplitude, and time (s).
-    x, v : (k, 3) array
-        Points and velocities.
-    force : (k, 3) array
-        With its factor.
-    by_y, by_rate : float
-        Derivatives of y, and of its rates, by what is sought.
-    """
-
-    function: FunctionLoad
-    factor: Any
-    t: float
-    x: Array
-    v: Array
-    force: Array
-    by_y: float
-    by_rate: float
-
-    def work(self, change: Floats) -> float:
-        """Work of the force along a change (total, 3) of the rows."""
-        return float((self.force * self.function.points(change)).sum())
-
-    def nodal(self) -> Array:
-        """Generalised force (R, 3) on the rows of the function."""
-        return self.function.matrix.T @ self.force
-
-    def tangent(self) -> Array:
-        """Derivative of the force by what is sought, at the function's pairs; (p, 3, 3)."""
-        f = self.function
-        by_x, by_v = f.slopes(self.x, self.v, self.t)
-        K = self.factor * (self.by_y * by_x + self.by_rate * by_v)
-        K = f.matrix.T @ K.transpose(1, 3, 0, 2) @ f.matrix
-        return K.transpose(2, 3, 0, 1)[f.kept]
-
-
-class FunctionLoad:
-    """A term of a load that is a function, as arrays: ``x = matrix y[rows]``.
-
-    Parameters
-    ----------
-    load : Load
-    term : TermFunction
-    row_of : callable
-        First row of y of a place's vertex.
-    free : int
-        Rows of y that are unknowns; the rest is ground.
-    length : float
-        Extent of the scene (m), which differences are relative to.
-
-    Attributes
-    ----------
-    rows : (R,) int array
-        Rows of y on which the points depend.
-    matrix : (k, R) array
-    inner : slice
-        Those of them that are unknowns: the ground has the last rows.
-    pairs : (p, 2) int array
-        Pairs of them that are unknowns both.
-    kept : (R, R) bool array
-        Which pairs those are.
-    """
-
-    def __init__(
-        self,
-        load: Load,
-        term: TermFunction,
-        row_of: Callable[[Place], int],
-        free: int,
-        length: float,
-    ) -> None:
-        self.load, self.term, self.length = load, term, length
-        cells: dict[tuple[int, int], float] = {}
-        for k, expression in enumerate(term.expressions):
-            for place, i, factor in expression.terms:
-                at = k, row_of(place) + i
-                cells[at] = cells.get(at, 0.0) + factor
-        self.rows = np.unique([row for _, row in cells])
-        self.matrix = np.zeros((len(term.expressions), len(self.rows)))
-        for (k, row), factor in cells.items():
-            self.matrix[k, np.searchsorted(self.rows, row)] = factor
-        inside = self.rows < free
-        self.inner = slice(int(inside.sum()))
-        self.kept = inside[:, None] & inside
-        self.pairs = np.stack([self.rows[i] for i in np.nonzero(self.kept)], axis=-1)
-
-    def points(self, y: Array) -> Array:
-        """The points (k, 3), or their rates, at all rows (total, 3)."""
-        return self.matrix @ y.take(self.rows, axis=0)
-
-    def push(
-        self, y: Array, rates: Array, t: float, factor: Any, by_y: float, by_rate: float
-    ) -> Push:
-        """The force at rows y (total, 3) and their rates."""
-        return self.pushed(self.points(y), self.points(rates), t, factor, by_y, by_rate)
-
-    def pushed(
-        self, x: Array, v: Array, t: float, factor: Any, by_y: float, by_rate: float
-    ) -> Push:
-        """The force at points x and velocities v (k, 3)."""
-        return Push(self, factor, t, x, v, factor * self.force(x, v, t), by_y, by_rate)
-
-    def force(self, x: Array, v: Array, t: float) -> Array:
-        """The function's value (k, 3), which must be finite numbers, real ones of real ones."""
-        real = x.dtype.kind == v.dtype.kind == "f"
-        try:
-            out = np.array(self.term.force(x.copy(), v.copy(), t))  # it may give one array again
-        except Exception as error:
-            where = "" if real else " at complex numbers, with which its slopes are found,"
-            raise failed(self.load.label, f"its force{where}", error, t) from error
-        if out.shape != x.shape or out.dtype.kind not in ("iuf" if real else "iufc"):
-            kind = f"an array {out.shape} of {out.dtype}"
-            text = f"force gives {kind}, expected {x.shape} {'real ' * real}numbers"
-            raise InputError(self.load.label, f"{text}, at t = {t:.9g} s")
-        # the sum first: it takes a third of the time
-        if not (cmath.isfinite(np.add.reduce(out, None)) or np.isfinite(out).all()):
-            text = f"force is {out.tolist()} at t = {float(t)!r} s, not finite: x = {x.tolist()}"
-            raise InputError(self.load.label, f"{text}, v = {v.tolist()}")
-        return out
-
-    def _steps(self, x: Array, v: Array) -> tuple[float, float]:
-        """Steps of differences by x and v: longer far from the origin, where rounding is larger."""
-        sizes = max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max()))
-        return SMALL * sizes[0], SMALL * sizes[1]
-
-    def slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
-        """Derivatives (k, 3, k, 3) of the force by x and v."""
-        shape = *x.shape, *x.shape
-        if self.term.slopes is not None:
-            try:
-                found = self.term.slopes(x.copy(), v.copy(), t)
-                given = [numbers(f"slopes at t = {t:.9g} s", "array", each) for each in found]
-            except Exception as error:
-                raise failed(self.load.label, "its slopes function", error, t) from error
-            if [each.shape for each in given] != [shape, shape]:
-                shapes = [each.shape for each in given]
-                text = f"slopes gives arrays {shapes}, expected two of {shape}, at t = {t:.9g} s"
-                raise InputError(self.load.label, text)
-            if not all(np.isfinite(each).all() for each in given):
-                raise InputError(self.load.label, f"slopes are not finite at t = {float(t)!r} s")
-            return given[0], given[1]
-        size, out = x.size, np.empty((2 * x.size, *x.shape))
-        moved = np.tile(np.array([x, v]).ravel(), (2 * size, 1)) + 1j * TINY * np.eye(2 * size)
-        for i, each in enumerate(moved.reshape(2 * size, 2, *x.shape)):
-            out[i] = self.force(each[0], each[1], t).imag
-        by_x, by_v = out.reshape(2, *x.shape, *x.shape).transpose(0, 3, 4, 1, 2) / TINY
-        return by_x, by_v
-
-    def check(self, y: Floats) -> None:
-        """Compare its slopes with differences near a configuration y (total, 3), in motion.
-
-        A kink may be at one configuration, but hardly at both that are looked at.
-
-        Raises
-        ------
-        InputError
-            If they differ at both.
-        """
-        rng = np.random.default_rng(0)
-        for _ in range(2):
-            x = self.points(y) + 1e-2 * self.length * rng.standard_normal(self.points(y).shape)
-            v = rng.standard_normal(x.shape)
-            off = self._error(x, v)
-            if off <= 1e-3:
-                return
-        remedy = "give the right ones"
-        if self.term.slopes is None:
-            remedy = (
-                "make the force of what can be differentiated, np.sqrt((v * v).sum()) instead of"
-                " abs or np.linalg.norm, or give slopes"
-            )
-        text = f"slopes of its force differ from differences by a share of {off:.3g}: {remedy}"
-        raise InputError(self.load.label, text)
-
-    def _error(self, x: Floats, v: Floats) -> float:
-        """Largest difference of slopes, relative to the largest of the kind, above rounding."""
-        force = self.force(x, v, 0.0)  # what is wrong with it is said before complex numbers come
-        slopes = np.array(self.slopes(x, v, 0.0))
-        both, steps = np.array([x, v]), np.array(self._steps(x, v))
-        other = np.empty_like(slopes)
-        for i in np.ndindex(both.shape):
-            ends = []
-            for sign in (1, -1):
-                moved = both.copy()
-                moved[i] += sign * steps[i[0]]
-                ends.append(self.force(moved[0], moved[1], 0.0))
-            other[(i[0], ..., *i[1:])] = (ends[0] - ends[1]) / (2 * steps[i[0]])
-        rounding = 1e-14 * float(abs(force).max()) / steps
-        gap = (abs(slopes - other).max((1, 2, 3, 4)) - rounding).clip(0.0)
-        # those by points and those by velocities have units of their own
-        return float((gap / (abs(other).max((1, 2, 3, 4)) + rounding + 1e-300)).max())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,8 +115,9 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     own = g.inside
     links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
     joining = [c for c in system.couplings.items if lines or not isinstance(c, LINES)]
-    ends = [[system.row_of(c.a), system.row_of(c.b)] for c in joining]
-    ends += [pair for each in system.couplings.functions for pair in each.pairs.tolist()]
+    joining += system.couplings.own
+    sides = [[system.row_of(side) for side in c.sides()] for c in joining]
+    ends = [pair for each in sides for pair in pairwise(each)]
     pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
     inside = (pairs < rows).all(axis=1)
     grounded = np.ones(len(g.cols), dtype=bool)

@@ -295,11 +295,8 @@ def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
         if not _in_plane(drive.joint, drive.coordinate.name, plane):
             yield drive.label, f"prescribes the {drive.coordinate.name}, which leaves the plane"
     yield from _loads(system.loading, plane)
-    for coupling in system.couplings.items:
+    for coupling in [*system.couplings.items, *system.couplings.own]:
         yield from _coupling(system, coupling, plane)
-    for function in system.couplings.functions:
-        alone = system.couplings_of([], [function])
-        yield from _pushed(system, alone, function.load.label, INSTANTS, plane)
     yield from _ground(system, plane)
 
 
@@ -519,7 +516,7 @@ def _coupling(system: System, item: Coupling, plane: Plane) -> OutOfPlane:
         if (item.stiffness @ item.neutral).any() or any(driven):
             yield item.label, f"acts on the {coordinate.name}, which leaves the plane"
         return
-    instants = INSTANTS if item.channels else INSTANTS[:3]
+    instants = INSTANTS if item.channels or item.own_law else INSTANTS[:3]
     yield from _pushed(system, system.couplings_of([item]), item.label, instants, plane)
 
 
@@ -566,15 +563,15 @@ def functions_off_plane(
     plane, n = system.plane, len(states)
     if plane is None or n < 2:
         return None
-    for function in system.couplings.functions:
+    for item in system.couplings.own:
+        alone, none = system.couplings_of([item]), np.zeros(1)
         worst, most, when = 0.0, 0.0, 0.0
         for k in range(n):
             other, t = k + 1 if k + 1 < n else k - 1, float(times[k])
             y = system.extend(states[k], t)
             rates = (system.extend(states[other], float(times[other])) - y) / (times[other] - t)
-            factor = function.term.time.value(t)
-            force = np.zeros_like(y)
-            force[function.rows] = function.push(y, rates, t, factor, 1.0, 0.0).nodal()
+            start = alone.starting(y, None, none, 1.0, t)
+            force = alone.static(start, y, rates).force
             twists = _twist_forces(system, y, force[: system.rows])
             off = _out_of_plane(twists, plane)
             worst, when = (off, t) if off > worst else (worst, when)
@@ -582,7 +579,7 @@ def functions_off_plane(
         if worst > SHARE * most:
             share = f"by a share of {worst / most:.3g}, which the run left out"
             text = f"pushed out of the plane that the scene is confined to, {share}"
-            return function.load.label, text, when
+            return item.label, text, when
     return None
 
 

@@ -16,6 +16,7 @@ from ..body import MassPoint, RigidBody
 from ..coupling import Coupling, Foundation
 from ..damping import RayleighDamping
 from ..errors import IncompatibleError, InputError, ModelWarning
+from ..force import Force
 from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
 from ..joint import Joint, JointDrive, JointLocked
@@ -167,7 +168,14 @@ def _anew(
     drives: Sequence[JointDrive],
     placed: Placed | None,
 ) -> System:
-    items = system.structures, joints, loads, drives, system.couplings.items, system.dampings
+    items = (
+        system.structures,
+        joints,
+        loads,
+        drives,
+        [*system.couplings.items, *system.couplings.own],
+        system.dampings,
+    )
     with Notices(system.warnings) as notices:
         out = _checked(System(*items, placed, copies=system.copies))
         if system.plane is not None:
@@ -566,7 +574,9 @@ def _couplings(items: Sequence[Item]) -> list[Coupling]:
     """Force elements, those of foundations included."""
     out = []
     for item in items:
-        if isinstance(item, Coupling):
+        if isinstance(item, Force):
+            out += item.pieces()
+        elif isinstance(item, Coupling):
             out.append(item)
         elif isinstance(item, Foundation):
             out += item.supports()

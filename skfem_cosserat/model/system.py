@@ -40,7 +40,7 @@ from .force_elements import Couplings
 from .ground import Ground, Placed
 from .groups import BeamGroup, Group, Structure, assemble_mass, damping_factors, nodal_group
 from .kinematics import Kinematics
-from .loading import FunctionLoad, Loading
+from .loading import Loading
 from .loops import (
     almost_redundant,
     close_loops,
@@ -162,18 +162,22 @@ class System:
         self.loading = Loading(self.loads, *places, self.beam_groups, self.frame_group)
         check_drives(self.drives)
         self._constrain()
-        start, functions = self.extend(self._y0, 0.0), self.loading.functions
-        pushes = [FunctionLoad(*each, self.row_of, self.rows, self.length) for each in functions]
-        for push in pushes:
-            push.check(start)
-        self.couplings = Couplings(couplings, self.row_of, start, self.rows, pushes)
+        start = self.extend(self._y0, 0.0)
+        self.couplings = Couplings(couplings, self.row_of, start, self.rows, self.length)
+        self.couplings.check(start)
         self.plane: Plane | None = None
         self._build_tree()
         self._lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled are the items: arrays, numbers by identity and caches are made anew."""
-        items = self.structures, self.joints, self.loads, self.drives, self.couplings.items
+        items = (
+            self.structures,
+            self.joints,
+            self.loads,
+            self.drives,
+            [*self.couplings.items, *self.couplings.own],
+        )
         scene = *items, self.dampings, self.placed, self.scene
         return _made, (scene, self.plane, self.warnings)
 
@@ -228,7 +232,7 @@ class System:
 
     def _place_ground(self, couplings: Sequence[Coupling]) -> None:
         places = [place for joint in self.joints for place in (joint.a, joint.b)]
-        places += [place for item in couplings for place in (item.a, item.b)]
+        places += [place for item in couplings for place in item.sides()]
         self._sides = [place.position for place in places]
         places += [drive.place for drive in self.drives]
         places += [place for load in self.loads for place in load.places()]
@@ -642,12 +646,15 @@ class System:
         """Pairs (k, 2) of rows of y that couplings connect by 3x3 blocks."""
         return self.couplings.pairs
 
-    def couplings_of(
-        self, items: Sequence[Coupling], functions: Sequence[FunctionLoad] = ()
-    ) -> Couplings:
-        """Some of its force elements, and of its loads that are functions, as arrays."""
+    @property
+    def dead_only(self) -> bool:
+        """Whether no load, nor force by an own law, depends on the motion."""
+        return self.loading.dead_only and not self.couplings.own
+
+    def couplings_of(self, items: Sequence[Coupling]) -> Couplings:
+        """Some of its force elements as arrays."""
         start = self.extend(self.q0, 0.0)
-        return Couplings(items, self.row_of, start, self.rows, functions)
+        return Couplings(items, self.row_of, start, self.rows, self.length)
 
     @cached_property
     def length(self) -> float:

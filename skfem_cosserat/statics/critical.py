@@ -187,7 +187,7 @@ def inspect(
     Pivots of its stiffness, if they are known, do where they tell: the smallest one is not small
     enough to be that of a neutral motion, and forces are conservative, or certainly not.
     """
-    dead = system.loading.dead_only
+    dead = system.dead_only
     assemble = partial(_tangent, system, point, amplitudes)
     firm = pivots is not None and pivots.smallest > SUSPECT * NEUTRAL * pivots.largest
     if pivots is not None and firm and (dead or pivots.skew > SKEW * pivots.largest):

@@ -170,7 +170,8 @@ def load_force(system: System, y: Floats, amplitudes: Amplitudes) -> Floats:
     force = loading.dead_force(amplitudes.loads)
     if not loading.dead_only:
         force = force + loading.force(y[: system.rows], amplitudes.loads)
-        force = force + system.couplings.pushed(y, amplitudes.actuators, amplitudes.time)
+    if system.couplings.own:
+        force = force + system.couplings.pushed(y, amplitudes.time)
     return force
 
 
@@ -548,7 +549,7 @@ class CompiledEquations(CompiledScene):
         )
         self._called: CalledAtRest | None = None
         self._taken: Amplitudes | None = None
-        if system.couplings.functions or spin:
+        if system.couplings.own or spin:
             self._called = CalledAtRest(system, spin, self.plan, self._a)
             self._all[0][CALLED_BACK] = self._called.address
 

@@ -1,0 +1,233 @@
+"""Laws and potentials of a user's own functions, for force elements that share them."""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..coupling import Coupling
+from ..errors import InputError, failed
+from ..force import Force
+from ..law import LawStored
+from ..types import Array, Floats
+
+#: of the complex step, relative to the size of what is changed
+TINY = 1e-20
+#: of differences, relative to the extent of the scene
+SMALL = 1e-6
+
+
+class OwnLaw:
+    """Law of couplings (c, m) of coordinates x; see :class:`skfem_cosserat.Force`.
+
+    Forces are in the sense of an internal one, against a larger x. Complex numbers, as the
+    complex step has them, are taken to first order in their imaginary part.
+
+    Parameters
+    ----------
+    members : sequence of Force
+        Of the same functions.
+    length : float
+        Extent of the scene (m).
+
+    Attributes
+    ----------
+    force_of_load : bool
+        Whether there is no potential.
+    """
+
+    def __init__(self, members: Sequence[Coupling], length: float) -> None:
+        own = members[0]
+        assert isinstance(own, Force)
+        self.own, self.length, self.m = own, length, own.size
+        self.label = getattr(own, "whole", own).label
+        self.force_of_load = own.energy is None
+        if own.energy is not None:
+            gradient = None if own.derivative is None else self._gradients
+            given = self._energies, gradient, None, np.eye(self.m)
+            self._stored = LawStored(*given, size=length)
+
+    # -- the user's functions ----------------------------------------------------------------------
+
+    def _called(
+        self, name: str, rows: Sequence[Array], t: float | None, count: int = 1
+    ) -> list[list[Array]]:
+        """Values of a function at rows (n, m) of each given array, `count` of each call."""
+        function, last = getattr(self.own, name), () if t is None else (t,)
+        shaped = [each.reshape(len(each), *self.own.shape).copy() for each in rows]
+        calls = [shaped] if self.own.each else list(zip(*shaped, strict=True))
+        try:
+            found = [function(*call, *last) for call in calls]
+            return [[np.array(each) for each in (one if count > 1 else (one,))] for one in found]
+        except Exception as error:
+            real = not any(map(np.iscomplexobj, rows))
+            where = "" if real else " at complex numbers, with which its slopes are found,"
+            raise failed(self.label, f"its {name}{where}", error, t) from error
+
+    def _rows(
+        self,
+        name: str,
+        shape: tuple[int, ...],
+        rows: Sequence[Array],
+        t: float | None,
+        count: int = 1,
+    ) -> list[Array]:
+        """Values (n, *shape) of a function, checked; `count` of them."""
+        n, real = len(rows[0]), not any(map(np.iscomplexobj, rows))
+        wanted = (n, *shape) if self.own.each else shape
+        at = "" if t is None else f", at t = {t:.9g} s"
+        found = self._called(name, rows, t, count)
+        for each in (value for one in found for value in one):
+            if each.shape != wanted or each.dtype.kind not in ("iuf" if real else "iufc"):
+                kind = f"{name} gives an array {each.shape} of {each.dtype}"
+                text = f"{kind}, expected {wanted} {'real ' * real}numbers{at}"
+                raise InputError(self.label, text)
+            # the sum first: it takes a third of the time
+            if not (cmath.isfinite(np.add.reduce(each, None)) or np.isfinite(each).all()):
+                where = ", ".join(f"{k} = {x.tolist()}" for k, x in zip("xv", rows, strict=False))
+                text = f"{name} is {each.tolist()}, not finite{at}: {where}"
+                raise InputError(self.label, text)
+        if any(len(one) != count for one in found):
+            raise InputError(
+                self.label, f"{name} gives {len(found[0])} arrays, expected {count}{at}"
+            )
+        return [np.array([one[k] for one in found]).reshape(n, *shape) for k in range(count)]
+
+    def _energies(self, e: Array) -> Array:
+        (found,) = self._rows("energy", (), [e.reshape(-1, self.m)], None)
+        return found.reshape(e.shape[:-1])
+
+    def _gradients(self, e: Array) -> Array:
+        (found,) = self._rows("derivative", self.own.shape, [e.reshape(-1, self.m)], None)
+        return found.reshape(e.shape)
+
+    def _law(self, e: Array, rate: Array, t: float) -> Array:
+        """Forces (n, m) of the law at rows (n, m)."""
+        return self._rows("law", self.own.shape, [e, rate], t)[0].reshape(e.shape)
+
+    def slopes(self, e: Floats, rate: Floats, t: float) -> tuple[Floats, Floats]:
+        """Derivatives (c, m, m) of the law by e and rate, both (c, m)."""
+        c, m = e.shape
+        if self.own.derivative is not None:
+            both = self._rows("derivative", 2 * self.own.shape, [e, rate], t, 2)
+            return both[0].reshape(c, m, m), both[1].reshape(c, m, m)
+        moves = 1j * TINY * np.repeat(np.eye(2 * m), c, axis=0)
+        moved = np.tile(np.concatenate([e, rate], axis=1), (2 * m, 1)) + moves
+        found = self._law(moved[:, :m], moved[:, m:], t).imag / TINY
+        by_e, by_rate = found.reshape(2, m, c, m).transpose(0, 2, 3, 1)
+        return by_e, by_rate
+
+    # -- what groups ask for -----------------------------------------------------------------------
+
+    def energy(self, e: Array) -> Array:
+        """Potential (..., c)."""
+        return np.zeros(e.shape[:-1]) if self.force_of_load else self._stored.energy(e)
+
+    def force(self, e: Array, rate: Array, t: float = 0.0) -> Array:
+        """Force (..., c, m) against a larger x."""
+        if not self.force_of_load:
+            return self._stored.stress(e)
+        if not (np.iscomplexobj(e) or np.iscomplexobj(rate)):
+            shape = np.broadcast_shapes(e.shape, rate.shape)
+            e, rate = (np.broadcast_to(each, shape).reshape(-1, self.m) for each in (e, rate))
+            return -self._law(e, rate, t).reshape(shape)
+        # the real parts of all are the same: those of one configuration
+        shape = np.broadcast_shapes(e.shape, rate.shape)
+        e, rate = (np.broadcast_to(each, shape) for each in (e, rate))
+        first = tuple(0 for _ in shape[:-2])
+        at = e[first].real.copy(), rate[first].real.copy()
+        by_e, by_rate = self.slopes(*at, t)
+        change = by_e @ e.imag[..., None] + by_rate @ rate.imag[..., None]
+        return -(self._law(*at, t) + 1j * change[..., 0])
+
+    def discrete(
+        self, e0: Array, e1: Array, h: float, t: float, decay: float = 0.0
+    ) -> tuple[Array, Array, Array]:
+        """Discrete derivative of the potential, or the law of the mean; nothing is dissipated."""
+        if self.force_of_load:
+            sigma = self.force(0.5 * (e0 + e1), (e1 - e0) / h, t)
+        else:
+            sigma = self._stored.discrete(np.broadcast_to(e0, e1.shape), e1)
+        none = np.zeros(e1.shape[:-1])
+        return sigma, none, none
+
+    def midpoint(
+        self, e: Array, rate: Array, e0: Array, e1: Array, h: float, t: float
+    ) -> tuple[Array, Array]:
+        """Force at the midpoint configuration; nothing is dissipated."""
+        return self.force(e, rate, t), np.zeros(e.shape[:-1])
+
+    def stiffness(self, e: Array, taut: bool) -> Array:
+        """Derivative (c, m, m) of the force by the coordinates, at rest at t = 0."""
+        if not self.force_of_load:
+            return self._stored.tangent(e)
+        return -self.slopes(e, np.zeros_like(e), 0.0)[0]
+
+    def damping(self, e: Array, taut: bool) -> Array:
+        """Derivative (c, m, m) of the force by the rates, likewise."""
+        if not self.force_of_load:
+            return np.zeros((*e.shape, self.m))
+        return -self.slopes(e, np.zeros_like(e), 0.0)[1]
+
+    # -- a check before a run ----------------------------------------------------------------------
+
+    def check(self, e: Floats) -> None:
+        """Compare derivatives with differences near coordinates (c, m), in motion.
+
+        A kink may be at one configuration, but hardly at both that are looked at.
+
+        Raises
+        ------
+        InputError
+            If they differ at both.
+        """
+        rng, off = np.random.default_rng(0), np.inf
+        for _ in range(2):
+            x = e + 1e-2 * self.length * rng.standard_normal(e.shape)
+            off = min(off, self._error(x, rng.standard_normal(e.shape)))
+        if off <= 1e-3:
+            return
+        remedy = "give the right one"
+        if self.own.derivative is None:
+            name = "energy" if self.own.law is None else "law"
+            remedy = (
+                f"make the {name} of what can be differentiated, np.sqrt((v * v).sum()) instead of"
+                " abs or np.linalg.norm, or give the derivative"
+            )
+        text = f"its derivatives differ from differences by a share of {off:.3g}: {remedy}"
+        raise InputError(self.label, text)
+
+    def _error(self, x: Floats, v: Floats) -> float:
+        """Largest difference of derivatives, relative to the largest of its kind."""
+        if not self.force_of_load:
+
+            def values(x: Floats, v: Floats) -> Floats:
+                return self._stored.energy(x)[..., None]
+
+            given = [self._stored.stress(x)[:, None, :]]
+        else:
+
+            def values(x: Floats, v: Floats) -> Floats:
+                return self._law(x, v, 0.0)
+
+            values(x, v)  # what is wrong with it is said before complex numbers come
+            given = list(self.slopes(x, v, 0.0))
+        worst = 0.0
+        for kind, slopes in enumerate(given):
+            scale = (max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max())))[
+                kind
+            ]
+            step, other = SMALL * scale, np.empty_like(slopes)
+            for j in range(self.m):
+                ends = []
+                for sign in (1, -1):
+                    moved = [x.copy(), v.copy()]
+                    moved[kind][:, j] += sign * step
+                    ends.append(values(*moved))
+                other[..., j] = (ends[0] - ends[1]) / (2 * step)
+            rounding = 1e-14 * float(abs(values(x, v)).max()) / step
+            gap = float((abs(slopes - other).max() - rounding).clip(0.0))
+            worst = max(worst, gap / (float(abs(other).max()) + rounding + 1e-300))
+        return worst
