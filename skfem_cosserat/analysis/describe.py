@@ -93,13 +93,13 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     for coupling in shown(system):
         ends = {"a": coupling.a.label, "b": coupling.b.label}
         meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
-    for load in dict.fromkeys(acting(system)):
-        if isinstance(load, Force):
-            meta["loads"].append({"name": load.name, "type": "Force"})
     for load in system.loads:
         gravity = np.sum([term.acceleration() for term in load.made_of], axis=0)
         own = {"acceleration": gravity.tolist()} if gravity.any() else {}
         meta["loads"].append({"name": load.name, "type": type(load).__name__, **own})
+    for load in dict.fromkeys(acting(system)):
+        if isinstance(load, Force):
+            meta["loads"].append({"name": load.name, "type": "Force"})
     for drive in system.drives:
         kind = drive.coordinate.kind
         meta["drives"].append({"name": drive.name, "type": kind, "joint": drive.joint.name})

@@ -59,7 +59,7 @@ class OwnLaw:
         shaped = [each.reshape(len(each), *self.own.shape).copy() for each in rows]
         calls = [shaped] if self.own.each else list(zip(*shaped, strict=True))
         try:
-            found = [function(*call, *last) for call in calls]
+            found = (function(*call, *last) for call in calls)  # may give one array again
             return [[np.array(each) for each in (one if count > 1 else (one,))] for one in found]
         except Exception as error:
             real = not any(map(np.iscomplexobj, rows))

@@ -512,16 +512,16 @@ def test_law_of_cables(damping):
     law = SlackLaw([sc.Cable(sc.ground((0, 0, 0)), place, 30.0, damping)] * count)
     e0, e1 = 0.1 * rng.standard_normal((2, count, 1))
     e1[:50] = e0[:50] + 1e-12 * rng.standard_normal((50, 1))
-    sigma, dissipated, numerical = law.discrete(e0, e1, h)
+    sigma, dissipated, numerical = law.discrete(e0, e1, h, 0.0)
     assert sigma.min() == 0 and dissipated.min() >= 0 and dissipated.max() > 0
     work = (sigma * (e1 - e0))[:, 0]
     change = law.energy(e1) - law.energy(e0)
     assert abs(work - change - dissipated).max() < 1e-13 * max(1, abs(work).max())
     assert not numerical.any()
-    *_, whole, numerical = law.discrete(e0, e1, h, decay=0.1)
+    *_, whole, numerical = law.discrete(e0, e1, h, 0.0, decay=0.1)
     assert numerical == pytest.approx(whole * 0.015 / (damping + 0.015))  # of 0.5 h 0.1 * 30
     rate = (e1 - e0) / h
-    middle = law.midpoint(0.5 * (e0 + e1), rate, e0, e1, h)
+    middle = law.midpoint(0.5 * (e0 + e1), rate, e0, e1, h, 0.0)
     assert middle[0].min() == 0 and middle[-1].min() >= 0
     assert (law.force(e0, rate) >= 0).all() and (law.force(-abs(e0), rate) == 0).all()
 

@@ -121,7 +121,7 @@ ITEMS = [
     sc.TermStrain(ROD, Z),
     sc.LoadStrain(ROD, (0, 0, 1e-3, 0, 0, 0)),
     sc.TermAcceleration((0, 0, -9.81)),
-    sc.TermFunction([PLACE, BALL.place()], passing),
+    sc.Force([PLACE, BALL.place()], passing),
     sc.FunctionOfTime(ramp),
     sc.RampLinear(0.0, 1.0),
     sc.RampSmooth(0.0, 1.0, last=3.0),

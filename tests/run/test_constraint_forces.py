@@ -240,24 +240,14 @@ def test_sensors_see_the_same_forces(scheme):
     assert abs(record.values - both).max() < 1e-12 * abs(both).max()
 
 
-class LoadBrake(sc.Load):
-    """A force against the velocity of a place, times a function of time."""
-
-    def __init__(self, place, amplitude):
-        super().__init__(amplitude=amplitude)
-        self.place = place
-
-    def terms(self):
-        return [sc.TermFunction([self.place], lambda x, v, t: -v, self.time)]
-
-
 def along(place, hinge, function):
     """A force at a place by a function of time."""
     return sc.LoadForce(place, (0, 0, 9.0), function)
 
 
 def brake(place, hinge, function):
-    return LoadBrake(place, function)
+    """A force against the velocity of a place, times a function of time."""
+    return sc.Force([place], lambda x, v, t: -function(t) * v)
 
 
 def motor_torque(place, hinge, function):

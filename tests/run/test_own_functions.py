@@ -35,17 +35,10 @@ class SensorOwn(sc.Sensor):
         return np.array([self.value(t) for t in window.t])
 
 
-class LoadOwn(sc.Load):
-    """Drag; force or slopes by functions of ``(v, t)``."""
-
-    def __init__(self, place, force=None, slopes=None):
-        super().__init__()
-        self.place, self.force, self.slopes = place, force, slopes
-
-    def terms(self):
-        force = self.force or (lambda v, t: -0.1 * v)
-        slopes = self.slopes and (lambda x, v, t: self.slopes(v, t))
-        return [sc.TermFunction([self.place], lambda x, v, t: force(v, t), slopes=slopes)]
+def own_force(place, force=lambda v, t: -0.1 * v, slopes=None):
+    """Drag; force or its derivatives by functions of ``(v, t)``."""
+    derivative = slopes and (lambda x, v, t: slopes(v, t))
+    return sc.Force([place], lambda x, v, t: force(v, t), derivative=derivative)
 
 
 def drag_slopes(v, t):
@@ -80,9 +73,9 @@ def scene(what, late):
     elif what == "value":
         model.add("push", sc.LoadForce(end, since(lambda t: np.array([0, 0.1, 0]))))
     elif what == "force":
-        model.add("push", LoadOwn(end, force=since(lambda v, t: -0.1 * v)))
+        model.add("push", own_force(end, force=since(lambda v, t: -0.1 * v)))
     elif what == "slopes":
-        model.add("push", LoadOwn(end, slopes=since(drag_slopes)))
+        model.add("push", own_force(end, slopes=since(drag_slopes)))
     elif what == "motor":
         model.add("motor", sc.JointActuator(hinge, since(lambda t: 0.01)))
     elif what == "drive":
@@ -106,8 +99,8 @@ def text_of(error):
 OWNERS = {
     "amplitude": "load 'push': function of time: ",
     "value": "load 'push': ",
-    "force": "load 'push': ",
-    "slopes": "load 'push': ",
+    "force": "force 'push': ",
+    "slopes": "force 'push': ",
     "motor": "joint actuator 'motor': function of time: ",
     "drive": "drive 'drive': function of time: ",
     "motion": "prescribed motion of the ground at [0.0, 0.0, 0.0]: displacement(",
