@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
-from typing import Any, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from .arguments import checked
 from .coupling import Coupling
 from .errors import InputError
 from .frames import Item, Place, no_place
-from .frozen import loosened
+from .frozen import Replacements, loosened
 from .joint import Joint
 from .relative import ORIGIN, Expression, RelativeCoordinate, position
 from .types import ArrayLike, switch
@@ -113,9 +113,8 @@ class Force(Coupling):
         )
         #: shape of x in one call, or of each place
         self.shape = inner if alone or self.each else (len(where), *inner)
-        self.a, self.b = ORIGIN, next((p for p in self.places() if p is not ORIGIN), ORIGIN)
-        self.stiffness = self.damping = np.zeros((self.size, self.size))
-        self.neutral = np.zeros(self.size)
+        self.a, self.b = (self.joints[0].a, self.joints[0].b) if self.joints else self.sides()[:2]
+        self._set_law(0.0, 0.0, 0.0)
         #: of one place each, made when the scene is frozen
         self._parts_of_it: list[Coupling] = []
 
@@ -127,6 +126,17 @@ class Force(Coupling):
         except (InputError, AttributeError) as error:
             why = str(error) if isinstance(error, InputError) else f"acts on {no_place(where)}"
             raise InputError(self.label, why) from error
+
+    def _set_law(self, stiffness: Any, damping: Any, neutral: Any) -> None:
+        """Springs of force elements: it has none."""
+        self.stiffness = self.damping = np.zeros((self.size, self.size))
+        self.neutral = np.zeros(self.size)
+
+    def with_replacements(self, replacements: Replacements) -> Self:
+        """Copy that acts on the replacements."""
+        other = super().with_replacements(replacements)
+        other._parts_of_it = []
+        return other
 
     def sides(self) -> Sequence[Place]:
         """All places of its coordinates, each once."""
@@ -147,6 +157,7 @@ class Force(Coupling):
             for k in range(0, self.size, step):
                 piece = loosened(copy(self))
                 piece.coordinates, piece.whole = self.coordinates[k : k + step], self
+                piece._set_law(0.0, 0.0, 0.0)
                 vars(piece)["name"] = f"{self.name}/{k // step}"
                 self._parts_of_it.append(piece)
         return self._parts_of_it

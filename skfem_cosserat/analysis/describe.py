@@ -97,9 +97,8 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         gravity = np.sum([term.acceleration() for term in load.made_of], axis=0)
         own = {"acceleration": gravity.tolist()} if gravity.any() else {}
         meta["loads"].append({"name": load.name, "type": type(load).__name__, **own})
-    for load in dict.fromkeys(acting(system)):
-        if isinstance(load, Force):
-            meta["loads"].append({"name": load.name, "type": "Force"})
+    forces = (each for each in acting(system) if isinstance(each, Force))
+    meta["loads"] += [{"name": each.name, "type": "Force"} for each in forces]
     for drive in system.drives:
         kind = drive.coordinate.kind
         meta["drives"].append({"name": drive.name, "type": kind, "joint": drive.joint.name})

@@ -192,6 +192,11 @@ class CalledLaws(Called):
             self._arrays.middle[ids] = np.nan
 
 
+def last_turns(own: Couplings, turns: IndexArray | None) -> IndexArray | None:
+    """Full turns of the angles of own laws, the last ones of all that a state has."""
+    return None if turns is None else np.asarray(turns)[len(turns) - len(own.angles) :]
+
+
 class RowBlocks:
     """3x3 blocks at pairs of rows of y, added to the matrix of compiled steps.
 
@@ -258,11 +263,13 @@ class CalledAtRest(Called):
             system, np.concatenate([self._functions.pairs, mass]), plan, arrays
         )
 
-    def take(self, amplitudes: Amplitudes) -> None:
-        """Evaluate with these from now on."""
+    def take(self, amplitudes: Amplitudes, turns: IndexArray | None) -> None:
+        """Evaluate with these, and full turns of angles, from now on."""
         self._amplitudes = amplitudes
         y0 = self._arrays.y0.copy()
-        self._start = self._functions.starting(y0, None, np.zeros(1), 1.0, amplitudes.time)
+        self._start = self._functions.starting(
+            y0, last_turns(self._functions, turns), np.zeros(1), 1.0, amplitudes.time
+        )
 
     def _add_force(self) -> None:
         a, spin = self._arrays, self._amplitudes.spin
@@ -308,10 +315,11 @@ class CalledBack(Called):
         """Set the quantities that stay fixed in a step of size h (s) after a state."""
         system, couplings, end = self._system, self._couplings, state.time + h
         self._scheme, self.error, y0 = scheme, None, self._arrays.y0.copy()
+        turns = last_turns(couplings, state.turns)
         if not scheme.at_end:
-            self._start = couplings.begin(y0, None, state.time, h)
+            self._start = couplings.begin(y0, turns, state.time, h)
             return
-        self._start = couplings.starting(y0, None, couplings.values(end), 1.0, end)
+        self._start = couplings.starting(y0, turns, couplings.values(end), 1.0, end)
         #: what is known of the velocity at the end
         self._drift = np.zeros_like(y0)
         self._drift[system.rows :] = system.ground_rate(end)
@@ -334,6 +342,10 @@ class CalledBack(Called):
     def _add_blocks(self) -> None:
         left = self._arrays.y0 if self._scheme.weight == 0 else self._arrays.mid
         self._blocks.add(self._couplings.tangent(self._found, self._scheme.force), left)
+
+    def turns(self) -> IndexArray | None:
+        """Full turns of the angles of own laws at the end of a step."""
+        return self._couplings.turns(self._start, self._arrays.y1)
 
     def work(self) -> StepWork:
         """Work of the step evaluated last, by forces of its middle."""

@@ -502,9 +502,11 @@ class Coupled:
 
     def turn(self, turns: IndexArray | None) -> None:
         """Take these full turns at the start of a step, as in a state."""
-        if len(self._angles):
-            self._couplings.check_turns(turns)
-            self._columns[self._angles, TURNS] = 0 if turns is None else turns
+        count = len(self._angles)
+        if count:
+            own = None if turns is None else np.asarray(turns)[:count]  # then those of own laws
+            self._couplings.check_turns(own)
+            self._columns[self._angles, TURNS] = 0 if own is None else own
 
     def look(self, time: float) -> None:
         """Warn of a rotation vector that passed a turn of pi, where it jumps."""
@@ -784,7 +786,7 @@ class CompiledStep(CompiledScene):
             o.log_q[:done].reshape(done, n).copy(),
             o.log_p[:done].reshape(done, n).copy(),
             o.log_rates[:done].reshape(done, len(o.table), n).copy(),
-            self._coupled.turns_of(o.log_turns[:done]),
+            self._turns(done),
             np.array(self._grounds[:done]) if moving else a.ground1[None].repeat(done, 0),
             o.log_impulse[:done].reshape(done, n).copy(),
             logged[:, 0].astype(np.int64),
@@ -797,6 +799,12 @@ class CompiledStep(CompiledScene):
         if not plain or record[UNMOVED]:
             self._complete(block, state, plain)
         return block
+
+    def _turns(self, done: int) -> IndexArray:
+        """Full turns (k, angles) of all angles, of k steps; with own laws of a single one."""
+        found = self._coupled.turns_of(self._o.log_turns[:done])
+        own = None if self._called_back is None else self._called_back.turns()
+        return found if own is None else np.hstack([found, own[None]])
 
     def _complete(self, block: Block, state: State, plain: bool) -> None:
         """Add what kernels leave of the last step: works, unless `plain`, and velocities."""

@@ -548,6 +548,7 @@ class CompiledEquations(CompiledScene):
             system, system.couplings_of(system.couplings.items), self._a.coupled, REST, 1.0
         )
         self._called: CalledAtRest | None = None
+        self._turns: IndexArray | None = None
         self._taken: Amplitudes | None = None
         if system.couplings.own or spin:
             self._called = CalledAtRest(system, spin, self.plan, self._a)
@@ -599,6 +600,7 @@ class CompiledEquations(CompiledScene):
         rows, y = self.system.rows, start.y
         self._place(y[:rows].ravel(), (y[rows:], self.schedule.ground(start.t)))
         self._coupled.turn(start.turns)
+        self._turns = start.turns
         self._mixed, self._taken = False, None
         self._take(start.t)
         self._call("begin")
@@ -644,7 +646,7 @@ class CompiledEquations(CompiledScene):
         self.load(amplitudes.loads)
         self._coupled.drive(amplitudes.actuators[: self._coupled.channels])
         if self._called is not None:
-            self._called.take(amplitudes)
+            self._called.take(amplitudes, self._turns)
 
     def evaluate(self, t: float) -> float:
         """Evaluate the balance at load factor t; gives its size relative to its terms."""

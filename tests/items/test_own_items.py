@@ -329,7 +329,7 @@ def test_an_event_switches_an_own_load():
     assert history["v"][-1, 2] == pytest.approx(1.0)  # 4 N / 2 kg for half a second
 
 
-# -- forces that are functions of the motion --------------------------------------------------------
+# -- forces that are functions of the motion -------------------------------------------------------
 
 
 def ball(load=None, velocity=(2.0, 0, 0)):
@@ -409,7 +409,6 @@ def test_a_function_pulls_as_a_spring_of_no_length(scheme, treatment, slopes):
 def test_functions_in_statics_grow_with_the_load_factor(treatment):
     """Weight against f = -k x at load factor s: x = -g m/k at each, and work of both loads."""
 
-    growing = sc.Table([0], [1])
     model = ball(
         lambda place: sc.Force([place], lambda x, v, t: -30.0 * x),
         velocity=(0, 0, 0),

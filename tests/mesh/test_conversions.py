@@ -75,6 +75,6 @@ def test_vtk_files_keep_names(tmp_path):
     assert list(again.beams) == ["boom"]
     assert again.node("third") == mesh.node("third")
     assert_allclose(again.p, mesh.p)
+    other = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="my boom")
     with pytest.raises(MeshError, match="space"):
-        other = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), 3, name="my boom")
         sc.write_mesh(tmp_path / "b.vtk", other)

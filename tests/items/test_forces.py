@@ -1,0 +1,149 @@
+"""Forces by own laws and potentials: closed forms, other integrators, both kernels."""
+
+import numpy as np
+import pytest
+from helpers_schemes import KINDS, treatments
+from numpy.testing import assert_allclose
+from scipy.integrate import solve_ivp
+
+import skfem_cosserat as sc
+
+KERNELS = "numpy", "numba"
+
+
+def exact(rates, start, until):
+    """State at an instant, by a Runge-Kutta method of order 8."""
+    found = solve_ivp(rates, (0, until), start, method="DOP853", rtol=1e-12, atol=1e-13)
+    return found.y[:, -1]
+
+
+def orders(errors):
+    return np.log2(np.divide(errors[:-1], errors[1:]))
+
+
+def pendulum(kernels_law):
+    """A charged bob on a rod of 1 m, in a field, with a law on it."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.5, position=(1.0, 0, 0)))
+    model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    model.add("charge", kernels_law(bob.place()))
+    return model, bob.place()
+
+
+CHARGE = np.array([0.3, -0.4, 0.2])  # of the other charge, where it is
+
+
+def coulomb(x):
+    r = x - CHARGE
+    return 0.7 / np.sqrt((r * r).sum())
+
+
+def coulomb_force(x, v, t):
+    r = x - CHARGE
+    return 0.7 * r / (r * r).sum() ** 1.5
+
+
+@pytest.mark.parametrize("kernels", KERNELS)
+@treatments
+def test_a_potential_is_kept_exactly(treatment, kernels):
+    model, place = pendulum(lambda p: sc.Force(p, energy=coulomb))
+    run = sc.simulate(model, sc.EnergyMomentum(), treatment, 0.01, until=1.0, kernels=kernels)
+    total = run["energy"] + run["external"]
+    assert abs(total - total[0]).max() < 1e-11
+    assert run["coupling_energy"][-1] == pytest.approx(coulomb(run.position(place)[-1]))
+    assert abs(run["energy_balance"]).max() < 1e-11
+    assert_allclose(
+        run["load/charge/force"][-1, 0], coulomb_force(run.position(place)[-1], 0, 0), rtol=1e-7
+    )
+
+
+def test_a_pendulum_with_a_charge_converges_to_the_solution_of_scipy():
+    """Law and potential, second order, and the same limit."""
+
+    def rates(t, y):
+        x, v = y[:3], y[3:]
+        f = coulomb_force(x, v, t) / 1.5 + (0, 0, -9.81)
+        n = x / np.linalg.norm(x)
+        return [*v, *(f - (f @ n + v @ v) * n)]
+
+    end = exact(rates, [1.0, 0, 0, 0, 0, 0], 0.5)[:3]
+    for make in (
+        lambda p: sc.Force(p, coulomb_force),
+        lambda p: sc.Force(p, energy=coulomb, derivative=lambda x: -coulomb_force(x, 0, 0)),
+    ):
+        errors = []
+        for step in (0.02, 0.01, 0.005):
+            model, place = pendulum(make)
+            run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), step, until=0.5)
+            errors.append(np.linalg.norm(run.position(place)[-1] - end))
+        assert_allclose(orders(errors), 2.0, atol=0.1)
+
+
+@pytest.mark.parametrize("kernels", KERNELS)
+def test_a_law_on_an_angle_counts_turns(kernels):
+    """A torque -k (angle - 10): the wheel turns on through pi to rest at 10 rad."""
+    model = sc.Model()
+    wheel = model.add("wheel", sc.RigidBody.cylinder(2.0, radius=1.0, length=0.1))
+    place = wheel.at((0, 0, 0))
+    hinge = model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), place, axis=(0, 0, 1)))
+    model.add("servo", sc.Force(hinge, lambda x, v, t: -3.0 * (x - 10.0) - 0.5 * v))
+    run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.004, until=2.0, kernels=kernels)
+    inertia = 1.0  # m r^2 / 2
+
+    def rates(t, y):
+        return [y[1], (-3.0 * (y[0] - 10.0) - 0.5 * y[1]) / inertia]
+
+    angle = exact(rates, [0.0, 0.0], 2.0)[0]
+    assert angle > 4 * np.pi / 1.3
+    assert run["joint/hinge/angle"][-1] == pytest.approx(angle, abs=2e-3)
+    assert run["coupling/servo/coordinate"][-1] == pytest.approx(angle, abs=2e-3)
+    assert_allclose(run["energy_balance"], 0.0, atol=1e-10)
+    rest = sc.static(model)
+    assert rest["joint/hinge/angle"][-1] == pytest.approx(10.0)
+
+
+def test_one_law_for_many_places_is_that_of_each():
+    """Thirty beads with drag and a spring, evaluated together or one by one."""
+
+    def law(x, v, t):
+        speed = np.sqrt((v * v).sum(-1, keepdims=True) + 1e-12)
+        return -0.3 * speed * v - 2.0 * x
+
+    def beads(force):
+        model = sc.Model()
+        for k in range(30):
+            model.add(f"bead {k}", sc.MassPoint(1.0, position=(k, 1, 0), velocity=(0, 1, k)))
+        places = [model[f"bead {k}"].place() for k in range(30)]
+        for k, each in enumerate(force(places)):
+            model.add(f"force {k}", each)
+        return sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.02, until=0.2)
+
+    together = beads(lambda places: [sc.Force(places, law, each=True)])
+    apart = beads(lambda places: [sc.Force(place, law) for place in places])
+    assert_allclose(together["q"], apart["q"], atol=1e-12)
+    assert together["load/force 0/force"].shape == (11, 30, 3)
+    assert_allclose(together["load/force 0/force"][:, 7], apart["load/force 7/force"][:, 0])
+
+
+@pytest.mark.parametrize("scheme", KINDS, ids=lambda each: each.name)
+@treatments
+def test_a_stiff_potential_is_no_spring_apart(scheme, treatment):
+    """A spring as a potential moves a body as the spring does, in all schemes."""
+
+    def run(make):
+        model = sc.Model()
+        body = model.add("body", sc.RigidBody.box(1.0, (1, 0.5, 0.2), velocity=(0, 1, 0.5)))
+        model.add("hold", make(body.at((0.5, 0.2, 0))))
+        return sc.simulate(model, scheme, treatment, 0.02, until=0.3)
+
+    def stored(x):
+        return 20.0 * ((x - (0.5, 0.2, 0.0)) ** 2).sum()
+
+    own = run(lambda place: sc.Force(place, energy=stored))
+    spring = run(
+        lambda place: sc.Bushing(sc.ground(place.position), place, np.diag([40.0] * 3 + [0] * 3))
+    )
+    # the energy-decaying scheme damps springs, not potentials of one's own
+    loose = isinstance(scheme, sc.EnergyDecaying)
+    assert_allclose(own["q"], spring["q"], atol=2e-2 if loose else 1e-8)
