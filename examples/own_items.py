@@ -1,6 +1,6 @@
 """A load, a joint and a sensor of your own: a ball slides down a slope against the drag of the air.
 
-- A load writes ``terms``. ``sc.TermFunction`` takes any function of points, velocities and time.
+- ``sc.Force`` takes any function of points, velocities and time.
 - A joint writes its constraints, ``rows``, and what they leave free, ``freedom``.
 - A sensor names its ``items`` and gives ``values`` at each step.
 
@@ -23,20 +23,14 @@ PICTURE = Path(__file__).with_name("pictures") / "own_items.png"
 MASS, DRAG, SLOPE, GRAVITY = 0.2, 0.02, np.radians(30), 9.81  # kg, kg/m, rad, m/s^2
 
 
-class LoadDrag(sc.Load):
-    """A force against the velocity of a place, with the square of its speed."""
+def drag(place: sc.Place, factor: float) -> sc.Force:
+    """A force (N) against the velocity v of a place, with the square of its speed."""
 
-    def __init__(self, place: sc.Place, factor: float) -> None:
-        super().__init__()
-        self.place, self.factor = place, factor
+    def law(x: Any, v: Any, t: float) -> Any:
+        # complex numbers give its derivatives, so that abs() and norm() are of no use
+        return -factor * np.sqrt((v * v).sum()) * v
 
-    def terms(self) -> list[Any]:
-        """One term: a function of positions x and velocities v (1, 3) and of the time t."""
-        return [sc.TermFunction([self.place], self.force)]
-
-    def force(self, x: Any, v: Any, t: float) -> Any:
-        """In N. Complex numbers give its derivatives, so that abs() and norm() are of no use."""
-        return -self.factor * np.sqrt((v * v).sum()) * v
+    return sc.Force(place, law)
 
 
 class JointPointOnPlane(sc.Joint):
@@ -90,7 +84,7 @@ def main(step: float = 2e-2, until: float = 4.0, out: str | Path | None = None) 
     model = sc.Model()
     ball = model.add("ball", sc.MassPoint(MASS, position=(0, 0, 0)))
     model.add("slope", JointPointOnPlane(sc.ground((0, 0, 0)), ball.place(), normal))
-    model.add("drag", LoadDrag(ball.place(), DRAG))
+    model.add("drag", drag(ball.place(), DRAG))
     model.add("gravity", sc.LoadGravity((0, 0, -GRAVITY)))
     run = model, sc.EnergyMomentum(), sc.NullSpace(), step, until
     history = sc.simulate(*run, sensors={"speed": SensorSpeed(ball)})

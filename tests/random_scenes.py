@@ -30,7 +30,7 @@ from helpers_kernels import holds_strains
 from helpers_scenes import FULL, JOINTS, POINT_JOINTS, TENSOR, fitting, rotation, unit
 from helpers_schemes import SCHEMES
 from rounding import EPS, nudged
-from test_own_items import IntegratorMidpoint, JointPointOnPlane, LoadDrag
+from test_own_items import IntegratorMidpoint, JointPointOnPlane, drag
 
 import skfem_cosserat as sc
 from skfem_cosserat.diagnostics import highest_frequency
@@ -520,7 +520,7 @@ class _Scene:
             lambda: sc.LoadForce(at, force, time, follower=follower),
             lambda: sc.LoadForce(at, lambda t: push + growth * t),
             lambda: sc.LoadMoment(at, moment, time, follower=follower),
-            lambda: LoadDrag(at, 0.3, time),
+            lambda: drag(at, 0.3, sc.time_function.time_function("drag", time).value),
         ]
         if self.beams:
             beam = self.pick(self.beams)

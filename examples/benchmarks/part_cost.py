@@ -104,7 +104,7 @@ def sprung(elements: int, ball: bool) -> sc.System:
 def dragged(elements: int) -> sc.System:
     """With a load of one's own at its end."""
     model = rod(elements)
-    model.add("drag", own_items.LoadDrag(model["rod0"].node("rod0.end"), 0.02))
+    model.add("drag", own_items.drag(model["rod0"].node("rod0.end"), 0.02))
     return model.freeze()
 
 

@@ -9,7 +9,7 @@ import pytest
 from helpers_scenes import four_bar
 from helpers_schemes import SCHEMES, compiled
 from rounding import limits, nudged
-from test_own_items import LoadAttraction, LoadDrag
+from test_own_items import attraction, drag
 
 import skfem_cosserat as sc
 
@@ -96,8 +96,8 @@ def springs() -> sc.System:
 
 def own_load() -> sc.System:
     model, tip = arm()
-    model.add("pull", LoadAttraction(sc.ground((1, 1, 0)), tip, 3.0, spring=True))
-    model.add("drag", LoadDrag(tip, 0.2, sc.Harmonic(1.0, 3.0, np.pi / 3)))
+    model.add("pull", attraction(sc.ground((1, 1, 0)), tip, 3.0, spring=True))
+    model.add("drag", drag(tip, 0.2, sc.Harmonic(1.0, 3.0, np.pi / 3).value))
     return model.freeze()
 
 
