@@ -113,7 +113,9 @@ class Force(Coupling):
         )
         #: shape of x in one call, or of each place
         self.shape = inner if alone or self.each else (len(where), *inner)
-        self.a, self.b = (self.joints[0].a, self.joints[0].b) if self.joints else self.sides()[:2]
+        self.a, self.b = self.sides()[0], self.sides()[-1]
+        if self.joints:
+            self.a, self.b = self.joints[0].a, self.joints[0].b
         self._set_law(0.0, 0.0, 0.0)
         #: of one place each, made when the scene is frozen
         self._parts_of_it: list[Coupling] = []
@@ -139,8 +141,8 @@ class Force(Coupling):
         return other
 
     def sides(self) -> Sequence[Place]:
-        """All places of its coordinates, each once."""
-        return list({id(place): place for place in self.places()}.values())
+        """All places of its coordinates, each once, but for the axes of space."""
+        return list({id(p): p for p in self.places() if p is not ORIGIN}.values())
 
     def references(self) -> Sequence[Item]:
         """The joints and items it acts on."""

@@ -200,7 +200,8 @@ def _missed(entering: _Input, ends: Floats) -> float:
 def jumps(system: System, history: History) -> Floats:
     """Times (s) at which a load, or velocity or acceleration of prescribed motion, jumps in a run.
 
-    Loads are all functions of time that drive the scene, those of actuators, too. Second differences between some instants of the run are
+    Loads are all functions of time that drive the scene, those of actuators, too. Second
+    differences between some instants of the run are
     followed into ever smaller parts of a step: that of a jump stays as it is. A jump of a load that
     does not stick out like this is found if it is declared, see
     :class:`skfem_cosserat.FunctionOfTime`. Jumps below a hundredth of a function's range are none.

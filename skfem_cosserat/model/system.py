@@ -236,6 +236,7 @@ class System:
         self._sides = [place.position for place in places]
         places += [drive.place for drive in self.drives]
         places += [place for load in self.loads for place in load.places()]
+        places += [place for item in couplings if item.own_law for place in item.places()]
         self.grounds = Ground(places) if self.placed is None else self.placed.ground
         self.moving = self.grounds.moving
         self.total = self.rows + self.grounds.rows
