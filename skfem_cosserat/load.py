@@ -432,8 +432,8 @@ class Load(Item):
 
     Where a load acts, whether it leaves a plane, its work, its part in resultants and the kernels
     that step it all follow from its terms: :class:`TermForce`, :class:`TermMoment`,
-    :class:`TermLine`, :class:`TermAcceleration`, and :class:`TermFunction` for any function of
-    points, velocities and time. Each load is asked once for its terms.
+    :class:`TermLine`, :class:`TermAcceleration`. Each load is asked once for its terms. Forces
+    that depend on the motion are no loads: see :class:`Force`.
 
     Parameters
     ----------
@@ -475,26 +475,6 @@ class Load(Item):
     1.0
     >>> round(float(history["angular_momentum"][-1, 2]), 9)
     -0.5
-
-    Drag in air against the square of the speed:
-
-    >>> class LoadDrag(Load):
-    ...     def __init__(self, place, factor):
-    ...         super().__init__()
-    ...         self.place, self.factor = place, factor
-    ...
-    ...     def terms(self):
-    ...         return [TermFunction([self.place], self.force)]
-    ...
-    ...     def force(self, x, v, t):
-    ...         return -self.factor * np.sqrt((v * v).sum()) * v
-    >>> model = Model()
-    >>> ball = model.add("ball", RigidBody.sphere(1.0, 0.1, velocity=(2.0, 0, 0)))
-    >>> drag = model.add("drag", LoadDrag(ball.local((0, 0, 0)), 0.5))
-    >>> history = simulate(model.freeze(), EnergyMomentum(), NullSpace(), 0.01, until=1.0)
-    >>> speed = history.velocity(drag.place)[-1, 0]
-    >>> round(float(speed), 4)   # 2/(1 + 0.5 * 2 t)
-    1.0
     """
 
     kind = "load"

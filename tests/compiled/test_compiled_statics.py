@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers_kernels import corner
 from test_couplings import zoo
-from test_own_items import LoadAttraction
+from test_own_items import attraction
 from test_static_kernels import linkage_in_plane, mobile
 from test_statics import SPIN, assembly
 from test_theories import cantilever
@@ -30,8 +30,8 @@ def attracted(order):
         nodes = model["beam"].node("c.end"), model["beam"].node("c.start")
         motion = sc.Motion(lambda t: (0.1 * t, 0.2 * t, 0.0))
         away = sc.ground((3, 0, 0), motion)
-        model.add("pull", LoadAttraction(*nodes, 4.0, amplitude=lambda t: 1 + t))
-        model.add("far", LoadAttraction(nodes[0], away, 3.0))
+        model.add("pull", attraction(*nodes, 4.0, amplitude=lambda t: 1 + t))
+        model.add("far", attraction(nodes[0], away, 3.0))
 
     return corner(order, add)
 

@@ -69,12 +69,12 @@ def drag(place, factor, amplitude=lambda t: 1.0):
     return sc.Force([place], lambda x, v, t: -factor * amplitude(t) * np.sqrt((v * v).sum()) * v)
 
 
-def attraction(a, b, k, spring=False, slopes=None):
+def attraction(a, b, k, spring=False, slopes=None, amplitude=lambda t: 1.0):
     """Two points attract each other as k/r^2, or as a spring k r."""
 
     def law(x, v, t):
         r = x[1] - x[0]
-        pull = k * r if spring else k * r / (r @ r) ** 1.5
+        pull = amplitude(t) * (k * r if spring else k * r / (r @ r) ** 1.5)
         return np.array([pull, -pull])
 
     return sc.Force([a, b], law, derivative=slopes)
