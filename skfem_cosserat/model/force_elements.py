@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from ..coupling import Coupling
 from ..errors import AccuracyWarning, InputError
 from ..frames import Place
-from ..relative import Form, RelativeCoordinate
+from ..relative import Expression, Form, RelativeCoordinate
 from ..time_function import (
     Constant,
     TimeFunction,
@@ -217,6 +217,58 @@ class Invariants:
         return (self.gradients(y) * ydot[..., self.rows, :][..., None, :, :]).sum((-2, -1))
 
 
+class Positions:
+    """Points of several couplings, and other vectors that are linear in y, in place of invariants.
+
+    Parameters
+    ----------
+    vectors : list of sequences of Expression
+        k vectors for each of the c couplings.
+    row_of : callable
+        First row of y of a place's vertex.
+
+    Attributes
+    ----------
+    rows, real
+        See :class:`Invariants`.
+    A : (1, 1, 1, 1) array
+        Zero: they have no curvature.
+    """
+
+    A = np.zeros((1, 1, 1, 1))
+
+    def __init__(self, vectors: Sequence[Sequence[Expression]], row_of: RowOf) -> None:
+        tables = [
+            [[(row_of(place) + i, x) for place, i, x in vector.terms] for vector in each]
+            for each in vectors
+        ]
+        owned = [sorted({row for table in each for row, _ in table}) for each in tables]
+        R, k = max(map(len, owned)), len(tables[0])
+        self.rows = np.array([rows + rows[:1] * (R - len(rows)) for rows in owned])
+        self.real = np.array([[i < len(rows) for i in range(R)] for rows in owned])
+        #: weights (c, k, R) of the rows
+        self._weights = np.zeros((len(tables), k, R))
+        for c, (each, rows) in enumerate(zip(tables, owned, strict=True)):
+            for j, table in enumerate(each):
+                for row, x in table:
+                    self._weights[c, j, rows.index(row)] += x
+        eye = np.eye(3)[:, None]
+        self._gradients = (self._weights[:, :, None, :, None] * eye).reshape(-1, 3 * k, R, 3)
+
+    def gradients(self, y: Array) -> Array:
+        """Derivatives (c, 3 k, R, 3) of the components by the rows."""
+        return self._gradients
+
+    def values(self, y: Array) -> Array:
+        """Components (..., c, 3 k)."""
+        found = self._weights @ y[..., self.rows, :]
+        return found.reshape(*found.shape[:-2], -1)
+
+    def rates(self, y: Array, ydot: Array) -> Array:
+        """Their rates for rates ydot of all rows."""
+        return self.values(ydot)
+
+
 def _table(form: Form, row_of: RowOf) -> dict[tuple[int, int], float]:
     """Factor of each product of rows."""
     out: dict[tuple[int, int], float] = {}
@@ -311,9 +363,13 @@ class _Group:
     ) -> None:
         self.members = members
         self.kind = kind_of(members[0].coordinates)
-        self.invariants = Invariants(
-            [tuple(f for c in m.coordinates for f in c.forms) for m in members], row_of
-        )
+        self.invariants: Invariants | Positions
+        if {c.kind for c in members[0].coordinates} == {"position"}:
+            vectors = [[c.forms[0][0].right for c in m.coordinates[::3]] for m in members]
+            self.invariants = Positions(vectors, row_of)
+        else:
+            forms = [tuple(f for c in m.coordinates for f in c.forms) for m in members]
+            self.invariants = Invariants(forms, row_of)
         self.law: LinearLaw | OwnLaw
         if members[0].own_law:
             self.law = OwnLaw(members, length)
@@ -391,8 +447,11 @@ class _Group:
             return _Forces(s, xi - start.xi, (damped * rate).sum(-1), damped=damped)
 
         values = self.invariants.values(y), self.invariants.rates(y, ydot)
-        gradients, faster = (self.invariants.gradients(each) for each in (y, ydot))
-        by_end = np.concatenate([gradients, faster + share * gradients], axis=1)
+        gradients = self.invariants.gradients(y)
+        faster = share * gradients
+        if isinstance(self.invariants, Invariants):
+            faster = faster + self.invariants.gradients(ydot)
+        by_end = np.concatenate([gradients, faster], axis=1)
         return _Response(self, forces, np.concatenate(values, axis=-1), gradients, by_end, 1.0)
 
     def forces(self, xi: Array, rate: Array, times: Floats) -> Array:
