@@ -153,6 +153,10 @@ from .time_function import (
     RampSmooth as RampSmooth,
     Table as Table,
 )
+from .load_form import (
+    EnergyForm as EnergyForm,
+    LoadForm as LoadForm,
+)
 from .mesh import (
     MeshCurve as MeshCurve,
     read_mesh as read_mesh,

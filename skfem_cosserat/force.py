@@ -80,6 +80,8 @@ class Force(Coupling):
 
     kind = "force"
     own_law = True
+    #: vectors that one call of a law for each takes together
+    together = 1
 
     def __init__(
         self,
@@ -113,6 +115,8 @@ class Force(Coupling):
         )
         #: shape of x in one call, or of each place
         self.shape = inner if alone or self.each else (len(where), *inner)
+        if self.together > 1:
+            self.shape = self.together, *inner
         self.a, self.b = self.sides()[0], self.sides()[-1]
         if self.joints:
             self.a, self.b = self.joints[0].a, self.joints[0].b
@@ -131,7 +135,7 @@ class Force(Coupling):
 
     def _set_law(self, stiffness: Any, damping: Any, neutral: Any) -> None:
         """Springs of force elements: it has none."""
-        self.stiffness = self.damping = np.zeros((self.size, self.size))
+        self.stiffness = self.damping = np.zeros((0, 0))
         self.neutral = np.zeros(self.size)
 
     def with_replacements(self, replacements: Replacements) -> Self:
@@ -144,6 +148,15 @@ class Force(Coupling):
         """All places of its coordinates, each once, but for the axes of space."""
         return list({id(p): p for p in self.places() if p is not ORIGIN}.values())
 
+    @property
+    def shown(self) -> Sequence[int]:
+        """Numbers of the vectors that are places, for the record of its forces."""
+        return [k for k, each in enumerate(self.points) if isinstance(each, Place)]
+
+    def where(self, piece: int) -> str:
+        """What an error says of one of its pieces."""
+        return f" of place {piece}" if self.each else ""
+
     def references(self) -> Sequence[Item]:
         """The joints and items it acts on."""
         if not self.points:
@@ -155,7 +168,7 @@ class Force(Coupling):
         if not self.each:
             return [self]
         if not self._parts_of_it:
-            step = 3 if self.points else 1
+            step = self.together * (3 if self.points else 1)
             for k in range(0, self.size, step):
                 piece = loosened(copy(self))
                 piece.coordinates, piece.whole = self.coordinates[k : k + step], self

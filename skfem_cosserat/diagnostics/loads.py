@@ -9,7 +9,6 @@ import numpy as np
 from ..coupling import Coupling
 from ..element import lagrange
 from ..force import Force
-from ..frames import Place
 from ..history import History
 from ..load import Load, Term, TermForce, TermLine, TermStrain
 from ..model import System
@@ -56,8 +55,7 @@ def _of_own_law(system: System, load: Force, history: History, y: Floats) -> lis
     found = system.couplings_of(own).forces(y, speeds, None, history.instants)
     pairs = ((x, -force) for _, x, force in found)
     x, force = (np.concatenate(each, axis=1) for each in zip(*pairs, strict=True))
-    at = [k for k, each in enumerate(load.points) if isinstance(each, Place)]
-    x, force = (each.reshape(len(y), -1, 3)[:, at] for each in (x, force))
+    x, force = (each.reshape(len(y), -1, 3)[:, load.shown] for each in (x, force))
     return [x, force, np.zeros_like(force)]
 
 

@@ -86,8 +86,10 @@ class OwnLaw:
                 raise InputError(self.label, text)
             # the sum first: it takes a third of the time
             if not (cmath.isfinite(np.add.reduce(each, None)) or np.isfinite(each).all()):
-                where = ", ".join(f"{k} = {x.tolist()}" for k, x in zip("xv", rows, strict=False))
-                text = f"{name} is {each.tolist()}, not finite{at}: {where}"
+                k = int(np.argmin(np.isfinite(each.reshape(n, -1)).all(1))) if self.own.each else 0
+                value, own = each[k] if self.own.each else each, self.own.where(k)
+                given = (f"{v} = {x[k].tolist()}" for v, x in zip("xv", rows, strict=False))
+                text = f"{name}{own} is {value.tolist()}, not finite{at}: {', '.join(given)}"
                 raise InputError(self.label, text)
         if any(len(one) != count for one in found):
             raise InputError(
