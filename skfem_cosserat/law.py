@@ -96,8 +96,9 @@ class Law(Frozen, ABC):
         """Mean of the stresses on the way by three Gauss points, to the sixth order of it."""
         place, weight = GAUSS
         mean, step = 0.5 * (eps0 + eps1), place * (eps1 - eps0)
-        found = self.stress(np.array([mean, mean - step, mean + step]))
-        return found[0] + weight * (found[1] + found[2] - 2 * found[0])
+        found = self.stress(np.stack([mean, mean - step, mean + step], axis=-2))
+        middle, before, after = (found[..., k, :] for k in range(3))
+        return middle + weight * (before + after - 2 * middle)
 
     def beside(self, mean: Array, d: Array) -> tuple[Array, Array]:
         """Stress of the mean strain, and sum (...) of the derivatives of W along d beside it.
@@ -105,8 +106,9 @@ class Law(Frozen, ABC):
         At the two outer ones of three Gauss points of an increment d.
         """
         # in one call: calls of functions take longer than what they do
-        found = self.stress(mean + _PLACES.reshape(3, *(1,) * d.ndim) * d)
-        return found[0], ((found[1] + found[2]) * d).dot(self._ones)
+        found = self.stress(mean[..., None, :] + _PLACES[:, None] * d[..., None, :])
+        beside = found[..., 1, :] + found[..., 2, :]
+        return found[..., 0, :], (beside * d).dot(self._ones)
 
     def _correction(self, eps0: Array, eps1: Array) -> _Correction:
         """Terms of the discrete derivative.
@@ -117,7 +119,8 @@ class Law(Frozen, ABC):
         """
         d = eps1 - eps0
         middle, beside = self.beside(0.5 * (eps0 + eps1), d)
-        before, after = self.energy(np.array([eps0, eps1]))
+        both = self.energy(np.stack([eps0, eps1], axis=-2))
+        before, after = both[..., 0], both[..., 1]
         metric, terms = d.dot(self.stiffness), middle * d
         work = terms.dot(self._ones)  # faster than the sum over the last axis
         gap, smooth = (after - before) - work, GAUSS[1] * (beside - work - work)

@@ -66,7 +66,7 @@ class _OnBasis(Force):
         return f" in element {piece // self._count}"
 
     def _fields(self, x: Array, v: Array | None, t: float | None) -> Any:
-        """What a form sees, for x and v (k n, 4, 3): all points, k times."""
+        """What a form sees, for x and v (n k, 4, 3): k values at each of the n points."""
         from skfem.assembly.form.form import FormExtraParams
 
         times = len(x) // self._weights.size
@@ -80,8 +80,16 @@ class _OnBasis(Force):
         return FormExtraParams(given)
 
     def _by_points(self, x: Array) -> Array:
-        """Vectors (4, 3, k elements, points) as forms take them."""
-        return np.moveaxis(x, 0, -1).reshape(4, 3, -1, self._count)
+        """Vectors (n k, 4, 3) as forms take them: (4, 3, k elements, points)."""
+        ne, nq = self._weights.shape
+        own = x.reshape(ne, nq, -1, 4, 3).transpose(3, 4, 2, 0, 1)
+        return own.reshape(4, 3, -1, nq)
+
+    def _by_rows(self, found: Array) -> Array:
+        """Values (..., k elements, points) with their weights, (n k, ...)."""
+        ne, nq = self._weights.shape
+        own = found.reshape(*found.shape[:-2], -1, ne, nq) * self._weights
+        return np.moveaxis(own, (-2, -1, -3), (0, 1, 2)).reshape(-1, *found.shape[:-2])
 
     def _checked(self, found: Any, shape: tuple[int, ...]) -> Array:
         """Values of a form at all points."""
@@ -160,13 +168,7 @@ class LoadForm(_OnBasis):
 
     def _forces(self, x: Array, v: Array, t: float) -> Array:
         found = self._tested(self.form, self._fields(x, v, t))
-        return self._by_rows(found)
-
-    def _by_rows(self, found: Array) -> Array:
-        """Forces (k n, 4, 3) of coefficients (12, k elements, points), with their weights."""
-        times = found.shape[1] // len(self._weights)
-        weighted = found * np.tile(self._weights, (times, 1))
-        return np.moveaxis(weighted.reshape(4, 3, -1), -1, 0)
+        return self._by_rows(found).reshape(-1, 4, 3)
 
     def _slopes(self, x: Array, v: Array, t: float) -> tuple[Array, Array]:
         assert self._given is not None
@@ -175,7 +177,7 @@ class LoadForm(_OnBasis):
             u = np.zeros((12, 1, 1))
             u[j] = 1.0
             column = self._tested(lambda test, w: given(u, test, w), w)  # noqa: B023
-            out[0, ..., j // 3, j % 3] = self._by_rows(column)
+            out[0, ..., j // 3, j % 3] = self._by_rows(column).reshape(-1, 4, 3)
         for i in range(3):
             faster = v + 1e-20j * np.eye(12)[i].reshape(4, 3)
             out[1, ..., 0, i] = self._forces(x, faster, t).imag / 1e-20
@@ -242,5 +244,4 @@ class EnergyForm(_OnBasis):
 
     def _energies(self, x: Array) -> Array:
         w = self._fields(x, None, None)
-        found = self._checked(self.form(w), w.s.shape)
-        return (found * np.tile(self._weights, (len(found) // len(self._weights), 1))).ravel()
+        return self._by_rows(self._checked(self.form(w), w.s.shape))

@@ -22,7 +22,7 @@ from ..time_function import (
 from ..types import Array, ArrayLike, Floats, IndexArray
 from ..warn import warn
 from .coordinates import KINDS, Joined, Kind
-from .own_law import OwnLaw
+from .own_law import OwnLaw, apply
 
 # -- laws of force elements: generalised force, stored energy, and what is dissipated in a step ----
 
@@ -145,17 +145,6 @@ class SlackLaw(LinearLaw):
 
 def _positive(e: Array) -> Array:
     return np.where(e.real > 0, e, 0.0)
-
-
-def apply(matrices: Array, vectors: Array) -> Array:
-    """Product of stacks ``(..., m, k)`` and ``(..., k)``.
-
-    Examples
-    --------
-    >>> apply(np.array([[[0.0, 2.0]], [[1.0, 1.0]]]), np.array([[3.0, 4.0], [5.0, 6.0]])).tolist()
-    [[8.0], [11.0]]
-    """
-    return (matrices @ vectors[..., None])[..., 0]
 
 
 # -- all force elements of a scene as arrays: forces, tangents, energy and work of a step ----------

@@ -113,46 +113,49 @@ class OwnLaw:
         """Derivatives (c, m, m) of the law by e and rate, both (c, m)."""
         c, m = e.shape
         if self.own.derivative is not None:
-            both = self._rows("derivative", 2 * self.own.shape, [e, rate], t, 2)
-            return both[0].reshape(c, m, m), both[1].reshape(c, m, m)
-        moves = 1j * TINY * np.repeat(np.eye(2 * m), c, axis=0)
-        moved = np.tile(np.concatenate([e, rate], axis=1), (2 * m, 1)) + moves
-        found = self._law(moved[:, :m], moved[:, m:], t).imag / TINY
-        by_e, by_rate = found.reshape(2, m, c, m).transpose(0, 2, 3, 1)
-        return by_e, by_rate
+            by_x, by_v = self._rows("derivative", 2 * self.own.shape, [e, rate], t, 2)
+            return by_x.reshape(c, m, m), by_v.reshape(c, m, m)
+        moved = np.concatenate([e, rate], axis=1)[:, None] + 1j * TINY * np.eye(2 * m)
+        rows = moved.reshape(-1, 2 * m)
+        found = self._law(rows[:, :m], rows[:, m:], t).imag / TINY
+        both = found.reshape(c, 2 * m, m).swapaxes(1, 2)
+        return both[..., :m], both[..., m:]
 
     # -- what groups ask for -----------------------------------------------------------------------
 
     def energy(self, e: Array) -> Array:
-        """Potential (..., c)."""
-        return np.zeros(e.shape[:-1]) if self.force_of_load else self._stored.energy(e)
+        """Potential (..., c) of coordinates (..., c, m)."""
+        if self.force_of_load:
+            return np.zeros(e.shape[:-1])
+        return np.moveaxis(self._stored.energy(np.moveaxis(e, -2, 0)), 0, -1)
 
     def force(self, e: Array, rate: Array, t: float = 0.0) -> Array:
-        """Force (..., c, m) against a larger x."""
+        """Force (..., c, m) against a larger x, of one configuration.
+
+        Where there are more axes, as in complex steps, only imaginary parts differ along them.
+        """
+        at, by_e = _one(e)
+        rates, by_rate = _one(rate)
         if not self.force_of_load:
-            return self._stored.stress(e)
-        if not (np.iscomplexobj(e) or np.iscomplexobj(rate)):
-            shape = np.broadcast_shapes(e.shape, rate.shape)
-            e, rate = (np.broadcast_to(each, shape).reshape(-1, self.m) for each in (e, rate))
-            return -self._law(e, rate, t).reshape(shape)
-        # the real parts of all are the same: those of one configuration
-        shape = np.broadcast_shapes(e.shape, rate.shape)
-        e, rate = (np.broadcast_to(each, shape) for each in (e, rate))
-        first = tuple(0 for _ in shape[:-2])
-        at = e[first].real.copy(), rate[first].real.copy()
-        by_e, by_rate = self.slopes(*at, t)
-        change = by_e @ e.imag[..., None] + by_rate @ rate.imag[..., None]
-        return -(self._law(*at, t) + 1j * change[..., 0])
+            force = self._stored.stress(at)
+            return force if by_e is None else force + 1j * apply(self._stored.tangent(at), by_e)
+        force = -self._law(at, rates, t)
+        if by_e is None and by_rate is None:
+            return force
+        slopes = zip(self.slopes(at, rates, t), (by_e, by_rate), strict=True)
+        return force - 1j * sum(apply(K, by) for K, by in slopes if by is not None)
 
     def discrete(
         self, e0: Array, e1: Array, h: float, t: float, decay: float = 0.0
     ) -> tuple[Array, Array, Array]:
         """Discrete derivative of the potential, or the law of the mean; nothing is dissipated."""
-        if self.force_of_load:
-            sigma = self.force(0.5 * (e0 + e1), (e1 - e0) / h, t)
-        else:
-            sigma = self._stored.discrete(np.broadcast_to(e0, e1.shape), e1)
         none = np.zeros(e1.shape[:-1])
+        if self.force_of_load:
+            return self.force(0.5 * (e0 + e1), (e1 - e0) / h, t), none, none
+        end, by_end = _one(e1)
+        sigma = self._stored.discrete(e0, end)
+        if by_end is not None:
+            sigma = sigma + 1j * apply(self._stored.discrete_tangent(e0, end), by_end)
         return sigma, none, none
 
     def midpoint(
@@ -233,3 +236,20 @@ class OwnLaw:
             gap = float((abs(slopes - other).max() - rounding).clip(0.0))
             worst = max(worst, gap / (float(abs(other).max()) + rounding + 1e-300))
         return worst
+
+
+def _one(x: Array) -> tuple[Floats, Array | None]:
+    """Coordinates (c, m) of the one configuration of (..., c, m), and all imaginary parts."""
+    first = x[(0,) * (x.ndim - 2)]
+    return np.ascontiguousarray(first.real), x.imag if np.iscomplexobj(x) else None
+
+
+def apply(matrices: Array, vectors: Array) -> Array:
+    """Product of stacks ``(..., m, k)`` and ``(..., k)``.
+
+    Examples
+    --------
+    >>> apply(np.array([[[0.0, 2.0]], [[1.0, 1.0]]]), np.array([[3.0, 4.0], [5.0, 6.0]])).tolist()
+    [[8.0], [11.0]]
+    """
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
