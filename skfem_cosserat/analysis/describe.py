@@ -21,6 +21,7 @@ from ..diagnostics import (
     constraint_violation,
     coupling_energy,
     doubtful_steps,
+    end_forces,
     external_energy,
     hidden_violation,
     kinetic_energy,
@@ -164,6 +165,8 @@ def _outline(beam: Beam, elements: IndexArray) -> Floats | None:
 
 # -- series that follow from the states: energies, velocities, momenta, forces, reactions ----------
 
+#: what is known at the ends of elements
+NODAL = "resultant", "strain"
 #: works since the start of a run, which explain changes of its energy
 WORKS = "work_loads", "work_actuators", "work_drives"
 
@@ -179,7 +182,8 @@ def derive_series(system: System, history: History) -> None:
     Of a run: ``v, Qp`` (projected on the hidden constraints), ``kinetic, strain_energy, external,
     coupling_energy, energy`` (kinetic + strain + coupling at (q, p)), ``energy_projected``,
     ``energy_balance``, ``linear_momentum``, ``angular_momentum``, ``constraint_violation``, for
-    each beam ``strain`` and ``resultant`` (its elastic part: that of damped sections is left to
+    each beam ``strain`` and ``resultant`` at Gauss points, ``nodal_strain`` and ``nodal_resultant``
+    at both ends of each element (the elastic part: that of damped sections is left to
     ``diagnostics.section_forces``), for each joint ``position``, ``force`` and ``moment``, its
     relative coordinates and their rates, for each spring, damper, cable and bushing
     ``coordinate``, ``force`` and ``ends``. Of a path: the same without momenta.
@@ -381,6 +385,10 @@ def configuration_formulas(system: System) -> Formulas:
         ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in couplings]
         return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
+    def ends(h: History) -> list[Floats]:
+        found = end_forces(system, h)
+        return [each for beam in system.beams for each in found[str(beam.name)]]
+
     formulas: Formulas = {
         ("constraint_violation",): lambda h: [constraint_violation(system, h["q"], h.instants)],
         tuple(relative_names(system)): coordinates,
@@ -390,6 +398,9 @@ def configuration_formulas(system: System) -> Formulas:
     }
     for beam in system.beams:
         formulas |= _beam_formulas(system, beam)
+    if system.beams:
+        both = [f"beam/{b.name}/nodal_{each}" for b in system.beams for each in NODAL]
+        formulas[tuple(both)] = ends
     wrench_names = [f"joint/{item.name}/{each}" for item in items for each in ("force", "moment")]
     place_names = [f"joint/{item.name}/position" for item in items]
     end_names = [f"coupling/{item.name}/ends" for item in couplings]
