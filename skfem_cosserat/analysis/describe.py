@@ -148,10 +148,10 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     static[key + "section"] = beam.section_id
     static[key + "gauss"] = beam.elements.points
     static[key + "nodes"] = beam.basis.interpolation.nodes
+    static[key + "radius"] = _radii(beam)
     for k in range(len(beam.sections)):
-        found = _outline(beam, np.flatnonzero(beam.section_id == k))
-        if found is not None:
-            static[key + f"outline/{k}"] = found
+        for name, found in _shapes(beam, np.flatnonzero(beam.section_id == k)).items():
+            static[key + f"{name}/{k}"] = found
     return {
         "name": beam.name,
         "order": beam.basis.order,
@@ -160,17 +160,54 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     }
 
 
-def _outline(beam: Beam, elements: IndexArray) -> Floats | None:
-    """Outline of elements (m, 2), or of their nodes (k, p + 1, m, 2); None: there is none."""
+def _radii(beam: Beam) -> Floats:
+    """Radii (ne, 2) of beams that are drawn as tubes, at both ends of each element.
+
+    To the farthest point of the outline; without one those of circles that bend as softly.
+    """
     from ..section_field import distinct
 
+    try:
+        sections, number = distinct(
+            beam.sections_at(np.arange(len(beam.section_id)), np.array([0.0, 1.0]))
+        )
+    except InputError:  # as at the point of a cone
+        return np.zeros((len(beam.section_id), 2))
+    radii = []
+    for each in sections:
+        _, _, EA, *EI, _ = np.diag(each.stiffness)
+        own = 2 * np.sqrt(min(EI) / EA) if each.outline is None else each.outline
+        radii.append(np.linalg.norm(np.atleast_2d(own), axis=-1).max())
+    return np.array(radii)[number]
+
+
+def _shapes(beam: Beam, elements: IndexArray) -> dict[str, Floats]:
+    """Outline of elements (m, 2), or of their nodes (k, p + 1, m, 2); skin and stresses likewise.
+
+    Nothing where there is no outline.
+    """
+    from ..section_field import distinct
+
+    found: dict[str, Floats] = {}
     with suppress(InputError):  # as at the point of a cone, which is drawn as a line
         at = np.linspace(0.0, 1.0, beam.basis.order + 1)
         sections, number = distinct(beam.sections_at(elements, at))
-        found = [each.outline for each in sections if each.outline is not None]
-        if len(found) == len(sections) and len({each.shape for each in found}) == 1:
-            return found[0] if len(found) == 1 else np.array(found)[number]
-    return None
+        if any(each.outline is None for each in sections):
+            return found
+        loops = [[len(loop) for loop in each.skin] for each in sections]
+        given = {
+            "outline": [each.outline for each in sections],
+            "skin": [np.concatenate(each.skin) for each in sections],
+            "loops": loops,
+            "stress": [each.skin_stresses() for each in sections],
+        }
+        for name, values in given.items():
+            alike = name == "outline" or loops.count(loops[0]) == len(loops)
+            known = [np.asarray(each) for each in values if each is not None]
+            if alike and len(known) == len(sections) and len({each.shape for each in known}) == 1:
+                one = len(known) == 1 or name == "loops"
+                found[name] = known[0] if one else np.array(known)[number]
+    return found
 
 
 # -- series that follow from the states: energies, velocities, momenta, forces, reactions ----------
@@ -197,7 +234,8 @@ def derive_series(system: System, history: History) -> None:
     ``diagnostics.section_forces``), for each joint ``position``, ``force`` and ``moment``, its
     relative coordinates and their rates, for each spring, damper, cable and bushing
     ``coordinate``, ``force`` and ``ends``, for each load that acts at places ``position``,
-    ``force`` and ``moment`` (N, k, 3), line loads in the middle of each element. Of a path: the same without momenta.
+    ``force`` and ``moment`` (N, k, 3), line loads in the middle of each element. Of a path: the
+    same without momenta.
 
     Forces and moments of joints, ``multipliers`` and resultants of strains that a beam's theory
     holds belong to the states, like all series, and are of the order of the scheme up to the second
