@@ -11,9 +11,8 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, kron
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
-from skfem import Basis, BilinearForm, Mesh, MeshTri2
+from skfem import Basis, BilinearForm, Mesh
 from skfem.element import Element, ElementQuad2, ElementQuadP, ElementTriP2, ElementTriP3
-from skfem.mesh import MeshQuad2
 
 from ..errors import InputError
 from ..frozen import Frozen
@@ -305,36 +304,17 @@ class Warping:
         return out
 
     def stresses_at(self, x: Floats) -> Floats:
-        """(6 stresses, 6 unit resultants, k) at points (2, k) in the section (N/m^2)."""
+        """(k, 6 stresses, 6 unit resultants) at points (k, 2) in the section (N/m^2)."""
         basis, mapping = self.basis, self.basis.mapping
-        tind, local = self._elements_at(x)
-        shapes = [basis.elem.gbasis(mapping, local, i, tind=tind) for i in range(basis.Nbfun)]
-        strains = self._strains(basis.element_dofs[:, tind], shapes, (x.shape[1], 1))
-        D = self.elasticities[self.index[tind]]
-        return np.einsum("kij,rjk->irk", D, strains[..., 0])
-
-    def _elements_at(self, x: Floats) -> tuple[IndexArray, Floats]:
-        """Elements (k,) that contain points (2, k), and where in them (2, k, 1).
-
-        Of curved ones those at the node that is nearest.
-        """
-        mesh, mapping = self.basis.mesh, self.basis.mapping
-        if not isinstance(mesh, MeshTri2 | MeshQuad2):
-            tind = np.asarray(mesh.element_finder(mapping)(*x))
-            return tind, mapping.invF(x[:, :, None], tind=tind)
-        nodes = mesh.dofs.element_dofs
-        near = cKDTree(mesh.doflocs.T).query(x.T)[1]
-        which, tind = np.nonzero((nodes[:, None] == near[:, None]).any(axis=0))
-        local = np.full((2, len(tind), 1), 1 / 3)
-        for _ in range(10):  # Newton's method; the points are near to nodes, elements hardly curved
-            gap = x[:, which, None] - mapping.F(local, tind=tind)
+        known = np.reshape(basis.global_coordinates(), (2, -1)).T
+        tind = cKDTree(known).query(x)[1] // basis.dx.shape[1]  # whose quadrature point is nearest
+        local = np.full((2, len(x), 1), 1 / 3)
+        for _ in range(10):  # Newton's method; elements are hardly curved
+            gap = x.T[..., None] - mapping.F(local, tind=tind)
             local = local + np.einsum("ijkl,jkl->ikl", mapping.invDF(local, tind=tind), gap)
-        beyond = np.maximum(-local, local - 1).max(axis=(0, 2))
-        if len(mesh.t) == 3:
-            beyond = np.maximum(beyond, local.sum(axis=(0, 2)) - 1)
-        order = np.lexsort([beyond, which])
-        first = order[np.unique(which[order], return_index=True)[1]]
-        return tind[first], local[:, first]
+        shapes = [basis.elem.gbasis(mapping, local, i, tind=tind) for i in range(basis.Nbfun)]
+        strains = self._strains(basis.element_dofs[:, tind], shapes, (len(x), 1))[..., 0]
+        return np.einsum("kij,rjk->kir", self.elasticities[self.index[tind]], strains)
 
     def energies(self, strains: Floats) -> Floats:
         """(6, elements): elastic energy times two of six strain fields."""
@@ -636,10 +616,9 @@ class ProfileConstants(Frozen):
         c, s = np.cos(self.angle), np.sin(self.angle)
         R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
         x = np.concatenate(places) @ R[:2, :2] + self.origin
-        own = self.warping.stresses_at(x.T)[[4, 3, 2]]
+        own = self.warping.stresses_at(x)[:, [4, 3, 2]]
         to = np.block([[R.T, np.zeros((3, 3))], [_spin(self.origin) @ R.T, R.T]])
-        turned = np.einsum("ab,brk,rj->kaj", R, own, to)
-        return np.asarray(turned[:, [2, 0, 1]])
+        return np.asarray((R @ own @ to)[:, [2, 0, 1]])
 
     def stresses(self, resultants: ArrayLike) -> tuple[Floats, Floats]:
         """Stresses in the material under the six resultants of the beam.
