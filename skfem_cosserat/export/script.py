@@ -1,0 +1,4 @@
+"""The script for ParaView that is written beside its files."""
+
+SCRIPT = """
+"""
