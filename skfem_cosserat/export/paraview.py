@@ -7,7 +7,7 @@ import os
 import sys
 import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -66,7 +66,7 @@ class Cells:
         small = {name: values.astype(np.int32) for name, values in topology.items()}
         #: of three groups of arrays, see `_array`
         self.encoded = [
-            [_array(name, values, 9) for name, values in (fields or {}).items()]
+            [_array(name, values, 6) for name, values in (fields or {}).items()]
             for fields in (
                 small | {"types": np.concatenate(kinds).astype(np.uint8)},
                 at_points,
@@ -290,7 +290,8 @@ class BeamLayer(Layer):
 
     def grid(self, states: States, reference: Floats) -> Grid:
         """Grid of some states, see `Layer.grid`."""
-        if any([ends.follow(states) for ends in self._ends]) or self._cells is None:
+        grown = sum(ends.follow(states) for ends in self._ends)
+        if grown or self._cells is None:
             self._cells = self._numbered()
         points = [self._point_fields(ends, states, reference) for ends in self._ends]
         at_points = _stack(points, [len(ends.origin) for ends in self._ends])
@@ -350,7 +351,8 @@ class SurfaceLayer(Layer):
 
     def grid(self, states: States, reference: Floats) -> Grid:
         """Grid of some states, see `Layer.grid`."""
-        if any([ends.follow(states) for ends in self._ends]) or self._cells is None:
+        grown = sum(ends.follow(states) for ends in self._ends)
+        if grown or self._cells is None:
             self._cells = self._numbered()
         parts = []
         for surface, ends, kept in zip(self._surfaces, self._ends, self._kept, strict=True):
@@ -362,8 +364,8 @@ class SurfaceLayer(Layer):
                 found = [self._stresses(ends.shape, own, each, six) for own, each in surface.swept]
                 for name in found[0] if found else ():
                     fields[name] = np.concatenate([each[name] for each in found], 1)[:, kept]
-            single = "xuNM"  # for pictures: the exact ones are in the lines
-            parts.append({k: f.astype(np.float32) if k in single else f for k, f in fields.items()})
+            exact = "sigma", "tau"  # the others are for pictures
+            parts.append({k: f if k in exact else f.astype(np.float32) for k, f in fields.items()})
         joined = _stack(parts, [len(kept) for kept in self._kept])
         return Grid(joined.pop("x"), self._cells, joined, {})
 
@@ -555,11 +557,10 @@ def _text(grid: Grid, k: int, about: str, level: int) -> bytes:
 def _field(name: str, unit: str, value: Array) -> str:
     """An array of a state as a whole."""
     own = np.ravel(value)
-    size = f'NumberOfTuples="1" NumberOfComponents="{len(own)}" format="ascii"'
+    size = 'NumberOfTuples="1"' + f' NumberOfComponents="{len(own)}"' * (len(own) > 1)
     text = " ".join(map(repr, own.tolist()))
-    return (
-        f'<DataArray type="Float64" Name="{name}" {size}>{text}{_UNIT.format(unit)}</DataArray>\n'
-    )
+    tag = f'<DataArray type="Float64" Name="{name}" {size} format="ascii">'
+    return f"{tag}{text}{_UNIT.format(unit)}</DataArray>\n"
 
 
 def _time_of(meta: Mapping[str, Any]) -> str:
@@ -574,6 +575,8 @@ def _time_of(meta: Mapping[str, Any]) -> str:
 # -- paraView series: an index (``.pvd``) for each layer and one file (``.vtu``) for each frame ----
 
 _HEAD = b'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+#: numbers of the layers as blocks
+_PARTS = "beams", "beam_surfaces", "bodies", "joints", "drives", "loads", "couplings"
 _TAIL = b"  </Collection>\n</VTKFile>\n"
 
 
@@ -592,14 +595,15 @@ class _Index:
         self.path = path
         self._end = 0
 
-    def add(self, times: Sequence[float], names: Sequence[str]) -> None:
-        """Append frames; names are relative to the index. The first ones make the file."""
+    def add(self, frames: Sequence[tuple[float, Path]]) -> None:
+        """Append files of times, those of one time as blocks; the first ones make the index."""
         if not self._end:
             self.path.write_bytes(_HEAD + _TAIL)
             self._end = len(_HEAD)
         line = "".join(
-            f'    <DataSet timestep="{float(time)!r}" part="0" file="{name}"/>\n'
-            for time, name in zip(times, names, strict=False)
+            f'    <DataSet timestep="{float(time)!r}" part="{_PARTS.index(path.parent.name)}"'
+            f' name="{path.parent.name}" file="{path.parent.name}/{path.name}"/>\n'
+            for time, path in frames
         ).encode()
         with self.path.open("r+b", buffering=0) as handle:
             try:
@@ -661,8 +665,8 @@ class ParaViewWriter:
 
     Beams have at points ``u, v`` (m, m/s), section directors ``d1, d2, d3`` in space (at a node
     where several sections meet the triad of the node), the quaternion ``q_wxyz`` from the section's
-    frame to space, ``node_id`` (-1 between nodes), ``radius`` (m) for tubes; the resultants ``N, M``
-    (N, N m) and strains ``Gamma, K`` (-, 1/m) in the section's frame, those of the series
+    frame to space, ``node_id`` (-1 between nodes), ``radius`` (m) for tubes; the resultants ``N,
+    M`` (N, N m) and strains ``Gamma, K`` (-, 1/m) in the section's frame, those of the series
     ``nodal_resultant`` and ``nodal_strain`` at the ends of elements, linear between. A point is
     doubled where these forces jump by more than 1e-8 of the largest in the beam. At cells they have
     ``N, M, Gamma, K``, and ``n, m`` in space, averaged over the Gauss points of the cell. Elements
@@ -671,8 +675,8 @@ class ParaViewWriter:
 
     Surfaces have at points the stresses ``sigma`` (axial, tension positive), ``tau`` (shear) and
     ``mises`` (N/m^2) by the forces at the ends of elements, linear between, of sections that know
-    them (:meth:`skfem_cosserat.Section.skin_stresses`), else NaN; ``u, N, M`` and the points
-    themselves in single precision.
+    them (:meth:`skfem_cosserat.Section.skin_stresses`), else NaN; ``mises, u, N, M`` and the points
+    themselves are in single precision.
 
     ``beams`` (without beams ``bodies``) have the energies and momenta of each state as field data.
 
@@ -735,10 +739,11 @@ class ParaViewWriter:
         names = json.dumps(_names(meta), indent=1)
         with writing(self.folder, "folder"):
             for index in self._indices:
+                index.path.unlink(missing_ok=True)
+            for index in self._indices[:-1]:
                 folder = index.path.with_suffix("")
                 folder.mkdir(exist_ok=True)
-                index.path.unlink(missing_ok=True)
-                for frame in folder.glob("[0-9]" * 6 + ".vt?"):
+                for frame in folder.glob("[0-9]" * 6 + ".vtu"):
                     frame.unlink()  # of a longer earlier export: the index would not name it
             (self.folder / "names.json").write_text(names, encoding="utf-8")
             (self.folder / "paraview.py").write_text(SCRIPT, encoding="utf-8")
@@ -823,50 +828,28 @@ class ParaViewWriter:
         for layer, index, grid in zip(self._layers, self._indices, grids, strict=False):
             if grid is None:
                 continue
-            about = [_field("TimeValue", self._time, np.array(time)) for time in times]
-            if grid is grids[0]:
-                about = [one + more for one, more in zip(about, scene, strict=True)]
-            texts = (_text(grid, k, each, layer.level) for k, each in enumerate(about))
-            self._write_files(index, ".vtu", times, texts, written)
-        blocks = [(self._frame + k, each) for k, each in enumerate(written)]
-        self._write_files(self._indices[-1], ".vtm", times, (_blocks(*b) for b in blocks), None)
+            try:
+                for k, time in enumerate(times):
+                    about = _field("TimeValue", self._time, np.array(time))
+                    path = index.path.with_suffix("") / f"{self._frame + k:06d}.vtu"
+                    with writing(path):
+                        path.write_bytes(_text(grid, k, about + scene[k], layer.level))
+                    written[k].append(path)
+            finally:  # also of those before one that found no room
+                own = [
+                    (time, path)
+                    for time, files in zip(times, written, strict=True)
+                    for path in files
+                    if path.parent.name == layer.name
+                ]
+                with writing(index.path):
+                    index.add(own)
+            scene = [""] * len(times)
+        together = [(time, f) for time, files in zip(times, written, strict=True) for f in files]
+        with writing(self._indices[-1].path):
+            self._indices[-1].add(together)
         self._frame += len(times)
         return written
-
-    def _write_files(
-        self,
-        index: _Index,
-        suffix: str,
-        times: Sequence[float],
-        texts: Iterable[bytes],
-        written: list[list[Path]] | None,
-    ) -> None:
-        """Write the files of some states, and then name them in their index."""
-        folder, names = index.path.with_suffix(""), []
-        try:
-            for k, text in enumerate(texts):
-                path = folder / f"{self._frame + k:06d}{suffix}"
-                with writing(path):
-                    path.write_bytes(text)
-                names.append(f"{folder.name}/{path.name}")
-                if written is not None:
-                    written[k].append(path)
-        finally:  # also of those before one that found no room
-            with writing(index.path):
-                index.add(times, names)
-
-
-def _blocks(number: int, files: list[Path]) -> bytes:
-    """Contents of the file that has the layers of a state as blocks."""
-    rows = [
-        f'<DataSet index="{k}" name="{file.parent.name}" file="../{file.parent.name}/{file.name}"/>\n'
-        for k, file in enumerate(files)
-    ]
-    kind = "vtkMultiBlockDataSet"
-    text = (
-        f'<VTKFile type="{kind}" version="1.0">\n<{kind}>\n{"".join(rows)}</{kind}>\n</VTKFile>\n'
-    )
-    return text.encode()
 
 
 def _layers(meta: Mapping[str, Any], static: Mapping[str, Array], surfaces: bool) -> list[Layer]:
