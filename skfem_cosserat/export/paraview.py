@@ -286,7 +286,11 @@ class BeamLayer(Layer):
             radii = [ends.spread(radius[None])[0] for ends, radius in both]
             at_points["radius"] = np.concatenate(radii)
         labels = _labels(self._meta, self._shapes, [shape.cell_element for shape in self._shapes])
-        return Cells(blocks, at_points, labels)
+        outlined = [
+            [shape.outline(int(k)) is not None for k in shape.section[shape.cell_element]]
+            for shape in self._shapes
+        ]
+        return Cells(blocks, at_points, labels | {"outlined": np.concatenate(outlined) + 0})
 
     def grid(self, states: States, reference: Floats) -> Grid:
         """Grid of some states, see `Layer.grid`."""
