@@ -86,6 +86,11 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
             meta["beams"].append(_describe_beam(system, item, static))
         else:
             _describe_lump(system, lumped(item), meta, static)
+    carried = [int(array) for key, array in static.items() if key.endswith("/offset")]
+    acted = [*_acted_on(system), *carried]
+    for beam in system.beams:
+        own = np.isin(static[f"beam/{beam.name}/offsets"], acted)
+        static[f"beam/{beam.name}/acted"] = np.flatnonzero(own)
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
@@ -158,6 +163,14 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
         "parts": names,
         "sections": list(beam.sections),
     }
+
+
+def _acted_on(system: System) -> list[int]:
+    """Numbers in q of the frames on which joints, loads and couplings act."""
+    places = [end for joint in system.joints for end in (joint.a, joint.b)]
+    for each in (*system.couplings.items, *system.loads):
+        places += each.places()
+    return [system.offset(place) for place in places if place.item is not None]
 
 
 def _radii(beam: Beam) -> Floats:

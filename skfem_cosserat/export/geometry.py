@@ -118,6 +118,9 @@ class BeamShape:
         Node of each point, -1 between nodes.
     pieces : int
         Pieces of an element in a swept surface.
+    ends, origin : (ne, 2) and (m,) array
+        Points at the ends of elements, doubled where section forces may jump; the points, then
+        those of which these are copies.
     """
 
     def __init__(self, name: str, static: Mapping[str, Array]) -> None:
@@ -138,7 +141,7 @@ class BeamShape:
         self._at_gauss = lagrange(nodes, self.gauss).T
         self._weights = {n: piece_weights(self.gauss, n) for n in (1, self.order)}
         self._number_points()
-        self.kinks = self._kinks()
+        self._double()
 
     def _get(self, key: str) -> Array:
         full = f"beam/{self.name}/{key}"
@@ -178,17 +181,35 @@ class BeamShape:
             return chain if self.order == 1 else chain[:, [0, 2, 1]]
         return np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2)
 
-    def _kinks(self) -> Array:
-        """Whether, at each point, more than two elements meet, or sections or triads differ."""
+    def _double(self) -> None:
+        """Find the `ends`, with points of their own where forces may jump, and their `origin`."""
         flat, section = self.corners.ravel(), np.repeat(self.section, 2)
         triads = self.rotations[:, [0, -1]].reshape(-1, 9)
         one = np.zeros(len(self.node_id), dtype=np.int64)
         one[flat] = np.arange(len(flat))
         other = one[flat]
         differs = abs(triads - triads[other]).max(axis=1) > 1e-12
-        out = np.bincount(flat, minlength=len(one)) > 2
-        out[flat[differs | (section != section[other])]] = True
+        apart = np.bincount(flat, minlength=len(one)) > 2
+        apart[flat[differs | (section != section[other])]] = True
+        acted = self._static.get(f"beam/{self.name}/acted", ())
+        own = (apart | np.isin(self.node_id, acted))[flat] & (np.arange(len(flat)) != other)
+        self.origin = np.concatenate([np.arange(len(one)), flat[own]])
+        ends = flat.copy()
+        ends[own] = len(one) + np.arange(own.sum())
+        self.ends = ends.reshape(-1, 2)
+
+    def spread(self, values: Floats) -> Floats:
+        """Values (k, ne, 2, ...) at ends as those of the points (k, m, ...), linear between."""
+        out = np.empty((len(values), len(self.origin), *values.shape[3:]))
+        out[:, self.ends] = values
+        out[:, self.inner] = self.between(out)[:, :, 1:-1]
         return out
+
+    def between(self, values: Floats) -> Floats:
+        """Values (k, m, ...) of points at the stations of the elements (k, ne, p + 1, ...)."""
+        share = np.linspace(0, 1, self.order + 1).reshape(-1, *[1] * (values.ndim - 2))
+        first, last = (values[:, self.ends[:, end], None] for end in (0, 1))
+        return np.asarray((1 - share) * first + share * last)
 
     def _evaluate(self, nodal: Floats, local: Floats) -> Floats:
         """Values at the points: ``nodal (..., Nb, c)`` at nodes, ``local (..., ne, p+1, c)``."""
@@ -345,12 +366,10 @@ class Surface:
             inner = np.roll(holes[0][:, ::-1], -near, axis=1)
             self.caps += list(_quads(outer, inner)[:, ::step])
 
-    def shared(self, ends: IndexArray) -> tuple[IndexArray, IndexArray]:
-        """Points that stay, and the number of each point among them, for `ends` (ne, 2).
-
-        Elements with the same number at an end share the points there.
-        """
-        keys, p = [np.zeros(0, dtype=np.int64)], self._shape.order
+    def shared(self) -> tuple[IndexArray, IndexArray]:
+        """Points that stay, and the number of each point among them, if elements share `ends`."""
+        ends, p = self._shape.ends, self._shape.order
+        keys = [np.zeros(0, dtype=np.int64)]
         for own, outline in self.swept:
             ring = ends.max() + 1 + (own[:, None] * (p + 1) + np.arange(p + 1))
             ring[:, [0, -1]] = ends[own]

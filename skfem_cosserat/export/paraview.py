@@ -32,9 +32,6 @@ _PAIRS = {"strain": ("Gamma", "K"), "resultant": ("N", "M")}
 #: VTK's numbers of the kinds of cells
 _VTK = {"vertex": 1, "line": 3, "triangle": 5, "polygon": 7, "quad": 9, "quadratic line": 21}
 
-#: difference of forces at a point of two elements, by the largest of the beam, that is no rounding
-JUMP = 1e-8
-
 States = Mapping[str, Array]
 Fields = dict[str, Array]
 
@@ -185,73 +182,12 @@ def _labels(meta: Mapping[str, Any], shapes: list[BeamShape], elements: list[Ind
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-class Ends:
-    """Points of a beam, of which those where section forces jump are doubled.
-
-    Each point of the shape belongs to all elements that meet there, but where it is `apart`: there
-    it belongs to the first, and each other element has a copy behind all points.
-
-    Attributes
-    ----------
-    at : (ne, 2) array
-        Points at the ends of the elements.
-    origin : (m,) array
-        The points of the shape, then those of which the others are copies.
-    """
-
-    def __init__(self, shape: BeamShape, apart: Array) -> None:
-        self.shape, self._apart = shape, apart.copy()
-        self._scale = np.zeros((2, 1))
-        self._number()
-
-    def _number(self) -> None:
-        flat, count = self.shape.corners.ravel(), len(self.shape.node_id)
-        own = self._apart[flat]
-        own[np.unique(flat, return_index=True)[1]] = False
-        self.origin = np.concatenate([np.arange(count), flat[own]])
-        ends = flat.copy()
-        ends[own] = count + np.arange(own.sum())
-        self.at = ends.reshape(-1, 2)
-
-    def follow(self, states: States) -> bool:
-        """Double the points, too, where forces of these states jump; True if there are some."""
-        found = self.values(states, "resultant")
-        if found is None:
-            return False
-        flat = self.shape.corners.ravel()
-        values = found.reshape(len(found), len(flat), 2, 3)
-        largest = np.linalg.norm(values, axis=-1).max(axis=(0, 1), initial=0.0)
-        self._scale = np.maximum(self._scale, largest[:, None])
-        order = np.argsort(flat, kind="stable")
-        corners, starts = np.unique(flat[order], return_index=True)
-        both = (
-            over.reduceat(values[:, order], starts, axis=1) for over in (np.maximum, np.minimum)
-        )
-        jumps = (np.subtract(*both) > JUMP * self._scale).any(axis=(0, 2, 3))
-        if not (jumps & ~self._apart[corners]).any():
-            return False
-        self._apart[corners[jumps]] = True
-        self._number()
-        return True
-
-    def values(self, states: States, kind: str) -> Floats | None:
-        """Forces or strains (k, ne, 2, 6) at the ends of the elements, if they are known."""
-        key = f"beam/{self.shape.name}/nodal_{kind}"
-        return entry(states, key, (len(self.at), 2, 6)) if key in states else None
-
-    def spread(self, values: Floats) -> Floats:
-        """Values (k, ne, 2, ...) at ends as those of the points (k, m, ...), linear between."""
-        out = np.empty((len(values), len(self.origin), *values.shape[3:]))
-        out[:, self.at] = values
-        out[:, self.shape.inner] = self.between(out)[:, :, 1:-1]
-        return out
-
-    def between(self, values: Floats) -> Floats:
-        """Values (k, m, ...) of points at the stations of the elements (k, ne, p + 1, ...)."""
-        share = np.arange(self.shape.order + 1).reshape(-1, *[1] * (values.ndim - 2))
-        share = share / self.shape.order
-        first, last = (values[:, self.at[:, end], None] for end in (0, 1))
-        return np.asarray((1 - share) * first + share * last)
+def _at_ends(shape: BeamShape, states: States, kind: str) -> Floats | None:
+    """Forces or strains (k, points, 6) of a beam, from those at the ends of its elements."""
+    key = f"beam/{shape.name}/nodal_{kind}"
+    if key not in states:
+        return None
+    return shape.spread(entry(states, key, (len(shape.ends), 2, 6)))
 
 
 class BeamLayer(Layer):
@@ -260,63 +196,53 @@ class BeamLayer(Layer):
     name = "beams"
 
     def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
-        self._meta, self._shapes = meta, beam_shapes(meta, static)
-        self._ends = [Ends(shape, np.zeros(len(shape.node_id), bool)) for shape in self._shapes]
-        radii = [static.get(f"beam/{shape.name}/radius") for shape in self._shapes]
-        self._radii = [radius for radius in radii if radius is not None]
-        self.wanted = ["v", *_beam_series(self._shapes, "resultant", "nodal_resultant")]
-        self.series = [*self.wanted, *_beam_series(self._shapes, "strain", "nodal_strain")]
-        self._cells: Cells | None = None
-
-    def _numbered(self) -> Cells:
-        """Cells between the points there are now."""
-        starts = np.cumsum([0, *(len(ends.origin) for ends in self._ends)])
-        pairs = list(zip(starts[:-1], self._shapes, self._ends, strict=True))
+        self._shapes = shapes = beam_shapes(meta, static)
+        self.wanted = ["v", *_beam_series(shapes, "resultant", "nodal_resultant")]
+        self.series = [*self.wanted, *_beam_series(shapes, "strain", "nodal_strain")]
+        self._sizes = [len(shape.origin) for shape in shapes]
         blocks = [
             (
                 _VTK["quadratic line" if shape.order == 2 else "line"],
-                start + shape.cells_between(ends.at),
+                start + shape.cells_between(shape.ends),
             )
-            for start, shape, ends in pairs
+            for start, shape in zip(np.cumsum([0, *self._sizes[:-1]]), shapes, strict=True)
         ]
-        ids = [shape.node_id[ends.origin] for _, shape, ends in pairs]
-        at_points = {"node_id": np.concatenate(ids)}
-        if len(self._radii) == len(pairs):
-            both = zip(self._ends, self._radii, strict=True)
-            radii = [ends.spread(radius[None])[0] for ends, radius in both]
+        at_points = {"node_id": np.concatenate([shape.node_id[shape.origin] for shape in shapes])}
+        radii = [static.get(f"beam/{shape.name}/radius") for shape in shapes]
+        known = [radius for radius in radii if radius is not None]
+        if len(known) == len(radii):
+            both = zip(shapes, known, strict=True)
+            radii = [shape.spread(radius[None])[0] for shape, radius in both]
             at_points["radius"] = np.concatenate(radii)
-        labels = _labels(self._meta, self._shapes, [shape.cell_element for shape in self._shapes])
-        outlined = [
-            [shape.outline(int(k)) is not None for k in shape.section[shape.cell_element]]
-            for shape in self._shapes
+        at_cells = _labels(meta, shapes, [shape.cell_element for shape in shapes])
+        drawn = [
+            [bool(shape.skin(k)) for k in shape.section[shape.cell_element]] for shape in shapes
         ]
-        return Cells(blocks, at_points, labels | {"outlined": np.concatenate(outlined) + 0})
+        at_cells["outlined"] = np.concatenate(drawn) + 0
+        self._cells = Cells(blocks, at_points, at_cells)
 
     def grid(self, states: States, reference: Floats) -> Grid:
         """Grid of some states, see `Layer.grid`."""
-        grown = sum(ends.follow(states) for ends in self._ends)
-        if grown or self._cells is None:
-            self._cells = self._numbered()
-        points = [self._point_fields(ends, states, reference) for ends in self._ends]
-        at_points = _stack(points, [len(ends.origin) for ends in self._ends])
+        points = [self._point_fields(shape, states, reference) for shape in self._shapes]
+        at_points = _stack(points, self._sizes)
         cells = [len(shape.cells) for shape in self._shapes]
         at_cells = _stack([_gauss_fields(shape, states) for shape in self._shapes], cells)
         return Grid(at_points.pop("x"), self._cells, at_points, at_cells)
 
     @staticmethod
-    def _point_fields(ends: Ends, states: States, reference: Floats) -> Fields:
-        shape, own = ends.shape, ends.origin
-        x, d = shape.points(states["q"])[:, own], shape.directors(states["q"])
-        fields = {"x": x, "u": x - shape.points(reference)[own]}
+    def _point_fields(shape: BeamShape, states: States, reference: Floats) -> Fields:
+        x, d = shape.points(states["q"]), shape.directors(states["q"])
+        fields = {"x": x, "u": x - shape.points(reference)}
         if "v" in states:
-            fields["v"] = shape.points(states["v"])[:, own]
+            fields["v"] = shape.points(states["v"])
         for i in range(3):
-            fields[f"d{i + 1}"] = d[:, own, i]
-        fields["q_wxyz"] = quaternions(d)[:, own]
+            fields[f"d{i + 1}"] = d[..., i, :]
+        fields["q_wxyz"] = quaternions(d)
+        if len(shape.origin) > len(shape.node_id):
+            fields = {name: values[:, shape.origin] for name, values in fields.items()}
         for kind, names in _PAIRS.items():
-            values = ends.values(states, kind)
-            if values is not None:
-                six = ends.spread(values)
+            six = _at_ends(shape, states, kind)
+            if six is not None:
                 fields |= zip(names, (six[..., :3], six[..., 3:]), strict=True)
         return fields
 
@@ -328,44 +254,34 @@ class SurfaceLayer(Layer):
     level = 1
 
     def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
-        self._meta, self._shapes = meta, beam_shapes(meta, static)
-        self._ends = [Ends(shape, shape.kinks) for shape in self._shapes]
+        self._shapes = beam_shapes(meta, static)
         self._surfaces = [shape.surface() for shape in self._shapes]
         self.series = _beam_series(self._shapes, "nodal_resultant")
         if not any(surface.size for surface in self._surfaces):
             raise InputError("argument surfaces", "no section of the history has an outline")
-        self._kept: list[IndexArray] = []
-        self._cells: Cells | None = None
-
-    def _numbered(self) -> Cells:
-        """Cells between the points there are now."""
         start, self._kept, blocks, elements = 0, [], [], []
-        for surface, ends in zip(self._surfaces, self._ends, strict=True):
-            kept, number = surface.shared(ends.at)
+        for surface in self._surfaces:
+            kept, number = surface.shared()
             self._kept.append(kept)
-            caps = [np.array(cap) for cap in surface.caps]
             blocks += [(_VTK["quad"], start + number[surface.quads])]
-            blocks += [(_VTK["polygon"], start + number[cap[None]]) for cap in caps]
-            first = np.array([cap[0] for cap in caps], dtype=np.int64)
+            blocks += [(_VTK["polygon"], start + number[cap[None]]) for cap in surface.caps]
             owner = np.zeros(surface.size, dtype=np.int64)
             owner[surface.quads] = surface.element[:, None]
+            first = np.array([cap[0] for cap in surface.caps], dtype=np.int64)
             elements.append(np.concatenate([surface.element, owner[first]]))
             start += len(kept)
-        return Cells(blocks, at_cells=_labels(self._meta, self._shapes, elements))
+        self._cells = Cells(blocks, at_cells=_labels(meta, self._shapes, elements))
 
     def grid(self, states: States, reference: Floats) -> Grid:
         """Grid of some states, see `Layer.grid`."""
-        grown = sum(ends.follow(states) for ends in self._ends)
-        if grown or self._cells is None:
-            self._cells = self._numbered()
         parts = []
-        for surface, ends, kept in zip(self._surfaces, self._ends, self._kept, strict=True):
+        for shape, surface, kept in zip(self._shapes, self._surfaces, self._kept, strict=True):
             x = surface.points(states["q"])[:, kept]
             fields = {"x": x, "u": x - surface.points(reference)[kept]}
-            values = ends.values(states, "resultant")
+            values = _at_ends(shape, states, "resultant")
             if values is not None:
-                six = ends.between(ends.spread(values))
-                found = [self._stresses(ends.shape, own, each, six) for own, each in surface.swept]
+                six = shape.between(values)
+                found = [self._stresses(shape, own, each, six) for own, each in surface.swept]
                 for name in found[0] if found else ():
                     fields[name] = np.concatenate([each[name] for each in found], 1)[:, kept]
             exact = "sigma", "tau"  # the others are for pictures
@@ -456,7 +372,8 @@ class ItemLayer(Layer):
         ids = np.arange(len(kinds))
         self._numbers = {f"{kind}_id": ids, "type": numbers, "kind": np.array(kinds)}
         self._numbers["name"] = np.array([str(item["name"]) for item in meta[name]])
-        self.wanted = [item + places for item in self._items]
+        if name != "loads":  # not all act at places
+            self.wanted = [item + places for item in self._items]
         self.series = [item + each for item in self._items for each in (places, *fields)]
         self._known: list[tuple[int, int]] = []
         self._cells: Any = None
@@ -671,9 +588,10 @@ class ParaViewWriter:
     where several sections meet the triad of the node), the quaternion ``q_wxyz`` from the section's
     frame to space, ``node_id`` (-1 between nodes), ``radius`` (m) for tubes; the resultants ``N,
     M`` (N, N m) and strains ``Gamma, K`` (-, 1/m) in the section's frame, those of the series
-    ``nodal_resultant`` and ``nodal_strain`` at the ends of elements, linear between. A point is
-    doubled where these forces jump by more than 1e-8 of the largest in the beam. At cells they have
-    ``N, M, Gamma, K``, and ``n, m`` in space, averaged over the Gauss points of the cell. Elements
+    ``nodal_resultant`` and ``nodal_strain`` at the ends of elements, linear between. Points are
+    doubled where these may jump: where a joint, load, body or coupling acts, where sections or
+    their triads differ, and where more than two elements meet; elements share all others. At cells
+    they have ``N, M, Gamma, K``, and ``n, m`` in space, averaged over the Gauss points of the cell. Elements
     of order 1 are 2-node lines, of order 2 quadratic lines; those of higher order are cut into
     ``order`` equal 2-node lines.
 
@@ -862,6 +780,7 @@ def _layers(meta: Mapping[str, Any], static: Mapping[str, Array], surfaces: bool
     if meta.get("beams"):
         layers.append(BeamLayer(meta, static))
         if surfaces:
+            layers[0].level = SurfaceLayer.level
             layers.append(SurfaceLayer(meta, static))
     if meta.get("bodies") or meta.get("points"):
         layers.append(BodyLayer(meta, static))

@@ -117,7 +117,7 @@ for name, color, width in (
     if name in layers:
         layers[name].UpdatePipeline(times[-1])
         display = Show(layers[name], view)
-        ColorBy(display, None)
+        display.ColorArrayName = [None, ""]
         display.DiffuseColor = display.AmbientColor = color
         display.PointSize, display.LineWidth = width, 4
         display.RenderPointsAsSpheres = 1
@@ -127,7 +127,7 @@ for name, color, width in (
             arrows.OrientationArray = arrows.ScaleArray = ["POINTS", "force"]
             arrows.ScaleFactor, arrows.GlyphMode = 0.25 * extent / force, "All Points"
             display = Show(arrows, view)
-            ColorBy(display, None)
+            display.ColorArrayName = [None, ""]
             display.DiffuseColor = display.AmbientColor = color
 
 clock = AnnotateTimeFilter(Input=next(iter(layers.values())))
@@ -135,7 +135,7 @@ clock.Format = "t = {time:.4g} s" if unit == "s" else unit + " = {time:.4g}"
 Show(clock, view).Color = [0.0, 0.0, 0.0]
 scene.GoToLast()
 view.ViewTime = times[-1]
-view.ResetActiveCameraToPositiveZ()
+view.ApplyIsometricView()
 if len(sys.argv) > 1:
     view.ViewSize = [1600, 900]
     view.ResetCamera(False)
