@@ -16,7 +16,17 @@ import numpy as np
 from .errors import InputError, ModelWarning
 from .frozen import Frozen, loosened, seal
 from .law import Law, LawQuadratic
-from .types import ArrayLike, Floats, not_negative, numbers, positive, real, shaped, symmetric
+from .types import (
+    Array,
+    ArrayLike,
+    Floats,
+    not_negative,
+    numbers,
+    positive,
+    real,
+    shaped,
+    symmetric,
+)
 from .warn import warn
 
 #: relative error of constants that were typed in
@@ -405,33 +415,35 @@ def _stresses(x: Floats, area: float, about: tuple[float, float]) -> Floats:
 TERMS = 4000
 
 
-def _falling(n: Floats, x: Floats, end: float, sign: int) -> Floats:
+def _falling(n: Array, x: Floats, end: float, sign: int) -> Array:
     """(cosh(n x), or sinh for sign -1) / cosh(n end), for points x (k,) and numbers n (m,)."""
     n, x = n[:, None], abs(x)
     odd = 1.0 + sign * np.exp(-2 * n * x)
-    return np.asarray(np.exp(-n * (end - x)) * odd / (1 + np.exp(-2 * n * end)))
+    return np.exp(-n * (end - x)) * odd / (1 + np.exp(-2 * n * end))
 
 
-def _twist(x: Floats, y: Floats, A: float, B: float) -> Floats:
-    """Stress along x by twist and shear modulus of one, in the rectangle |x| <= A, |y| <= B.
+def _twist(at: Floats, A: float, B: float) -> Floats:
+    """Stress (k,) along x by twist and shear modulus of one, at points (k, 2).
+
+    In the rectangle |x| <= A, |y| <= B.
 
     Timoshenko & Goodier, Theory of Elasticity, section 109, with the series that falls off from
     the edges |x| = A.
     """
-    k = np.arange(1, 2 * TERMS, 2)
-    n = k * np.pi / (2 * B)
-    weight = (-1.0) ** (k // 2) * 16 * B / np.pi**2 / k**2
+    (x, y), k = at.T, np.arange(1, 2 * TERMS, 2)
+    n: Array = k * np.pi / (2 * B)
+    weight: Array = (-1.0) ** (k // 2) * 16 * B / np.pi**2 / k**2
     return np.asarray(-2 * y + weight @ (_falling(n, x, A, 1) * np.sin(n[:, None] * y)))
 
 
-def _flexure(x: Floats, y: Floats, A: float, B: float, nu: float) -> Floats:
+def _flexure(at: Floats, A: float, B: float, nu: float) -> Floats:
     """Stresses (k, 2) along x and y by a shear force of one along x, in the same rectangle.
 
     Timoshenko & Goodier, section 124.
     """
     inertia, ratio = 4 * A**3 * B / 3, nu / (1 + nu)
-    m = np.arange(1, TERMS)
-    n = m * np.pi / B
+    (x, y), m = at.T, np.arange(1, TERMS)
+    n: Array = m * np.pi / B
     weight = (-1.0) ** (m + 1) * 2 * B**2 / (m * np.pi) ** 2
     along = weight @ (_falling(n, x, A, 1) * np.cos(n[:, None] * y))
     across = weight @ (_falling(n, x, A, -1) * np.sign(x) * np.sin(n[:, None] * y))
@@ -493,10 +505,10 @@ class SectionRectangle(Section):
         (x,), A, B = self.skin, a / 2, b / 2
         out = _stresses(x, a * b, (a * b**3 / 12, b * a**3 / 12))
         rate = material.G / self.stiffness[5, 5]
-        out[:, 1, 5] = rate * _twist(*x.T, A, B)
-        out[:, 2, 5] = -rate * _twist(*x.T[::-1], B, A)
-        out[:, 1:, 0] = _flexure(*x.T, A, B, material.nu)
-        out[:, 2:0:-1, 1] = _flexure(*x.T[::-1], B, A, material.nu)
+        out[:, 1, 5] = rate * _twist(x, A, B)
+        out[:, 2, 5] = -rate * _twist(x[:, ::-1], B, A)
+        out[:, 1:, 0] = _flexure(x, A, B, material.nu)
+        out[:, 2:0:-1, 1] = _flexure(x[:, ::-1], B, A, material.nu)
         return out
 
 
@@ -560,15 +572,15 @@ class SectionTube(Section):
         inertia, nu = np.pi / 4 * (a**4 - b**4), dict(self.others)["material"].nu
         out = _stresses(x, np.pi * (a**2 - b**2), (inertia, inertia))
         out[:, 1:, 5] = x[:, ::-1] / (2 * inertia) * (-1, 1)
+        square, size = (x**2).sum(1), (3 + 2 * nu) / 4
+        hole = size * (a * b) ** 2 / square
         for own in (0, 1):  # Love, Mathematical Theory of Elasticity, chapter 15
             p, s = x[:, own], x[:, 1 - own]
-            square, size = (p**2 + s**2), (3 + 2 * nu) / 4
-            hole = size * (a * b) ** 2 / square
-            along = hole * (2 * p**2 / square - 1) - size * (a**2 + b**2)
-            along += (3 + 2 * nu) / 4 * p**2 + (1 - 2 * nu) / 4 * s**2
-            across = (2 * hole / square + nu + 0.5) * p * s
-            out[:, 1 + own, own] = -along / (2 * inertia * (1 + nu))
-            out[:, 2 - own, own] = -across / (2 * inertia * (1 + nu))
+            along = size * (a**2 + b**2 - square) + (2 * size - 1) * s**2
+            along += hole * (1 - 2 * p**2 / square)
+            across = (1 - 2 * size - 2 * hole / square) * p * s
+            both = np.column_stack([along, across]) / (2 * inertia * (1 + nu))
+            out[:, [1 + own, 2 - own], own] = both
         return out
 
 

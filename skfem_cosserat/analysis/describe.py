@@ -89,8 +89,8 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     carried = [int(array) for key, array in static.items() if key.endswith("/offset")]
     acted = [*_acted_on(system), *carried]
     for beam in system.beams:
-        own = np.isin(static[f"beam/{beam.name}/offsets"], acted)
-        static[f"beam/{beam.name}/acted"] = np.flatnonzero(own)
+        offsets = static[f"beam/{beam.name}/offsets"]
+        static[f"beam/{beam.name}/acted"] = np.flatnonzero(np.isin(offsets, acted))
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
@@ -168,8 +168,8 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
 def _acted_on(system: System) -> list[int]:
     """Numbers in q of the frames on which joints, loads and couplings act."""
     places = [end for joint in system.joints for end in (joint.a, joint.b)]
-    for each in (*system.couplings.items, *system.loads):
-        places += each.places()
+    places += [place for each in system.couplings.items for place in each.places()]
+    places += [place for load in system.loads for place in load.places()]
     return [system.offset(place) for place in places if place.item is not None]
 
 
@@ -208,7 +208,7 @@ def _shapes(beam: Beam, elements: IndexArray) -> dict[str, Floats]:
         if any(each.outline is None for each in sections):
             return found
         loops = [[len(loop) for loop in each.skin] for each in sections]
-        given = {
+        given: dict[str, list[Any]] = {
             "outline": [each.outline for each in sections],
             "skin": [np.concatenate(each.skin) for each in sections],
             "loops": loops,

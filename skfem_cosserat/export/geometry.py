@@ -329,7 +329,8 @@ class Surface:
         self.swept: list[tuple[IndexArray, Floats]] = []
         none, p = np.zeros(0, dtype=np.int64), shape.order
         uses = np.bincount(shape.connectivity.ravel(), minlength=len(shape.offsets))
-        quads, owner, piece, self.caps = [none.reshape(0, 4)], [none], [none], []
+        quads, owner, piece = [none.reshape(0, 4)], [none], [none]
+        self.caps: list[IndexArray] = []
         for section in (int(number) for number in np.unique(shape.section)):
             given = outlines.get(section)
             if given is None:

@@ -212,8 +212,7 @@ class BeamLayer(Layer):
         known = [radius for radius in radii if radius is not None]
         if len(known) == len(radii):
             both = zip(shapes, known, strict=True)
-            radii = [shape.spread(radius[None])[0] for shape, radius in both]
-            at_points["radius"] = np.concatenate(radii)
+            at_points["radius"] = np.concatenate([s.spread(r[None])[0] for s, r in both])
         at_cells = _labels(meta, shapes, [shape.cell_element for shape in shapes])
         drawn = [
             [bool(shape.skin(k)) for k in shape.section[shape.cell_element]] for shape in shapes
@@ -591,9 +590,9 @@ class ParaViewWriter:
     ``nodal_resultant`` and ``nodal_strain`` at the ends of elements, linear between. Points are
     doubled where these may jump: where a joint, load, body or coupling acts, where sections or
     their triads differ, and where more than two elements meet; elements share all others. At cells
-    they have ``N, M, Gamma, K``, and ``n, m`` in space, averaged over the Gauss points of the cell. Elements
-    of order 1 are 2-node lines, of order 2 quadratic lines; those of higher order are cut into
-    ``order`` equal 2-node lines.
+    they have ``N, M, Gamma, K``, and ``n, m`` in space, averaged over the Gauss points of the cell.
+    Elements of order 1 are 2-node lines, of order 2 quadratic lines; those of higher order are cut
+    into ``order`` equal 2-node lines.
 
     Surfaces have at points the stresses ``sigma`` (axial, tension positive), ``tau`` (shear) and
     ``mises`` (N/m^2) by the forces at the ends of elements, linear between, of sections that know
@@ -785,15 +784,15 @@ def _layers(meta: Mapping[str, Any], static: Mapping[str, Array], surfaces: bool
     if meta.get("bodies") or meta.get("points"):
         layers.append(BodyLayer(meta, static))
     vectors = {"force": 3, "moment": 3}
-    items: tuple[tuple[str, str, str, tuple[int, ...], dict[str, int]], ...] = (
+    items: tuple[tuple[str, str, str, tuple[int, ...], Mapping[str, int]], ...] = (
         ("joints", "joint", "position", (3,), vectors | {"angle": 0, "displacement": 0}),
         ("drives", "joint", "position", (3,), vectors),
         ("loads", "load", "position", (-1, 3), vectors),
         ("couplings", "coupling", "ends", (2, 3), {"coordinate": 0, "force": 0}),
     )
-    for name, kind, *rest in items:
+    for name, kind, places, shape, fields in items:
         if isinstance(meta.get(name), list) and meta[name]:
-            layers.append(ItemLayer(name, kind, meta, *rest))
+            layers.append(ItemLayer(name, kind, meta, places, shape, fields))
     return layers
 
 

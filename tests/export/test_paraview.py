@@ -224,7 +224,7 @@ def test_names_units_and_fields_of_states(swing):
     *_, at_points, at_cells = last(folder)
     assert [set(at_cells[name]) for name in ("beam", "part")] == [{"arm"}, {"boom"}]
     np.testing.assert_allclose(at_points["radius"], np.hypot(0.05, 0.1))
-    for layer, name, kind in (("joints", "pin", "revolute"), ("drives", "motor", "drive")):
+    for layer, name, kind in (("joints", "pin", "revolute"), ("drives", "motor", "angle")):
         points, _, _, at_points, _ = last(folder, layer)
         assert at_points["name"].tolist() == [name] and at_points["kind"].tolist() == [kind]
         for series in ("force", "moment"):
@@ -275,7 +275,7 @@ def test_times_of_paths_and_modes(tmp_path):
     assert factor == path["load_factor"][2]
     # forces of a small motion: inertia is all that acts beyond the clamp
     own = film["beam/rod/nodal_resultant"][0]
-    assert abs(own[-1, 1]).max() < 1e-5 * abs(own[0, 0]).max()
+    assert abs(own[-1, 1]).max() < 1e-4 * abs(own[0, 0]).max()
     inertia = modes.omega[0] ** 2 * (modes.system.mass @ (film["q"][0] - modes.q).reshape(-1, 3))
     shear = inertia.reshape(-1, 4, 3)[:, 0].sum(0)
     triad = film.rotation(beam.node("rod.start"))[0]
