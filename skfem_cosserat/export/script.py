@@ -95,6 +95,7 @@ for source in beams:
     source.UpdatePipeline(times[-1])
     display = Show(source, view)
     display.DiffuseColor = display.AmbientColor = [0.27, 0.51, 0.71]
+    display.Ambient = 0.4
     if source.PointData.GetArray("bending moment in N m") is not None:
         ColorBy(display, ("POINTS", "bending moment in N m"))
         top = max(top, largest(source, "bending moment in N m"))
@@ -119,6 +120,7 @@ for name, color, width in (
         display = Show(layers[name], view)
         display.ColorArrayName = [None, ""]
         display.DiffuseColor = display.AmbientColor = color
+        display.Ambient = 0.3
         display.PointSize, display.LineWidth = width, 4
         display.RenderPointsAsSpheres = 1
         force = largest(layers[name], "force") if name in ("joints", "loads") else 0.0
@@ -138,9 +140,9 @@ view.ViewTime = times[-1]
 view.ApplyIsometricView()
 if len(sys.argv) > 1:
     view.ViewSize = [1600, 900]
-    view.ResetCamera(False)
+    view.ResetCamera(True)
     SaveScreenshot(sys.argv[1], view)
 else:
-    view.ResetCamera(False)
+    view.ResetCamera(True)
     Render(view)
 '''
