@@ -140,7 +140,7 @@ def end_forces(system: System, history: History) -> dict[str, tuple[Floats, Floa
     >>> clamp = model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
     >>> weight = model.add("weight", sc.LoadGravity((0, 0, -10.0)))
     >>> forces, strains = end_forces(model, sc.static(model))["rod"]
-    >>> forces[-1, 0, :, 2].round(6).tolist(), float(strains[-1, 0, 0, 2].round(9))
+    >>> (forces[-1, 0, :, 2].round(6) + 0).tolist(), float(strains[-1, 0, 0, 2].round(9))
     ([20.0, 0.0], 2e-05)
     """
     out: dict[str, tuple[Floats, Floats]] = {}

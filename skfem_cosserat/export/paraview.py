@@ -374,8 +374,6 @@ class ItemLayer(Layer):
         if name != "loads":  # not all act at places
             self.wanted = [item + places for item in self._items]
         self.series = [item + each for item in self._items for each in (places, *fields)]
-        self._known: list[tuple[int, int]] = []
-        self._cells: Any = None
 
     def grid(self, states: States, reference: Floats) -> Grid | None:
         """Grid of some states, see `Layer.grid`."""
@@ -395,16 +393,14 @@ class ItemLayer(Layer):
             parts.append(fields)
         if not sum(count for _, count in known):
             return None
-        if known != self._known:
-            which, counts = np.transpose(known)
-            cells = np.arange(width * counts.sum()).reshape(-1, width)
-            own = {name: values[which].repeat(counts) for name, values in self._numbers.items()}
-            kind = _VTK["vertex" if width == 1 else "line"]
-            at = (own, None) if width == 1 else (None, own)
-            self._known, self._cells = known, Cells([(kind, cells)], *at)
+        which, counts = np.transpose(known)
+        cells = np.arange(width * counts.sum()).reshape(-1, width)
+        own = {name: values[which].repeat(counts) for name, values in self._numbers.items()}
         joined = _stack(parts, [count for _, count in known])
         x = joined.pop("x").reshape(len(states["q"]), -1, 3)
-        return Grid(x, self._cells, *((joined, {}) if width == 1 else ({}, joined)))
+        if width == 1:
+            return Grid(x, Cells([(_VTK["vertex"], cells)], own), joined, {})
+        return Grid(x, Cells([(_VTK["line"], cells)], None, own), {}, joined)
 
 
 # -- a grid as files of VTK's XML format for unstructured grids (``.vtu``) -------------------------
