@@ -423,6 +423,10 @@ _OF_THE_SCENE = {
 }
 
 
+#: bytes of an array that are packed in less time than it takes to open a file
+PACKED = 8192
+
+
 def _array(name: str, values: Array, level: int) -> tuple[str, bytes]:
     """Attributes and unit of an array (n, ...) in a file, and its packed bytes."""
     if values.dtype.kind == "U":
@@ -432,7 +436,7 @@ def _array(name: str, values: Array, level: int) -> tuple[str, bytes]:
         size = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
         kind = {"f": "Float", "i": "Int", "u": "UInt"}[values.dtype.kind]
         kind, data = f"{kind}{8 * values.itemsize}", values.tobytes()
-    packed = zlib.compress(data, level)
+    packed = zlib.compress(data, level or int(len(data) < PACKED))
     # one block, the last of whose numbers is that of bytes
     header = np.array([1, len(data), 0, len(packed)], dtype=np.uint32).tobytes()
     unit = _UNIT.format(_UNITS[name]) if name in _UNITS else ""
@@ -657,10 +661,7 @@ class ParaViewWriter:
         with writing(self.folder, "folder"):
             for index in self._indices:
                 index.path.unlink(missing_ok=True)
-            for index in self._indices[:-1]:
-                folder = index.path.with_suffix("")
-                folder.mkdir(exist_ok=True)
-                for frame in folder.glob("[0-9]" * 6 + ".vtu"):
+                for frame in index.path.with_suffix("").glob("[0-9]" * 6 + ".vtu"):
                     frame.unlink()  # of a longer earlier export: the index would not name it
             (self.folder / "names.json").write_text(names, encoding="utf-8")
             (self.folder / "paraview.py").write_text(SCRIPT, encoding="utf-8")
@@ -745,6 +746,8 @@ class ParaViewWriter:
         for layer, index, grid in zip(self._layers, self._indices, grids, strict=False):
             if grid is None:
                 continue
+            with writing(self.folder, "folder"):
+                index.path.with_suffix("").mkdir(exist_ok=True)
             try:
                 for k, time in enumerate(times):
                     about = _field("TimeValue", self._time, np.array(time))
