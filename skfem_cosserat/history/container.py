@@ -910,7 +910,7 @@ class History:
         StorageError
             If the disk is full, say.
         """
-        items = ("beam/", "joint/", "coupling/")
+        items = ("beam/", "joint/", "coupling/", "load/")
         self.derive([n for n in self._names() if n in SAVED or n.startswith(items)])
         meta = plain(self.meta, "meta")
         try:
