@@ -257,13 +257,17 @@ class Section(Frozen):
         """Energy per length, resultants and their derivative as functions of strains."""
         return LawQuadratic(self.stiffness)
 
+    #: closed polygons (k, 2) around the holes of a hollow section (m)
+    holes: tuple[Floats, ...] = ()
+
     @property
     def skin(self) -> list[Floats]:
-        """Closed polygons (k, 2) of its surface (m): the outline, then holes; none without one.
+        """Closed polygons (k, 2) of its surface (m): outline and holes; none without an outline.
 
-        With points between the corners where its stresses are known.
+        With points between the corners, if there are few.
         """
-        return [] if self.outline is None else [self.outline]
+        loops = () if self.outline is None else (self.outline, *self.holes)
+        return [_with_midpoints(loop) for loop in loops]
 
     def skin_stresses(self) -> Floats | None:
         """Stresses at the points of the :attr:`skin`, for resultants of one.
@@ -389,26 +393,20 @@ def _solid(
 AROUND = 16
 
 
-def with_midpoints(loop: Floats) -> Floats:
-    """A closed polygon (k, 2) with points between its corners, if it has few.
-
-    Examples
-    --------
-    >>> with_midpoints(np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]]))[:5].tolist()
-    [[0.0, 0.0], [0.25, 0.0], [0.5, 0.0], [0.75, 0.0], [1.0, 0.0]]
-    """
-    parts = -(-AROUND // len(loop))
-    share = np.arange(parts)[:, None] / parts
-    after = np.roll(loop, -1, axis=0)[:, None]
-    return np.asarray((loop[:, None] + share * (after - loop[:, None])).reshape(-1, 2))
+def _with_midpoints(loop: Floats) -> Floats:
+    """A closed polygon (k, 2) with points between its corners, if it has few."""
+    ends = loop, np.roll(loop, -1, axis=0)
+    between = np.linspace(*ends, -(-AROUND // len(loop)), endpoint=False, axis=1)
+    return np.asarray(between.reshape(-1, 2))
 
 
-def _stresses(x: Floats, area: float, about: tuple[float, float]) -> Floats:
-    """(k, 3, 6) at points (k, 2), of axial force and bending; `about` as for :func:`_solid`."""
+def _stresses(section: Section, E: float) -> tuple[Floats, Floats]:
+    """Points (k, 2) of the skin, and stresses (k, 3, 6) of axial force and bending there."""
+    x, (_, _, EA, *EI, _) = np.concatenate(section.skin), np.diag(section.stiffness)
     out = np.zeros((len(x), 3, 6))
-    out[:, 0, 2] = 1 / area
-    out[:, 0, 3:5] = x[:, ::-1] / about * (1, -1)
-    return out
+    out[:, 0, 2] = E / EA
+    out[:, 0, 3:5] = E * x[:, ::-1] / EI * (1, -1)
+    return x, out
 
 
 #: terms of series, whose rest is about 1/TERMS of the largest stress, and less off the corners
@@ -493,22 +491,15 @@ class SectionRectangle(Section):
         self.dimensions = ("a", a), ("b", b)
         self.others = ("material", material), ("shear_factor", shear_factor)
 
-    @property
-    def skin(self) -> list[Floats]:
-        """See :attr:`Section.skin`."""
-        assert self.outline is not None
-        return [with_midpoints(self.outline)]
-
     def skin_stresses(self) -> Floats:
         """See :meth:`Section.skin_stresses`."""
         ((_, a), (_, b)), ((_, material), _) = self.dimensions, self.others
-        (x,), A, B = self.skin, a / 2, b / 2
-        out = _stresses(x, a * b, (a * b**3 / 12, b * a**3 / 12))
-        rate = material.G / self.stiffness[5, 5]
-        out[:, 1, 5] = rate * _twist(x, A, B)
-        out[:, 2, 5] = -rate * _twist(x[:, ::-1], B, A)
-        out[:, 1:, 0] = _flexure(x, A, B, material.nu)
-        out[:, 2:0:-1, 1] = _flexure(x[:, ::-1], B, A, material.nu)
+        x, out = _stresses(self, material.E)
+        rate, turned = material.G / self.stiffness[5, 5], x[:, ::-1]
+        out[:, 1, 5] = rate * _twist(x, a / 2, b / 2)
+        out[:, 2, 5] = -rate * _twist(turned, b / 2, a / 2)
+        out[:, 1:, 0] = _flexure(x, a / 2, b / 2, material.nu)
+        out[:, 2:0:-1, 1] = _flexure(turned, b / 2, a / 2, material.nu)
         return out
 
 
@@ -552,25 +543,14 @@ class SectionTube(Section):
         super().__init__(*constants, circle)
         self.dimensions, self.others = (("outer", outer), ("inner", inner)), others
 
-    #: outer and inner radius (m)
-    @property
-    def _radii(self) -> tuple[float, float]:
-        (_, outer), *inner = self.dimensions
-        return outer, inner[0][1] if inner else 0.0
-
-    @property
-    def skin(self) -> list[Floats]:
-        """See :attr:`Section.skin`."""
-        assert self.outline is not None
-        outer, inner = self._radii
-        hole = self.outline[::-1] * (inner / outer)
-        return [self.outline, hole] if inner else [self.outline]
+        self.holes = (circle[::-1] * (inner / outer),) if inner else ()
+        self._radii = outer, inner
 
     def skin_stresses(self) -> Floats:
         """See :meth:`Section.skin_stresses`."""
-        (a, b), x = self._radii, np.concatenate(self.skin)
-        inertia, nu = np.pi / 4 * (a**4 - b**4), dict(self.others)["material"].nu
-        out = _stresses(x, np.pi * (a**2 - b**2), (inertia, inertia))
+        material, (a, b) = dict(self.others)["material"], self._radii
+        x, out = _stresses(self, material.E)
+        inertia, nu = self.stiffness[3, 3] / material.E, material.nu
         out[:, 1:, 5] = x[:, ::-1] / (2 * inertia) * (-1, 1)
         square, size = (x**2).sum(1), (3 + 2 * nu) / 4
         hole = size * (a * b) ** 2 / square

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import zlib
@@ -579,9 +578,8 @@ class ParaViewWriter:
     Vector* with ``u`` would show the motion twice.
 
     Arrays have their units as metadata, and items their names as arrays of strings: ``beam, part,
-    section`` of the cells of beams, ``name`` (and ``kind``) of all others. The numbers beside them,
-    ``beam_id, part_id, section_id, body_id, joint_id, drive_id, load_id, coupling_id, type``, are
-    those in ``names.json``.
+    section`` of the cells of beams, ``name`` (and ``kind``) of all others, with
+    numbers beside them for filters that take no text.
 
     Beams have at points ``u, v`` (m, m/s), section directors ``d1, d2, d3`` in space (at a node
     where several sections meet the triad of the node), the quaternion ``q_wxyz`` from the section's
@@ -657,14 +655,13 @@ class ParaViewWriter:
             for name in (*(layer.name for layer in self._layers), "scene")
         ]
         self._frame = 0
-        names = json.dumps(_names(meta), indent=1)
         with writing(self.folder, "folder"):
             for index in self._indices:
                 index.path.unlink(missing_ok=True)
                 for frame in index.path.with_suffix("").glob("[0-9]" * 6 + ".vtu"):
                     frame.unlink()  # of a longer earlier export: the index would not name it
-            (self.folder / "names.json").write_text(names, encoding="utf-8")
-            (self.folder / "paraview.py").write_text(SCRIPT, encoding="utf-8")
+            script = SCRIPT.replace("UNIT", repr(self._time))
+            (self.folder / "paraview.py").write_text(script, encoding="utf-8")
 
     @property
     def indices(self) -> list[Path]:
@@ -793,23 +790,6 @@ def _layers(meta: Mapping[str, Any], static: Mapping[str, Array], surfaces: bool
         if isinstance(meta.get(name), list) and meta[name]:
             layers.append(ItemLayer(name, kind, meta, places, shape, fields))
     return layers
-
-
-def _names(meta: Mapping[str, Any]) -> dict[str, Any]:
-    """Names behind the numbers in the files."""
-    beams = meta.get("beams", [])
-    bodies = [*meta.get("bodies", []), *meta.get("points", [])]
-    joints = meta.get("joints", [])
-    return {
-        "beam_id": [beam["name"] for beam in beams],
-        "part_id": {beam["name"]: list(beam.get("parts", [])) for beam in beams},
-        "section_id": {beam["name"]: list(beam.get("sections", [])) for beam in beams},
-        "body_id": [body["name"] for body in bodies],
-        "joint_id": [joint["name"] for joint in joints],
-        "coupling_id": [coupling["name"] for coupling in meta.get("couplings", [])],
-        "type": sorted({str(joint["type"]) for joint in joints}),
-        "time": _time_of(meta),
-    }
 
 
 def _selection(times: Floats, every: int, fps: float | None) -> list[int]:

@@ -11,7 +11,6 @@ In ParaView: View > Python Shell > Run Script. Or a picture of the last state, w
     pvpython paraview.py picture.png
 """
 
-import json
 import os
 import sys
 
@@ -25,8 +24,7 @@ view = GetActiveViewOrCreate("RenderView")
 view.Background = [1.0, 1.0, 1.0]
 view.UseColorPaletteForBackground = 0
 view.OrientationAxesLabelColor = [0.0, 0.0, 0.0]
-with open(os.path.join(HERE, "names.json"), encoding="utf-8") as file:
-    unit = json.load(file)["time"]
+unit = UNIT  # of what the time of the files is
 
 layers = {}
 for name in "beams beam_surfaces bodies joints drives loads couplings".split():

@@ -16,7 +16,7 @@ from skfem.element import Element, ElementQuad2, ElementQuadP, ElementTriP2, Ele
 
 from ..errors import InputError
 from ..frozen import Frozen
-from ..section import Material, Section, with_midpoints
+from ..section import Material, Section
 from ..types import Array, ArrayLike, Floats, IndexArray, finite, positive, shaped, symmetric
 
 # -- three-dimensional elasticity of what a profile is made of -------------------------------------
@@ -379,17 +379,13 @@ def solve_warping(mesh: Mesh, order: int, index: IndexArray, elasticities: Float
 INSIDE = 1e-7
 
 
-class _SectionOfProfile(Section):
+class SectionOfProfile(Section):
     """Section that knows the stresses of its profile's skin."""
 
-    def __init__(self, skin: list[Floats], stresses: Floats, *given: Any, **more: Any) -> None:
+    def __init__(self, constants: ProfileConstants, *given: Any, **more: Any) -> None:
         super().__init__(*given, **more)
-        self._skin, self._stresses = skin, stresses
-
-    @property
-    def skin(self) -> list[Floats]:
-        """See :attr:`Section.skin`."""
-        return self._skin
+        self.holes = constants.holes
+        self._stresses = constants.skin_stresses(self.skin)
 
     def skin_stresses(self) -> Floats:
         """See :meth:`Section.skin_stresses`."""
@@ -599,11 +595,7 @@ class ProfileConstants(Frozen):
         if abs(inertia[0, 1]) < 1e-11 * np.sqrt(inertia[0, 0] * inertia[1, 1]):
             inertia = inertia.diagonal()
         more = {"centre": centre} if centre.any() else {}
-        skin = [with_midpoints(loop) for loop in (self.outline, *self.holes)]
-        operator = self._skin_stresses(skin)
-        return _SectionOfProfile(
-            skin, operator, D, self.mass, inertia, self.outline, viscosity, **more
-        )
+        return SectionOfProfile(self, D, self.mass, inertia, self.outline, viscosity, **more)
 
     @property
     def _axes(self) -> tuple[Floats, Floats]:
@@ -612,7 +604,7 @@ class ProfileConstants(Frozen):
         R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
         return R, np.block([[R.T, np.zeros((3, 3))], [_spin(self.origin) @ R.T, R.T]])
 
-    def _skin_stresses(self, skin: Sequence[Floats]) -> Floats:
+    def skin_stresses(self, skin: Sequence[Floats]) -> Floats:
         """(k, 3, 6) at points of closed polygons, for unit resultants: just inside of these."""
         places = []
         for loop in skin:

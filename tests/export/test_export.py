@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import os
 import signal
 import subprocess
@@ -194,10 +193,8 @@ def test_bodies_and_joints(make_scene, tmp_path):
         np.testing.assert_array_equal(at_points["force"][0], [1.0, t, 0.0])
         assert np.isnan(at_points["force"][1]).all()
         np.testing.assert_array_equal(at_points["type"], [0, 1])
-    names = json.loads((tmp_path / "names.json").read_text(encoding="utf-8"))
-    assert names["type"] == ["revolute", "rigid"]
-    assert names["body_id"] == ["hub", "ball"]
-    assert names["section_id"]["angle"] == ["box", "none"]
+    assert at_points["kind"].tolist() == ["revolute", "rigid"]
+    assert at_cells["name"].tolist() == ["hub"] * 12 + ["ball"]
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
