@@ -713,11 +713,10 @@ class ParaViewWriter:
         wanted = [name for layer in self._layers for name in layer.wanted]
         missing = [name for name in dict.fromkeys(wanted) if name not in history]
         if missing:
-            more = f" and {len(missing) - 1} more" * (len(missing) > 1)
-            text = f"{missing[0]!r}{more} not recorded, so that files lack what follows; {ADVICE}"
+            text = f"files lack what is not recorded ({', '.join(missing[:3])} ...); {ADVICE}"
             warn("history", text, IncompleteWarning)
         names = [name for name in self._names if name in history]
-        part = history.states(chosen)
+        part = history if len(chosen) == len(history) else history.states(chosen)
         part.derive(names)  # what cannot be had is told, and left out
         series = {name: part[name] for name in names if name in part.recorded}
         size = max(1, TOGETHER // max(1, series["q"].shape[1]))  # states that are written at once
@@ -863,6 +862,7 @@ def write_paraview(
     """
     chosen = _selection(history.times, every, fps)
     writer = ParaViewWriter(folder, history.meta, history.static, surfaces=surfaces)
-    writer.write_states(history, chosen)
+    if chosen:
+        writer.write_states(history, chosen)
     logger.info("%d frames written to %s", len(chosen), folder)
     return writer.indices
