@@ -175,7 +175,8 @@ def _labels(meta: Mapping[str, Any], shapes: list[BeamShape], elements: list[Ind
             ("part", shape.part[own], dict(enumerate(about.get("parts", ())))),
             ("section", shape.section[own], dict(enumerate(about.get("sections", ())))),
         ):
-            texts = np.array([str(names.get(k, "")) for k in range(-1, 1 + max(names, default=0))])
+            most = numbers.max(initial=0)
+            texts = np.array([str(names.get(k, "")) for k in range(-1, most + 1)])
             found.setdefault(f"{kind}_id", []).append(numbers)
             found.setdefault(kind, []).append(texts[numbers + 1])
     return {name: np.concatenate(parts) for name, parts in found.items()}
