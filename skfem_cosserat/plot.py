@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .arguments import checked
-from .errors import InputError
+from .errors import InputError, MeshError
 from .export.geometry import BeamShape, beam_shapes, body_shapes
+from .export.table import abscissa, record_of
 from .figures import MISSING, PALETTE, check_folder, legend, panels, write_figure
-from .history import History
-from .types import Array, ArrayLike, FilePath, Floats, names_known
+from .history import History, SensorRecord
+from .mesh.topology import find_chains
+from .types import Array, ArrayLike, FilePath, Floats, IndexArray, names_known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,6 +74,7 @@ def plot_energy(
     Returns
     -------
     matplotlib.figure.Figure
+        Over the load factor, of a path of equilibria.
 
     Raises
     ------
@@ -86,6 +91,31 @@ def plot_energy(
     >>> len(plot_energy(History({}, {}, series)).axes)
     2
     """
+    return _chart(history, _energy_parts(history, names, since), path)
+
+
+#: a panel of a chart: its height, and what draws into its axes
+_Part = tuple[float, Callable[[Any], None]]
+
+
+def _chart(history: History, parts: Sequence[_Part], path: FilePath | None) -> Figure:
+    """Panels below each other over the same times."""
+    heights = [height for height, _ in parts]
+    size = 1.0 + sum(heights) * 4 / 3
+    figure, axes = panels(7.5, size, len(parts), sharex=True, height_ratios=heights)
+    for axis, (_, draw) in zip(axes, parts, strict=True):
+        draw(axis)
+    axes[-1].set_xlabel("load factor" if "load_factor" in history else "time in s")
+    return write_figure(figure, path)
+
+
+def _line(axis: Any, x: Array, y: Array, **style: Any) -> list[Any]:
+    """Lines of one or several numbers over x; of a single state, which has no line, marks."""
+    return axis.plot(x, y, marker="o" if len(x) == 1 else None, **style)
+
+
+def _energy_parts(history: History, names: Sequence[str] | None, since: float) -> list[_Part]:
+    """Panels of the energies and of their balance."""
     for name in names or ():
         if name not in _ENERGIES:
             text = f"got {name!r}, expected some of them; {names_known(name, _ENERGIES)}"
@@ -96,6 +126,7 @@ def plot_energy(
     present = [name for name in _ENERGIES if name in history and name in wanted]
     if not present:
         raise InputError("history", f"has no energy series; expected some of {wanted}")
+    x, colours = abscissa(history), dict(zip(_ENERGIES, PALETTE.values(), strict=False))
     balanced = "energy_balance" in present
     drawn = [name for name in present if name != "energy_balance"]
     totals = [name for name in drawn if _ENERGIES[name].startswith("total")]
@@ -103,52 +134,50 @@ def plot_energy(
     sizes = [name for name in usual if name in history] if balanced else []
     scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in present + sizes)
 
-    ratios = [2] * bool(drawn) + [1] * bool(below)
-    rows = len(ratios)
-    figure, axes = panels(7.5, 5.0 if rows > 1 else 3.2, rows, sharex=True, height_ratios=ratios)
-    colours = dict(zip(_ENERGIES, PALETTE.values(), strict=False))
-    for name in drawn:
-        style = {"color": "black"} if name == "energy" else {"color": colours[name], "lw": 1.0}
-        axes[0].plot(history.times, history[name], label=_ENERGIES[name], **style)
-    if drawn:
-        axes[0].set_ylabel("energy in J")
-        legend(axes[0])
-    for name in below:
-        valid = np.flatnonzero(np.isfinite(history[name]) & (history.times >= since))
-        if len(valid) and scale > 0.0:
-            first = valid[0]  # later gaps stay gaps
-            drift = (history[name][first:] - history[name][first]) / scale
-            style = {"color": "black" if name == "energy" else colours[name], "lw": 1.0}
-            axes[-1].plot(history.times[first:], drift, label=_ENERGIES[name], **style)
-    if below:
+    def energies(axis: Any) -> None:
+        for name in drawn:
+            style = {"color": "black"} if name == "energy" else {"color": colours[name], "lw": 1.0}
+            _line(axis, x, history[name], label=_ENERGIES[name], **style)
+        axis.set_ylabel("energy in J")
+        legend(axis)
+
+    def balance(axis: Any) -> None:
+        for name in below:
+            valid = np.flatnonzero(np.isfinite(history[name]) & (x >= since))
+            if len(valid) and scale > 0.0:
+                first = valid[0]  # later gaps stay gaps
+                drift = (history[name][first:] - history[name][first]) / scale
+                style = {"color": "black" if name == "energy" else colours[name], "lw": 1.0}
+                _line(axis, x[first:], drift, label=_ENERGIES[name], **style)
         what = "balance of energy" if balanced else "change of total"
-        axes[-1].set_ylabel(f"{what}\n/ largest energy")
-        axes[-1].axhline(0.0, color="grey", linewidth=0.5, zorder=1)
-    axes[-1].set_xlabel("time in s")
-    return write_figure(figure, path)
+        axis.set_ylabel(f"{what}\n/ largest energy")
+        axis.axhline(0.0, color="grey", linewidth=0.5, zorder=1)
+
+    return [(2.0, energies)] * bool(drawn) + [(1.0, balance)] * bool(below)
 
 
 @checked
 def plot_series(history: History, names: Sequence[str], path: FilePath | None = None) -> Figure:
-    """Chart of scalar or vector series over time, one panel for each.
+    """Chart of sensors and of scalar or vector series over time, one panel for each.
 
     Parameters
     ----------
     history : History
         Recorded states.
     names : sequence of str
-        Series of shape ``(N,)`` or ``(N, k)``.
+        Sensors, and series of shape ``(N,)`` or ``(N, k)``.
     path : path-like, optional
         Write the chart here.
 
     Returns
     -------
     matplotlib.figure.Figure
+        Over the load factor, of a path of equilibria.
 
     Raises
     ------
     InputError
-        If a series does not exist or is no scalar or vector.
+        If there is no such sensor or series, or it is no scalar or vector.
     ImportError
         Without matplotlib.
 
@@ -162,19 +191,52 @@ def plot_series(history: History, names: Sequence[str], path: FilePath | None = 
     """
     if not names:
         raise InputError("argument names", "is empty, expected at least one series")
+    return _chart(history, _series_parts(history, names), path)
+
+
+def _series_parts(history: History, names: Sequence[str]) -> list[_Part]:
+    return [(1.5, partial(_numbers, history, name, record_of(history, name))) for name in names]
+
+
+def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> None:
+    """The numbers of a sensor or series."""
+    lines = _line(axis, record.times, record.values, linewidth=1.0)
+    axis.set_ylabel(f"{name} in {record.unit}" if record.unit else _with_unit(history, name))
+    if 1 < len(lines) <= 6:
+        for line, label in zip(lines, "xyz" if len(lines) == 3 else "012345", strict=False):
+            line.set_label(label)
+        legend(axis)
+
+
+@checked
+def plot(history: History, names: Sequence[str] = (), path: FilePath | None = None) -> Figure:
+    """Chart of energies, sensors and series, see :meth:`History.plot`.
+
+    Parameters
+    ----------
+    history : History
+        Recorded states.
+    names, path
+        As there.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    InputError, ImportError
+        As there.
+    """
+    if not names:
+        energies = any(name in history for name in _USUAL)
+        names = ["energy"] if energies else [*history.sensors] or ["work_loads"]
+    parts: list[_Part] = []
     for name in names:
-        if history[name].ndim > 2:
-            raise InputError(f"series {name!r}", f"has shape {history[name].shape}")
-    figure, axes = panels(7.5, 1.0 + 2.0 * len(names), len(names), sharex=True)
-    for axis, name in zip(axes, names, strict=True):
-        lines = axis.plot(history.times, history[name], linewidth=1.0)
-        axis.set_ylabel(_with_unit(history, name))
-        if 1 < len(lines) <= 6:
-            for line, label in zip(lines, "xyz" if len(lines) == 3 else "012345", strict=False):
-                line.set_label(label)
-            legend(axis)
-    axes[-1].set_xlabel("time in s")
-    return write_figure(figure, path)
+        energies = name == "energy" and name in history
+        own = _energy_parts(history, None, 0.0) if energies else _series_parts(history, [name])
+        parts += own
+    return _chart(history, parts, path)
 
 
 def _with_unit(history: History, name: str) -> str:
@@ -198,15 +260,28 @@ def _path_of(history: History, what: str) -> Floats:
         return history["q"][:, start : start + 3]
     if kind == "beam" and f"beam/{name}/offsets" in history.static:
         offsets = history.static[f"beam/{name}/offsets"]
-        digits = node.removeprefix("-")
-        if digits.isdigit() and -len(offsets) <= int(node) < len(offsets):
-            start = int(offsets[int(node)])
+        vertices = _vertices(history.static[f"beam/{name}/connectivity"])
+        if node.removeprefix("-").isdigit() and -len(vertices) <= int(node) < len(vertices):
+            start = int(offsets[vertices[int(node)]])
             return history["q"][:, start : start + 3]
-        raise InputError("argument what", f"got {what!r}, beam {name!r} has {len(offsets)} nodes")
+        text = f"got {what!r}, the mesh of beam {name!r} has {len(vertices)} vertices"
+        raise InputError("argument what", text)
     raise InputError(
         "argument what",
         f"got {what!r}, expected 'body/NAME', 'point/NAME', 'joint/NAME' or 'beam/NAME/NODE'",
     )
+
+
+def _vertices(connectivity: IndexArray) -> IndexArray:
+    """Nodes at the vertices of a beam's mesh, from its start to its end if it is one line."""
+    ends = connectivity[:, [0, -1]]
+    chains = []
+    with suppress(MeshError):  # elements point against each other
+        chains = find_chains(ends.T, np.zeros(len(ends), dtype=np.int64), [""]).chains()
+    if len(chains) != 1:
+        return np.unique(ends)
+    line = ends[chains[0].elements]
+    return np.append(line[:, 0], line[-1:, 1][: not chains[0].closed])
 
 
 @checked
@@ -223,8 +298,8 @@ def plot_orbit(
     history : History
         Recorded states.
     what : str or sequence of str
-        ``"body/NAME"``, ``"point/NAME"``, ``"joint/NAME"`` or ``"beam/NAME/NODE"`` (negative nodes
-        count from the end).
+        ``"body/NAME"``, ``"point/NAME"``, ``"joint/NAME"`` or ``"beam/NAME/NODE"``: vertices of the
+        mesh along the beam, 0 at its start and -1 at its end; of networks by their numbers.
     path : path-like, optional
         Write the chart here.
     axes : str

@@ -21,9 +21,10 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import InputError, writing
-from ..history import History
+from ..history import History, SensorRecord
+from ..history.container import ADVICE
 from ..history.file import plain
-from ..types import FilePath
+from ..types import Array, FilePath, Floats, names_known
 from ..version import VERSION
 
 #: numbers per state above which a quantity is not in a table unless named
@@ -31,7 +32,7 @@ WIDE = 6
 _PROVENANCE = ("integrator", "treatment", "step", "kernels", "versions", "status")
 
 
-def _default_names(history: History) -> list[str]:
+def default_names(history: History) -> list[str]:
     """Time first, then all series of few numbers that are no coordinates."""
     names = [
         name
@@ -53,9 +54,68 @@ def column_names(name: str, array: np.ndarray) -> list[str]:
     return [f"{name}_{end}" for end in ends]
 
 
+def abscissa(history: History) -> Floats:
+    """What states are drawn over: times (s), or the load factors of a path of equilibria."""
+    return history["load_factor" if "load_factor" in history else "t"]
+
+
+def record_of(history: History, name: str) -> SensorRecord:
+    """Numbers or vectors that a sensor saw at every step, or else those of a series.
+
+    Raises
+    ------
+    InputError
+        If there is no such sensor or series, or it has more axes.
+    """
+    sensors = history.sensors
+    if name not in sensors and name not in history:
+        known = names_known(name, [*sensors, *history], "recorded", "list(history)")
+        text = f"no sensor and no series has this name; {known}"
+        raise InputError(f"name {name!r}", text if history.systems else f"{text}; {ADVICE}")
+    record = sensors.get(name) or SensorRecord(abscissa(history), history[name])
+    if record.values.ndim > 2:
+        shape, first = record.values.shape, ", ".join("0" * (record.values.ndim - 2))
+        text = (
+            f"has shape {shape}, this takes scalars and vectors: choose one by history.add_series("
+        )
+        more = "; at any place of a beam by sensors, as SensorForce(beam, s)"
+        raise InputError(f"series {name!r}", f"{text}'mine', history[{name!r}][:, {first}]){more}")
+    return record
+
+
+def columns_of(history: History, names: Sequence[str]) -> tuple[Floats, dict[str, Array]]:
+    """Instants of the rows of a table, and its columns by name: see :func:`write_csv`."""
+    records = {name: record_of(history, name) for name in names}
+    sensors, times = history.sensors, abscissa(history)
+    seen = [record.times for name, record in records.items() if name in sensors]
+    if seen and set(names) <= {"t", *sensors}:
+        times = seen[0] if all(np.array_equal(seen[0], each) for each in seen) else times
+        records |= {"t": SensorRecord(times, times)} if "t" in names else {}
+    columns: dict[str, Array] = {}
+    for name, record in records.items():
+        values = _at(record, times) if name in sensors else record.values
+        rows = values[:, None] if values.ndim == 1 else values
+        columns |= dict(zip(column_names(name, values), rows.T, strict=True))
+    return times, columns
+
+
+def _at(record: SensorRecord, times: Floats) -> Array:
+    """What a sensor saw at these of its instants; NaN at others."""
+    own = record.times
+    if np.array_equal(own, times):
+        return record.values
+    again = np.diff(times, prepend=np.nan) == 0  # at an event there are two states of one time
+    place = np.where(again, np.searchsorted(own, times, "right") - 1, np.searchsorted(own, times))
+    own = np.append(own, np.nan)
+    none = np.full((1, *record.values.shape[1:]), np.nan)
+    found = np.concatenate([record.values, none])[place]
+    found[own[place] != times] = np.nan
+    return found
+
+
 @checked
 def write_csv(history: History, path: FilePath, names: Sequence[str] | None = None) -> Path:
-    """Write scalar and vector series, one line a state, all digits kept.
+    """Write scalar and vector series, and what sensors saw, one line a state, all digits kept.
 
     Lines in front of the table start with ``#`` and say which versions and methods made the
     numbers. Vectors of three numbers become columns ``name_x, name_y, name_z``.
@@ -67,7 +127,9 @@ def write_csv(history: History, path: FilePath, names: Sequence[str] | None = No
     path : path-like
         Name of the file; an older one is replaced.
     names : sequence of str, optional
-        Series to be written. Default: ``t`` and all series with at most six numbers per state.
+        Series and sensors to be written. Of sensors, which see every step, the lines have what they
+        saw at the recorded states; if there is nothing else but ``t``, one line a step. Default:
+        ``t`` and all series with at most six numbers per state.
 
     Returns
     -------
@@ -77,7 +139,8 @@ def write_csv(history: History, path: FilePath, names: Sequence[str] | None = No
     Raises
     ------
     InputError
-        If a series does not exist or is no scalar or vector, or the file cannot be written.
+        If there is no such series or sensor, it is no scalar or vector, or the file cannot be
+        written.
 
     Examples
     --------
@@ -91,19 +154,21 @@ def write_csv(history: History, path: FilePath, names: Sequence[str] | None = No
     ...     path.read_text().splitlines()[-3:]
     ['t,step,energy', '0.0,0,2.0', '0.1,1,2.5']
     """
-    chosen = _default_names(history) if names is None else list(names)
-    header = []
-    columns = []
-    for name in chosen:
-        array = history[name]
-        if array.ndim > 2:
-            raise InputError(
-                f"series {name!r}", f"has shape {array.shape}, a table takes scalars and vectors"
-            )
-        header += column_names(name, array)
-        columns += (array[:, None] if array.ndim == 1 else array).T.tolist()
-    notes = {key: history.meta[key] for key in _PROVENANCE if key in history.meta}
-    return write_rows(path, notes, header, zip(*columns, strict=True), "skfem-cosserat history")
+    _, columns = columns_of(history, default_names(history) if names is None else names)
+    rows = zip(*(each.tolist() for each in columns.values()), strict=True)
+    return write_rows(path, _notes(history), list(columns), rows, "skfem-cosserat history")
+
+
+def _notes(history: History) -> dict[str, Any]:
+    return {key: history.meta[key] for key in _PROVENANCE if key in history.meta}
+
+
+def to_pandas(history: History, names: Sequence[str] = ()) -> Any:
+    """Series and sensors as a ``pandas.DataFrame``, see :meth:`History.to_pandas`."""
+    times, columns = columns_of(history, names or default_names(history)[1:])
+    frame = data_frame(columns, _notes(history), index=times)
+    frame.index.name = "load_factor" if "load_factor" in history else "t"
+    return frame
 
 
 @checked
@@ -205,6 +270,17 @@ def _processor() -> str:
         return platform.processor() or "unknown processor"
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else "unknown processor"
+
+
+def data_frame(data: Any, notes: Mapping[str, Any], **options: Any) -> Any:
+    """A ``pandas.DataFrame`` with notes as its ``attrs``."""
+    try:
+        from pandas import DataFrame
+    except ImportError as error:
+        raise ImportError("pandas is needed here: pip install skfem-cosserat[pandas]") from error
+    frame = DataFrame(data, **options)
+    frame.attrs |= notes
+    return frame
 
 
 # -- rows with names, and where they come from -----------------------------------------------------
@@ -311,13 +387,7 @@ class ResultTable:
         ImportError
             Without pandas.
         """
-        try:
-            from pandas import DataFrame
-        except ImportError as error:
-            raise ImportError("pandas is needed here: pip install pandas") from error
-        frame = DataFrame(self.cells, columns=self.columns)
-        frame.attrs |= self.notes
-        return frame
+        return data_frame(self.cells, self.notes, columns=self.columns)
 
 
 def _cell(text: str) -> Any:

@@ -39,6 +39,8 @@ from .file import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ..beam import Beam
 
 # -- what a sensor has recorded: a number or vector at every step, with its spectrum ---------------
@@ -874,6 +876,76 @@ class History:
             for name, values in self._sensors.items()
         }
         return History(self.meta, self.static, cut, seen, self._systems, self._kind)
+
+    def plot(self, *names: str, path: FilePath | None = None) -> Figure:
+        """Chart over time, or over the load factor of a path of equilibria.
+
+        Parameters
+        ----------
+        *names : str
+            Each gets a panel: sensors, or else series of shape ``(N,)`` or ``(N, k)``.
+            ``"energy"`` is always the chart of all energies, with their balance in a panel below.
+            Default: the energies; without any the sensors, or else the work of the loads.
+        path : path-like, optional
+            Write the chart here (``.png``, ``.svg``, ``.pdf``).
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A notebook shows it.
+
+        Raises
+        ------
+        InputError
+            If there is no such sensor or series, or it has more axes.
+        ImportError
+            Without matplotlib.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import EnergyMomentum, LoadGravity, MassPoint, Model, NullSpace
+        >>> from skfem_cosserat import simulate
+        >>> model = Model()
+        >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 3.0)))
+        >>> gravity = model.add("gravity", LoadGravity((0, 0, -9.81)))
+        >>> history = simulate(model, EnergyMomentum(), NullSpace(), 0.1, until=0.5)
+        >>> energies, balance, momentum = history.plot("energy", "linear_momentum").axes
+        >>> energies.get_ylabel(), momentum.get_ylabel()
+        ('energy in J', 'linear_momentum in kg m/s')
+        """
+        from ..plot import plot  # a history does without charts
+
+        return plot(self, names, path)
+
+    def to_pandas(self, *names: str) -> Any:
+        """Table of its states as a ``pandas.DataFrame``, its index the times (s).
+
+        Parameters
+        ----------
+        *names : str
+            Series and sensors, in columns as :func:`skfem_cosserat.write_csv` has them; the index
+            is the load factor of a path of equilibria.
+
+        Raises
+        ------
+        InputError
+            As there.
+        ImportError
+            Without pandas.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": np.eye(2, 3), "p": np.zeros((2, 3))}
+        >>> History({}, {}, series).to_pandas("q")
+             q_x  q_y  q_z
+        t
+        0.0  1.0  0.0  0.0
+        0.1  0.0  1.0  0.0
+        """
+        from ..export.table import to_pandas  # a history does without other formats
+
+        return to_pandas(self, names)
 
     def save(self, path: FilePath) -> None:
         """Write it to one file; an older file is replaced only when the new is complete.

@@ -100,7 +100,7 @@ def test_charts_leave_no_global_state(make_scene):
     [
         (lambda h, p: plot_orbit(h, "body/none"), "body/none"),
         (lambda h, p: plot_orbit(h, "beam/boom"), "beam/boom"),
-        (lambda h, p: plot_orbit(h, "beam/boom/3"), "3 nodes"),
+        (lambda h, p: plot_orbit(h, "beam/boom/3"), "3 vertices"),
         (lambda h, p: plot_orbit(h, "body/hub", axes="xx"), "axes"),
         (lambda h, p: plot_series(h, ["nothing"]), "nothing"),
         (lambda h, p: plot_series(h, ["beam/boom/strain"]), "beam/boom/strain"),
