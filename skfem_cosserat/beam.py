@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
 from types import MappingProxyType
@@ -174,6 +174,30 @@ class Beam(LineItem):
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from (("elements", self.mesh.nelements), ("order", self.basis.order))
         yield from (("sections", self.sections), ("theory", self.theory))
+
+    def summary(self) -> dict[str, Any]:
+        """Length, mesh, mass and sections, those that vary at the ends of their parts."""
+        every, points = np.arange(self.mesh.nelements), self.elements.points
+        masses = [[one.mass for one in row] for row in self.sections_at(every, points)]
+        lengths = self.basis.lengths
+        totals, named = self._part_lengths()[1], {}
+        for k, (name, one) in enumerate(self.sections.items()):
+            length = float(np.nanmax(totals[self.section_id == k], initial=0.0))
+            named[name] = (
+                one.ends(length)
+                if isinstance(one, SectionField)
+                else {type(one).__name__: one.summary()}
+            )
+        return {
+            "length in m": float(lengths.sum()),
+            "elements": f"{self.mesh.nelements} of order {self.basis.order}",
+            "mass in kg": float(lengths @ np.array(masses) @ self.elements.weights),
+            "theory": self.theory,
+            **named,
+        }
+
+    def _loops(self) -> Sequence[Floats]:
+        return next(iter(self.sections.values()))._loops()
 
     def _lock(self) -> None:
         lock_arrays(self.elements)

@@ -230,6 +230,20 @@ class Section(Frozen):
         yield from (("GA", constants[:2]), ("EA", constants[2]), ("EI", constants[3:5]))
         yield from (("GJ", constants[5]), ("mass", self.mass))
 
+    def summary(self) -> dict[str, Any]:
+        """Dimensions, stiffnesses, mass, damping."""
+        units = ("N", "N", "N m²", "N m²", "kg/m")
+        own = {f"{name} in m": value for name, value in self.dimensions} | dict(self.others)
+        named = zip(Section._parts(self), units, strict=True)
+        own |= {f"{name} in {unit}": value for (name, value), unit in named}
+        times = np.diag(self.viscosity) / np.diag(self.stiffness)
+        if times.any():
+            own["retardation time in s"] = times if np.ptp(times) > TYPED * times[0] else times[0]
+        return {name: value for name, value in own.items() if value is not None}
+
+    def _loops(self) -> list[Floats]:
+        return [] if self.outline is None else [self.outline]
+
     @property
     def density(self) -> Floats:
         """Mass (3, 3) per length of ``(phi, d1, d2)``, without the factor I_3 (kg/m, kg, kg m)."""
@@ -429,6 +443,10 @@ class SectionTube(Section):
         constants = _solid(material, area, (moments, moments), 2 * moments, shear_factor)
         super().__init__(*constants, circle)
         self.dimensions, self.others = (("outer", outer), ("inner", inner)), others
+
+    def _loops(self) -> list[Floats]:
+        radii = [1.0, *(size / self.dimensions[0][1] for _, size in self.dimensions[1:])]
+        return [loop * radius for loop in super()._loops() for radius in radii if radius]
 
 
 class SectionCircle(SectionTube):

@@ -14,6 +14,7 @@ from ..arguments import checked
 from ..errors import CosseratError, HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import Place, is_beam
 from ..kernels import nearest_rotations
+from ..notebook import Shown
 from ..types import (
     TOLERANCE,
     Array,
@@ -25,7 +26,7 @@ from ..types import (
     numbers,
     whole,
 )
-from ..warn import Notices, counted, listed, logger, warn
+from ..warn import Notices, counted, listed, logger, told, warn
 from .file import (
     BASIC,
     ORIGINS,
@@ -375,7 +376,7 @@ class _Available(Mapping[str, Array]):
 
 
 @checked
-class History:
+class History(Shown):
     """Recorded states of a run.
 
     What was not recorded but follows from the states (energies, forces, velocities ...) is derived
@@ -660,6 +661,26 @@ class History:
 
     def __len__(self) -> int:
         return self._length
+
+    def summary(self) -> dict[str, Any]:
+        """What it is of, how it ended, what is doubtful, and what there is to be read."""
+        path, meta = "load_factor" in self, self.meta
+        span = self._series["load_factor"] if path else self.times
+        groups: dict[str, list[str]] = {}
+        for name in self:
+            group, _, own = name.rpartition("/")
+            groups.setdefault(group or "scene", []).append(own)
+        killed = ": the run did not end; derive_series(model, history) gives what follows from it"
+        made = {"scheme": meta.get("integrator"), "treatment": meta.get("treatment")}
+        made |= {} if path or "instant" in meta else {"step in s": meta.get("step")}
+        ends = f"{span[0]:g} to {span[-1]:g}" if len(self) else "none"
+        made |= {"states": len(self), "load factor" if path else "time in s": ends}
+        made["status"] = self.status + killed * (self.status == "killed")
+        if BALANCE in self._series and len(self):
+            made["largest energy balance in J"] = float(np.nanmax(abs(self._series[BALANCE])))
+        units = {name: about["unit"] for name, about in meta.get("sensors", {}).items()}
+        made |= {"warnings": told(meta.get("warnings", ())) or "none", "sensors": units}
+        return made | {"series": {group: ", ".join(own) for group, own in groups.items()}}
 
     def __repr__(self) -> str:
         span = f", t = {self.times[0]:g} ... {self.times[-1]:g} s" if len(self) else ""

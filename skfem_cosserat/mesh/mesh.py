@@ -388,6 +388,16 @@ class MeshCurve(Frozen, MeshLine1):
             f"{type(self).__name__}({self.nelements} elements, {self.p.shape[1]} vertices{names})"
         )
 
+    def summary(self) -> dict[str, Any]:
+        """Size, beams and named nodes."""
+        lines = {
+            name: f"{len(ids)} elements, {self.lengths[ids].sum():.6g} m"
+            for name, ids in self.beams.items()
+        }
+        nodes = {name: self.p[:, ids].T for name, ids in self.nodes.items()}
+        total = {"length in m": self.lengths.sum(), "elements": self.nelements}
+        return total | {"vertices": self.p.shape[1], "beams": lines, "nodes in m": nodes}
+
     # ------------------------------------------------------------------ factories
     @classmethod
     def _from_chain(

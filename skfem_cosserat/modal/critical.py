@@ -22,8 +22,9 @@ from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..model.force_elements import CoupledForce
 from ..model.limits import owner
+from ..notebook import Shown
 from ..types import SAME, Floats, finite
-from ..warn import Notices, counted
+from ..warn import Notices, counted, told
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
 from .vibration import animation, checked_count, checked_index
@@ -39,7 +40,7 @@ REAL = 1e-6
 
 @checked
 @dataclass(eq=False, repr=False)
-class Buckling:
+class Buckling(Shown):
     """Critical load factors and buckling modes.
 
     Attributes
@@ -71,6 +72,11 @@ class Buckling:
 
     def __len__(self) -> int:
         return len(self.factors)
+
+    def summary(self) -> dict[str, Any]:
+        """Critical factors."""
+        rows = {f"mode {k}": f"critical factor {x:.6g}" for k, x in enumerate(self.factors)}
+        return {**rows, "warnings": told(self.warnings)}
 
     def __repr__(self) -> str:
         found = ", ".join(f"{factor:.6g}" for factor in self.factors[:3])

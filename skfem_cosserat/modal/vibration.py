@@ -16,8 +16,9 @@ from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
+from ..notebook import Shown
 from ..types import Array, Floats, is_whole, largest, positive, whole
-from ..warn import Notices, counted
+from ..warn import Notices, counted, told
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
@@ -104,7 +105,7 @@ GROWTH = 1e-9
 
 @checked
 @dataclass(eq=False, repr=False)
-class Modes:
+class Modes(Shown):
     """Modes ``dq = Re(shape exp(s t))``, the slowest first.
 
     Attributes
@@ -175,6 +176,14 @@ class Modes:
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
+
+    def summary(self) -> dict[str, Any]:
+        """State, frequencies and damping ratios."""
+        factor = self._at.load_factor
+        about = f"t = {self.t:g} s" if factor is None else f"load factor {factor:g}"
+        pairs = enumerate(zip(self.frequencies, self.damping_ratios, strict=True))
+        rows = {f"mode {k}": f"{hertz:.6g} Hz, damping ratio {d:.3g}" for k, (hertz, d) in pairs}
+        return {"about": about, **rows, "warnings": told(self.warnings)}
 
     def __repr__(self) -> str:
         found = ", ".join(f"{hertz:.6g}" for hertz in self.frequencies[:3])

@@ -20,6 +20,7 @@ from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
 from ..joint import Joint, JointDrive, JointLocked
 from ..load import Load
+from ..notebook import Shown, cell_text, flat
 from ..time_function import (
     Amplitude,
     Constant,
@@ -206,7 +207,7 @@ ReturnT = TypeVar("ReturnT")
 
 
 @checked
-class Model:
+class Model(Shown):
     """A scene: beams, bodies, mass points; joints, drives; loads, force elements, damping.
 
     Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.
@@ -230,6 +231,11 @@ class Model:
     def __getstate__(self) -> dict[str, Any]:
         """Without the system that was frozen last: it is the same anew."""
         return {**self.__dict__, "_system": None}
+
+    def summary(self) -> dict[str, Any]:
+        """Its items by name, each in a line."""
+        own = {item.label: (type(item).__name__, item.summary()) for item in self._items.values()}
+        return {label: f"{kind}; {cell_text(flat(rows))}" for label, (kind, rows) in own.items()}
 
     def __repr__(self) -> str:
         return f"<Model of {listed([i.label for i in self._items.values()])}>"

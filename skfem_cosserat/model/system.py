@@ -7,6 +7,7 @@ at rest, one for each place in prescribed motion). Joints thus always connect tw
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -26,6 +27,7 @@ from ..frozen import Replacements, lock_arrays
 from ..joint import Joint, JointDrive
 from ..kernels import cross
 from ..load import Load
+from ..notebook import Shown
 from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero
 from ..types import Array, ArrayLike, Floats, IndexArray, check_kind, names_known, numbers, real
@@ -87,7 +89,7 @@ class Coordinates:
 
 
 @checked
-class System:
+class System(Shown):
     """Arrays of a frozen scene; made by :meth:`Model.freeze`.
 
     A frame is ``(phi, d1, d2, d3)``, 12 coordinates (55); a mass point has 3.
@@ -388,6 +390,14 @@ class System:
         {'n': 12, 'm': 6, 'rank': 6, 'unknowns': 6}
         """
         return {"n": self.n, "m": self.m, "rank": self.rank, "unknowns": self.unknowns}
+
+    def summary(self) -> dict[str, Any]:
+        """Its items, motions that are free, and mass."""
+        items = [*self.structures, *self.joints, *self.couplings.items]
+        kinds = Counter(type(item).__name__ for item in items)
+        mass = float(self.mass[self.origin_rows][:, self.origin_rows].sum())
+        about = {"degrees of freedom": self.unknowns, "mass in kg": mass}
+        return {"parts": str(connected_parts(self))} | dict(kinds) | about
 
     def __repr__(self) -> str:
         names, c = listed([i.label for i in self.structures]), self.counts()

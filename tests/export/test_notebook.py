@@ -1,0 +1,108 @@
+"""What notebooks show: names of users escaped, numbers with their units, outlines with holes."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+import skfem_cosserat as sc
+
+STEEL = sc.Material(210e9, 0.3, 7850.0)
+
+
+class Table(HTMLParser):
+    """Rows of a table by name, as a browser reads them; no other tags than these."""
+
+    def __init__(self, thing):
+        super().__init__()
+        self.rows, self.tag, self.tags = {}, "", set()
+        self.feed(thing._repr_html_())
+        assert self.tags <= {"b", "table", "tr", "th", "td", "br", "svg", "path"}
+
+    def handle_starttag(self, tag, attrs):
+        self.tag = tag
+        self.tags.add(tag)
+
+    def handle_data(self, data):
+        if self.tag == "th":
+            self.name = data
+        elif self.tag in ("td", "br"):
+            self.rows[self.name] = f"{self.rows.get(self.name, '')}{data}\n"
+
+
+@pytest.fixture(scope="module")
+def scene():
+    model = sc.Model()
+    mesh = sc.MeshCurve.init_line((0, 0, 0), (2, 0, 0), 4, name="<b>rod</b>", nodes={"tip": 1.0})
+    taper = sc.SectionTaper(sc.SectionTube(0.05, 0.04, STEEL), sc.SectionTube(0.03, 0.02, STEEL))
+    rod = model.add("<i>", sc.Beam(mesh, taper, order=2, director=(0, 1, 0)))
+    model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node((0, 0, 0))))
+    model.add("push", sc.LoadForce(rod.node("tip"), (0, 5.0, 0)))
+    return model, rod
+
+
+def test_sections_have_numbers_and_outlines():
+    tube = sc.SectionTube(0.05, 0.04, STEEL)
+    rows = Table(tube.damped(time=2e-3)).rows
+    assert float(rows["EA in N"]) == pytest.approx(210e9 * np.pi * (0.05**2 - 0.04**2), rel=1e-5)
+    assert float(rows["mass in kg/m"]) == pytest.approx(tube.mass, rel=1e-5)
+    assert float(rows["retardation time in s"]) == 2e-3
+    box = sc.ProfileBox(0.1, 0.05, 0.005, STEEL)
+    assert float(Table(box).rows["area in m²"]) == pytest.approx(0.1 * 0.05 - 0.09 * 0.04)
+    for thing, ratio in ((tube, 0.8), (box, 0.9)):
+        outer, inner = re.search(r'd="([^"]*)"', thing._repr_html_())[1][1:-1].split("ZM")
+        wide = [np.ptp([float(p.split(",")[0]) for p in way.split("L")]) for way in (outer, inner)]
+        assert wide[0] == pytest.approx(120) and wide[1] / wide[0] == pytest.approx(ratio, abs=1e-3)
+
+
+def test_scenes_and_what_varies(scene):
+    model, rod = scene
+    rows = Table(rod).rows
+    assert (rows["length in m"], rows["elements"]) == ("2\n", "4 of order 2\n")
+    mass = 7850 * np.pi * 0.01 * (0.09 + 0.05) / 2 * 2  # (outer - inner)(outer + inner)
+    assert float(rows["mass in kg"]) == pytest.approx(mass, rel=1e-5)
+    ends = re.findall(r"outer in m: ([0-9.]+)", rows["section"])
+    assert ends == ["0.05", "0.03"]
+    assert Table(model).rows["beam '<i>'"].startswith("Beam; length in m: 2; elements: 4 of order")
+    assert float(Table(model.freeze()).rows["mass in kg"]) == pytest.approx(mass, rel=1e-5)
+    assert "<b>rod</b>: 4 elements, 2 m" in Table(rod.mesh).rows["beams"]
+    assert "place" in Table(rod.node("tip")).rows
+
+
+def test_results(scene):
+    model, rod = scene
+    path = sc.static(model)
+    rows = Table(path).rows
+    assert rows["load factor"] == "0 to 1\n" and not any("time" in name for name in rows)
+    modes = sc.modes(model, path, 2)
+    rows = Table(modes).rows
+    assert rows["about"] == "load factor 1\n"
+    assert rows["mode 0"].startswith(f"{modes.frequencies[0]:.6g} Hz")
+    assert Table(sc.modes(model, None, 1)).rows["about"] == "t = 0 s\n"
+    seen = {"tip": sc.SensorPosition(rod.node("tip"))}
+    run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 3e-3, sensors=seen)
+    rows = Table(run).rows
+    assert (rows["step in s"], rows["time in s"]) == ("0.001\n", "0 to 0.003\n")
+    assert rows["sensors"] == "tip: m\n" and "beam/<i>: strain, resultant" in rows["series"]
+    found = sc.answer(model, {"<tip>": seen["tip"]}, 1e-4, None)
+    assert Table(found).rows["answer"] == "within the tolerance\n" and "<tip>" in Table(found).rows
+
+
+def test_nothing_is_drawn_with_other_packages():
+    """No matplotlib, no VTK is imported."""
+    code = "import skfem_cosserat as sc, sys; sc.SectionCircle(1, sc.Material(1, 0, 1))"
+    code += (
+        "._repr_html_(); sys.exit(len({'matplotlib', 'vtkmodules', 'pyvista'} & {*sys.modules}))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_citation():
+    text = sc.citation()
+    assert f"version = {{{sc.__version__}}}" in text and "10.1002/zamm.200700173" in text
+    assert text.count("{") == text.count("}")
