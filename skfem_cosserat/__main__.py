@@ -1,4 +1,4 @@
-"""The command line: ``python -m skfem_cosserat changes``, ``python -m skfem_cosserat warm``."""
+"""The command line: ``python -m skfem_cosserat VERB ...``, with the verbs of `VERBS`."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .errors import CosseratError, InputError
 from .version import VERSION
 
 if TYPE_CHECKING:
+    from .history import History
+    from .mesh import MeshCurve
     from .model import Model
 
 __all__ = ["main"]
@@ -75,8 +79,82 @@ def _models(order: int) -> Iterator[Model]:
         yield model
 
 
+#: endings of the names of files that are meshes
+MESHES = (".msh", ".vtu")
+
+
+def _opened(arguments: argparse.Namespace) -> History | MeshCurve:
+    """What is in the file: a mesh by the ending of its name, else a history."""
+    path = Path(arguments.file)
+    if not path.is_file() or not path.stat().st_size:
+        what = "is a folder" if path.is_dir() else "is empty" if path.exists() else "does not exist"
+        raise InputError(f"file {arguments.file!r}", f"{what}, expected a history or a mesh")
+    if path.suffix in MESHES:
+        from .mesh import read_mesh
+
+        return read_mesh(path)
+    from .history import History
+
+    return History.load(path)
+
+
+def _history(arguments: argparse.Namespace) -> History:
+    from .history import History
+
+    found = _opened(arguments)
+    if not isinstance(found, History):
+        text = "is a mesh, in which nothing moves: expected the history of a run"
+        raise InputError(f"file {arguments.file!r}", text)
+    return found
+
+
+def _info(arguments: argparse.Namespace) -> str:
+    """Say what is in a history or mesh."""
+    from .notebook import table_rows
+
+    rows = table_rows(_opened(arguments).summary(), "\n  ")
+    return "".join(f"{name}: {text}\n" for name, text in rows.items())
+
+
+def _plot(arguments: argparse.Namespace) -> str:
+    """Draw a chart of a history (of energies, or of sensors and series by name), or a mesh."""
+    from .mesh import MeshCurve
+
+    found = _opened(arguments)
+    if not isinstance(found, MeshCurve):
+        found.plot(*arguments.names, path=arguments.out)
+    elif arguments.names:
+        raise InputError(f"file {arguments.file!r}", f"is a mesh, without {arguments.names[0]!r}")
+    else:
+        found.plot(arguments.out)
+    return f"{arguments.out}\n"
+
+
+def _film(arguments: argparse.Namespace) -> str:
+    """Make a film of a history (.gif or .mp4)."""
+    history = _history(arguments)
+    return f"{history.animate(arguments.out, fps=arguments.fps, speed=arguments.speed)}\n"
+
+
+def _report(arguments: argparse.Namespace) -> str:
+    """Write a page about a history (.html), with a scene that turns in any browser."""
+    return f"{_history(arguments).report(arguments.out)}\n"
+
+
+def _paraview(arguments: argparse.Namespace) -> str:
+    """Write the files of a history for ParaView into a folder."""
+    from .export import write_paraview
+
+    options = {"every": arguments.every, "surfaces": arguments.surfaces}
+    written = write_paraview(_history(arguments), arguments.out, **options)
+    return "".join(f"{path}\n" for path in written)
+
+
 #: words, and what each gives to be written
-VERBS: dict[str, Callable[[argparse.Namespace], str]] = {"changes": _changes, "warm": _warm}
+VERBS: dict[str, Callable[[argparse.Namespace], str]] = {
+    **{"changes": _changes, "warm": _warm, "info": _info, "plot": _plot},
+    **{"film": _film, "report": _report, "paraview": _paraview},
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -90,8 +168,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code; a word that is none of `VERBS` ends the process with 2, and so do kernels that
-        cannot be compiled as numba is missing.
+        Exit code; a word that is none of `VERBS` ends the process with 2, and so do files that
+        cannot be read or written and packages that are missing.
 
     Examples
     --------
@@ -105,11 +183,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     made = {word: verbs.add_parser(word, help=verb.__doc__) for word, verb in VERBS.items()}
     orders = "of the beams' elements; default: 1"
     made["warm"].add_argument("--orders", nargs="+", type=int, default=[1], help=orders)
+    for word in ("info", "plot", "film", "report", "paraview"):
+        made[word].add_argument("file", help="a history, or a mesh (.msh, .vtu) of info and plot")
+        if word != "info":
+            made[word].add_argument("-o", "--out", required=True, help="what is written")
+    made["plot"].add_argument("names", nargs="*", help="energy, sensors, series")
+    made["film"].add_argument("--fps", type=float, default=25.0, help="pictures a second")
+    made["film"].add_argument("--speed", type=float, default=1.0, help="2: twice as fast as it was")
+    made["paraview"].add_argument("--every", type=int, default=1, help="only every so many states")
+    made["paraview"].add_argument("--surfaces", action="store_true", help="of beams, too")
     own = parser.parse_args(arguments)
     try:
         text = VERBS[own.verb](own)
-    except ImportError as error:
-        parser.error(str(error))
+    except (CosseratError, ImportError) as error:
+        parser.exit(2, f"{parser.prog} {own.verb}: {' '.join(str(error).split())}\n")
     try:
         sys.stdout.write(text)
         sys.stdout.flush()
