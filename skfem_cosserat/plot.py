@@ -151,7 +151,7 @@ def _energy_parts(history: History, names: Sequence[str] | None, since: float) -
                 _line(axis, x[first:], drift, label=_ENERGIES[name], **style)
         what = "balance of energy" if balanced else "change of total"
         axis.set_ylabel(f"{what}\n/ largest energy")
-        axis.axhline(0.0, color="grey", linewidth=0.5, zorder=1)
+        axis.axhline(0.0, color="grey", linewidth=0.5, zorder=1, label="_zero")
 
     return [(2.0, energies)] * bool(drawn) + [(1.0, balance)] * bool(below)
 

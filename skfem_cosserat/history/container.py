@@ -40,6 +40,8 @@ from .file import (
 )
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.figure import Figure
 
     from ..beam import Beam
@@ -937,6 +939,38 @@ class History(Shown):
         from ..plot import plot  # a history does without charts
 
         return plot(self, names, path)
+
+    def report(self, path: FilePath) -> Path:
+        """Page about the run in one file (HTML), which any browser shows without a network.
+
+        It has the scene, to be turned and moved through time by a slider, energies with their
+        balance, sensors, warnings, settings and versions; of a path load factors in place of times.
+        It is at most 10 MB large: of long runs or large scenes it shows fewer states, and says so.
+
+        Parameters
+        ----------
+        path : path-like
+            Name of the file; an older one is replaced.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        InputError
+            If there are no states, or the file cannot be written.
+        ImportError
+            Without plotly or matplotlib.
+
+        Examples
+        --------
+        >>> history.report("run.html")  # doctest: +SKIP
+        """
+        from ..report import write_report  # a history does without pages
+
+        return write_report(self, path)
 
     def to_pandas(self, *names: str) -> Any:
         """Table of its states as a ``pandas.DataFrame``, its index the times (s).
