@@ -8,14 +8,12 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .errors import CosseratError, InputError
 from .version import VERSION
 
 if TYPE_CHECKING:
-    from .history import History
-    from .mesh import MeshCurve
     from .model import Model
 
 __all__ = ["main"]
@@ -23,7 +21,7 @@ __all__ = ["main"]
 
 def _changes(arguments: argparse.Namespace) -> str:
     """Changes that a user of an older version has to make."""
-    return files(__package__).joinpath("CHANGES").read_text(encoding="utf-8")
+    return files(__package__).joinpath("CHANGES").read_text(encoding="utf-8").rstrip("\n")
 
 
 def _warm(arguments: argparse.Namespace) -> str:
@@ -43,7 +41,7 @@ def _warm(arguments: argparse.Namespace) -> str:
             system = model.freeze()
             if CompiledMotion.serves(system):
                 CompiledMotion(system, NewtonSettings())
-    return "kernels are compiled\n"
+    return "kernels are compiled"
 
 
 def _models(order: int) -> Iterator[Model]:
@@ -83,71 +81,50 @@ def _models(order: int) -> Iterator[Model]:
 MESHES = (".msh", ".vtu")
 
 
-def _opened(arguments: argparse.Namespace) -> History | MeshCurve:
+def _opened(own: argparse.Namespace) -> Any:
     """What is in the file: a mesh by the ending of its name, else a history."""
-    path = Path(arguments.file)
-    if not path.is_file() or not path.stat().st_size:
-        what = "is a folder" if path.is_dir() else "is empty" if path.exists() else "does not exist"
-        raise InputError(f"file {arguments.file!r}", f"{what}, expected a history or a mesh")
-    if path.suffix in MESHES:
-        from .mesh import read_mesh
+    if Path(own.file).suffix not in MESHES:
+        from .history import History
 
-        return read_mesh(path)
-    from .history import History
-
-    return History.load(path)
-
-
-def _history(arguments: argparse.Namespace) -> History:
-    from .history import History
-
-    found = _opened(arguments)
-    if not isinstance(found, History):
+        return History.load(own.file)
+    if own.verb not in ("info", "plot") or vars(own).get("names"):
         text = "is a mesh, in which nothing moves: expected the history of a run"
-        raise InputError(f"file {arguments.file!r}", text)
-    return found
+        raise InputError(f"file {own.file!r}", text)
+    from .mesh import read_mesh
+
+    return read_mesh(own.file)
 
 
-def _info(arguments: argparse.Namespace) -> str:
+def _info(own: argparse.Namespace) -> str:
     """Say what is in a history or mesh."""
     from .notebook import table_rows
 
-    rows = table_rows(_opened(arguments).summary(), "\n  ")
-    return "".join(f"{name}: {text}\n" for name, text in rows.items())
+    rows = table_rows(_opened(own).summary(), "\n  ")
+    return "\n".join(f"{name}: {text}" for name, text in rows.items())
 
 
-def _plot(arguments: argparse.Namespace) -> str:
+def _plot(own: argparse.Namespace) -> str:
     """Draw a chart of a history (of energies, or of sensors and series by name), or a mesh."""
-    from .mesh import MeshCurve
-
-    found = _opened(arguments)
-    if not isinstance(found, MeshCurve):
-        found.plot(*arguments.names, path=arguments.out)
-    elif arguments.names:
-        raise InputError(f"file {arguments.file!r}", f"is a mesh, without {arguments.names[0]!r}")
-    else:
-        found.plot(arguments.out)
-    return f"{arguments.out}\n"
+    _opened(own).plot(*own.names, path=own.out)
+    return own.out
 
 
-def _film(arguments: argparse.Namespace) -> str:
+def _film(own: argparse.Namespace) -> str:
     """Make a film of a history (.gif or .mp4)."""
-    history = _history(arguments)
-    return f"{history.animate(arguments.out, fps=arguments.fps, speed=arguments.speed)}\n"
+    return str(_opened(own).animate(own.out, fps=own.fps, speed=own.speed))
 
 
-def _report(arguments: argparse.Namespace) -> str:
+def _report(own: argparse.Namespace) -> str:
     """Write a page about a history (.html), with a scene that turns in any browser."""
-    return f"{_history(arguments).report(arguments.out)}\n"
+    return str(_opened(own).report(own.out))
 
 
-def _paraview(arguments: argparse.Namespace) -> str:
+def _paraview(own: argparse.Namespace) -> str:
     """Write the files of a history for ParaView into a folder."""
     from .export import write_paraview
 
-    options = {"every": arguments.every, "surfaces": arguments.surfaces}
-    written = write_paraview(_history(arguments), arguments.out, **options)
-    return "".join(f"{path}\n" for path in written)
+    found = write_paraview(_opened(own), own.out, every=own.every, surfaces=own.surfaces)
+    return "\n".join(map(str, found))
 
 
 #: words, and what each gives to be written
@@ -183,7 +160,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     made = {word: verbs.add_parser(word, help=verb.__doc__) for word, verb in VERBS.items()}
     orders = "of the beams' elements; default: 1"
     made["warm"].add_argument("--orders", nargs="+", type=int, default=[1], help=orders)
-    for word in ("info", "plot", "film", "report", "paraview"):
+    for word in VERBS.keys() - {"changes", "warm"}:
         made[word].add_argument("file", help="a history, or a mesh (.msh, .vtu) of info and plot")
         if word != "info":
             made[word].add_argument("-o", "--out", required=True, help="what is written")
@@ -198,7 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (CosseratError, ImportError) as error:
         parser.exit(2, f"{parser.prog} {own.verb}: {' '.join(str(error).split())}\n")
     try:
-        sys.stdout.write(text)
+        sys.stdout.write(f"{text}\n")
         sys.stdout.flush()
     except (
         BrokenPipeError

@@ -176,25 +176,17 @@ class Beam(LineItem):
         yield from (("sections", self.sections), ("theory", self.theory))
 
     def summary(self) -> dict[str, Any]:
-        """Length, mesh, mass and sections, those that vary at the ends of their parts."""
-        every, points = np.arange(self.mesh.nelements), self.elements.points
-        masses = [[one.mass for one in row] for row in self.sections_at(every, points)]
-        lengths = self.basis.lengths
-        totals, named = self._part_lengths()[1], {}
-        for k, (name, one) in enumerate(self.sections.items()):
-            length = float(np.nanmax(totals[self.section_id == k], initial=0.0))
-            named[name] = (
-                one.ends(length)
-                if isinstance(one, SectionField)
-                else {type(one).__name__: one.summary()}
-            )
-        return {
-            "length in m": float(lengths.sum()),
-            "elements": f"{self.mesh.nelements} of order {self.basis.order}",
-            "mass in kg": float(lengths @ np.array(masses) @ self.elements.weights),
-            "theory": self.theory,
-            **named,
-        }
+        """Length, mesh, mass and sections, those that vary at both ends of their elements."""
+        rows = dict(self._parts()) | {"length in m": float(self.basis.lengths.sum())}
+        rows["mass in kg"] = float(self.scalar_mass()[:, ::4, ::4].sum())
+        starts, _ = self._part_lengths()
+        for k, name in enumerate(rows.pop("sections")):
+            own = np.flatnonzero(self.section_id == k)
+            ends = own[np.argsort(starts[own])][[0, -1]]
+            (first, _), (_, last) = self.sections_at(ends, np.array([0.0, 1.0]))
+            both = {"start": first.summary(), "end": last.summary()}
+            rows[name] = both if first is not last else first.summary()
+        return rows
 
     def _loops(self) -> Sequence[Floats]:
         return next(iter(self.sections.values()))._loops()

@@ -16,17 +16,6 @@ from .errors import FrozenError
 from .notebook import Shown, brief
 
 T = TypeVar("T")
-#: of arguments by their names, where these say it
-UNITS = dict.fromkeys(("position", "length", "radius", "outer", "inner", "s"), "m")
-UNITS |= {
-    "velocity": "m/s",
-    "angular_velocity": "rad/s",
-    "mass": "kg",
-    "inertia": "kg m²",
-    "euler": "kg m²",
-}
-UNITS |= {"E": "N/m²", "rho": "kg/m³", "force": "N", "moment": "N m"}
-NUMBERS = (float, int, np.ndarray, tuple, list)
 
 
 def _sealing(make: Callable[..., None]) -> Callable[..., None]:
@@ -120,13 +109,16 @@ class Frozen(Shown):
             if not (isinstance(value, MethodType) or _same(value, parameter.default)):
                 yield name, value
 
+    #: of what :meth:`_parts` gives
+    _units: ClassVar[dict[str, str]] = {
+        **{"length": "m", "radius": "m", "position": "m", "E": "N/m²", "rho": "kg/m³"},
+        **{"velocity": "m/s", "angular_velocity": "rad/s", "mass": "kg", "inertia": "kg m²"},
+    }
+
     def summary(self) -> dict[str, Any]:
         """What it was made of, as far as it is known and not the default, with units."""
-        named = {}
-        for name, value in self._parts():
-            unit = f" in {UNITS[name]}" if name in UNITS and isinstance(value, NUMBERS) else ""
-            named[name + unit] = value
-        return named
+        parts = dict(self._parts())
+        return {f"{n} in {self._units[n]}" if n in self._units else n: parts[n] for n in parts}
 
     def _shown(self) -> str:
         return ", ".join(f"{name}={brief(value)}" for name, value in self._parts())

@@ -14,8 +14,6 @@ from .types import Floats
 
 #: arrays of more numbers are shown by their shape, sequences of more entries by their length
 _SHOWN = 9
-#: width or height of a drawing (pixels), whichever is larger
-_SIZE = 120
 
 
 class Shown:
@@ -92,11 +90,6 @@ def table_rows(rows: Mapping[str, Any], line: str = "; ") -> dict[str, str]:
     return {name: text for name, text in texts.items() if text}
 
 
-def flat(rows: Mapping[str, Any]) -> dict[str, Any]:
-    """Rows whose values are no tables of their own."""
-    return {name: value for name, value in rows.items() if not isinstance(value, Mapping)}
-
-
 def html_table(title: str, rows: Mapping[str, Any], drawing: str = "") -> str:
     """A title, a table of two columns, a drawing (HTML) below; texts are escaped.
 
@@ -118,13 +111,9 @@ def outline_svg(loops: Sequence[Floats]) -> str:
     if not loops:
         return ""
     points = np.concatenate(loops)
-    low, size = points.min(axis=0), np.ptp(points, axis=0)
-    scale = _SIZE / size.max()
-    width, height = size * scale + 4
-    paths = []
-    for loop in loops:
-        x, y = ((loop - low) * scale + 2).T
-        paths.append("L".join(f"{a:.2f},{b:.2f}" for a, b in zip(x, height - y, strict=True)))
-    way = "ZM".join(paths)
-    drawn = f'<path d="M{way}Z" fill="#99a8bf" fill-rule="evenodd" stroke="#011b3e"/>'
-    return f'<svg width="{width:.0f}" height="{height:.0f}">{drawn}</svg>'
+    (x, y), (width, height) = points.min(axis=0), np.ptp(points, axis=0)
+    way = "ZM".join("L".join(f"{a:.6g},{-b:.6g}" for a, b in loop) for loop in loops)
+    box = f"{x:.6g} {-y - height:.6g} {width:.6g} {height:.6g}"
+    look = 'fill="#99a8bf" fill-rule="evenodd" stroke="#011b3e" vector-effect="non-scaling-stroke"'
+    size = 'width="120" height="120" overflow="visible"'
+    return f'<svg {size} viewBox="{box}"><path d="M{way}Z" {look}/></svg>'

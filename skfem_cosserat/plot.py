@@ -156,48 +156,6 @@ def _energy_parts(history: History, names: Sequence[str] | None, since: float) -
     return [(2.0, energies)] * bool(drawn) + [(1.0, balance)] * bool(below)
 
 
-@checked
-def plot_series(history: History, names: Sequence[str], path: FilePath | None = None) -> Figure:
-    """Chart of sensors and of scalar or vector series over time, one panel for each.
-
-    Parameters
-    ----------
-    history : History
-        Recorded states.
-    names : sequence of str
-        Sensors, and series of shape ``(N,)`` or ``(N, k)``.
-    path : path-like, optional
-        Write the chart here.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Over the load factor, of a path of equilibria.
-
-    Raises
-    ------
-    InputError
-        If there is no such sensor or series, or it is no scalar or vector.
-    ImportError
-        Without matplotlib.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> zeros = np.zeros((2, 3))
-    >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": zeros, "p": zeros}
-    >>> len(plot_series(History({}, {}, series), ["q", "p"]).axes)
-    2
-    """
-    if not names:
-        raise InputError("argument names", "is empty, expected at least one series")
-    return _chart(history, _series_parts(history, names), path)
-
-
-def _series_parts(history: History, names: Sequence[str]) -> list[_Part]:
-    return [(1.5, partial(_numbers, history, name, record_of(history, name))) for name in names]
-
-
 def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> None:
     """The numbers of a sensor or series."""
     lines = _line(axis, record.times, record.values, linewidth=1.0)
@@ -210,32 +168,14 @@ def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> No
 
 @checked
 def plot(history: History, names: Sequence[str] = (), path: FilePath | None = None) -> Figure:
-    """Chart of energies, sensors and series, see :meth:`History.plot`.
-
-    Parameters
-    ----------
-    history : History
-        Recorded states.
-    names, path
-        As there.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError, ImportError
-        As there.
-    """
-    if not names:
-        energies = any(name in history for name in _USUAL)
-        names = ["energy"] if energies else [*history.sensors] or ["work_loads"]
+    """Chart of energies, sensors and series, see :meth:`History.plot`."""
+    usual = ["energy"] if "kinetic" in history or "strain_energy" in history else history.sensors
     parts: list[_Part] = []
-    for name in names:
-        energies = name == "energy" and name in history
-        own = _energy_parts(history, None, 0.0) if energies else _series_parts(history, [name])
-        parts += own
+    for name in names or usual or ["work_loads"]:
+        if name == "energy":
+            parts += _energy_parts(history, None, 0.0)
+        else:
+            parts.append((1.5, partial(_numbers, history, name, record_of(history, name))))
     return _chart(history, parts, path)
 
 

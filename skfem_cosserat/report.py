@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import re
 from base64 import b64encode
 from html import escape
 from importlib.resources import files
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -20,20 +20,12 @@ from .figures import check_folder
 from .history import History
 from .notebook import html_table
 from .plot import plot
-from .types import Array, FilePath, Floats, IndexArray, spread
+from .types import Array, FilePath, IndexArray, spread
 
-#: bytes of a page, and of them those of all but plotly and the states; bytes of a number in it
-_PAGE, _REST, _NUMBER = 10_000_000, 500_000, 4 * 4 / 3
-#: of the meta data
-_SETTINGS = (
-    *("scheme", "parameter", "until", "step_control", "solver", "kernels", "kernels_why"),
-    *("beams", "bodies", "points", "joints", "couplings", "loads", "factors", "drives", "events"),
-    *("versions", "machine"),
-)
-#: points of a curve
-_POINTS = 1000
-#: states, beyond which a slider has no place for more
-_STATES = 1000
+#: so many coordinates a page has at most, which are 4 MB, and so many states and points of a curve
+_COORDINATES, _STATES, _POINTS = 500_000, 1000, 1000
+#: meta data that only the package reads
+_OWN = ("fingerprint", "n", "m", "rank", "unknowns", "turns", "shares", "eventful")
 
 
 @checked
@@ -47,26 +39,22 @@ def write_report(history: History, path: FilePath) -> Path:
         raise ImportError(text) from error
     if not len(history):
         raise InputError("history", "has no states")
-    script = get_plotlyjs()
-    room = (_PAGE - _REST - len(script)) / (_scene(history, spread(1))[1].size * _NUMBER + 1)
-    rows = spread(len(history), min(max(int(room), 2), _STATES))
-    items, numbers = _scene(history, rows)
-    thinned = f"{len(rows)} of {len(history)} states are shown" * (len(rows) < len(history))
+    most = min(max(_COORDINATES // history["q"].shape[1], 2), _STATES)
+    rows = spread(len(history), most)
     data = {
         "over": "load factor" if "load_factor" in history else "time in s",
         "at": abscissa(history)[rows].tolist(),
-        **{"items": items, "states": _packed(numbers), "charts": _charts(history)},
+        **{"items": _items(history, rows), "charts": _charts(history)},
     }
-    settings = {name: history.meta[name] for name in _SETTINGS if name in history.meta}
-    parts = {
-        "title": escape(Path(path).stem),
-        "thinned": thinned,
-        "about": html_table("", history.summary()) + html_table("Settings", settings),
-        "data": json.dumps(data).replace("<", "\\u003c"),  # names may hold the end of a script
-        "plotly": script,
-    }
+    settings = {name: value for name, value in history.meta.items() if name not in _OWN}
     template = files(__package__).joinpath("report.html").read_text(encoding="utf-8")
-    page = re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], template)
+    page = Template(template).substitute(
+        title=escape(Path(path).stem),
+        shown=f"{len(rows)} of {len(history)} states are shown",
+        about=html_table("Run", history.summary()) + html_table("Settings", settings),
+        data=json.dumps(data).replace("<", "\\u003c"),  # names may hold the end of a script
+        plotly=get_plotlyjs(),
+    )
     with writing(path):
         Path(path).write_text(page, encoding="utf-8")
     return Path(path)
@@ -77,41 +65,36 @@ def _packed(array: Array) -> dict[str, Any]:
     return {"shape": array.shape, "base64": b64encode(array.astype("<f4").tobytes()).decode()}
 
 
-def _scene(history: History, rows: IndexArray) -> tuple[list[dict[str, Any]], Floats]:
-    """What does not change of beams, bodies and mass points, and frames (states, numbers) of all.
+def _items(history: History, rows: IndexArray) -> list[dict[str, Any]]:
+    """Beams, bodies and mass points.
 
-    Of a beam placements, d1 and d2 at equidistant places of the elements, of others placements and
-    directors, one item after the other.
+    Each has frames (states, places, 4, 3): placements and directors, of a beam at equidistant
+    places of its elements.
     """
-    q, items, columns = history["q"][rows], [], [np.zeros((len(rows), 0))]
+    q, items = history["q"][rows], []
     for beam in beam_shapes(history.meta, history.static):
         centre, axes = beam.axes(q)
-        frames = np.concatenate([centre[..., None, :], axes[..., :2, :]], axis=-2)
-        columns.append(frames.reshape(len(q), -1))
-        outlines = {int(k): beam.outline(int(k)) for k in np.unique(beam.section)}
-        packed = {k: None if own is None else _packed(own) for k, own in outlines.items()}
-        about = {"name": beam.name, "section": beam.section.tolist(), "outlines": packed}
-        items.append(about | {"places": beam.order + 1})
+        frames = np.concatenate([centre[..., None, :], axes], axis=-2)
+        own = {int(k): beam.outline(int(k)) for k in beam.section}
+        outlines = {k: None if each is None else _packed(each) for k, each in own.items()}
+        about = {"section": beam.section.tolist(), "outlines": outlines, "places": beam.order + 1}
+        items.append({"name": beam.name, "frames": _packed(frames), **about})
     for body in body_shapes(history.meta, history.static):
-        place = q[:, body.offset : body.offset + 3]
-        columns.append(np.hstack([place, body.directors(q).reshape(len(q), 9)]))
+        place = q[:, None, body.offset : body.offset + 3]
+        frames = np.concatenate([place, body.directors(q)], axis=1)
         points = None if body.material is None else body.material.tolist()
-        items.append({"name": body.name, "points": points, "faces": body.faces.tolist()})
-    return items, np.hstack(columns)
+        about = {"points": points, "faces": body.faces.tolist()}
+        items.append({"name": body.name, "frames": _packed(frames), **about})
+    return items
 
 
 def _charts(history: History) -> list[dict[str, Any]]:
     """Curves of the energies and of the sensors, by panel."""
     energies = [name for name in ("energy", "work_loads") if name in history][:1]
     names = [*energies, *history.sensors]
-    found = []
+    charts = []
     for axis in plot(history, names).axes if names else ():
-        curves = []
-        for line in axis.get_lines():
-            name, (x, y) = str(line.get_label()), np.asarray(line.get_data(), dtype=float)
-            some = spread(len(x), _POINTS)
-            y = np.where(np.isfinite(y), y, None)[some]
-            own = {"name": name.removeprefix("_"), "x": x[some].tolist(), "y": y.tolist()}
-            curves += [own] * (name != "_zero")
-        found.append({"label": axis.get_ylabel(), "curves": curves})
-    return found
+        lines = {str(line.get_label()): np.array(line.get_data()) for line in axis.get_lines()}
+        curves = {name: _packed(xy[:, spread(xy.shape[1], _POINTS)]) for name, xy in lines.items()}
+        charts.append({"label": axis.get_ylabel(), "curves": curves})
+    return charts

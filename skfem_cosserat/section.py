@@ -230,16 +230,18 @@ class Section(Frozen):
         yield from (("GA", constants[:2]), ("EA", constants[2]), ("EI", constants[3:5]))
         yield from (("GJ", constants[5]), ("mass", self.mass))
 
+    _units: ClassVar[dict[str, str]] = {
+        "GA": "N",
+        "EA": "N",
+        "EI": "N m²",
+        "GJ": "N m²",
+        "mass": "kg/m",
+    }
+
     def summary(self) -> dict[str, Any]:
-        """Dimensions, stiffnesses, mass, damping."""
-        units = ("N", "N", "N m²", "N m²", "kg/m")
-        own = {f"{name} in m": value for name, value in self.dimensions} | dict(self.others)
-        named = zip(Section._parts(self), units, strict=True)
-        own |= {f"{name} in {unit}": value for (name, value), unit in named}
+        """Stiffnesses, mass, damping."""
         times = np.diag(self.viscosity) / np.diag(self.stiffness)
-        if times.any():
-            own["retardation time in s"] = times if np.ptp(times) > TYPED * times[0] else times[0]
-        return {name: value for name, value in own.items() if value is not None}
+        return super().summary() | {"retardation times in s": times if times.any() else None}
 
     def _loops(self) -> list[Floats]:
         return [] if self.outline is None else [self.outline]
@@ -445,8 +447,8 @@ class SectionTube(Section):
         self.dimensions, self.others = (("outer", outer), ("inner", inner)), others
 
     def _loops(self) -> list[Floats]:
-        radii = [1.0, *(size / self.dimensions[0][1] for _, size in self.dimensions[1:])]
-        return [loop * radius for loop in super()._loops() for radius in radii if radius]
+        radii = [radius for _, radius in self.dimensions if radius]
+        return [loop * radius / radii[0] for loop in super()._loops() for radius in radii]
 
 
 class SectionCircle(SectionTube):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from contextlib import suppress
 from copy import copy
 from typing import Any, Literal
 
@@ -56,20 +55,6 @@ class SectionField(Frozen):
         other = loosened(copy(self))
         other.time = not_negative("section", "time", time)
         return seal(other)
-
-    #: length along which its sections are known without a beam (m)
-    _length: float = 0.0
-
-    def ends(self, length: float) -> dict[str, Any]:
-        """Numbers of its sections at both ends of a line of this length (m)."""
-        found = {"start": 0.0, "end": length} if length else {"start": 0.0}
-        with suppress(InputError):  # from another process
-            return {name: self.at(s, length).summary() for name, s in found.items()}
-        return {}
-
-    def summary(self) -> dict[str, Any]:
-        """Numbers of its sections at the start and, where it is known, at the end."""
-        return self.ends(self._length)
 
     def kinks(self, length: float) -> Floats:
         """Arc lengths (k,) where the section has a kink or a jump, of a part of this length (m)."""
@@ -146,8 +131,6 @@ class SectionTaper(SectionField):
         if first.viscosity.any() or last.viscosity.any():
             raise InputError(item, "its ends are damped: damp the taper, by .damped(time)")
         self.first, self.last = first, last
-
-    _length = 1.0
 
     def at(self, s: float, length: float) -> Section:
         """The section with the dimensions there."""
@@ -230,7 +213,6 @@ class SectionTable(SectionField):
         self._ends, flat = np.cumsum([part.shape[1] for part in parts])[:-1], np.hstack(parts)
         self._stations = Stations(item, s, flat, interpolation == "pchip")
         self.s, self.interpolation = self._stations.s, interpolation
-        self._length = float(self.s[-1])
         for k, place in enumerate(self.s):
             try:
                 self.at(place, self.s[-1])

@@ -82,7 +82,7 @@ def page_08(out: Path) -> list[Path]:
             os.chdir(home)
         history = names["history"]
         paraview(Path(folder) / "swing", 30, paths[0])
-    plot.plot_series(history, ["joint/hinge/angle", "coupling/spring/force"], paths[1])
+    history.plot("joint/hinge/angle", "coupling/spring/force", path=paths[1])
     shrunk(paths[1], 700)
     plot.render(history, paths[2], frames=5, camera="xy", window=(1400, 900))
     shrunk(paths[2], 700)

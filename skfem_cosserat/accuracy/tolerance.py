@@ -20,7 +20,7 @@ from ..model import Model, System, model_of
 from ..notebook import Shown
 from ..statics import Control
 from ..types import TOLERANCE, Array, Floats, positive
-from ..warn import Notices, counted, repeat, told
+from ..warn import Notices, counted, repeat
 from .orders import left
 from .scene import Asked, Case, NotHere, Run, Scene
 from .simplification import Simpler, simplified
@@ -113,7 +113,7 @@ class Answer(Shown):
         """What :meth:`__str__` says, by lines."""
         first, *lines = str(self).splitlines()
         rows = dict(line.partition(": ")[::2] for line in lines)
-        return {"answer": first, **rows, "warnings": told(self.warnings)}
+        return {"answer": first, **rows}
 
     def __repr__(self) -> str:
         return f"<Answer: {'reached' if self.reached else 'not reached'}, {self.runs} runs>"

@@ -22,9 +22,8 @@ import numpy as np
 from ..arguments import checked
 from ..errors import InputError, writing
 from ..history import History, SensorRecord
-from ..history.container import ADVICE
 from ..history.file import plain
-from ..types import Array, FilePath, Floats, names_known
+from ..types import Array, FilePath, Floats
 from ..version import VERSION
 
 #: numbers per state above which a quantity is not in a table unless named
@@ -67,50 +66,29 @@ def record_of(history: History, name: str) -> SensorRecord:
     InputError
         If there is no such sensor or series, or it has more axes.
     """
-    sensors = history.sensors
-    if name not in sensors and name not in history:
-        known = names_known(name, [*sensors, *history], "recorded", "list(history)")
-        text = f"no sensor and no series has this name; {known}"
-        raise InputError(f"name {name!r}", text if history.systems else f"{text}; {ADVICE}")
-    record = sensors.get(name) or SensorRecord(abscissa(history), history[name])
+    record = history.sensors.get(name)
+    if record is None:
+        record = SensorRecord(abscissa(history), history[name])
     if record.values.ndim > 2:
-        shape, first = record.values.shape, ", ".join("0" * (record.values.ndim - 2))
-        text = (
-            f"has shape {shape}, this takes scalars and vectors: choose one by history.add_series("
-        )
-        more = "; at any place of a beam by sensors, as SensorForce(beam, s)"
-        raise InputError(f"series {name!r}", f"{text}'mine', history[{name!r}][:, {first}]){more}")
+        text = f"has shape {record.values.shape}, expected scalars and vectors: choose some of its"
+        text += " numbers by history.add_series, or take sensors, as SensorForce(beam, s)"
+        raise InputError(f"series {name!r}", text)
     return record
 
 
 def columns_of(history: History, names: Sequence[str]) -> tuple[Floats, dict[str, Array]]:
     """Instants of the rows of a table, and its columns by name: see :func:`write_csv`."""
-    records = {name: record_of(history, name) for name in names}
     sensors, times = history.sensors, abscissa(history)
-    seen = [record.times for name, record in records.items() if name in sensors]
-    if seen and set(names) <= {"t", *sensors}:
-        times = seen[0] if all(np.array_equal(seen[0], each) for each in seen) else times
-        records |= {"t": SensorRecord(times, times)} if "t" in names else {}
     columns: dict[str, Array] = {}
-    for name, record in records.items():
-        values = _at(record, times) if name in sensors else record.values
-        rows = values[:, None] if values.ndim == 1 else values
-        columns |= dict(zip(column_names(name, values), rows.T, strict=True))
+    if names and set(names) <= sensors.keys():
+        columns["t"] = times = sensors[names[0]].times
+    for name in names:
+        record = record_of(history, name)
+        rows = np.atleast_2d(record.values.T)
+        for column, row in zip(column_names(name, record.values), rows, strict=True):
+            # states are among the instants of sensors
+            columns[column] = np.interp(times, record.times, row) if name in sensors else row
     return times, columns
-
-
-def _at(record: SensorRecord, times: Floats) -> Array:
-    """What a sensor saw at these of its instants; NaN at others."""
-    own = record.times
-    if np.array_equal(own, times):
-        return record.values
-    again = np.diff(times, prepend=np.nan) == 0  # at an event there are two states of one time
-    place = np.where(again, np.searchsorted(own, times, "right") - 1, np.searchsorted(own, times))
-    own = np.append(own, np.nan)
-    none = np.full((1, *record.values.shape[1:]), np.nan)
-    found = np.concatenate([record.values, none])[place]
-    found[own[place] != times] = np.nan
-    return found
 
 
 @checked
@@ -128,8 +106,8 @@ def write_csv(history: History, path: FilePath, names: Sequence[str] | None = No
         Name of the file; an older one is replaced.
     names : sequence of str, optional
         Series and sensors to be written. Of sensors, which see every step, the lines have what they
-        saw at the recorded states; if there is nothing else but ``t``, one line a step. Default:
-        ``t`` and all series with at most six numbers per state.
+        saw at the recorded states; sensors alone have one line a step, with its time in front.
+        Default: ``t`` and all series with at most six numbers per state.
 
     Returns
     -------
@@ -156,19 +134,16 @@ def write_csv(history: History, path: FilePath, names: Sequence[str] | None = No
     """
     _, columns = columns_of(history, default_names(history) if names is None else names)
     rows = zip(*(each.tolist() for each in columns.values()), strict=True)
-    return write_rows(path, _notes(history), list(columns), rows, "skfem-cosserat history")
-
-
-def _notes(history: History) -> dict[str, Any]:
-    return {key: history.meta[key] for key in _PROVENANCE if key in history.meta}
+    notes = {key: history.meta[key] for key in _PROVENANCE if key in history.meta}
+    return write_rows(path, notes, list(columns), rows, "skfem-cosserat history")
 
 
 def to_pandas(history: History, names: Sequence[str] = ()) -> Any:
     """Series and sensors as a ``pandas.DataFrame``, see :meth:`History.to_pandas`."""
     times, columns = columns_of(history, names or default_names(history)[1:])
-    frame = data_frame(columns, _notes(history), index=times)
-    frame.index.name = "load_factor" if "load_factor" in history else "t"
-    return frame
+    columns.pop("t", None)
+    frame = data_frame(columns, {}, index=times)
+    return frame.rename_axis("load_factor" if "load_factor" in history else "t")
 
 
 @checked

@@ -666,23 +666,25 @@ class History(Shown):
 
     def summary(self) -> dict[str, Any]:
         """What it is of, how it ended, what is doubtful, and what there is to be read."""
-        path, meta = "load_factor" in self, self.meta
-        span = self._series["load_factor"] if path else self.times
-        groups: dict[str, list[str]] = {}
-        for name in self:
-            group, _, own = name.rpartition("/")
-            groups.setdefault(group or "scene", []).append(own)
-        killed = ": the run did not end; derive_series(model, history) gives what follows from it"
-        made = {"scheme": meta.get("integrator"), "treatment": meta.get("treatment")}
-        made |= {} if path or "instant" in meta else {"step in s": meta.get("step")}
-        ends = f"{span[0]:g} to {span[-1]:g}" if len(self) else "none"
-        made |= {"states": len(self), "load factor" if path else "time in s": ends}
-        made["status"] = self.status + killed * (self.status == "killed")
-        if BALANCE in self._series and len(self):
-            made["largest energy balance in J"] = float(np.nanmax(abs(self._series[BALANCE])))
-        units = {name: about["unit"] for name, about in meta.get("sensors", {}).items()}
-        made |= {"warnings": told(meta.get("warnings", ())) or "none", "sensors": units}
-        return made | {"series": {group: ", ".join(own) for group, own in groups.items()}}
+        over, meta = "load_factor" if "load_factor" in self else "t", self.meta
+        names: dict[str, str] = {}
+        for group, _, own in (name.rpartition("/") for name in self):
+            names[group] = f"{names[group]}, {own}" if group in names else own
+        balance = self._series[BALANCE] if BALANCE in self._series else np.zeros(0)
+        ended = ": the run did not end; series that follow are had by derive_series(model, history)"
+        return {
+            "scheme": meta.get("integrator"),
+            "treatment": meta.get("treatment"),
+            "step in s": meta.get("step") or None,
+            "states": len(self),
+            "time in s" if over == "t" else "load factor": self._series[over][[0, -1][: len(self)]],
+            "status": self.status + ended * (self.status == "killed"),
+            "largest balance of energy in J": float(np.nanmax(abs(balance), initial=0.0)),
+            "warnings": told(meta.get("warnings", ())) or "none",
+            "sensors": {name: about["unit"] for name, about in meta.get("sensors", {}).items()},
+            "series": names.pop("", ""),
+            **names,
+        }
 
     def __repr__(self) -> str:
         span = f", t = {self.times[0]:g} ... {self.times[-1]:g} s" if len(self) else ""
@@ -717,7 +719,8 @@ class History(Shown):
         """
         if name not in self._series:
             if name not in self:
-                text = names_known(name, list(self), "recorded", "list(history)")
+                others = self.meta.get("sensors", {}).keys() - {name}  # charts and tables have both
+                text = names_known(name, [*self, *others], "recorded", "list(history)")
                 more = "" if self._systems else f"; {ADVICE}"
                 raise InputError(f"series {name!r}", f"not recorded; {text}{more}")
             self._derive(name)

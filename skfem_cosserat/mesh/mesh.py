@@ -390,13 +390,9 @@ class MeshCurve(Frozen, MeshLine1):
 
     def summary(self) -> dict[str, Any]:
         """Size, beams and named nodes."""
-        lines = {
-            name: f"{len(ids)} elements, {self.lengths[ids].sum():.6g} m"
-            for name, ids in self.beams.items()
-        }
-        nodes = {name: self.p[:, ids].T for name, ids in self.nodes.items()}
-        total = {"length in m": self.lengths.sum(), "elements": self.nelements}
-        return total | {"vertices": self.p.shape[1], "beams": lines, "nodes in m": nodes}
+        lines = {name: f"{self.lengths[ids].sum():.6g} m" for name, ids in self.beams.items()}
+        size = {"length in m": self.lengths.sum(), "elements": self.nelements, "beams": lines}
+        return size | {"vertices": self.p.shape[1], "nodes": ", ".join(self.nodes)}
 
     # ------------------------------------------------------------------ factories
     @classmethod

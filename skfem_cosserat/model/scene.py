@@ -20,7 +20,7 @@ from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
 from ..joint import Joint, JointDrive, JointLocked
 from ..load import Load
-from ..notebook import Shown, cell_text, flat
+from ..notebook import Shown
 from ..time_function import (
     Amplitude,
     Constant,
@@ -234,8 +234,7 @@ class Model(Shown):
 
     def summary(self) -> dict[str, Any]:
         """Its items by name, each in a line."""
-        own = {item.label: (type(item).__name__, item.summary()) for item in self._items.values()}
-        return {label: f"{kind}; {cell_text(flat(rows))}" for label, (kind, rows) in own.items()}
+        return {item.label: item._shown() for item in self._items.values()}
 
     def __repr__(self) -> str:
         return f"<Model of {listed([i.label for i in self._items.values()])}>"

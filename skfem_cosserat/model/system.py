@@ -7,7 +7,6 @@ at rest, one for each place in prescribed motion). Joints thus always connect tw
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -393,11 +392,10 @@ class System(Shown):
 
     def summary(self) -> dict[str, Any]:
         """Its items, motions that are free, and mass."""
-        items = [*self.structures, *self.joints, *self.couplings.items]
-        kinds = Counter(type(item).__name__ for item in items)
+        items = [item.label for item in (*self.structures, *self.joints, *self.couplings.items)]
         mass = float(self.mass[self.origin_rows][:, self.origin_rows].sum())
-        about = {"degrees of freedom": self.unknowns, "mass in kg": mass}
-        return {"parts": str(connected_parts(self))} | dict(kinds) | about
+        about = {"items": ", ".join(items), "parts": str(connected_parts(self))}
+        return about | {"degrees of freedom": self.unknowns, "mass in kg": mass}
 
     def __repr__(self) -> str:
         names, c = listed([i.label for i in self.structures]), self.counts()

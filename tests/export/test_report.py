@@ -38,11 +38,13 @@ def scene():
 
 
 def data_of(page):
-    """What the page's script reads, and the frames (states, numbers)."""
+    """What the page's script reads."""
     found = re.findall(r'<script type="application/json" id="data">(.*?)</script>', page)
-    data = json.loads(found[0])
-    states = np.frombuffer(base64.b64decode(data["states"]["base64"]), "<f4")
-    return data, states.reshape(data["states"]["shape"])
+    return json.loads(found[0])
+
+
+def unpacked(packed):
+    return np.frombuffer(base64.b64decode(packed["base64"]), "<f4").reshape(packed["shape"])
 
 
 def test_numbers_of_the_page(scene, tmp_path):
@@ -52,29 +54,30 @@ def test_numbers_of_the_page(scene, tmp_path):
     assert path.stat().st_size < 10e6 and "http-equiv" not in page
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=", page)  # nothing from a network
     assert EVIL not in page and "&lt;/script&gt;&lt;b&gt;" in page
-    data, states = data_of(page)
+    data = data_of(page)
+    rod_frames, box_frames, ball_frames = (unpacked(item["frames"]) for item in data["items"])
     assert data["over"] == "time in s" and data["at"] == history.times.tolist()
     assert [item["name"] for item in data["items"]] == [EVIL, "box", "ball"]
-    places = states[:, : 4 * 4 * 9].reshape(len(states), 16, 3, 3)
+    places = rod_frames.reshape(len(history), 16, 4, 3)
     s = (np.arange(4)[:, None] + np.arange(4) / 3).ravel() / 4
     np.testing.assert_allclose(places[:, :, 0], history.position(rod, s), atol=1e-6)
     turned = history.rotation(rod.node("rod.end"))
-    np.testing.assert_allclose(places[:, -1, 1:], turned[:, :2], atol=1e-6)
-    bodies = states[:, 144:].reshape(len(states), 2, 4, 3)
-    np.testing.assert_allclose(bodies[:, 0, 0], history.position(box.at((0, 0.5, 0))), atol=1e-6)
-    np.testing.assert_allclose(bodies[:, 1, 0], history.position(ball.place()), atol=1e-6)
+    np.testing.assert_allclose(places[:, -1, 1:], turned, atol=1e-6)
+    for frames, place in ((box_frames, box.at((0, 0.5, 0))), (ball_frames, ball.place())):
+        np.testing.assert_allclose(frames[:, 0], history.position(place), atol=1e-6)
     labels = [chart["label"] for chart in data["charts"]]
     assert labels == ["energy in J", "balance of energy\n/ largest energy", "tip <!-- in m"]
-    total = next(c for c in data["charts"][0]["curves"] if c["name"] == "total")
-    np.testing.assert_allclose(total["y"], history["energy"], rtol=1e-12)
-    height = data["charts"][2]["curves"][1]
-    np.testing.assert_allclose(height["y"], history.sensors["tip <!--"].values[:, 1], rtol=1e-12)
+    total = unpacked(data["charts"][0]["curves"]["total"])
+    np.testing.assert_allclose(total, [history.times, history["energy"]], rtol=1e-6)
+    height = unpacked(data["charts"][2]["curves"]["y"])[1]
+    np.testing.assert_allclose(height, history.sensors["tip <!--"].values[:, 1], atol=1e-6)
 
 
 def test_long_runs_are_thinned(make_scene, tmp_path):
     history = make_scene().history(1500)
     page = history.report(tmp_path / "a.html").read_text(encoding="utf-8")
-    data, states = data_of(page)
+    data = data_of(page)
+    states = unpacked(data["items"][0]["frames"])
     assert len(states) == len(data["at"]) == 1000 and "1000 of 1500 states are shown" in page
     assert data["at"][:: len(states) - 1] == history.times[:: len(history) - 1].tolist()
     with pytest.raises(sc.InputError, match="no states"):
