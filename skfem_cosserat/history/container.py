@@ -995,11 +995,9 @@ class History(Shown):
         --------
         >>> import numpy as np
         >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": np.eye(2, 3), "p": np.zeros((2, 3))}
-        >>> History({}, {}, series).to_pandas("q")
-             q_x  q_y  q_z
-        t
-        0.0  1.0  0.0  0.0
-        0.1  0.0  1.0  0.0
+        >>> frame = History({}, {}, series).to_pandas("q")
+        >>> list(frame.columns), frame["q_x"].tolist()
+        (['q_x', 'q_y', 'q_z'], [1.0, 0.0])
         """
         from ..export.table import to_pandas  # a history does without other formats
 
