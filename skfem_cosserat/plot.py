@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .arguments import checked
-from .errors import InputError, MeshError
+from .errors import InputError
 from .export.geometry import BeamShape, beam_shapes, body_shapes
 from .export.table import abscissa, record_of
 from .figures import MISSING, PALETTE, check_folder, legend, panels, write_figure
 from .history import History, SensorRecord
-from .mesh.topology import find_chains
 from .types import Array, ArrayLike, FilePath, Floats, IndexArray, names_known
 
 if TYPE_CHECKING:
@@ -105,13 +103,10 @@ def _chart(history: History, parts: Sequence[_Part], path: FilePath | None) -> F
     figure, axes = panels(7.5, size, len(parts), sharex=True, height_ratios=heights)
     for axis, (_, draw) in zip(axes, parts, strict=True):
         draw(axis)
+        for line in axis.get_lines():  # of a single state
+            line.set_marker("o" if len(line.get_xdata()) == 1 else "")
     axes[-1].set_xlabel("load factor" if "load_factor" in history else "time in s")
     return write_figure(figure, path)
-
-
-def _line(axis: Any, x: Array, y: Array, **style: Any) -> list[Any]:
-    """Lines of one or several numbers over x; of a single state, which has no line, marks."""
-    return axis.plot(x, y, marker="o" if len(x) == 1 else None, **style)
 
 
 def _energy_parts(history: History, names: Sequence[str] | None, since: float) -> list[_Part]:
@@ -137,7 +132,7 @@ def _energy_parts(history: History, names: Sequence[str] | None, since: float) -
     def energies(axis: Any) -> None:
         for name in drawn:
             style = {"color": "black"} if name == "energy" else {"color": colours[name], "lw": 1.0}
-            _line(axis, x, history[name], label=_ENERGIES[name], **style)
+            axis.plot(x, history[name], label=_ENERGIES[name], **style)
         axis.set_ylabel("energy in J")
         legend(axis)
 
@@ -148,7 +143,7 @@ def _energy_parts(history: History, names: Sequence[str] | None, since: float) -
                 first = valid[0]  # later gaps stay gaps
                 drift = (history[name][first:] - history[name][first]) / scale
                 style = {"color": "black" if name == "energy" else colours[name], "lw": 1.0}
-                _line(axis, x[first:], drift, label=_ENERGIES[name], **style)
+                axis.plot(x[first:], drift, label=_ENERGIES[name], **style)
         what = "balance of energy" if balanced else "change of total"
         axis.set_ylabel(f"{what}\n/ largest energy")
         axis.axhline(0.0, color="grey", linewidth=0.5, zorder=1, label="_zero")
@@ -158,7 +153,7 @@ def _energy_parts(history: History, names: Sequence[str] | None, since: float) -
 
 def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> None:
     """The numbers of a sensor or series."""
-    lines = _line(axis, record.times, record.values, linewidth=1.0)
+    lines = axis.plot(record.times, record.values, linewidth=1.0)
     axis.set_ylabel(f"{name} in {record.unit}" if record.unit else _with_unit(history, name))
     if 1 < len(lines) <= 6:
         for line, label in zip(lines, "xyz" if len(lines) == 3 else "012345", strict=False):
@@ -169,9 +164,9 @@ def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> No
 @checked
 def plot(history: History, names: Sequence[str] = (), path: FilePath | None = None) -> Figure:
     """Chart of energies, sensors and series, see :meth:`History.plot`."""
-    usual = ["energy"] if "kinetic" in history or "strain_energy" in history else history.sensors
+    energies = ["energy"] if "kinetic" in history or "strain_energy" in history else []
     parts: list[_Part] = []
-    for name in names or usual or ["work_loads"]:
+    for name in names or energies + [*history.sensors] or ["work_loads"]:
         if name == "energy":
             parts += _energy_parts(history, None, 0.0)
         else:
@@ -213,15 +208,10 @@ def _path_of(history: History, what: str) -> Floats:
 
 
 def _vertices(connectivity: IndexArray) -> IndexArray:
-    """Nodes at the vertices of a beam's mesh, from its start to its end if it is one line."""
-    ends = connectivity[:, [0, -1]]
-    chains = []
-    with suppress(MeshError):  # elements point against each other
-        chains = find_chains(ends.T, np.zeros(len(ends), dtype=np.int64), [""]).chains()
-    if len(chains) != 1:
-        return np.unique(ends)
-    line = ends[chains[0].elements]
-    return np.append(line[:, 0], line[-1:, 1][: not chains[0].closed])
+    """Nodes at vertices of a beam's mesh: where lines start, inner ones, where lines end."""
+    starts, ends = connectivity[:, 0], connectivity[:, -1]
+    outer = np.setdiff1d(starts, ends), np.setdiff1d(ends, starts)
+    return np.concatenate([outer[0], np.intersect1d(starts, ends), outer[1]])
 
 
 @checked
@@ -239,7 +229,7 @@ def plot_orbit(
         Recorded states.
     what : str or sequence of str
         ``"body/NAME"``, ``"point/NAME"``, ``"joint/NAME"`` or ``"beam/NAME/NODE"``: vertices of the
-        mesh along the beam, 0 at its start and -1 at its end; of networks by their numbers.
+        mesh by their numbers, but 0 where the beam starts and -1 where it ends.
     path : path-like, optional
         Write the chart here.
     axes : str

@@ -24,8 +24,6 @@ from .types import Array, FilePath, IndexArray, spread
 
 #: so many coordinates a page has at most, which are 4 MB, and so many states and points of a curve
 _COORDINATES, _STATES, _POINTS = 500_000, 1000, 1000
-#: meta data that only the package reads
-_OWN = ("fingerprint", "n", "m", "rank", "unknowns", "turns", "shares", "eventful")
 
 
 @checked
@@ -46,12 +44,11 @@ def write_report(history: History, path: FilePath) -> Path:
         "at": abscissa(history)[rows].tolist(),
         **{"items": _items(history, rows), "charts": _charts(history)},
     }
-    settings = {name: value for name, value in history.meta.items() if name not in _OWN}
     template = files(__package__).joinpath("report.html").read_text(encoding="utf-8")
     page = Template(template).substitute(
         title=escape(Path(path).stem),
         shown=f"{len(rows)} of {len(history)} states are shown",
-        about=html_table("Run", history.summary()) + html_table("Settings", settings),
+        about=html_table("Run", history.summary()) + html_table("Settings", history.meta),
         data=json.dumps(data).replace("<", "\\u003c"),  # names may hold the end of a script
         plotly=get_plotlyjs(),
     )
@@ -90,10 +87,8 @@ def _items(history: History, rows: IndexArray) -> list[dict[str, Any]]:
 
 def _charts(history: History) -> list[dict[str, Any]]:
     """Curves of the energies and of the sensors, by panel."""
-    energies = [name for name in ("energy", "work_loads") if name in history][:1]
-    names = [*energies, *history.sensors]
     charts = []
-    for axis in plot(history, names).axes if names else ():
+    for axis in plot(history).axes:
         lines = {str(line.get_label()): np.array(line.get_data()) for line in axis.get_lines()}
         curves = {name: _packed(xy[:, spread(xy.shape[1], _POINTS)]) for name, xy in lines.items()}
         charts.append({"label": axis.get_ylabel(), "curves": curves})

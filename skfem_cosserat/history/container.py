@@ -670,7 +670,7 @@ class History(Shown):
         names: dict[str, str] = {}
         for group, _, own in (name.rpartition("/") for name in self):
             names[group] = f"{names[group]}, {own}" if group in names else own
-        balance = self._series[BALANCE] if BALANCE in self._series else np.zeros(0)
+        balance = np.array(self._series.get(BALANCE, 0.0))
         ended = ": the run did not end; series that follow are had by derive_series(model, history)"
         return {
             "scheme": meta.get("integrator"),
@@ -911,7 +911,7 @@ class History(Shown):
         *names : str
             Each gets a panel: sensors, or else series of shape ``(N,)`` or ``(N, k)``.
             ``"energy"`` is always the chart of all energies, with their balance in a panel below.
-            Default: the energies; without any the sensors, or else the work of the loads.
+            Default: the energies and the sensors; without any the work of the loads.
         path : path-like, optional
             Write the chart here (``.png``, ``.svg``, ``.pdf``).
 

@@ -49,7 +49,7 @@ def test_a_chart_by_names(run, tmp_path):
     np.testing.assert_array_equal(across.get_ydata(), history.sensors["tip"].values[:, 1])
     assert len(across.get_xdata()) == 11 and len(series.get_lines()[0].get_xdata()) == 3
     assert figure._repr_png_()[:4] == (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
-    assert [axis.get_ylabel() for axis in history.plot().axes] == labels[:2]
+    assert [axis.get_ylabel() for axis in history.plot().axes][:3] == labels[:3]
     (way,) = plot_orbit(history, "beam/rod/-1").axes
     np.testing.assert_array_equal(way.get_lines()[0].get_ydata(), history.position(tip)[:, 1])
     single = history.truncated(1).plot("energy", "tip")
