@@ -22,8 +22,8 @@ from .notebook import html_table
 from .plot import plot
 from .types import Array, FilePath, IndexArray, spread
 
-#: so many coordinates a page has at most, which are 4 MB, and so many states and points of a curve
-_COORDINATES, _STATES, _POINTS = 500_000, 1000, 1000
+#: so many coordinates a page has at most, which are 3 MB, and so many states and points of a curve
+_COORDINATES, _STATES, _POINTS = 400_000, 1000, 1000
 
 
 @checked
