@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Self, TypeGuard
+from typing import TYPE_CHECKING, Self, TypeGuard
 
 import numpy as np
 
@@ -335,9 +335,6 @@ class Place(Attached):
 
     def _brief(self) -> str:
         return self.label
-
-    def _parts(self) -> Iterator[tuple[str, Any]]:
-        yield from (("place", self.label), ("position", self.position))
 
     def material(self, direction: Floats) -> Floats:
         """Components (3,) of a spatial reference direction (3,) in the vertex' triad.

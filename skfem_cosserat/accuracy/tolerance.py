@@ -110,10 +110,8 @@ class Answer(Shown):
         return simplified(*self._of, self.band)
 
     def summary(self) -> dict[str, Any]:
-        """What :meth:`__str__` says, by lines."""
-        first, *lines = str(self).splitlines()
-        rows = dict(line.partition(": ")[::2] for line in lines)
-        return {"answer": first, **rows}
+        """What it says as text."""
+        return {"answer": str(self)}
 
     def __repr__(self) -> str:
         return f"<Answer: {'reached' if self.reached else 'not reached'}, {self.runs} runs>"

@@ -390,9 +390,9 @@ class MeshCurve(Frozen, MeshLine1):
 
     def summary(self) -> dict[str, Any]:
         """Size, beams and named nodes."""
-        lines = {name: f"{self.lengths[ids].sum():.6g} m" for name, ids in self.beams.items()}
-        size = {"length in m": self.lengths.sum(), "elements": self.nelements, "beams": lines}
-        return size | {"vertices": self.p.shape[1], "nodes": ", ".join(self.nodes)}
+        size = {"length in m": self.lengths.sum(), "elements": self.nelements}
+        names = {"beams": ", ".join(self.beams), "nodes": ", ".join(self.nodes)}
+        return {**size, "vertices": self.p.shape[1], **names}
 
     # ------------------------------------------------------------------ factories
     @classmethod

@@ -75,8 +75,7 @@ class Buckling(Shown):
 
     def summary(self) -> dict[str, Any]:
         """Critical factors."""
-        rows = {f"mode {k}": f"critical factor {x:.6g}" for k, x in enumerate(self.factors)}
-        return {**rows, "warnings": told(self.warnings)}
+        return {"modes": str(self), "warnings": told(self.warnings)}
 
     def __repr__(self) -> str:
         found = ", ".join(f"{factor:.6g}" for factor in self.factors[:3])

@@ -181,9 +181,7 @@ class Modes(Shown):
         """State, frequencies and damping ratios."""
         factor = self._at.load_factor
         about = f"t = {self.t:g} s" if factor is None else f"load factor {factor:g}"
-        pairs = enumerate(zip(self.frequencies, self.damping_ratios, strict=True))
-        rows = {f"mode {k}": f"{hertz:.6g} Hz, damping ratio {d:.3g}" for k, (hertz, d) in pairs}
-        return {"about": about, **rows, "warnings": told(self.warnings)}
+        return {"about": about, "modes": str(self), "warnings": told(self.warnings)}
 
     def __repr__(self) -> str:
         found = ", ".join(f"{hertz:.6g}" for hertz in self.frequencies[:3])

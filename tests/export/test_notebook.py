@@ -22,7 +22,7 @@ class Table(HTMLParser):
         super().__init__()
         self.rows, self.tag, self.tags = {}, "", set()
         self.feed(thing._repr_html_())
-        assert self.tags <= {"b", "table", "tr", "th", "td", "br", "svg", "path"}
+        assert self.tags <= {"b", "table", "tr", "th", "td", "pre", "svg", "path"}
 
     def handle_starttag(self, tag, attrs):
         self.tag = tag
@@ -31,8 +31,8 @@ class Table(HTMLParser):
     def handle_data(self, data):
         if self.tag == "th":
             self.name = data
-        elif self.tag in ("td", "br"):
-            self.rows[self.name] = f"{self.rows.get(self.name, '')}{data}\n"
+        elif self.tag == "pre":
+            self.rows[self.name] = data
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def test_sections_have_numbers_and_outlines():
     rows = Table(tube.damped(time=2e-3)).rows
     assert float(rows["EA in N"]) == pytest.approx(210e9 * np.pi * (0.05**2 - 0.04**2), rel=1e-5)
     assert float(rows["mass in kg/m"]) == pytest.approx(tube.mass, rel=1e-5)
-    assert rows["retardation times in s"] == "[0.002, 0.002, 0.002, 0.002, 0.002, 0.002]\n"
+    assert rows["retardation times in s"] == "[0.002, 0.002, 0.002, 0.002, 0.002, 0.002]"
     box = sc.ProfileBox(0.1, 0.05, 0.005, STEEL)
     assert float(Table(box).rows["area in m²"]) == pytest.approx(0.1 * 0.05 - 0.09 * 0.04)
     for thing, ratio in ((tube, 0.8), (box, 0.9)):
@@ -64,34 +64,33 @@ def test_sections_have_numbers_and_outlines():
 def test_scenes_and_what_varies(scene):
     model, rod = scene
     rows = Table(rod).rows
-    assert [rows[name] for name in ("length in m", "elements", "order")] == ["2\n", "4\n", "2\n"]
+    assert [rows[name] for name in ("length in m", "elements", "order")] == ["2", "4", "2"]
     mass = 7850 * np.pi * 0.01 * (0.09 + 0.05) / 2 * 2  # (outer - inner)(outer + inner)
     assert float(rows["mass in kg"]) == pytest.approx(mass, rel=1e-5)
     ends = [float(x) for x in re.findall(r"mass in kg/m: ([0-9.]+)", rows["section"])]
     np.testing.assert_allclose(ends, [7850 * np.pi * 0.01 * x for x in (0.09, 0.05)], rtol=1e-5)
     assert Table(model).rows["beam '<i>'"].startswith("elements=4, order=2, ")
     assert float(Table(model.freeze()).rows["mass in kg"]) == pytest.approx(mass, rel=1e-5)
-    assert "<b>rod</b>: 2 m" in Table(rod.mesh).rows["beams"]
-    assert "place" in Table(rod.node("tip")).rows
+    assert Table(rod.mesh).rows["beams"] == "<b>rod</b>"
 
 
 def test_results(scene):
     model, rod = scene
     path = sc.static(model)
     rows = Table(path).rows
-    assert rows["load factor"] == "[0, 1]\n" and not any("time" in name for name in rows)
+    assert rows["load factor"] == "[0, 1]" and not any("time" in name for name in rows)
     modes = sc.modes(model, path, 2)
     rows = Table(modes).rows
-    assert rows["about"] == "load factor 1\n"
-    assert rows["mode 0"].startswith(f"{modes.frequencies[0]:.6g} Hz")
-    assert Table(sc.modes(model, None, 1)).rows["about"] == "t = 0 s\n"
+    assert rows["about"] == "load factor 1"
+    assert rows["modes"] == str(modes) and f"{modes.frequencies[0]:.7g}" in rows["modes"]
+    assert Table(sc.modes(model, None, 1)).rows["about"] == "t = 0 s"
     seen = {"tip": sc.SensorPosition(rod.node("tip"))}
     run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, 3e-3, sensors=seen)
     rows = Table(run).rows
-    assert (rows["step in s"], rows["time in s"]) == ("0.001\n", "[0, 0.003]\n")
-    assert rows["sensors"] == "tip: m\n" and rows["beam/<i>"] == "strain, resultant\n"
+    assert (rows["step in s"], rows["time in s"]) == ("0.001", "[0, 0.003]")
+    assert rows["sensors"] == "tip: m" and rows["beam/<i>"] == "strain, resultant"
     found = sc.answer(model, {"<tip>": seen["tip"]}, 1e-4, None)
-    assert Table(found).rows["answer"] == "within the tolerance\n" and "<tip>" in Table(found).rows
+    assert re.match(r"within the tolerance\n<tip>: \[", Table(found).rows["answer"])
 
 
 def test_nothing_is_drawn_with_other_packages():
