@@ -82,7 +82,7 @@ def cell_text(value: Any, line: str = "; ") -> str:
     'EA in N: 2.1e+09; parts: root'
     """
     if isinstance(value, Mapping):
-        return line.join(f"{name}: {cell_text(each)}" for name, each in value.items())
+        return line.join(f"{name}: {text}" for name, text in table_rows(value).items())
     return value if isinstance(value, str) else brief(value)
 
 

@@ -670,7 +670,7 @@ class History(Shown):
         names: dict[str, str] = {}
         for group, _, own in (name.rpartition("/") for name in self):
             names[group] = f"{names[group]}, {own}" if group in names else own
-        balance = np.array(self._series.get(BALANCE, 0.0))
+        known = np.array(self._series[BALANCE] if BALANCE in self._series else 0.0)
         ended = ": the run did not end; series that follow are had by derive_series(model, history)"
         return {
             "scheme": meta.get("integrator"),
@@ -679,7 +679,8 @@ class History(Shown):
             "states": len(self),
             "time in s" if over == "t" else "load factor": self._series[over][[0, -1][: len(self)]],
             "status": self.status + ended * (self.status == "killed"),
-            "largest balance of energy in J": float(np.nanmax(abs(balance), initial=0.0)),
+            "energy lost in J": meta.get("energy_balance", {}).get("lost"),
+            "largest balance of energy in J": np.nanmax(abs(known), initial=0.0) or None,
             "warnings": told(meta.get("warnings", ())) or "none",
             "sensors": {name: about["unit"] for name, about in meta.get("sensors", {}).items()},
             "series": names.pop("", ""),
