@@ -670,7 +670,7 @@ class History(Shown):
         names: dict[str, str] = {}
         for group, _, own in (name.rpartition("/") for name in self):
             names[group] = f"{names[group]}, {own}" if group in names else own
-        known = np.array(self._series[BALANCE] if BALANCE in self._series else 0.0)
+        known = np.array(self._series.get(BALANCE, 0.0))
         ended = ": the run did not end; series that follow are had by derive_series(model, history)"
         return {
             "scheme": meta.get("integrator"),
