@@ -39,6 +39,7 @@ from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import Place, is_beam
 from ..history import History
 from ..history.container import BALANCE, Formula, Formulas, Kind
+from ..joint import Joint, JointDistance
 from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
 from ..model.groups import lumped
@@ -85,10 +86,27 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
+        _describe_joint(system, joint, static)
     for coupling in system.couplings.items:
         ends = {"a": coupling.a.label, "b": coupling.b.label}
         meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
     return meta, static
+
+
+def _describe_joint(system: System, joint: Joint, static: dict[str, Any]) -> None:
+    """Axes of what a joint leaves free, in the frame of side a; in space if that is the ground."""
+    key, a = f"joint/{joint.name}/", joint.a
+    try:
+        freedom = joint.freedom()
+    except NotImplementedError:  # an own joint for multipliers alone
+        return
+    if a.item is not None and a.triad is not None:
+        static[key + "frame"] = np.array(system.offset(a))
+    turned = np.eye(3) if a.item is None or a.triad is None else a.triad.T
+    slides = [np.cross(slide.left, slide.right) for slide in freedom.slides]
+    static[key + "slides"] = np.reshape(slides, (-1, 3)) @ turned
+    if freedom.turns is not None:
+        static[key + "turns"] = np.reshape([t.axis for t in freedom.turns], (-1, 3)) @ turned
 
 
 def recorded_turns(system: System, history: History, index: int = -1) -> IndexArray | None:
@@ -367,6 +385,7 @@ def configuration_formulas(system: System) -> Formulas:
     """Formulas that take configurations, constraint forces and the velocities "v"."""
     items = [jr.joint for jr in system.joint_rows]
     couplings = system.couplings.items
+    rods = [item for item in items if isinstance(item, JointDistance)]
 
     def coordinates(h: History) -> list[Floats]:
         given = h["q"], h["v"], h.instants, h.series.get("turns")
@@ -378,7 +397,7 @@ def configuration_formulas(system: System) -> Formulas:
 
     def places(h: History) -> list[Floats]:
         y = all_rows(system, h["q"], h.instants)
-        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in couplings]
+        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in (*couplings, *rods)]
         return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
     formulas: Formulas = {
@@ -393,6 +412,7 @@ def configuration_formulas(system: System) -> Formulas:
     wrench_names = [f"joint/{item.name}/{each}" for item in items for each in ("force", "moment")]
     place_names = [f"joint/{item.name}/position" for item in items]
     end_names = [f"coupling/{item.name}/ends" for item in couplings]
+    end_names += [f"joint/{item.name}/ends" for item in rods]
     return formulas | {tuple(wrench_names): wrenches, (*place_names, *end_names): places}
 
 
