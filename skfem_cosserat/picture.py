@@ -24,7 +24,7 @@ from .errors import CosseratError, InputError, writing
 from .export.geometry import BeamShape, Surface, beam_shapes, body_shapes, frames
 from .figures import MISSING, PALETTE, check_folder
 from .history import History
-from .model import System
+from .model import system_of
 from .types import Array, ArrayLike, FilePath, Floats, IndexArray, positive
 
 if TYPE_CHECKING:
@@ -815,11 +815,14 @@ def picture(
     return stage.show() if path is None else stage.write(path)
 
 
-def picture_of_system(system: System, path: FilePath | None, **options: Any) -> Any:
+def picture_of_scene(
+    scene: object, path: FilePath | None, names: bool, camera: Camera, window: tuple[int, int]
+) -> Any:
     """See :meth:`Model.plot`: a scene before a run is a history of its reference.
 
     Loads that are zero at the start are drawn by their values, for a factor of one.
     """
+    system = system_of(scene, "model")
     meta, static = describe(system)
     factors = {"loads": system.loading, "actuators": system.couplings}
     series: dict[str, Any] = {"t": [0.0], "step": [0], "load_factor": [0.0]}
@@ -829,7 +832,7 @@ def picture_of_system(system: System, path: FilePath | None, **options: Any) -> 
         series[f"amplitudes/{name}"] = np.where(values == 0.0, 1.0, values)[None]
     series["constraint_force"] = np.full((1, system.n), np.nan)
     history = History(meta | {"time": 0.0}, static, series, None, [system], path_formulas)
-    return picture(history, path, 1, colour="", radius=None, directors=True, **options)
+    return picture(history, path, 1, camera, "", None, names, window, directors=True)
 
 
 def picture_of_mesh(

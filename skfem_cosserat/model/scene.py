@@ -34,7 +34,7 @@ from .groups import Structure
 from .loops import closure_rows
 from .parts import warn_of_loose_parts
 from .plane import Planar, Planarity, confine, inspect
-from .system import System, listed
+from .system import Pictured, System, listed
 
 ItemT = TypeVar("ItemT", bound=Item)
 
@@ -206,7 +206,7 @@ ReturnT = TypeVar("ReturnT")
 
 
 @checked
-class Model:
+class Model(Pictured):
     """A scene: beams, bodies, mass points; joints, drives; loads, force elements, damping.
 
     Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.
