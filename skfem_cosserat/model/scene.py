@@ -271,6 +271,10 @@ class Model(Pictured):
                 f"is {type(item).__name__}, expected a beam, body, mass point, joint, drive,"
                 " load, force element, foundation or damping",
             )
+        for attribute in vars(item):
+            if callable(getattr(type(item), attribute, None)):
+                text = f"its attribute {attribute!r} hides the method of that name: rename it"
+                raise InputError(f"model, item {name!r}", text)
         _check_kind(name, item)
         if item.name is not None:
             raise InputError(f"model, item {name!r}", f"is already in a model as {item.name!r}")
