@@ -167,15 +167,17 @@ def _glyph(kind: str) -> tuple[Floats, IndexArray]:
 
     def bar(radius: float, start: float, stop: float, axis: int = 2) -> Any:
         way = np.eye(3)[axis]
-        middle = 0.5 * (start + stop) * way
-        return pyvista.Cylinder(middle, way, radius, stop - start, resolution=20)
+        size = {"radius": radius, "height": stop - start, "resolution": 20}
+        return pyvista.Cylinder(center=0.5 * (start + stop) * way, direction=way, **size)
 
-    def head(tip: float) -> Any:
-        return pyvista.Cone((0, 0, tip - 0.14), (0, 0, 1), 0.28, 0.09, resolution=20)
+    def cone(tip: float, base: float, radius: float, resolution: int) -> Any:
+        way = {"center": (0, 0, 0.5 * (tip + base)), "direction": (0, 0, tip - base)}
+        size = {"height": abs(tip - base), "radius": radius, "resolution": resolution}
+        return pyvista.Cone(**way, **size)
 
     shapes = {
-        "arrow": lambda: [bar(0.025, 0.0, 0.75), head(1.0)],
-        "double": lambda: [bar(0.025, 0.0, 0.75), head(0.78), head(1.0)],
+        "arrow": lambda: [bar(0.025, 0.0, 0.75), cone(1.0, 0.72, 0.09, 20)],
+        "double": lambda: [bar(0.025, 0.0, 0.75), cone(0.78, 0.5, 0.09, 20), cone(1.0, 0.72, 0.09, 20)],
         "ball": lambda: [pyvista.Sphere(1.0, theta_resolution=20, phi_resolution=20)],
         "box": lambda: [pyvista.Cube(x_length=1.7, y_length=1.7, z_length=1.7)],
         "pin": lambda: [bar(0.8, -1.7, 1.7)],
@@ -183,7 +185,7 @@ def _glyph(kind: str) -> tuple[Floats, IndexArray]:
         "slide": lambda: [bar(0.3, -4.0, 4.0)],
         "disc": lambda: [bar(2.6, -0.2, 0.2)],
         "ring": lambda: [pyvista.ParametricTorus(ringradius=2.0, crosssectionradius=0.35)],
-        "ground": lambda: [pyvista.Cone((0, 0, 1.5), (0, 0, -1), 3.0, 2.0, resolution=4)],
+        "ground": lambda: [cone(0.0, 3.0, 2.0, 4)],
     }
     first, *others = shapes[kind]()
     whole = first.append_polydata(*others).triangulate()
@@ -593,13 +595,12 @@ class Stage:
                 actor.SetXAxisLabelText("g")
         self.plotter.add_orientation_widget(both)
         self.plotter.renderer.axes_widget.SetViewport(0.0, 0.0, 0.16, 0.16 * self.width / self.height)
-        self.plotter.renderer.axes_enabled = True
 
     def shot(self) -> Array:
         """The picture (height, width, 3)."""
         self.plotter.renderer.ResetCameraClippingRange()
         self.plotter.render()
-        return np.asarray(self.plotter.image)[..., :3]
+        return np.asarray(self.plotter.screenshot(return_img=True))[..., :3]
 
     def _projection(self) -> Floats:
         """Matrix (4, 4) from space to the window, from -1 to 1."""
