@@ -21,7 +21,7 @@ import numpy as np
 
 from .analysis.describe import describe, path_formulas
 from .errors import CosseratError, InputError, writing
-from .export.geometry import BeamShape, Surface, beam_shapes, body_shapes, frames
+from .export.geometry import BeamShape, BodyShape, Surface, beam_shapes, body_shapes, frames
 from .figures import MISSING, PALETTE, check_folder
 from .history import History
 from .model import system_of
@@ -39,7 +39,7 @@ COLOURS = {
     "beam": "steelblue",
     "body": "#99a8bf",
     "mass point": PALETTE["brown"],
-    "joint": PALETTE["gold"],
+    "joint": "#df8a00",
     "ground": "#50565e",
     "spring, cable": PALETTE["green"],
     "force": PALETTE["red"],
@@ -185,7 +185,7 @@ def _glyph(kind: str) -> tuple[Floats, IndexArray]:
         "slide": lambda: [bar(0.3, -4.0, 4.0)],
         "disc": lambda: [bar(2.6, -0.2, 0.2)],
         "ring": lambda: [pyvista.ParametricTorus(ringradius=2.0, crosssectionradius=0.35)],
-        "ground": lambda: [cone(0.0, 3.0, 2.0, 4)],
+        "ground": lambda: [cone(0.0, 2.6, 1.7, 4)],
     }
     first, *others = shapes[kind]()
     whole = first.append_polydata(*others).triangulate()
@@ -407,17 +407,23 @@ class Scene:
                 if not top:
                     continue
                 count = self.rows[0][key].shape[0]
-                some = np.unique(np.linspace(0, count - 1, min(count, _ARROWS)).round().astype(int))
+                stride = -(-count // _ARROWS)
+                some = np.arange((count - 1) % stride // 2, count, stride)
                 place = f"load/{entry['name']}/position"
-                pulls = sum(
-                    float(np.sum(row[key] * (row[place] - self.middle))) for row in self.rows
-                )
-                rows = len(self.rows)
-                tail = what == "moment" or pulls > 0.1 * top * self.size * rows
+                row = max(self.rows, key=lambda row: float(np.linalg.norm(row[key])))
+                outward = float(np.sum(row[key] * (row[place] - self.middle)))
+                inside = any(self._inside(body, row, row[place][some[0]]) for body in self.bodies)
+                tail = what == "moment" or inside or outward > 0.1 * top * self.size
                 drawn.append((place, key, some, 0.15 * self.size / top, tail))
             if drawn:
                 count = sum(len(each[2]) for each in drawn)
                 yield _copies(what, kind, count, partial(_arrows, drawn))
+
+    def _inside(self, body: BodyShape, row: Row, x: Floats) -> bool:
+        """True if a body would hide the tip of an arrow at a place."""
+        points = body.points(row["q"])
+        middle = points.mean(axis=0)
+        return float(np.linalg.norm(x - middle)) < 0.9 * np.linalg.norm(points - middle, axis=1).max()
 
     def _directors(self, which: int) -> Layer | None:
         """Arrows of a director at three places of each beam."""
@@ -498,18 +504,16 @@ class Stage:
     window : (2,) int
         Width and height in pixels.
     off_screen : bool
-    quick : bool
-        Edges are smoothed by fewer samples, for films.
     """
 
-    def __init__(
-        self, window: tuple[int, int], off_screen: bool = True, quick: bool = False
-    ) -> None:
-        self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=list(window))
+    def __init__(self, window: tuple[int, int], off_screen: bool = True) -> None:
+        # drawn at twice the size: smooth edges in less time than OpenGL in software takes for them
+        self.finer = 2 if off_screen else 1
+        self.width, self.height = (self.finer * each for each in window)
+        size = [self.width, self.height]
+        self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=size)
         self.plotter.set_background("white")
-        self.plotter.enable_anti_aliasing("msaa" if quick else "ssaa")
-        self.width, self.height = window
-        self.font = max(11, window[0] // 70)
+        self.font = max(11 * self.finer, self.width // 70)
         self.layers: list[Layer] = []
         self.labels: list[tuple[Any, Callable[[Row], Floats], Floats]] = []
 
@@ -547,8 +551,11 @@ class Stage:
                 layer.mesh.cell_data[title] = layer.values(row)
         self._place_names(row)
 
-    def fit(self, points: Floats, camera: Camera) -> None:
-        """Look at points (k, 3), all of which are in the picture if the camera has a name."""
+    def fit(self, points: Floats, camera: Camera, right_end: float = 0.92) -> None:
+        """Look at points (k, 3), all of which are in the picture if the camera has a name.
+
+        They take its middle, above the scale and the axes, up to `right_end` of its width.
+        """
         if not isinstance(camera, str):
             self.plotter.camera_position = [tuple(map(float, each)) for each in camera]
             return
@@ -557,10 +564,10 @@ class Stage:
         right = np.cross(up, out) / np.linalg.norm(np.cross(up, out))
         plane = np.array([right, np.cross(out, right), out])
         low, high = (points @ plane.T).min(axis=0), (points @ plane.T).max(axis=0)
-        # what is drawn is in the middle 80 % of the width, above scale and axes
-        wide, tall = (high - low)[:2] / (0.80, 0.68)
+        wide, tall = (high - low)[:2] / (right_end - 0.08, 0.68)
         scale = 0.5 * max(tall, wide * self.height / self.width) or 1.0
-        focus = 0.5 * (low + high) - (0.0, 0.16 * scale, 0.0)
+        aside = (right_end - 0.92) * scale * self.width / self.height
+        focus = 0.5 * (low + high) - (aside, 0.16 * scale, 0.0)
         away = float(np.linalg.norm(high - low)) + scale
         eye = focus + (0.0, 0.0, 2 * away)
         camera_ = [tuple(focus_ @ plane) for focus_ in (eye, focus)]
@@ -593,14 +600,19 @@ class Stage:
                 actor.SetUserTransform(turned)
                 actor.SetTotalLength(1.0, 1e-6, 1e-6)
                 actor.SetXAxisLabelText("g")
+                actor.GetXAxisShaftProperty().SetColor(0.3, 0.3, 0.3)
+                actor.GetXAxisTipProperty().SetColor(0.3, 0.3, 0.3)
         self.plotter.add_orientation_widget(both)
         self.plotter.renderer.axes_widget.SetViewport(0.0, 0.0, 0.16, 0.16 * self.width / self.height)
 
     def shot(self) -> Array:
         """The picture (height, width, 3)."""
+        from PIL import Image
+
         self.plotter.renderer.ResetCameraClippingRange()
         self.plotter.render()
-        return np.asarray(self.plotter.screenshot(return_img=True))[..., :3]
+        image = self.plotter.screenshot(return_img=True)
+        return np.asarray(Image.fromarray(image[..., :3]).reduce(self.finer))
 
     def _projection(self) -> Floats:
         """Matrix (4, 4) from space to the window, from -1 to 1."""
@@ -627,13 +639,12 @@ class Stage:
                 near[0].append(name)
             else:
                 found.append(([name], where, at))
-        busy = self.pixels(np.concatenate([layer.points(row) for layer in self.layers]))
-        busy = busy[:: len(busy) // 20000 + 1]
+        drawn = (self.shot() < 250).any(axis=2)[::-1].repeat(self.finer, 0).repeat(self.finer, 1)
         taken: list[Floats] = []
         for texts, where, at in found:
             text = ", ".join(texts)
             box = np.array([0.56 * self.font * len(text), 1.25 * self.font])
-            corner = self._room(at, box, busy, taken)
+            corner = self._room(at, box, drawn, taken)
             taken.append(np.array([corner, corner + box]))
             label = pyvista.Label(text.replace("$", r"\$"), size=self.font)
             label.prop.color = "black"
@@ -641,7 +652,7 @@ class Stage:
             self.labels.append((label, where, corner - at))
         self._place_names(row)
 
-    def _room(self, at: Floats, box: Floats, busy: Floats, taken: Sequence[Floats]) -> Floats:
+    def _room(self, at: Floats, box: Floats, drawn: Array, taken: Sequence[Floats]) -> Floats:
         """Lower left corner (2,) of a text near a point of the window, where it covers least."""
         best, least = at, np.inf
         window = np.array([self.width, self.height])
@@ -649,10 +660,11 @@ class Stage:
             out = np.array([way.real, way.imag])
             gap = (0.8 + 1.1 * (k // 8)) * self.font
             corner = at + gap * out + 0.5 * box * (out / abs(out).max()) - 0.5 * box
-            corner = np.clip(corner, (8, 0.15 * self.height), window - box - 8)
-            covered = ((busy > corner - 2) & (busy < corner + box + 2)).all(axis=1).any()
+            corner = np.clip(corner, (0.01 * self.width, 0.15 * self.height), 0.99 * window - box)
+            (left, low), (right, high) = corner.astype(int), (corner + box).astype(int)
+            covered = float(drawn[low:high, left:right].mean())
             overlaps = [bool(((c[0] < corner + box) & (c[1] > corner)).all()) for c in taken]
-            cost = 100.0 * sum(overlaps) + 10.0 * covered + k // 8
+            cost = 100.0 * sum(overlaps) + 20.0 * covered + k // 8
             if cost < least:
                 best, least = corner, cost
         return np.asarray(best)
@@ -674,10 +686,9 @@ class Stage:
         """What the colours mean, at the lower right."""
         shown = {layer.name: layer.colour for layer in self.layers if layer.values is None}
         entries = [[name, _faded(colour, 1.0)[0]] for name, colour in shown.items()]
-        size = 0.16, 0.034 * len(entries) * self.width / self.height / 1.78
-        self.plotter.add_legend(
-            entries, bcolor=None, face="rectangle", size=size, loc="lower right"
-        )
+        size = 0.12, 1.3 * self.font * len(entries) / self.height
+        box = self.plotter.add_legend(entries, bcolor=None, face="rectangle", size=size)
+        box.SetPosition(0.87, 0.05)
 
     def write(self, path: FilePath) -> Path:
         """Write the picture."""
@@ -700,8 +711,8 @@ class Stage:
             data = BytesIO()
             Picture.fromarray(self.shot()).save(data, "PNG")
             return Image(data.getvalue())
-        frame = f'<iframe srcdoc="{text}" width="{self.width}" height="{self.height}"></iframe>'
-        return HTML(frame)
+        size = "width: 100%; height: 540px"
+        return HTML(f'<iframe srcdoc="{text}" style="{size}; border: 0"></iframe>')
 
 
 # -- what can be asked for -------------------------------------------------------------------------
@@ -726,8 +737,8 @@ def _check(
         raise InputError("argument camera", text)
     if radius is not None:
         positive("argument radius", "radius", radius)
-    if len(window) != 2 or not all(16 <= each <= 8192 for each in window):
-        raise InputError("argument window", f"got {window!r}, expected two of 16 to 8192 pixels")
+    if len(window) != 2 or not all(16 <= each <= 4096 for each in window):
+        raise InputError("argument window", f"got {window!r}, expected two numbers of pixels from 16 to 4096")
     if path is not None:
         check_folder(path)
         if Path(path).suffix.lower() not in suffixes:
@@ -784,8 +795,10 @@ def _staged(
     pale = [layer for layer in layers if layer.fades]
     points = [layer.points(row) for row in scene.rows[:-1] for layer in pale]
     points += [layer.points(scene.rows[-1]) for layer in layers]
-    stage.fit(np.concatenate(points), camera)
+    stage.fit(np.concatenate(points), camera, 0.85 if directors else 0.92)
     stage.axes(scene.gravity)
+    if directors:
+        stage.legend()
     if names:
         stage.write_names(scene.names(), scene.rows[-1])
 
@@ -811,8 +824,6 @@ def picture(
     count = len(instants)
     strengths = [1.0 - 0.75 * (count - 1 - k) / count for k in range(count - 1)]
     _staged(scene, stage, strengths, camera, names, directors)
-    if directors:
-        stage.legend()
     return stage.show() if path is None else stage.write(path)
 
 
@@ -845,7 +856,7 @@ def picture_of_mesh(
     _pyvista()
     size = float(np.linalg.norm(np.ptp(mesh.p, axis=1)))
     lines = np.moveaxis(mesh.mapping().F(np.linspace(0.0, 1.0, 9)[None]), 0, -1)
-    parts = {"": mesh.unnamed_elements, **mesh.beams}
+    parts = {"": mesh.unnamed_elements(), **mesh.beams}
     colours = list(PALETTE.values())
     stage, texts, points = Stage(window, off_screen), [], lines.reshape(-1, 3)
 
@@ -929,7 +940,7 @@ def film(
         raise InputError("argument fps", text)
     _pyvista()
     scene = Scene(history, instants, colour, radius)
-    stage = Stage(even, quick=True)
+    stage = Stage(even)
     layers, title = scene.layers(), _title(colour)
     for layer in layers:
         if behind is not None and layer.fades:
@@ -939,9 +950,9 @@ def film(
     stage.axes(scene.gravity)
     if names:
         stage.write_names(scene.names(), scene.rows[0])
-    clock = stage.plotter.add_text(
-        texts[0], position=(0.03 * even[0], 0.93 * even[1]), font_size=0.75 * stage.font, color="black"
-    )
+    corner = 0.03 * stage.width, 0.93 * stage.height
+    size = 0.75 * stage.font
+    clock = stage.plotter.add_text(texts[0], position=corner, font_size=size, color="black")
 
     def pictures(numbers: Sequence[int]) -> Iterator[Array]:
         for k in numbers:
@@ -955,7 +966,6 @@ def film(
             _write_mp4(path, pictures(every), rate)
         else:
             _write_gif(path, list(pictures(every[:: len(every) // 3 + 1])), pictures(every), rate)
-    stage.plotter.close()
     return Path(path)
 
 
