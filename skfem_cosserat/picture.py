@@ -177,8 +177,12 @@ def _glyph(kind: str) -> tuple[Floats, IndexArray]:
 
     shapes = {
         "arrow": lambda: [bar(0.025, 0.0, 0.75), cone(1.0, 0.72, 0.09, 20)],
-        "double": lambda: [bar(0.025, 0.0, 0.75), cone(0.78, 0.5, 0.09, 20), cone(1.0, 0.72, 0.09, 20)],
-        "ball": lambda: [pyvista.Sphere(1.0, theta_resolution=20, phi_resolution=20)],
+        "double": lambda: [
+            bar(0.025, 0.0, 0.75),
+            cone(0.78, 0.5, 0.09, 20),
+            cone(1.0, 0.72, 0.09, 20),
+        ],
+        "ball": lambda: [pyvista.Sphere(radius=1.0, theta_resolution=20, phi_resolution=20)],
         "box": lambda: [pyvista.Cube(x_length=1.7, y_length=1.7, z_length=1.7)],
         "pin": lambda: [bar(0.8, -1.7, 1.7)],
         "cross": lambda: [bar(0.6, -1.8, 1.8), bar(0.6, -1.8, 1.8, 0)],
@@ -423,7 +427,9 @@ class Scene:
         """True if a body would hide the tip of an arrow at a place."""
         points = body.points(row["q"])
         middle = points.mean(axis=0)
-        return float(np.linalg.norm(x - middle)) < 0.9 * np.linalg.norm(points - middle, axis=1).max()
+        return (
+            float(np.linalg.norm(x - middle)) < 0.9 * np.linalg.norm(points - middle, axis=1).max()
+        )
 
     def _directors(self, which: int) -> Layer | None:
         """Arrows of a director at three places of each beam."""
@@ -585,6 +591,7 @@ class Stage:
         for vector in [None] if gravity is None else [None, gravity]:
             actor = vtkAxesActor()
             actor.SetTotalLength(1.0, 1.0, 1.0)
+            actor.SetShaftTypeToCylinder()
             both.AddPart(actor)
             for axis, letter in zip("XYZ", "xyz", strict=True):
                 getattr(actor, f"Set{axis}AxisLabelText")(letter if vector is None else "")
@@ -603,7 +610,9 @@ class Stage:
                 actor.GetXAxisShaftProperty().SetColor(0.3, 0.3, 0.3)
                 actor.GetXAxisTipProperty().SetColor(0.3, 0.3, 0.3)
         self.plotter.add_orientation_widget(both)
-        self.plotter.renderer.axes_widget.SetViewport(0.0, 0.0, 0.16, 0.16 * self.width / self.height)
+        self.plotter.renderer.axes_widget.SetViewport(
+            0.0, 0.0, 0.16, 0.16 * self.width / self.height
+        )
 
     def shot(self) -> Array:
         """The picture (height, width, 3)."""
@@ -738,7 +747,9 @@ def _check(
     if radius is not None:
         positive("argument radius", "radius", radius)
     if len(window) != 2 or not all(16 <= each <= 4096 for each in window):
-        raise InputError("argument window", f"got {window!r}, expected two numbers of pixels from 16 to 4096")
+        raise InputError(
+            "argument window", f"got {window!r}, expected two numbers of pixels from 16 to 4096"
+        )
     if path is not None:
         check_folder(path)
         if Path(path).suffix.lower() not in suffixes:
@@ -870,10 +881,13 @@ def picture_of_mesh(
             stage.add(Layer(name, colours[(k - 1) % len(colours)], mesh_, held(own)), {})
             middle = lines[elements[len(elements) // 2], 4]
             texts.append((name, held(middle)))
-    for radius, at in ((0.006, mesh.p.T), (0.011, mesh.p[:, [n[0] for n in mesh.nodes.values()]].T)):
+    for radius, at in (
+        (0.004, mesh.p.T),
+        (0.007, mesh.p[:, [n[0] for n in mesh.nodes.values()]].T),
+    ):
         if len(at):
             placed = held((at, radius * size * np.eye(3)))
-            stage.add(_copies("joint" if radius > 0.01 else "ground", "ball", len(at), placed), {})
+            stage.add(_copies("joint" if radius > 0.005 else "ground", "ball", len(at), placed), {})
     texts += [(name, held(mesh.p[:, own[0]])) for name, own in mesh.nodes.items()]
     stage.fit(points, camera)
     stage.axes()
@@ -908,8 +922,10 @@ def animate(
         raise InputError("argument speed", f"got {speed:g}, which makes {text}")
     asked = times[0] + step * np.arange(count)
     after = np.clip(np.searchsorted(times, asked), 1, max(len(times) - 1, 1))
-    near = [k - 1 if len(times) == 1 or t - times[k - 1] <= times[k] - t else k
-            for k, t in zip(after.tolist(), asked, strict=True)]
+    near = [
+        k - 1 if len(times) == 1 or t - times[k - 1] <= times[k] - t else k
+        for k, t in zip(after.tolist(), asked, strict=True)
+    ]
     digits = int(np.clip(np.ceil(-np.log10(step)), 0, 6))
     if "load_factor" in history:
         texts = [f"load factor {factor:.3f}" for factor in history["load_factor"][near]]
@@ -923,7 +939,7 @@ def film(
     path: FilePath,
     instants: Sequence[int],
     texts: Sequence[str],
-    behind: Row | None,
+    behind: Floats | None,
     colour: str,
     fps: float,
     camera: Camera,
@@ -931,7 +947,7 @@ def film(
     names: bool,
     window: tuple[int, int],
 ) -> Path:
-    """Film of some states with a text each, over a pale state `behind` it."""
+    """Film of some states with a text each, over a pale configuration (n,) `behind` it."""
     even = window[0] + window[0] % 2, window[1] + window[1] % 2  # as the codec of films has it
     _check(path, (".gif", ".mp4"), colour, camera, radius, even)
     rate = positive("argument fps", "fps", fps)
@@ -943,8 +959,8 @@ def film(
     stage = Stage(even)
     layers, title = scene.layers(), _title(colour)
     for layer in layers:
-        if behind is not None and layer.fades:
-            stage.add(layer, behind, 0.3)
+        if behind is not None and layer.name in ("beam", "body", "mass point"):
+            stage.add(layer._replace(values=None), {"q": behind}, 0.3)
         stage.add(layer, scene.rows[0], 1.0, scene.limits, title)
     stage.fit(np.concatenate([layer.points(row) for row in scene.rows for layer in layers]), camera)
     stage.axes(scene.gravity)
@@ -989,6 +1005,9 @@ def _write_gif(path: FilePath, some: Sequence[Array], images: Iterable[Array], f
     from PIL import Image
 
     palette = Image.fromarray(np.concatenate(some)).quantize(128, dither=Image.Dither.NONE)
+    colours = np.reshape(palette.getpalette(), (-1, 3))
+    colours[colours.sum(axis=1).argmax()] = 255  # the white of the background
+    palette.putpalette(colours.astype(np.uint8).tobytes())
     first, *others = (
         Image.fromarray(image).quantize(palette=palette, dither=Image.Dither.NONE)
         for image in images

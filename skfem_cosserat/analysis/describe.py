@@ -403,7 +403,9 @@ def configuration_formulas(system: System) -> Formulas:
 
     def places(h: History) -> list[Floats]:
         y = all_rows(system, h["q"], h.instants)
-        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in (*couplings, *rods)]
+        ends = [
+            [at_place(system, y, end) for end in (item.a, item.b)] for item in (*couplings, *rods)
+        ]
         return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
     formulas: Formulas = {

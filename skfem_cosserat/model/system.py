@@ -28,7 +28,17 @@ from ..kernels import cross
 from ..load import Load
 from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero
-from ..types import Array, ArrayLike, Floats, IndexArray, check_kind, names_known, numbers, real
+from ..types import (
+    Array,
+    ArrayLike,
+    FilePath,
+    Floats,
+    IndexArray,
+    check_kind,
+    names_known,
+    numbers,
+    real,
+)
 from ..warn import Notices
 from .checks import (
     JointRows,
