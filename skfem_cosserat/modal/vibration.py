@@ -88,11 +88,8 @@ class Animated:
         *,
         amplitude: float = 0.1,
         fps: float = 25,
-        colour: str = "",
-        camera: str | Sequence[Sequence[float]] = "iso",
-        radius: float | None = None,
-        names: bool = False,
         window: tuple[int, int] = (960, 540),
+        **look: Any,
     ) -> Path:
         """Film of one cycle of a mode in 28 frames, over the pale state that it is a mode of.
 
@@ -104,8 +101,10 @@ class Animated:
             ``.gif``, which loops, or ``.mp4`` (extra ``film``).
         amplitude : float
             As for :meth:`animation`: relative to the extent of the scene.
-        fps, colour, camera, radius, names, window
+        fps, window
             As for :meth:`History.animate`.
+        **look
+            ``colour``, ``camera``, ``radius``, ``names`` as there; by default one colour.
 
         Returns
         -------
@@ -125,13 +124,12 @@ class Animated:
         --------
         >>> modes(model).animate(0, "mode.gif")  # doctest: +SKIP
         """
-        from ..picture import film
+        from ..picture import Look, film
 
         history = self.animation(index, amplitude, FRAMES)
         rest = self._at.y[: self._at.system.rows].reshape(-1)
-        texts = [self.called(index)] * FRAMES
-        view = colour, fps, camera, radius, names, window
-        return film(history, path, range(FRAMES), texts, rest, *view)
+        frames = [(k, self.called(index)) for k in range(FRAMES)]
+        return film(history, path, frames, rest, fps, Look(window=window, **look))
 
 
 def checked_index(index: int, count: int) -> int:
