@@ -168,6 +168,12 @@ class Piece(NamedTuple):
     values: Points | None = None
     line: bool = False
 
+    def anchor(self, row: Row) -> Floats:
+        """Point (3,) that its name stands beside."""
+        points = self.points(row)
+        long = self.line or self.kind == "beam"
+        return np.asarray(points[len(points) // 2] if long else points.mean(axis=0))
+
 
 def _frames(vectors: Floats, width: float | None = None) -> Floats:
     """Rows e1, e2 across vectors (..., 3), and the vectors; e1, e2 as long as they, or so."""
@@ -276,6 +282,8 @@ class Scene:
             found = {k: tube if own.get(k) is None else own[k] for k in shape.section.tolist()}
             self.outlines.append(found)
         widths = [abs(each).max() for own in self.outlines for each in own.values()]
+        solid = [body.material for body in self.bodies if body.material is not None]
+        widths += [0.5 * np.ptp(each, axis=0).min() for each in solid]
         widest = 1.3 * max(widths, default=0.0) / self.size
         self.unit = self.size * float(np.clip(widest, 0.01, 0.025))
         pulls = [load.get("acceleration", (0, 0, 0)) for load in history.meta.get("loads", ())]
@@ -453,7 +461,7 @@ class Stage:
         self.font = int(max(11 * self.finer, self.size[0] // 70))
         self.title = f"norm of {look.colour} in {'N m' if look.colour == 'M' else 'N'}"
         self.shown: list[tuple[Any, list[Piece]]] = []
-        self.labels: list[tuple[Any, Points, Floats]] = []
+        self.labels: list[tuple[Any, Piece, Floats]] = []
 
     def add(self, pieces: Iterable[Piece], row: Row, strength: float = 1.0) -> None:
         """Show pieces at a state; pale ones stay there, and give way to others at the place."""
@@ -483,13 +491,20 @@ class Stage:
                 mesh.cell_data[self.title] = np.concatenate([p.values(row) for p in own])
                 style = {"cmap": table, "clim": self.limits, "scalar_bar_args": bar}
                 style["show_scalar_bar"] = strength == 1.0
-            style |= {"ambient": 0.25, "line_width": self.size[0] / 450, "reset_camera": False}
+            style |= {
+                "ambient": 0.25,
+                "line_width": self.size[0] / 450,
+                "reset_camera": False,
+                "render": False,
+            }
             actor = self.plotter.add_mesh(mesh, **style)
             if strength == 1.0:
                 self.shown.append((mesh, own))
             else:
                 actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-                actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(4.0, 4.0)
+                actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(
+                    2.0, 9.0 - 8.0 * strength
+                )
 
     def points(self, row: Row) -> Floats:
         """Points of all that is shown in full."""
@@ -501,8 +516,8 @@ class Stage:
             mesh.points = np.concatenate([piece.points(row) for piece in own])
             if own[0].values is not None:
                 mesh.cell_data[self.title] = np.concatenate([p.values(row) for p in own])
-        for label, points, shift in self.labels:
-            label.position = tuple(_anchor(points(row)) + shift)
+        for label, piece, shift in self.labels:
+            label.position = tuple(piece.anchor(row) + shift)
 
     def aim(self, points: Floats, gravity: Floats) -> None:
         """Look at points (k, 3), along parallel lines; axes, and gravity beside them, in a corner.
@@ -539,11 +554,14 @@ class Stage:
 
         both, axes = vtkPropAssembly(), vtkAxesActor()
         axes.SetShaftTypeToCylinder()
+        for axis in "XYZ":
+            caption = getattr(axes, f"Get{axis}AxisCaptionActor2D")().GetCaptionTextProperty()
+            caption.SetColor(0.0, 0.0, 0.0)
         both.AddPart(axes)
         if gravity.any():
             points, quads = _shape("arrow")
             mesh = pyvista.PolyData.from_regular_faces(
-                points * (3, 3, 1) @ _frames(_unit(gravity)), quads
+                points * (2, 2, 0.8) @ _frames(_unit(gravity)), quads
             )
             both.AddPart(pyvista.Actor(mapper=pyvista.DataSetMapper(mesh)))
             both.GetParts().GetLastProp().prop.color = COLOURS["ground"]
@@ -555,17 +573,17 @@ class Stage:
         """Names beside things; several at one place are one text."""
         import pyvista
 
-        found: dict[str, tuple[Points, Floats]] = {}
+        found: dict[str, tuple[Piece, Floats]] = {}
         for piece in (piece for _, own in self.shown for piece in own if piece.name):
-            seen = self.plane[:2] @ (_anchor(piece.points(row)) - self.focus) / self.pixel
+            seen = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel
             at = seen + 0.5 * self.size
             near = [k for k, (_, x) in found.items() if abs(x - at).max() < 0.6 * self.font]
             names = piece.name
             if near:
                 names = ", ".join(dict.fromkeys([*near[0].split(", "), names]))
-            found[names] = found.pop(near[0]) if near else (piece.points, at)
+            found[names] = found.pop(near[0]) if near else (piece, at)
         drawn = np.kron((self.shot() < 250).any(axis=2)[::-1], np.ones((self.finer, self.finer)))
-        for text, (points, at) in found.items():
+        for text, (piece, at) in found.items():
             box = np.array([0.56 * self.font * len(text), 1.25 * self.font])
             ways = [np.array([w.real, w.imag]) for w in np.exp(0.25j * np.pi * np.arange(8))]
             gaps = [gap * self.font * way for gap in (0.8, 1.9, 3.0, 5.0) for way in ways]
@@ -581,8 +599,8 @@ class Stage:
             drawn[y[best] : y[best] + tall, x[best] : x[best] + wide] = 10
             label = pyvista.Label(text.replace("$", r"\$"), size=self.font)
             label.prop.color = "black"
-            self.plotter.add_actor(label, reset_camera=False)
-            self.labels.append((label, points, self.pixel * (corners[best] - at) @ self.plane[:2]))
+            self.plotter.add_actor(label, reset_camera=False, render=False)
+            self.labels.append((label, piece, self.pixel * (corners[best] - at) @ self.plane[:2]))
         self.move(row)
 
     def legend(self) -> None:
@@ -625,11 +643,6 @@ class Stage:
 
 def _unit(vector: Floats) -> Floats:
     return np.asarray(vector / np.linalg.norm(vector))
-
-
-def _anchor(points: Floats) -> Floats:
-    """Point that a name stands beside."""
-    return np.asarray(points[len(points) // 2])
 
 
 # -- pictures --------------------------------------------------------------------------------------
@@ -715,7 +728,7 @@ def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
     parts = {"": mesh.unnamed_elements(), **mesh.beams}
     points = [("ground", "", x, 0.004) for x in mesh.p.T]
     points += [("joint", name, mesh.p[:, own[0]], 0.007) for name, own in mesh.nodes.items()]
-    kinds = [kind for kind in COLOURS if kind not in ("ground", "joint")]
+    kinds = ["beam", "force", _LINES, "moment", "d1", "mass point", "d2"]
     for k, (name, elements) in enumerate(parts.items()):
         own = lines[elements].reshape(-1, 3)
         cells = [np.arange(len(own)).reshape(-1, 9)]
