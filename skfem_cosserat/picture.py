@@ -500,11 +500,11 @@ class Stage:
             actor = self.plotter.add_mesh(mesh, **style)
             if strength == 1.0:
                 self.shown.append((mesh, own))
-            else:
-                actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-                actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(
-                    2.0, 9.0 - 8.0 * strength
-                )
+            # towards the back: pale ones; to the front: loads, which would be inside of beams
+            front = -5e6 if kind in ("force", "moment", "d1", "d2") else 8.0 * (1.0 - strength)
+            mapper = actor.mapper
+            mapper.SetResolveCoincidentTopologyToPolygonOffset()
+            mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(front > 0, front)
 
     def points(self, row: Row) -> Floats:
         """Points of all that is shown in full."""
@@ -831,11 +831,10 @@ def _write_gif(path: FilePath, images: Iterable[Array], fps: float) -> None:
 
     found = [Image.fromarray(image) for image in images]
     few = np.concatenate([np.asarray(each) for each in found[:: len(found) // 4 + 1]])
-    palette = Image.fromarray(few).quantize(128, dither=Image.Dither.NONE)
-    colours = np.reshape(palette.getpalette() or (), (-1, 3))
-    colours[colours.sum(axis=1).argmax()] = 255  # the white of the background
-    palette.putpalette(colours.astype(np.uint8).tobytes())
-    first, *others = (each.quantize(palette=palette, dither=Image.Dither.NONE) for each in found)
+    options: dict[str, Any] = {"dither": Image.Dither.NONE}
+    method = Image.Quantize.MAXCOVERAGE  # white stays white
+    options["palette"] = Image.fromarray(few).quantize(128, method, **options)
+    first, *others = (each.quantize(**options) for each in found)
     ends = np.round(100.0 * np.arange(len(found) + 1) / fps)
     durations = (10 * np.diff(ends)).astype(int).tolist()
     first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
