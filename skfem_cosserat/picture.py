@@ -831,10 +831,12 @@ def _write_gif(path: FilePath, images: Iterable[Array], fps: float) -> None:
 
     found = [Image.fromarray(image) for image in images]
     few = np.concatenate([np.asarray(each) for each in found[:: len(found) // 4 + 1]])
-    options: dict[str, Any] = {"dither": Image.Dither.NONE}
-    method = Image.Quantize.MAXCOVERAGE  # white stays white
-    options["palette"] = Image.fromarray(few).quantize(128, method, **options)
-    first, *others = (each.quantize(**options) for each in found)
+    palette = Image.fromarray(few).quantize(128, Image.Quantize.MAXCOVERAGE)
+    colours = np.reshape(palette.getpalette() or [], (-1, 3))
+    colours[colours.min(axis=1) > 243] = 255  # white stays white
+    palette.putpalette(colours.ravel().tolist())
+    none = Image.Dither.NONE
+    first, *others = (each.quantize(palette=palette, dither=none) for each in found)
     ends = np.round(100.0 * np.arange(len(found) + 1) / fps)
     durations = (10 * np.diff(ends)).astype(int).tolist()
     first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
