@@ -20,7 +20,6 @@ from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
 from ..joint import Joint, JointDrive, JointLocked
 from ..load import Load
-from ..notebook import Shown
 from ..time_function import (
     Amplitude,
     Constant,
@@ -35,7 +34,7 @@ from .groups import Structure
 from .loops import closure_rows
 from .parts import warn_of_loose_parts
 from .plane import Planar, Planarity, confine, inspect
-from .system import System, listed
+from .system import Pictured, System, listed
 
 ItemT = TypeVar("ItemT", bound=Item)
 
@@ -207,7 +206,7 @@ ReturnT = TypeVar("ReturnT")
 
 
 @checked
-class Model(Shown):
+class Model(Pictured):
     """A scene: beams, bodies, mass points; joints, drives; loads, force elements, damping.
 
     Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.

@@ -1,0 +1,842 @@
+"""Pictures and films of scenes, meshes, histories and modes (pyvista, optional).
+
+What is drawn comes in pieces whose points follow the state. A picture shows them at some instants,
+a film moves them, and a scene before a run is a history of one state, its reference.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache, partial
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from .analysis.describe import describe, path_formulas
+from .errors import CosseratError, InputError, writing
+from .export.geometry import BeamShape, beam_shapes, body_shapes, frames
+from .figures import MISSING, PALETTE, check_folder
+from .history import History
+from .model import system_of
+from .types import Array, FilePath, Floats, IndexArray, positive
+
+if TYPE_CHECKING:
+    from .mesh import MeshCurve
+
+Row: TypeAlias = Mapping[str, Array]
+#: points (k, 3), or numbers of faces, by the row of a state
+Points: TypeAlias = Callable[[Row], Array]
+
+#: colours of what is drawn, by the names that the legend has for them
+COLOURS = {
+    "beam": "steelblue",
+    "body": "#99a8bf",
+    "mass point": PALETTE["brown"],
+    "joint": "#df8a00",
+    "ground": "#50565e",
+    "spring, cable": PALETTE["green"],
+    "force": PALETTE["red"],
+    "moment": PALETTE["magenta"],
+    "d1": PALETTE["indigo"],
+    "d2": PALETTE["sky"],
+}
+_LINES = "spring, cable"
+#: towards the camera, and up
+_VIEWS = {
+    "xy": ((0, 0, 1), (0, 1, 0)),
+    "xz": ((0, -1, 0), (0, 0, 1)),
+    "yz": ((1, 0, 0), (0, 0, 1)),
+    "iso": ((1, 1, 1), (0, 0, 1)),
+}
+#: arrows of a load along a beam; frames of a film; frames per second of a GIF in browsers
+_ARROWS, _FRAMES, _GIF = 12, 5000, 50
+
+
+class Look(NamedTuple):
+    """How something is looked at: arguments of pictures and films."""
+
+    camera: str | Sequence[Sequence[float]] = "iso"
+    colour: str = ""
+    radius: float | None = None
+    names: bool = False
+    window: tuple[int, int] = (1600, 900)
+
+    def check(self, path: FilePath | None, *endings: str) -> None:
+        """Refuse what cannot be drawn, or not be written, before anything is drawn."""
+        named = isinstance(self.camera, str)
+        wrong = {
+            "colour": (self.colour not in ("", "M", "N"), "'M', 'N' or ''"),
+            "camera": (
+                self.camera not in _VIEWS if named else np.shape(self.camera) != (3, 3),
+                f"one of {', '.join(map(repr, _VIEWS))}, or position, focal point, up direction",
+            ),
+            "window": (
+                len(self.window) != 2 or not all(16 <= each <= 4096 for each in self.window),
+                "two numbers of pixels from 16 to 4096",
+            ),
+        }
+        for name, (bad, expected) in wrong.items():
+            if bad:
+                text = f"got {getattr(self, name)!r}, expected {expected}"
+                raise InputError(f"argument {name}", text)
+        if self.radius is not None:
+            positive("argument radius", "radius", self.radius)
+        if path is not None:
+            check_folder(path)
+            if Path(path).suffix.lower() not in endings:
+                text = f"ends with {Path(path).suffix!r}, expected {' or '.join(endings)}"
+                raise InputError(f"file {str(path)!r}", text)
+
+
+# -- a working driver, without which VTK ends the process ------------------------------------------
+
+_PROBE = """
+import vtkmodules.vtkRenderingOpenGL2
+from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+window = vtkRenderWindow()
+window.SetOffScreenRendering(1)
+window.SetSize(8, 8)
+window.AddRenderer(vtkRenderer())
+window.Render()
+"""
+
+
+def _opens(**more: str) -> bool:
+    """True if another process can draw: VTK without OpenGL ends its process."""
+    command = [sys.executable, "-c", _PROBE]
+    try:
+        return not subprocess.run(
+            command, env=os.environ | more, capture_output=True, timeout=60, check=False
+        ).returncode
+    except subprocess.TimeoutExpired:
+        return False
+
+
+@cache
+def _driver() -> bool:
+    """True if pictures can be drawn here; looked for once in a process."""
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        # said at once: VTK warns if it has to look for a display
+        direct = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
+        if _opens(**direct):
+            os.environ |= direct
+            return True
+    return _opens()
+
+
+def _pyvista() -> Any:
+    """The package, if it is there and can draw."""
+    try:
+        import pyvista
+    except ImportError as error:
+        raise ImportError(f"pyvista {MISSING}") from error
+    if not _driver():
+        text = "pictures need OpenGL, and no driver for it works here: without a graphics card"
+        raise CosseratError(f"{text} install Mesa (libegl1 libgl1 libgl1-mesa-dri)")
+    return pyvista
+
+
+# -- pieces of a scene -----------------------------------------------------------------------------
+
+
+class Piece(NamedTuple):
+    """Faces (or lines) that follow the state, by name of its colour.
+
+    Attributes
+    ----------
+    kind : str
+        One of `COLOURS`.
+    cells : sequence of (m, k) or (k,) int array
+        Points of faces, or of a line.
+    points : callable
+    name : str
+        Of the item; "" for what has none.
+    values : callable, optional
+        Numbers of the faces instead of the colour.
+    line : bool
+    """
+
+    kind: str
+    cells: Sequence[IndexArray]
+    points: Points
+    name: str = ""
+    values: Points | None = None
+    line: bool = False
+
+    def anchor(self, row: Row) -> Floats:
+        """Point (3,) that its name stands beside."""
+        points = self.points(row)
+        long = self.line or self.kind == "beam"
+        return np.asarray(points[len(points) // 2] if long else points.mean(axis=0))
+
+
+def _frames(vectors: Floats, width: float | None = None) -> Floats:
+    """Rows e1, e2 across vectors (..., 3), and the vectors; e1, e2 as long as they, or so."""
+    size = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    unit = np.where(size > 0, vectors / np.maximum(size, 1e-300), np.eye(3)[2])
+    e1 = np.cross(unit, np.eye(3)[np.argmin(abs(unit), axis=-1)])
+    e1 /= np.linalg.norm(e1, axis=-1, keepdims=True)
+    across = size if width is None else width
+    return np.stack([across * e1, across * np.cross(unit, e1), vectors], axis=-2)
+
+
+def _bar(radius: float, half: float, middle: float = 0.0) -> list[tuple[float, float]]:
+    return [(0.0, middle - half), (radius, middle - half), (radius, middle + half), (0.0, half)]
+
+
+_HEAD = [(0.09, 0.72), (0.0, 1.0)]
+#: profiles (r, z) of shapes of revolution, by the motion that a joint leaves free, and others
+_SHAPES = {
+    "arrow": [(0.025, 0.0), (0.025, 0.72), *_HEAD],
+    "double": [(0.025, 0.0), (0.025, 0.5), (0.09, 0.5), (0.025, 0.72), *_HEAD],
+    "bar": _bar(1.0, 0.5, 0.5)[:3] + [(0.0, 1.0)],
+    "ball": [(np.sin(a), -np.cos(a)) for a in np.linspace(0.0, np.pi, 13)],
+    "box": _bar(1.2, 0.85),
+    "pin": _bar(0.8, 1.7),
+    "slide": _bar(0.3, 4.0),
+    "disc": _bar(2.6, 0.2),
+    "ground": [(0.0, 0.0), (1.7, 2.6), (0.0, 2.6)],
+}
+#: shapes of joints; others, as own ones, are balls
+_JOINTS = {
+    "revolute": ("pin",),
+    "universal": ("pin", "cross"),
+    "cylindrical": ("pin", "slide"),
+    "prismatic": ("box", "slide"),
+    "point-on-line": ("ball", "slide"),
+    "planar": ("disc",),
+    "fixed": ("box",),
+    "locked": ("box",),
+    "distance": (),
+}
+
+
+@cache
+def _shape(kind: str) -> tuple[Floats, IndexArray]:
+    """Points and quads of a shape along the third axis."""
+    profile = np.array(_SHAPES[kind])
+    count = 4 if kind in ("box", "ground") else 20
+    angle = 2 * np.pi / count * (np.arange(count) + 0.5)
+    ring = np.stack([np.cos(angle), np.sin(angle), np.ones(count)], axis=-1)
+    points = ring * profile[:, None, [0, 0, 1]]
+    number = np.arange(points.size // 3).reshape(-1, count)
+    after = np.roll(number, -1, axis=1)
+    quads = np.stack([number[:-1], after[:-1], after[1:], number[1:]], axis=-1)
+    return points.reshape(-1, 3), quads.reshape(-1, 4)
+
+
+def _copies(kind: str, shape: str, placed: Points, name: str = "", count: int = 1) -> Piece:
+    """Shapes at places; `placed` gives rows (..., 4, 3): the place, and the axes there."""
+    points, quads = _shape(shape)
+
+    def moved(row: Row) -> Floats:
+        at = placed(row)
+        return np.reshape(at[..., :1, :] + points @ at[..., 1:, :], (-1, 3))
+
+    cells = [quads + k * len(points) for k in range(count)]
+    return Piece(kind, cells, moved, name)
+
+
+def _at(x: Floats, axes: Floats) -> Floats:
+    """Rows (..., 4, 3) for `_copies`."""
+    x = np.asarray(x)[..., None, :]
+    return np.concatenate([x, np.broadcast_to(axes, (*x.shape[:-2], 3, 3))], axis=-2)
+
+
+class Scene:
+    """What is drawn of some states of a history.
+
+    Attributes
+    ----------
+    size : float
+        Extent of all that is shown (m).
+    unit : float
+        Size of joints (m): they are seen around beams, unless these are very thick.
+    gravity : (3,) array
+        Acceleration (m/s^2).
+    limits : (2,) float
+        Range of the colours.
+    """
+
+    def __init__(self, history: History, rows: Sequence[Row], look: Look) -> None:
+        self.history, self.rows, self.colour = history, rows, look.colour
+        self.shapes = beam_shapes(history.meta, history.static)
+        self.bodies = list(body_shapes(history.meta, history.static))
+        drawn = [each.points for each in (*self.shapes, *self.bodies)]
+        if not drawn:
+            raise InputError("history", "has no beams, bodies or mass points to be drawn")
+        points = np.concatenate([each(row["q"]) for row in rows for each in drawn])
+        self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
+        self.middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+        circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        tube = (look.radius or 0.006 * self.size) * circle
+        self.outlines = []
+        for shape in self.shapes:
+            own = {} if look.radius else {k: shape.outline(k) for k in set(shape.section.tolist())}
+            found = {k: tube if own.get(k) is None else own[k] for k in shape.section.tolist()}
+            self.outlines.append(found)
+        widths = [abs(each).max() for own in self.outlines for each in own.values()]
+        solid = [body.material for body in self.bodies if body.material is not None]
+        widths += [0.5 * np.ptp(each, axis=0).min() for each in solid]
+        widest = 1.3 * max(widths, default=0.0) / self.size
+        self.unit = self.size * float(np.clip(widest, 0.01, 0.025))
+        pulls = [load.get("acceleration", (0, 0, 0)) for load in history.meta.get("loads", ())]
+        self.gravity = np.sum([(0.0, 0.0, 0.0), *pulls], axis=0)
+        tops = [self._forces(shape, row).max() for shape in self.shapes for row in rows]
+        self.limits = 0.0, float(max(tops, default=0.0)) or 1.0
+
+    def _forces(self, shape: BeamShape, row: Row) -> Floats:
+        """Norm of the resultant on the pieces of a beam's elements; none if it is not known."""
+        key = f"beam/{shape.name}/resultant"
+        if not self.colour or key not in row:
+            return np.zeros(1)
+        three = row[key][..., :3] if self.colour == "N" else row[key][..., 3:]
+        mean = shape.average(three[..., None, :], shape.pieces)
+        return np.asarray(np.linalg.norm(mean[:, 0], axis=1))
+
+    def _series(self, kind: str, what: str) -> Iterator[tuple[str, Any, Points]]:
+        """Names, types and series of items that have one."""
+        for entry in self.history.meta.get(f"{kind}s", ()):
+            key = f"{kind}/{entry['name']}/{what}"
+            if key in self.history:
+                yield entry["name"], entry, lambda row, key=key: row[key]  # type: ignore[misc]
+
+    def pieces(self) -> Iterator[Piece]:
+        """Pieces of all items."""
+        for shape, outlines in zip(self.shapes, self.outlines, strict=True):
+            yield self._beam(shape, outlines)
+        for body in self.bodies:
+            if body.material is None:
+                ball = partial(self._ball, body)
+                yield _copies("mass point", "ball", ball, body.name)
+            else:
+                points = partial(lambda body, row: body.points(row["q"]), body)
+                yield Piece("body", [body.faces], points, body.name)
+        for name, entry, ends in self._series("coupling", "ends"):
+            yield self._line(name, entry["type"], ends)
+            yield from self._ground(entry, ends)
+        for name, _, ends in self._series("joint", "ends"):
+            rod = partial(self._rod, ends)
+            yield _copies("joint", "bar", rod, name)
+        for name, entry, place in self._series("joint", "position"):
+            yield from self._joint(name, entry["type"], place)
+            yield from self._ground(entry, place)
+        for what, shape_ in (("force", "arrow"), ("moment", "double")):
+            for name, _, vectors in self._series("load", what):
+                yield from self._load(name, what, shape_, vectors)
+
+    def _beam(self, shape: BeamShape, outlines: dict[int, Floats]) -> Piece:
+        sweep = shape.surface(outlines)
+        own = sweep.element * shape.pieces + sweep.piece
+        ends = [own[(sweep.quads == ring[0]).any(axis=1)][:1] for ring in sweep.caps]
+        cells = np.concatenate([own, *ends])
+        known = self.colour and f"beam/{shape.name}/resultant" in self.history
+        return Piece(
+            "beam",
+            [sweep.quads, *sweep.caps],
+            lambda row: sweep.points(row["q"]),
+            shape.name,
+            (lambda row: self._forces(shape, row)[cells]) if known else None,
+        )
+
+    def _ball(self, body: Any, row: Row) -> Floats:
+        return _at(body.points(row["q"]), 0.014 * self.size * np.eye(3))
+
+    def _rod(self, ends: Points, row: Row) -> Floats:
+        a, b = ends(row)
+        return _at(a, _frames(b - a, 0.4 * self.unit))
+
+    def _line(self, name: str, kind: str, ends: Points) -> Piece:
+        """A spring as a coil, others straight; a ring where both ends are one point."""
+        s = np.linspace(0.0, 1.0, 121)
+        wound, out = np.array(2 * np.pi * np.clip(10 * s - 1.5, 0, 7)), 0.0 * s
+        if kind == "spring":
+            out = self.unit * np.clip(np.minimum(10 * s - 1.5, 8.5 - 10 * s), 0, 1)
+        if np.linalg.norm(np.ptp(ends(self.rows[0]), axis=0)) < 0.01 * self.size:
+            out = 2.2 * self.unit + out
+        form = np.column_stack([out * np.cos(wound), out * np.sin(wound), s])
+
+        def points(row: Row) -> Floats:
+            a, b = ends(row)
+            return np.asarray(a + form @ _frames(b - a, 1.0))
+
+        return Piece(_LINES, [np.arange(len(s))], points, name, line=True)
+
+    def _joint(self, name: str, kind: str, place: Points) -> Iterator[Piece]:
+        """Shapes that show what is free, along the joint's axes."""
+        static = self.history.static
+        axes = self.unit * static.get(f"joint/{name}/axes", np.eye(3))
+        offset = static.get(f"joint/{name}/frame")
+
+        def placed(row: Row) -> Floats:
+            turn = np.eye(3) if offset is None else frames(row["q"], [offset])[1][0]
+            return _at(place(row), axes @ turn)
+
+        for shape in _JOINTS.get(kind, ("ball",)):
+            if shape == "cross":
+                crossed = partial(lambda at, row: at(row)[[0, 2, 3, 1]], placed)
+                yield _copies("joint", "pin", crossed)
+            else:
+                yield _copies("joint", shape, placed, name)
+
+    def _ground(self, entry: Any, places: Points) -> Iterator[Piece]:
+        """Pyramids under the sides that belong to the ground."""
+        down = self.gravity if self.gravity.any() else np.array([0.0, 0.0, -1.0])
+        axes = self.unit * _frames(down / np.linalg.norm(down))
+        for k, side in enumerate("ab"):
+            if entry[side].startswith("ground"):
+                at = partial(lambda k, row: _at(places(row).reshape(-1, 3)[-k], axes), k)
+                yield _copies("ground", "ground", at)
+
+    def _load(self, name: str, what: str, shape: str, vectors: Points) -> Iterator[Piece]:
+        """Arrows, the longest for what is largest; they end at their places, or begin there."""
+        place = f"load/{name}/position"
+        top = max(self.rows, key=lambda row: float(abs(vectors(row)).max(initial=0.0)))
+        largest = np.linalg.norm(vectors(top), axis=-1).max(initial=0.0)
+        if not largest:
+            return
+        scale = 0.15 * self.size / largest
+        stride = -(-len(vectors(top)) // _ARROWS)
+        some = slice((len(vectors(top)) - 1) % stride // 2, None, stride)
+        # towards the middle it would be hidden by the scene
+        inward = scale * np.sum(vectors(top) * (top[place] - self.middle)) < -0.01 * self.size**2
+
+        def placed(row: Row) -> Floats:
+            ways = scale * vectors(row)[some]
+            return _at(
+                row[place][some] - (ways if inward and what == "force" else 0.0), _frames(ways)
+            )
+
+        yield _copies(what, shape, placed, name, len(vectors(top)[some]))
+
+    def directors(self) -> Iterator[Piece]:
+        """Arrows of section directors at some places of each beam."""
+        for shape in self.shapes:
+            stride = max(len(shape.connectivity) // 3, 1)
+            for k in (0, 1):
+
+                def placed(
+                    row: Row, shape: Any = shape, stride: int = stride, k: int = k
+                ) -> Floats:
+                    x, d = (each[::stride].mean(axis=1) for each in shape.axes(row["q"]))
+                    return _at(x, _frames(0.05 * self.size * d[:, k]))
+
+                yield _copies(f"d{k + 1}", "arrow", placed, "", len(placed(self.rows[0])))
+
+
+# -- the stage: a window with pieces, a camera, names ----------------------------------------------
+
+
+def _faded(colour: Any, strength: float) -> Floats:
+    """Mix colours with white; opaque, as transparency needs sorted faces."""
+    from matplotlib.colors import to_rgba_array
+
+    return 1.0 - strength * (1.0 - to_rgba_array(colour)[..., :3])
+
+
+class Stage:
+    """A white window on pieces.
+
+    Parameters
+    ----------
+    look : Look
+    off_screen : bool
+    limits : (2,) float
+        Range of the colours.
+    """
+
+    def __init__(self, look: Look, off_screen: bool, limits: tuple[float, float]) -> None:
+        # drawn at twice the size: smooth edges in less time than OpenGL in software takes for them
+        self.finer = 2 if off_screen else 1
+        self.look, self.limits = look, limits
+        self.size = self.finer * np.array(look.window)
+        self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=self.size.tolist())
+        self.plotter.set_background("white")
+        self.font = int(max(11 * self.finer, self.size[0] // 70))
+        self.title = f"norm of {look.colour} in {'N m' if look.colour == 'M' else 'N'}"
+        self.shown: list[tuple[Any, list[Piece]]] = []
+        self.labels: list[tuple[Any, Piece, Floats]] = []
+
+    def add(self, pieces: Iterable[Piece], row: Row, strength: float = 1.0) -> None:
+        """Show pieces at a state; pale ones stay there, and give way to others at the place."""
+        import pyvista
+        from matplotlib import colormaps
+        from matplotlib.colors import ListedColormap
+
+        sorted_ = {kind: [p for p in pieces if p.kind == kind] for kind in COLOURS}
+        table = ListedColormap(_faded(colormaps["viridis"](np.linspace(0, 1, 256)), strength))
+        bar = {"title": self.title, "fmt": "%.3g", "color": "black", "n_labels": 2, "width": 0.3}
+        bar |= {"height": 0.07, "position_x": 0.35, "position_y": 0.02}
+        bar |= dict.fromkeys(("title_font_size", "label_font_size"), self.font)
+        for kind, own in sorted_.items():
+            if not own:
+                continue
+            parts = [piece.points(row) for piece in own]
+            starts = np.cumsum([0, *map(len, parts)])
+            cells = [
+                np.insert(np.atleast_2d(each) + start, 0, np.shape(each)[-1], axis=1).ravel()
+                for piece, start in zip(own, starts, strict=False)
+                for each in piece.cells
+            ]
+            form = {"lines" if own[0].line else "faces": np.concatenate(cells)}
+            mesh = pyvista.PolyData(np.concatenate(parts), **form)
+            style: dict[str, Any] = {"color": _faded(COLOURS[kind], strength)[0]}
+            if own[0].values is not None:
+                mesh.cell_data[self.title] = np.concatenate([p.values(row) for p in own])
+                style = {"cmap": table, "clim": self.limits, "scalar_bar_args": bar}
+                style["show_scalar_bar"] = strength == 1.0
+            style |= {
+                "ambient": 0.25,
+                "line_width": self.size[0] / 450,
+                "reset_camera": False,
+                "render": False,
+            }
+            actor = self.plotter.add_mesh(mesh, **style)
+            if strength == 1.0:
+                self.shown.append((mesh, own))
+            # towards the back: pale ones; to the front: loads, which would be inside of beams
+            front = -5e6 if kind in ("force", "moment", "d1", "d2") else 8.0 * (1.0 - strength)
+            mapper = actor.mapper
+            mapper.SetResolveCoincidentTopologyToPolygonOffset()
+            mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(front > 0, front)
+
+    def points(self, row: Row) -> Floats:
+        """Points of all that is shown in full."""
+        return np.concatenate([piece.points(row) for _, own in self.shown for piece in own])
+
+    def move(self, row: Row) -> None:
+        """Show the pieces and names at another state."""
+        for mesh, own in self.shown:
+            mesh.points = np.concatenate([piece.points(row) for piece in own])
+            if own[0].values is not None:
+                mesh.cell_data[self.title] = np.concatenate([p.values(row) for p in own])
+        for label, piece, shift in self.labels:
+            label.position = tuple(piece.anchor(row) + shift)
+
+    def aim(self, points: Floats, gravity: Floats) -> None:
+        """Look at points (k, 3), along parallel lines; axes, and gravity beside them, in a corner.
+
+        The points are above the scale and the axes, if the camera has a name.
+        """
+        camera = self.look.camera
+        if isinstance(camera, str):
+            out, up = (np.array(each, dtype=float) for each in _VIEWS[camera])
+        else:
+            eye, focus, up = np.array(camera, dtype=float)
+            out = eye - focus
+        sides = _unit(np.cross(up, out)), _unit(np.cross(out, np.cross(up, out)))
+        self.plane = np.array([*sides, _unit(out)])
+        if isinstance(camera, str):
+            ends = points @ self.plane.T
+            extent = np.ptp(ends, axis=0)
+            scale = 0.5 * max(extent[1] / 0.68, extent[0] / 0.8 * self.size[1] / self.size[0])
+            scale = scale or 1.0
+            focus = (0.5 * (ends.min(0) + ends.max(0)) - (0, 0.16 * scale, 0)) @ self.plane
+            out = 2.0 * (np.linalg.norm(extent) + scale) * self.plane[2]
+        else:
+            scale = 0.27 * float(np.linalg.norm(out))  # as at an angle of 30 degrees
+        self.pixel, self.focus = 2.0 * scale / self.size[1], focus
+        self.plotter.camera_position = [tuple(focus + out), tuple(focus), tuple(self.plane[1])]
+        self.plotter.enable_parallel_projection()
+        self.plotter.camera.parallel_scale = scale
+        self._axes(gravity)
+
+    def _axes(self, gravity: Floats) -> None:
+        import pyvista
+        from vtkmodules.vtkRenderingAnnotation import vtkAxesActor
+        from vtkmodules.vtkRenderingCore import vtkPropAssembly
+
+        both, axes = vtkPropAssembly(), vtkAxesActor()
+        axes.SetShaftTypeToCylinder()
+        for axis in "XYZ":
+            caption = getattr(axes, f"Get{axis}AxisCaptionActor2D")().GetCaptionTextProperty()
+            caption.SetColor(0.0, 0.0, 0.0)
+        both.AddPart(axes)
+        if gravity.any():
+            points, quads = _shape("arrow")
+            mesh = pyvista.PolyData.from_regular_faces(
+                points * (2, 2, 0.8) @ _frames(_unit(gravity)), quads
+            )
+            both.AddPart(pyvista.Actor(mapper=pyvista.DataSetMapper(mesh)))
+            both.GetParts().GetLastProp().prop.color = COLOURS["ground"]
+        self.plotter.add_orientation_widget(both)
+        corner = 0.16, 0.16 * self.size[0] / self.size[1]
+        self.plotter.renderer.axes_widget.SetViewport(0.0, 0.0, *corner)
+
+    def name(self, row: Row) -> None:
+        """Names beside things; several at one place are one text."""
+        import pyvista
+
+        found: dict[str, tuple[Piece, Floats]] = {}
+        for piece in (piece for _, own in self.shown for piece in own if piece.name):
+            seen = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel
+            at = seen + 0.5 * self.size
+            near = [k for k, (_, x) in found.items() if abs(x - at).max() < 0.6 * self.font]
+            names = piece.name
+            if near:
+                names = ", ".join(dict.fromkeys([*near[0].split(", "), names]))
+            found[names] = found.pop(near[0]) if near else (piece, at)
+        drawn = np.kron((self.shot() < 250).any(axis=2)[::-1], np.ones((self.finer, self.finer)))
+        for text, (piece, at) in found.items():
+            box = np.array([0.56 * self.font * len(text), 1.25 * self.font])
+            ways = [np.array([w.real, w.imag]) for w in np.exp(0.25j * np.pi * np.arange(8))]
+            gaps = [gap * self.font * way for gap in (0.8, 1.9, 3.0, 5.0) for way in ways]
+            low = (0.01 * self.size[0], 0.15 * self.size[1])
+            corners = [
+                np.clip(at + g + box * (np.sign(g.round()) - 1) / 2, low, 0.99 * self.size - box)
+                for g in gaps
+            ]
+            x, y = np.transpose(corners).astype(int)
+            wide, tall = box.astype(int)
+            cost = [drawn[b : b + tall, a : a + wide].sum() for a, b in zip(x, y, strict=True)]
+            best = int(np.argmin(np.array(cost) + 1e-3 * np.arange(len(gaps))))
+            drawn[y[best] : y[best] + tall, x[best] : x[best] + wide] = 10
+            label = pyvista.Label(text.replace("$", r"\$"), size=self.font)
+            label.prop.color = "black"
+            self.plotter.add_actor(label, reset_camera=False, render=False)
+            self.labels.append((label, piece, self.pixel * (corners[best] - at) @ self.plane[:2]))
+        self.move(row)
+
+    def legend(self) -> None:
+        """What the colours mean, at the lower right."""
+        entries = [[own[0].kind, _faded(COLOURS[own[0].kind], 1.0)[0]] for _, own in self.shown]
+        size = 0.12, 1.3 * self.font * len(entries) / self.size[1]
+        box = self.plotter.add_legend(entries, bcolor=None, face="rectangle", size=size)
+        box.SetPosition(0.87, 0.05)
+
+    def shot(self) -> Array:
+        """The picture (height, width, 3)."""
+        from PIL import Image
+
+        self.plotter.renderer.ResetCameraClippingRange()
+        self.plotter.render()
+        image = self.plotter.screenshot(return_img=True)
+        return np.asarray(Image.fromarray(image[..., :3]).reduce(self.finer))
+
+    def show(self, path: FilePath | None) -> Any:
+        """Write it, or show it in a notebook, where the mouse turns it, or in a window."""
+        if not self.plotter.off_screen:
+            return self.plotter.show()
+        from PIL import Image
+
+        if path is not None:
+            with writing(path):
+                Image.fromarray(self.shot()).save(path, "PNG")
+            return Path(path)
+        import IPython.display
+
+        try:
+            page = self.plotter.export_html(None).read().replace('"', "&quot;")
+        except ImportError:  # what pyvista needs for it
+            data = BytesIO()
+            Image.fromarray(self.shot()).save(data, "PNG")
+            return IPython.display.Image(data.getvalue())
+        style = "width: 100%; height: 540px; border: 0"
+        return IPython.display.HTML(f'<iframe srcdoc="{page}" style="{style}"></iframe>')
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / np.linalg.norm(vector))
+
+
+# -- pictures --------------------------------------------------------------------------------------
+
+
+def _off_screen(path: FilePath | None) -> bool:
+    """False if a window is to be opened."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if path is not None or hasattr(shell, "kernel"):
+        return True
+    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+        text = "is missing, and there is no display to open a window on: give the name of a picture"
+        raise InputError("argument path", text)
+    return False
+
+
+def _instants(history: History, frames: int | Sequence[int]) -> list[int]:
+    """Numbers of the states in a picture."""
+    if not len(history):
+        raise InputError("history", "has no states")
+    if isinstance(frames, int):
+        if frames < 1:
+            raise InputError("argument frames", f"got {frames}, expected at least 1")
+        times = np.linspace(history.times[0], history.times[-1], frames)
+        return sorted({int(np.argmin(abs(history.times - t))) for t in times})
+    for i in frames:
+        if not -len(history) <= i < len(history):
+            raise InputError("argument frames", f"got state {i}, there are {len(history)}")
+    return [int(i) % len(history) for i in frames]
+
+
+def picture(
+    history: History,
+    path: FilePath | None,
+    frames: int | Sequence[int],
+    look: Look,
+    before: bool = False,
+) -> Any:
+    """See :meth:`History.picture`; `before` a run directors and a legend are drawn, too."""
+    look.check(path, ".png")
+    rows = [history.row(i) for i in _instants(history, frames)]
+    off_screen = _off_screen(path)
+    _pyvista()
+    scene = Scene(history, rows, look)
+    stage = Stage(look, off_screen, scene.limits)
+    pieces = [*scene.pieces(), *(scene.directors() if before else ())]
+    pale = [piece for piece in pieces if piece.kind in ("beam", "body", "mass point", _LINES)]
+    for k, row in enumerate(rows[:-1], 1):
+        stage.add(pale, row, 0.25 + 0.75 * k / len(rows))
+    stage.add(pieces, rows[-1])
+    earlier = [piece.points(row) for row in rows[:-1] for piece in pale]
+    stage.aim(np.concatenate([stage.points(rows[-1]), *earlier]), scene.gravity)
+    if before:
+        stage.legend()
+    if look.names:
+        stage.name(rows[-1])
+    return stage.show(path)
+
+
+def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
+    """See :meth:`Model.plot`: a history of one state, the reference; no load is zero."""
+    system = system_of(scene, "model")
+    meta, static = describe(system)
+    series: dict[str, Any] = {"t": [0.0], "step": [0], "load_factor": [0.0]}
+    series |= {"q": system.q0[None], "p": 0 * system.q0[None]}
+    for name, channels in (("loads", system.loading), ("actuators", system.couplings)):
+        factors = np.array(channels.values(0.0))
+        series[f"amplitudes/{name}"] = np.where(factors == 0, 1.0, factors)[None]
+    history = History(meta | {"time": 0.0}, static, series, None, [system], path_formulas)
+    return picture(history, path, 1, look, before=True)
+
+
+def _held(values: Floats) -> Points:
+    return lambda row: values
+
+
+def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
+    """See :meth:`MeshCurve.plot`."""
+    look.check(path, ".png")
+    stage = Stage(look, _off_screen(path), (0.0, 1.0))
+    size = float(np.linalg.norm(np.ptp(mesh.p, axis=1)))
+    lines = np.moveaxis(mesh.mapping().F(np.linspace(0.0, 1.0, 9)[None]), 0, -1)
+    parts = {"": mesh.unnamed_elements(), **mesh.beams}
+    points = [("ground", "", x, 0.004) for x in mesh.p.T]
+    points += [("joint", name, mesh.p[:, own[0]], 0.007) for name, own in mesh.nodes.items()]
+    kinds = ["beam", "force", _LINES, "moment", "d1", "mass point", "d2"]
+    for k, (name, elements) in enumerate(parts.items()):
+        own = lines[elements].reshape(-1, 3)
+        cells = [np.arange(len(own)).reshape(-1, 9)]
+        kind = kinds[(k - 1) % len(kinds)]
+        stage.add([Piece(kind, cells, _held(own), name, line=True)] if len(own) else [], {})
+    balls = [_copies(k, "ball", _held(_at(x, r * size * np.eye(3))), n) for k, n, x, r in points]
+    stage.add(balls, {})
+    stage.aim(lines.reshape(-1, 3), np.zeros(3))
+    if look.names:
+        stage.name({})
+    return stage.show(path)
+
+
+# -- films -----------------------------------------------------------------------------------------
+
+
+def animate(history: History, path: FilePath, fps: float, speed: float, look: Look) -> Path:
+    """See :meth:`History.animate`."""
+    rate, pace = positive("argument fps", "fps", fps), positive("argument speed", "speed", speed)
+    if not len(history):
+        raise InputError("history", "has no states")
+    times = history.times
+    count = int((times[-1] - times[0]) * rate / pace * (1 + 1e-9)) + 1
+    if count > _FRAMES:
+        text = (
+            f"makes {count} frames, expected at most {_FRAMES}: take a larger one, or a lower fps"
+        )
+        raise InputError("argument speed", f"got {speed:g}, which {text}")
+    asked = times[0] + pace / rate * np.arange(count)
+    near = [int(np.argmin(abs(times - t))) for t in asked]
+    digits = int(np.clip(np.ceil(np.log10(rate / pace)), 0, 6))
+    texts = [f"t = {t:.{digits}f} s" for t in asked]
+    if "load_factor" in history:
+        texts = [f"load factor {factor:.3f}" for factor in history["load_factor"][near]]
+    return film(history, path, list(zip(near, texts, strict=True)), None, fps, look)
+
+
+def film(
+    history: History,
+    path: FilePath,
+    frames: Sequence[tuple[int, str]],
+    behind: Floats | None,
+    fps: float,
+    look: Look,
+) -> Path:
+    """Film of states, by numbers and texts, over a pale configuration (n,) `behind` them."""
+    # the codec takes even sizes only
+    look = look._replace(window=(look.window[0] // 2 * 2, look.window[1] // 2 * 2))
+    look.check(path, ".gif", ".mp4")
+    rate, loop = positive("argument fps", "fps", fps), Path(path).suffix.lower() == ".gif"
+    if loop and rate > _GIF:
+        text = f"got {fps:g}, expected at most {_GIF}: browsers show no more of a GIF, write .mp4"
+        raise InputError("argument fps", text)
+    _pyvista()
+    some = np.linspace(0, len(frames) - 1, min(len(frames), 100)).astype(int)
+    rows = [history.row(frames[k][0]) for k in some]
+    scene = Scene(history, rows, look)
+    stage = Stage(look, True, scene.limits)
+    pieces = list(scene.pieces())
+    if behind is not None:
+        pale = [p._replace(values=None) for p in pieces if p.kind in ("beam", "body", "mass point")]
+        stage.add(pale, {"q": behind}, 0.3)
+    stage.add(pieces, rows[0])
+    stage.aim(np.concatenate([stage.points(row) for row in rows]), scene.gravity)
+    if look.names:
+        stage.name(rows[0])
+    corner = (0.03, 0.93) * stage.size
+    size = 0.75 * stage.font
+    clock = stage.plotter.add_text(" ", position=tuple(corner), font_size=size, color="black")
+
+    def pictures() -> Iterator[Array]:
+        for number, text in frames:
+            stage.move(history.row(number))
+            clock.input = text
+            yield stage.shot()
+
+    with writing(path):
+        (_write_gif if loop else _write_mp4)(path, pictures(), rate)
+    return Path(path)
+
+
+def _write_mp4(path: FilePath, images: Iterable[Array], fps: float) -> None:
+    """H.264 in the colours that browsers play."""
+    try:
+        import imageio.v2
+        import imageio_ffmpeg  # noqa: F401
+    except ImportError as error:
+        text = "imageio and imageio-ffmpeg are needed for .mp4: pip install skfem-cosserat[film]"
+        raise ImportError(f"{text}; .gif needs neither") from error
+    options = {"codec": "libx264", "pixelformat": "yuv420p", "macro_block_size": 2, "quality": 7}
+    options["output_params"] = ["-movflags", "+faststart"]
+    with imageio.v2.get_writer(path, fps=fps, **options) as writer:
+        for image in images:
+            writer.append_data(image)
+
+
+def _write_gif(path: FilePath, images: Iterable[Array], fps: float) -> None:
+    """A loop in the colours of all of it."""
+    from PIL import Image
+
+    found = [Image.fromarray(image) for image in images]
+    few = np.concatenate([np.asarray(each) for each in found[:: len(found) // 4 + 1]])
+    palette = Image.fromarray(few).quantize(128, Image.Quantize.MAXCOVERAGE)
+    colours = np.reshape(palette.getpalette() or [], (-1, 3))
+    colours[colours.min(axis=1) > 243] = 255  # white stays white
+    palette.putpalette(colours.ravel().tolist())
+    none = Image.Dither.NONE
+    first, *others = (each.quantize(palette=palette, dither=none) for each in found)
+    ends = np.round(100.0 * np.arange(len(found) + 1) / fps)
+    durations = (10 * np.diff(ends)).astype(int).tolist()
+    first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
