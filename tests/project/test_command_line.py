@@ -55,6 +55,20 @@ def test_files_are_written(file, capsys, tmp_path):
     assert "6 of 6 states" in (tmp_path / "a.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
+@pytest.mark.render
+@pytest.mark.usefixtures("renderer")
+def test_a_film_and_the_picture_of_a_mesh(file, capsys, tmp_path):
+    from PIL import Image
+
+    assert said(capsys, "film", file, "-o", "a.gif", "--fps", "10", "--speed", "0.5") == "a.gif\n"
+    with Image.open(tmp_path / "a.gif") as film:
+        assert film.n_frames == 11  # 1 s of film for 0.5 s
+    assert said(capsys, "plot", MESH, "-o", "mesh.png") == "mesh.png\n"
+    with Image.open(tmp_path / "mesh.png") as picture:
+        assert len(picture.getcolors(2**24)) > 10
+
+
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
