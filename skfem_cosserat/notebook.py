@@ -88,8 +88,8 @@ def cell_text(value: Any, line: str = "; ") -> str:
 
 def table_rows(rows: Mapping[str, Any], line: str = "; ") -> dict[str, str]:
     """Texts of the values of a table, see :func:`cell_text`; what is empty is left out."""
-    texts = {name: cell_text(value, line) for name, value in rows.items() if value is not None}
-    return {name: text for name, text in texts.items() if text}
+    texts = ((name, cell_text(value, line)) for name, value in rows.items() if value is not None)
+    return {name: text for name, text in texts if text}
 
 
 def html_table(title: str, rows: Mapping[str, Any], drawing: str = "") -> str:

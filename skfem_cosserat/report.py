@@ -71,17 +71,20 @@ def _items(history: History, rows: IndexArray) -> list[dict[str, Any]]:
     q, items = history["q"][rows], []
     for beam in beam_shapes(history.meta, history.static):
         centre, axes = beam.axes(q)
-        frames = np.concatenate([centre[..., None, :], axes], axis=-2)
-        own = {int(k): beam.outline(int(k)) for k in beam.section}
-        outlines = {k: None if each is None else _packed(each) for k, each in own.items()}
-        about = {"section": beam.section.tolist(), "outlines": outlines, "places": beam.order + 1}
-        items.append({"name": beam.name, "frames": _packed(frames), **about})
+        sections = beam.section.tolist()
+        outlines = {k: beam.outline(k) for k in set(sections)}
+        item: dict[str, Any] = {
+            "frames": _packed(np.concatenate([centre[..., None, :], axes], axis=-2)),
+            "outlines": {k: _packed(each) for k, each in outlines.items() if each is not None},
+        }
+        items.append({"name": beam.name, "section": sections, "places": beam.order + 1, **item})
     for body in body_shapes(history.meta, history.static):
         place = q[:, None, body.offset : body.offset + 3]
-        frames = np.concatenate([place, body.directors(q)], axis=1)
-        points = None if body.material is None else body.material.tolist()
-        about = {"points": points, "faces": body.faces.tolist()}
-        items.append({"name": body.name, "frames": _packed(frames), **about})
+        item = {
+            "frames": _packed(np.concatenate([place, body.directors(q)], axis=1)),
+            "points": None if body.material is None else body.material.tolist(),
+        }
+        items.append({"name": body.name, "faces": body.faces.tolist(), **item})
     return items
 
 
