@@ -627,6 +627,22 @@ class History(Shown):
             self._segments[k] = History(meta, self.static, part, None, systems, self._kind)
         return self._segments[k]
 
+    def states(self, chosen: Sequence[int]) -> History:
+        """Some of the states, increasing, as a history of its own: derives series of these alone.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            Their numbers.
+        """
+        rows = np.asarray(chosen, dtype=np.int64)
+        series = {name: values[rows] for name, values in self._series.items()}
+        about = self.meta.get("segments", [])
+        starts = [int(np.searchsorted(rows, min(s["row"], len(self)))) for s in about]
+        moved = [each | {"row": row} for each, row in zip(about, starts, strict=True)]
+        meta = self.meta | ({"segments": moved} if about else {})
+        return History(meta, self.static, series, None, self._systems, self._kind)
+
     def check_one_system(self) -> None:
         """Refuse what takes one system where events changed the scene.
 

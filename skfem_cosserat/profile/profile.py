@@ -303,6 +303,7 @@ class Profile(Frozen):
             elements=warping.basis.mesh.nelements,
             unknowns=3 * warping.basis.N,
             outline=self.outline - _centroid(self.mesh),
+            holes=tuple(hole - _centroid(self.mesh) for hole in self.holes),
             warping=warping,
         )
 
