@@ -520,10 +520,8 @@ class Stage:
         self.plotter.camera.parallel_scale = scale
         self.plotter.add_axes(color="black", viewport=(0, 0, 0.16, 0.28))
         if gravity.any():
-            x = (
-                focus
-                + scale * (np.array([-1.2 * self.size[0] / self.size[1], -0.75, 0.0])) @ self.plane
-            )
+            aside = scale * np.array([-0.56 * self.size[0] / self.size[1], -0.75, 0.0])
+            x = focus + aside @ self.plane
             arrow = _held((x, 0.2 * scale * _frames(_unit(gravity))))
             self.add([_copies("ground", "arrow", arrow, "gravity")], {})
 
@@ -531,34 +529,33 @@ class Stage:
         """Names beside things; several at one place are one text."""
         import pyvista
 
-        groups: dict[Any, list[Piece]] = {}
+        groups: dict[Any, tuple[Floats, list[Piece]]] = {}
         for piece in (piece for _, own in self.shown for piece in own if piece.name):
             at = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel + 0.5 * self.size
-            groups.setdefault(tuple(at // (1.2 * self.font) * (1.2 * self.font)), []).append(piece)
-        drawn = np.kron(
-            np.less(self.shot(), 250).any(axis=2)[::-1], np.ones((self.finer, self.finer))
-        )
-        ways = np.exp(0.25j * np.pi * np.arange(32)) * np.repeat([1.2, 2.3, 3.5, 5], 8)
-        for at, pieces in groups.items():
+            groups.setdefault(tuple(at // self.font), (at, []))[1].append(piece)
+        drawn = (self.shot()[::-1].min(axis=2) < 250).astype(float)
+        ways = np.exp(0.25j * np.pi * np.arange(32)) * np.repeat([1.0, 2.0, 3.2, 5.0], 8)
+        sides = np.column_stack([ways.real, ways.imag])
+        for at, pieces in groups.values():
             text = ", ".join(dict.fromkeys(piece.name for piece in pieces))
-            box = (self.font * np.array([0.56 * len(text), 1.25])).astype(int)
-            sides = np.column_stack([ways.real, ways.imag])
+            box = self.font * np.array([0.56 * len(text), 1.25])
             corners = at + self.font * sides + 0.5 * box * (np.sign(sides.round(3)) - 1)
-            corners = np.clip(corners, (10, 0.15 * self.size[1]), self.size - 10 - box).astype(int)
-            places = [(slice(y, y + box[1]), slice(x, x + box[0])) for x, y in corners]
+            corners = np.clip(corners, 10, self.size - 10 - box)
+            ends = [(each // self.finer).astype(int) for each in (corners, corners + box)]
+            places = [(slice(y, v), slice(x, u)) for (x, y), (u, v) in zip(*ends, strict=True)]
             best = int(np.argmin([drawn[place].sum() for place in places]))
             drawn[places[best]] = 10
             label = pyvista.Label(text.replace("$", r"\$"), size=self.font)
             label.prop.color = "black"
             self.plotter.add_actor(label, reset_camera=False, render=False)
-            self.labels.append(
-                (label, pieces[0], self.pixel * (corners[best] - at) @ self.plane[:2])
-            )
+            shift = self.pixel * (corners[best] - at) @ self.plane[:2]
+            self.labels.append((label, pieces[0], shift))
         self.move(row)
 
     def legend(self) -> None:
         """What the colours mean, at the lower right."""
-        entries = [[own[0].kind, _faded(COLOURS[own[0].kind], 1.0)[0]] for _, own in self.shown]
+        kinds = dict.fromkeys(own[0].kind for _, own in self.shown)
+        entries = [[kind, _faded(COLOURS[kind], 1.0)[0]] for kind in kinds]
         size = 0.12, 1.3 * self.font * len(entries) / self.size[1]
         box = self.plotter.add_legend(entries, bcolor=None, face="rectangle", size=size)
         box.SetPosition(0.87, 0.05)

@@ -146,7 +146,7 @@ class CalledLaws(Called):
         self._stored = [elements.stored[k] for k in laws]
         ne, ng = len(elements.lengths), len(elements.points)
         #: by elements and points
-        self._arrays: SimpleNamespace = SimpleNamespace(
+        self._arrays = SimpleNamespace(
             **{
                 name: points[name].reshape(ne, ng, *shape)
                 for name, shape in (

@@ -181,6 +181,8 @@ class CompiledScene:
         So far.
     """
 
+    _arrays: dict[str, Any]
+
     def __init__(
         self,
         coordinates: Coordinates,
