@@ -69,28 +69,20 @@ class Look(NamedTuple):
     def check(self, path: FilePath | None, *endings: str) -> None:
         """Refuse what cannot be drawn, or not be written, before anything is drawn."""
         named = isinstance(self.camera, str)
-        wrong = {
-            "colour": (self.colour not in ("", "M", "N"), "'M', 'N' or ''"),
-            "camera": (
-                self.camera not in _VIEWS if named else np.shape(self.camera) != (3, 3),
-                f"one of {', '.join(map(repr, _VIEWS))}, or position, focal point, up direction",
-            ),
-            "window": (
-                len(self.window) != 2 or not all(16 <= each <= 4096 for each in self.window),
-                "two numbers of pixels from 16 to 4096",
-            ),
-        }
-        for name, (bad, expected) in wrong.items():
-            if bad:
+        known = self.camera in _VIEWS if named else np.shape(self.camera) == (3, 3)
+        for name, right, expected in (
+            ("colour", self.colour in ("", "M", "N"), "'M', 'N' or ''"),
+            ("camera", known, f"one of {list(_VIEWS)}, or position, focal point, up direction"),
+            ("radius", self.radius is None or self.radius > 0, "a positive number"),
+            ("window", 16 <= min(self.window) <= max(self.window) <= 4096, "16 to 4096 pixels"),
+        ):
+            if not right:
                 text = f"got {getattr(self, name)!r}, expected {expected}"
                 raise InputError(f"argument {name}", text)
-        if self.radius is not None:
-            positive("argument radius", "radius", self.radius)
         if path is not None:
             check_folder(path)
             if Path(path).suffix.lower() not in endings:
-                text = f"ends with {Path(path).suffix!r}, expected {' or '.join(endings)}"
-                raise InputError(f"file {str(path)!r}", text)
+                raise InputError(f"file {str(path)!r}", f"expected it to end with {endings}")
 
 
 # -- a working driver, without which VTK ends the process ------------------------------------------
@@ -158,7 +150,6 @@ class Piece(NamedTuple):
         Of the item; "" for what has none.
     values : callable, optional
         Numbers of the faces instead of the colour.
-    line : bool
     """
 
     kind: str
@@ -166,12 +157,11 @@ class Piece(NamedTuple):
     points: Points
     name: str = ""
     values: Points | None = None
-    line: bool = False
 
     def anchor(self, row: Row) -> Floats:
         """Point (3,) that its name stands beside."""
         points = self.points(row)
-        long = self.line or self.kind == "beam"
+        long = self.kind == "beam" or np.ndim(self.cells[0]) == 1
         return np.asarray(points[len(points) // 2] if long else points.mean(axis=0))
 
 
@@ -185,67 +175,69 @@ def _frames(vectors: Floats, width: float | None = None) -> Floats:
     return np.stack([across * e1, across * np.cross(unit, e1), vectors], axis=-2)
 
 
-def _bar(radius: float, half: float, middle: float = 0.0) -> list[tuple[float, float]]:
-    return [(0.0, middle - half), (radius, middle - half), (radius, middle + half), (0.0, half)]
-
-
-_HEAD = [(0.09, 0.72), (0.0, 1.0)]
-#: profiles (r, z) of shapes of revolution, by the motion that a joint leaves free, and others
+#: profiles (r, z) of shapes of revolution, the radius of a bar times `unit` at ends -z and z
 _SHAPES = {
-    "arrow": [(0.025, 0.0), (0.025, 0.72), *_HEAD],
-    "double": [(0.025, 0.0), (0.025, 0.5), (0.09, 0.5), (0.025, 0.72), *_HEAD],
-    "bar": _bar(1.0, 0.5, 0.5)[:3] + [(0.0, 1.0)],
-    "ball": [(np.sin(a), -np.cos(a)) for a in np.linspace(0.0, np.pi, 13)],
-    "box": _bar(1.2, 0.85),
-    "pin": _bar(0.8, 1.7),
-    "slide": _bar(0.3, 4.0),
-    "disc": _bar(2.6, 0.2),
-    "ground": [(0.0, 0.0), (1.7, 2.6), (0.0, 2.6)],
+    "arrow": [(0, 0), (0.025, 0), (0.025, 0.72), (0.09, 0.72), (0, 1)],
+    "double": [
+        (0, 0),
+        (0.025, 0),
+        (0.025, 0.45),
+        (0.09, 0.45),
+        (0.025, 0.72),
+        (0.09, 0.72),
+        (0, 1),
+    ],
+    "ball": [(np.sin(a), np.cos(a)) for a in np.linspace(np.pi, 0, 13)],
+    "ground": [(0, 0), (1.7, 2.6), (0, 2.6)],
+    "rod": [(1, 0), (1, 1)],
+    **{
+        name: [(0, -z), (r, -z), (r, z), (0, z)]
+        for name, r, z in (
+            ("box", 1.2, 0.85),
+            ("pin", 0.8, 1.7),
+            ("slide", 0.3, 4),
+            ("disc", 2.6, 0.2),
+        )
+    },
 }
 #: shapes of joints; others, as own ones, are balls
 _JOINTS = {
-    "revolute": ("pin",),
-    "universal": ("pin", "cross"),
-    "cylindrical": ("pin", "slide"),
-    "prismatic": ("box", "slide"),
-    "point-on-line": ("ball", "slide"),
-    "planar": ("disc",),
-    "fixed": ("box",),
-    "locked": ("box",),
-    "distance": (),
+    "revolute": ["pin"],
+    "universal": ["ball", "pin"],
+    "cylindrical": ["pin", "slide"],
+    "prismatic": ["box", "slide"],
+    "point-on-line": ["ball", "slide"],
+    "planar": ["disc"],
+    "fixed": ["box"],
+    "locked": ["box"],
+    "distance": [],
 }
 
 
 @cache
 def _shape(kind: str) -> tuple[Floats, IndexArray]:
     """Points and quads of a shape along the third axis."""
-    profile = np.array(_SHAPES[kind])
+    r, z = np.array(_SHAPES[kind], dtype=float).T
     count = 4 if kind in ("box", "ground") else 20
-    angle = 2 * np.pi / count * (np.arange(count) + 0.5)
-    ring = np.stack([np.cos(angle), np.sin(angle), np.ones(count)], axis=-1)
-    points = ring * profile[:, None, [0, 0, 1]]
-    number = np.arange(points.size // 3).reshape(-1, count)
+    ring = np.outer(r, np.exp(2j * np.pi / count * (np.arange(count) + 0.5)))
+    points = np.stack([ring.real, ring.imag, z[:, None] + 0 * ring.real], axis=-1)
+    number = np.arange(ring.size).reshape(ring.shape)
     after = np.roll(number, -1, axis=1)
     quads = np.stack([number[:-1], after[:-1], after[1:], number[1:]], axis=-1)
     return points.reshape(-1, 3), quads.reshape(-1, 4)
 
 
-def _copies(kind: str, shape: str, placed: Points, name: str = "", count: int = 1) -> Piece:
-    """Shapes at places; `placed` gives rows (..., 4, 3): the place, and the axes there."""
+def _copies(
+    kind: str, shape: str, placed: Callable[[Row], Any], name: str = "", count: int = 1
+) -> Piece:
+    """Shapes at places; `placed` gives the places (k, 3), and the axes there (k, 3, 3)."""
     points, quads = _shape(shape)
 
     def moved(row: Row) -> Floats:
-        at = placed(row)
-        return np.reshape(at[..., :1, :] + points @ at[..., 1:, :], (-1, 3))
+        x, axes = placed(row)
+        return np.reshape(np.reshape(x, (-1, 1, 3)) + points @ axes, (-1, 3))
 
-    cells = [quads + k * len(points) for k in range(count)]
-    return Piece(kind, cells, moved, name)
-
-
-def _at(x: Floats, axes: Floats) -> Floats:
-    """Rows (..., 4, 3) for `_copies`."""
-    x = np.asarray(x)[..., None, :]
-    return np.concatenate([x, np.broadcast_to(axes, (*x.shape[:-2], 3, 3))], axis=-2)
+    return Piece(kind, [quads + k * len(points) for k in range(count)], moved, name)
 
 
 class Scene:
@@ -267,25 +259,21 @@ class Scene:
         self.history, self.rows, self.colour = history, rows, look.colour
         self.shapes = beam_shapes(history.meta, history.static)
         self.bodies = list(body_shapes(history.meta, history.static))
-        drawn = [each.points for each in (*self.shapes, *self.bodies)]
-        if not drawn:
+        shapes: list[Any] = [*self.shapes, *self.bodies]
+        if not shapes:
             raise InputError("history", "has no beams, bodies or mass points to be drawn")
-        points = np.concatenate([each(row["q"]) for row in rows for each in drawn])
+        points = np.concatenate([each.points(row["q"]) for row in rows for each in shapes])
         self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
         self.middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-        circle = np.column_stack([np.cos(angle), np.sin(angle)])
-        tube = (look.radius or 0.006 * self.size) * circle
+        turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
+        tube = (look.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
         self.outlines = []
         for shape in self.shapes:
-            own = {} if look.radius else {k: shape.outline(k) for k in set(shape.section.tolist())}
-            found = {k: tube if own.get(k) is None else own[k] for k in shape.section.tolist()}
-            self.outlines.append(found)
-        widths = [abs(each).max() for own in self.outlines for each in own.values()]
-        solid = [body.material for body in self.bodies if body.material is not None]
-        widths += [0.5 * np.ptp(each, axis=0).min() for each in solid]
-        widest = 1.3 * max(widths, default=0.0) / self.size
-        self.unit = self.size * float(np.clip(widest, 0.01, 0.025))
+            own = {
+                k: None if look.radius else shape.outline(k) for k in set(shape.section.tolist())
+            }
+            self.outlines.append({k: tube if each is None else each for k, each in own.items()})
+        self.unit = 0.018 * self.size
         pulls = [load.get("acceleration", (0, 0, 0)) for load in history.meta.get("loads", ())]
         self.gravity = np.sum([(0.0, 0.0, 0.0), *pulls], axis=0)
         tops = [self._forces(shape, row).max() for shape in self.shapes for row in rows]
@@ -300,38 +288,42 @@ class Scene:
         mean = shape.average(three[..., None, :], shape.pieces)
         return np.asarray(np.linalg.norm(mean[:, 0], axis=1))
 
-    def _series(self, kind: str, what: str) -> Iterator[tuple[str, Any, Points]]:
-        """Names, types and series of items that have one."""
+    def _series(self, kind: str, what: str) -> Iterator[tuple[Any, Points]]:
+        """Items that have a series, and that."""
         for entry in self.history.meta.get(f"{kind}s", ()):
             key = f"{kind}/{entry['name']}/{what}"
             if key in self.history:
-                yield entry["name"], entry, lambda row, key=key: row[key]  # type: ignore[misc]
+                yield entry, partial(lambda key, row: row[key], key)
 
     def pieces(self) -> Iterator[Piece]:
         """Pieces of all items."""
         for shape, outlines in zip(self.shapes, self.outlines, strict=True):
             yield self._beam(shape, outlines)
         for body in self.bodies:
+            at = partial(lambda body, row: body.points(row["q"]), body)
             if body.material is None:
-                ball = partial(self._ball, body)
+                ball = partial(lambda at, row: (at(row), 0.014 * self.size * np.eye(3)), at)
                 yield _copies("mass point", "ball", ball, body.name)
             else:
-                points = partial(lambda body, row: body.points(row["q"]), body)
-                yield Piece("body", [body.faces], points, body.name)
-        for name, entry, ends in self._series("coupling", "ends"):
-            yield self._line(name, entry["type"], ends)
+                yield Piece("body", [body.faces], at, body.name)
+        for entry, ends in self._series("coupling", "ends"):
+            yield self._line(entry, ends)
             yield from self._ground(entry, ends)
-        for name, _, ends in self._series("joint", "ends"):
-            rod = partial(self._rod, ends)
-            yield _copies("joint", "bar", rod, name)
-        for name, entry, place in self._series("joint", "position"):
-            yield from self._joint(name, entry["type"], place)
+        for entry, ends in self._series("joint", "ends"):
+            rod = partial(
+                lambda ends, row: (ends(row)[0], _between(ends(row), 0.4 * self.unit)), ends
+            )
+            yield _copies("joint", "rod", rod, entry["name"])
+        for entry, place in self._series("joint", "position"):
+            for form in _JOINTS.get(entry["type"], ["ball"]):
+                joint = partial(self._joint, entry["name"], place)
+                yield _copies("joint", form, joint, entry["name"])
             yield from self._ground(entry, place)
-        for what, shape_ in (("force", "arrow"), ("moment", "double")):
-            for name, _, vectors in self._series("load", what):
-                yield from self._load(name, what, shape_, vectors)
+        for what, form in (("force", "arrow"), ("moment", "double")):
+            for entry, vectors in self._series("load", what):
+                yield from self._load(entry["name"], what, form, vectors)
 
-    def _beam(self, shape: BeamShape, outlines: dict[int, Floats]) -> Piece:
+    def _beam(self, shape: BeamShape, outlines: Mapping[int, Floats]) -> Piece:
         sweep = shape.surface(outlines)
         own = sweep.element * shape.pieces + sweep.piece
         ends = [own[(sweep.quads == ring[0]).any(axis=1)][:1] for ring in sweep.caps]
@@ -345,89 +337,69 @@ class Scene:
             (lambda row: self._forces(shape, row)[cells]) if known else None,
         )
 
-    def _ball(self, body: Any, row: Row) -> Floats:
-        return _at(body.points(row["q"]), 0.014 * self.size * np.eye(3))
-
-    def _rod(self, ends: Points, row: Row) -> Floats:
-        a, b = ends(row)
-        return _at(a, _frames(b - a, 0.4 * self.unit))
-
-    def _line(self, name: str, kind: str, ends: Points) -> Piece:
+    def _line(self, entry: Any, ends: Points) -> Piece:
         """A spring as a coil, others straight; a ring where both ends are one point."""
         s = np.linspace(0.0, 1.0, 121)
-        wound, out = np.array(2 * np.pi * np.clip(10 * s - 1.5, 0, 7)), 0.0 * s
-        if kind == "spring":
-            out = self.unit * np.clip(np.minimum(10 * s - 1.5, 8.5 - 10 * s), 0, 1)
+        out = self.unit * (entry["type"] == "spring") * ((s > 0.15) & (s < 0.85))
         if np.linalg.norm(np.ptp(ends(self.rows[0]), axis=0)) < 0.01 * self.size:
-            out = 2.2 * self.unit + out
-        form = np.column_stack([out * np.cos(wound), out * np.sin(wound), s])
+            out = 2 * self.unit + 0 * s
+        turn = out * np.exp(20j * np.pi * s)
+        form = np.column_stack([turn.real, turn.imag, s])
+        points = lambda row: ends(row)[0] + form @ _between(ends(row), 1.0)  # noqa: E731
+        return Piece(_LINES, [np.arange(len(s))], points, entry["name"])
 
-        def points(row: Row) -> Floats:
-            a, b = ends(row)
-            return np.asarray(a + form @ _frames(b - a, 1.0))
-
-        return Piece(_LINES, [np.arange(len(s))], points, name, line=True)
-
-    def _joint(self, name: str, kind: str, place: Points) -> Iterator[Piece]:
-        """Shapes that show what is free, along the joint's axes."""
+    def _joint(self, name: str, place: Points, row: Row) -> Any:
         static = self.history.static
         axes = self.unit * static.get(f"joint/{name}/axes", np.eye(3))
-        offset = static.get(f"joint/{name}/frame")
-
-        def placed(row: Row) -> Floats:
-            turn = np.eye(3) if offset is None else frames(row["q"], [offset])[1][0]
-            return _at(place(row), axes @ turn)
-
-        for shape in _JOINTS.get(kind, ("ball",)):
-            if shape == "cross":
-                crossed = partial(lambda at, row: at(row)[[0, 2, 3, 1]], placed)
-                yield _copies("joint", "pin", crossed)
-            else:
-                yield _copies("joint", shape, placed, name)
+        if f"joint/{name}/frame" in static:
+            axes = axes @ frames(row["q"], [static[f"joint/{name}/frame"]])[1][0]
+        return place(row), axes
 
     def _ground(self, entry: Any, places: Points) -> Iterator[Piece]:
         """Pyramids under the sides that belong to the ground."""
         down = self.gravity if self.gravity.any() else np.array([0.0, 0.0, -1.0])
-        axes = self.unit * _frames(down / np.linalg.norm(down))
-        for k, side in enumerate("ab"):
-            if entry[side].startswith("ground"):
-                at = partial(lambda k, row: _at(places(row).reshape(-1, 3)[-k], axes), k)
+        axes = self.unit * _frames(_unit(down))
+        for k in (0, 1):
+            if entry["ab"[k]].startswith("ground"):
+                at = partial(lambda k, row: (places(row).reshape(-1, 3)[-k], axes), k)
                 yield _copies("ground", "ground", at)
 
-    def _load(self, name: str, what: str, shape: str, vectors: Points) -> Iterator[Piece]:
+    def _load(self, name: str, what: str, form: str, vectors: Points) -> Iterator[Piece]:
         """Arrows, the longest for what is largest; they end at their places, or begin there."""
         place = f"load/{name}/position"
         top = max(self.rows, key=lambda row: float(abs(vectors(row)).max(initial=0.0)))
-        largest = np.linalg.norm(vectors(top), axis=-1).max(initial=0.0)
-        if not largest:
+        if not vectors(top).any():
             return
-        scale = 0.15 * self.size / largest
+        scale = 0.15 * self.size / np.linalg.norm(vectors(top), axis=-1).max()
         stride = -(-len(vectors(top)) // _ARROWS)
         some = slice((len(vectors(top)) - 1) % stride // 2, None, stride)
         # towards the middle it would be hidden by the scene
         inward = scale * np.sum(vectors(top) * (top[place] - self.middle)) < -0.01 * self.size**2
+        back = scale * (inward and what == "force")
 
-        def placed(row: Row) -> Floats:
-            ways = scale * vectors(row)[some]
-            return _at(
-                row[place][some] - (ways if inward and what == "force" else 0.0), _frames(ways)
-            )
+        def placed(row: Row) -> Any:
+            ways = vectors(row)[some]
+            return row[place][some] - back * ways, _frames(scale * ways)
 
-        yield _copies(what, shape, placed, name, len(vectors(top)[some]))
+        yield _copies(what, form, placed, name, len(vectors(top)[some]))
 
     def directors(self) -> Iterator[Piece]:
         """Arrows of section directors at some places of each beam."""
         for shape in self.shapes:
             stride = max(len(shape.connectivity) // 3, 1)
+            x, d = (each[::stride].mean(axis=1) for each in shape.axes(self.rows[0]["q"]))
             for k in (0, 1):
+                at = x, _frames(0.05 * self.size * d[:, k])
+                yield _copies(f"d{k + 1}", "arrow", _held(at), "", len(x))
 
-                def placed(
-                    row: Row, shape: Any = shape, stride: int = stride, k: int = k
-                ) -> Floats:
-                    x, d = (each[::stride].mean(axis=1) for each in shape.axes(row["q"]))
-                    return _at(x, _frames(0.05 * self.size * d[:, k]))
 
-                yield _copies(f"d{k + 1}", "arrow", placed, "", len(placed(self.rows[0])))
+def _between(ends: Floats, width: float) -> Floats:
+    """Rows of lines from one end to the other, as `_frames`."""
+    return _frames(ends[1] - ends[0], width)
+
+
+def _held(values: Any) -> Callable[[Row], Any]:
+    return lambda row: values
 
 
 # -- the stage: a window with pieces, a camera, names ----------------------------------------------
@@ -484,11 +456,10 @@ class Stage:
                 for piece, start in zip(own, starts, strict=False)
                 for each in piece.cells
             ]
-            form = {"lines" if own[0].line else "faces": np.concatenate(cells)}
+            form = {"lines" if np.ndim(own[0].cells[0]) == 1 else "faces": np.concatenate(cells)}
             mesh = pyvista.PolyData(np.concatenate(parts), **form)
             style: dict[str, Any] = {"color": _faded(COLOURS[kind], strength)[0]}
-            if own[0].values is not None:
-                mesh.cell_data[self.title] = np.concatenate([p.values(row) for p in own])
+            if self._colour(mesh, own, row):
                 style = {"cmap": table, "clim": self.limits, "scalar_bar_args": bar}
                 style["show_scalar_bar"] = strength == 1.0
             style |= {
@@ -506,21 +477,23 @@ class Stage:
             mapper.SetResolveCoincidentTopologyToPolygonOffset()
             mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(front > 0, front)
 
-    def points(self, row: Row) -> Floats:
-        """Points of all that is shown in full."""
-        return np.concatenate([piece.points(row) for _, own in self.shown for piece in own])
-
     def move(self, row: Row) -> None:
         """Show the pieces and names at another state."""
         for mesh, own in self.shown:
             mesh.points = np.concatenate([piece.points(row) for piece in own])
-            if own[0].values is not None:
-                mesh.cell_data[self.title] = np.concatenate([p.values(row) for p in own])
+            self._colour(mesh, own, row)
         for label, piece, shift in self.labels:
             label.position = tuple(piece.anchor(row) + shift)
 
-    def aim(self, points: Floats, gravity: Floats) -> None:
-        """Look at points (k, 3), along parallel lines; axes, and gravity beside them, in a corner.
+    def _colour(self, mesh: Any, own: Sequence[Piece], row: Row) -> bool:
+        """Give the faces numbers, if they have some."""
+        found = [piece.values(row) for piece in own if piece.values is not None]
+        if found:
+            mesh.cell_data[self.title] = np.concatenate(found)
+        return bool(found)
+
+    def aim(self, points: Sequence[Floats], gravity: Floats) -> None:
+        """Look at points (k, 3) of pieces, along parallel lines; axes and gravity are in a corner.
 
         The points are above the scale and the axes, if the camera has a name.
         """
@@ -533,7 +506,7 @@ class Stage:
         sides = _unit(np.cross(up, out)), _unit(np.cross(out, np.cross(up, out)))
         self.plane = np.array([*sides, _unit(out)])
         if isinstance(camera, str):
-            ends = points @ self.plane.T
+            ends = np.concatenate(points) @ self.plane.T
             extent = np.ptp(ends, axis=0)
             scale = 0.5 * max(extent[1] / 0.68, extent[0] / 0.8 * self.size[1] / self.size[0])
             scale = scale or 1.0
@@ -545,67 +518,44 @@ class Stage:
         self.plotter.camera_position = [tuple(focus + out), tuple(focus), tuple(self.plane[1])]
         self.plotter.enable_parallel_projection()
         self.plotter.camera.parallel_scale = scale
-        self._axes(gravity)
-
-    def _axes(self, gravity: Floats) -> None:
-        import pyvista
-        from vtkmodules.vtkRenderingAnnotation import vtkAxesActor
-        from vtkmodules.vtkRenderingCore import vtkPropAssembly
-
-        both, axes = vtkPropAssembly(), vtkAxesActor()
-        axes.SetShaftTypeToCylinder()
-        for axis in "XYZ":
-            caption = getattr(axes, f"Get{axis}AxisCaptionActor2D")().GetCaptionTextProperty()
-            caption.SetColor(0.0, 0.0, 0.0)
-        both.AddPart(axes)
+        self.plotter.add_axes(color="black", viewport=(0, 0, 0.16, 0.28))
         if gravity.any():
-            points, quads = _shape("arrow")
-            mesh = pyvista.PolyData.from_regular_faces(
-                points * (2, 2, 0.8) @ _frames(_unit(gravity)), quads
-            )
-            both.AddPart(pyvista.Actor(mapper=pyvista.DataSetMapper(mesh)))
-            both.GetParts().GetLastProp().prop.color = COLOURS["ground"]
-        self.plotter.add_orientation_widget(both)
-        corner = 0.16, 0.16 * self.size[0] / self.size[1]
-        self.plotter.renderer.axes_widget.SetViewport(0.0, 0.0, *corner)
+            aside = scale * np.array([-0.56 * self.size[0] / self.size[1], -0.75, 0.0])
+            x = focus + aside @ self.plane
+            arrow = _held((x, 0.2 * scale * _frames(_unit(gravity))))
+            self.add([_copies("ground", "arrow", arrow, "gravity")], {})
 
     def name(self, row: Row) -> None:
         """Names beside things; several at one place are one text."""
         import pyvista
 
-        found: dict[str, tuple[Piece, Floats]] = {}
+        groups: dict[Any, tuple[Floats, list[Piece]]] = {}
         for piece in (piece for _, own in self.shown for piece in own if piece.name):
-            seen = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel
-            at = seen + 0.5 * self.size
-            near = [k for k, (_, x) in found.items() if abs(x - at).max() < 0.6 * self.font]
-            names = piece.name
-            if near:
-                names = ", ".join(dict.fromkeys([*near[0].split(", "), names]))
-            found[names] = found.pop(near[0]) if near else (piece, at)
-        drawn = np.kron((self.shot() < 250).any(axis=2)[::-1], np.ones((self.finer, self.finer)))
-        for text, (piece, at) in found.items():
-            box = np.array([0.56 * self.font * len(text), 1.25 * self.font])
-            ways = [np.array([w.real, w.imag]) for w in np.exp(0.25j * np.pi * np.arange(8))]
-            gaps = [gap * self.font * way for gap in (0.8, 1.9, 3.0, 5.0) for way in ways]
-            low = (0.01 * self.size[0], 0.15 * self.size[1])
-            corners = [
-                np.clip(at + g + box * (np.sign(g.round()) - 1) / 2, low, 0.99 * self.size - box)
-                for g in gaps
-            ]
-            x, y = np.transpose(corners).astype(int)
-            wide, tall = box.astype(int)
-            cost = [drawn[b : b + tall, a : a + wide].sum() for a, b in zip(x, y, strict=True)]
-            best = int(np.argmin(np.array(cost) + 1e-3 * np.arange(len(gaps))))
-            drawn[y[best] : y[best] + tall, x[best] : x[best] + wide] = 10
+            at = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel + 0.5 * self.size
+            groups.setdefault(tuple(at // self.font), (at, []))[1].append(piece)
+        drawn = (self.shot()[::-1].min(axis=2) < 250).astype(float)
+        ways = np.exp(0.25j * np.pi * np.arange(32)) * np.repeat([1.0, 2.0, 3.2, 5.0], 8)
+        sides = np.column_stack([ways.real, ways.imag])
+        for at, pieces in groups.values():
+            text = ", ".join(dict.fromkeys(piece.name for piece in pieces))
+            box = self.font * np.array([0.56 * len(text), 1.25])
+            corners = at + self.font * sides + 0.5 * box * (np.sign(sides.round(3)) - 1)
+            corners = np.clip(corners, 10, self.size - 10 - box)
+            ends = [(each // self.finer).astype(int) for each in (corners, corners + box)]
+            places = [(slice(y, v), slice(x, u)) for (x, y), (u, v) in zip(*ends, strict=True)]
+            best = int(np.argmin([drawn[place].sum() for place in places]))
+            drawn[places[best]] = 10
             label = pyvista.Label(text.replace("$", r"\$"), size=self.font)
             label.prop.color = "black"
             self.plotter.add_actor(label, reset_camera=False, render=False)
-            self.labels.append((label, piece, self.pixel * (corners[best] - at) @ self.plane[:2]))
+            shift = self.pixel * (corners[best] - at) @ self.plane[:2]
+            self.labels.append((label, pieces[0], shift))
         self.move(row)
 
     def legend(self) -> None:
         """What the colours mean, at the lower right."""
-        entries = [[own[0].kind, _faded(COLOURS[own[0].kind], 1.0)[0]] for _, own in self.shown]
+        kinds = dict.fromkeys(own[0].kind for _, own in self.shown)
+        entries = [[kind, _faded(COLOURS[kind], 1.0)[0]] for kind in kinds]
         size = 0.12, 1.3 * self.font * len(entries) / self.size[1]
         box = self.plotter.add_legend(entries, bcolor=None, face="rectangle", size=size)
         box.SetPosition(0.87, 0.05)
@@ -659,19 +609,40 @@ def _off_screen(path: FilePath | None) -> bool:
     return False
 
 
-def _instants(history: History, frames: int | Sequence[int]) -> list[int]:
+def _instants(history: History, frames: int | Sequence[int]) -> Sequence[int]:
     """Numbers of the states in a picture."""
     if not len(history):
         raise InputError("history", "has no states")
-    if isinstance(frames, int):
-        if frames < 1:
-            raise InputError("argument frames", f"got {frames}, expected at least 1")
-        times = np.linspace(history.times[0], history.times[-1], frames)
-        return sorted({int(np.argmin(abs(history.times - t))) for t in times})
-    for i in frames:
-        if not -len(history) <= i < len(history):
-            raise InputError("argument frames", f"got state {i}, there are {len(history)}")
-    return [int(i) % len(history) for i in frames]
+    if not isinstance(frames, int):
+        return frames
+    if frames < 1:
+        raise InputError("argument frames", f"got {frames}, expected at least 1")
+    times = np.linspace(history.times[0], history.times[-1], frames)
+    return sorted({int(np.argmin(abs(history.times - t))) for t in times})
+
+
+def _staged(
+    history: History,
+    rows: Sequence[Row],
+    behind: Sequence[Row],
+    look: Look,
+    off_screen: bool = True,
+    before: bool = False,
+) -> Stage:
+    """The last of some states, which all are in view, over paler ones."""
+    scene = Scene(history, rows, look)
+    stage = Stage(look, off_screen, scene.limits)
+    pieces = [*scene.pieces(), *(scene.directors() if before else ())]
+    for k, row in enumerate(behind):
+        pale = [each for each in pieces if each.kind in ("beam", "body", "mass point", _LINES)]
+        stage.add(pale, row, 0.3 + 0.6 * k / len(behind))
+    stage.add(pieces, rows[-1])
+    stage.aim([piece.points(row) for row in rows for piece in pieces], scene.gravity)
+    if before:
+        stage.legend()
+    if look.names:
+        stage.name(rows[-1])
+    return stage
 
 
 def picture(
@@ -686,20 +657,7 @@ def picture(
     rows = [history.row(i) for i in _instants(history, frames)]
     off_screen = _off_screen(path)
     _pyvista()
-    scene = Scene(history, rows, look)
-    stage = Stage(look, off_screen, scene.limits)
-    pieces = [*scene.pieces(), *(scene.directors() if before else ())]
-    pale = [piece for piece in pieces if piece.kind in ("beam", "body", "mass point", _LINES)]
-    for k, row in enumerate(rows[:-1], 1):
-        stage.add(pale, row, 0.25 + 0.75 * k / len(rows))
-    stage.add(pieces, rows[-1])
-    earlier = [piece.points(row) for row in rows[:-1] for piece in pale]
-    stage.aim(np.concatenate([stage.points(rows[-1]), *earlier]), scene.gravity)
-    if before:
-        stage.legend()
-    if look.names:
-        stage.name(rows[-1])
-    return stage.show(path)
+    return _staged(history, rows, rows[:-1], look, off_screen, before).show(path)
 
 
 def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
@@ -715,28 +673,21 @@ def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
     return picture(history, path, 1, look, before=True)
 
 
-def _held(values: Floats) -> Points:
-    return lambda row: values
-
-
 def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
     """See :meth:`MeshCurve.plot`."""
     look.check(path, ".png")
     stage = Stage(look, _off_screen(path), (0.0, 1.0))
-    size = float(np.linalg.norm(np.ptp(mesh.p, axis=1)))
     lines = np.moveaxis(mesh.mapping().F(np.linspace(0.0, 1.0, 9)[None]), 0, -1)
     parts = {"": mesh.unnamed_elements(), **mesh.beams}
-    points = [("ground", "", x, 0.004) for x in mesh.p.T]
-    points += [("joint", name, mesh.p[:, own[0]], 0.007) for name, own in mesh.nodes.items()]
-    kinds = ["beam", "force", _LINES, "moment", "d1", "mass point", "d2"]
-    for k, (name, elements) in enumerate(parts.items()):
-        own = lines[elements].reshape(-1, 3)
-        cells = [np.arange(len(own)).reshape(-1, 9)]
-        kind = kinds[(k - 1) % len(kinds)]
-        stage.add([Piece(kind, cells, _held(own), name, line=True)] if len(own) else [], {})
-    balls = [_copies(k, "ball", _held(_at(x, r * size * np.eye(3))), n) for k, n, x, r in points]
-    stage.add(balls, {})
-    stage.aim(lines.reshape(-1, 3), np.zeros(3))
+    for kind, name in zip(("beam", "force", _LINES, "moment") * len(parts), parts, strict=False):
+        own = lines[parts[name]].reshape(-1, 3)
+        cells = list(np.arange(len(own)).reshape(-1, 9))
+        stage.add([Piece(kind, cells, _held(own), name)] if len(own) else [], {})
+    balls = [("ground", "", x, 0.004) for x in mesh.p.T]
+    balls += [("joint", name, mesh.p[:, own[0]], 0.007) for name, own in mesh.nodes.items()]
+    axes = np.linalg.norm(np.ptp(mesh.p, axis=1)) * np.eye(3)
+    stage.add([_copies(k, "ball", _held((x, r * axes)), name) for k, name, x, r in balls], {})
+    stage.aim([mesh.p.T, *lines], np.zeros(3))
     if look.names:
         stage.name({})
     return stage.show(path)
@@ -763,18 +714,18 @@ def animate(history: History, path: FilePath, fps: float, speed: float, look: Lo
     texts = [f"t = {t:.{digits}f} s" for t in asked]
     if "load_factor" in history:
         texts = [f"load factor {factor:.3f}" for factor in history["load_factor"][near]]
-    return film(history, path, list(zip(near, texts, strict=True)), None, fps, look)
+    return film(history, path, list(zip(near, texts, strict=True)), (), fps, look)
 
 
 def film(
     history: History,
     path: FilePath,
     frames: Sequence[tuple[int, str]],
-    behind: Floats | None,
+    behind: Sequence[Row],
     fps: float,
     look: Look,
 ) -> Path:
-    """Film of states, by numbers and texts, over a pale configuration (n,) `behind` them."""
+    """Film of states, by numbers and texts, over a pale one."""
     # the codec takes even sizes only
     look = look._replace(window=(look.window[0] // 2 * 2, look.window[1] // 2 * 2))
     look.check(path, ".gif", ".mp4")
@@ -784,25 +735,13 @@ def film(
         raise InputError("argument fps", text)
     _pyvista()
     some = np.linspace(0, len(frames) - 1, min(len(frames), 100)).astype(int)
-    rows = [history.row(frames[k][0]) for k in some]
-    scene = Scene(history, rows, look)
-    stage = Stage(look, True, scene.limits)
-    pieces = list(scene.pieces())
-    if behind is not None:
-        pale = [p._replace(values=None) for p in pieces if p.kind in ("beam", "body", "mass point")]
-        stage.add(pale, {"q": behind}, 0.3)
-    stage.add(pieces, rows[0])
-    stage.aim(np.concatenate([stage.points(row) for row in rows]), scene.gravity)
-    if look.names:
-        stage.name(rows[0])
-    corner = (0.03, 0.93) * stage.size
-    size = 0.75 * stage.font
-    clock = stage.plotter.add_text(" ", position=tuple(corner), font_size=size, color="black")
+    stage = _staged(history, [history.row(frames[k][0]) for k in some], behind, look)
+    corner = tuple((0.03, 0.93) * stage.size)
+    clock = stage.plotter.add_text(" ", position=corner, font_size=0.75 * stage.font, color="black")
 
     def pictures() -> Iterator[Array]:
-        for number, text in frames:
+        for number, clock.input in frames:
             stage.move(history.row(number))
-            clock.input = text
             yield stage.shot()
 
     with writing(path):

@@ -446,6 +446,7 @@ def configuration_formulas(system: System) -> Formulas:
     items = [jr.joint for jr in system.joint_rows]
     couplings = system.couplings.items
     rods = [item for item in items if isinstance(item, JointDistance)]
+    tied: list[Any] = [*couplings, *rods]
 
     def coordinates(h: History) -> list[Floats]:
         given = h["q"], h["v"], h.instants, h.series.get("turns")
@@ -457,9 +458,7 @@ def configuration_formulas(system: System) -> Formulas:
 
     def places(h: History) -> list[Floats]:
         y = all_rows(system, h["q"], h.instants)
-        ends = [
-            [at_place(system, y, end) for end in (item.a, item.b)] for item in (*couplings, *rods)
-        ]
+        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in tied]
         return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
     def ends(h: History) -> list[Floats]:

@@ -75,17 +75,8 @@ def animation(
 class Animated(Shown):
     """Modes that can be shown as films."""
 
-    _at: Equilibrium
-
-    def animation(
-        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
-    ) -> History:
-        """A mode as a time series."""
-        raise NotImplementedError
-
-    def called(self, index: int) -> str:
-        """What a mode is called in its film."""
-        raise NotImplementedError
+    animation: Any
+    called: Any
 
     def animate(
         self,
@@ -132,10 +123,9 @@ class Animated(Shown):
         """
         from ..picture import Look, film
 
-        history = self.animation(index, amplitude, FRAMES)
-        rest = self._at.y[: self._at.system.rows].reshape(-1)
+        history, rest = self.animation(index, amplitude, FRAMES), self.animation(index, 1e-9, 1)
         frames = [(k, self.called(index)) for k in range(FRAMES)]
-        return film(history, path, frames, rest, fps, Look(window=window, **look))
+        return film(history, path, frames, [rest.row(0)], fps, Look(window=window, **look))
 
 
 def checked_index(index: int, count: int) -> int:
