@@ -1,8 +1,8 @@
 """Pictures of the guide's pages 08 and 11; ``python examples/guide/make_page_pictures.py``.
 
 Page 08 shows its own scene: the first blocks of the page are run, and ParaView shows the files by
-the script beside them, where it is installed. Page 11 shows the signs of a beam's resultants. Needs the
-extra ``view`` and, for page 08, an OpenGL library.
+the script beside them, where it is installed. Page 11 shows the signs of a beam's resultants. Needs
+the extra ``view`` and, for page 08, an OpenGL library.
 """
 
 from __future__ import annotations
