@@ -13,6 +13,7 @@ from .errors import InputError
 from .export.table import abscissa, record_of
 from .figures import PALETTE, legend, panels, write_figure
 from .history import History, SensorRecord
+from .history.container import BALANCE
 from .types import FilePath, Floats, IndexArray, names_known
 
 if TYPE_CHECKING:
@@ -25,8 +26,9 @@ _ENERGIES = {
     "external": "external",
     "energy": "total",
     "energy_midpoint": "total (midpoint)",
-    "energy_balance": "balance",
+    BALANCE: "balance",
 }
+_TOTALS = ("energy", "energy_midpoint")
 #: by the last part of a series' name
 _UNITS = {
     **dict.fromkeys((*_ENERGIES, "dissipated"), "J"),
@@ -36,7 +38,7 @@ _UNITS = {
     **{"linear_momentum": "kg m/s", "angular_momentum": "kg m²/s"},
 }
 #: what is drawn unless names are given: of springs if there are some
-_USUAL = ("kinetic", "strain_energy", "coupling_energy", "energy", "energy_midpoint")
+_USUAL = ("kinetic", "strain_energy", "coupling_energy", *_TOTALS)
 
 
 @checked
@@ -44,7 +46,7 @@ def plot_energy(
     history: History,
     path: FilePath | None = None,
     names: Sequence[str] | None = None,
-    since: float = 0.0,
+    since: float = -np.inf,
 ) -> Figure:
     """Chart of the energies over time, and below it of what is wrong with their sum.
 
@@ -63,7 +65,7 @@ def plot_energy(
         since that of a strong pulse would hide all others.
     since : float
         Time in s from which the balance, or the change of the total, counts, such as the end of a
-        pulse.
+        pulse. Default: from the start.
 
     Returns
     -------
@@ -113,38 +115,37 @@ def _energy_parts(history: History, names: Sequence[str] | None, since: float) -
             raise InputError("argument names", text)
     springs = "coupling_energy" in history and bool(np.any(history["coupling_energy"]))
     usual = [name for name in _USUAL if name != "coupling_energy" or springs]
-    wanted = [*usual, "energy_balance"] if names is None else list(names)
+    wanted = [*usual, BALANCE] if names is None else list(names)
     present = [name for name in _ENERGIES if name in history and name in wanted]
     if not present:
         raise InputError("history", f"has no energy series; expected some of {wanted}")
-    x, colours = abscissa(history), dict(zip(_ENERGIES, PALETTE.values(), strict=False))
-    balanced = "energy_balance" in present
-    drawn = [name for name in present if name != "energy_balance"]
-    totals = [name for name in drawn if _ENERGIES[name].startswith("total")]
-    below = ["energy_balance"] if balanced else totals
-    sizes = [name for name in usual if name in history] if balanced else []
-    scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in present + sizes)
+    x = abscissa(history)
+    colours = dict(zip(_ENERGIES, PALETTE.values(), strict=False)) | {"energy": "black"}
+    above = [name for name in present if name != BALANCE]
+    below = [BALANCE] if BALANCE in present else [name for name in above if name in _TOTALS]
+    known = {*present, *(name for name in usual if name in history)}
+    scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in known)
+
+    def draw(axis: Any, name: str, values: Floats) -> None:
+        axis.plot(x, values, color=colours[name], label=_ENERGIES[name], linewidth=1.0)
 
     def energies(axis: Any) -> None:
-        for name in drawn:
-            style = {"color": "black"} if name == "energy" else {"color": colours[name], "lw": 1.0}
-            axis.plot(x, history[name], label=_ENERGIES[name], **style)
+        for name in above:
+            draw(axis, name, history[name])
         axis.set_ylabel("energy in J")
         legend(axis)
 
     def balance(axis: Any) -> None:
         for name in below:
-            valid = np.flatnonzero(np.isfinite(history[name]) & (x >= since))
+            values = np.where(x >= since, history[name], np.nan)
+            valid = values[np.isfinite(values)]
             if len(valid) and scale > 0.0:
-                first = valid[0]  # later gaps stay gaps
-                drift = (history[name][first:] - history[name][first]) / scale
-                style = {"color": "black" if name == "energy" else colours[name], "lw": 1.0}
-                axis.plot(x[first:], drift, label=_ENERGIES[name], **style)
-        what = "balance of energy" if balanced else "change of total"
+                draw(axis, name, (values - valid[0]) / scale)
+        what = "balance of energy" if BALANCE in below else "change of total"
         axis.set_ylabel(f"{what}\n/ largest energy")
         axis.axhline(0.0, color="grey", linewidth=0.5, zorder=1, label="_zero")
 
-    return [(2.0, energies)] * bool(drawn) + [(1.0, balance)] * bool(below)
+    return [(2.0, energies)] * bool(above) + [(1.0, balance)] * bool(below)
 
 
 def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> None:
@@ -164,7 +165,7 @@ def plot(history: History, names: Sequence[str] = (), path: FilePath | None = No
     parts: list[_Part] = []
     for name in names or energies + [*history.sensors] or ["work_loads"]:
         if name == "energy":
-            parts += _energy_parts(history, None, 0.0)
+            parts += _energy_parts(history, None, -np.inf)
         else:
             parts.append((1.5, partial(_numbers, history, name, record_of(history, name))))
     return _chart(history, parts, path)

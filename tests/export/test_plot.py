@@ -65,7 +65,7 @@ def test_energy_with_gaps_and_without_total(make_scene):
     history.add_series("energy_midpoint", np.array([np.nan, 2.0, 2.0, 2.0, 3.0]))
     lower = plot_energy(history).axes[1]
     drift = lower.get_lines()[1].get_ydata()
-    np.testing.assert_allclose(drift, np.array([0.0, 0.0, 0.0, 1.0]) / 3.0)
+    np.testing.assert_allclose(drift, np.array([np.nan, 0.0, 0.0, 0.0, 1.0]) / 3.0)
     for name in ("energy", "energy_midpoint", "kinetic", "strain_energy"):
         history._series.pop(name)
     with pytest.raises(InputError, match="energy series"):
