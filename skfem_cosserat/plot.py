@@ -183,25 +183,22 @@ def _with_unit(history: History, name: str) -> str:
 
 def _path_of(history: History, what: str) -> Floats:
     """Places ``(N, 3)`` of a body, mass point, beam node or joint."""
-    kind, _, rest = what.partition("/")
-    name, _, node = rest.rpartition("/")
-    if kind == "joint" and f"{what}/position" in history:
+    static, (item, _, node) = history.static, what.rpartition("/")
+    if what.startswith("joint/") and f"{what}/position" in history:
         return history[f"{what}/position"]
-    if kind in ("body", "point") and f"{what}/offset" in history.static:
-        start = int(history.static[f"{what}/offset"])
-        return history["q"][:, start : start + 3]
-    if kind == "beam" and f"beam/{name}/offsets" in history.static:
-        offsets = history.static[f"beam/{name}/offsets"]
-        vertices = _vertices(history.static[f"beam/{name}/connectivity"])
-        if node.removeprefix("-").isdigit() and -len(vertices) <= int(node) < len(vertices):
-            start = int(offsets[vertices[int(node)]])
-            return history["q"][:, start : start + 3]
-        text = f"got {what!r}, the mesh of beam {name!r} has {len(vertices)} vertices"
-        raise InputError("argument what", text)
-    raise InputError(
-        "argument what",
-        f"got {what!r}, expected 'body/NAME', 'point/NAME', 'joint/NAME' or 'beam/NAME/NODE'",
-    )
+    if f"{what}/offset" in static:
+        start = int(static[f"{what}/offset"])
+    elif f"{item}/offsets" in static:
+        vertices = _vertices(static[f"{item}/connectivity"])
+        try:
+            start = int(static[f"{item}/offsets"][vertices[int(node)]])
+        except (ValueError, IndexError):
+            text = f"got {what!r}, the mesh of {item} has {len(vertices)} vertices"
+            raise InputError("argument what", text) from None
+    else:
+        kinds = "'body/NAME', 'point/NAME', 'joint/NAME' or 'beam/NAME/NODE'"
+        raise InputError("argument what", f"got {what!r}, expected {kinds}")
+    return history["q"][:, start : start + 3]
 
 
 def _vertices(connectivity: IndexArray) -> IndexArray:
