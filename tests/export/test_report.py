@@ -84,6 +84,22 @@ def test_long_runs_are_thinned(make_scene, tmp_path):
         history.truncated(0).report(tmp_path / "a.html")
 
 
+def test_a_path_has_load_factors(tmp_path):
+    model = sc.Model()
+    ball = model.add("ball", sc.MassPoint(1.0, position=(1, 0, 0)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), ball.place(), 100.0))
+    model.add("pull", sc.LoadForce(ball.place(), (5.0, 0, 0)))
+    for way in (None, (0, 1, 0), (0, 0, 1)):
+        if way is not None:
+            model.add(f"guide {way}", sc.SpringDamper(sc.ground((1, *way[1:])), ball.place(), 10.0))
+    path = sc.static(model)
+    data = data_of(path.report(tmp_path / "a.html").read_text(encoding="utf-8"))
+    assert data["over"] == "load factor" and data["at"] == path["load_factor"].tolist()
+    places = unpacked(data["items"][0]["frames"])[:, 0]
+    np.testing.assert_allclose(places, path.position(ball.place()), atol=1e-6)
+    assert data["charts"][0]["label"] == "energy in J"
+
+
 def test_without_plotly_the_extra_is_named(scene, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     with pytest.raises(ImportError, match=r"skfem-cosserat\[report\]"):
