@@ -625,7 +625,7 @@ def _staged(
     pieces = [*scene.pieces(), *(scene.directors() if before else ())]
     for k, row in enumerate(behind):
         pale = [each for each in pieces if each.kind in ("beam", "body", "mass point", _LINES)]
-        stage.add(pale, row, 0.3 + 0.6 * k / len(behind))
+        stage.add(pale, row, 0.4 + 0.5 * k / len(behind))
     stage.add(pieces, rows[-1])
     stage.aim([piece.points(row) for row in rows for piece in pieces], scene.gravity)
     if before:
