@@ -46,13 +46,7 @@ COLOURS = {
     "d2": PALETTE["sky"],
 }
 _LINES = "spring, cable"
-#: towards the camera, and up
-_VIEWS = {
-    "xy": ((0, 0, 1), (0, 1, 0)),
-    "xz": ((0, -1, 0), (0, 0, 1)),
-    "yz": ((1, 0, 0), (0, 0, 1)),
-    "iso": ((1, 1, 1), (0, 0, 1)),
-}
+_VIEWS = "xy", "xz", "yz", "iso"
 #: arrows of a load along a beam; frames of a film; frames per second of a GIF in browsers
 _ARROWS, _FRAMES, _GIF = 12, 5000, 50
 
@@ -72,7 +66,7 @@ class Look(NamedTuple):
         known = self.camera in _VIEWS if named else np.shape(self.camera) == (3, 3)
         for name, right, expected in (
             ("colour", self.colour in ("", "M", "N"), "'M', 'N' or ''"),
-            ("camera", known, f"one of {list(_VIEWS)}, or position, focal point, up direction"),
+            ("camera", known, f"one of {_VIEWS}, or position, focal point, up direction"),
             ("radius", self.radius is None or self.radius > 0, "a positive number"),
             ("window", 16 <= min(self.window) <= max(self.window) <= 4096, "16 to 4096 pixels"),
         ):
@@ -430,6 +424,8 @@ class Stage:
         self.size = self.finer * np.array(look.window)
         self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=self.size.tolist())
         self.plotter.set_background("white")
+        if off_screen:
+            self.plotter.disable_anti_aliasing()
         self.font = int(max(11 * self.finer, self.size[0] // 70))
         self.title = f"norm of {look.colour} in {'N m' if look.colour == 'M' else 'N'}"
         self.shown: list[tuple[Any, list[Piece]]] = []
@@ -497,33 +493,27 @@ class Stage:
 
         The points are above the scale and the axes, if the camera has a name.
         """
-        camera = self.look.camera
-        if isinstance(camera, str):
-            out, up = (np.array(each, dtype=float) for each in _VIEWS[camera])
-        else:
-            eye, focus, up = np.array(camera, dtype=float)
-            out = eye - focus
-        sides = _unit(np.cross(up, out)), _unit(np.cross(out, np.cross(up, out)))
-        self.plane = np.array([*sides, _unit(out)])
-        if isinstance(camera, str):
+        self.plotter.camera_position = self.look.camera
+        camera = self.plotter.camera
+        out = -np.array(camera.direction)
+        right = _unit(np.cross(camera.up, out))
+        self.plane = np.array([right, np.cross(out, right), out])
+        self.focus, scale = np.array(camera.focal_point), 0.27 * camera.distance
+        if isinstance(self.look.camera, str):
             ends = np.concatenate(points) @ self.plane.T
             extent = np.ptp(ends, axis=0)
-            scale = 0.5 * max(extent[1] / 0.68, extent[0] / 0.8 * self.size[1] / self.size[0])
-            scale = scale or 1.0
-            focus = (0.5 * (ends.min(0) + ends.max(0)) - (0, 0.16 * scale, 0)) @ self.plane
-            out = 2.0 * (np.linalg.norm(extent) + scale) * self.plane[2]
-        else:
-            scale = 0.27 * float(np.linalg.norm(out))  # as at an angle of 30 degrees
-        self.pixel, self.focus = 2.0 * scale / self.size[1], focus
-        self.plotter.camera_position = [tuple(focus + out), tuple(focus), tuple(self.plane[1])]
-        self.plotter.enable_parallel_projection()
-        self.plotter.camera.parallel_scale = scale
+            scale = 0.5 * max(*extent[:2] / (0.8 * self.size[0] / self.size[1], 0.68), 1e-9)
+            middle = 0.5 * (ends.min(axis=0) + ends.max(axis=0))
+            self.focus = (middle - (0, 0.16 * scale, 0)) @ self.plane
+            camera.focal_point = self.focus
+            camera.position = self.focus + 2 * (extent.sum() + scale) * out
+        camera.enable_parallel_projection()
+        camera.parallel_scale, self.pixel = scale, 2 * scale / self.size[1]
         self.plotter.add_axes(color="black", viewport=(0, 0, 0.16, 0.28))
         if gravity.any():
             aside = scale * np.array([-0.56 * self.size[0] / self.size[1], -0.75, 0.0])
-            x = focus + aside @ self.plane
-            arrow = _held((x, 0.2 * scale * _frames(_unit(gravity))))
-            self.add([_copies("ground", "arrow", arrow, "gravity")], {})
+            at = self.focus + aside @ self.plane, 0.2 * scale * _frames(_unit(gravity))
+            self.add([_copies("ground", "arrow", _held(at), "gravity")], {})
 
     def name(self, row: Row) -> None:
         """Names beside things; several at one place are one text."""
@@ -635,7 +625,7 @@ def _staged(
     pieces = [*scene.pieces(), *(scene.directors() if before else ())]
     for k, row in enumerate(behind):
         pale = [each for each in pieces if each.kind in ("beam", "body", "mass point", _LINES)]
-        stage.add(pale, row, 0.3 + 0.6 * k / len(behind))
+        stage.add(pale, row, 0.4 + 0.5 * k / len(behind))
     stage.add(pieces, rows[-1])
     stage.aim([piece.points(row) for row in rows for piece in pieces], scene.gravity)
     if before:
@@ -765,17 +755,11 @@ def _write_mp4(path: FilePath, images: Iterable[Array], fps: float) -> None:
 
 
 def _write_gif(path: FilePath, images: Iterable[Array], fps: float) -> None:
-    """A loop in the colours of all of it."""
+    """A loop."""
     from PIL import Image
 
-    found = [Image.fromarray(image) for image in images]
-    few = np.concatenate([np.asarray(each) for each in found[:: len(found) // 4 + 1]])
-    palette = Image.fromarray(few).quantize(128, Image.Quantize.MAXCOVERAGE)
-    colours = np.reshape(palette.getpalette() or [], (-1, 3))
-    colours[colours.min(axis=1) > 243] = 255  # white stays white
-    palette.putpalette(colours.ravel().tolist())
-    none = Image.Dither.NONE
-    first, *others = (each.quantize(palette=palette, dither=none) for each in found)
-    ends = np.round(100.0 * np.arange(len(found) + 1) / fps)
+    method = Image.Quantize.MAXCOVERAGE  # white stays white
+    first, *others = (Image.fromarray(image).quantize(128, method) for image in images)
+    ends = np.round(100.0 * np.arange(len(others) + 2) / fps)
     durations = (10 * np.diff(ends)).astype(int).tolist()
     first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
