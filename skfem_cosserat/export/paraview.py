@@ -374,8 +374,6 @@ class ItemLayer(Layer):
         if name != "loads":  # not all act at places
             self.wanted = [item + places for item in self._items]
         self.series = [item + each for item in self._items for each in (places, *fields)]
-        self._known: list[tuple[int, int]] = []
-        self._cells: Any = None
 
     def grid(self, states: States, reference: Floats) -> Grid | None:
         """Grid of some states, see `Layer.grid`."""
@@ -395,16 +393,14 @@ class ItemLayer(Layer):
             parts.append(fields)
         if not sum(count for _, count in known):
             return None
-        if known != self._known:
-            which, counts = np.transpose(known)
-            cells = np.arange(width * counts.sum()).reshape(-1, width)
-            own = {name: values[which].repeat(counts) for name, values in self._numbers.items()}
-            kind = _VTK["vertex" if width == 1 else "line"]
-            at = (own, None) if width == 1 else (None, own)
-            self._known, self._cells = known, Cells([(kind, cells)], *at)
+        which, counts = np.transpose(known)
+        cells = np.arange(width * counts.sum()).reshape(-1, width)
+        own = {name: values[which].repeat(counts) for name, values in self._numbers.items()}
         joined = _stack(parts, [count for _, count in known])
         x = joined.pop("x").reshape(len(states["q"]), -1, 3)
-        return Grid(x, self._cells, *((joined, {}) if width == 1 else ({}, joined)))
+        if width == 1:
+            return Grid(x, Cells([(_VTK["vertex"], cells)], own), joined, {})
+        return Grid(x, Cells([(_VTK["line"], cells)], None, own), {}, joined)
 
 
 # -- a grid as files of VTK's XML format for unstructured grids (``.vtu``) -------------------------
@@ -427,6 +423,10 @@ _OF_THE_SCENE = {
 }
 
 
+#: bytes of an array that are packed in less time than it takes to open a file
+PACKED = 8192
+
+
 def _array(name: str, values: Array, level: int) -> tuple[str, bytes]:
     """Attributes and unit of an array (n, ...) in a file, and its packed bytes."""
     if values.dtype.kind == "U":
@@ -436,7 +436,7 @@ def _array(name: str, values: Array, level: int) -> tuple[str, bytes]:
         size = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
         kind = {"f": "Float", "i": "Int", "u": "UInt"}[values.dtype.kind]
         kind, data = f"{kind}{8 * values.itemsize}", values.tobytes()
-    packed = zlib.compress(data, level)
+    packed = zlib.compress(data, level or int(len(data) < PACKED))
     # one block, the last of whose numbers is that of bytes
     header = np.array([1, len(data), 0, len(packed)], dtype=np.uint32).tobytes()
     unit = _UNIT.format(_UNITS[name]) if name in _UNITS else ""
@@ -661,10 +661,7 @@ class ParaViewWriter:
         with writing(self.folder, "folder"):
             for index in self._indices:
                 index.path.unlink(missing_ok=True)
-            for index in self._indices[:-1]:
-                folder = index.path.with_suffix("")
-                folder.mkdir(exist_ok=True)
-                for frame in folder.glob("[0-9]" * 6 + ".vtu"):
+                for frame in index.path.with_suffix("").glob("[0-9]" * 6 + ".vtu"):
                     frame.unlink()  # of a longer earlier export: the index would not name it
             (self.folder / "names.json").write_text(names, encoding="utf-8")
             (self.folder / "paraview.py").write_text(SCRIPT, encoding="utf-8")
@@ -749,6 +746,8 @@ class ParaViewWriter:
         for layer, index, grid in zip(self._layers, self._indices, grids, strict=False):
             if grid is None:
                 continue
+            with writing(self.folder, "folder"):
+                index.path.with_suffix("").mkdir(exist_ok=True)
             try:
                 for k, time in enumerate(times):
                     about = _field("TimeValue", self._time, np.array(time))

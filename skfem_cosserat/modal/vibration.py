@@ -43,7 +43,7 @@ def animation(
     waves = np.exp(1j * phases)[:, None] * x
     q = np.array([_moved(at, wave) for wave in waves.real])
     v = (P @ (1j * omega * waves).real.T).T
-    spin = at.amplitudes.spin
+    increment, spin = (P @ waves.real.T).T, at.amplitudes.spin
     turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
     p = np.array([(system.mass @ row.reshape(-1, 3)).reshape(-1) for row in v])
     meta, static = describe(system)
@@ -56,6 +56,7 @@ def animation(
         #: functions of time are taken at this one (s)
         "instant": at.t,
     }
+    static["equilibrium"] = at.y[: system.rows].reshape(-1)
     count = len(phases)
     series = {
         "t": phases / omega,
@@ -64,8 +65,8 @@ def animation(
         "p": p,
         "v": v,
         "constraint_force": np.full((count, system.n), np.nan),
-        # a buckling mode is none of motion
-        "acceleration": np.real(s**2) * (P @ waves.real.T).T if s else np.zeros_like(q),
+        "increment": increment,
+        "acceleration": np.real(s**2) * increment,
         "amplitudes/loads": np.tile(at.amplitudes.loads, (count, 1)),
         "amplitudes/spin": np.tile(turning, (count, 1, 1)),
     }

@@ -605,6 +605,13 @@ class ProfileConstants(Frozen):
             skin, operator, D, self.mass, inertia, self.outline, viscosity, **more
         )
 
+    @property
+    def _axes(self) -> tuple[Floats, Floats]:
+        """To these axes (3, 3) from those of the warping; to its resultants (6, 6) from these."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        return R, np.block([[R.T, np.zeros((3, 3))], [_spin(self.origin) @ R.T, R.T]])
+
     def _skin_stresses(self, skin: Sequence[Floats]) -> Floats:
         """(k, 3, 6) at points of closed polygons, for unit resultants: just inside of these."""
         places = []
@@ -613,11 +620,9 @@ class ProfileConstants(Frozen):
             along = sum(each / np.linalg.norm(each, axis=1)[:, None] for each in (before, after))
             inward = along @ [[0, 1], [-1, 0]]  # the material is on the left
             places.append(loop + INSIDE * np.sqrt(self.area) * inward)
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        R, to = self._axes
         x = np.concatenate(places) @ R[:2, :2] + self.origin
         own = self.warping.stresses_at(x)[:, [4, 3, 2]]
-        to = np.block([[R.T, np.zeros((3, 3))], [_spin(self.origin) @ R.T, R.T]])
         return np.asarray((R @ own @ to)[:, [2, 0, 1]])
 
     def stresses(self, resultants: ArrayLike) -> tuple[Floats, Floats]:
@@ -647,11 +652,8 @@ class ProfileConstants(Frozen):
         True
         """
         given = shaped("profile", "resultants", resultants, (6,))
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-        N = R.T @ given[:3]
-        M = R.T @ given[3:] + _spin(self.origin) @ N
-        stress = self.warping.stresses(np.concatenate([N, M])).reshape(6, -1)
+        R, to = self._axes
+        stress = self.warping.stresses(to @ given).reshape(6, -1)
         tensor = stress[[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
         tensor = np.einsum("ia,abk,jb->ijk", R, tensor, R)
         points = np.reshape(self.warping.basis.global_coordinates(), (2, -1))
