@@ -40,7 +40,7 @@ def _of_channels(
     system: System, load: Load, history: History, y: Floats
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
     """Places, forces and moments of the terms whose vectors are constant but for a factor."""
-    given = history["amplitudes/loads"] if "load_factor" in history else None
+    given = history.series.get("amplitudes/loads")
     factors = load_factors(system, history.instants, given, len(y))
     loading = system.loading
     for k, (owner, term) in enumerate(zip(loading.owners, loading.terms, strict=True)):
