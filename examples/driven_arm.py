@@ -2,8 +2,8 @@
 
 A smooth ramp turns the hinge of each arm by ``sc.JointDrive``. How much vibration it leaves depends
 on its duration T alone. In one vibration of the frequency w the amplitude that remains is in
-proportion to ``15 j2(z)/z^2`` with ``z = w T/2`` and the spherical Bessel function j2. The tuned arm
-takes the T of the first zero, 1.83 periods of the first vibration: it arrives at rest.
+proportion to ``15 j2(z)/z^2`` with ``z = w T/2`` and the spherical Bessel function j2. The tuned
+arm takes the T of the first zero, 1.83 periods of the first vibration: it arrives at rest.
 
 Run ``python examples/driven_arm.py``; look at the ends of both arms in the film.
 """
