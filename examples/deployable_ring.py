@@ -18,7 +18,7 @@ import numpy as np
 import skfem_cosserat as sc
 
 PICTURE = Path(__file__).with_name("pictures") / "deployable_ring.gif"
-PAIRS, ARM, FOLDED, OPEN = 12, 0.5, np.radians(75), np.radians(20)  # -, m, rad
+PAIRS, ARM, FOLDED, OPEN = 12, 0.5, np.radians(70), np.radians(20)  # -, m, rad
 HALF = np.pi / PAIRS  # half the angle between rays
 
 
