@@ -260,7 +260,7 @@ class _BetweenPlaces(Coupling):
             raise InputError(
                 self.label,
                 f"both points are at {ends[0].tolist()} in the reference configuration: it has no"
-                " direction, use a Bushing",
+                " direction, use a Bushing (between frames), or springs to points beside it",
             )
         return np.array(positive(self.label, "length", span if length is None else length, " (m)"))
 

@@ -1,23 +1,20 @@
-"""Charts (matplotlib) and pictures (pyvista) of a history; both packages are optional."""
+"""Charts of a history (matplotlib, optional)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .arguments import checked
 from .errors import InputError
-from .export.geometry import BeamShape, beam_shapes, body_shapes
-from .figures import MISSING, PALETTE, check_folder, legend, panels, write_figure
+from .figures import PALETTE, legend, panels, write_figure
 from .history import History
-from .types import Array, ArrayLike, FilePath, Floats, names_known
+from .types import FilePath, Floats, names_known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from pyvista import Plotter, PolyData
 
 _ENERGIES = {
     "kinetic": "kinetic",
@@ -38,7 +35,6 @@ _UNITS = {
 }
 #: what is drawn unless names are given: of springs if there are some
 _USUAL = ("kinetic", "strain_energy", "coupling_energy", "energy", "energy_midpoint")
-_CAMERAS = ("xy", "xz", "yz", "iso")
 
 
 @checked
@@ -264,209 +260,3 @@ def plot_orbit(
     axis.set_ylabel(f"{axes[1]} in m")
     legend(axis)
     return write_figure(figure, path)
-
-
-def _instants(history: History, frames: int | Sequence[int]) -> list[int]:
-    """Numbers of the states in a picture."""
-    if not len(history):
-        raise InputError("history", "has no states")
-    if isinstance(frames, int):
-        if frames < 1:
-            raise InputError("argument frames", f"got {frames}, expected at least 1")
-        times = np.linspace(history.times[0], history.times[-1], frames)
-        return sorted({int(np.argmin(abs(history.times - t))) for t in times})
-    for i in frames:
-        if not -len(history) <= i < len(history):
-            raise InputError("argument frames", f"got state {i}, there are {len(history)}")
-    return [int(i) % len(history) for i in frames]
-
-
-def _circle(radius: float) -> Floats:
-    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _outlines(shape: BeamShape, radius: float | None, size: float) -> dict[int, Floats]:
-    """Outline by section; a circle where there is none or a radius is given."""
-    round_one = _circle(0.006 * size if radius is None else radius)
-    found = {}
-    for section in np.unique(shape.section):
-        own = shape.outline(section) if radius is None else None
-        found[int(section)] = round_one if own is None else own
-    return found
-
-
-def _three(resultants: Array, color: str) -> Array:
-    """Forces ``N`` or moments ``M`` of resultants ``(..., 6)``."""
-    return resultants[..., :3] if color == "N" else resultants[..., 3:]
-
-
-def _beam_surface(
-    shape: BeamShape, row: Mapping[str, Array], outlines: dict[int, Floats], color: str
-) -> PolyData:
-    """Swept beam with the norm of a resultant at its faces, if recorded."""
-    import pyvista
-
-    sweep = shape.surface(outlines)
-    faces = [np.insert(sweep.quads, 0, 4, axis=1).ravel()]
-    faces += [np.insert(ring, 0, len(ring)) for ring in sweep.caps]
-    surface = pyvista.PolyData(sweep.points(row["q"]), np.concatenate(faces))
-    key = f"beam/{shape.name}/resultant"
-    if key in row and color:
-        part = shape.average(_three(row[key], color)[..., None, :], shape.pieces)
-        norm = np.linalg.norm(part[:, 0], axis=1)
-        values = norm[sweep.element * shape.pieces + sweep.piece]
-        ends = np.array([values[(sweep.quads == ring[0]).any(1)][0] for ring in sweep.caps])
-        surface.cell_data[color] = np.concatenate([values, ends])
-    return surface
-
-
-def _places(history: History, instants: list[int]) -> Floats:
-    """Points ``(k, 3)`` of everything at the instants, in m."""
-    parts = []
-    for i in instants:
-        q = history["q"][i]
-        parts += [s.points(q) for s in beam_shapes(history.meta, history.static)]
-        parts += [s.points(q) for s in body_shapes(history.meta, history.static)]
-    if not parts:
-        raise InputError("history", "has no beams, bodies or mass points to be drawn")
-    return np.concatenate(parts)
-
-
-def _limits(history: History, instants: list[int], color: str) -> tuple[float, float]:
-    """Common range of the colours over all instants."""
-    top = 0.0
-    for shape in beam_shapes(history.meta, history.static):
-        key = f"beam/{shape.name}/resultant"
-        if key in history and color:
-            values = _three(history[key][instants], color)
-            top = max(top, float(np.linalg.norm(values, axis=-1).max(initial=0.0)))
-    return 0.0, top or 1.0
-
-
-def _faded(colors: ArrayLike, strength: float) -> Floats:
-    """Mix colours ``(..., 3)`` with white; opaque, as transparency needs sorted faces."""
-    return 1.0 - strength * (1.0 - np.asarray(colors, dtype=float))
-
-
-def _look(surface: PolyData, strength: float, style: Mapping[str, Any]) -> dict[str, Any]:
-    """Colours of a beam; the full ones come with a scale."""
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap, to_rgb
-
-    color = style["color"]
-    if color not in surface.cell_data:
-        return {"color": _faded(to_rgb("steelblue"), strength)}
-    colors = colormaps["viridis"](np.linspace(0.0, 1.0, 256))[:, :3]
-    table = ListedColormap(_faded(colors, strength))
-    unit = {"N": "N", "M": "N m"}[color]
-    bar = {"title": f"norm of {color} in {unit}", "fmt": "%.3g", "color": "black", "n_labels": 2}
-    bar |= {"width": 0.3, "height": 0.06, "position_x": 0.35, "position_y": 0.03}
-    look = {"scalars": color, "cmap": table, "clim": style["limits"], "scalar_bar_args": bar}
-    return {**look, "show_scalar_bar": strength == 1.0}
-
-
-def _draw(
-    plotter: Plotter, history: History, i: int, strength: float, style: Mapping[str, Any]
-) -> None:
-    """Add one instant to a picture."""
-    import pyvista
-    from matplotlib.colors import to_rgb
-
-    row = history.row(i)
-    size = style["size"]
-    for shape in beam_shapes(history.meta, history.static):
-        outlines = _outlines(shape, style["radius"], size)
-        surface = _beam_surface(shape, row, outlines, style["color"])
-        plotter.add_mesh(surface.clean(), **_look(surface, strength, style), ambient=0.25)
-    for body in body_shapes(history.meta, history.static):
-        x = body.points(row["q"])
-        if body.material is None:
-            ball = pyvista.Sphere(radius=0.012 * size, center=x[0])
-            color = _faded(to_rgb("firebrick"), strength)
-            plotter.add_mesh(ball, color=color, smooth_shading=True, ambient=0.25)
-        else:
-            faces = np.insert(body.faces, 0, 3, axis=1).ravel()
-            surface = pyvista.PolyData(x, faces)
-            plotter.add_mesh(surface, color=_faded(to_rgb("#99a8bf"), strength), ambient=0.25)
-
-
-@checked
-def render(
-    history: History,
-    path: FilePath,
-    frames: int | Sequence[int] = 5,
-    camera: str | Sequence[Sequence[float]] = "iso",
-    color: str = "M",
-    radius: float | None = None,
-    window: tuple[int, int] = (1600, 900),
-) -> Path:
-    """Picture of the scene at several instants in one image, without opening a window.
-
-    Beams are swept sections coloured by the norm of a resultant (the outline of the section, or a
-    tube without one), bodies surfaces, mass points balls. Earlier instants are paler.
-
-    Parameters
-    ----------
-    history : History
-        Recorded states.
-    path : path-like
-        Image file (``.png``).
-    frames : int or sequence of int
-        Number of instants, equally spaced in time, or numbers of the states.
-    camera : str or three points
-        ``"xy"``, ``"xz"``, ``"yz"``, ``"iso"``, or position, focal point and up direction.
-    color : str
-        ``"M"`` or ``"N"``: moment or force resultant; ``""``: one colour.
-    radius : float, optional
-        Draw all beams as tubes of this radius in m.
-    window : (2,) int
-        Width and height in pixels.
-
-    Returns
-    -------
-    Path
-        The image file.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to draw, the folder is missing or an argument is out of range.
-    ImportError
-        Without pyvista.
-
-    Notes
-    -----
-    VTK needs OpenGL (a display, or Mesa for off-screen use); without any it ends the whole process.
-
-    Examples
-    --------
-    >>> render(history, "swing.png", frames=8, camera="xz")  # doctest: +SKIP
-    """
-    if color not in ("", "M", "N"):
-        raise InputError("argument color", f"got {color!r}, expected 'M', 'N' or ''")
-    if isinstance(camera, str) and camera not in _CAMERAS:
-        raise InputError("argument camera", f"got {camera!r}, expected one of {_CAMERAS} or points")
-    instants = _instants(history, frames)
-    check_folder(path)
-    points = _places(history, instants)
-    size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
-    try:
-        import pyvista
-    except ImportError as error:
-        raise ImportError(f"pyvista {MISSING}") from error
-    limits = _limits(history, instants, color)
-    style = {"size": size, "radius": radius, "color": color, "limits": limits}
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(window))
-    plotter.set_background("white")
-    plotter.enable_anti_aliasing("ssaa")
-    for k, i in enumerate(instants):
-        _draw(plotter, history, i, 1.0 - 0.75 * (len(instants) - 1 - k) / len(instants), style)
-    plotter.camera_position = camera
-    if isinstance(camera, str):
-        plotter.enable_parallel_projection()
-        plotter.renderer.ResetCameraScreenSpace(0.72)
-        plotter.camera.SetWindowCenter(0.0, -0.18)  # room for the scale of colours below
-    plotter.screenshot(str(path))
-    plotter.close()
-    return Path(path)

@@ -6,7 +6,7 @@ import os
 import platform
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -34,11 +34,13 @@ from ..diagnostics import (
 from ..diagnostics.energy import potential, recorded_factors, resultants
 from ..diagnostics.inputs import at_jumps
 from ..diagnostics.joint_motion import relative_names, relative_series
-from ..diagnostics.stacked import all_rows
+from ..diagnostics.loads import acts_somewhere, load_wrenches
+from ..diagnostics.stacked import all_rows, at_place
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
-from ..frames import Place, is_beam
+from ..frames import is_beam
 from ..history import History
 from ..history.container import BALANCE, Formula, Formulas, Kind
+from ..joint import Joint, JointDistance
 from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
 from ..model.groups import lumped
@@ -73,6 +75,8 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         "points": [],
         "joints": [],
         "couplings": [],
+        "loads": [],
+        "drives": [],
         #: force elements whose angles the series "turns" counts
         "turns": system.couplings.turning,
     }
@@ -85,10 +89,34 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
+        _describe_joint(system, joint, static)
     for coupling in system.couplings.items:
         ends = {"a": coupling.a.label, "b": coupling.b.label}
         meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
+    for load in system.loads:
+        gravity = np.sum([term.acceleration() for term in load.made_of], axis=0)
+        own = {"acceleration": gravity.tolist()} if gravity.any() else {}
+        meta["loads"].append({"name": load.name, "type": type(load).__name__, **own})
+    for drive in system.drives:
+        kind = drive.coordinate.kind
+        meta["drives"].append({"name": drive.name, "type": kind, "joint": drive.joint.name})
     return meta, static
+
+
+def _describe_joint(system: System, joint: Joint, static: dict[str, Any]) -> None:
+    """Axes of what a joint leaves free, in the frame of side a; in space if that is the ground."""
+    key, a = f"joint/{joint.name}/", joint.a
+    try:
+        freedom = joint.freedom()
+    except NotImplementedError:  # an own joint for multipliers alone
+        return
+    if a.item is not None and a.triad is not None:
+        static[key + "frame"] = np.array(system.offset(a))
+    turned = np.eye(3) if a.item is None or a.triad is None else a.triad.T
+    slides = [np.cross(slide.left, slide.right) for slide in freedom.slides]
+    static[key + "slides"] = np.reshape(slides, (-1, 3)) @ turned
+    if freedom.turns is not None:
+        static[key + "turns"] = np.reshape([t.axis for t in freedom.turns], (-1, 3)) @ turned
 
 
 def recorded_turns(system: System, history: History, index: int = -1) -> IndexArray | None:
@@ -182,7 +210,9 @@ def derive_series(system: System, history: History) -> None:
     each beam ``strain`` and ``resultant`` (its elastic part: that of damped sections is left to
     ``diagnostics.section_forces``), for each joint ``position``, ``force`` and ``moment``, its
     relative coordinates and their rates, for each spring, damper, cable and bushing
-    ``coordinate``, ``force`` and ``ends``. Of a path: the same without momenta.
+    ``coordinate``, ``force`` and ``ends``, for each load that acts at places ``position``,
+    ``force`` and ``moment`` (N, k, 3), line loads in the middle of each element. Of a path: the
+    same without momenta.
 
     Forces and moments of joints, ``multipliers`` and resultants of strains that a beam's theory
     holds belong to the states, like all series, and are of the order of the scheme up to the second
@@ -310,12 +340,6 @@ def take_along(
         error.add_note(f"the history up to t = {history.times[-1]:.6g} is in .history")
 
 
-def at_place(system: System, y: Floats, place: Place) -> Floats:
-    """Position (k, 3) of a place by all rows y (k, total, 3), or its velocity by their rates."""
-    terms = system.kinematics.spot_terms(system.spot(place))
-    return np.asarray(sum(c * y[:, a] for a, c in terms))
-
-
 def run_formulas(system: System) -> Formulas:
     """Formulas of a run, which has recorded works."""
     own = _momenta_formulas(system) | {
@@ -367,6 +391,7 @@ def configuration_formulas(system: System) -> Formulas:
     """Formulas that take configurations, constraint forces and the velocities "v"."""
     items = [jr.joint for jr in system.joint_rows]
     couplings = system.couplings.items
+    rods = [item for item in items if isinstance(item, JointDistance)]
 
     def coordinates(h: History) -> list[Floats]:
         given = h["q"], h["v"], h.instants, h.series.get("turns")
@@ -378,7 +403,9 @@ def configuration_formulas(system: System) -> Formulas:
 
     def places(h: History) -> list[Floats]:
         y = all_rows(system, h["q"], h.instants)
-        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in couplings]
+        ends = [
+            [at_place(system, y, end) for end in (item.a, item.b)] for item in (*couplings, *rods)
+        ]
         return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
     formulas: Formulas = {
@@ -391,8 +418,12 @@ def configuration_formulas(system: System) -> Formulas:
     for beam in system.beams:
         formulas |= _beam_formulas(system, beam)
     wrench_names = [f"joint/{item.name}/{each}" for item in items for each in ("force", "moment")]
+    for load in filter(acts_somewhere, system.loads):
+        names = tuple(f"load/{load.name}/{each}" for each in ("position", "force", "moment"))
+        formulas[names] = partial(load_wrenches, system, load)
     place_names = [f"joint/{item.name}/position" for item in items]
     end_names = [f"coupling/{item.name}/ends" for item in couplings]
+    end_names += [f"joint/{item.name}/ends" for item in rods]
     return formulas | {tuple(wrench_names): wrenches, (*place_names, *end_names): places}
 
 

@@ -287,7 +287,9 @@ def _balance(run: Run) -> Balance:
     lost = lost - lost[0]
     scale = float(np.nanmax(np.abs([*found[[0, -1]], *np.ravel([*works, taken])])))
     mass = float(system.mass.diagonal()[system.origin_rows].sum())
-    held = float(np.nansum(abs(history["constraint_force"][-1] * history["q"][-1])))
+    arms = abs(history["q"][-1]).reshape(-1, 3)
+    arms[system.origin_rows] = arms[system.origin_rows].clip(system.length)  # also at the origin
+    held = float(np.nansum(abs(history["constraint_force"][-1]) * arms.ravel()))
     rest = mass * (NOISE * system.length / np.ptp(history.times)) ** 2
     scale = scale if scale > max(NOISE * held, rest) else 0.0
     names = "start", "end", "loads", "actuators", "drives", "dissipated", "lost", "scale"

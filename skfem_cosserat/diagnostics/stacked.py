@@ -16,6 +16,7 @@ from scipy.sparse.linalg import eigsh
 from ..constraints.base import RowSpace
 from ..constraints.saddle import full_mass
 from ..errors import InputError
+from ..frames import Place
 from ..kernels import cross
 from ..linear import EIGENVALUES, SingularMatrixError
 from ..model import System, takes_scene
@@ -121,6 +122,12 @@ def all_rows(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
 def rates(system: System, v: ArrayLike, t: ArrayLike) -> Floats:
     """Rates of all rows of y (N, total, 3) for velocities v (N, n) at times t (N,)."""
     return _with_ground(system, v, t, system.ground_rate)
+
+
+def at_place(system: System, y: Floats, place: Place) -> Floats:
+    """Position (k, 3) of a place by all rows y (k, total, 3), or its velocity by their rates."""
+    terms = system.kinematics.spot_terms(system.spot(place))
+    return np.asarray(sum(c * y[:, a] for a, c in terms))
 
 
 def _with_ground(

@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -804,6 +805,112 @@ class History:
         if rates and "v" not in self:
             raise InputError("series 'v'", f"not recorded, as with derive=False; {ADVICE}")
         return rows_at(self.static, self["v" if rates else "q"], place, s, part)
+
+    def picture(
+        self,
+        path: FilePath | None = None,
+        frames: int | Sequence[int] = 5,
+        *,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        colour: str = "M",
+        radius: float | None = None,
+        names: bool = False,
+        window: tuple[int, int] = (1600, 900),
+    ) -> Any:
+        """Picture of the scene at several instants, earlier ones paler.
+
+        Beams have their sections, or are tubes without an outline. Joints are drawn by what they
+        leave free, at the last instant; so are the ground, forces (red) and moments (two heads).
+        The longest arrow of a load shows the largest it has at the instants shown. Gravity is an
+        arrow beside the axes.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Image file (``.png``). Default: shown in the notebook, or in a window.
+        frames : int or sequence of int
+            Number of instants, equally spaced in time, or numbers of the states.
+        camera : str or three points
+            ``"xy"``, ``"xz"``, ``"yz"``, ``"iso"``, or position, focal point and up direction.
+        colour : str
+            Of beams: ``"M"`` or ``"N"``, the norm of the moment or force; ``""``: one colour.
+        radius : float, optional
+            Draw all beams as tubes of this radius (m).
+        names : bool
+            Write the names of items beside them.
+        window : (2,) int
+            Width and height in pixels.
+
+        Returns
+        -------
+        Path
+            The image file; without one what a notebook shows.
+
+        Raises
+        ------
+        InputError
+            If there is nothing to draw, the folder is missing or an argument is out of range.
+        ImportError
+            Without pyvista (extra ``view``).
+        CosseratError
+            Without OpenGL.
+
+        Examples
+        --------
+        >>> history.picture("swing.png", frames=8, camera="xz")  # doctest: +SKIP
+        """
+        from ..picture import picture
+
+        return picture(self, path, frames, camera, colour, radius, names, window)
+
+    def animate(
+        self,
+        path: FilePath,
+        *,
+        colour: str = "M",
+        fps: float = 25,
+        speed: float = 1.0,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        radius: float | None = None,
+        names: bool = False,
+        window: tuple[int, int] = (960, 540),
+    ) -> Path:
+        """Film of the scene, with a clock.
+
+        Frames are equally spaced in time; each shows the recorded state nearest to its instant.
+        Camera, colours and the lengths of arrows mean the same in all frames.
+
+        Parameters
+        ----------
+        path : path-like
+            ``.gif``, which loops, or ``.mp4`` (H.264; extra ``film``).
+        fps : float
+            Frames per second, of a GIF at most 50.
+        speed : float
+            Simulated seconds in a second of the film; of a path the control's parameter: load
+            factor, displacement or arc length. The text shows the load factor then.
+        colour, camera, radius, names, window
+            As for :meth:`picture`; an odd size grows by a pixel.
+
+        Returns
+        -------
+        Path
+            The film.
+
+        Raises
+        ------
+        InputError
+            For more than 5000 frames, another ending, and as :meth:`picture`.
+        ImportError, CosseratError
+            As :meth:`picture`.
+
+        Examples
+        --------
+        >>> history.animate("swing.gif", speed=0.5, camera="xy")  # doctest: +SKIP
+        """
+        from ..picture import animate
+
+        return animate(self, path, colour, fps, speed, camera, radius, names, window)
 
     def add_series(self, name: str, array: Any) -> None:
         """Add a derived series, or replace one that was added before.

@@ -575,6 +575,41 @@ class MeshCurve(Frozen, MeshLine1):
         lines = files.LineData(self.p, self.t, self.beams, self.nodes)
         files.write_lines(filename, lines, point_data, cell_data, **kwargs)
 
+    def plot(
+        self,
+        path: FilePath | None = None,
+        *,
+        names: bool = True,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        window: tuple[int, int] = (1600, 900),
+    ) -> Any:
+        """Picture of its lines, each named beam in a colour, its vertices and its named nodes.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Image file (``.png``). Default: shown in the notebook, or in a window.
+        names, camera, window
+            As for :meth:`skfem_cosserat.History.picture`.
+
+        Returns
+        -------
+        Path
+            The image file; without one what a notebook shows.
+
+        Raises
+        ------
+        InputError, ImportError, CosseratError
+            As :meth:`skfem_cosserat.History.picture`.
+
+        Examples
+        --------
+        >>> mesh.plot("mesh.png")  # doctest: +SKIP
+        """
+        from ..picture import picture_of_mesh
+
+        return picture_of_mesh(self, path, camera, names, window)
+
     # ------------------------------------------------------------------ geometry
     def _mapping(self) -> MappingCurve:
         """The arc-length mapping; scikit-fem asks for it here."""

@@ -26,7 +26,7 @@ from ..types import SAME, Floats, finite
 from ..warn import Notices, counted
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
-from .vibration import animation, checked_count, checked_index
+from .vibration import Animated, animation, checked_count, checked_index
 
 Sign = Literal["positive", "negative", "both"]
 #: which eigenvalues 1/factor are sought first, by Lanczos' method
@@ -39,7 +39,7 @@ REAL = 1e-6
 
 @checked
 @dataclass(eq=False, repr=False)
-class Buckling:
+class Buckling(Animated):
     """Critical load factors and buckling modes.
 
     Attributes
@@ -81,6 +81,10 @@ class Buckling:
         """A table."""
         rows = (f"{k:4d} {factor:15.7g}" for k, factor in enumerate(self.factors))
         return "\n".join(["mode critical factor", *rows])
+
+    def called(self, index: int) -> str:
+        """Its number and critical factor."""
+        return f"mode {checked_index(index, len(self))}: factor {self.factors[index]:.4g}"
 
     def animation(
         self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,12 +18,15 @@ from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
-from ..types import Array, Floats, is_whole, largest, positive, whole
+from ..types import Array, FilePath, Floats, is_whole, largest, positive, whole
 from ..warn import Notices, counted
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
 # -- A mode as a history: finite motions along its shape -------------------------------------------
+
+#: of a film of a mode
+FRAMES = 28
 
 
 def animation(
@@ -59,6 +64,74 @@ def animation(
         "constraint_force": np.full((count, system.n), np.nan),
     }
     return History(meta, static, series, None, [system], configuration_formulas)
+
+
+class Animated:
+    """Modes that can be shown as films."""
+
+    _at: Equilibrium
+
+    def animation(
+        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
+    ) -> History:
+        """A mode as a time series."""
+        raise NotImplementedError
+
+    def called(self, index: int) -> str:
+        """What a mode is called in its film."""
+        raise NotImplementedError
+
+    def animate(
+        self,
+        index: int,
+        path: FilePath,
+        *,
+        amplitude: float = 0.1,
+        fps: float = 25,
+        colour: str = "",
+        camera: str | Sequence[Sequence[float]] = "iso",
+        radius: float | None = None,
+        names: bool = False,
+        window: tuple[int, int] = (960, 540),
+    ) -> Path:
+        """Film of one cycle of a mode in 28 frames, over the pale state that it is a mode of.
+
+        Parameters
+        ----------
+        index : int
+            Which mode.
+        path : path-like
+            ``.gif``, which loops, or ``.mp4`` (extra ``film``).
+        amplitude : float
+            As for :meth:`animation`: relative to the extent of the scene.
+        fps, colour, camera, radius, names, window
+            As for :meth:`History.animate`.
+
+        Returns
+        -------
+        Path
+            The film.
+
+        Raises
+        ------
+        InputError
+            As :meth:`animation` and :meth:`History.animate`.
+        ImportError
+            Without pyvista (extra ``view``).
+        CosseratError
+            Without OpenGL.
+
+        Examples
+        --------
+        >>> modes(model).animate(0, "mode.gif")  # doctest: +SKIP
+        """
+        from ..picture import film
+
+        history = self.animation(index, amplitude, FRAMES)
+        rest = self._at.y[: self._at.system.rows].reshape(-1)
+        texts = [self.called(index)] * FRAMES
+        view = colour, fps, camera, radius, names, window
+        return film(history, path, range(FRAMES), texts, rest, *view)
 
 
 def checked_index(index: int, count: int) -> int:
@@ -104,7 +177,7 @@ GROWTH = 1e-9
 
 @checked
 @dataclass(eq=False, repr=False)
-class Modes:
+class Modes(Animated):
     """Modes ``dq = Re(shape exp(s t))``, the slowest first.
 
     Attributes
@@ -141,6 +214,10 @@ class Modes:
     factorisations: int
     _at: Equilibrium
     warnings: list[dict[str, Any]] = field(default_factory=list)
+
+    def called(self, index: int) -> str:
+        """Its number and frequency."""
+        return f"mode {checked_index(index, len(self))}: {self.frequencies[index]:.4g} Hz"
 
     @property
     def omega(self) -> Floats:

@@ -34,7 +34,7 @@ from .groups import Structure
 from .loops import closure_rows
 from .parts import warn_of_loose_parts
 from .plane import Planar, Planarity, confine, inspect
-from .system import System, listed
+from .system import Pictured, System, listed
 
 ItemT = TypeVar("ItemT", bound=Item)
 
@@ -206,7 +206,7 @@ ReturnT = TypeVar("ReturnT")
 
 
 @checked
-class Model:
+class Model(Pictured):
     """A scene: beams, bodies, mass points; joints, drives; loads, force elements, damping.
 
     Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.
@@ -271,6 +271,10 @@ class Model:
                 f"is {type(item).__name__}, expected a beam, body, mass point, joint, drive,"
                 " load, force element, foundation or damping",
             )
+        for attribute in vars(item):
+            if callable(getattr(type(item), attribute, None)):
+                text = f"its attribute {attribute!r} hides the method of that name: rename it"
+                raise InputError(f"model, item {name!r}", text)
         _check_kind(name, item)
         if item.name is not None:
             raise InputError(f"model, item {name!r}", f"is already in a model as {item.name!r}")

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from .. import diagnostics
-from ..analysis.describe import at_place
 from ..arguments import checked
 from ..diagnostics import multipliers, reactions
 from ..diagnostics.error import SectionPlaces
 from ..diagnostics.joint_motion import Reading, reading_of
-from ..diagnostics.stacked import all_rows, rates
+from ..diagnostics.stacked import all_rows, at_place, rates
 from ..errors import InputError, failed
 from ..frames import Item, Place, is_beam, with_frame
 from ..frozen import Attached, Replacements

@@ -234,7 +234,7 @@ def _moved(
     alone = [Amplitudes(0.0 * each.loads, 0.0 * each.actuators, time=each.time) for each in both]
     labels = []
     for kind, channels in (("loads", system.loading), ("actuators", system.couplings)):
-        names = history.meta.get("loads", {}).get(kind, [])
+        names = history.meta.get("factors", {}).get(kind, [])
         for owner in dict.fromkeys(channels.owners):
             own = [k for k, other in enumerate(channels.owners) if other is owner]
             known = [k for k, entry in enumerate(names) if entry == [str(owner.name), True]]

@@ -147,7 +147,7 @@ class PathRecorder:
         held = solver.schedule.time
         described |= {"integrator": "static", "step": 0.0, "time": held, **meta}
         #: of each factor whose it is, and whether it is a function of time
-        described["loads"] = {
+        described["factors"] = {
             name: [
                 [str(owner.name), not isinstance(time, Constant)]
                 for owner, time in zip(channels.owners, channels.times, strict=True)

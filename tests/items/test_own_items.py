@@ -852,3 +852,16 @@ def test_slopes_are_compared_by_the_size_of_the_scene(metre):
     scene(0.1).freeze()
     with pytest.raises(sc.InputError, match="load 'waves': slopes of its force differ"):
         scene(0.2).freeze()
+
+
+def test_an_attribute_may_not_hide_a_method():
+    class Pull(sc.Load):
+        def __init__(self, places: list[sc.Place]) -> None:
+            super().__init__()
+            self.places = places
+
+        def terms(self) -> list[sc.TermForce]:
+            return [sc.TermForce(place, (1.0, 0, 0)) for place in self.places]
+
+    with pytest.raises(sc.InputError, match=r"item 'pull': its attribute 'places' hides"):
+        sc.Model().add("pull", Pull([]))
