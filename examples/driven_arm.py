@@ -56,7 +56,7 @@ def main(
         side = history.position(model[name].node("arm.end")) @ across
         result[name] = float(np.ptp(side[history.times > T]) / 2)
     if out is not None:
-        history.animate(out, fps=15, camera="iso", window=(480, 270))
+        history.animate(out, fps=12, camera="iso", window=(480, 270))
     return result
 
 
