@@ -41,22 +41,23 @@ def ring(psi: float) -> sc.Model:
             points = rays * np.array([[first], [middle], [last]]) + (0, 0, z)
             mesh = sc.MeshCurve.init_polyline(points, 1, name="bar", nodes={"pivot": 0.5})
             model.add(f"{name} {k}", sc.Beam(mesh, bar, order=2, director=(0, 0, 1)))
-    lift = {"up": (-0.012, 0, 0), "down": (0.012, 0, 0)}  # to the plane between both layers
 
-    def hinge(name: str, a: str, b: str, ends: tuple[str, str]) -> sc.JointRevolute:
-        sides = [
-            model[bar].node(end, offset=lift[bar.split()[0]])
-            for bar, end in zip((a, b), ends, strict=True)
-        ]
-        return model.add(name, sc.JointRevolute(*sides, axis=(0, 0, 1)))
+    def side(bar: str, end: str) -> sc.Place:
+        """A point of a bar, moved to the plane between both layers."""
+        z = 0.012 if bar.startswith("up") else -0.012
+        return model[bar].node(end, offset=(-z, 0, 0))
 
     for k in range(PAIRS):
         up, down, after = f"up {k}", f"down {k}", (k + 1) % PAIRS
-        pivot = hinge(f"pivot {k}", up, down, ("pivot", "pivot"))
-        spring = sc.JointSpringDamper(pivot, 8.0, 6.0, neutral=2 * (OPEN - psi))
+        hinges = {
+            f"pivot {k}": (side(up, "pivot"), side(down, "pivot")),
+            f"outer {k}": (side(up, "bar.end"), side(f"down {after}", "bar.start")),
+            f"inner {k}": (side(down, "bar.end"), side(f"up {after}", "bar.start")),
+        }
+        for name, (a, b) in hinges.items():
+            model.add(name, sc.JointRevolute(a, b, axis=(0, 0, 1)))
+        spring = sc.JointSpringDamper(model[f"pivot {k}"], 8.0, 6.0, neutral=2 * (OPEN - psi))
         model.add(f"spring {k}", spring)
-        hinge(f"outer {k}", up, f"down {after}", ("bar.end", "bar.start"))
-        hinge(f"inner {k}", down, f"up {after}", ("bar.end", "bar.start"))
     return model
 
 
@@ -70,7 +71,7 @@ def main(step: float = 2e-2, until: float = 3.0, out: str | Path | None = None) 
     ray = 2 * HALF * 4
     psi = FOLDED + history["joint/pivot 0/angle"] / 2
     if out is not None:
-        history.animate(out, fps=15, camera="iso", window=(480, 270))
+        history.animate(out, fps=15, window=(480, 270))
     return {
         "radius": np.hypot(x[:, 0], x[:, 1]),
         "theory": np.array([radii(each)[2] for each in psi]),

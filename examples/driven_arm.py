@@ -22,33 +22,30 @@ LENGTH, WEIGHT = 1.2, 0.2  # m, kg
 TUNED, HASTY = 11.527, 8.8  # w T: the first one is twice the first zero of j2
 
 
-def add_arm(model: sc.Model, name: str, height: float, ramp: sc.RampSmooth | None = None) -> None:
-    """An aluminium strip on edge, with a ball at its end, on a hinge that is driven or clamped."""
-    start, end = (0, 0, height), (LENGTH, 0, height)
-    mesh = sc.MeshCurve.init_line(start, end, 4, name="arm")
+def arms(durations: dict[str, float], angle: float) -> sc.Model:
+    """Aluminium strips on edge, each with a ball at its end, on hinges that turn in so many s."""
     strip = sc.SectionRectangle(0.04, 0.003, sc.Material(E=70e9, nu=0.3, rho=2700))
-    arm = model.add(name, sc.Beam(mesh, strip, order=3, director=(0, 0, 1)))
-    model.add(f"{name} ball", sc.RigidBody.sphere(WEIGHT, radius=0.03, on=arm.node("arm.end")))
-    base, root = sc.ground(start), arm.node("arm.start")
-    if ramp is None:
-        model.add(f"{name} clamp", sc.JointFixed(base, root))
-        return
-    hinge = model.add(f"{name} hinge", sc.JointRevolute(base, root, axis=(0, 0, 1)))
-    model.add(f"{name} motor", sc.JointDrive(hinge, ramp))
+    model = sc.Model()
+    for k, (name, T) in enumerate(durations.items()):
+        start, end = (0, 0, 0.3 * k), (LENGTH, 0, 0.3 * k)
+        mesh = sc.MeshCurve.init_line(start, end, 4, name="arm")
+        arm = model.add(name, sc.Beam(mesh, strip, order=3, director=(0, 0, 1)))
+        model.add(f"{name} ball", sc.RigidBody.sphere(WEIGHT, radius=0.03, on=arm.node("arm.end")))
+        hinge = sc.JointRevolute(sc.ground(start), arm.node("arm.start"), axis=(0, 0, 1))
+        model.add(f"{name} hinge", hinge)
+        model.add(f"{name} motor", sc.JointDrive(hinge, sc.RampSmooth(0.0, T, last=angle)))
+    return model
 
 
 def main(
     angle: float = 1.0, step: float = 1e-2, until: float = 4.0, out: str | Path | None = None
 ) -> dict[str, Any]:
-    """Frequency `omega` (rad/s) of a clamped arm; durations (s) of the turns by `angle` (rad),
-    and by the names of the arms the amplitude (m) of the vibration that remains at the end.
+    """Frequency `omega` (rad/s) of an arm whose hinge stands still; durations (s) of the turns by
+    `angle` (rad), and by the names of the arms the amplitude (m) of what vibrates at the end.
     """
-    still, model = sc.Model(), sc.Model()
-    add_arm(still, "still", 0.0)
-    omega = sc.modes(still, count=1).omega[0]
+    omega = sc.modes(arms({"still": 1.0}, 0.0), count=1, t=0.0).omega[0]
     durations = {"hasty": HASTY / omega, "tuned": TUNED / omega}
-    for k, (name, T) in enumerate(durations.items()):
-        add_arm(model, name, 0.3 * k, sc.RampSmooth(0.0, T, last=angle))
+    model = arms(durations, angle)
     history = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), step, until)
     across = np.array([-np.sin(angle), np.cos(angle), 0])
     result = {"omega": omega, "durations": durations}
@@ -56,7 +53,7 @@ def main(
         side = history.position(model[name].node("arm.end")) @ across
         result[name] = float(np.ptp(side[history.times > T]) / 2)
     if out is not None:
-        history.animate(out, fps=12, camera="iso", window=(480, 270))
+        history.animate(out, fps=12, window=(480, 270))
     return result
 
 

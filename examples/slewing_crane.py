@@ -65,13 +65,12 @@ def main(
     k = np.flatnonzero(swing[:-1] * swing[1:] < 0)
     zeros = t[k] + (t[k + 1] - t[k]) * swing[k] / (swing[k] - swing[k + 1])
     if out is not None:
-        history.animate(out, fps=8, speed=2.0, camera="iso", window=(480, 270))
+        history.animate(out, fps=8, speed=2.0, window=(480, 270))
     return {
         "tension": float(path["coupling/rope/force"][-1].item()),
         "length": float(np.linalg.norm(rope[0])),
         "period": float(2 * np.diff(zeros).mean()),
         "amplitude": float(abs(swing).max() / ROPE),
-        "balance": float(abs(history["energy_balance"]).max() / history["kinetic"].max()),
     }
 
 

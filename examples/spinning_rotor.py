@@ -62,7 +62,7 @@ def main(
     late = history.times > last
     force = history["joint/root 0/force"][late]
     if out is not None:
-        history.animate(out, fps=12, camera="iso", window=(480, 270))
+        history.animate(out, fps=12, window=(480, 270))
     return {
         "droop": (-float(tip[0, 2]), -float(tip[late, 2].mean())),
         "pull": float(np.linalg.norm(force[:, :2], axis=1).mean()),

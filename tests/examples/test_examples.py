@@ -45,10 +45,11 @@ def test_the_table_of_learning_examples():
     assert len(LEARNING) == 21 and set(LEARNING) <= set(EXAMPLES)
     for path in LEARNING:
         assert 40 <= path.read_text(encoding="utf-8").count("\n") <= 120
-    pictures = re.findall(r"\]\((pictures/\w+\.png)\)", TABLE)
-    assert len(pictures) == 15
+    pictures = re.findall(r"\]\((pictures/\w+\.(?:png|gif))\)", TABLE)
+    assert len(pictures) == 23
     for name in pictures:
-        assert (FOLDER / name).stat().st_size < 150_000
+        limit = 150_000 if name.endswith(".png") else 1_200_000
+        assert (FOLDER / name).stat().st_size < limit
 
 
 def test_learning_examples_use_public_names():
@@ -71,11 +72,9 @@ def drawn(path):
 
 @pytest.mark.slow
 def test_rod_with_ball_keeps_its_energy(tmp_path):
-    example = load("rod_with_ball")
-    result = example.main(10, 5e-3, 0.5, out=tmp_path / "a.png", paraview=tmp_path / "rod")
+    result = load("rod_with_ball").main(10, 5e-3, 0.5, paraview=tmp_path / "rod")
     assert result["drift"] < 1e-9
     assert -1.1 < result["height"][-1] < -0.9
-    assert drawn(tmp_path / "a.png")
     assert {"beams.pvd", "bodies.pvd"} <= {path.name for path in (tmp_path / "rod").iterdir()}
 
 
@@ -291,7 +290,6 @@ def test_load_of_the_crane_is_a_pendulum():
     assert result["length"] == pytest.approx(4.0 + 400 * 9.81 / 5e5, rel=1e-9)
     period = 2 * np.pi * np.sqrt(result["length"] / 9.81)
     assert result["period"] == pytest.approx(period, rel=0.01)  # the jib gives way a little
-    assert result["balance"] < 1e-9
 
 
 @pytest.mark.slow
@@ -310,8 +308,9 @@ def test_rotor_pulls_its_blades_straight():
 
 
 @pytest.mark.slow
-def test_supports_carry_the_bridge_and_its_truck():
-    result = load("stayed_bridge").main(positions=9)
+def test_supports_carry_the_bridge_and_its_truck(renderer, tmp_path):
+    result = load("stayed_bridge").main(positions=9, out=tmp_path / "a.gif")
+    assert (tmp_path / "a.gif").read_bytes()[:4] == b"GIF8"
     assert result["up"] == pytest.approx(result["dead"] + 4e5, rel=1e-9)
     lever = 60 * result["dead"] + 4e5 * result["place"]
     assert result["lever"] == pytest.approx(lever, rel=1e-4)  # what stands moves by millimetres
