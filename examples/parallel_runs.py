@@ -4,8 +4,7 @@ A rubber rod with a ball at its end swings down from its hinge, in each run half
 The last rod is hit by a blow that the step cannot resolve. That run fails on purpose: a failure is
 an outcome like the others, with the history up to the blow.
 
-Run ``python examples/parallel_runs.py``. With ``--executor dask`` the runs go to a Dask cluster
-(``pip install 'skfem-cosserat[cluster]'``).
+Run ``python examples/parallel_runs.py``; ``--executor dask`` takes Dask (extra ``cluster``).
 """
 
 from __future__ import annotations
@@ -21,9 +20,8 @@ import numpy as np
 import skfem_cosserat as sc
 
 PICTURE = Path(__file__).with_name("pictures") / "parallel_runs.png"
-SOFTEST = 1e7  # Young's modulus of the softest rod (Pa)
+SOFTEST, STEP = 1e7, 1e-3  # Young's modulus of the softest rod (Pa), step (s)
 BLOW, BLOW_AT = 1e12, 0.5  # the blow that is too hard (N), and when, as a share of the run
-STEP = 1e-3
 
 
 def build(modulus: float, elements: int, until: float, blow: float = 0.0) -> sc.System:
