@@ -78,7 +78,7 @@ def main(positions: int = 25, out: str | Path | None = None) -> dict[str, Any]:
     )
     middle = path.position(model["deck"].node((LENGTH / 2, 0, 0)))[:, 2]
     if out is not None:
-        path.animate(out, camera="xz", window=(480, 270))
+        path.animate(out, fps=10, speed=0.4, camera="xz", window=(480, 270))
     return {
         "place": LENGTH * path["load_factor"],
         "sag": middle[0] - middle,
