@@ -37,7 +37,7 @@ from ..diagnostics.joint_motion import relative_names, relative_series
 from ..diagnostics.loads import acts_somewhere, load_wrenches
 from ..diagnostics.stacked import all_rows, at_place
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
-from ..frames import is_beam
+from ..frames import is_beam, triad
 from ..history import History
 from ..history.container import BALANCE, Formula, Formulas, Kind
 from ..joint import Joint, JointDistance
@@ -89,7 +89,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
-        _describe_joint(system, joint, static)
+        _describe_joint(joint, system, static)
     for coupling in system.couplings.items:
         ends = {"a": coupling.a.label, "b": coupling.b.label}
         meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
@@ -103,20 +103,20 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     return meta, static
 
 
-def _describe_joint(system: System, joint: Joint, static: dict[str, Any]) -> None:
-    """Axes of what a joint leaves free, in the frame of side a; in space if that is the ground."""
-    key, a = f"joint/{joint.name}/", joint.a
-    try:
-        freedom = joint.freedom()
-    except NotImplementedError:  # an own joint for multipliers alone
-        return
-    if a.item is not None and a.triad is not None:
-        static[key + "frame"] = np.array(system.offset(a))
-    turned = np.eye(3) if a.item is None or a.triad is None else a.triad.T
-    slides = [np.cross(slide.left, slide.right) for slide in freedom.slides]
-    static[key + "slides"] = np.reshape(slides, (-1, 3)) @ turned
-    if freedom.turns is not None:
-        static[key + "turns"] = np.reshape([t.axis for t in freedom.turns], (-1, 3)) @ turned
+def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> None:
+    """Axes (3, 3) of what a joint leaves free, the first last, in the frame of side a."""
+    axes = None
+    with suppress(NotImplementedError, InputError):  # own joints for multipliers have no freedom
+        free = joint.freedom()
+        slides = [np.cross(slide.left, slide.right) for slide in free.slides]
+        ways = [turn.axis for turn in free.turns or ()] or slides or [np.eye(3)[2]]
+        axes = triad(*ways[:2])
+    if axes is not None:
+        key, a = f"joint/{joint.name}/", joint.a
+        if a.item is not None and a.triad is not None:
+            axes = axes @ a.triad.T
+            static[key + "frame"] = np.array(system.offset(a))
+        static[key + "axes"] = axes
 
 
 def recorded_turns(system: System, history: History, index: int = -1) -> IndexArray | None:
@@ -392,6 +392,7 @@ def configuration_formulas(system: System) -> Formulas:
     items = [jr.joint for jr in system.joint_rows]
     couplings = system.couplings.items
     rods = [item for item in items if isinstance(item, JointDistance)]
+    tied: list[Any] = [*couplings, *rods]
 
     def coordinates(h: History) -> list[Floats]:
         given = h["q"], h["v"], h.instants, h.series.get("turns")
@@ -403,9 +404,7 @@ def configuration_formulas(system: System) -> Formulas:
 
     def places(h: History) -> list[Floats]:
         y = all_rows(system, h["q"], h.instants)
-        ends = [
-            [at_place(system, y, end) for end in (item.a, item.b)] for item in (*couplings, *rods)
-        ]
+        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in tied]
         return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
     formulas: Formulas = {

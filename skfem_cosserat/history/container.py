@@ -859,9 +859,9 @@ class History:
         --------
         >>> history.picture("swing.png", frames=8, camera="xz")  # doctest: +SKIP
         """
-        from ..picture import picture
+        from ..picture import Look, picture
 
-        return picture(self, path, frames, camera, colour, radius, names, window)
+        return picture(self, path, frames, Look(camera, colour, radius, names, window))
 
     def animate(
         self,
@@ -908,9 +908,9 @@ class History:
         --------
         >>> history.animate("swing.gif", speed=0.5, camera="xy")  # doctest: +SKIP
         """
-        from ..picture import animate
+        from ..picture import Look, animate
 
-        return animate(self, path, colour, fps, speed, camera, radius, names, window)
+        return animate(self, path, fps, speed, Look(camera, colour, radius, names, window))
 
     def add_series(self, name: str, array: Any) -> None:
         """Add a derived series, or replace one that was added before.

@@ -606,9 +606,9 @@ class MeshCurve(Frozen, MeshLine1):
         --------
         >>> mesh.plot("mesh.png")  # doctest: +SKIP
         """
-        from ..picture import picture_of_mesh
+        from ..picture import Look, picture_of_mesh
 
-        return picture_of_mesh(self, path, camera, names, window)
+        return picture_of_mesh(self, path, Look(camera, names=names, window=window))
 
     # ------------------------------------------------------------------ geometry
     def _mapping(self) -> MappingCurve:

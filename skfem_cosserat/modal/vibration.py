@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -69,17 +68,8 @@ def animation(
 class Animated:
     """Modes that can be shown as films."""
 
-    _at: Equilibrium
-
-    def animation(
-        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
-    ) -> History:
-        """A mode as a time series."""
-        raise NotImplementedError
-
-    def called(self, index: int) -> str:
-        """What a mode is called in its film."""
-        raise NotImplementedError
+    animation: Any
+    called: Any
 
     def animate(
         self,
@@ -88,11 +78,8 @@ class Animated:
         *,
         amplitude: float = 0.1,
         fps: float = 25,
-        colour: str = "",
-        camera: str | Sequence[Sequence[float]] = "iso",
-        radius: float | None = None,
-        names: bool = False,
         window: tuple[int, int] = (960, 540),
+        **look: Any,
     ) -> Path:
         """Film of one cycle of a mode in 28 frames, over the pale state that it is a mode of.
 
@@ -104,8 +91,10 @@ class Animated:
             ``.gif``, which loops, or ``.mp4`` (extra ``film``).
         amplitude : float
             As for :meth:`animation`: relative to the extent of the scene.
-        fps, colour, camera, radius, names, window
+        fps, window
             As for :meth:`History.animate`.
+        **look
+            ``colour``, ``camera``, ``radius``, ``names`` as there; by default one colour.
 
         Returns
         -------
@@ -125,13 +114,11 @@ class Animated:
         --------
         >>> modes(model).animate(0, "mode.gif")  # doctest: +SKIP
         """
-        from ..picture import film
+        from ..picture import Look, film
 
-        history = self.animation(index, amplitude, FRAMES)
-        rest = self._at.y[: self._at.system.rows].reshape(-1)
-        texts = [self.called(index)] * FRAMES
-        view = colour, fps, camera, radius, names, window
-        return film(history, path, range(FRAMES), texts, rest, *view)
+        history, rest = self.animation(index, amplitude, FRAMES), self.animation(index, 1e-9, 1)
+        frames = [(k, self.called(index)) for k in range(FRAMES)]
+        return film(history, path, frames, [rest.row(0)], fps, Look(window=window, **look))
 
 
 def checked_index(index: int, count: int) -> int:

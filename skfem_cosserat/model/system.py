@@ -134,9 +134,9 @@ class Pictured:
         --------
         >>> model.plot("scene.png", names=True)  # doctest: +SKIP
         """
-        from ..picture import picture_of_scene
+        from ..picture import Look, picture_of_scene
 
-        return picture_of_scene(self, path, names, camera, window)
+        return picture_of_scene(self, path, Look(camera, names=names, window=window))
 
 
 @checked

@@ -1,4 +1,4 @@
-"""Charts and pictures: the numbers drawn are those of the history; errors come before work."""
+"""Charts: the numbers drawn are those of the history; errors come before work."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 import skfem_cosserat as sc
 from skfem_cosserat import InputError
-from skfem_cosserat.plot import plot_energy, plot_orbit, plot_series, render
+from skfem_cosserat.plot import plot_energy, plot_orbit, plot_series
 
 matplotlib = pytest.importorskip("matplotlib")
 
@@ -106,12 +106,6 @@ def test_charts_leave_no_global_state(make_scene):
         (lambda h, p: plot_series(h, ["beam/boom/strain"]), "beam/boom/strain"),
         (lambda h, p: plot_energy(h, p / "no" / "a.png"), "no"),
         (lambda h, p: plot_energy(h, names=["momentum"]), "momentum"),
-        (lambda h, p: render(h, p / "no" / "a.png"), "no"),
-        (lambda h, p: render(h, p / "a.png", frames=0), "frames"),
-        (lambda h, p: render(h, p / "a.png", frames=[0, 3]), "frames"),
-        (lambda h, p: render(h, p / "a.png", camera="up"), "camera"),
-        (lambda h, p: render(h, p / "a.png", color="Q"), "color"),
-        (lambda h, p: render(h.truncated(0), p / "a.png"), "no states"),
     ],
 )
 def test_bad_arguments(make_scene, tmp_path, call, words):
@@ -123,35 +117,10 @@ def test_bad_arguments(make_scene, tmp_path, call, words):
     ("package", "call"),
     [
         ("matplotlib.figure", lambda h, p: plot_energy(h)),
-        ("pyvista", lambda h, p: render(h, p / "a.png")),
+        ("pyvista", lambda h, p: h.picture(p / "a.png")),
     ],
 )
 def test_missing_package_names_the_extra(make_scene, tmp_path, monkeypatch, package, call):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(ImportError, match=r"skfem-cosserat\[view\]"):
         call(make_scene().history(2), tmp_path)
-
-
-@pytest.mark.slow
-@pytest.mark.render
-@pytest.mark.usefixtures("renderer")
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"frames": 3},
-        {"frames": [0, -1], "camera": "xy", "color": "N"},
-        {"frames": 1, "color": "", "radius": 0.05, "camera": "xz"},
-        {"frames": 1, "camera": [(5.0, 5.0, 5.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]},
-    ],
-)
-def test_picture(make_scene, tmp_path, options):
-    from matplotlib.image import imread
-
-    path = render(make_scene(2).history(11), tmp_path / "a.png", window=(320, 180), **options)
-    image = imread(path)[:, :, :3]
-    assert image.shape == (180, 320, 3)
-    drawn = (image < 0.95).any(axis=2)
-    assert 0.02 < drawn.mean() < 0.6
-    assert not drawn[0].any()  # everything is in the picture
-    assert not drawn[-1].any()
-    assert not drawn[:, [0, -1]].any()
