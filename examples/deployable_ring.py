@@ -30,10 +30,10 @@ def radii(psi: float) -> tuple[float, float, float]:
 
 def ring(psi: float) -> sc.Model:
     """All bars at the angle psi, with damped springs at their pivots that want to open them."""
-    bar = sc.SectionRectangle(0.02, 0.03, sc.Material(E=70e9, nu=0.3, rho=2700))
+    bar = sc.SectionRectangle(0.03, 0.06, sc.Material(E=70e9, nu=0.3, rho=2700))
     inner, middle, outer = radii(psi)
     model = sc.Model()
-    layers = {"up": (inner, outer, 0.012), "down": (outer, inner, -0.012)}
+    layers = {"up": (inner, outer, 0.016), "down": (outer, inner, -0.016)}
     for k in range(PAIRS):
         turns = HALF * (2 * k + np.arange(3))
         rays = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1)
@@ -44,7 +44,7 @@ def ring(psi: float) -> sc.Model:
 
     def side(bar: str, end: str) -> sc.Place:
         """A point of a bar, moved to the plane between both layers."""
-        z = 0.012 if bar.startswith("up") else -0.012
+        z = 0.016 if bar.startswith("up") else -0.016
         return model[bar].node(end, offset=(-z, 0, 0))
 
     for k in range(PAIRS):
@@ -56,7 +56,7 @@ def ring(psi: float) -> sc.Model:
         }
         for name, (a, b) in hinges.items():
             model.add(name, sc.JointRevolute(a, b, axis=(0, 0, 1)))
-        spring = sc.JointSpringDamper(model[f"pivot {k}"], 8.0, 6.0, neutral=2 * (OPEN - psi))
+        spring = sc.JointSpringDamper(model[f"pivot {k}"], 24.0, 18.0, neutral=2 * (OPEN - psi))
         model.add(f"spring {k}", spring)
     return model
 
@@ -71,7 +71,7 @@ def main(step: float = 2e-2, until: float = 3.0, out: str | Path | None = None) 
     ray = 2 * HALF * 4
     psi = FOLDED + history["joint/pivot 0/angle"] / 2
     if out is not None:
-        history.animate(out, fps=15, window=(480, 270))
+        history.animate(out, fps=15, camera="xy", window=(480, 270))
     return {
         "radius": np.hypot(x[:, 0], x[:, 1]),
         "theory": np.array([radii(each)[2] for each in psi]),
