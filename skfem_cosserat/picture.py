@@ -46,13 +46,7 @@ COLOURS = {
     "d2": PALETTE["sky"],
 }
 _LINES = "spring, cable"
-#: towards the camera, and up
-_VIEWS = {
-    "xy": ((0, 0, 1), (0, 1, 0)),
-    "xz": ((0, -1, 0), (0, 0, 1)),
-    "yz": ((1, 0, 0), (0, 0, 1)),
-    "iso": ((1, 1, 1), (0, 0, 1)),
-}
+_VIEWS = "xy", "xz", "yz", "iso"
 #: arrows of a load along a beam; frames of a film; frames per second of a GIF in browsers
 _ARROWS, _FRAMES, _GIF = 12, 5000, 50
 
@@ -72,7 +66,7 @@ class Look(NamedTuple):
         known = self.camera in _VIEWS if named else np.shape(self.camera) == (3, 3)
         for name, right, expected in (
             ("colour", self.colour in ("", "M", "N"), "'M', 'N' or ''"),
-            ("camera", known, f"one of {list(_VIEWS)}, or position, focal point, up direction"),
+            ("camera", known, f"one of {_VIEWS}, or position, focal point, up direction"),
             ("radius", self.radius is None or self.radius > 0, "a positive number"),
             ("window", 16 <= min(self.window) <= max(self.window) <= 4096, "16 to 4096 pixels"),
         ):
@@ -265,14 +259,7 @@ class Scene:
         points = np.concatenate([each.points(row["q"]) for row in rows for each in shapes])
         self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
         self.middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
-        tube = (look.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
-        self.outlines = []
-        for shape in self.shapes:
-            own = {
-                k: None if look.radius else shape.outline(k) for k in set(shape.section.tolist())
-            }
-            self.outlines.append({k: tube if each is None else each for k, each in own.items()})
+        self.radius = look.radius
         self.unit = 0.018 * self.size
         pulls = [load.get("acceleration", (0, 0, 0)) for load in history.meta.get("loads", ())]
         self.gravity = np.sum([(0.0, 0.0, 0.0), *pulls], axis=0)
@@ -286,7 +273,7 @@ class Scene:
             return np.zeros(1)
         three = row[key][..., :3] if self.colour == "N" else row[key][..., 3:]
         mean = shape.average(three[..., None, :], shape.pieces)
-        return np.asarray(np.linalg.norm(mean[:, 0], axis=1))
+        return np.nan_to_num(np.linalg.norm(mean[:, 0], axis=1))
 
     def _series(self, kind: str, what: str) -> Iterator[tuple[Any, Points]]:
         """Items that have a series, and that."""
@@ -297,8 +284,7 @@ class Scene:
 
     def pieces(self) -> Iterator[Piece]:
         """Pieces of all items."""
-        for shape, outlines in zip(self.shapes, self.outlines, strict=True):
-            yield self._beam(shape, outlines)
+        yield from map(self._beam, self.shapes)
         for body in self.bodies:
             at = partial(lambda body, row: body.points(row["q"]), body)
             if body.material is None:
@@ -323,8 +309,11 @@ class Scene:
             for entry, vectors in self._series("load", what):
                 yield from self._load(entry["name"], what, form, vectors)
 
-    def _beam(self, shape: BeamShape, outlines: Mapping[int, Floats]) -> Piece:
-        sweep = shape.surface(outlines)
+    def _beam(self, shape: BeamShape) -> Piece:
+        turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
+        tube = (self.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
+        outlines = {int(k): None if self.radius else shape.outline(k) for k in shape.section}
+        sweep = shape.surface({k: tube if o is None else o for k, o in outlines.items()})
         own = sweep.element * shape.pieces + sweep.piece
         ends = [own[(sweep.quads == ring[0]).any(axis=1)][:1] for ring in sweep.caps]
         cells = np.concatenate([own, *ends])
@@ -366,7 +355,8 @@ class Scene:
 
     def _load(self, name: str, what: str, form: str, vectors: Points) -> Iterator[Piece]:
         """Arrows, the longest for what is largest; they end at their places, or begin there."""
-        place = f"load/{name}/position"
+        place, given = f"load/{name}/position", vectors
+        vectors = lambda row: np.nan_to_num(given(row))  # noqa: E731
         top = max(self.rows, key=lambda row: float(abs(vectors(row)).max(initial=0.0)))
         if not vectors(top).any():
             return
@@ -430,6 +420,8 @@ class Stage:
         self.size = self.finer * np.array(look.window)
         self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=self.size.tolist())
         self.plotter.set_background("white")
+        if off_screen:
+            self.plotter.disable_anti_aliasing()
         self.font = int(max(11 * self.finer, self.size[0] // 70))
         self.title = f"norm of {look.colour} in {'N m' if look.colour == 'M' else 'N'}"
         self.shown: list[tuple[Any, list[Piece]]] = []
@@ -457,7 +449,7 @@ class Stage:
                 for each in piece.cells
             ]
             form = {"lines" if np.ndim(own[0].cells[0]) == 1 else "faces": np.concatenate(cells)}
-            mesh = pyvista.PolyData(np.concatenate(parts), **form)
+            mesh = pyvista.PolyData(np.nan_to_num(np.concatenate(parts)), **form)
             style: dict[str, Any] = {"color": _faded(COLOURS[kind], strength)[0]}
             if self._colour(mesh, own, row):
                 style = {"cmap": table, "clim": self.limits, "scalar_bar_args": bar}
@@ -480,10 +472,14 @@ class Stage:
     def move(self, row: Row) -> None:
         """Show the pieces and names at another state."""
         for mesh, own in self.shown:
-            mesh.points = np.concatenate([piece.points(row) for piece in own])
+            points = np.concatenate([piece.points(row) for piece in own])
+            # what is not there at this state, as a joint that was released, has no size
+            mesh.points = np.where(np.isfinite(points), points, self.focus)
             self._colour(mesh, own, row)
         for label, piece, shift in self.labels:
-            label.position = tuple(piece.anchor(row) + shift)
+            at = piece.anchor(row) + shift
+            label.SetVisibility(bool(np.isfinite(at).all()))
+            label.position = tuple(np.nan_to_num(at))
 
     def _colour(self, mesh: Any, own: Sequence[Piece], row: Row) -> bool:
         """Give the faces numbers, if they have some."""
@@ -497,33 +493,28 @@ class Stage:
 
         The points are above the scale and the axes, if the camera has a name.
         """
-        camera = self.look.camera
-        if isinstance(camera, str):
-            out, up = (np.array(each, dtype=float) for each in _VIEWS[camera])
-        else:
-            eye, focus, up = np.array(camera, dtype=float)
-            out = eye - focus
-        sides = _unit(np.cross(up, out)), _unit(np.cross(out, np.cross(up, out)))
-        self.plane = np.array([*sides, _unit(out)])
-        if isinstance(camera, str):
+        self.plotter.camera_position = self.look.camera
+        camera = self.plotter.camera
+        out = -np.array(camera.direction)
+        right = _unit(np.cross(camera.up, out))
+        self.plane = np.array([right, np.cross(out, right), out])
+        self.focus, scale = np.array(camera.focal_point), 0.27 * camera.distance
+        if isinstance(self.look.camera, str):
             ends = np.concatenate(points) @ self.plane.T
+            ends = ends[np.isfinite(ends[:, 0])]
             extent = np.ptp(ends, axis=0)
-            scale = 0.5 * max(extent[1] / 0.68, extent[0] / 0.8 * self.size[1] / self.size[0])
-            scale = scale or 1.0
-            focus = (0.5 * (ends.min(0) + ends.max(0)) - (0, 0.16 * scale, 0)) @ self.plane
-            out = 2.0 * (np.linalg.norm(extent) + scale) * self.plane[2]
-        else:
-            scale = 0.27 * float(np.linalg.norm(out))  # as at an angle of 30 degrees
-        self.pixel, self.focus = 2.0 * scale / self.size[1], focus
-        self.plotter.camera_position = [tuple(focus + out), tuple(focus), tuple(self.plane[1])]
-        self.plotter.enable_parallel_projection()
-        self.plotter.camera.parallel_scale = scale
+            scale = 0.5 * max(*extent[:2] / (0.8 * self.size[0] / self.size[1], 0.68), 1e-9)
+            middle = 0.5 * (ends.min(axis=0) + ends.max(axis=0))
+            self.focus = (middle - (0, 0.16 * scale, 0)) @ self.plane
+            camera.focal_point = self.focus
+            camera.position = self.focus + 2 * (extent.sum() + scale) * out
+        camera.enable_parallel_projection()
+        camera.parallel_scale, self.pixel = scale, 2 * scale / self.size[1]
         self.plotter.add_axes(color="black", viewport=(0, 0, 0.16, 0.28))
         if gravity.any():
             aside = scale * np.array([-0.56 * self.size[0] / self.size[1], -0.75, 0.0])
-            x = focus + aside @ self.plane
-            arrow = _held((x, 0.2 * scale * _frames(_unit(gravity))))
-            self.add([_copies("ground", "arrow", arrow, "gravity")], {})
+            at = self.focus + aside @ self.plane, 0.2 * scale * _frames(_unit(gravity))
+            self.add([_copies("ground", "arrow", _held(at), "gravity")], {})
 
     def name(self, row: Row) -> None:
         """Names beside things; several at one place are one text."""
@@ -532,6 +523,7 @@ class Stage:
         groups: dict[Any, tuple[Floats, list[Piece]]] = {}
         for piece in (piece for _, own in self.shown for piece in own if piece.name):
             at = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel + 0.5 * self.size
+            at = np.nan_to_num(at)
             groups.setdefault(tuple(at // self.font), (at, []))[1].append(piece)
         drawn = (self.shot()[::-1].min(axis=2) < 250).astype(float)
         ways = np.exp(0.25j * np.pi * np.arange(32)) * np.repeat([1.0, 2.0, 3.2, 5.0], 8)
@@ -550,7 +542,6 @@ class Stage:
             self.plotter.add_actor(label, reset_camera=False, render=False)
             shift = self.pixel * (corners[best] - at) @ self.plane[:2]
             self.labels.append((label, pieces[0], shift))
-        self.move(row)
 
     def legend(self) -> None:
         """What the colours mean, at the lower right."""
@@ -635,13 +626,14 @@ def _staged(
     pieces = [*scene.pieces(), *(scene.directors() if before else ())]
     for k, row in enumerate(behind):
         pale = [each for each in pieces if each.kind in ("beam", "body", "mass point", _LINES)]
-        stage.add(pale, row, 0.3 + 0.6 * k / len(behind))
+        stage.add(pale, row, 0.4 + 0.5 * k / len(behind))
     stage.add(pieces, rows[-1])
     stage.aim([piece.points(row) for row in rows for piece in pieces], scene.gravity)
     if before:
         stage.legend()
     if look.names:
         stage.name(rows[-1])
+    stage.move(rows[-1])
     return stage
 
 
@@ -690,6 +682,7 @@ def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
     stage.aim([mesh.p.T, *lines], np.zeros(3))
     if look.names:
         stage.name({})
+    stage.move({})
     return stage.show(path)
 
 
@@ -765,17 +758,11 @@ def _write_mp4(path: FilePath, images: Iterable[Array], fps: float) -> None:
 
 
 def _write_gif(path: FilePath, images: Iterable[Array], fps: float) -> None:
-    """A loop in the colours of all of it."""
+    """A loop."""
     from PIL import Image
 
-    found = [Image.fromarray(image) for image in images]
-    few = np.concatenate([np.asarray(each) for each in found[:: len(found) // 4 + 1]])
-    palette = Image.fromarray(few).quantize(128, Image.Quantize.MAXCOVERAGE)
-    colours = np.reshape(palette.getpalette() or [], (-1, 3))
-    colours[colours.min(axis=1) > 243] = 255  # white stays white
-    palette.putpalette(colours.ravel().tolist())
-    none = Image.Dither.NONE
-    first, *others = (each.quantize(palette=palette, dither=none) for each in found)
-    ends = np.round(100.0 * np.arange(len(found) + 1) / fps)
+    method = Image.Quantize.MAXCOVERAGE  # white stays white
+    first, *others = (Image.fromarray(image).quantize(128, method) for image in images)
+    ends = np.round(100.0 * np.arange(len(others) + 2) / fps)
     durations = (10 * np.diff(ends)).astype(int).tolist()
     first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
