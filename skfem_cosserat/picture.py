@@ -259,14 +259,7 @@ class Scene:
         points = np.concatenate([each.points(row["q"]) for row in rows for each in shapes])
         self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
         self.middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
-        tube = (look.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
-        self.outlines = []
-        for shape in self.shapes:
-            own = {
-                k: None if look.radius else shape.outline(k) for k in set(shape.section.tolist())
-            }
-            self.outlines.append({k: tube if each is None else each for k, each in own.items()})
+        self.radius = look.radius
         self.unit = 0.018 * self.size
         pulls = [load.get("acceleration", (0, 0, 0)) for load in history.meta.get("loads", ())]
         self.gravity = np.sum([(0.0, 0.0, 0.0), *pulls], axis=0)
@@ -280,7 +273,7 @@ class Scene:
             return np.zeros(1)
         three = row[key][..., :3] if self.colour == "N" else row[key][..., 3:]
         mean = shape.average(three[..., None, :], shape.pieces)
-        return np.asarray(np.linalg.norm(mean[:, 0], axis=1))
+        return np.nan_to_num(np.linalg.norm(mean[:, 0], axis=1))
 
     def _series(self, kind: str, what: str) -> Iterator[tuple[Any, Points]]:
         """Items that have a series, and that."""
@@ -291,8 +284,7 @@ class Scene:
 
     def pieces(self) -> Iterator[Piece]:
         """Pieces of all items."""
-        for shape, outlines in zip(self.shapes, self.outlines, strict=True):
-            yield self._beam(shape, outlines)
+        yield from map(self._beam, self.shapes)
         for body in self.bodies:
             at = partial(lambda body, row: body.points(row["q"]), body)
             if body.material is None:
@@ -317,8 +309,11 @@ class Scene:
             for entry, vectors in self._series("load", what):
                 yield from self._load(entry["name"], what, form, vectors)
 
-    def _beam(self, shape: BeamShape, outlines: Mapping[int, Floats]) -> Piece:
-        sweep = shape.surface(outlines)
+    def _beam(self, shape: BeamShape) -> Piece:
+        turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
+        tube = (self.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
+        outlines = {int(k): None if self.radius else shape.outline(k) for k in shape.section}
+        sweep = shape.surface({k: tube if o is None else o for k, o in outlines.items()})
         own = sweep.element * shape.pieces + sweep.piece
         ends = [own[(sweep.quads == ring[0]).any(axis=1)][:1] for ring in sweep.caps]
         cells = np.concatenate([own, *ends])
@@ -360,7 +355,8 @@ class Scene:
 
     def _load(self, name: str, what: str, form: str, vectors: Points) -> Iterator[Piece]:
         """Arrows, the longest for what is largest; they end at their places, or begin there."""
-        place = f"load/{name}/position"
+        place, given = f"load/{name}/position", vectors
+        vectors = lambda row: np.nan_to_num(given(row))  # noqa: E731
         top = max(self.rows, key=lambda row: float(abs(vectors(row)).max(initial=0.0)))
         if not vectors(top).any():
             return
@@ -453,7 +449,7 @@ class Stage:
                 for each in piece.cells
             ]
             form = {"lines" if np.ndim(own[0].cells[0]) == 1 else "faces": np.concatenate(cells)}
-            mesh = pyvista.PolyData(np.concatenate(parts), **form)
+            mesh = pyvista.PolyData(np.nan_to_num(np.concatenate(parts)), **form)
             style: dict[str, Any] = {"color": _faded(COLOURS[kind], strength)[0]}
             if self._colour(mesh, own, row):
                 style = {"cmap": table, "clim": self.limits, "scalar_bar_args": bar}
@@ -476,10 +472,14 @@ class Stage:
     def move(self, row: Row) -> None:
         """Show the pieces and names at another state."""
         for mesh, own in self.shown:
-            mesh.points = np.concatenate([piece.points(row) for piece in own])
+            points = np.concatenate([piece.points(row) for piece in own])
+            # what is not there at this state, as a joint that was released, has no size
+            mesh.points = np.where(np.isfinite(points), points, self.focus)
             self._colour(mesh, own, row)
         for label, piece, shift in self.labels:
-            label.position = tuple(piece.anchor(row) + shift)
+            at = piece.anchor(row) + shift
+            label.SetVisibility(bool(np.isfinite(at).all()))
+            label.position = tuple(np.nan_to_num(at))
 
     def _colour(self, mesh: Any, own: Sequence[Piece], row: Row) -> bool:
         """Give the faces numbers, if they have some."""
@@ -501,6 +501,7 @@ class Stage:
         self.focus, scale = np.array(camera.focal_point), 0.27 * camera.distance
         if isinstance(self.look.camera, str):
             ends = np.concatenate(points) @ self.plane.T
+            ends = ends[np.isfinite(ends[:, 0])]
             extent = np.ptp(ends, axis=0)
             scale = 0.5 * max(*extent[:2] / (0.8 * self.size[0] / self.size[1], 0.68), 1e-9)
             middle = 0.5 * (ends.min(axis=0) + ends.max(axis=0))
@@ -522,6 +523,7 @@ class Stage:
         groups: dict[Any, tuple[Floats, list[Piece]]] = {}
         for piece in (piece for _, own in self.shown for piece in own if piece.name):
             at = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel + 0.5 * self.size
+            at = np.nan_to_num(at)
             groups.setdefault(tuple(at // self.font), (at, []))[1].append(piece)
         drawn = (self.shot()[::-1].min(axis=2) < 250).astype(float)
         ways = np.exp(0.25j * np.pi * np.arange(32)) * np.repeat([1.0, 2.0, 3.2, 5.0], 8)
@@ -540,7 +542,6 @@ class Stage:
             self.plotter.add_actor(label, reset_camera=False, render=False)
             shift = self.pixel * (corners[best] - at) @ self.plane[:2]
             self.labels.append((label, pieces[0], shift))
-        self.move(row)
 
     def legend(self) -> None:
         """What the colours mean, at the lower right."""
@@ -632,6 +633,7 @@ def _staged(
         stage.legend()
     if look.names:
         stage.name(rows[-1])
+    stage.move(rows[-1])
     return stage
 
 
@@ -680,6 +682,7 @@ def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
     stage.aim([mesh.p.T, *lines], np.zeros(3))
     if look.names:
         stage.name({})
+    stage.move({})
     return stage.show(path)
 
 

@@ -168,7 +168,10 @@ def test_a_mode_moves_about_its_state(tmp_path, kind):
 def test_pictures_of_a_history(make_scene, tmp_path, options):
     from matplotlib.image import imread
 
-    path = make_scene(2).history(11).picture(tmp_path / "a.png", window=SMALL, **options)
+    history = make_scene(2).history(11)
+    released = np.where(history.times[:, None] < 0.5, history["joint/pin/position"], np.nan)
+    history.add_series("joint/pin/position", released)
+    path = history.picture(tmp_path / "a.png", window=SMALL, **options)
     drawn = (imread(path)[..., :3] < 0.95).any(axis=2)
     assert drawn.shape == (270, 480)
     assert 0.02 < drawn.mean() < 0.6
