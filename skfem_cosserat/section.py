@@ -240,6 +240,22 @@ class Section(Frozen):
         yield from (("GA", constants[:2]), ("EA", constants[2]), ("EI", constants[3:5]))
         yield from (("GJ", constants[5]), ("mass", self.mass))
 
+    _units: ClassVar[dict[str, str]] = {
+        "GA": "N",
+        "EA": "N",
+        "EI": "N m²",
+        "GJ": "N m²",
+        "mass": "kg/m",
+    }
+
+    def summary(self) -> dict[str, Any]:
+        """Stiffnesses, mass, damping."""
+        times = np.diag(self.viscosity) / np.diag(self.stiffness)
+        return super().summary() | {"retardation times in s": times if times.any() else None}
+
+    def _loops(self) -> list[Floats]:
+        return self.skin
+
     @property
     def density(self) -> Floats:
         """Mass (3, 3) per length of ``(phi, d1, d2)``, without the factor I_3 (kg/m, kg, kg m)."""

@@ -51,10 +51,8 @@ def paraview(folder: Path, path: Path) -> None:
 
 
 def page_08(out: Path) -> list[Path]:
-    """Steps in ParaView, a chart, and a picture of several instants."""
-    from skfem_cosserat import plot
-
-    paths = [out / f"08_{name}.png" for name in ("paraview", "series", "render")]
+    """Steps in ParaView, a chart, the scene, several instants of its motion, and a film."""
+    paths = [out / f"08_{name}.png" for name in ("paraview", "series", "render", "scene")]
     home = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
@@ -64,11 +62,14 @@ def page_08(out: Path) -> list[Path]:
             os.chdir(home)
         history = names["history"]
         paraview(Path(folder) / "swing", paths[0])
-    plot.plot_series(history, ["joint/hinge/angle", "coupling/spring/force"], paths[1])
+    history.plot("joint/hinge/angle", "coupling/spring/force", path=paths[1])
     shrunk(paths[1], 700)
-    plot.render(history, paths[2], frames=5, camera="xy", window=(1400, 900))
+    history.picture(paths[2], frames=5, camera="xy", window=(1400, 900))
+    names["model"].plot(paths[3], names=True, camera="xy", window=(1400, 800))
     shrunk(paths[2], 700)
-    return paths
+    shrunk(paths[3], 900)
+    film = history.animate(out / "08_film.gif", speed=0.25, camera="xy", window=(480, 300))
+    return [*paths, film]
 
 
 def _arrow(axis: Any, start: Any, way: Any, text: str, color: str, double: bool = False) -> None:

@@ -38,9 +38,10 @@ from ..diagnostics.joint_motion import relative_names, relative_series
 from ..diagnostics.loads import acts_somewhere, load_wrenches
 from ..diagnostics.stacked import all_rows, at_place
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
-from ..frames import is_beam
+from ..frames import is_beam, triad
 from ..history import History
 from ..history.container import BALANCE, Formula, Formulas, Kind
+from ..joint import Joint, JointDistance
 from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
 from ..model.groups import lumped
@@ -94,6 +95,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
+        _describe_joint(joint, system, static)
     for coupling in system.couplings.items:
         ends = {"a": coupling.a.label, "b": coupling.b.label}
         meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
@@ -105,6 +107,22 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         kind = drive.coordinate.kind
         meta["drives"].append({"name": drive.name, "type": kind, "joint": drive.joint.name})
     return meta, static
+
+
+def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> None:
+    """Axes (3, 3) of what a joint leaves free, the first last, in the frame of side a."""
+    axes = None
+    with suppress(NotImplementedError, InputError):  # own joints for multipliers have no freedom
+        free = joint.freedom()
+        slides = [np.cross(slide.left, slide.right) for slide in free.slides]
+        ways = [turn.axis for turn in free.turns or ()] or slides or [np.eye(3)[2]]
+        axes = triad(*ways[:2])
+    if axes is not None:
+        key, a = f"joint/{joint.name}/", joint.a
+        if a.item is not None and a.triad is not None:
+            axes = axes @ a.triad.T
+            static[key + "frame"] = np.array(system.offset(a))
+        static[key + "axes"] = axes
 
 
 def recorded_turns(system: System, history: History, index: int = -1) -> IndexArray | None:
@@ -427,6 +445,8 @@ def configuration_formulas(system: System) -> Formulas:
     """Formulas that take configurations, constraint forces and the velocities "v"."""
     items = [jr.joint for jr in system.joint_rows]
     couplings = system.couplings.items
+    rods = [item for item in items if isinstance(item, JointDistance)]
+    tied: list[Any] = [*couplings, *rods]
 
     def coordinates(h: History) -> list[Floats]:
         given = h["q"], h["v"], h.instants, h.series.get("turns")
@@ -438,7 +458,7 @@ def configuration_formulas(system: System) -> Formulas:
 
     def places(h: History) -> list[Floats]:
         y = all_rows(system, h["q"], h.instants)
-        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in couplings]
+        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in tied]
         return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
     def ends(h: History) -> list[Floats]:
@@ -463,6 +483,7 @@ def configuration_formulas(system: System) -> Formulas:
         formulas[names] = partial(load_wrenches, system, load)
     place_names = [f"joint/{item.name}/position" for item in items]
     end_names = [f"coupling/{item.name}/ends" for item in couplings]
+    end_names += [f"joint/{item.name}/ends" for item in rods]
     return formulas | {tuple(wrench_names): wrenches, (*place_names, *end_names): places}
 
 

@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..arguments import checked
 from ..errors import CosseratError, HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import Place, is_beam
 from ..kernels import nearest_rotations
+from ..notebook import Shown
 from ..types import (
     TOLERANCE,
     Array,
@@ -25,7 +27,7 @@ from ..types import (
     numbers,
     whole,
 )
-from ..warn import Notices, counted, listed, logger, warn
+from ..warn import Notices, counted, listed, logger, told, warn
 from .file import (
     BASIC,
     ORIGINS,
@@ -39,6 +41,10 @@ from .file import (
 )
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
     from ..beam import Beam
 
 # -- what a sensor has recorded: a number or vector at every step, with its spectrum ---------------
@@ -373,7 +379,7 @@ class _Available(Mapping[str, Array]):
 
 
 @checked
-class History:
+class History(Shown):
     """Recorded states of a run.
 
     What was not recorded but follows from the states (energies, forces, velocities ...) is derived
@@ -675,6 +681,29 @@ class History:
     def __len__(self) -> int:
         return self._length
 
+    def summary(self) -> dict[str, Any]:
+        """What it is of, how it ended, what is doubtful, and what there is to be read."""
+        over, meta = "load_factor" if "load_factor" in self else "t", self.meta
+        names: dict[str, str] = {}
+        for group, _, own in (name.rpartition("/") for name in self):
+            names[group] = f"{names[group]}, {own}" if group in names else own
+        known = np.array(self._series.get(BALANCE, 0.0))
+        ended = ": the run did not end; series that follow are had by derive_series(model, history)"
+        return {
+            "scheme": meta.get("integrator"),
+            "treatment": meta.get("treatment"),
+            "step in s": meta.get("step") or None,
+            "states": len(self),
+            "time in s" if over == "t" else "load factor": self._series[over][[0, -1][: len(self)]],
+            "status": self.status + ended * (self.status == "killed"),
+            "energy lost in J": meta.get("energy_balance", {}).get("lost"),
+            "largest balance of energy in J": np.nanmax(abs(known), initial=0.0) or None,
+            "warnings": told(meta.get("warnings", ())) or "none",
+            "sensors": {name: about["unit"] for name, about in meta.get("sensors", {}).items()},
+            "series": names.pop("", ""),
+            **names,
+        }
+
     def __repr__(self) -> str:
         span = f", t = {self.times[0]:g} ... {self.times[-1]:g} s" if len(self) else ""
         count = len(self.events)
@@ -708,7 +737,8 @@ class History:
         """
         if name not in self._series:
             if name not in self:
-                text = names_known(name, list(self), "recorded", "list(history)")
+                others = self.meta.get("sensors", {}).keys() - {name}  # charts and tables have both
+                text = names_known(name, [*self, *others], "recorded", "list(history)")
                 more = "" if self._systems else f"; {ADVICE}"
                 raise InputError(f"series {name!r}", f"not recorded; {text}{more}")
             self._derive(name)
@@ -821,6 +851,112 @@ class History:
             raise InputError("series 'v'", f"not recorded, as with derive=False; {ADVICE}")
         return rows_at(self.static, self["v" if rates else "q"], place, s, part)
 
+    def picture(
+        self,
+        path: FilePath | None = None,
+        frames: int | Sequence[int] = 5,
+        *,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        colour: str = "M",
+        radius: float | None = None,
+        names: bool = False,
+        window: tuple[int, int] = (1600, 900),
+    ) -> Any:
+        """Picture of the scene at several instants, earlier ones paler.
+
+        Beams have their sections, or are tubes without an outline. Joints are drawn by what they
+        leave free, at the last instant; so are the ground, forces (red) and moments (two heads).
+        The longest arrow of a load shows the largest it has at the instants shown. Gravity is an
+        arrow beside the axes.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Image file (``.png``). Default: shown in the notebook, or in a window.
+        frames : int or sequence of int
+            Number of instants, equally spaced in time, or numbers of the states.
+        camera : str or three points
+            ``"xy"``, ``"xz"``, ``"yz"``, ``"iso"``, or position, focal point and up direction.
+        colour : str
+            Of beams: ``"M"`` or ``"N"``, the norm of the moment or force; ``""``: one colour.
+        radius : float, optional
+            Draw all beams as tubes of this radius (m).
+        names : bool
+            Write the names of items beside them.
+        window : (2,) int
+            Width and height in pixels.
+
+        Returns
+        -------
+        Path
+            The image file; without one what a notebook shows.
+
+        Raises
+        ------
+        InputError
+            If there is nothing to draw, the folder is missing or an argument is out of range.
+        ImportError
+            Without pyvista (extra ``view``).
+        CosseratError
+            Without OpenGL.
+
+        Examples
+        --------
+        >>> history.picture("swing.png", frames=8, camera="xz")  # doctest: +SKIP
+        """
+        from ..picture import Look, picture
+
+        return picture(self, path, frames, Look(camera, colour, radius, names, window))
+
+    def animate(
+        self,
+        path: FilePath,
+        *,
+        colour: str = "M",
+        fps: float = 25,
+        speed: float = 1.0,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        radius: float | None = None,
+        names: bool = False,
+        window: tuple[int, int] = (960, 540),
+    ) -> Path:
+        """Film of the scene, with a clock.
+
+        Frames are equally spaced in time; each shows the recorded state nearest to its instant.
+        Camera, colours and the lengths of arrows mean the same in all frames.
+
+        Parameters
+        ----------
+        path : path-like
+            ``.gif``, which loops, or ``.mp4`` (H.264; extra ``film``).
+        fps : float
+            Frames per second, of a GIF at most 50.
+        speed : float
+            Simulated seconds in a second of the film; of a path the control's parameter: load
+            factor, displacement or arc length. The text shows the load factor then.
+        colour, camera, radius, names, window
+            As for :meth:`picture`; an odd size grows by a pixel.
+
+        Returns
+        -------
+        Path
+            The film.
+
+        Raises
+        ------
+        InputError
+            For more than 5000 frames, another ending, and as :meth:`picture`.
+        ImportError, CosseratError
+            As :meth:`picture`.
+
+        Examples
+        --------
+        >>> history.animate("swing.gif", speed=0.5, camera="xy")  # doctest: +SKIP
+        """
+        from ..picture import Look, animate
+
+        return animate(self, path, fps, speed, Look(camera, colour, radius, names, window))
+
     def add_series(self, name: str, array: Any) -> None:
         """Add a derived series, or replace one that was added before.
 
@@ -890,6 +1026,106 @@ class History:
             for name, values in self._sensors.items()
         }
         return History(self.meta, self.static, cut, seen, self._systems, self._kind)
+
+    def plot(self, *names: str, path: FilePath | None = None) -> Figure:
+        """Chart over time, or over the load factor of a path of equilibria.
+
+        Parameters
+        ----------
+        *names : str
+            Each gets a panel: sensors, or else series of shape ``(N,)`` or ``(N, k)``.
+            ``"energy"`` is always the chart of all energies, with their balance in a panel below.
+            Default: the energies and the sensors; without any the work of the loads.
+        path : path-like, optional
+            Write the chart here (``.png``, ``.svg``, ``.pdf``).
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A notebook shows it.
+
+        Raises
+        ------
+        InputError
+            If there is no such sensor or series, or it has more axes.
+        ImportError
+            Without matplotlib.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import EnergyMomentum, LoadGravity, MassPoint, Model, NullSpace
+        >>> from skfem_cosserat import simulate
+        >>> model = Model()
+        >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 3.0)))
+        >>> gravity = model.add("gravity", LoadGravity((0, 0, -9.81)))
+        >>> history = simulate(model, EnergyMomentum(), NullSpace(), 0.1, until=0.5)
+        >>> energies, balance, momentum = history.plot("energy", "linear_momentum").axes
+        >>> energies.get_ylabel(), momentum.get_ylabel()
+        ('energy in J', 'linear_momentum in kg m/s')
+        """
+        from ..plot import plot  # a history does without charts
+
+        return plot(self, names, path)
+
+    def report(self, path: FilePath) -> Path:
+        """Page about the run in one file (HTML), which any browser shows without a network.
+
+        It has the scene, to be turned and moved through time by a slider, energies with their
+        balance, sensors, warnings, settings and versions; of a path load factors in place of times.
+        It is at most 10 MB large: of long runs or large scenes it shows fewer states, and says so.
+
+        Parameters
+        ----------
+        path : path-like
+            Name of the file; an older one is replaced.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        InputError
+            If there are no states, or the file cannot be written.
+        ImportError
+            Without plotly or matplotlib.
+
+        Examples
+        --------
+        >>> history.report("run.html")  # doctest: +SKIP
+        """
+        from ..report import write_report  # a history does without pages
+
+        return write_report(self, path)
+
+    def to_pandas(self, *names: str) -> Any:
+        """Table of its states as a ``pandas.DataFrame``, its index the times (s).
+
+        Parameters
+        ----------
+        *names : str
+            Series and sensors, in columns as :func:`skfem_cosserat.write_csv` has them; the index
+            is the load factor of a path of equilibria.
+
+        Raises
+        ------
+        InputError
+            As there.
+        ImportError
+            Without pandas.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": np.eye(2, 3), "p": np.zeros((2, 3))}
+        >>> frame = History({}, {}, series).to_pandas("q")
+        >>> list(frame.columns), frame["q_x"].tolist()
+        (['q_x', 'q_y', 'q_z'], [1.0, 0.0])
+        """
+        from ..export.table import to_pandas  # a history does without other formats
+
+        return to_pandas(self, names)
 
     def save(self, path: FilePath) -> None:
         """Write it to one file; an older file is replaced only when the new is complete.

@@ -181,6 +181,8 @@ class CompiledScene:
         So far.
     """
 
+    _arrays: dict[str, Any]
+
     def __init__(
         self,
         coordinates: Coordinates,
@@ -617,7 +619,7 @@ class CompiledStep(CompiledScene):
         """Force elements; loads that are functions are called back."""
         system, functions = self.system, self.system.couplings.functions
         inside = system.couplings_of(system.couplings.items) if functions else system.couplings
-        self._coupled = Coupled(system, inside, self._a.coupled, scheme, h)
+        self._coupled: Coupled = Coupled(system, inside, self._a.coupled, scheme, h)
         self._next = Called(lambda k: self._load_at(*self._times[k : k + 2]))
         self._all[0][NEXT_LOADS] = self._next.address
         self._called_back: CalledBack | None = None

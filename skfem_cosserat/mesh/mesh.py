@@ -388,6 +388,12 @@ class MeshCurve(Frozen, MeshLine1):
             f"{type(self).__name__}({self.nelements} elements, {self.p.shape[1]} vertices{names})"
         )
 
+    def summary(self) -> dict[str, Any]:
+        """Size, beams and named nodes."""
+        size = {"length in m": self.lengths.sum(), "elements": self.nelements}
+        names = {"beams": ", ".join(self.beams), "nodes": ", ".join(self.nodes)}
+        return {**size, "vertices": self.p.shape[1], **names}
+
     # ------------------------------------------------------------------ factories
     @classmethod
     def _from_chain(
@@ -574,6 +580,41 @@ class MeshCurve(Frozen, MeshLine1):
 
         lines = files.LineData(self.p, self.t, self.beams, self.nodes)
         files.write_lines(filename, lines, point_data, cell_data, **kwargs)
+
+    def plot(
+        self,
+        path: FilePath | None = None,
+        *,
+        names: bool = True,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        window: tuple[int, int] = (1600, 900),
+    ) -> Any:
+        """Picture of its lines, each named beam in a colour, its vertices and its named nodes.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Image file (``.png``). Default: shown in the notebook, or in a window.
+        names, camera, window
+            As for :meth:`skfem_cosserat.History.picture`.
+
+        Returns
+        -------
+        Path
+            The image file; without one what a notebook shows.
+
+        Raises
+        ------
+        InputError, ImportError, CosseratError
+            As :meth:`skfem_cosserat.History.picture`.
+
+        Examples
+        --------
+        >>> mesh.plot("mesh.png")  # doctest: +SKIP
+        """
+        from ..picture import Look, picture_of_mesh
+
+        return picture_of_mesh(self, path, Look(camera, names=names, window=window))
 
     # ------------------------------------------------------------------ geometry
     def _mapping(self) -> MappingCurve:

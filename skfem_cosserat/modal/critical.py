@@ -23,10 +23,10 @@ from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..model.force_elements import CoupledForce
 from ..model.limits import owner
 from ..types import SAME, Floats, finite
-from ..warn import Notices, counted
+from ..warn import Notices, counted, told
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
-from .vibration import animation, checked_count, checked_index
+from .vibration import Animated, animation, checked_count, checked_index
 
 Sign = Literal["positive", "negative", "both"]
 #: which eigenvalues 1/factor are sought first, by Lanczos' method
@@ -39,7 +39,7 @@ REAL = 1e-6
 
 @checked
 @dataclass(eq=False, repr=False)
-class Buckling:
+class Buckling(Animated):
     """Critical load factors and buckling modes.
 
     Attributes
@@ -72,6 +72,10 @@ class Buckling:
     def __len__(self) -> int:
         return len(self.factors)
 
+    def summary(self) -> dict[str, Any]:
+        """Critical factors."""
+        return {"modes": str(self), "warnings": told(self.warnings)}
+
     def __repr__(self) -> str:
         found = ", ".join(f"{factor:.6g}" for factor in self.factors[:3])
         more = ", ..." * (len(self) > 3)
@@ -81,6 +85,10 @@ class Buckling:
         """A table."""
         rows = (f"{k:4d} {factor:15.7g}" for k, factor in enumerate(self.factors))
         return "\n".join(["mode critical factor", *rows])
+
+    def called(self, index: int) -> str:
+        """Its number and critical factor."""
+        return f"mode {checked_index(index, len(self))}: factor {self.factors[index]:.4g}"
 
     def animation(
         self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1

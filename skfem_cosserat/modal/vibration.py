@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,16 @@ from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
-from ..types import Array, Floats, is_whole, largest, positive, whole
-from ..warn import Notices, counted
+from ..notebook import Shown
+from ..types import Array, FilePath, Floats, is_whole, largest, positive, whole
+from ..warn import Notices, counted, told
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
 # -- A mode as a history: finite motions along its shape -------------------------------------------
+
+#: of a film of a mode
+FRAMES = 28
 
 
 def animation(
@@ -68,6 +73,62 @@ def animation(
     return History(meta, static, series, None, [system], configuration_formulas)
 
 
+class Animated(Shown):
+    """Modes that can be shown as films."""
+
+    animation: Any
+    called: Any
+
+    def animate(
+        self,
+        index: int,
+        path: FilePath,
+        *,
+        amplitude: float = 0.1,
+        fps: float = 25,
+        window: tuple[int, int] = (960, 540),
+        **look: Any,
+    ) -> Path:
+        """Film of one cycle of a mode in 28 frames, over the pale state that it is a mode of.
+
+        Parameters
+        ----------
+        index : int
+            Which mode.
+        path : path-like
+            ``.gif``, which loops, or ``.mp4`` (extra ``film``).
+        amplitude : float
+            As for :meth:`animation`: relative to the extent of the scene.
+        fps, window
+            As for :meth:`History.animate`.
+        **look
+            ``colour``, ``camera``, ``radius``, ``names`` as there; by default one colour.
+
+        Returns
+        -------
+        Path
+            The film.
+
+        Raises
+        ------
+        InputError
+            As :meth:`animation` and :meth:`History.animate`.
+        ImportError
+            Without pyvista (extra ``view``).
+        CosseratError
+            Without OpenGL.
+
+        Examples
+        --------
+        >>> modes(model).animate(0, "mode.gif")  # doctest: +SKIP
+        """
+        from ..picture import Look, film
+
+        history, rest = self.animation(index, amplitude, FRAMES), self.animation(index, 1e-9, 1)
+        frames = [(k, self.called(index)) for k in range(FRAMES)]
+        return film(history, path, frames, [rest.row(0)], fps, Look(window=window, **look))
+
+
 def checked_index(index: int, count: int) -> int:
     """Number of one of `count` modes, from 0 on; negative numbers count from the end.
 
@@ -111,7 +172,7 @@ GROWTH = 1e-9
 
 @checked
 @dataclass(eq=False, repr=False)
-class Modes:
+class Modes(Animated):
     """Modes ``dq = Re(shape exp(s t))``, the slowest first.
 
     Attributes
@@ -149,6 +210,10 @@ class Modes:
     _at: Equilibrium
     warnings: list[dict[str, Any]] = field(default_factory=list)
 
+    def called(self, index: int) -> str:
+        """Its number and frequency."""
+        return f"mode {checked_index(index, len(self))}: {self.frequencies[index]:.4g} Hz"
+
     @property
     def omega(self) -> Floats:
         """Angular frequencies ``Im s`` (count,) (rad/s); zero where nothing oscillates."""
@@ -182,6 +247,12 @@ class Modes:
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
+
+    def summary(self) -> dict[str, Any]:
+        """State, frequencies and damping ratios."""
+        factor = self._at.load_factor
+        about = f"t = {self.t:g} s" if factor is None else f"load factor {factor:g}"
+        return {"about": about, "modes": str(self), "warnings": told(self.warnings)}
 
     def __repr__(self) -> str:
         found = ", ".join(f"{hertz:.6g}" for hertz in self.frequencies[:3])

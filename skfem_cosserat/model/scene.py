@@ -34,7 +34,7 @@ from .groups import Structure
 from .loops import closure_rows
 from .parts import warn_of_loose_parts
 from .plane import Planar, Planarity, confine, inspect
-from .system import System, listed
+from .system import Pictured, System, listed
 
 ItemT = TypeVar("ItemT", bound=Item)
 
@@ -206,7 +206,7 @@ ReturnT = TypeVar("ReturnT")
 
 
 @checked
-class Model:
+class Model(Pictured):
     """A scene: beams, bodies, mass points; joints, drives; loads, force elements, damping.
 
     Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.
@@ -230,6 +230,10 @@ class Model:
     def __getstate__(self) -> dict[str, Any]:
         """Without the system that was frozen last: it is the same anew."""
         return {**self.__dict__, "_system": None}
+
+    def summary(self) -> dict[str, Any]:
+        """Its items by name, each in a line."""
+        return {item.label: item._shown() for item in self._items.values()}
 
     def __repr__(self) -> str:
         return f"<Model of {listed([i.label for i in self._items.values()])}>"
