@@ -169,7 +169,7 @@ def _frames(vectors: Floats, width: float | None = None) -> Floats:
     return np.stack([across * e1, across * np.cross(unit, e1), vectors], axis=-2)
 
 
-#: profiles (r, z) of shapes of revolution, the radius of a bar times `unit` at ends -z and z
+#: profiles (r, z) of shapes of revolution
 _SHAPES = {
     "arrow": [(0, 0), (0.025, 0), (0.025, 0.72), (0.09, 0.72), (0, 1)],
     "double": [
@@ -242,11 +242,11 @@ class Scene:
     size : float
         Extent of all that is shown (m).
     unit : float
-        Size of joints (m): they are seen around beams, unless these are very thick.
+        Size of joints (m).
     gravity : (3,) array
         Acceleration (m/s^2).
     limits : (2,) float
-        Range of the colours.
+        Range of the colours; up to 0 if nothing is coloured.
     """
 
     def __init__(self, history: History, rows: Sequence[Row], look: Look) -> None:
@@ -264,13 +264,13 @@ class Scene:
         pulls = [load.get("acceleration", (0, 0, 0)) for load in history.meta.get("loads", ())]
         self.gravity = np.sum([(0.0, 0.0, 0.0), *pulls], axis=0)
         tops = [self._forces(shape, row).max() for shape in self.shapes for row in rows]
-        self.limits = 0.0, float(max(tops, default=0.0)) or 1.0
+        self.limits = 0.0, float(max(tops, default=0.0))
 
     def _forces(self, shape: BeamShape, row: Row) -> Floats:
-        """Norm of the resultant on the pieces of a beam's elements; none if it is not known."""
+        """Norm of the resultant on the pieces of a beam's elements; zero if it is not known."""
         key = f"beam/{shape.name}/resultant"
         if not self.colour or key not in row:
-            return np.zeros(1)
+            return np.zeros(len(shape.connectivity) * shape.pieces)
         three = row[key][..., :3] if self.colour == "N" else row[key][..., 3:]
         mean = shape.average(three[..., None, :], shape.pieces)
         return np.nan_to_num(np.linalg.norm(mean[:, 0], axis=1))
@@ -317,13 +317,12 @@ class Scene:
         own = sweep.element * shape.pieces + sweep.piece
         ends = [own[(sweep.quads == ring[0]).any(axis=1)][:1] for ring in sweep.caps]
         cells = np.concatenate([own, *ends])
-        known = self.colour and f"beam/{shape.name}/resultant" in self.history
         return Piece(
             "beam",
             [sweep.quads, *sweep.caps],
             lambda row: sweep.points(row["q"]),
             shape.name,
-            (lambda row: self._forces(shape, row)[cells]) if known else None,
+            (lambda row: self._forces(shape, row)[cells]) if self.limits[1] else None,
         )
 
     def _line(self, entry: Any, ends: Points) -> Piece:
@@ -427,7 +426,7 @@ class Stage:
         self.shown: list[tuple[Any, list[Piece]]] = []
         self.labels: list[tuple[Any, Piece, Floats]] = []
 
-    def add(self, pieces: Iterable[Piece], row: Row, strength: float = 1.0) -> None:
+    def add(self, pieces: Sequence[Piece], row: Row, strength: float = 1.0) -> None:
         """Show pieces at a state; pale ones stay there, and give way to others at the place."""
         import pyvista
         from matplotlib import colormaps
@@ -525,7 +524,8 @@ class Stage:
             at = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel + 0.5 * self.size
             at = np.nan_to_num(at)
             groups.setdefault(tuple(at // self.font), (at, []))[1].append(piece)
-        drawn = (self.shot()[::-1].min(axis=2) < 250).astype(float)
+        shot = self.shot() if self.plotter.off_screen else np.full((*self.size[::-1], 3), 255)
+        drawn = (shot[::-1].min(axis=2) < 250).astype(float)
         ways = np.exp(0.25j * np.pi * np.arange(32)) * np.repeat([1.0, 2.0, 3.2, 5.0], 8)
         sides = np.column_stack([ways.real, ways.imag])
         for at, pieces in groups.values():
@@ -561,25 +561,20 @@ class Stage:
         return np.asarray(Image.fromarray(image[..., :3]).reduce(self.finer))
 
     def show(self, path: FilePath | None) -> Any:
-        """Write it, or show it in a notebook, where the mouse turns it, or in a window."""
+        """Write it, or show it in a notebook or a window."""
         if not self.plotter.off_screen:
             return self.plotter.show()
         from PIL import Image
 
-        if path is not None:
-            with writing(path):
-                Image.fromarray(self.shot()).save(path, "PNG")
-            return Path(path)
-        import IPython.display
+        data = BytesIO()
+        Image.fromarray(self.shot()).save(data, "PNG")
+        if path is None:
+            import IPython.display
 
-        try:
-            page = self.plotter.export_html(None).read().replace('"', "&quot;")
-        except ImportError:  # what pyvista needs for it
-            data = BytesIO()
-            Image.fromarray(self.shot()).save(data, "PNG")
             return IPython.display.Image(data.getvalue())
-        style = "width: 100%; height: 540px; border: 0"
-        return IPython.display.HTML(f'<iframe srcdoc="{page}" style="{style}"></iframe>')
+        with writing(path):
+            Path(path).write_bytes(data.getvalue())
+        return Path(path)
 
 
 def _unit(vector: Floats) -> Floats:
