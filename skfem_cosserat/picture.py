@@ -183,7 +183,6 @@ _SHAPES = {
     ],
     "ball": [(np.sin(a), np.cos(a)) for a in np.linspace(np.pi, 0, 13)],
     "ground": [(0, 0), (1.7, 2.6), (0, 2.6)],
-    "rod": [(1, 0), (1, 1)],
     **{
         name: [(0, -z), (r, -z), (r, z), (0, z)]
         for name, r, z in (
@@ -292,19 +291,15 @@ class Scene:
                 yield _copies("mass point", "ball", ball, body.name)
             else:
                 yield Piece("body", [body.faces], at, body.name)
-        for entry, ends in self._series("coupling", "ends"):
-            yield self._line(entry, ends)
-            yield from self._ground(entry, ends)
-        for entry, ends in self._series("joint", "ends"):
-            rod = partial(
-                lambda ends, row: (ends(row)[0], _between(ends(row), 0.4 * self.unit)), ends
-            )
-            yield _copies("joint", "rod", rod, entry["name"])
+        for kind in ("coupling", "joint"):
+            for entry, ends in self._series(kind, "ends"):
+                yield self._line(entry, ends)
+                yield from self._ground(entry, ends)
         for entry, place in self._series("joint", "position"):
-            for form in _JOINTS.get(entry["type"], ["ball"]):
-                joint = partial(self._joint, entry["name"], place)
-                yield _copies("joint", form, joint, entry["name"])
-            yield from self._ground(entry, place)
+            forms = _JOINTS.get(entry["type"], ["ball"])
+            joint = partial(self._joint, entry["name"], place)
+            yield from (_copies("joint", form, joint, entry["name"]) for form in forms)
+            yield from self._ground(entry, place) if forms else ()
         for what, form in (("force", "arrow"), ("moment", "double")):
             for entry, vectors in self._series("load", what):
                 yield from self._load(entry["name"], what, form, vectors)
@@ -312,7 +307,9 @@ class Scene:
     def _beam(self, shape: BeamShape) -> Piece:
         turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
         tube = (self.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
-        outlines = {int(k): None if self.radius else shape.outline(k) for k in shape.section}
+        outlines = {
+            int(k): None if self.radius else shape.outline(k) for k in np.unique(shape.section)
+        }
         sweep = shape.surface({k: tube if o is None else o for k, o in outlines.items()})
         own = sweep.element * shape.pieces + sweep.piece
         ends = [own[(sweep.quads == ring[0]).any(axis=1)][:1] for ring in sweep.caps]
@@ -326,14 +323,18 @@ class Scene:
         )
 
     def _line(self, entry: Any, ends: Points) -> Piece:
-        """A spring as a coil, others straight; a ring where both ends are one point."""
+        """A spring as a coil, cables and rods straight; a ring where both ends are one point."""
         s = np.linspace(0.0, 1.0, 121)
         out = self.unit * (entry["type"] == "spring") * ((s > 0.15) & (s < 0.85))
         if np.linalg.norm(np.ptp(ends(self.rows[0]), axis=0)) < 0.01 * self.size:
             out = 2 * self.unit + 0 * s
         turn = out * np.exp(20j * np.pi * s)
         form = np.column_stack([turn.real, turn.imag, s])
-        points = lambda row: ends(row)[0] + form @ _between(ends(row), 1.0)  # noqa: E731
+
+        def points(row: Row) -> Floats:
+            a, b = ends(row)
+            return np.asarray(a + form @ _frames(b - a, 1.0))
+
         return Piece(_LINES, [np.arange(len(s))], points, entry["name"])
 
     def _joint(self, name: str, place: Points, row: Row) -> Any:
@@ -380,11 +381,6 @@ class Scene:
             for k in (0, 1):
                 at = x, _frames(0.05 * self.size * d[:, k])
                 yield _copies(f"d{k + 1}", "arrow", _held(at), "", len(x))
-
-
-def _between(ends: Floats, width: float) -> Floats:
-    """Rows of lines from one end to the other, as `_frames`."""
-    return _frames(ends[1] - ends[0], width)
 
 
 def _held(values: Any) -> Callable[[Row], Any]:
