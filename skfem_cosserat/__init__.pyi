@@ -276,4 +276,6 @@ from .accuracy import (
     work_precision as work_precision,
 )
 
+from .version import citation as citation
+
 __version__: str

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError, failed
-from .frozen import Frozen, brief
+from .frozen import Frozen
+from .notebook import brief
 from .types import ArrayLike, Floats, IndexArray, numbers, shaped
 
 if TYPE_CHECKING:

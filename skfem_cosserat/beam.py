@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
 from types import MappingProxyType
@@ -174,6 +174,22 @@ class Beam(LineItem):
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from (("elements", self.mesh.nelements), ("order", self.basis.order))
         yield from (("sections", self.sections), ("theory", self.theory))
+
+    def summary(self) -> dict[str, Any]:
+        """Length, mesh, mass and sections, those that vary at both ends of their elements."""
+        rows = dict(self._parts()) | {"length in m": float(self.basis.lengths.sum())}
+        rows["mass in kg"] = float(self.scalar_mass()[:, ::4, ::4].sum())
+        starts, _ = self._part_lengths()
+        for k, name in enumerate(rows.pop("sections")):
+            own = np.flatnonzero(self.section_id == k)
+            ends = own[np.argsort(starts[own])][[0, -1]]
+            first, last = np.diagonal(self.sections_at(ends, np.array([0.0, 1.0])))
+            both = {"start": first.summary(), "end": last.summary()}
+            rows[name] = both if first is not last else first.summary()
+        return rows
+
+    def _loops(self) -> Sequence[Floats]:
+        return next(iter(self.sections.values()))._loops()
 
     def _lock(self) -> None:
         lock_arrays(self.elements)

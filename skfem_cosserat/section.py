@@ -16,7 +16,17 @@ import numpy as np
 from .errors import InputError, ModelWarning
 from .frozen import Frozen, loosened, seal
 from .law import Law, LawQuadratic
-from .types import ArrayLike, Floats, not_negative, numbers, positive, real, shaped, symmetric
+from .types import (
+    Array,
+    ArrayLike,
+    Floats,
+    not_negative,
+    numbers,
+    positive,
+    real,
+    shaped,
+    symmetric,
+)
 from .warn import warn
 
 #: relative error of constants that were typed in
@@ -230,6 +240,22 @@ class Section(Frozen):
         yield from (("GA", constants[:2]), ("EA", constants[2]), ("EI", constants[3:5]))
         yield from (("GJ", constants[5]), ("mass", self.mass))
 
+    _units: ClassVar[dict[str, str]] = {
+        "GA": "N",
+        "EA": "N",
+        "EI": "N m²",
+        "GJ": "N m²",
+        "mass": "kg/m",
+    }
+
+    def summary(self) -> dict[str, Any]:
+        """Stiffnesses, mass, damping."""
+        times = np.diag(self.viscosity) / np.diag(self.stiffness)
+        return super().summary() | {"retardation times in s": times if times.any() else None}
+
+    def _loops(self) -> list[Floats]:
+        return self.skin
+
     @property
     def density(self) -> Floats:
         """Mass (3, 3) per length of ``(phi, d1, d2)``, without the factor I_3 (kg/m, kg, kg m)."""
@@ -246,6 +272,34 @@ class Section(Frozen):
     def law(self) -> Law:
         """Energy per length, resultants and their derivative as functions of strains."""
         return LawQuadratic(self.stiffness)
+
+    @property
+    def skin(self) -> list[Floats]:
+        """Closed polygons (k, 2) of its surface (m): the outline, then holes; none without one.
+
+        With points between the corners where its stresses are known.
+        """
+        return [] if self.outline is None else [self.outline]
+
+    def skin_stresses(self) -> Floats | None:
+        """Stresses at the points of the :attr:`skin`, for resultants of one.
+
+        Returns
+        -------
+        (k, 3, 6) array or None
+            ``(sigma_33, tau_13, tau_23)`` by ``(N_1, N_2, N_3, M_1, M_2, M_3)``
+            (1/m^2, 1/m^3). Those of Saint-Venant's solutions: by closed forms and series of
+            rectangles, circles and tubes, by the warping of a profile. None for sections that are
+            given by numbers.
+
+        Examples
+        --------
+        >>> bar = SectionRectangle(0.1, 0.2, Material(1.0, 0.3, 1.0))
+        >>> sigma = bar.skin_stresses()[:, 0] @ [0, 0, 1.0, 0, 0, 0]
+        >>> bool(np.allclose(sigma, 1 / 0.02))
+        True
+        """
+        return None
 
     def damped(self, time: float | None = None, viscosity: ArrayLike | None = None) -> Self:
         """A copy with Kelvin-Voigt damping, in place of any it had.
@@ -347,6 +401,72 @@ def _solid(
     )
 
 
+#: points of an outline of few corners, for stresses between them
+AROUND = 16
+
+
+def with_midpoints(loop: Floats) -> Floats:
+    """A closed polygon (k, 2) with points between its corners, if it has few.
+
+    Examples
+    --------
+    >>> with_midpoints(np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]]))[:5].tolist()
+    [[0.0, 0.0], [0.25, 0.0], [0.5, 0.0], [0.75, 0.0], [1.0, 0.0]]
+    """
+    parts = -(-AROUND // len(loop))
+    share = np.arange(parts)[:, None] / parts
+    after = np.roll(loop, -1, axis=0)[:, None]
+    return np.asarray((loop[:, None] + share * (after - loop[:, None])).reshape(-1, 2))
+
+
+def _stresses(x: Floats, area: float, about: tuple[float, float]) -> Floats:
+    """(k, 3, 6) at points (k, 2), of axial force and bending; `about` as for :func:`_solid`."""
+    out = np.zeros((len(x), 3, 6))
+    out[:, 0, 2] = 1 / area
+    out[:, 0, 3:5] = x[:, ::-1] / about * (1, -1)
+    return out
+
+
+#: terms of series, whose rest is about 1/TERMS of the largest stress, and less off the corners
+TERMS = 4000
+
+
+def _falling(n: Array, x: Floats, end: float, sign: int) -> Array:
+    """(cosh(n x), or sinh for sign -1) / cosh(n end), for points x (k,) and numbers n (m,)."""
+    n, x = n[:, None], abs(x)
+    odd = 1.0 + sign * np.exp(-2 * n * x)
+    return np.exp(-n * (end - x)) * odd / (1 + np.exp(-2 * n * end))
+
+
+def _twist(at: Floats, A: float, B: float) -> Floats:
+    """Stress (k,) along x by twist and shear modulus of one, at points (k, 2).
+
+    In the rectangle |x| <= A, |y| <= B.
+
+    Timoshenko & Goodier, Theory of Elasticity, section 109, with the series that falls off from
+    the edges |x| = A.
+    """
+    (x, y), k = at.T, np.arange(1, 2 * TERMS, 2)
+    n: Array = k * np.pi / (2 * B)
+    weight: Array = (-1.0) ** (k // 2) * 16 * B / np.pi**2 / k**2
+    return np.asarray(-2 * y + weight @ (_falling(n, x, A, 1) * np.sin(n[:, None] * y)))
+
+
+def _flexure(at: Floats, A: float, B: float, nu: float) -> Floats:
+    """Stresses (k, 2) along x and y by a shear force of one along x, in the same rectangle.
+
+    Timoshenko & Goodier, section 124.
+    """
+    inertia, ratio = 4 * A**3 * B / 3, nu / (1 + nu)
+    (x, y), m = at.T, np.arange(1, TERMS)
+    n: Array = m * np.pi / B
+    weight = (-1.0) ** (m + 1) * 2 * B**2 / (m * np.pi) ** 2
+    along = weight @ (_falling(n, x, A, 1) * np.cos(n[:, None] * y))
+    across = weight @ (_falling(n, x, A, -1) * np.sign(x) * np.sin(n[:, None] * y))
+    first = (A**2 - x**2) / 2 + ratio * ((3 * y**2 - B**2) / 6 + along)
+    return np.column_stack([first, -ratio * across]) / inertia
+
+
 def _check_material(item: str, material: Material) -> None:
     if not isinstance(material, Material):
         raise InputError(item, f"material = {material!r}, expected a Material")
@@ -389,6 +509,24 @@ class SectionRectangle(Section):
         self.dimensions = ("a", a), ("b", b)
         self.others = ("material", material), ("shear_factor", shear_factor)
 
+    @property
+    def skin(self) -> list[Floats]:
+        """See :attr:`Section.skin`."""
+        assert self.outline is not None
+        return [with_midpoints(self.outline)]
+
+    def skin_stresses(self) -> Floats:
+        """See :meth:`Section.skin_stresses`."""
+        ((_, a), (_, b)), ((_, material), _) = self.dimensions, self.others
+        (x,), A, B = self.skin, a / 2, b / 2
+        out = _stresses(x, a * b, (a * b**3 / 12, b * a**3 / 12))
+        rate = material.G / self.stiffness[5, 5]
+        out[:, 1, 5] = rate * _twist(x, A, B)
+        out[:, 2, 5] = -rate * _twist(x[:, ::-1], B, A)
+        out[:, 1:, 0] = _flexure(x, A, B, material.nu)
+        out[:, 2:0:-1, 1] = _flexure(x[:, ::-1], B, A, material.nu)
+        return out
+
 
 class SectionTube(Section):
     """Circular tube.
@@ -429,6 +567,37 @@ class SectionTube(Section):
         constants = _solid(material, area, (moments, moments), 2 * moments, shear_factor)
         super().__init__(*constants, circle)
         self.dimensions, self.others = (("outer", outer), ("inner", inner)), others
+
+    #: outer and inner radius (m)
+    @property
+    def _radii(self) -> tuple[float, float]:
+        (_, outer), *inner = self.dimensions
+        return outer, inner[0][1] if inner else 0.0
+
+    @property
+    def skin(self) -> list[Floats]:
+        """See :attr:`Section.skin`."""
+        assert self.outline is not None
+        outer, inner = self._radii
+        hole = self.outline[::-1] * (inner / outer)
+        return [self.outline, hole] if inner else [self.outline]
+
+    def skin_stresses(self) -> Floats:
+        """See :meth:`Section.skin_stresses`."""
+        (a, b), x = self._radii, np.concatenate(self.skin)
+        inertia, nu = np.pi / 4 * (a**4 - b**4), dict(self.others)["material"].nu
+        out = _stresses(x, np.pi * (a**2 - b**2), (inertia, inertia))
+        out[:, 1:, 5] = x[:, ::-1] / (2 * inertia) * (-1, 1)
+        square, size = (x**2).sum(1), (3 + 2 * nu) / 4
+        hole = size * (a * b) ** 2 / square
+        for own in (0, 1):  # Love, Mathematical Theory of Elasticity, chapter 15
+            p, s = x[:, own], x[:, 1 - own]
+            along = size * (a**2 + b**2 - square) + (2 * size - 1) * s**2
+            along += hole * (1 - 2 * p**2 / square)
+            across = (1 - 2 * size - 2 * hole / square) * p * s
+            both = np.column_stack([along, across]) / (2 * inertia * (1 + nu))
+            out[:, [1 + own, 2 - own], own] = both
+        return out
 
 
 class SectionCircle(SectionTube):

@@ -15,7 +15,8 @@ import numpy as np
 
 from .errors import InputError, failed
 from .frames import Item, vector
-from .frozen import Frozen, brief
+from .frozen import Frozen
+from .notebook import brief
 from .types import ArrayLike, Floats, finite, numbers
 
 

@@ -21,6 +21,7 @@ from ..diagnostics import (
     constraint_violation,
     coupling_energy,
     doubtful_steps,
+    end_forces,
     external_energy,
     hidden_violation,
     kinetic_energy,
@@ -86,6 +87,11 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
             meta["beams"].append(_describe_beam(system, item, static))
         else:
             _describe_lump(system, lumped(item), meta, static)
+    carried = [int(array) for key, array in static.items() if key.endswith("/offset")]
+    acted = [*_acted_on(system), *carried]
+    for beam in system.beams:
+        offsets = static[f"beam/{beam.name}/offsets"]
+        static[f"beam/{beam.name}/acted"] = np.flatnonzero(np.isin(offsets, acted))
     for joint in system.joints:
         ends = {"a": joint.a.label, "b": joint.b.label}
         meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
@@ -165,10 +171,10 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     static[key + "section"] = beam.section_id
     static[key + "gauss"] = beam.elements.points
     static[key + "nodes"] = beam.basis.interpolation.nodes
+    static[key + "radius"] = _radii(beam)
     for k in range(len(beam.sections)):
-        found = _outline(beam, np.flatnonzero(beam.section_id == k))
-        if found is not None:
-            static[key + f"outline/{k}"] = found
+        for name, found in _shapes(beam, np.flatnonzero(beam.section_id == k)).items():
+            static[key + f"{name}/{k}"] = found
     return {
         "name": beam.name,
         "order": beam.basis.order,
@@ -177,21 +183,68 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     }
 
 
-def _outline(beam: Beam, elements: IndexArray) -> Floats | None:
-    """Outline of elements (m, 2), or of their nodes (k, p + 1, m, 2); None: there is none."""
+def _acted_on(system: System) -> list[int]:
+    """Numbers in q of the frames on which joints, loads and couplings act."""
+    places = [end for joint in system.joints for end in (joint.a, joint.b)]
+    places += [place for each in system.couplings.items for place in each.places()]
+    places += [place for load in system.loads for place in load.places()]
+    return [system.offset(place) for place in places if place.item is not None]
+
+
+def _radii(beam: Beam) -> Floats:
+    """Radii (ne, 2) of beams that are drawn as tubes, at both ends of each element.
+
+    To the farthest point of the outline; without one those of circles that bend as softly.
+    """
     from ..section_field import distinct
 
+    try:
+        sections, number = distinct(
+            beam.sections_at(np.arange(len(beam.section_id)), np.array([0.0, 1.0]))
+        )
+    except InputError:  # as at the point of a cone
+        return np.zeros((len(beam.section_id), 2))
+    radii = []
+    for each in sections:
+        _, _, EA, *EI, _ = np.diag(each.stiffness)
+        own = 2 * np.sqrt(min(EI) / EA) if each.outline is None else each.outline
+        radii.append(np.linalg.norm(np.atleast_2d(own), axis=-1).max())
+    return np.array(radii)[number]
+
+
+def _shapes(beam: Beam, elements: IndexArray) -> dict[str, Floats]:
+    """Outline of elements (m, 2), or of their nodes (k, p + 1, m, 2); skin and stresses likewise.
+
+    Nothing where there is no outline.
+    """
+    from ..section_field import distinct
+
+    found: dict[str, Floats] = {}
     with suppress(InputError):  # as at the point of a cone, which is drawn as a line
         at = np.linspace(0.0, 1.0, beam.basis.order + 1)
         sections, number = distinct(beam.sections_at(elements, at))
-        found = [each.outline for each in sections if each.outline is not None]
-        if len(found) == len(sections) and len({each.shape for each in found}) == 1:
-            return found[0] if len(found) == 1 else np.array(found)[number]
-    return None
+        if any(each.outline is None for each in sections):
+            return found
+        loops = [[len(loop) for loop in each.skin] for each in sections]
+        given: dict[str, list[Any]] = {
+            "outline": [each.outline for each in sections],
+            "skin": [np.concatenate(each.skin) for each in sections],
+            "loops": loops,
+            "stress": [each.skin_stresses() for each in sections],
+        }
+        for name, values in given.items():
+            alike = name == "outline" or loops.count(loops[0]) == len(loops)
+            known = [np.asarray(each) for each in values if each is not None]
+            if alike and len(known) == len(sections) and len({each.shape for each in known}) == 1:
+                one = len(known) == 1 or name == "loops"
+                found[name] = known[0] if one else np.array(known)[number]
+    return found
 
 
 # -- series that follow from the states: energies, velocities, momenta, forces, reactions ----------
 
+#: what is known at the ends of elements
+NODAL = "resultant", "strain"
 #: works since the start of a run, which explain changes of its energy
 WORKS = "work_loads", "work_actuators", "work_drives"
 
@@ -207,7 +260,8 @@ def derive_series(system: System, history: History) -> None:
     Of a run: ``v, Qp`` (projected on the hidden constraints), ``kinetic, strain_energy, external,
     coupling_energy, energy`` (kinetic + strain + coupling at (q, p)), ``energy_projected``,
     ``energy_balance``, ``linear_momentum``, ``angular_momentum``, ``constraint_violation``, for
-    each beam ``strain`` and ``resultant`` (its elastic part: that of damped sections is left to
+    each beam ``strain`` and ``resultant`` at Gauss points, ``nodal_strain`` and ``nodal_resultant``
+    at both ends of each element (the elastic part: that of damped sections is left to
     ``diagnostics.section_forces``), for each joint ``position``, ``force`` and ``moment``, its
     relative coordinates and their rates, for each spring, damper, cable and bushing
     ``coordinate``, ``force`` and ``ends``, for each load that acts at places ``position``,
@@ -407,6 +461,10 @@ def configuration_formulas(system: System) -> Formulas:
         ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in tied]
         return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
 
+    def ends(h: History) -> list[Floats]:
+        found = end_forces(system, h)
+        return [each for beam in system.beams for each in found[str(beam.name)]]
+
     formulas: Formulas = {
         ("constraint_violation",): lambda h: [constraint_violation(system, h["q"], h.instants)],
         tuple(relative_names(system)): coordinates,
@@ -416,6 +474,9 @@ def configuration_formulas(system: System) -> Formulas:
     }
     for beam in system.beams:
         formulas |= _beam_formulas(system, beam)
+    if system.beams:
+        both = [f"beam/{b.name}/nodal_{each}" for b in system.beams for each in NODAL]
+        formulas[tuple(both)] = ends
     wrench_names = [f"joint/{item.name}/{each}" for item in items for each in ("force", "moment")]
     for load in filter(acts_somewhere, system.loads):
         names = tuple(f"load/{load.name}/{each}" for each in ("position", "force", "moment"))

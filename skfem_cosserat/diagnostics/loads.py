@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..element import lagrange
 from ..frames import Place
 from ..history import History
 from ..load import Load, Term, TermForce, TermLine, TermStrain
@@ -41,7 +40,7 @@ def _of_channels(
     system: System, load: Load, history: History, y: Floats
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
     """Places, forces and moments of the terms whose vectors are constant but for a factor."""
-    given = history["amplitudes/loads"] if "load_factor" in history else None
+    given = history.series.get("amplitudes/loads")
     factors = load_factors(system, history.instants, given, len(y))
     loading = system.loading
     for k, (owner, term) in enumerate(zip(loading.owners, loading.terms, strict=True)):
@@ -62,6 +61,8 @@ def _place_and_vector(system: System, term: Term, y: Floats) -> tuple[Floats, Fl
         return place, np.broadcast_to(value, place.shape)
     if not isinstance(term, TermLine) or isinstance(term, TermStrain):
         return None
+    from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
+
     beam = term.beam
     rows = system.first[id(beam)][1] + 4 * beam.basis.connectivity[term.elements]
     middle = lagrange(beam.basis.interpolation.nodes, np.array([0.5]))[:, 0]

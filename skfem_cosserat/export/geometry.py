@@ -8,7 +8,7 @@ same axes in front.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,6 +118,9 @@ class BeamShape:
         Node of each point, -1 between nodes.
     pieces : int
         Pieces of an element in a swept surface.
+    ends, origin : (ne, 2) and (m,) array
+        Points at the ends of elements, doubled where section forces may jump; the points, then
+        those of which these are copies.
     """
 
     def __init__(self, name: str, static: Mapping[str, Array]) -> None:
@@ -138,6 +141,7 @@ class BeamShape:
         self._at_gauss = lagrange(nodes, self.gauss).T
         self._weights = {n: piece_weights(self.gauss, n) for n in (1, self.order)}
         self._number_points()
+        self._double()
 
     def _get(self, key: str) -> Array:
         full = f"beam/{self.name}/{key}"
@@ -157,25 +161,59 @@ class BeamShape:
 
     def _number_points(self) -> None:
         conn, ne = self.connectivity, len(self.connectivity)
-        self._inner: IndexArray | None = None
+        self.corners, self.inner = conn[:, [0, -1]], conn[:, 1:-1]
         if self.order <= 2:
             self.node_id = np.arange(len(self.offsets))
-            self.cells = conn if self.order == 1 else conn[:, [0, 2, 1]]
             self.cell_pieces = 1
         else:
-            corners, ends = np.unique(conn[:, [0, -1]], return_inverse=True)
-            ends = ends.reshape(-1, 2)
-            inner = len(corners) + np.arange(ne * (self.order - 1)).reshape(ne, -1)
-            chain = np.hstack([ends[:, :1], inner, ends[:, 1:]])
-            self.cells = np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2)
-            self.node_id = np.concatenate([corners, np.full(inner.size, -1)])
-            self._inner = inner
+            nodes, ends = np.unique(self.corners, return_inverse=True)
+            self.corners = ends.reshape(-1, 2)
+            self.inner = len(nodes) + np.arange(ne * (self.order - 1)).reshape(ne, -1)
+            self.node_id = np.concatenate([nodes, np.full(self.inner.size, -1)])
             self.cell_pieces = self.order
+        self.cells = self.cells_between(self.corners)
         self.cell_element = np.repeat(np.arange(ne), self.cell_pieces)
+
+    def cells_between(self, ends: IndexArray) -> IndexArray:
+        """The `cells` for other points (ne, 2) at the ends of the elements."""
+        chain = np.hstack([ends[:, :1], self.inner, ends[:, 1:]])
+        if self.order <= 2:
+            return chain if self.order == 1 else chain[:, [0, 2, 1]]
+        return np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2)
+
+    def _double(self) -> None:
+        """Find the `ends`, with points of their own where forces may jump, and their `origin`."""
+        flat, section = self.corners.ravel(), np.repeat(self.section, 2)
+        triads = self.rotations[:, [0, -1]].reshape(-1, 9)
+        one = np.zeros(len(self.node_id), dtype=np.int64)
+        one[flat] = np.arange(len(flat))
+        other = one[flat]
+        differs = abs(triads - triads[other]).max(axis=1) > 1e-12
+        apart = np.bincount(flat, minlength=len(one)) > 2
+        apart[flat[differs | (section != section[other])]] = True
+        acted = self._static.get(f"beam/{self.name}/acted", ())
+        own = (apart | np.isin(self.node_id, acted))[flat] & (np.arange(len(flat)) != other)
+        self.origin = np.concatenate([np.arange(len(one)), flat[own]])
+        ends = flat.copy()
+        ends[own] = len(one) + np.arange(own.sum())
+        self.ends = ends.reshape(-1, 2)
+
+    def spread(self, values: Floats) -> Floats:
+        """Values (k, ne, 2, ...) at ends as those of the points (k, m, ...), linear between."""
+        out = np.empty((len(values), len(self.origin), *values.shape[3:]))
+        out[:, self.ends] = values
+        out[:, self.inner] = self.between(out)[:, :, 1:-1]
+        return out
+
+    def between(self, values: Floats) -> Floats:
+        """Values (k, m, ...) of points at the stations of the elements (k, ne, p + 1, ...)."""
+        share = np.linspace(0, 1, self.order + 1).reshape(-1, *[1] * (values.ndim - 2))
+        first, last = (values[:, self.ends[:, end], None] for end in (0, 1))
+        return np.asarray((1 - share) * first + share * last)
 
     def _evaluate(self, nodal: Floats, local: Floats) -> Floats:
         """Values at the points: ``nodal (..., Nb, c)`` at nodes, ``local (..., ne, p+1, c)``."""
-        if self._inner is None:
+        if self.order <= 2:
             return nodal
         inner = self._stations[1:-1] @ local
         corners = nodal[..., self.node_id[self.node_id >= 0], :]
@@ -224,13 +262,25 @@ class BeamShape:
         closed = np.array_equal(outline[..., 0, :], outline[..., -1, :])
         return outline[..., :-1, :] if closed else outline
 
-    def surface(self, outlines: Mapping[int, Floats] | None = None) -> Surface:
+    def skin(self, section: int) -> list[Floats]:
+        """Outline, then holes, with points for stresses between the corners; none without one."""
+        outline, key = self.outline(section), f"beam/{self.name}/{{}}/{section}"
+        skin = self._static.get(key.format("skin"))
+        if outline is None or skin is None or self.stress(section) is None:
+            return [] if outline is None else [outline]
+        return np.split(skin, np.cumsum(self._static[key.format("loops")])[:-1], axis=-2)
+
+    def stress(self, section: int) -> Floats | None:
+        """Stresses (..., k, 3, 6) at the points of the skin for resultants of one, if known."""
+        return self._static.get(f"beam/{self.name}/stress/{section}")
+
+    def surface(self, outlines: Mapping[int, Floats | Sequence[Floats]] | None = None) -> Surface:
         """Swept surface of all elements whose section has an outline.
 
         Parameters
         ----------
-        outlines : mapping of int to (k, 2) array, optional
-            Outline by section, instead of those of the history.
+        outlines : mapping of int to (k, 2) array or list of them, optional
+            Outline by section, or with holes behind it, instead of those of the history.
 
         Returns
         -------
@@ -238,8 +288,7 @@ class BeamShape:
             Empty if no section has an outline.
         """
         if outlines is None:
-            own = ((int(k), self.outline(int(k))) for k in np.unique(self.section))
-            outlines = {k: shape for k, shape in own if shape is not None}
+            outlines = {int(k): loops for k in np.unique(self.section) if (loops := self.skin(k))}
         return Surface(self, outlines)
 
     def axes(self, q: ArrayLike) -> tuple[Floats, Floats]:
@@ -256,9 +305,9 @@ class Surface:
     Parameters
     ----------
     shape : BeamShape
-    outlines : mapping of int to (k, 2) or (elements, p + 1, k, 2) array
-        Closed outlines in m by section, or of its elements; elements of other sections have no
-        surface.
+    outlines : mapping of int to array (k, 2) or (elements, p + 1, k, 2), or to a list of such
+        Closed outlines in m by section, or of its elements, and its holes; elements of other
+        sections have no surface.
 
     Attributes
     ----------
@@ -267,35 +316,66 @@ class Surface:
     element, piece : (m,)
         Element, and piece of the element, of each quad.
     caps : list of (k,) arrays
-        Closed outlines at free ends.
+        Polygons that close free ends: outlines, or quads around a hole of as many points. Sections
+        with other holes stay open.
+    swept : list of (elements, points)
+        Elements of each section, and the points of their outlines as they were given, together.
     size : int
         Number of points.
     """
 
-    def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats]) -> None:
-        self._shape, self._swept, self.size = shape, [], 0
+    def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats | Sequence[Floats]]) -> None:
+        self._shape, self.size = shape, 0
+        self.swept: list[tuple[IndexArray, Floats]] = []
         none, p = np.zeros(0, dtype=np.int64), shape.order
         uses = np.bincount(shape.connectivity.ravel(), minlength=len(shape.offsets))
-        quads, owner, piece, caps = [none.reshape(0, 4)], [none], [none], []
+        quads, owner, piece = [none.reshape(0, 4)], [none], [none]
+        self.caps: list[IndexArray] = []
         for section in (int(number) for number in np.unique(shape.section)):
-            if section not in outlines:
+            given = outlines.get(section)
+            if given is None:
                 continue
-            own, k = np.flatnonzero(shape.section == section), outlines[section].shape[-2]
-            self._swept.append((own, outlines[section]))
-            grid = self.size + np.arange(len(own) * (p + 1) * k).reshape(len(own), p + 1, k)
-            after = np.roll(grid, -1, axis=2)
-            quad = np.stack([grid[:, :-1], after[:, :-1], after[:, 1:], grid[:, 1:]], axis=-1)
-            quads.append(quad.reshape(-1, 4))
-            owner.append(np.repeat(own, p * k))
-            piece.append(np.tile(np.repeat(np.arange(p), k), len(own)))
+            loops = [given] if isinstance(given, np.ndarray) else given
+            own = np.flatnonzero(shape.section == section)
+            self.swept.append((own, np.concatenate(loops, axis=-2)))
+            counts = [loop.shape[-2] for loop in loops]
+            grid = self.size + np.arange(len(own) * (p + 1) * sum(counts)).reshape(
+                len(own), p + 1, -1
+            )
+            rings = np.split(grid, np.cumsum(counts)[:-1], axis=-1)
+            for ring, k in zip(rings, counts, strict=True):
+                quads.append(_quads(ring[:, :-1], ring[:, 1:]))
+                owner.append(np.repeat(own, p * k))
+                piece.append(np.tile(np.repeat(np.arange(p), k), len(own)))
             conn = shape.connectivity[own]
-            caps += [ring[::-1] for ring in grid[uses[conn[:, 0]] == 1, 0]]
-            caps += list(grid[uses[conn[:, -1]] == 1, -1])
+            for end in (0, -1):
+                self._close(loops, [ring[uses[conn[:, end]] == 1, end] for ring in rings], end)
             self.size += grid.size
         self.quads = np.concatenate(quads)
         self.element = np.concatenate(owner)
         self.piece = np.concatenate(piece)
-        self.caps = caps
+
+    def _close(self, loops: Sequence[Floats], rims: list[IndexArray], end: int) -> None:
+        """Caps at the start (0) or end (-1) of some elements."""
+        outer, *holes = rims
+        step = 1 if end else -1
+        if not holes:
+            self.caps += list(outer[:, ::step])
+        elif len(holes) == 1 and holes[0].shape == outer.shape:
+            first, hole = (loop.reshape(-1, outer.shape[1], 2)[0] for loop in loops)
+            near = np.linalg.norm(hole[::-1] - first[0], axis=1).argmin()
+            inner = np.roll(holes[0][:, ::-1], -near, axis=1)
+            self.caps += list(_quads(outer, inner)[:, ::step])
+
+    def shared(self) -> tuple[IndexArray, IndexArray]:
+        """Points that stay, and the number of each point among them, if elements share `ends`."""
+        ends, p = self._shape.ends, self._shape.order
+        keys = [np.zeros(0, dtype=np.int64)]
+        for own, outline in self.swept:
+            ring = ends.max() + 1 + (own[:, None] * (p + 1) + np.arange(p + 1))
+            ring[:, [0, -1]] = ends[own]
+            keys.append((ring[..., None] * self.size + np.arange(outline.shape[-2])).ravel())
+        return np.unique(np.concatenate(keys), return_index=True, return_inverse=True)[1:]
 
     def points(self, q: ArrayLike) -> Floats:
         """Corners in space ``(..., size, 3)``."""
@@ -303,11 +383,17 @@ class Surface:
         front = center.shape[:-3]
         parts = [
             center[..., own, :, None, :] + outline @ axes[..., own, :, :2, :]
-            for own, outline in self._swept
+            for own, outline in self.swept
         ]
         return np.concatenate(
             [np.zeros((*front, 0, 3)), *(part.reshape(*front, -1, 3) for part in parts)], axis=-2
         )
+
+
+def _quads(one: IndexArray, two: IndexArray) -> IndexArray:
+    """Quads (m, 4) between closed rings of points (..., k)."""
+    after = np.roll(one, -1, axis=-1), np.roll(two, -1, axis=-1)
+    return np.stack([one, *after, two], axis=-1).reshape(-1, 4)
 
 
 @dataclass(frozen=True)

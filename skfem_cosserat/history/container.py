@@ -15,6 +15,7 @@ from ..arguments import checked
 from ..errors import CosseratError, HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import Place, is_beam
 from ..kernels import nearest_rotations
+from ..notebook import Shown
 from ..types import (
     TOLERANCE,
     Array,
@@ -26,7 +27,7 @@ from ..types import (
     numbers,
     whole,
 )
-from ..warn import Notices, counted, listed, logger, warn
+from ..warn import Notices, counted, listed, logger, told, warn
 from .file import (
     BASIC,
     ORIGINS,
@@ -40,6 +41,10 @@ from .file import (
 )
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.figure import Figure
+
     from ..beam import Beam
 
 # -- what a sensor has recorded: a number or vector at every step, with its spectrum ---------------
@@ -374,7 +379,7 @@ class _Available(Mapping[str, Array]):
 
 
 @checked
-class History:
+class History(Shown):
     """Recorded states of a run.
 
     What was not recorded but follows from the states (energies, forces, velocities ...) is derived
@@ -622,6 +627,22 @@ class History:
             self._segments[k] = History(meta, self.static, part, None, systems, self._kind)
         return self._segments[k]
 
+    def states(self, chosen: Sequence[int]) -> History:
+        """Some of the states, increasing, as a history of its own: derives series of these alone.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            Their numbers.
+        """
+        rows = np.asarray(chosen, dtype=np.int64)
+        series = {name: values[rows] for name, values in self._series.items()}
+        about = self.meta.get("segments", [])
+        starts = [int(np.searchsorted(rows, min(s["row"], len(self)))) for s in about]
+        moved = [each | {"row": row} for each, row in zip(about, starts, strict=True)]
+        meta = self.meta | ({"segments": moved} if about else {})
+        return History(meta, self.static, series, None, self._systems, self._kind)
+
     def check_one_system(self) -> None:
         """Refuse what takes one system where events changed the scene.
 
@@ -660,6 +681,29 @@ class History:
     def __len__(self) -> int:
         return self._length
 
+    def summary(self) -> dict[str, Any]:
+        """What it is of, how it ended, what is doubtful, and what there is to be read."""
+        over, meta = "load_factor" if "load_factor" in self else "t", self.meta
+        names: dict[str, str] = {}
+        for group, _, own in (name.rpartition("/") for name in self):
+            names[group] = f"{names[group]}, {own}" if group in names else own
+        known = np.array(self._series.get(BALANCE, 0.0))
+        ended = ": the run did not end; series that follow are had by derive_series(model, history)"
+        return {
+            "scheme": meta.get("integrator"),
+            "treatment": meta.get("treatment"),
+            "step in s": meta.get("step") or None,
+            "states": len(self),
+            "time in s" if over == "t" else "load factor": self._series[over][[0, -1][: len(self)]],
+            "status": self.status + ended * (self.status == "killed"),
+            "energy lost in J": meta.get("energy_balance", {}).get("lost"),
+            "largest balance of energy in J": np.nanmax(abs(known), initial=0.0) or None,
+            "warnings": told(meta.get("warnings", ())) or "none",
+            "sensors": {name: about["unit"] for name, about in meta.get("sensors", {}).items()},
+            "series": names.pop("", ""),
+            **names,
+        }
+
     def __repr__(self) -> str:
         span = f", t = {self.times[0]:g} ... {self.times[-1]:g} s" if len(self) else ""
         count = len(self.events)
@@ -693,7 +737,8 @@ class History:
         """
         if name not in self._series:
             if name not in self:
-                text = names_known(name, list(self), "recorded", "list(history)")
+                others = self.meta.get("sensors", {}).keys() - {name}  # charts and tables have both
+                text = names_known(name, [*self, *others], "recorded", "list(history)")
                 more = "" if self._systems else f"; {ADVICE}"
                 raise InputError(f"series {name!r}", f"not recorded; {text}{more}")
             self._derive(name)
@@ -981,6 +1026,106 @@ class History:
             for name, values in self._sensors.items()
         }
         return History(self.meta, self.static, cut, seen, self._systems, self._kind)
+
+    def plot(self, *names: str, path: FilePath | None = None) -> Figure:
+        """Chart over time, or over the load factor of a path of equilibria.
+
+        Parameters
+        ----------
+        *names : str
+            Each gets a panel: sensors, or else series of shape ``(N,)`` or ``(N, k)``.
+            ``"energy"`` is always the chart of all energies, with their balance in a panel below.
+            Default: the energies and the sensors; without any the work of the loads.
+        path : path-like, optional
+            Write the chart here (``.png``, ``.svg``, ``.pdf``).
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A notebook shows it.
+
+        Raises
+        ------
+        InputError
+            If there is no such sensor or series, or it has more axes.
+        ImportError
+            Without matplotlib.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import EnergyMomentum, LoadGravity, MassPoint, Model, NullSpace
+        >>> from skfem_cosserat import simulate
+        >>> model = Model()
+        >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 3.0)))
+        >>> gravity = model.add("gravity", LoadGravity((0, 0, -9.81)))
+        >>> history = simulate(model, EnergyMomentum(), NullSpace(), 0.1, until=0.5)
+        >>> energies, balance, momentum = history.plot("energy", "linear_momentum").axes
+        >>> energies.get_ylabel(), momentum.get_ylabel()
+        ('energy in J', 'linear_momentum in kg m/s')
+        """
+        from ..plot import plot  # a history does without charts
+
+        return plot(self, names, path)
+
+    def report(self, path: FilePath) -> Path:
+        """Page about the run in one file (HTML), which any browser shows without a network.
+
+        It has the scene, to be turned and moved through time by a slider, energies with their
+        balance, sensors, warnings, settings and versions; of a path load factors in place of times.
+        It is at most 10 MB large: of long runs or large scenes it shows fewer states, and says so.
+
+        Parameters
+        ----------
+        path : path-like
+            Name of the file; an older one is replaced.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        InputError
+            If there are no states, or the file cannot be written.
+        ImportError
+            Without plotly or matplotlib.
+
+        Examples
+        --------
+        >>> history.report("run.html")  # doctest: +SKIP
+        """
+        from ..report import write_report  # a history does without pages
+
+        return write_report(self, path)
+
+    def to_pandas(self, *names: str) -> Any:
+        """Table of its states as a ``pandas.DataFrame``, its index the times (s).
+
+        Parameters
+        ----------
+        *names : str
+            Series and sensors, in columns as :func:`skfem_cosserat.write_csv` has them; the index
+            is the load factor of a path of equilibria.
+
+        Raises
+        ------
+        InputError
+            As there.
+        ImportError
+            Without pandas.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": np.eye(2, 3), "p": np.zeros((2, 3))}
+        >>> frame = History({}, {}, series).to_pandas("q")
+        >>> list(frame.columns), frame["q_x"].tolist()
+        (['q_x', 'q_y', 'q_z'], [1.0, 0.0])
+        """
+        from ..export.table import to_pandas  # a history does without other formats
+
+        return to_pandas(self, names)
 
     def save(self, path: FilePath) -> None:
         """Write it to one file; an older file is replaced only when the new is complete.

@@ -388,6 +388,12 @@ class MeshCurve(Frozen, MeshLine1):
             f"{type(self).__name__}({self.nelements} elements, {self.p.shape[1]} vertices{names})"
         )
 
+    def summary(self) -> dict[str, Any]:
+        """Size, beams and named nodes."""
+        size = {"length in m": self.lengths.sum(), "elements": self.nelements}
+        names = {"beams": ", ".join(self.beams), "nodes": ", ".join(self.nodes)}
+        return {**size, "vertices": self.p.shape[1], **names}
+
     # ------------------------------------------------------------------ factories
     @classmethod
     def _from_chain(

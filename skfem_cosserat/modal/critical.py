@@ -23,7 +23,7 @@ from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..model.force_elements import CoupledForce
 from ..model.limits import owner
 from ..types import SAME, Floats, finite
-from ..warn import Notices, counted
+from ..warn import Notices, counted, told
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
 from .vibration import Animated, animation, checked_count, checked_index
@@ -71,6 +71,10 @@ class Buckling(Animated):
 
     def __len__(self) -> int:
         return len(self.factors)
+
+    def summary(self) -> dict[str, Any]:
+        """Critical factors."""
+        return {"modes": str(self), "warnings": told(self.warnings)}
 
     def __repr__(self) -> str:
         found = ", ".join(f"{factor:.6g}" for factor in self.factors[:3])

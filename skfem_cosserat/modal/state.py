@@ -50,6 +50,8 @@ class Equilibrium:
         missing in the balance, as a moment (N m).
     drawn : bool
         Whether a beam is drawn more than its elements can tell, of which there was a warning.
+    load_factor : float or None
+        Of a state of a path.
     """
 
     system: System
@@ -59,6 +61,7 @@ class Equilibrium:
     tangent: ReducedTangent
     error: float
     drawn: bool
+    load_factor: float | None = None
 
     @cached_property
     def moduli(self) -> list[Array]:
@@ -130,7 +133,8 @@ def resting(
     tangent, error = _at_rest(system, tangent, amplitudes, tolerance)
     if drawn := overstretched_beam(system, y, tangent.multipliers, amplitudes.loads):
         warn(*drawn, AccuracyWarning, start.time)
-    return Equilibrium(system, y, start.time, amplitudes, tangent, error, bool(drawn))
+    state_of_rest = system, y, start.time, amplitudes, tangent, error, bool(drawn)
+    return Equilibrium(*state_of_rest, start.load_factor)
 
 
 def _read(system: System, state: StateLike | None, t: float | None) -> tuple[State, Amplitudes]:
@@ -163,7 +167,8 @@ def _from_history(
         loads = recorded_amplitudes(history, index)
     else:
         loads = Schedule(system).at(time) if path else amplitudes_at(system, time)
-    return State(time, 0, row["q"], np.zeros(system.n), turns=turns), loads
+    factor = (float(row["load_factor"]) if t is None else t) if path else None
+    return State(time, 0, row["q"], np.zeros(system.n), turns=turns, load_factor=factor), loads
 
 
 def _unloaded(system: System) -> Amplitudes:

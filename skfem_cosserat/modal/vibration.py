@@ -17,8 +17,9 @@ from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
+from ..notebook import Shown
 from ..types import Array, FilePath, Floats, is_whole, largest, positive, whole
-from ..warn import Notices, counted
+from ..warn import Notices, counted, told
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
@@ -42,6 +43,8 @@ def animation(
     waves = np.exp(1j * phases)[:, None] * x
     q = np.array([_moved(at, wave) for wave in waves.real])
     v = (P @ (1j * omega * waves).real.T).T
+    increment, spin = (P @ waves.real.T).T, at.amplitudes.spin
+    turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
     p = np.array([(system.mass @ row.reshape(-1, 3)).reshape(-1) for row in v])
     meta, static = describe(system)
     meta |= {
@@ -53,6 +56,7 @@ def animation(
         #: functions of time are taken at this one (s)
         "instant": at.t,
     }
+    static["equilibrium"] = at.y[: system.rows].reshape(-1)
     count = len(phases)
     series = {
         "t": phases / omega,
@@ -61,11 +65,15 @@ def animation(
         "p": p,
         "v": v,
         "constraint_force": np.full((count, system.n), np.nan),
+        "increment": increment,
+        "acceleration": np.real(s**2) * increment,
+        "amplitudes/loads": np.tile(at.amplitudes.loads, (count, 1)),
+        "amplitudes/spin": np.tile(turning, (count, 1, 1)),
     }
     return History(meta, static, series, None, [system], configuration_formulas)
 
 
-class Animated:
+class Animated(Shown):
     """Modes that can be shown as films."""
 
     animation: Any
@@ -239,6 +247,12 @@ class Modes(Animated):
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
+
+    def summary(self) -> dict[str, Any]:
+        """State, frequencies and damping ratios."""
+        factor = self._at.load_factor
+        about = f"t = {self.t:g} s" if factor is None else f"load factor {factor:g}"
+        return {"about": about, "modes": str(self), "warnings": told(self.warnings)}
 
     def __repr__(self) -> str:
         found = ", ".join(f"{hertz:.6g}" for hertz in self.frequencies[:3])

@@ -231,6 +231,10 @@ class Model(Pictured):
         """Without the system that was frozen last: it is the same anew."""
         return {**self.__dict__, "_system": None}
 
+    def summary(self) -> dict[str, Any]:
+        """Its items by name, each in a line."""
+        return {item.label: item._shown() for item in self._items.values()}
+
     def __repr__(self) -> str:
         return f"<Model of {listed([i.label for i in self._items.values()])}>"
 

@@ -26,6 +26,7 @@ from ..frozen import Replacements, lock_arrays
 from ..joint import Joint, JointDrive
 from ..kernels import cross
 from ..load import Load
+from ..notebook import Shown
 from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero
 from ..types import (
@@ -96,7 +97,7 @@ class Coordinates:
     closure: Closure
 
 
-class Pictured:
+class Pictured(Shown):
     """A scene that can be looked at before it runs."""
 
     def plot(
@@ -441,6 +442,13 @@ class System(Pictured):
         {'n': 12, 'm': 6, 'rank': 6, 'unknowns': 6}
         """
         return {"n": self.n, "m": self.m, "rank": self.rank, "unknowns": self.unknowns}
+
+    def summary(self) -> dict[str, Any]:
+        """Its items, motions that are free, and mass."""
+        items = [item.label for item in (*self.structures, *self.joints, *self.couplings.items)]
+        mass = float(self.mass[self.origin_rows][:, self.origin_rows].sum())
+        about = {"items": ", ".join(items), "parts": str(connected_parts(self))}
+        return about | {"degrees of freedom": self.unknowns, "mass in kg": mass}
 
     def __repr__(self) -> str:
         names, c = listed([i.label for i in self.structures]), self.counts()

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, kron
 from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
 from skfem import Basis, BilinearForm, Mesh
 from skfem.element import Element, ElementQuad2, ElementQuadP, ElementTriP2, ElementTriP3
 
 from ..errors import InputError
 from ..frozen import Frozen
-from ..section import Material, Section
+from ..section import Material, Section, with_midpoints
 from ..types import Array, ArrayLike, Floats, IndexArray, finite, positive, shaped, symmetric
 
 # -- three-dimensional elasticity of what a profile is made of -------------------------------------
@@ -289,17 +290,31 @@ class Warping:
     @cached_property
     def strains(self) -> Floats:
         """(6 resultants, 6 strains, elements, quadrature points), for unit resultants."""
-        dofs = self.basis.element_dofs
+        return self._strains(self.basis.element_dofs, self.basis.basis, self.basis.dx.shape)
+
+    def _strains(self, dofs: Array, basis: Sequence[Any], full: tuple[int, ...]) -> Floats:
+        """(6 resultants, 6 strains, elements, points) by the shape functions of these elements."""
         w, v = (x.T.reshape(6, -1, 3)[:, dofs] for x in (self.w, self.v))
-        shapes = [self.basis.basis[i][0] for i in range(len(dofs))]
-        full = (*self.basis.dx.shape,)
         out = np.zeros((6, 6, *full))
-        for i, shape in enumerate(shapes):
+        for i, (shape,) in enumerate(basis):
             local = (np.asarray(shape), shape.grad[0], shape.grad[1])
             for a, x in enumerate((v, w, w)):
                 strain = np.einsum("ic,rec->rie", H[a], x[:, i])
                 out += strain[..., None] * np.broadcast_to(local[a], full)
         return out
+
+    def stresses_at(self, x: Floats) -> Floats:
+        """(k, 6 stresses, 6 unit resultants) at points (k, 2) in the section (N/m^2)."""
+        basis, mapping = self.basis, self.basis.mapping
+        known = np.reshape(basis.global_coordinates(), (2, -1)).T
+        tind = cKDTree(known).query(x)[1] // basis.dx.shape[1]  # whose quadrature point is nearest
+        local = np.full((2, len(x), 1), 1 / 3)
+        for _ in range(10):  # Newton's method; elements are hardly curved
+            gap = x.T[..., None] - mapping.F(local, tind=tind)
+            local = local + np.einsum("ijkl,jkl->ikl", mapping.invDF(local, tind=tind), gap)
+        shapes = [basis.elem.gbasis(mapping, local, i, tind=tind) for i in range(basis.Nbfun)]
+        strains = self._strains(basis.element_dofs[:, tind], shapes, (len(x), 1))[..., 0]
+        return np.einsum("kij,rjk->kir", self.elasticities[self.index[tind]], strains)
 
     def energies(self, strains: Floats) -> Floats:
         """(6, elements): elastic energy times two of six strain fields."""
@@ -360,6 +375,27 @@ def solve_warping(mesh: Mesh, order: int, index: IndexArray, elasticities: Float
 # -- what a section is to a beam: stiffness and mass, and the classical numbers read from them -----
 
 
+#: how far inside of a boundary its stresses are taken, as part of the section's size
+INSIDE = 1e-7
+
+
+class _SectionOfProfile(Section):
+    """Section that knows the stresses of its profile's skin."""
+
+    def __init__(self, skin: list[Floats], stresses: Floats, *given: Any, **more: Any) -> None:
+        super().__init__(*given, **more)
+        self._skin, self._stresses = skin, stresses
+
+    @property
+    def skin(self) -> list[Floats]:
+        """See :attr:`Section.skin`."""
+        return self._skin
+
+    def skin_stresses(self) -> Floats:
+        """See :meth:`Section.skin_stresses`."""
+        return self._stresses
+
+
 def _spin(x: Floats) -> Floats:
     """``(x_1, x_2, 0) x``."""
     return np.array([[0, 0, x[1]], [0, 0, -x[0]], [-x[1], x[0], 0]])
@@ -392,6 +428,8 @@ class ProfileConstants(Frozen):
         Of the last mesh.
     outline : (k, 2) array
         Outer boundary (m).
+    holes : tuple of (k, 2) array
+        Boundaries of the holes (m).
     warping : Warping
         The six central solutions; resultants about ``origin``, axes turned by ``angle``.
     origin : (2,) array
@@ -427,6 +465,7 @@ class ProfileConstants(Frozen):
     unknowns: int
     outline: Floats = field(repr=False)
     warping: Warping = field(repr=False)
+    holes: tuple[Floats, ...] = field(repr=False, default=())
     origin: Floats = field(repr=False, default_factory=lambda: np.zeros(2))
     angle: float = field(repr=False, default=0.0)
 
@@ -537,6 +576,7 @@ class ProfileConstants(Frozen):
             inertia=about(self.inertia, self.mass, self.centre),
             shear_moduli=R @ self.shear_moduli @ R.T,
             outline=(self.outline - o) @ R.T,
+            holes=tuple((hole - o) @ R.T for hole in self.holes),
             origin=self.origin + np.array([[c, -s], [s, c]]) @ o,
             angle=self.angle + turn,
         )
@@ -559,7 +599,31 @@ class ProfileConstants(Frozen):
         if abs(inertia[0, 1]) < 1e-11 * np.sqrt(inertia[0, 0] * inertia[1, 1]):
             inertia = inertia.diagonal()
         more = {"centre": centre} if centre.any() else {}
-        return Section(D, self.mass, inertia, self.outline, viscosity, **more)
+        skin = [with_midpoints(loop) for loop in (self.outline, *self.holes)]
+        operator = self._skin_stresses(skin)
+        return _SectionOfProfile(
+            skin, operator, D, self.mass, inertia, self.outline, viscosity, **more
+        )
+
+    @property
+    def _axes(self) -> tuple[Floats, Floats]:
+        """To these axes (3, 3) from those of the warping; to its resultants (6, 6) from these."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        return R, np.block([[R.T, np.zeros((3, 3))], [_spin(self.origin) @ R.T, R.T]])
+
+    def _skin_stresses(self, skin: Sequence[Floats]) -> Floats:
+        """(k, 3, 6) at points of closed polygons, for unit resultants: just inside of these."""
+        places = []
+        for loop in skin:
+            before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
+            along = sum(each / np.linalg.norm(each, axis=1)[:, None] for each in (before, after))
+            inward = along @ [[0, 1], [-1, 0]]  # the material is on the left
+            places.append(loop + INSIDE * np.sqrt(self.area) * inward)
+        R, to = self._axes
+        x = np.concatenate(places) @ R[:2, :2] + self.origin
+        own = self.warping.stresses_at(x)[:, [4, 3, 2]]
+        return np.asarray((R @ own @ to)[:, [2, 0, 1]])
 
     def stresses(self, resultants: ArrayLike) -> tuple[Floats, Floats]:
         """Stresses in the material under the six resultants of the beam.
@@ -588,11 +652,8 @@ class ProfileConstants(Frozen):
         True
         """
         given = shaped("profile", "resultants", resultants, (6,))
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-        N = R.T @ given[:3]
-        M = R.T @ given[3:] + _spin(self.origin) @ N
-        stress = self.warping.stresses(np.concatenate([N, M])).reshape(6, -1)
+        R, to = self._axes
+        stress = self.warping.stresses(to @ given).reshape(6, -1)
         tensor = stress[[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
         tensor = np.einsum("ia,abk,jb->ijk", R, tensor, R)
         points = np.reshape(self.warping.basis.global_coordinates(), (2, -1))
