@@ -307,16 +307,18 @@ class Scene:
     def _beam(self, shape: BeamShape) -> Piece:
         turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
         tube = (self.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
-        outlines = {
-            int(k): None if self.radius else shape.outline(k) for k in np.unique(shape.section)
-        }
-        sweep = shape.surface({k: tube if o is None else o for k, o in outlines.items()})
+        skins = {int(k): [] if self.radius else shape.skin(k) for k in np.unique(shape.section)}
+        sweep = shape.surface({k: loops or tube for k, loops in skins.items()})
         own = sweep.element * shape.pieces + sweep.piece
-        ends = [own[(sweep.quads == ring[0]).any(axis=1)][:1] for ring in sweep.caps]
+        points = sweep.points(self.rows[0]["q"])
+        caps = [ring[_triangles(points[ring])] for ring in sweep.caps]
+        ends = [
+            np.repeat(own[(sweep.quads == cap[0, 0]).any(axis=1)][:1], len(cap)) for cap in caps
+        ]
         cells = np.concatenate([own, *ends])
         return Piece(
             "beam",
-            [sweep.quads, *sweep.caps],
+            [sweep.quads, *caps],
             lambda row: sweep.points(row["q"]),
             shape.name,
             (lambda row: self._forces(shape, row)[cells]) if self.limits[1] else None,
@@ -381,6 +383,14 @@ class Scene:
             for k in (0, 1):
                 at = x, _frames(0.05 * self.size * d[:, k])
                 yield _copies(f"d{k + 1}", "arrow", _held(at), "", len(x))
+
+
+def _triangles(points: Floats) -> IndexArray:
+    """Triangles (m, 3) of a polygon; OpenGL would fill the corners that point inwards."""
+    import pyvista
+
+    polygon = pyvista.PolyData(points, faces=[len(points), *range(len(points))])
+    return np.asarray(polygon.triangulate().regular_faces)
 
 
 def _held(values: Any) -> Callable[[Row], Any]:
@@ -458,8 +468,9 @@ class Stage:
             actor = self.plotter.add_mesh(mesh, **style)
             if strength == 1.0:
                 self.shown.append((mesh, own))
-            # towards the back: pale ones; to the front: loads, which would be inside of beams
-            front = -5e6 if kind in ("force", "moment", "d1", "d2") else 8.0 * (1.0 - strength)
+            # towards the back: pale ones; to the front: what would be inside of thick beams
+            fronts = {"joint": -1e6, **dict.fromkeys(("force", "moment", "d1", "d2"), -5e6)}
+            front = fronts.get(kind, 8.0 * (1.0 - strength))
             mapper = actor.mapper
             mapper.SetResolveCoincidentTopologyToPolygonOffset()
             mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(front > 0, front)
