@@ -575,6 +575,7 @@ class Stage:
 
         data = BytesIO()
         Image.fromarray(self.shot()).save(data, "PNG")
+        self.plotter.close()
         if path is None:
             import IPython.display
 
@@ -741,6 +742,7 @@ def film(
 
     with writing(path):
         (_write_gif if loop else _write_mp4)(path, pictures(), rate)
+    stage.plotter.close()
     return Path(path)
 
 
