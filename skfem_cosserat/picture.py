@@ -169,7 +169,7 @@ def _frames(vectors: Floats, width: float | None = None) -> Floats:
     return np.stack([across * e1, across * np.cross(unit, e1), vectors], axis=-2)
 
 
-#: profiles (r, z) of shapes of revolution, the radius of a bar times `unit` at ends -z and z
+#: profiles (r, z) of shapes of revolution
 _SHAPES = {
     "arrow": [(0, 0), (0.025, 0), (0.025, 0.72), (0.09, 0.72), (0, 1)],
     "double": [
@@ -183,7 +183,6 @@ _SHAPES = {
     ],
     "ball": [(np.sin(a), np.cos(a)) for a in np.linspace(np.pi, 0, 13)],
     "ground": [(0, 0), (1.7, 2.6), (0, 2.6)],
-    "rod": [(1, 0), (1, 1)],
     **{
         name: [(0, -z), (r, -z), (r, z), (0, z)]
         for name, r, z in (
@@ -242,11 +241,11 @@ class Scene:
     size : float
         Extent of all that is shown (m).
     unit : float
-        Size of joints (m): they are seen around beams, unless these are very thick.
+        Size of joints (m).
     gravity : (3,) array
         Acceleration (m/s^2).
     limits : (2,) float
-        Range of the colours.
+        Range of the colours; up to 0 if nothing is coloured.
     """
 
     def __init__(self, history: History, rows: Sequence[Row], look: Look) -> None:
@@ -264,13 +263,13 @@ class Scene:
         pulls = [load.get("acceleration", (0, 0, 0)) for load in history.meta.get("loads", ())]
         self.gravity = np.sum([(0.0, 0.0, 0.0), *pulls], axis=0)
         tops = [self._forces(shape, row).max() for shape in self.shapes for row in rows]
-        self.limits = 0.0, float(max(tops, default=0.0)) or 1.0
+        self.limits = 0.0, float(max(tops, default=0.0))
 
     def _forces(self, shape: BeamShape, row: Row) -> Floats:
-        """Norm of the resultant on the pieces of a beam's elements; none if it is not known."""
+        """Norm of the resultant on the pieces of a beam's elements; zero if it is not known."""
         key = f"beam/{shape.name}/resultant"
         if not self.colour or key not in row:
-            return np.zeros(1)
+            return np.zeros(len(shape.connectivity) * shape.pieces)
         three = row[key][..., :3] if self.colour == "N" else row[key][..., 3:]
         mean = shape.average(three[..., None, :], shape.pieces)
         return np.nan_to_num(np.linalg.norm(mean[:, 0], axis=1))
@@ -292,19 +291,15 @@ class Scene:
                 yield _copies("mass point", "ball", ball, body.name)
             else:
                 yield Piece("body", [body.faces], at, body.name)
-        for entry, ends in self._series("coupling", "ends"):
-            yield self._line(entry, ends)
-            yield from self._ground(entry, ends)
-        for entry, ends in self._series("joint", "ends"):
-            rod = partial(
-                lambda ends, row: (ends(row)[0], _between(ends(row), 0.4 * self.unit)), ends
-            )
-            yield _copies("joint", "rod", rod, entry["name"])
+        for kind in ("coupling", "joint"):
+            for entry, ends in self._series(kind, "ends"):
+                yield self._line(entry, ends)
+                yield from self._ground(entry, ends)
         for entry, place in self._series("joint", "position"):
-            for form in _JOINTS.get(entry["type"], ["ball"]):
-                joint = partial(self._joint, entry["name"], place)
-                yield _copies("joint", form, joint, entry["name"])
-            yield from self._ground(entry, place)
+            forms = _JOINTS.get(entry["type"], ["ball"])
+            joint = partial(self._joint, entry["name"], place)
+            yield from (_copies("joint", form, joint, entry["name"]) for form in forms)
+            yield from self._ground(entry, place) if forms else ()
         for what, form in (("force", "arrow"), ("moment", "double")):
             for entry, vectors in self._series("load", what):
                 yield from self._load(entry["name"], what, form, vectors)
@@ -312,29 +307,36 @@ class Scene:
     def _beam(self, shape: BeamShape) -> Piece:
         turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
         tube = (self.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
-        outlines = {int(k): None if self.radius else shape.outline(k) for k in shape.section}
-        sweep = shape.surface({k: tube if o is None else o for k, o in outlines.items()})
+        skins = {int(k): [] if self.radius else shape.skin(k) for k in np.unique(shape.section)}
+        sweep = shape.surface({k: loops or tube for k, loops in skins.items()})
         own = sweep.element * shape.pieces + sweep.piece
-        ends = [own[(sweep.quads == ring[0]).any(axis=1)][:1] for ring in sweep.caps]
+        points = sweep.points(self.rows[0]["q"])
+        caps = [ring[_triangles(points[ring])] for ring in sweep.caps]
+        ends = [
+            np.repeat(own[(sweep.quads == cap[0, 0]).any(axis=1)][:1], len(cap)) for cap in caps
+        ]
         cells = np.concatenate([own, *ends])
-        known = self.colour and f"beam/{shape.name}/resultant" in self.history
         return Piece(
             "beam",
-            [sweep.quads, *sweep.caps],
+            [sweep.quads, *caps],
             lambda row: sweep.points(row["q"]),
             shape.name,
-            (lambda row: self._forces(shape, row)[cells]) if known else None,
+            (lambda row: self._forces(shape, row)[cells]) if self.limits[1] else None,
         )
 
     def _line(self, entry: Any, ends: Points) -> Piece:
-        """A spring as a coil, others straight; a ring where both ends are one point."""
+        """A spring as a coil, cables and rods straight; a ring where both ends are one point."""
         s = np.linspace(0.0, 1.0, 121)
         out = self.unit * (entry["type"] == "spring") * ((s > 0.15) & (s < 0.85))
         if np.linalg.norm(np.ptp(ends(self.rows[0]), axis=0)) < 0.01 * self.size:
             out = 2 * self.unit + 0 * s
         turn = out * np.exp(20j * np.pi * s)
         form = np.column_stack([turn.real, turn.imag, s])
-        points = lambda row: ends(row)[0] + form @ _between(ends(row), 1.0)  # noqa: E731
+
+        def points(row: Row) -> Floats:
+            a, b = ends(row)
+            return np.asarray(a + form @ _frames(b - a, 1.0))
+
         return Piece(_LINES, [np.arange(len(s))], points, entry["name"])
 
     def _joint(self, name: str, place: Points, row: Row) -> Any:
@@ -383,9 +385,12 @@ class Scene:
                 yield _copies(f"d{k + 1}", "arrow", _held(at), "", len(x))
 
 
-def _between(ends: Floats, width: float) -> Floats:
-    """Rows of lines from one end to the other, as `_frames`."""
-    return _frames(ends[1] - ends[0], width)
+def _triangles(points: Floats) -> IndexArray:
+    """Triangles (m, 3) of a polygon; OpenGL would fill the corners that point inwards."""
+    import pyvista
+
+    polygon = pyvista.PolyData(points, faces=[len(points), *range(len(points))])
+    return np.asarray(polygon.triangulate().regular_faces)
 
 
 def _held(values: Any) -> Callable[[Row], Any]:
@@ -427,7 +432,7 @@ class Stage:
         self.shown: list[tuple[Any, list[Piece]]] = []
         self.labels: list[tuple[Any, Piece, Floats]] = []
 
-    def add(self, pieces: Iterable[Piece], row: Row, strength: float = 1.0) -> None:
+    def add(self, pieces: Sequence[Piece], row: Row, strength: float = 1.0) -> None:
         """Show pieces at a state; pale ones stay there, and give way to others at the place."""
         import pyvista
         from matplotlib import colormaps
@@ -463,8 +468,9 @@ class Stage:
             actor = self.plotter.add_mesh(mesh, **style)
             if strength == 1.0:
                 self.shown.append((mesh, own))
-            # towards the back: pale ones; to the front: loads, which would be inside of beams
-            front = -5e6 if kind in ("force", "moment", "d1", "d2") else 8.0 * (1.0 - strength)
+            # towards the back: pale ones; to the front: what would be inside of thick beams
+            fronts = {"joint": -1e6, **dict.fromkeys(("force", "moment", "d1", "d2"), -5e6)}
+            front = fronts.get(kind, 8.0 * (1.0 - strength))
             mapper = actor.mapper
             mapper.SetResolveCoincidentTopologyToPolygonOffset()
             mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(front > 0, front)
@@ -525,7 +531,8 @@ class Stage:
             at = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel + 0.5 * self.size
             at = np.nan_to_num(at)
             groups.setdefault(tuple(at // self.font), (at, []))[1].append(piece)
-        drawn = (self.shot()[::-1].min(axis=2) < 250).astype(float)
+        shot = self.shot() if self.plotter.off_screen else np.full((*self.size[::-1], 3), 255)
+        drawn = (shot[::-1].min(axis=2) < 250).astype(float)
         ways = np.exp(0.25j * np.pi * np.arange(32)) * np.repeat([1.0, 2.0, 3.2, 5.0], 8)
         sides = np.column_stack([ways.real, ways.imag])
         for at, pieces in groups.values():
@@ -561,25 +568,21 @@ class Stage:
         return np.asarray(Image.fromarray(image[..., :3]).reduce(self.finer))
 
     def show(self, path: FilePath | None) -> Any:
-        """Write it, or show it in a notebook, where the mouse turns it, or in a window."""
+        """Write it, or show it in a notebook or a window."""
         if not self.plotter.off_screen:
             return self.plotter.show()
         from PIL import Image
 
-        if path is not None:
-            with writing(path):
-                Image.fromarray(self.shot()).save(path, "PNG")
-            return Path(path)
-        import IPython.display
+        data = BytesIO()
+        Image.fromarray(self.shot()).save(data, "PNG")
+        self.plotter.close()
+        if path is None:
+            import IPython.display
 
-        try:
-            page = self.plotter.export_html(None).read().replace('"', "&quot;")
-        except ImportError:  # what pyvista needs for it
-            data = BytesIO()
-            Image.fromarray(self.shot()).save(data, "PNG")
             return IPython.display.Image(data.getvalue())
-        style = "width: 100%; height: 540px; border: 0"
-        return IPython.display.HTML(f'<iframe srcdoc="{page}" style="{style}"></iframe>')
+        with writing(path):
+            Path(path).write_bytes(data.getvalue())
+        return Path(path)
 
 
 def _unit(vector: Floats) -> Floats:
@@ -739,6 +742,7 @@ def film(
 
     with writing(path):
         (_write_gif if loop else _write_mp4)(path, pictures(), rate)
+    stage.plotter.close()
     return Path(path)
 
 
