@@ -103,8 +103,8 @@ def test_a_film_moves_as_the_scene_does(tmp_path, ending):
     path = moving().animate(
         tmp_path / f"film.{ending}", fps=5, speed=0.5, camera="xy", window=(401, 225), colour=""
     )
-    reader = imageio.get_reader(path)
-    about, images = reader.get_meta_data(), [np.asarray(f)[..., :3].astype(int) for f in reader]
+    with imageio.get_reader(path) as film:
+        about, images = film.get_meta_data(), [np.asarray(f)[..., :3].astype(int) for f in film]
     assert len(images) == 11
     assert images[0].shape == (224, 400, 3)
     if ending == "gif":

@@ -41,6 +41,7 @@ def test_info(file, capsys, tmp_path):
     writer.append({"t": 0.0, "step": 0, "q": np.zeros(3), "p": np.zeros(3)})
     (line,) = (x for x in said(capsys, "info", "killed.history").splitlines() if "status" in x)
     assert line.startswith("status: killed: the run did not end") and "derive_series" in line
+    writer.close()
 
 
 def test_files_are_written(file, capsys, tmp_path):
