@@ -429,40 +429,34 @@ def _stresses(section: Section, E: float) -> tuple[Floats, Floats]:
 TERMS = 4000
 
 
-def _falling(n: Array, x: Floats, end: float, sign: int) -> Array:
-    """(cosh(n x), or sinh for sign -1) / cosh(n end), for points x (k,) and numbers n (m,)."""
-    n, x = n[:, None], abs(x)
-    odd = 1.0 + sign * np.exp(-2 * n * x)
-    return np.exp(-n * (end - x)) * odd / (1 + np.exp(-2 * n * end))
+def _series(n: Array, z: Array, end: float) -> Array:
+    """Sum of ``cosh(n z) / (n^2 cosh(n end))`` over n (m,) at points z = x + i y (k,)."""
+    n = n[:, None]
+    falling = np.exp(n * (z - end)) + np.exp(-n * (z + end))
+    return np.asarray((falling / (1 + np.exp(-2 * n * end)) / n**2).sum(0))
 
 
-def _twist(at: Floats, A: float, B: float) -> Floats:
-    """Stress (k,) along x by twist and shear modulus of one, at points (k, 2).
+def _twist(x: Floats, y: Floats, A: float, B: float) -> Floats:
+    """Stress (k,) along x by twist and shear modulus of one, at points (k,).
 
     In the rectangle |x| <= A, |y| <= B.
 
     Timoshenko & Goodier, Theory of Elasticity, section 109, with the series that falls off from
     the edges |x| = A.
     """
-    (x, y), k = at.T, np.arange(1, 2 * TERMS, 2)
-    n: Array = k * np.pi / (2 * B)
-    weight: Array = (-1.0) ** (k // 2) * 16 * B / np.pi**2 / k**2
-    return np.asarray(-2 * y + weight @ (_falling(n, x, A, 1) * np.sin(n[:, None] * y)))
+    n = np.arange(1, 2 * TERMS, 2) * np.pi / (2 * B)
+    return np.asarray(4 / B * _series(n, x + 1j * (y - B), A).real - 2 * y)
 
 
-def _flexure(at: Floats, A: float, B: float, nu: float) -> Floats:
+def _flexure(x: Floats, y: Floats, A: float, B: float, nu: float) -> Floats:
     """Stresses (k, 2) along x and y by a shear force of one along x, in the same rectangle.
 
     Timoshenko & Goodier, section 124.
     """
-    inertia, ratio = 4 * A**3 * B / 3, nu / (1 + nu)
-    (x, y), m = at.T, np.arange(1, TERMS)
-    n: Array = m * np.pi / B
-    weight = (-1.0) ** (m + 1) * 2 * B**2 / (m * np.pi) ** 2
-    along = weight @ (_falling(n, x, A, 1) * np.cos(n[:, None] * y))
-    across = weight @ (_falling(n, x, A, -1) * np.sign(x) * np.sin(n[:, None] * y))
-    first = (A**2 - x**2) / 2 + ratio * ((3 * y**2 - B**2) / 6 + along)
-    return np.column_stack([first, -ratio * across]) / inertia
+    rest = _series(np.arange(1, TERMS) * np.pi / B, x + 1j * (y - B), A)
+    warped = (3 * y**2 - B**2) / 6 - 2 * rest.real + 2j * rest.imag
+    both = (A**2 - x**2) / 2 + nu / (1 + nu) * warped
+    return np.column_stack([both.real, both.imag]) * 3 / (4 * A**3 * B)
 
 
 def _check_material(item: str, material: Material) -> None:
@@ -511,11 +505,11 @@ class SectionRectangle(Section):
         """See :meth:`Section.skin_stresses`."""
         ((_, a), (_, b)), ((_, material), _) = self.dimensions, self.others
         x, out = _stresses(self, material.E)
-        rate, turned = material.G / self.stiffness[5, 5], x[:, ::-1]
-        out[:, 1, 5] = rate * _twist(x, a / 2, b / 2)
-        out[:, 2, 5] = -rate * _twist(turned, b / 2, a / 2)
-        out[:, 1:, 0] = _flexure(x, a / 2, b / 2, material.nu)
-        out[:, 2:0:-1, 1] = _flexure(turned, b / 2, a / 2, material.nu)
+        rate = material.G / self.stiffness[5, 5]
+        one, two = (*x.T, a / 2, b / 2), (*x.T[::-1], b / 2, a / 2)
+        out[:, 1, 5], out[:, 2, 5] = rate * _twist(*one), -rate * _twist(*two)
+        out[:, 1:, 0] = _flexure(*one, material.nu)
+        out[:, 2:0:-1, 1] = _flexure(*two, material.nu)
         return out
 
 
@@ -566,17 +560,14 @@ class SectionTube(Section):
         """See :meth:`Section.skin_stresses`."""
         material, (a, b) = dict(self.others)["material"], self._radii
         x, out = _stresses(self, material.E)
-        inertia, nu = self.stiffness[3, 3] / material.E, material.nu
-        out[:, 1:, 5] = x[:, ::-1] / (2 * inertia) * (-1, 1)
-        square, size = (x**2).sum(1), (3 + 2 * nu) / 4
+        twice, nu = 2 * self.stiffness[3, 3] / material.E, material.nu
+        out[:, 1:, 5] = x[:, ::-1] / twice * (-1, 1)
+        # Love, Mathematical Theory of Elasticity, chapter 15
+        square, size = (x**2).sum(1)[:, None, None], (3 + 2 * nu) / 4
         hole = size * (a * b) ** 2 / square
-        for own in (0, 1):  # Love, Mathematical Theory of Elasticity, chapter 15
-            p, s = x[:, own], x[:, 1 - own]
-            along = size * (a**2 + b**2 - square) + (2 * size - 1) * s**2
-            along += hole * (1 - 2 * p**2 / square)
-            across = (1 - 2 * size - 2 * hole / square) * p * s
-            both = np.column_stack([along, across]) / (2 * inertia * (1 + nu))
-            out[:, [1 + own, 2 - own], own] = both
+        even = size * (a**2 + b**2 + square) - square + hole
+        pairs = (1 - 2 * size - 2 * hole / square) * x[:, :, None] * x[:, None]
+        out[:, 1:, :2] = (even * np.eye(2) + pairs) / (twice * (1 + nu))
         return out
 
 
