@@ -20,6 +20,7 @@ from .types import (
     Array,
     ArrayLike,
     Floats,
+    check_kind,
     not_negative,
     numbers,
     positive,
@@ -33,7 +34,8 @@ from .warn import warn
 TYPED = 0.01
 
 
-def _positive(item: str, **values: float) -> None:
+def all_positive(item: str, **values: float) -> None:
+    """Check positive finite numbers, named."""
     for name, value in values.items():
         positive(item, name, value)
 
@@ -62,7 +64,7 @@ class Material(Frozen):
     rho: float
 
     def __post_init__(self) -> None:
-        _positive("material", E=self.E, rho=self.rho)
+        all_positive("material", E=self.E, rho=self.rho)
         if not -1 < real("material", "nu", self.nu, "-1 < nu <= 0.5") <= 0.5:
             raise InputError("material", f"nu = {self.nu!r}, expected -1 < nu <= 0.5")
         super().__post_init__()
@@ -119,10 +121,7 @@ def _viscosity(value: ArrayLike, D: Floats) -> Floats:
 def _inertia(item: str, value: ArrayLike, mass: float, centre: Floats) -> Floats:
     """(2,) or symmetric (2, 2), positive semidefinite about the centre of mass."""
     out = shaped(item, "inertia", value, (2,), (2, 2))
-    if (np.diag(out) if out.ndim == 2 else out).min() < 0:
-        raise InputError(item, f"inertia = {out.tolist()}: negative")
-    if out.ndim == 2:
-        out = symmetric(item, "inertia", out)
+    out = symmetric(item, "inertia", out) if out.ndim == 2 else out
     moments = np.diag(out) if out.ndim == 1 else out
     steiner = mass * np.outer(centre, centre)
     own, scale = moments - steiner, max(abs(moments).max(), abs(steiner).max())
@@ -196,16 +195,13 @@ class Section(Frozen):
     ) -> None:
         item = "section"
         D = check_stiffness(item, stiffness)
-        _positive(item, mass=mass)
-        offset = numbers(item, "centre", centre)
-        if offset.shape != (2,) or not np.isfinite(offset).all():
-            raise InputError(item, f"centre = {centre!r}, expected two finite numbers")
+        all_positive(item, mass=mass)
+        offset = shaped(item, "centre", centre, (2,))
         moments = _inertia(item, inertia, float(mass), offset)
-        shape = None if outline is None else numbers(item, "outline", outline)
-        if shape is not None and (shape.ndim != 2 or shape.shape[1] != 2):
-            raise InputError(item, f"outline has shape {shape.shape}, expected (k, 2)")
-        if shape is not None and not np.isfinite(shape).all():
-            raise InputError(item, f"outline is not finite: {shape.tolist()}")
+        shape = None
+        if outline is not None:
+            shape = numbers(item, "outline", outline)
+            shape = shaped(item, "outline", shape, (*shape.shape[:1], 2))
         self.stiffness, self.mass, self.inertia = D, float(mass), moments
         self.outline, self.centre = shape, offset
         self.viscosity = np.zeros((6, 6)) if viscosity is None else _viscosity(viscosity, D)
@@ -459,11 +455,6 @@ def _flexure(x: Floats, y: Floats, A: float, B: float, nu: float) -> Floats:
     return np.column_stack([both.real, both.imag]) * 3 / (4 * A**3 * B)
 
 
-def _check_material(item: str, material: Material) -> None:
-    if not isinstance(material, Material):
-        raise InputError(item, f"material = {material!r}, expected a Material")
-
-
 class SectionRectangle(Section):
     """Solid rectangle.
 
@@ -488,8 +479,8 @@ class SectionRectangle(Section):
     """
 
     def __init__(self, a: float, b: float, material: Material, shear_factor: float = 5 / 6):
-        _positive("rectangle", a=a, b=b, shear_factor=shear_factor)
-        _check_material("rectangle", material)
+        all_positive("rectangle", a=a, b=b, shear_factor=shear_factor)
+        check_kind("rectangle", material, Material)
         short, long = min(a, b), max(a, b)
         k = np.arange(1, 400, 2)
         series = (np.tanh(k * np.pi * long / (2 * short)) / k**5.0).sum()
@@ -536,15 +527,15 @@ class SectionTube(Section):
         self, outer: float, inner: float, material: Material, shear_factor: float | None = None
     ):
         others = ("material", material), ("shear_factor", shear_factor)
-        _positive("tube", outer=outer)
-        _check_material("tube", material)
+        all_positive("tube", outer=outer)
+        check_kind("tube", material, Material)
         if not 0 <= inner < outer:
             raise InputError("tube", f"inner = {inner!r}, expected 0 <= inner < outer = {outer!r}")
         if shear_factor is None:
             nu, m2 = material.nu, (inner / outer) ** 2
             square = (1 + m2) ** 2
             shear_factor = 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m2)
-        _positive("tube", shear_factor=shear_factor)
+        all_positive("tube", shear_factor=shear_factor)
         area = np.pi * (outer**2 - inner**2)
         moments = np.pi / 4 * (outer**4 - inner**4)
         angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
@@ -589,9 +580,9 @@ class SectionCircle(SectionTube):
     """
 
     def __init__(self, radius: float, material: Material, shear_factor: float | None = None):
-        _positive("circle", radius=radius)
-        _check_material("circle", material)
+        all_positive("circle", radius=radius)
+        check_kind("circle", material, Material)
         if shear_factor is not None:
-            _positive("circle", shear_factor=shear_factor)
+            all_positive("circle", shear_factor=shear_factor)
         super().__init__(radius, 0.0, material, shear_factor)
         self.dimensions = (("radius", radius),)
