@@ -432,23 +432,24 @@ def _series(n: Array, z: Array, end: float) -> Array:
     return np.asarray((falling / (1 + np.exp(-2 * n * end)) / n**2).sum(0))
 
 
-def _twist(x: Floats, y: Floats, A: float, B: float) -> Floats:
-    """Stress (k,) along x by twist and shear modulus of one, at points (k,).
+def _twist(at: Floats, A: float, B: float) -> Floats:
+    """Stress (k,) along x by twist and shear modulus of one, at points (2, k).
 
     In the rectangle |x| <= A, |y| <= B.
 
     Timoshenko & Goodier, Theory of Elasticity, section 109, with the series that falls off from
     the edges |x| = A.
     """
-    n = np.arange(1, 2 * TERMS, 2) * np.pi / (2 * B)
+    (x, y), n = at, np.arange(1, 2 * TERMS, 2) * np.pi / (2 * B)
     return np.asarray(4 / B * _series(n, x + 1j * (y - B), A).real - 2 * y)
 
 
-def _flexure(x: Floats, y: Floats, A: float, B: float, nu: float) -> Floats:
+def _flexure(at: Floats, A: float, B: float, nu: float) -> Floats:
     """Stresses (k, 2) along x and y by a shear force of one along x, in the same rectangle.
 
     Timoshenko & Goodier, section 124.
     """
+    x, y = at
     rest = _series(np.arange(1, TERMS) * np.pi / B, x + 1j * (y - B), A)
     warped = (3 * y**2 - B**2) / 6 - 2 * rest.real + 2j * rest.imag
     both = (A**2 - x**2) / 2 + nu / (1 + nu) * warped
@@ -497,10 +498,9 @@ class SectionRectangle(Section):
         ((_, a), (_, b)), ((_, material), _) = self.dimensions, self.others
         x, out = _stresses(self, material.E)
         rate = material.G / self.stiffness[5, 5]
-        one, two = (*x.T, a / 2, b / 2), (*x.T[::-1], b / 2, a / 2)
-        out[:, 1, 5], out[:, 2, 5] = rate * _twist(*one), -rate * _twist(*two)
-        out[:, 1:, 0] = _flexure(*one, material.nu)
-        out[:, 2:0:-1, 1] = _flexure(*two, material.nu)
+        for k, one, A, B in (0, x.T, a / 2, b / 2), (1, x.T[::-1], b / 2, a / 2):
+            out[:, 1 + k, 5] = (-1) ** k * rate * _twist(one, A, B)
+            out[:, [1 + k, 2 - k], k] = _flexure(one, A, B, material.nu)
         return out
 
 

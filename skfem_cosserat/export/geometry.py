@@ -164,7 +164,6 @@ class BeamShape:
         conn, p = self.connectivity, self.order
         flat, self._inner = conn[:, [0, -1]].ravel(), conn[:, 1:-1]
         self.node_id = np.arange(len(self.offsets))
-        self.node_id[self._inner[:, : p * (p > 2)]] = -1
         section = np.repeat(self.section, 2)
         given = np.column_stack([self.rotations[:, [0, -1]].reshape(-1, 9), section])
         other = np.zeros(len(self.node_id), dtype=np.int64)
@@ -172,7 +171,7 @@ class BeamShape:
         differs = abs(given - given[other[flat]]).max(axis=1) > 1e-12
         apart = np.bincount(flat, minlength=len(other)) > 2
         apart[flat[differs]] = True
-        apart[np.isin(self.node_id, self._static.get(f"beam/{self.name}/acted", ()))] = True
+        apart[self._static.get(f"beam/{self.name}/acted", [])] = True
         own = apart[flat] & (np.arange(len(flat)) != other[flat])
         self.origin = np.concatenate([np.arange(len(other)), flat[own]])
         ends = flat.copy()
@@ -180,6 +179,7 @@ class BeamShape:
         self.ends = ends.reshape(-1, 2)
         self.cells = np.hstack([self.ends, self._inner])  # of VTK's lines of order 1 and 2
         if p > 2:
+            self.node_id[self._inner] = -1
             chain = self.cells[:, [0, *range(2, p + 1), 1]]
             self.cells = np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2)
         self.cell_pieces = len(self.cells) // len(conn)
@@ -240,7 +240,7 @@ class BeamShape:
         """Outline, then holes, with points for stresses between the corners; none without one."""
         outline, key = self.outline(section), f"beam/{self.name}/{{}}/{section}"
         skin = self._static.get(key.format("skin"))
-        if outline is None or skin is None or self.stress(section) is None:
+        if outline is None or skin is None:
             return [] if outline is None else [outline]
         return np.split(skin, np.cumsum(self._static[key.format("loops")])[:-1], axis=-2)
 
