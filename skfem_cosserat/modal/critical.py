@@ -15,7 +15,6 @@ from ..arguments import checked
 from ..checks.coarseness import energies_of_motion
 from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, InputError
-from ..history import History
 from ..law import STEP
 from ..linear import EIGENVALUES, Factorised
 from ..model import System, takes_scene
@@ -26,7 +25,7 @@ from ..types import SAME, Floats, finite
 from ..warn import Notices, counted, told
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
-from .vibration import Animated, animation, checked_count, checked_index
+from .vibration import Animated, checked_count, checked_index
 
 Sign = Literal["positive", "negative", "both"]
 #: which eigenvalues 1/factor are sought first, by Lanczos' method
@@ -89,13 +88,6 @@ class Buckling(Animated):
     def called(self, index: int) -> str:
         """Its number and critical factor."""
         return f"mode {checked_index(index, len(self))}: factor {self.factors[index]:.4g}"
-
-    def animation(
-        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
-    ) -> History:
-        """A buckling mode as a time series, see :meth:`Modes.animation`."""
-        k = checked_index(index, len(self))
-        return animation(self._at, 0j, self.reduced[k], amplitude, frames, periods, k)
 
 
 @takes_scene

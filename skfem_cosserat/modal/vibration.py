@@ -29,55 +29,84 @@ from .state import Equilibrium, StateLike, as_system, resting
 FRAMES = 28
 
 
-def animation(
-    at: Equilibrium, s: complex, x: Array, amplitude: float, frames: int, periods: int, number: int
-) -> History:
-    """History of :meth:`Modes.animation`; x (unknowns,) is the shape, s its eigenvalue."""
-    size = positive("argument amplitude", "amplitude", amplitude)
-    whole("argument frames", frames, 1)
-    whole("argument periods", periods, 1)
-    system, P = at.system, at.tangent.P
-    x = size / _extent(system, at.y, P @ x) * x
-    omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
-    phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
-    waves = np.exp(1j * phases)[:, None] * x
-    q = np.array([_moved(at, wave) for wave in waves.real])
-    v = (P @ (1j * omega * waves).real.T).T
-    increment, spin = (P @ waves.real.T).T, at.amplitudes.spin
-    turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
-    p = np.array([(system.mass @ row.reshape(-1, 3)).reshape(-1) for row in v])
-    meta, static = describe(system)
-    meta |= {
-        "status": "completed",
-        "integrator": "mode",
-        "mode": number,
-        "eigenvalue": [s.real, s.imag],
-        "amplitude": size,
-        #: functions of time are taken at this one (s)
-        "instant": at.t,
-    }
-    static["equilibrium"] = at.y[: system.rows].reshape(-1)
-    count = len(phases)
-    series = {
-        "t": phases / omega,
-        "step": np.arange(count),
-        "q": q,
-        "p": p,
-        "v": v,
-        "constraint_force": np.full((count, system.n), np.nan),
-        "increment": increment,
-        "acceleration": np.real(s**2) * increment,
-        "amplitudes/loads": np.tile(at.amplitudes.loads, (count, 1)),
-        "amplitudes/spin": np.tile(turning, (count, 1, 1)),
-    }
-    return History(meta, static, series, None, [system], configuration_formulas)
-
-
 class Animated(Shown):
     """Modes that can be shown as films."""
 
-    animation: Any
+    reduced: Array
     called: Any
+    _at: Equilibrium
+
+    def _eigenvalue(self, k: int) -> complex:
+        return 0j
+
+    def animation(
+        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
+    ) -> History:
+        """A mode as a time series, to be shown and exported like any other history.
+
+        Parameters
+        ----------
+        index : int
+            Which mode.
+        amplitude : float
+            Largest displacement relative to the extent of the scene, or largest rotation in full
+            turns: whichever is reached first.
+        frames : int
+            Frames of a period; one more is given, so that the last is the first again.
+        periods : int
+            How many; a mode that does not oscillate is shown as if it did, in 1 s.
+
+        Returns
+        -------
+        History
+            Finite rotations are composed along the motion, so that triads stay orthonormal and
+            joints closed. Damping and growth are not shown. Velocities are those of the shape.
+
+        Raises
+        ------
+        InputError
+            For a mode that is not there, for numbers that are not positive, or if a closed loop
+            cannot follow so far.
+        """
+        k, at = checked_index(index, len(self.reduced)), self._at
+        s, x = self._eigenvalue(k), self.reduced[k]
+        size = positive("argument amplitude", "amplitude", amplitude)
+        whole("argument frames", frames, 1)
+        whole("argument periods", periods, 1)
+        system, P = at.system, at.tangent.P
+        x = size / _extent(system, at.y, P @ x) * x
+        omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
+        phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
+        waves = np.exp(1j * phases)[:, None] * x
+        q = np.array([_moved(at, wave) for wave in waves.real])
+        v = (P @ (1j * omega * waves).real.T).T
+        increment = (P @ waves.real.T).T
+        p = np.array([(system.mass @ row.reshape(-1, 3)).reshape(-1) for row in v])
+        meta, static = describe(system)
+        meta |= {
+            "status": "completed",
+            "integrator": "mode",
+            "mode": k,
+            "eigenvalue": [s.real, s.imag],
+            "amplitude": size,
+            #: functions of time are taken at this one (s)
+            "instant": at.t,
+        }
+        static["equilibrium"] = at.y[: system.rows].reshape(-1)
+        count = len(phases)
+        series = {
+            "t": phases / omega,
+            "step": np.arange(count),
+            "q": q,
+            "p": p,
+            "v": v,
+            "constraint_force": np.full((count, system.n), np.nan),
+            "increment": increment,
+            "acceleration": np.real(s**2) * increment,
+            "amplitudes/loads": np.tile(at.amplitudes.loads, (count, 1)),
+            "amplitudes/spin": np.tile(at.amplitudes.turning, (count, 1, 1)),
+        }
+        return History(meta, static, series, None, [system], configuration_formulas)
 
     def animate(
         self,
@@ -214,6 +243,9 @@ class Modes(Animated):
         """Its number and frequency."""
         return f"mode {checked_index(index, len(self))}: {self.frequencies[index]:.4g} Hz"
 
+    def _eigenvalue(self, k: int) -> complex:
+        return complex(self.eigenvalues[k])
+
     @property
     def omega(self) -> Floats:
         """Angular frequencies ``Im s`` (count,) (rad/s); zero where nothing oscillates."""
@@ -273,39 +305,6 @@ class Modes(Animated):
                 note = f"  decays with {-self.growth[k]:.4g} 1/s"
             lines.append(f"{k:4d} {omega:14.7g} {hertz:14.7g} {ratio:15.6g}{note}")
         return "\n".join(lines)
-
-    def animation(
-        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
-    ) -> History:
-        """A mode as a time series, to be shown and exported like any other history.
-
-        Parameters
-        ----------
-        index : int
-            Which mode.
-        amplitude : float
-            Largest displacement relative to the extent of the scene, or largest rotation in full
-            turns: whichever is reached first.
-        frames : int
-            Frames of a period; one more is given, so that the last is the first again.
-        periods : int
-            How many; a mode that does not oscillate is shown as if it did, in 1 s.
-
-        Returns
-        -------
-        History
-            Finite rotations are composed along the motion, so that triads stay orthonormal and
-            joints closed. Damping and growth are not shown. Velocities are those of the shape.
-
-        Raises
-        ------
-        InputError
-            For a mode that is not there, for numbers that are not positive, or if a closed loop
-            cannot follow so far.
-        """
-        k = checked_index(index, len(self))
-        s, x = complex(self.eigenvalues[k]), self.reduced[k]
-        return animation(self._at, s, x, amplitude, frames, periods, k)
 
 
 @takes_scene
