@@ -288,6 +288,8 @@ class Surface:
         Corners, outward orientation for counter-clockwise outlines.
     element, piece : (m,)
         Element, and piece of the element, of each quad.
+    cap_element : (c,)
+        Element of each cap.
     caps : list of (k,) arrays
         Polygons that close free ends: outlines, or quads around a hole of as many points. Sections
         with other holes stay open.
@@ -298,34 +300,31 @@ class Surface:
     """
 
     def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats | Sequence[Floats]]) -> None:
-        self._shape, self.size = shape, 0
+        self._shape, self.size, p = shape, 0, shape.order
         self.swept: list[tuple[IndexArray, Floats]] = []
-        none, p = np.zeros(0, dtype=np.int64), shape.order
-        uses = np.bincount(shape.connectivity.ravel(), minlength=len(shape.offsets))
-        quads, owner, piece = [none.reshape(0, 4)], [none], [none]
         self.caps: list[IndexArray] = []
+        uses = np.bincount(shape.connectivity.ravel(), minlength=len(shape.offsets))
+        quads, places = [np.zeros((0, 4), dtype=np.int64)], [np.zeros((3, 0), dtype=np.int64)]
         for section, given in outlines.items():
             if not len(given):
                 continue
             loops = [given] if isinstance(given, np.ndarray) else given
-            own = np.flatnonzero(shape.section == section)
-            self.swept.append((own, np.concatenate(loops, axis=-2)))
-            counts = [loop.shape[-2] for loop in loops]
-            grid = self.size + np.arange(len(own) * (p + 1) * sum(counts)).reshape(
-                len(own), p + 1, -1
-            )
-            rings = np.split(grid, np.cumsum(counts)[:-1], axis=-1)
-            for ring, k in zip(rings, counts, strict=True):
-                quads.append(_quads(ring[:, :-1], ring[:, 1:]))
-                owner.append(np.repeat(own, p * k))
-                piece.append(np.tile(np.repeat(np.arange(p), k), len(own)))
+            own, skin = np.flatnonzero(shape.section == section), np.concatenate(loops, axis=-2)
+            self.swept.append((own, skin))
+            element, *rest = np.indices((len(own), p + 1, skin.shape[-2]))
+            places.append(np.reshape([own[element], *rest], (3, -1)))
+            grid = self.size + np.arange(element.size).reshape(element.shape)
+            rings = np.split(grid, np.cumsum([loop.shape[-2] for loop in loops])[:-1], axis=-1)
+            quads += [_quads(ring[:, :-1], ring[:, 1:]) for ring in rings]
             conn = shape.connectivity[own]
             for end in (0, -1):
                 self._close(loops, [ring[uses[conn[:, end]] == 1, end] for ring in rings], end)
             self.size += grid.size
         self.quads = np.concatenate(quads)
-        self.element = np.concatenate(owner)
-        self.piece = np.concatenate(piece)
+        #: element, station and number on the outline of each point
+        self._places = np.concatenate(places, axis=1)
+        self.element, self.piece = self._places[:2, self.quads[:, 0]]
+        self.cap_element = self._places[0, [int(cap[0]) for cap in self.caps]]
 
     def _close(self, loops: Sequence[Floats], rims: list[IndexArray], end: int) -> None:
         """Caps at the start (0) or end (-1) of some elements."""
@@ -341,13 +340,12 @@ class Surface:
 
     def shared(self) -> tuple[IndexArray, IndexArray]:
         """Points that stay, and the number of each point among them, if elements share `ends`."""
-        ends, p = self._shape.ends, self._shape.order
-        keys = [np.zeros(0, dtype=np.int64)]
-        for own, outline in self.swept:
-            ring = ends.max() + 1 + (own[:, None] * (p + 1) + np.arange(p + 1))
-            ring[:, [0, -1]] = ends[own]
-            keys.append((ring[..., None] * self.size + np.arange(outline.shape[-2])).ravel())
-        return np.unique(np.concatenate(keys), return_index=True, return_inverse=True)[1:]
+        ends, (element, station, number) = self._shape.ends, self._places
+        count = self._shape.order + 1
+        rings = ends.max() + 1 + np.arange(len(ends) * count).reshape(-1, count)
+        rings[:, [0, -1]] = ends
+        keys = rings[element, station] * self.size + number
+        return np.unique(keys, return_index=True, return_inverse=True)[1:]
 
     def points(self, q: ArrayLike) -> Floats:
         """Corners in space ``(..., size, 3)``."""

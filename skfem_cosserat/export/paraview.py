@@ -167,14 +167,13 @@ def _labels(meta: Mapping[str, Any], shapes: list[BeamShape], elements: list[Ind
     found: dict[str, list[Array]] = {}
     for number, (about, shape, own) in enumerate(zip(meta["beams"], shapes, elements, strict=True)):
         for kind, numbers, names in (
-            ("beam", np.full(len(own), number), {number: shape.name}),
-            ("part", shape.part[own], dict(enumerate(about.get("parts", ())))),
-            ("section", shape.section[own], dict(enumerate(about.get("sections", ())))),
+            ("beam", np.full(len(own), number), [each.name for each in shapes]),
+            ("part", shape.part[own], about.get("parts", ())),
+            ("section", shape.section[own], about.get("sections", ())),
         ):
-            most = numbers.max(initial=0)
-            texts = np.array([str(names.get(k, "")) for k in range(-1, most + 1)])
+            texts = np.array([*names, *[""] * (numbers.max(initial=0) + 2)])  # -1: none
             found.setdefault(f"{kind}_id", []).append(numbers)
-            found.setdefault(kind, []).append(texts[numbers + 1])
+            found.setdefault(kind, []).append(texts[numbers])
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
@@ -258,10 +257,7 @@ class SurfaceLayer(Layer):
             self._kept.append(kept)
             blocks += [(_VTK["quad"], start + number[surface.quads])]
             blocks += [(_VTK["polygon"], start + number[cap[None]]) for cap in surface.caps]
-            owner = np.zeros(surface.size, dtype=np.int64)
-            owner[surface.quads] = surface.element[:, None]
-            first = np.array([cap[0] for cap in surface.caps], dtype=np.int64)
-            elements.append(np.concatenate([surface.element, owner[first]]))
+            elements.append(np.concatenate([surface.element, surface.cap_element]))
             start += len(kept)
         self._cells = Cells(blocks, at_cells=_labels(meta, self._shapes, elements))
 
