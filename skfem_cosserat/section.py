@@ -373,12 +373,9 @@ class Section(Frozen):
         >>> s.stiffness.diagonal().tolist()
         [5000.0, 5000.0, 10000.0, 2.0, 3.0, 1.0]
         """
-        pairs = {"GA": (GA, GA) if np.ndim(GA) == 0 else GA, "EI": EI}
-        for name, pair in pairs.items():
-            if np.shape(pair) != (2,):
-                raise InputError("section", f"{name} = {pair!r}, expected two numbers")
-        (GA_1, GA_2), (EI_1, EI_2) = numbers("section", "GA and EI", list(pairs.values()))
-        return Section([GA_1, GA_2, EA, EI_1, EI_2, GJ], mass, inertia, outline, viscosity, centre)
+        shear = np.broadcast_to(shaped("section", "GA", GA, (), (2,)), 2)
+        D = [*shear, EA, *shaped("section", "EI", EI, (2,)), GJ]
+        return Section(D, mass, inertia, outline, viscosity, centre)
 
 
 def _solid(

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..element import lagrange, lobatto_nodes
 from ..errors import InputError
+from ..kernels import nearest_rotations
 from ..types import Array, ArrayLike, Floats, IndexArray
 
 
@@ -74,10 +75,8 @@ def quaternions(directors: ArrayLike) -> Floats:
     from scipy.spatial.transform import Rotation  # slow to import, seldom needed
 
     d = np.asarray(directors, dtype=float)
-    u, _, vt = np.linalg.svd(np.swapaxes(d.reshape(-1, 3, 3), 1, 2))
-    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-    turned = Rotation.from_matrix(u @ vt).as_quat(canonical=True, scalar_first=True)
-    return np.asarray(turned).reshape(*d.shape[:-2], 4)
+    turned = Rotation.from_matrix(nearest_rotations(d.reshape(-1, 3, 3))).inv()
+    return np.asarray(turned.as_quat(True, scalar_first=True)).reshape(*d.shape[:-2], 4)
 
 
 def piece_weights(gauss: Floats, pieces: int) -> Floats:
@@ -134,7 +133,6 @@ class BeamShape:
         self.section = self._get("section").astype(np.int64)
         self.order = self.connectivity.shape[1] - 1
         self.pieces = self.order
-        self._node_rotation = self._common_rotations()
         stations = np.arange(self.order + 1) / self.order
         self.linear = np.column_stack([1 - stations, stations])
         nodes = static.get(f"beam/{name}/nodes", lobatto_nodes(self.order))
@@ -149,33 +147,27 @@ class BeamShape:
             raise InputError(f"beam {self.name!r}", f"the history has no static array {full!r}")
         return self._static[full]
 
-    def _common_rotations(self) -> Floats:
-        """Section rotation of each node, or the identity where sections differ (own triad)."""
-        flat = self.connectivity.ravel()
-        rotations = self.rotations.reshape(-1, 3, 3)
-        common = np.tile(np.eye(3), (len(self.offsets), 1, 1))
-        common[flat] = rotations
-        differs = abs(rotations - common[flat]).max(axis=(1, 2)) > 1e-12
-        common[flat[differs]] = np.eye(3)
-        return common
-
     def _number_points(self) -> None:
         """Find the `ends`, with points of their own where forces may jump, and their `origin`."""
         conn, p = self.connectivity, self.order
         flat, self._inner = conn[:, [0, -1]].ravel(), conn[:, 1:-1]
         self.node_id = np.arange(len(self.offsets))
-        section = np.repeat(self.section, 2)
-        given = np.column_stack([self.rotations[:, [0, -1]].reshape(-1, 9), section])
+        section, own = np.repeat(self.section, 2), self.rotations[:, [0, -1]].reshape(-1, 3, 3)
         other = np.zeros(len(self.node_id), dtype=np.int64)
         other[flat] = np.arange(len(flat))
-        differs = abs(given - given[other[flat]]).max(axis=1) > 1e-12
+        last = other[flat]
+        differs = abs(own - own[last]).max(axis=(1, 2)) > 1e-12
+        # of the section, or the triad of the node itself where those of sections differ
+        self._node_rotation = np.empty((len(other), 3, 3))
+        self._node_rotation[conn] = self.rotations
+        self._node_rotation[flat[differs]] = np.eye(3)
         apart = np.bincount(flat, minlength=len(other)) > 2
-        apart[flat[differs]] = True
+        apart[flat[differs | (section != section[last])]] = True
         apart[self._static.get(f"beam/{self.name}/acted", [])] = True
-        own = apart[flat] & (np.arange(len(flat)) != other[flat])
-        self.origin = np.concatenate([np.arange(len(other)), flat[own]])
+        copied = apart[flat] & (np.arange(len(flat)) != last)
+        self.origin = np.concatenate([np.arange(len(other)), flat[copied]])
         ends = flat.copy()
-        ends[own] = len(other) + np.arange(own.sum())
+        ends[copied] = len(other) + np.arange(copied.sum())
         self.ends = ends.reshape(-1, 2)
         self.cells = np.hstack([self.ends, self._inner])  # of VTK's lines of order 1 and 2
         if p > 2:

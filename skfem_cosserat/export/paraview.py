@@ -786,10 +786,10 @@ def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
         raise InputError("argument fps", f"got {fps}, expected a positive number of frames per s")
     if not len(times):
         return []
-    count = int(np.floor((times[-1] - times[0]) * fps * (1.0 + 1e-12))) + 1
+    count = np.floor((times[-1] - times[0]) * fps * (1.0 + 1e-12)) + 1
     wanted = times[0] + np.arange(count) / fps
     nearest = np.searchsorted((times[1:] + times[:-1]) / 2, wanted)
-    return [int(i) for i in np.unique(nearest)]
+    return [*np.unique(nearest)]
 
 
 @checked

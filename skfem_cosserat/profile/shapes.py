@@ -188,11 +188,8 @@ class ProfileI(ProfileRectangles):
 
 
 def _pair(name: str, value: float | tuple[float, float]) -> tuple[float, float]:
-    given = (value, value) if np.ndim(value) == 0 else value
-    if np.shape(given) != (2,):
-        raise InputError("I", f"{name} = {value!r}, expected one number or two")
-    low, high = (positive("I", name, each) for each in given)  # type: ignore[union-attr]
-    return low, high
+    low, high = np.broadcast_to(shaped("I", name, value, (), (2,)), 2).tolist()
+    return positive("I", name, low), positive("I", name, high)
 
 
 class ProfileChannel(ProfileRectangles):
