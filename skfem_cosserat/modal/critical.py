@@ -21,11 +21,11 @@ from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..model.force_elements import CoupledForce
 from ..model.limits import owner
-from ..types import SAME, Floats, finite
+from ..types import SAME, Floats, finite, numbered
 from ..warn import Notices, counted, told
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
-from .vibration import Animated, checked_count, checked_index
+from .vibration import Animated, checked_count
 
 Sign = Literal["positive", "negative", "both"]
 #: which eigenvalues 1/factor are sought first, by Lanczos' method
@@ -87,7 +87,8 @@ class Buckling(Animated):
 
     def called(self, index: int) -> str:
         """Its number and critical factor."""
-        return f"mode {checked_index(index, len(self))}: factor {self.factors[index]:.4g}"
+        k = numbered("argument index", index, len(self), "modes")
+        return f"mode {k}: factor {self.factors[k]:.4g}"
 
 
 @takes_scene

@@ -18,7 +18,7 @@ from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
 from ..notebook import Shown
-from ..types import Array, FilePath, Floats, is_whole, largest, positive, whole
+from ..types import Array, FilePath, Floats, is_whole, largest, numbered, positive, whole
 from ..warn import Notices, counted, told
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
@@ -68,7 +68,7 @@ class Animated(Shown):
             For a mode that is not there, for numbers that are not positive, or if a closed loop
             cannot follow so far.
         """
-        k, at = checked_index(index, len(self.reduced)), self._at
+        k, at = numbered("argument index", index, len(self.reduced), "modes"), self._at
         s, x = self._eigenvalue(k), self.reduced[k]
         size = positive("argument amplitude", "amplitude", amplitude)
         whole("argument frames", frames, 1)
@@ -158,21 +158,6 @@ class Animated(Shown):
         return film(history, path, frames, [rest.row(0)], fps, Look(window=window, **look))
 
 
-def checked_index(index: int, count: int) -> int:
-    """Number of one of `count` modes, from 0 on; negative numbers count from the end.
-
-    Raises
-    ------
-    InputError
-        If there is no such mode.
-    """
-    if not is_whole(index) or not -count <= index < count:
-        raise InputError(
-            "argument index", f"{index!r}, expected an integer: there are {count} modes"
-        )
-    return int(index) % count
-
-
 def _extent(system: System, y: Floats, dq: Array) -> float:
     """Largest displacement over the extent, or rotation over a full turn, in a period."""
     moved = np.multiply.outer(np.exp(1j * np.linspace(0, np.pi, 13)), dq.reshape(-1, 3)).real
@@ -241,7 +226,8 @@ class Modes(Animated):
 
     def called(self, index: int) -> str:
         """Its number and frequency."""
-        return f"mode {checked_index(index, len(self))}: {self.frequencies[index]:.4g} Hz"
+        k = numbered("argument index", index, len(self), "modes")
+        return f"mode {k}: {self.frequencies[k]:.4g} Hz"
 
     def _eigenvalue(self, k: int) -> complex:
         return complex(self.eigenvalues[k])

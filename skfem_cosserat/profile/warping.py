@@ -122,10 +122,9 @@ class MaterialAnisotropic(Frozen):
         Q = shaped("material", "rotation", rotation, (3, 3))
         if not np.allclose(Q.T @ Q, np.eye(3), atol=1e-9):
             raise InputError("material", f"rotation = {Q.tolist()} is no (3, 3) rotation")
-        T = np.empty((6, 6))  # stress_new = T stress_old
-        for row, (i, j) in enumerate(VOIGT):
-            for column, (k, m) in enumerate(VOIGT):
-                T[row, column] = Q[i, k] * Q[j, m] + (Q[i, m] * Q[j, k] if k != m else 0.0)
+        i, j = np.transpose(VOIGT)
+        mixed = Q[np.ix_(i, j)] * Q[np.ix_(j, i)] * (i != j)
+        T = Q[np.ix_(i, i)] * Q[np.ix_(j, j)] + mixed  # stress_new = T stress_old
         return MaterialAnisotropic(T @ self.elasticity @ T.T, self.rho)
 
 
