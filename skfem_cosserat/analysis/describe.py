@@ -75,10 +75,13 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         "beams": [],
         "bodies": [],
         "points": [],
-        "joints": [],
-        "couplings": [],
+        "joints": [_tied(joint, joint.type) for joint in system.joints],
+        "couplings": [_tied(each, each.kind) for each in system.couplings.items],
         "loads": [],
-        "drives": [],
+        "drives": [
+            {"name": each.name, "type": each.coordinate.kind, "joint": each.joint.name}
+            for each in system.drives
+        ],
         #: force elements whose angles the series "turns" counts
         "turns": system.couplings.turning,
     }
@@ -94,20 +97,17 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         offsets = static[f"beam/{beam.name}/offsets"]
         static[f"beam/{beam.name}/acted"] = np.flatnonzero(np.isin(offsets, acted))
     for joint in system.joints:
-        ends = {"a": joint.a.label, "b": joint.b.label}
-        meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
         _describe_joint(joint, system, static)
-    for coupling in system.couplings.items:
-        ends = {"a": coupling.a.label, "b": coupling.b.label}
-        meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
     for load in system.loads:
         gravity = np.sum([term.acceleration() for term in load.made_of], axis=0)
         own = {"acceleration": gravity.tolist()} if gravity.any() else {}
         meta["loads"].append({"name": load.name, "type": type(load).__name__, **own})
-    for drive in system.drives:
-        kind = drive.coordinate.kind
-        meta["drives"].append({"name": drive.name, "type": kind, "joint": drive.joint.name})
     return meta, static
+
+
+def _tied(item: Any, kind: str) -> dict[str, Any]:
+    """A joint or coupling, and what it ties."""
+    return {"name": item.name, "type": kind, "a": item.a.label, "b": item.b.label}
 
 
 def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> None:
@@ -162,15 +162,18 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     part = np.full(len(beam.section_id), -1, dtype=np.int64)
     for k, name in enumerate(names):
         part[beam.mesh.elements_of(name)] = k
-    static[key + "offsets"] = 3 * (row + 4 * np.arange(nodes, dtype=np.int64))
-    static[key + "connectivity"] = np.asarray(beam.basis.connectivity, dtype=np.int64)
-    static[key + "lengths"] = beam.elements.lengths
-    static[key + "rotations"] = beam.rotations
-    static[key + "part"] = part
-    static[key + "section"] = beam.section_id
-    static[key + "gauss"] = beam.elements.points
-    static[key + "nodes"] = beam.basis.interpolation.nodes
-    _describe_sections(beam, key, static)
+    own = {
+        "offsets": 3 * (row + 4 * np.arange(nodes, dtype=np.int64)),
+        "connectivity": np.asarray(beam.basis.connectivity, dtype=np.int64),
+        "lengths": beam.elements.lengths,
+        "rotations": beam.rotations,
+        "part": part,
+        "section": beam.section_id,
+        "gauss": beam.elements.points,
+        "nodes": beam.basis.interpolation.nodes,
+        **_described_sections(beam),
+    }
+    static.update({key + name: value for name, value in own.items()})
     return {
         "name": beam.name,
         "order": beam.basis.order,
@@ -187,19 +190,20 @@ def _acted_on(system: System) -> list[int]:
     return [system.offset(place) for place in places if place.item is not None]
 
 
-def _describe_sections(beam: Beam, key: str, static: dict[str, Any]) -> None:
+def _described_sections(beam: Beam) -> dict[str, Array]:
     """Radii (ne, 2) at the ends of elements; of each section its shapes, or those of the nodes."""
     from ..section_field import distinct
 
     radius, at = np.zeros((len(beam.section_id), 2)), np.linspace(0.0, 1.0, beam.basis.order + 1)
-    static[key + "radius"] = radius
+    found: dict[str, Array] = {"radius": radius}
     for k in range(len(beam.sections)):
         own = np.flatnonzero(beam.section_id == k)
         with suppress(InputError):  # as at the point of a cone, which is drawn as a line
             sections, number = distinct(beam.sections_at(own, at))
             radius[own] = np.array([*map(_radius, sections)])[number[:, [0, -1]]]
             for name, each in _shapes(sections).items():
-                static[f"{key}{name}/{k}"] = each[0] if len(each) == 1 else each[number]
+                found[f"{name}/{k}"] = each[0] if len(each) == 1 else each[number]
+    return found
 
 
 def _radius(section: Section) -> float:
