@@ -145,12 +145,11 @@ def _gauss_fields(shape: BeamShape, states: States) -> Fields:
     """Strains and resultants averaged over the cells of the elements, as far as recorded."""
     fields: Fields = {}
     size = (len(shape.connectivity), len(shape.gauss), 6)
-    count = (len(states["q"]), *size[:2], 2, 3)  # a force and a moment, or two kinds of strains
     for kind, names in _PAIRS.items():
         key, pieces = f"beam/{shape.name}/{kind}", shape.cell_pieces
         if key not in states:
             continue
-        values = entry(states, key, size).reshape(count)
+        values = entry(states, key, size).reshape(-1, *size[:2], 2, 3)  # two vectors
         fields |= zip(names, np.moveaxis(shape.average(values, pieces), -2, 0), strict=True)
         if kind == "resultant":
             space = shape.average(shape.to_space(states["q"], values), pieces)
