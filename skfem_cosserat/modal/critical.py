@@ -25,7 +25,7 @@ from ..types import SAME, Floats, finite, numbered
 from ..warn import Notices, counted, told
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
-from .vibration import Animated, checked_count
+from .vibration import Animated, checked_count, led
 
 Sign = Literal["positive", "negative", "both"]
 #: which eigenvalues 1/factor are sought first, by Lanczos' method
@@ -182,9 +182,7 @@ def buckling(
         u = _solve(pencil, factors, force)
         K1, stresses, multipliers = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
         values, X = _critical(pencil, K1, factors, count, sign)
-        X = X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X))
-        lead = np.argmax(abs(X) * np.sqrt(tangent.metric.diagonal())[:, None], axis=0)
-        X = X * np.sign(X[lead, np.arange(X.shape[1])])
+        X = led(X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X)), tangent.metric)
         made = still.factorisations + 1
         if system.beam_groups:
             checks.apply(_shapes(pencil, stresses, multipliers, loads, values, X))

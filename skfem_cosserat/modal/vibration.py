@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from .. import checks
 from ..analysis.describe import configuration_formulas, describe
@@ -387,9 +388,14 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     else:
         found = spectrum(pencil, count)
         s, X = found.values, found.vectors
-    top = np.argmax(abs(X) * np.sqrt(pencil.M.diagonal())[:, None], axis=0)
-    lead = X[top, np.arange(len(s))]
-    return s, X * (abs(lead) / lead), int(found.zero.sum()), found.factorisations
+    return s, led(X, pencil.M), int(found.zero.sum()), found.factorisations
+
+
+def led(X: Array, metric: csr_matrix) -> Array:
+    """Shapes (unknowns, count) whose largest entries, by a metric, are positive."""
+    top = np.argmax(abs(X) * np.sqrt(metric.diagonal())[:, None], axis=0)
+    lead = X[top, np.arange(X.shape[1])]
+    return X * (abs(lead) / lead)
 
 
 def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:
