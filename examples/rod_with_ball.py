@@ -2,7 +2,8 @@
 
 The rod starts at rest along x; gravity acts along -y. The energy-momentum scheme keeps the total
 energy to rounding. Run ``python examples/rod_with_ball.py``: it makes a film of the swing and
-writes files for ParaView; open ``rod_with_ball_results/beams.pvd`` and ``bodies.pvd`` there.
+writes files for ParaView; open ``rod_with_ball_results/scene.pvd`` there, or run ``paraview.py`` of
+that folder.
 """
 
 from pathlib import Path

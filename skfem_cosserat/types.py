@@ -161,6 +161,13 @@ def whole(item: str, value: Any, least: int | None, name: str = "") -> int:
     return int(value)
 
 
+def numbered(item: str, value: Any, count: int, what: str) -> int:
+    """Number of one of so many items, from 0 on; negative numbers count from the end."""
+    if not is_whole(value) or not -count <= value < count:
+        raise InputError(item, f"{value!r}, expected an integer: there are {count} {what}")
+    return int(value) % count
+
+
 def check_kind(item: str, value: object, kind: type, more: str = "") -> None:
     """Raise InputError if a value is not of a type; `more` says where one comes from."""
     if isinstance(value, kind):

@@ -40,19 +40,20 @@ from ..diagnostics.stacked import all_rows, at_place
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import is_beam, triad
 from ..history import History
-from ..history.container import BALANCE, Formula, Formulas, Kind
+from ..history.container import BALANCE, Formulas, Kind
 from ..joint import Joint, JointDistance
 from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
 from ..model.groups import lumped
 from ..model.theories import theory_of
 from ..time_function import of_the_user
-from ..types import FilePath, Floats, IndexArray, names_known
+from ..types import Array, FilePath, Floats, IndexArray, names_known
 from ..version import VERSION
 from ..warn import Notices, warn
 
 if TYPE_CHECKING:
     from ..beam import Beam
+    from ..section import Section
 
 #: version of a package, whose metadata it takes a millisecond to read
 _installed = cache(version)
@@ -74,10 +75,13 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         "beams": [],
         "bodies": [],
         "points": [],
-        "joints": [],
-        "couplings": [],
+        "joints": [_tied(joint, joint.type) for joint in system.joints],
+        "couplings": [_tied(each, each.kind) for each in system.couplings.items],
         "loads": [],
-        "drives": [],
+        "drives": [
+            {"name": each.name, "type": each.coordinate.kind, "joint": each.joint.name}
+            for each in system.drives
+        ],
         #: force elements whose angles the series "turns" counts
         "turns": system.couplings.turning,
     }
@@ -93,32 +97,27 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         offsets = static[f"beam/{beam.name}/offsets"]
         static[f"beam/{beam.name}/acted"] = np.flatnonzero(np.isin(offsets, acted))
     for joint in system.joints:
-        ends = {"a": joint.a.label, "b": joint.b.label}
-        meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
         _describe_joint(joint, system, static)
-    for coupling in system.couplings.items:
-        ends = {"a": coupling.a.label, "b": coupling.b.label}
-        meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
     for load in system.loads:
         gravity = np.sum([term.acceleration() for term in load.made_of], axis=0)
         own = {"acceleration": gravity.tolist()} if gravity.any() else {}
         meta["loads"].append({"name": load.name, "type": type(load).__name__, **own})
-    for drive in system.drives:
-        kind = drive.coordinate.kind
-        meta["drives"].append({"name": drive.name, "type": kind, "joint": drive.joint.name})
     return meta, static
+
+
+def _tied(item: Any, kind: str) -> dict[str, Any]:
+    """A joint or coupling, and what it ties."""
+    return {"name": item.name, "type": kind, "a": item.a.label, "b": item.b.label}
 
 
 def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> None:
     """Axes (3, 3) of what a joint leaves free, the first last, in the frame of side a."""
-    axes = None
+    key, a = f"joint/{joint.name}/", joint.a
     with suppress(NotImplementedError, InputError):  # own joints for multipliers have no freedom
         free = joint.freedom()
         slides = [np.cross(slide.left, slide.right) for slide in free.slides]
         ways = [turn.axis for turn in free.turns or ()] or slides or [np.eye(3)[2]]
         axes = triad(*ways[:2])
-    if axes is not None:
-        key, a = f"joint/{joint.name}/", joint.a
         if a.item is not None and a.triad is not None:
             axes = axes @ a.triad.T
             static[key + "frame"] = np.array(system.offset(a))
@@ -163,18 +162,18 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     part = np.full(len(beam.section_id), -1, dtype=np.int64)
     for k, name in enumerate(names):
         part[beam.mesh.elements_of(name)] = k
-    static[key + "offsets"] = 3 * (row + 4 * np.arange(nodes, dtype=np.int64))
-    static[key + "connectivity"] = np.asarray(beam.basis.connectivity, dtype=np.int64)
-    static[key + "lengths"] = beam.elements.lengths
-    static[key + "rotations"] = beam.rotations
-    static[key + "part"] = part
-    static[key + "section"] = beam.section_id
-    static[key + "gauss"] = beam.elements.points
-    static[key + "nodes"] = beam.basis.interpolation.nodes
-    static[key + "radius"] = _radii(beam)
-    for k in range(len(beam.sections)):
-        for name, found in _shapes(beam, np.flatnonzero(beam.section_id == k)).items():
-            static[key + f"{name}/{k}"] = found
+    own = {
+        "offsets": 3 * (row + 4 * np.arange(nodes, dtype=np.int64)),
+        "connectivity": np.asarray(beam.basis.connectivity, dtype=np.int64),
+        "lengths": beam.elements.lengths,
+        "rotations": beam.rotations,
+        "part": part,
+        "section": beam.section_id,
+        "gauss": beam.elements.points,
+        "nodes": beam.basis.interpolation.nodes,
+        **_described_sections(beam),
+    }
+    static.update({key + name: value for name, value in own.items()})
     return {
         "name": beam.name,
         "order": beam.basis.order,
@@ -191,53 +190,43 @@ def _acted_on(system: System) -> list[int]:
     return [system.offset(place) for place in places if place.item is not None]
 
 
-def _radii(beam: Beam) -> Floats:
-    """Radii (ne, 2) of beams that are drawn as tubes, at both ends of each element.
-
-    To the farthest point of the outline; without one those of circles that bend as softly.
-    """
+def _described_sections(beam: Beam) -> dict[str, Array]:
+    """Radii (ne, 2) at the ends of elements; of each section its shapes, or those of the nodes."""
     from ..section_field import distinct
 
-    try:
-        sections, number = distinct(
-            beam.sections_at(np.arange(len(beam.section_id)), np.array([0.0, 1.0]))
-        )
-    except InputError:  # as at the point of a cone
-        return np.zeros((len(beam.section_id), 2))
-    radii = []
-    for each in sections:
-        _, _, EA, *EI, _ = np.diag(each.stiffness)
-        own = 2 * np.sqrt(min(EI) / EA) if each.outline is None else each.outline
-        radii.append(np.linalg.norm(np.atleast_2d(own), axis=-1).max())
-    return np.array(radii)[number]
+    radius, at = np.zeros((len(beam.section_id), 2)), np.linspace(0.0, 1.0, beam.basis.order + 1)
+    found: dict[str, Array] = {"radius": radius}
+    for k in range(len(beam.sections)):
+        own = np.flatnonzero(beam.section_id == k)
+        with suppress(InputError):  # as at the point of a cone, which is drawn as a line
+            sections, number = distinct(beam.sections_at(own, at))
+            radius[own] = np.array([*map(_radius, sections)])[number[:, [0, -1]]]
+            for name, each in _shapes(sections).items():
+                found[f"{name}/{k}"] = each[0] if len(each) == 1 else each[number]
+    return found
 
 
-def _shapes(beam: Beam, elements: IndexArray) -> dict[str, Floats]:
-    """Outline of elements (m, 2), or of their nodes (k, p + 1, m, 2); skin and stresses likewise.
+def _radius(section: Section) -> float:
+    """That of a beam drawn as a tube: to the farthest point of the outline.
 
-    Nothing where there is no outline.
+    Without one that of a circle that bends as softly.
     """
-    from ..section_field import distinct
+    _, _, EA, *EI, _ = np.diag(section.stiffness)
+    own = 2 * np.sqrt(min(EI) / EA) if section.outline is None else section.outline
+    return float(np.linalg.norm(np.atleast_2d(own), axis=-1).max())
 
-    found: dict[str, Floats] = {}
-    with suppress(InputError):  # as at the point of a cone, which is drawn as a line
-        at = np.linspace(0.0, 1.0, beam.basis.order + 1)
-        sections, number = distinct(beam.sections_at(elements, at))
-        if any(each.outline is None for each in sections):
-            return found
-        loops = [[len(loop) for loop in each.skin] for each in sections]
-        given: dict[str, list[Any]] = {
-            "outline": [each.outline for each in sections],
-            "skin": [np.concatenate(each.skin) for each in sections],
-            "loops": loops,
-            "stress": [each.skin_stresses() for each in sections],
-        }
-        for name, values in given.items():
-            alike = name == "outline" or loops.count(loops[0]) == len(loops)
-            known = [np.asarray(each) for each in values if each is not None]
-            if alike and len(known) == len(sections) and len({each.shape for each in known}) == 1:
-                one = len(known) == 1 or name == "loops"
-                found[name] = known[0] if one else np.array(known)[number]
+
+def _shapes(sections: Sequence[Section]) -> dict[str, Array]:
+    """Outlines (k, m, 2), skins and their stresses likewise, as far as all of them have alike."""
+    outlines = [each.outline for each in sections if each.outline is not None]
+    if len(outlines) < len(sections):
+        return {}
+    found = {"outline": np.array(outlines)} if len(set(map(len, outlines))) == 1 else {}
+    loops = {tuple(map(len, each.skin)) for each in sections}
+    stresses = [each.skin_stresses() for each in sections]
+    if len(loops) == 1 and not any(each is None for each in stresses):
+        found["skin"] = np.array([np.concatenate(each.skin) for each in sections])
+        found |= {"loops": np.array([*loops]), "stress": np.array(stresses)}
     return found
 
 
@@ -396,28 +385,20 @@ def take_along(
 
 def run_formulas(system: System) -> Formulas:
     """Formulas of a run, which has recorded works."""
-    own = _momenta_formulas(system) | {
+    return state_formulas(system) | {
         (BALANCE,): _balance,
         ("at_jump",): lambda h: [at_jumps(system, h)],
         ("doubtful_step",): lambda h: [doubtful_steps(system, h).astype(float)],
     }
-    return own | configuration_formulas(system)
 
 
 def state_formulas(system: System) -> Formulas:
     """Formulas that take configurations, momenta and constraint forces."""
-    return _momenta_formulas(system) | configuration_formulas(system)
-
-
-def _momenta_formulas(system: System) -> Formulas:
-    """Formulas that take configurations and momenta."""
-    return {
+    return _stored_formulas(system) | {
         ("v",): lambda h: [Projection(system).velocities(h["q"], h["p"], h.times)],
         ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
         ("kinetic",): lambda h: [kinetic_energy(system, h["p"])],
-        ("strain_energy",): _strain_energy(system),
         ("external",): lambda h: [external_energy(system, h["q"], h.times)],
-        ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["kinetic"] + h["strain_energy"] + h["coupling_energy"]],
         ("energy_projected",): lambda h: [
             0.5 * (h["v"] * h["Qp"]).sum(1) + h["strain_energy"] + h["coupling_energy"]
@@ -426,15 +407,14 @@ def _momenta_formulas(system: System) -> Formulas:
         ("angular_momentum",): lambda h: [angular_momentum(system, h["q"], h["p"])],
         ("angular_momentum_projected",): lambda h: [angular_momentum(system, h["q"], h["Qp"])],
         ("hidden_violation",): lambda h: [hidden_violation(system, h["q"], h["v"], h.times)],
+        **configuration_formulas(system),
     }
 
 
 def path_formulas(system: System) -> Formulas:
     """Formulas of the equilibria along a path."""
-    return {
+    return _stored_formulas(system) | {
         ("v",): lambda h: [np.zeros_like(h["q"])],
-        ("strain_energy",): _strain_energy(system),
-        ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["strain_energy"] + h["coupling_energy"]],
         ("external",): lambda h: [potential(system, h["q"], h["amplitudes/loads"])],
         **configuration_formulas(system),
@@ -502,14 +482,16 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
     }
 
 
-def _strain_energy(system: System) -> Formula:
-    """Formula of the energy of all beams together."""
-    return lambda h: [strain_energy(system, h["q"], amplitudes=recorded_factors(system, h))]
-
-
-def _coupling_energy(system: System) -> Formula:
-    """Formula of the energy of all springs together."""
-    return lambda h: [coupling_energy(system, h["q"], h.instants, h.series.get("turns"))]
+def _stored_formulas(system: System) -> Formulas:
+    """Formulas of the energies of all beams and of all springs."""
+    return {
+        ("strain_energy",): lambda h: [
+            strain_energy(system, h["q"], amplitudes=recorded_factors(system, h))
+        ],
+        ("coupling_energy",): lambda h: [
+            coupling_energy(system, h["q"], h.instants, h.series.get("turns"))
+        ],
+    }
 
 
 def _balance(history: History) -> list[Floats]:

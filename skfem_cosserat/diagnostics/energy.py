@@ -238,10 +238,9 @@ def group_energy(group: BeamGroup, Q: Floats, free: Floats) -> Floats:
     """
     e, rows = group.elements, group.rows
 
-    def energies(some: Floats, less: Floats) -> Floats:
-        return stored_energy(e, _strains(e, rows, some) - less)
-
-    return _in_parts(energies, 3 * rows.size, Q, free)
+    return _in_parts(
+        lambda some, less: stored_energy(e, _strains(e, rows, some) - less), 3 * rows.size, Q, free
+    )
 
 
 def strain_excess(
@@ -384,9 +383,8 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
 
 def potential(system: System, q: Floats, amplitudes: Floats) -> Floats:
     """``-f . q`` (N,) of the dead loads (J), for amplitudes (N, k) of all channels."""
-    each = [system.loading.dead_force(unit).ravel() for unit in np.eye(amplitudes.shape[1])]
-    unit = np.array(each).reshape(amplitudes.shape[1], system.n)
-    return np.asarray(((-q @ unit.T) * amplitudes).sum(1))
+    each = [system.loading.dead_force(unit) for unit in np.eye(amplitudes.shape[1])]
+    return np.asarray(((-q @ np.reshape(each, (-1, system.n)).T) * amplitudes).sum(1))
 
 
 @takes_scene

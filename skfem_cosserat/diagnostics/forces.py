@@ -19,7 +19,6 @@ from ..linear import SingularMatrixError
 from ..model import System, takes_scene
 from ..model.balance import Spin
 from ..model.limits import overstretched_beam
-from ..model.quadratic import TOGETHER
 from ..model.system import JointRows
 from ..types import Array, ArrayLike, Floats, IndexArray, switch
 from .energy import free_strains, group_of, held_forces, load_factors, section_strains
@@ -104,11 +103,9 @@ def nodal_resultants(
 def _at_ends(beam: Beam, found: Balances) -> Floats:
     """Forces and moments (N, ne, 2, 6) in section triads at both ends of each element."""
     nodal, _, force = found
-    out = np.empty((*force.shape[:2], 2, 6))
-    for end in (0, -1):
-        triad = beam.rotations[:, end] @ nodal[:, :, end, 1:]
-        out[:, :, end] = components(triad, *_passed_on(force, nodal, end))
-    return out
+    turned = beam.rotations @ nodal[..., 1:, :]
+    ends = (components(turned[:, :, k], *_passed_on(force, nodal, k)) for k in (0, -1))
+    return np.stack([*ends], axis=2)
 
 
 @takes_scene
@@ -151,21 +148,13 @@ def end_forces(system: System, history: History) -> dict[str, tuple[Floats, Floa
             force, strain = ((a + b) / 2 + (b - a) / (2 * SMALL) for a, b in pairs)
             out[name] = force, strain
         return out
-    t, amplitudes, *motion = motion_of(system, history)
-    q, factors = history["q"], load_factors(system, t, amplitudes, len(history))
-    count = max(1, TOGETHER // max(1, system.n))  # states at once
+    q, motion = history["q"], motion_of(system, history)
+    factors = load_factors(system, motion[0], motion[1], len(history))
     for group in system.beam_groups:
         beams = [beam for beam in system.beams if id(beam) in group.slices]
-        parts = []
-        for k in range(0, len(q), count):
-            some = slice(k, k + count)
-            given = [None if each is None else each[some] for each in motion]
-            parts.append(
-                element_balances(system, beams, q[some], 0.0, factors[some], *given, viscous=False)
-            )
-        for beam, *found in zip(beams, *parts, strict=True):
-            forces = np.concatenate([_at_ends(beam, each) for each in found])
-            free = free_strains(system, beam, factors)
+        balances = element_balances(system, beams, q, *motion, viscous=False)
+        for beam, found in zip(beams, balances, strict=True):
+            forces, free = _at_ends(beam, found), free_strains(system, beam, factors)
             strains = _strains_under(beam, section_strains(system, beam, q), free, forces)
             out[str(beam.name)] = forces, strains
     return out
@@ -187,11 +176,8 @@ def motion_of(system: System, history: History) -> tuple[Any, ...]:
     """
     q = history["q"]
     if "amplitudes/loads" not in history:
-        given = history["v"], history.times
-        return (
-            *(history.times, None, history["v"]),
-            *accelerations(system, q, *given, history.series.get("turns")),
-        )
+        v, t = history["v"], history.times
+        return t, None, v, *accelerations(system, q, v, t, history.series.get("turns"))
     a = np.array(history["acceleration"]) if "acceleration" in history else np.zeros_like(q)
     for row, y, v, spin in zip(a, q, history["v"], history["amplitudes/spin"], strict=True):
         if spin.any():
@@ -214,11 +200,15 @@ def _strains_under(beam: Beam, strains: Floats, free: Floats, forces: Floats) ->
     elastic, unloaded, held = weights @ (strains - free), weights @ free, list(beam.theory.held)
     elastic[..., held] = 0.0
     for _ in range(4 if sections.laws else 1):
-        gap, moduli = forces - beam_stress(sections, elastic), section_moduli(sections, elastic)
-        moduli[..., held, held] += 1.0
-        gap[..., held] = 0.0
-        elastic += np.linalg.solve(moduli, gap[..., None])[..., 0]
+        gap = forces - beam_stress(sections, elastic)
+        elastic += _strained(section_moduli(sections, elastic), gap, held)
     return np.asarray(elastic + unloaded)
+
+
+def _strained(moduli: Array, gap: Array, held: list[int]) -> Array:
+    """Strains (..., 6) by forces and moments that are missing, none of those that are held."""
+    moduli[..., held, held], gap[..., held] = 1.0, 0.0
+    return np.linalg.solve(moduli, gap[..., None])[..., 0]
 
 
 #: part of the motion of a mode that is small
@@ -402,12 +392,10 @@ def _from_end(
     sections = beam.section_points(e, inner)
     stress, moduli = beam_stress(sections, elastic), section_moduli(sections, elastic)
     held = list(beam.theory.held)
-    moduli[..., held, held] += 1.0
     for _ in range(kind.order):
         own = d[:, :, :-1]
         gap = components(own, statics.n[:, :, :-1], m[:, :, :-1]) - stress
-        gap[..., held] = 0.0
-        eps = strain + np.linalg.solve(moduli, gap[..., None])[..., 0]
+        eps = strain + _strained(moduli, gap, held)
         line = eps.reshape(*eps.shape[:-1], 2, 3) @ own  # slope of the line, and turn of triads
         turned = cross(line[..., 1:, :], own).reshape(*eps.shape[:-1], 9)
         d = first + (over @ turned).reshape(d.shape)

@@ -145,21 +145,16 @@ def _gauss_fields(shape: BeamShape, states: States) -> Fields:
     """Strains and resultants averaged over the cells of the elements, as far as recorded."""
     fields: Fields = {}
     size = (len(shape.connectivity), len(shape.gauss), 6)
-    count = (len(states["q"]), *size[:2], 2, 3)  # a force and a moment, or two kinds of strains
     for kind, names in _PAIRS.items():
         key, pieces = f"beam/{shape.name}/{kind}", shape.cell_pieces
         if key not in states:
             continue
-        values = entry(states, key, size).reshape(count)
-        fields |= zip(names, _pair(shape.average(values, pieces)), strict=True)
+        values = entry(states, key, size).reshape(-1, *size[:2], 2, 3)  # two vectors
+        fields |= zip(names, np.moveaxis(shape.average(values, pieces), -2, 0), strict=True)
         if kind == "resultant":
-            space = shape.to_space(states["q"], values)
-            fields |= zip("nm", _pair(shape.average(space, pieces)), strict=True)
+            space = shape.average(shape.to_space(states["q"], values), pieces)
+            fields |= zip("nm", np.moveaxis(space, -2, 0), strict=True)
     return fields
-
-
-def _pair(values: Floats) -> tuple[Floats, Floats]:
-    return values[..., 0, :], values[..., 1, :]
 
 
 def _beam_series(shapes: list[BeamShape], *kinds: str) -> list[str]:
@@ -171,23 +166,20 @@ def _labels(meta: Mapping[str, Any], shapes: list[BeamShape], elements: list[Ind
     found: dict[str, list[Array]] = {}
     for number, (about, shape, own) in enumerate(zip(meta["beams"], shapes, elements, strict=True)):
         for kind, numbers, names in (
-            ("beam", np.full(len(own), number), {number: shape.name}),
-            ("part", shape.part[own], dict(enumerate(about.get("parts", ())))),
-            ("section", shape.section[own], dict(enumerate(about.get("sections", ())))),
+            ("beam", np.full(len(own), number), [each.name for each in shapes]),
+            ("part", shape.part[own], about.get("parts", ())),
+            ("section", shape.section[own], about.get("sections", ())),
         ):
-            most = numbers.max(initial=0)
-            texts = np.array([str(names.get(k, "")) for k in range(-1, most + 1)])
+            texts = np.array([*names, *[""] * (numbers.max(initial=0) + 2)])  # -1: none
             found.setdefault(f"{kind}_id", []).append(numbers)
-            found.setdefault(kind, []).append(texts[numbers + 1])
+            found.setdefault(kind, []).append(texts[numbers])
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
 def _at_ends(shape: BeamShape, states: States, kind: str) -> Floats | None:
-    """Forces or strains (k, points, 6) of a beam, from those at the ends of its elements."""
+    """Forces or strains (k, ne, 2, 6) at the ends of a beam's elements, if there are some."""
     key = f"beam/{shape.name}/nodal_{kind}"
-    if key not in states:
-        return None
-    return shape.spread(entry(states, key, (len(shape.ends), 2, 6)))
+    return entry(states, key, (len(shape.ends), 2, 6)) if key in states else None
 
 
 class BeamLayer(Layer):
@@ -203,7 +195,7 @@ class BeamLayer(Layer):
         blocks = [
             (
                 _VTK["quadratic line" if shape.order == 2 else "line"],
-                start + shape.cells_between(shape.ends),
+                start + shape.cells,
             )
             for start, shape in zip(np.cumsum([0, *self._sizes[:-1]]), shapes, strict=True)
         ]
@@ -212,7 +204,8 @@ class BeamLayer(Layer):
         known = [radius for radius in radii if radius is not None]
         if len(known) == len(radii):
             both = zip(shapes, known, strict=True)
-            at_points["radius"] = np.concatenate([s.spread(r[None])[0] for s, r in both])
+            ends = [s.spread(r[None, :, :, None]).ravel() for s, r in both]
+            at_points["radius"] = np.concatenate(ends)
         at_cells = _labels(meta, shapes, [shape.cell_element for shape in shapes])
         drawn = [
             [bool(shape.skin(k)) for k in shape.section[shape.cell_element]] for shape in shapes
@@ -237,12 +230,11 @@ class BeamLayer(Layer):
         for i in range(3):
             fields[f"d{i + 1}"] = d[..., i, :]
         fields["q_wxyz"] = quaternions(d)
-        if len(shape.origin) > len(shape.node_id):
-            fields = {name: values[:, shape.origin] for name, values in fields.items()}
+        fields = {name: values[:, shape.origin] for name, values in fields.items()}
         for kind, names in _PAIRS.items():
             six = _at_ends(shape, states, kind)
             if six is not None:
-                fields |= zip(names, (six[..., :3], six[..., 3:]), strict=True)
+                fields |= zip(names, np.split(shape.spread(six), 2, axis=-1), strict=True)
         return fields
 
 
@@ -264,10 +256,7 @@ class SurfaceLayer(Layer):
             self._kept.append(kept)
             blocks += [(_VTK["quad"], start + number[surface.quads])]
             blocks += [(_VTK["polygon"], start + number[cap[None]]) for cap in surface.caps]
-            owner = np.zeros(surface.size, dtype=np.int64)
-            owner[surface.quads] = surface.element[:, None]
-            first = np.array([cap[0] for cap in surface.caps], dtype=np.int64)
-            elements.append(np.concatenate([surface.element, owner[first]]))
+            elements.append(np.concatenate([surface.element, surface.cap_element]))
             start += len(kept)
         self._cells = Cells(blocks, at_cells=_labels(meta, self._shapes, elements))
 
@@ -279,10 +268,10 @@ class SurfaceLayer(Layer):
             fields = {"x": x, "u": x - surface.points(reference)[kept]}
             values = _at_ends(shape, states, "resultant")
             if values is not None:
-                six = shape.between(values)
+                six = shape.linear @ values
                 found = [self._stresses(shape, own, each, six) for own, each in surface.swept]
-                for name in found[0] if found else ():
-                    fields[name] = np.concatenate([each[name] for each in found], 1)[:, kept]
+                every = _stack(found, [0] * len(found))
+                fields |= {name: each[:, kept] for name, each in every.items()}
             exact = "sigma", "tau"  # the others are for pictures
             parts.append({k: f if k in exact else f.astype(np.float32) for k, f in fields.items()})
         joined = _stack(parts, [len(kept) for kept in self._kept])
@@ -351,8 +340,8 @@ class ItemLayer(Layer):
         The series without which an item is left out: its places.
     shape : tuple of int
         Of the places in a state, or of both ends of lines; -1: of any number.
-    fields : mapping of str to int
-        Further series by the length of their vectors; 0: numbers.
+    vectors, scalars : sequence of str
+        Further series: of the shape of the places, and of one number in a state.
     """
 
     def __init__(
@@ -362,45 +351,60 @@ class ItemLayer(Layer):
         meta: Mapping[str, Any],
         places: str,
         shape: tuple[int, ...],
-        fields: Mapping[str, int],
+        vectors: Sequence[str],
+        scalars: Sequence[str] = (),
     ) -> None:
-        self.name, self._places, self._shape, self._fields = name, places, shape, fields
-        self._items = [f"{kind}/{item['name']}/" for item in meta[name]]
-        kinds = [str(item["type"]) for item in meta[name]]
+        self.name, self._places, self._shape = name, places, shape
+        self._fields: dict[str, tuple[int, ...]] = {
+            **dict.fromkeys(vectors, shape),
+            **dict.fromkeys(scalars, ()),
+        }
+        self._last: dict[str, Floats] = {}
+        # in older files of paths this names factors of loads
+        items = meta[name] if isinstance(meta.get(name), list) else []
+        self._items = [f"{kind}/{item['name']}/" for item in items]
+        kinds = [str(item["type"]) for item in items]
         numbers = np.unique(kinds, return_inverse=True)[1]
         ids = np.arange(len(kinds))
         self._numbers = {f"{kind}_id": ids, "type": numbers, "kind": np.array(kinds)}
-        self._numbers["name"] = np.array([str(item["name"]) for item in meta[name]])
+        self._numbers["name"] = np.array([str(item["name"]) for item in items])
         if name != "loads":  # not all act at places
             self.wanted = [item + places for item in self._items]
-        self.series = [item + each for item in self._items for each in (places, *fields)]
+        self.series = [item + each for item in self._items for each in (places, *self._fields)]
 
     def grid(self, states: States, reference: Floats) -> Grid | None:
         """Grid of some states, see `Layer.grid`."""
-        known, parts, width = [], [], 2 if self._places == "ends" else 1
+        known, parts, counts, width = [], [], [], 2 if self._places == "ends" else 1
         for k, item in enumerate(self._items):
             if item + self._places not in states:
                 continue
             x = entry(states, item + self._places, self._shape)
-            x = x.reshape(len(x), -1, width, 3)
-            known.append((k, x.shape[1]))
+            x = self._held(item, x.reshape(len(x), -1, width, 3))
+            known.append(k)
+            counts.append(x.shape[1])
             fields = {"x": x}
-            for name, length in self._fields.items():
-                key, shape = item + name, self._shape[:-1] * (width == 1) + (length,) * (length > 0)
-                if key in states and (length or states[key].ndim == 1):
-                    values = entry(states, key, shape)
-                    fields[name] = values.reshape(len(x), x.shape[1], *(length,) * (length > 0))
+            for name, shape in self._fields.items():
+                key = item + name
+                if key in states and (shape or states[key].ndim == 1):
+                    fields[name] = entry(states, key, shape).reshape(*x.shape[:2], *shape[-1:])
             parts.append(fields)
-        if not sum(count for _, count in known):
+        if not sum(counts):
             return None
-        which, counts = np.transpose(known)
-        cells = np.arange(width * counts.sum()).reshape(-1, width)
-        own = {name: values[which].repeat(counts) for name, values in self._numbers.items()}
-        joined = _stack(parts, [count for _, count in known])
+        cells = np.arange(width * sum(counts)).reshape(-1, width)
+        own = {name: values[known].repeat(counts) for name, values in self._numbers.items()}
+        joined = _stack(parts, counts)
         x = joined.pop("x").reshape(len(states["q"]), -1, 3)
         if width == 1:
             return Grid(x, Cells([(_VTK["vertex"], cells)], own), joined, {})
         return Grid(x, Cells([(_VTK["line"], cells)], None, own), {}, joined)
+
+    def _held(self, item: str, x: Floats) -> Floats:
+        """Places (k, ...) of an item, the last known one where it is released."""
+        x = np.concatenate([self._last.get(item, x[:1]), x])
+        known = np.isfinite(x).reshape(len(x), -1).all(axis=1)
+        x = x[np.maximum.accumulate(np.where(known, np.arange(len(x)), 0))]
+        self._last[item] = x[-1:]
+        return x[1:]
 
 
 # -- a grid as files of VTK's XML format for unstructured grids (``.vtu``) -------------------------
@@ -515,15 +519,15 @@ class _Index:
         self.path = path
         self._end = 0
 
-    def add(self, frames: Sequence[tuple[float, Path]]) -> None:
-        """Append files of times, those of one time as blocks; the first ones make the index."""
+    def add(self, time: float, files: Sequence[Path]) -> None:
+        """Append files of a time, as blocks; the first ones make the index."""
         if not self._end:
             self.path.write_bytes(_HEAD + _TAIL)
             self._end = len(_HEAD)
         line = "".join(
             f'    <DataSet timestep="{float(time)!r}" part="{_PARTS.index(path.parent.name)}"'
             f' name="{path.parent.name}" file="{path.parent.name}/{path.name}"/>\n'
-            for time, path in frames
+            for path in files
         ).encode()
         with self.path.open("r+b", buffering=0) as handle:
             try:
@@ -641,11 +645,7 @@ class ParaViewWriter:
         surfaces: bool = False,
     ) -> None:
         self.folder = Path(folder)
-        if reference is None:
-            reference = static.get("reference")
-        self._reference: Floats | None = None
-        if reference is not None:
-            self._reference = np.array(reference, dtype=float)
+        self._reference = static.get("reference") if reference is None else np.asarray(reference)
         self._layers = _layers(meta, static, switch("argument surfaces", surfaces))
         self._time = _time_of(meta)
         read = ["q", *_OF_THE_SCENE, *(name for layer in self._layers for name in layer.series)]
@@ -695,8 +695,7 @@ class ParaViewWriter:
             If the disk is full; the frames before are sound.
         """
         states = {name: np.asarray(row[name])[None] for name in self._names if name in row}
-        (written,) = self._write([time], states)
-        return written
+        return self._write([time], states)
 
     def write_states(self, history: History, chosen: Sequence[int]) -> None:
         """Write the states of these numbers of a history.
@@ -725,47 +724,33 @@ class ParaViewWriter:
             states = {name: values[start : start + size] for name, values in series.items()}
             self._write(part.times[start : start + size].tolist(), states)
 
-    def _write(self, times: Sequence[float], states: States) -> list[list[Path]]:
-        """Write a frame for each of some states: of each series an array ``(k, ...)``."""
+    def _write(self, times: Sequence[float], states: States) -> list[Path]:
+        """Write a frame for each of some states ``(k, ...)``; gives the files of the last one."""
         if "q" not in states:
             raise InputError("row entry 'q'", "is missing; the export needs it")
         if self._reference is None:
-            self._reference = np.array(states["q"][0], dtype=float)
-        reference = self._reference
-        written: list[list[Path]] = [[] for _ in times]
-        grids = [layer.grid(states, reference) for layer in self._layers]
-        scene = [
-            "".join(
+            self._reference = states["q"][0]
+        grids = [layer.grid(states, self._reference) for layer in self._layers]
+        written: list[Path] = []
+        for k, time in enumerate(times):
+            about, written = _field("TimeValue", self._time, np.array(time)), []
+            whole = [
                 _field(n, unit, states[n][k]) for n, unit in _OF_THE_SCENE.items() if n in states
-            )
-            for k in range(len(times))
-        ]
-        for layer, index, grid in zip(self._layers, self._indices, grids, strict=False):
-            if grid is None:
-                continue
-            with writing(self.folder, "folder"):
-                index.path.with_suffix("").mkdir(exist_ok=True)
-            try:
-                for k, time in enumerate(times):
-                    about = _field("TimeValue", self._time, np.array(time))
-                    path = index.path.with_suffix("") / f"{self._frame + k:06d}.vtu"
-                    with writing(path):
-                        path.write_bytes(_text(grid, k, about + scene[k], layer.level))
-                    written[k].append(path)
-            finally:  # also of those before one that found no room
-                own = [
-                    (time, path)
-                    for time, files in zip(times, written, strict=True)
-                    for path in files
-                    if path.parent.name == layer.name
-                ]
+            ]
+            for layer, index, grid in zip(self._layers, self._indices, grids, strict=False):
+                if grid is None:
+                    continue
+                path = index.path.with_suffix("") / f"{self._frame:06d}.vtu"
+                with writing(path):
+                    path.parent.mkdir(exist_ok=True)
+                    path.write_bytes(_text(grid, k, "".join([about, *whole]), layer.level))
                 with writing(index.path):
-                    index.add(own)
-            scene = [""] * len(times)
-        together = [(time, f) for time, files in zip(times, written, strict=True) for f in files]
-        with writing(self._indices[-1].path):
-            self._indices[-1].add(together)
-        self._frame += len(times)
+                    index.add(time, [path])
+                whole = []
+                written.append(path)
+            with writing(self._indices[-1].path):
+                self._indices[-1].add(time, written)
+            self._frame += 1
         return written
 
 
@@ -779,17 +764,14 @@ def _layers(meta: Mapping[str, Any], static: Mapping[str, Array], surfaces: bool
             layers.append(SurfaceLayer(meta, static))
     if meta.get("bodies") or meta.get("points"):
         layers.append(BodyLayer(meta, static))
-    vectors = {"force": 3, "moment": 3}
-    items: tuple[tuple[str, str, str, tuple[int, ...], Mapping[str, int]], ...] = (
-        ("joints", "joint", "position", (3,), vectors | {"angle": 0, "displacement": 0}),
-        ("drives", "joint", "position", (3,), vectors),
-        ("loads", "load", "position", (-1, 3), vectors),
-        ("couplings", "coupling", "ends", (2, 3), {"coordinate": 0, "force": 0}),
+    wrench = "force", "moment"
+    items = (
+        ItemLayer("joints", "joint", meta, "position", (3,), wrench, ("angle", "displacement")),
+        ItemLayer("drives", "joint", meta, "position", (3,), wrench),
+        ItemLayer("loads", "load", meta, "position", (-1, 3), wrench),
+        ItemLayer("couplings", "coupling", meta, "ends", (2, 3), (), ("coordinate", "force")),
     )
-    for name, kind, places, shape, fields in items:
-        if isinstance(meta.get(name), list) and meta[name]:
-            layers.append(ItemLayer(name, kind, meta, places, shape, fields))
-    return layers
+    return [*layers, *(layer for layer in items if layer.series)]
 
 
 def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
@@ -803,10 +785,10 @@ def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
         raise InputError("argument fps", f"got {fps}, expected a positive number of frames per s")
     if not len(times):
         return []
-    count = int(np.floor((times[-1] - times[0]) * fps * (1.0 + 1e-12))) + 1
+    count = np.floor((times[-1] - times[0]) * fps * (1.0 + 1e-12)) + 1
     wanted = times[0] + np.arange(count) / fps
     nearest = np.searchsorted((times[1:] + times[:-1]) / 2, wanted)
-    return [int(i) for i in np.unique(nearest)]
+    return [*np.unique(nearest)]
 
 
 @checked

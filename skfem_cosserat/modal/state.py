@@ -23,7 +23,7 @@ from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint, overstretched_beam, owner
 from ..model.loops import names_of
 from ..statics.problem import Schedule
-from ..types import Array, ArrayLike, Floats, finite, largest, whole
+from ..types import Array, ArrayLike, Floats, check_kind, finite, largest, shaped, whole
 from ..warn import warn
 
 #: what may be given as a state
@@ -107,8 +107,7 @@ def resting(
         amplitudes = found
     check_amplitudes(system, amplitudes)
     if spin is not None:
-        if not isinstance(spin, Spin):
-            raise InputError("argument spin", f"{type(spin).__name__}, expected a Spin")
+        check_kind("argument spin", spin, Spin)
         amplitudes = replace(amplitudes, spin=spin)
     if system.plane is not None and amplitudes.spin is not None:
         system.plane.check_spin(amplitudes.spin.velocity)
@@ -185,16 +184,10 @@ def check_amplitudes(system: System, amplitudes: Amplitudes) -> None:
     InputError
         If not.
     """
-    if not isinstance(amplitudes, Amplitudes):
-        kind = type(amplitudes).__name__
-        raise InputError("argument amplitudes", f"{kind}, expected Amplitudes of all loads")
-    wanted = _unloaded(system)
-    for name in ("loads", "actuators"):
-        shape, own = np.shape(getattr(amplitudes, name)), getattr(wanted, name).shape
-        if shape != own:
-            raise InputError("argument amplitudes", f"{name} have shape {shape}, expected {own}")
-        if not np.isfinite(getattr(amplitudes, name)).all():
-            raise InputError("argument amplitudes", f"{name} are not finite numbers")
+    item, wanted = "argument amplitudes", _unloaded(system)
+    check_kind(item, amplitudes, Amplitudes, " of all loads")
+    shaped(item, "loads", amplitudes.loads, wanted.loads.shape)
+    shaped(item, "actuators", amplitudes.actuators, wanted.actuators.shape)
 
 
 def _at_rest(

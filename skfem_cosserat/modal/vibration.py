@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from .. import checks
 from ..analysis.describe import configuration_formulas, describe
@@ -18,7 +19,7 @@ from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
 from ..notebook import Shown
-from ..types import Array, FilePath, Floats, is_whole, largest, positive, whole
+from ..types import Array, FilePath, Floats, is_whole, largest, numbered, positive, whole
 from ..warn import Notices, counted, told
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
@@ -29,55 +30,84 @@ from .state import Equilibrium, StateLike, as_system, resting
 FRAMES = 28
 
 
-def animation(
-    at: Equilibrium, s: complex, x: Array, amplitude: float, frames: int, periods: int, number: int
-) -> History:
-    """History of :meth:`Modes.animation`; x (unknowns,) is the shape, s its eigenvalue."""
-    size = positive("argument amplitude", "amplitude", amplitude)
-    whole("argument frames", frames, 1)
-    whole("argument periods", periods, 1)
-    system, P = at.system, at.tangent.P
-    x = size / _extent(system, at.y, P @ x) * x
-    omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
-    phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
-    waves = np.exp(1j * phases)[:, None] * x
-    q = np.array([_moved(at, wave) for wave in waves.real])
-    v = (P @ (1j * omega * waves).real.T).T
-    increment, spin = (P @ waves.real.T).T, at.amplitudes.spin
-    turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
-    p = np.array([(system.mass @ row.reshape(-1, 3)).reshape(-1) for row in v])
-    meta, static = describe(system)
-    meta |= {
-        "status": "completed",
-        "integrator": "mode",
-        "mode": number,
-        "eigenvalue": [s.real, s.imag],
-        "amplitude": size,
-        #: functions of time are taken at this one (s)
-        "instant": at.t,
-    }
-    static["equilibrium"] = at.y[: system.rows].reshape(-1)
-    count = len(phases)
-    series = {
-        "t": phases / omega,
-        "step": np.arange(count),
-        "q": q,
-        "p": p,
-        "v": v,
-        "constraint_force": np.full((count, system.n), np.nan),
-        "increment": increment,
-        "acceleration": np.real(s**2) * increment,
-        "amplitudes/loads": np.tile(at.amplitudes.loads, (count, 1)),
-        "amplitudes/spin": np.tile(turning, (count, 1, 1)),
-    }
-    return History(meta, static, series, None, [system], configuration_formulas)
-
-
 class Animated(Shown):
     """Modes that can be shown as films."""
 
-    animation: Any
+    reduced: Array
     called: Any
+    _at: Equilibrium
+
+    def _eigenvalue(self, k: int) -> complex:
+        return 0j
+
+    def animation(
+        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
+    ) -> History:
+        """A mode as a time series, to be shown and exported like any other history.
+
+        Parameters
+        ----------
+        index : int
+            Which mode.
+        amplitude : float
+            Largest displacement relative to the extent of the scene, or largest rotation in full
+            turns: whichever is reached first.
+        frames : int
+            Frames of a period; one more is given, so that the last is the first again.
+        periods : int
+            How many; a mode that does not oscillate is shown as if it did, in 1 s.
+
+        Returns
+        -------
+        History
+            Finite rotations are composed along the motion, so that triads stay orthonormal and
+            joints closed. Damping and growth are not shown. Velocities are those of the shape.
+
+        Raises
+        ------
+        InputError
+            For a mode that is not there, for numbers that are not positive, or if a closed loop
+            cannot follow so far.
+        """
+        k, at = numbered("argument index", index, len(self.reduced), "modes"), self._at
+        s, x = self._eigenvalue(k), self.reduced[k]
+        size = positive("argument amplitude", "amplitude", amplitude)
+        whole("argument frames", frames, 1)
+        whole("argument periods", periods, 1)
+        system, P = at.system, at.tangent.P
+        x = size / _extent(system, at.y, P @ x) * x
+        omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
+        phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
+        waves = np.exp(1j * phases)[:, None] * x
+        q = np.array([_moved(at, wave) for wave in waves.real])
+        v = (P @ (1j * omega * waves).real.T).T
+        increment = (P @ waves.real.T).T
+        p = np.array([(system.mass @ row.reshape(-1, 3)).reshape(-1) for row in v])
+        meta, static = describe(system)
+        meta |= {
+            "status": "completed",
+            "integrator": "mode",
+            "mode": k,
+            "eigenvalue": [s.real, s.imag],
+            "amplitude": size,
+            #: functions of time are taken at this one (s)
+            "instant": at.t,
+        }
+        static["equilibrium"] = at.y[: system.rows].reshape(-1)
+        count = len(phases)
+        series = {
+            "t": phases / omega,
+            "step": np.arange(count),
+            "q": q,
+            "p": p,
+            "v": v,
+            "constraint_force": np.full((count, system.n), np.nan),
+            "increment": increment,
+            "acceleration": np.real(s**2) * increment,
+            "amplitudes/loads": np.tile(at.amplitudes.loads, (count, 1)),
+            "amplitudes/spin": np.tile(at.amplitudes.turning, (count, 1, 1)),
+        }
+        return History(meta, static, series, None, [system], configuration_formulas)
 
     def animate(
         self,
@@ -127,21 +157,6 @@ class Animated(Shown):
         history, rest = self.animation(index, amplitude, FRAMES), self.animation(index, 1e-9, 1)
         frames = [(k, self.called(index)) for k in range(FRAMES)]
         return film(history, path, frames, [rest.row(0)], fps, Look(window=window, **look))
-
-
-def checked_index(index: int, count: int) -> int:
-    """Number of one of `count` modes, from 0 on; negative numbers count from the end.
-
-    Raises
-    ------
-    InputError
-        If there is no such mode.
-    """
-    if not is_whole(index) or not -count <= index < count:
-        raise InputError(
-            "argument index", f"{index!r}, expected an integer: there are {count} modes"
-        )
-    return int(index) % count
 
 
 def _extent(system: System, y: Floats, dq: Array) -> float:
@@ -212,7 +227,11 @@ class Modes(Animated):
 
     def called(self, index: int) -> str:
         """Its number and frequency."""
-        return f"mode {checked_index(index, len(self))}: {self.frequencies[index]:.4g} Hz"
+        k = numbered("argument index", index, len(self), "modes")
+        return f"mode {k}: {self.frequencies[k]:.4g} Hz"
+
+    def _eigenvalue(self, k: int) -> complex:
+        return complex(self.eigenvalues[k])
 
     @property
     def omega(self) -> Floats:
@@ -273,39 +292,6 @@ class Modes(Animated):
                 note = f"  decays with {-self.growth[k]:.4g} 1/s"
             lines.append(f"{k:4d} {omega:14.7g} {hertz:14.7g} {ratio:15.6g}{note}")
         return "\n".join(lines)
-
-    def animation(
-        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
-    ) -> History:
-        """A mode as a time series, to be shown and exported like any other history.
-
-        Parameters
-        ----------
-        index : int
-            Which mode.
-        amplitude : float
-            Largest displacement relative to the extent of the scene, or largest rotation in full
-            turns: whichever is reached first.
-        frames : int
-            Frames of a period; one more is given, so that the last is the first again.
-        periods : int
-            How many; a mode that does not oscillate is shown as if it did, in 1 s.
-
-        Returns
-        -------
-        History
-            Finite rotations are composed along the motion, so that triads stay orthonormal and
-            joints closed. Damping and growth are not shown. Velocities are those of the shape.
-
-        Raises
-        ------
-        InputError
-            For a mode that is not there, for numbers that are not positive, or if a closed loop
-            cannot follow so far.
-        """
-        k = checked_index(index, len(self))
-        s, x = complex(self.eigenvalues[k]), self.reduced[k]
-        return animation(self._at, s, x, amplitude, frames, periods, k)
 
 
 @takes_scene
@@ -402,9 +388,14 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     else:
         found = spectrum(pencil, count)
         s, X = found.values, found.vectors
-    top = np.argmax(abs(X) * np.sqrt(pencil.M.diagonal())[:, None], axis=0)
-    lead = X[top, np.arange(len(s))]
-    return s, X * (abs(lead) / lead), int(found.zero.sum()), found.factorisations
+    return s, led(X, pencil.M), int(found.zero.sum()), found.factorisations
+
+
+def led(X: Array, metric: csr_matrix) -> Array:
+    """Shapes (unknowns, count) whose largest entries, by a metric, are positive."""
+    top = np.argmax(abs(X) * np.sqrt(metric.diagonal())[:, None], axis=0)
+    lead = X[top, np.arange(X.shape[1])]
+    return X * (abs(lead) / lead)
 
 
 def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:

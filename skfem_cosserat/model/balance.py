@@ -87,6 +87,12 @@ class Amplitudes:
     spin: Spin | None = None
     time: float = 0.0
 
+    @property
+    def turning(self) -> Floats:
+        """Velocity and point (2, 3) of the spin, zeros without one."""
+        spin = Spin(np.zeros(3)) if self.spin is None else self.spin
+        return np.array([spin.velocity, spin.point])
+
 
 @dataclass(eq=False)
 class Balance:

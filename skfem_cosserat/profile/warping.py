@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, kron
+from scipy.sparse import csc_matrix, kron
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 from skfem import Basis, BilinearForm, Mesh
@@ -16,6 +16,7 @@ from skfem.element import Element, ElementQuad2, ElementQuadP, ElementTriP2, Ele
 
 from ..errors import InputError
 from ..frozen import Frozen
+from ..kernels import skew
 from ..section import Material, Section
 from ..types import Array, ArrayLike, Floats, IndexArray, finite, positive, shaped, symmetric
 
@@ -23,17 +24,6 @@ from ..types import Array, ArrayLike, Floats, IndexArray, finite, positive, shap
 
 #: Pairs of axes in Voigt's order (11, 22, 33, 23, 13, 12).
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-
-
-def _checked(item: str, value: ArrayLike) -> Floats:
-    """Finite, symmetric, positive definite (6, 6)."""
-    C = symmetric(item, "elasticity", shaped(item, "elasticity", value, (6, 6)))
-    lowest, highest = np.linalg.eigvalsh(C)[[0, -1]]
-    if lowest <= 1e-12 * highest:
-        raise InputError(
-            item, f"elasticity is not positive definite: its lowest eigenvalue is {lowest:.3g}"
-        )
-    return C
 
 
 class MaterialAnisotropic(Frozen):
@@ -59,8 +49,14 @@ class MaterialAnisotropic(Frozen):
     """
 
     def __init__(self, elasticity: ArrayLike, rho: float) -> None:
-        self.elasticity = _checked("material", elasticity)
-        self.rho = positive("material", "rho", rho)
+        item, name = "material", "elasticity"
+        C = self.elasticity = symmetric(item, name, shaped(item, name, elasticity, (6, 6)))
+        lowest, highest = np.linalg.eigvalsh(C)[[0, -1]]
+        if lowest <= 1e-12 * highest:
+            raise InputError(
+                item, f"{name} is not positive definite: its lowest eigenvalue is {lowest:.3g}"
+            )
+        self.rho = positive(item, "rho", rho)
 
     @classmethod
     def orthotropic(
@@ -126,10 +122,9 @@ class MaterialAnisotropic(Frozen):
         Q = shaped("material", "rotation", rotation, (3, 3))
         if not np.allclose(Q.T @ Q, np.eye(3), atol=1e-9):
             raise InputError("material", f"rotation = {Q.tolist()} is no (3, 3) rotation")
-        T = np.empty((6, 6))  # stress_new = T stress_old
-        for row, (i, j) in enumerate(VOIGT):
-            for column, (k, m) in enumerate(VOIGT):
-                T[row, column] = Q[i, k] * Q[j, m] + (Q[i, m] * Q[j, k] if k != m else 0.0)
+        i, j = np.transpose(VOIGT)
+        mixed = Q[np.ix_(i, j)] * Q[np.ix_(j, i)] * (i != j)
+        T = Q[np.ix_(i, i)] * Q[np.ix_(j, j)] + mixed  # stress_new = T stress_old
         return MaterialAnisotropic(T @ self.elasticity @ T.T, self.rho)
 
 
@@ -198,24 +193,6 @@ def element_of(mesh: Mesh, order: int) -> Element:
     return ElementQuad2() if order == 2 else ElementQuadP(3)
 
 
-def _part(function: Any, a: int) -> Array:
-    return function if a == 0 else function.grad[a - 1]
-
-
-def _scalar_matrices(basis: Basis) -> dict[tuple[int, int], csr_matrix]:
-    """``int u,a v,b dA`` for a <= b, where index 0 is the value itself."""
-    found = {}
-    for a in range(3):
-        for b in range(a, 3):
-
-            def form(u: Any, v: Any, _: Any, a: int = a, b: int = b) -> Array:
-                return _part(u, b) * _part(v, a)
-
-            found[a, b] = BilinearForm(form).assemble(basis)
-            found[b, a] = found[a, b].T
-    return found
-
-
 def _matrices(
     mesh: Mesh, order: int, index: IndexArray, elasticities: Floats, intorder: int
 ) -> tuple[csc_matrix, csc_matrix, csc_matrix]:
@@ -224,13 +201,12 @@ def _matrices(
     for k, D in enumerate(elasticities):
         elements = np.flatnonzero(index == k)
         basis = Basis(mesh, element_of(mesh, order), elements=elements, intorder=intorder)
-        scalar = _scalar_matrices(basis)
-        for a in range(3):
-            for b in range(3):
-                if a == 0 and b > 0:
-                    continue  # the transpose of C
-                name = "M" if a == b == 0 else "C" if b == 0 else "E"
-                parts[name] = parts[name] + kron(scalar[a, b], H[a].T @ D @ H[b], format="csr")
+        for a, b in ((0, 0), (1, 0), (2, 0), (1, 1), (1, 2), (2, 1), (2, 2)):
+            name = "E" if b else "C" if a else "M"
+            # u,b v,a where index 0 is the value itself
+            form = BilinearForm(lambda u, v, _, a=a, b=b: (u, *u.grad)[b] * (v, *v.grad)[a])
+            scalar = form.assemble(basis)
+            parts[name] = parts[name] + kron(scalar, H[a].T @ D @ H[b], format="csr")
     return parts["E"].tocsc(), parts["C"].tocsc(), parts["M"].tocsc()
 
 
@@ -392,9 +368,11 @@ class SectionOfProfile(Section):
         return self._stresses
 
 
-def _spin(x: Floats) -> Floats:
-    """``(x_1, x_2, 0) x``."""
-    return np.array([[0, 0, x[1]], [0, 0, -x[0]], [-x[1], x[0], 0]])
+def _turned(angle: float, x: Floats) -> tuple[Floats, Floats]:
+    """To turned axes (3, 3), and of six resultants there (6, 6) about the point x (2,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    return R, np.block([[R, np.zeros((3, 3))], [-R @ skew(np.append(x, 0.0)), R]])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -548,21 +526,14 @@ class ProfileConstants(Frozen):
         """
         item = "profile"
         o, turn = shaped(item, "origin", origin, (2,)), finite(item, "angle", angle)
-        c, s = np.cos(turn), np.sin(turn)
-        R = np.array([[c, s], [-s, c]])
-        R3 = np.eye(3)
-        R3[:2, :2] = R
-        P = np.zeros((6, 6))
-        P[:3, :3] = P[3:, 3:] = R3
-        P[3:, :3] = -R3 @ _spin(o)
-        D = P @ self.stiffness @ P.T
+        R3, P = _turned(turn, o)
+        R, D = R3[:2, :2], P @ self.stiffness @ P.T
 
         def about(moments: Floats, weight: float, centre: Floats) -> Floats:
             mixed = weight * np.outer(o, centre)
             out = R @ (moments - mixed - mixed.T + weight * np.outer(o, o)) @ R.T
             return (out + out.T) / 2
 
-        c, s = np.cos(self.angle), np.sin(self.angle)
         return replace(
             self,
             stiffness=(D + D.T) / 2,
@@ -573,7 +544,7 @@ class ProfileConstants(Frozen):
             shear_moduli=R @ self.shear_moduli @ R.T,
             outline=(self.outline - o) @ R.T,
             holes=tuple((hole - o) @ R.T for hole in self.holes),
-            origin=self.origin + np.array([[c, -s], [s, c]]) @ o,
+            origin=self.origin + o @ self._axes[0][:2, :2],
             angle=self.angle + turn,
         )
 
@@ -600,9 +571,8 @@ class ProfileConstants(Frozen):
     @property
     def _axes(self) -> tuple[Floats, Floats]:
         """To these axes (3, 3) from those of the warping; to its resultants (6, 6) from these."""
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-        return R, np.block([[R.T, np.zeros((3, 3))], [_spin(self.origin) @ R.T, R.T]])
+        R, P = _turned(self.angle, self.origin)
+        return R, np.asarray(np.linalg.inv(P))
 
     def skin_stresses(self, skin: Sequence[Floats]) -> Floats:
         """(k, 3, 6) at points of closed polygons, for unit resultants: just inside of these."""

@@ -456,7 +456,7 @@ def test_an_index_that_finds_no_room_stays_complete(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
         try:
             with pytest.raises(OSError, match="too large"):
-                [index.add([frame]) for frame in frames]
+                [index.add(time, [path]) for time, path in frames]
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         frames = [each.get("file") for each in ET.parse(path).findall(".//DataSet")]

@@ -184,6 +184,25 @@ def test_stresses_of_circles_and_tubes(inner, tmp_path):
     assert types.count(7) == (2 * 24 if inner else 2)
 
 
+def test_a_released_joint_stays_where_it_was(tmp_path):
+    """Also in frames that are written later than the one it was released in."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, position=(0.3, 0, -0.4)))
+    rod = model.add("rod", sc.JointDistance(sc.ground((0, 0, 0)), bob.place()))
+    model.add("slip", sc.SpringDamper(sc.ground((1.0, 0, 0)), bob.place(), stiffness=2.0))
+    model.add("gravity", sc.LoadGravity((0, 0, -9.81)))
+    event = sc.Event(sc.ConditionTime(0.1), sc.ActionRelease(rod))
+    history = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.02, 0.2, events=[event])
+    places = history["joint/rod/position"]
+    gone = np.isnan(places).any(axis=1)
+    assert gone.any() and not gone.all()
+    writer = sc.export.ParaViewWriter(tmp_path, history.meta, history.static)
+    for k, time in enumerate(history.times):
+        writer.write(time, history.row(k))
+        held = places[min(k, np.flatnonzero(~gone)[-1])]
+        np.testing.assert_array_equal(last(tmp_path, "joints")[0], held[None])
+
+
 @pytest.fixture(scope="module")
 def swing(tmp_path_factory):
     """A driven arm with a hub, a spring and a mass; its history and folder."""
