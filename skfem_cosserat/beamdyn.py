@@ -119,7 +119,7 @@ class _Lines:
             raise MeshError(f"file '{path}'", f"cannot be read: {error.strerror}") from error
         #: numbers of the lines of entries by name, and their values without quotes
         self.entries: dict[str, int] = {}
-        self.texts: dict[str, str] = {}
+        self.texts = {}
         for k, line in enumerate(self.lines):
             found = re.match(r'\s*("[^"]*"|\S+)\s+([A-Za-z_]\w*)\s+-', line)
             if found and found[2] not in self.entries:

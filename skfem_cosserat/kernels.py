@@ -112,7 +112,7 @@ class BeamElements(SectionPoints):
 
     def taken(self, ids: IndexArray) -> BeamElements:
         """The elements of these numbers, each as often as it is there."""
-        own: dict[str, Any] = {
+        own = {
             name: array[ids]
             for name in ("lengths", "stiffness", "reference", "rotations", "viscosity", "law_of")
             if (array := getattr(self, name)) is not None
@@ -469,4 +469,4 @@ def rotation_matrix(quaternion: Array) -> Array:
 def nearest_rotations(triads: Array) -> Floats:
     """Rotations (..., 3, 3) nearest to matrices: their polar decomposition."""
     u, _, vt = np.linalg.svd(triads)
-    return np.asarray(u @ vt)
+    return u @ vt

@@ -162,7 +162,7 @@ def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> No
 def plot(history: History, names: Sequence[str] = (), path: FilePath | None = None) -> Figure:
     """Chart of energies, sensors and series, see :meth:`History.plot`."""
     energies = ["energy"] if "kinetic" in history or "strain_energy" in history else []
-    parts: list[_Part] = []
+    parts = []
     for name in names or energies + [*history.sensors] or ["work_loads"]:
         if name == "energy":
             parts += _energy_parts(history, None, -np.inf)

@@ -71,7 +71,7 @@ def _with_joint_rates(
             f"rates: {list(rates)[worst]!r} cannot have the rate {wanted[worst]:.6g} together with"
             f" the joints and the other rates (off by {miss[worst]:.6g})",
         )
-    lightest = np.asarray(nearest + (scale * weights) @ answers)
+    lightest = nearest + (scale * weights) @ answers
     if not system.beam_groups:
         return lightest
     # a scene at rest is to have no strain rates at all, what moves already those that it has
@@ -122,7 +122,7 @@ def _least_strained(
     values = np.append(wanted @ start, np.zeros(len(out_of)))
     u = lstsq(asked, values, cond=TOLERANCE, lapack_driver="gelsy")[0]
     if abs(asked @ u - values).max() <= COMPATIBLE * abs(values).max():
-        return np.asarray(E @ u)
+        return E @ u
     idle = E @ null_space(asked, rcond=TOLERANCE)
     rows = np.vstack([slopes @ P, (M @ idle).T @ P])
     values = np.concatenate([np.zeros(len(slopes)), -(idle.T @ (M @ start))])
@@ -136,7 +136,7 @@ def _least_strained(
     B = csr_matrix(scale * rows[chosen])
     solve = splu(bmat([[K, B.T], [B, None]], format="csc")).solve
     rhs = np.concatenate([-(P.T @ (S @ start)), scale * values[chosen]])
-    return np.asarray(start + P @ solve(rhs)[: P.shape[1]])
+    return start + P @ solve(rhs)[: P.shape[1]]
 
 
 def _tell(system: System, q: Floats, change: Floats, names: list[str], why: str) -> None:

@@ -105,7 +105,7 @@ def nearest_velocity(system: System, y: Floats, p: Floats, t: float | None) -> F
 def nearest_momentum(system: System, y: Floats, p: Floats, t: float | None) -> Floats:
     """``Q p = M v`` (n,) of the :func:`nearest_velocity`."""
     v = nearest_velocity(system, y, p, t)
-    return np.asarray(system.mass @ v.reshape(-1, 3)).reshape(-1)
+    return (system.mass @ v.reshape(-1, 3)).reshape(-1)
 
 
 def balancing(system: System, y: Floats, force: Floats) -> Floats:

@@ -181,7 +181,7 @@ def settled(
 
     def missing(tangent: ReducedTangent) -> Floats:
         """Residual along the constraints."""
-        return np.asarray(tangent.P.T @ (tangent.balance.R.ravel() + inertia))
+        return tangent.P.T @ (tangent.balance.R.ravel() + inertia)
 
     tangent = reduced_tangent(system, y, amplitudes)
     while len(rows):
@@ -275,7 +275,7 @@ def _increment(system: System, y: Floats, g: Floats) -> Floats:
             change = change - P @ splu((P.T @ W @ P).tocsc()).solve(P.T @ (W @ change))
         except RuntimeError as error:  # SuperLU: exactly singular
             raise SingularMatrixError("P^T M P is singular: a motion has no inertia") from error
-    return np.asarray(change).reshape(-1, 3)
+    return change.reshape(-1, 3)
 
 
 def _metric(system: System, y: Floats) -> csr_matrix:

@@ -177,7 +177,7 @@ class ReducedTangent:
     @property
     def residual(self) -> Floats:
         """``P^T R`` (unknowns,): zero at an equilibrium."""
-        return np.asarray(self.P.T @ self.balance.R.ravel())
+        return self.P.T @ self.balance.R.ravel()
 
 
 def weights(system: System) -> Floats:
@@ -255,7 +255,7 @@ def balancing_multipliers(system: System, y: Floats, R: Floats) -> Floats:
         return np.zeros(0)
     rows, G = RowSpace(system, y), system.constraints.jacobian(y)
     out = rows.multipliers(-R)
-    return np.asarray(out + rows.multipliers(-R - G.T @ out))
+    return out + rows.multipliers(-R - G.T @ out)
 
 
 def congruent(P: csr_matrix, A: spmatrix) -> csr_matrix:

@@ -79,7 +79,7 @@ def record_of(history: History, name: str) -> SensorRecord:
 def columns_of(history: History, names: Sequence[str]) -> tuple[Floats, dict[str, Array]]:
     """Instants of the rows of a table, and its columns by name: see :func:`write_csv`."""
     sensors, times = history.sensors, abscissa(history)
-    columns: dict[str, Array] = {}
+    columns = {}
     if names and set(names) <= sensors.keys():
         columns["t"] = times = sensors[names[0]].times
     for name in names:

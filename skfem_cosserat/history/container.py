@@ -92,7 +92,7 @@ class Spectrum(NamedTuple):
         curvature = left - 2 * mid + right
         sound = np.isfinite(curvature) & (curvature < 0)
         shift = np.where(sound, (left - right) / np.where(sound, 2 * curvature, 1.0), 0.0)
-        return np.asarray((places + shift) * self.frequencies[1])
+        return (places + shift) * self.frequencies[1]
 
 
 @checked
@@ -252,7 +252,7 @@ def rows_at(
     _check_reference(static, where.label, np.array([first]), frame[None])
     rows = x[:, first : first + frame.size].reshape(len(x), *frame.shape).copy()
     rows[:, 0] += np.einsum("i,nic->nc", where.offset[: len(frame) - 1], rows[:, 1:])
-    return np.asarray(rows)
+    return rows
 
 
 def checked_point(where: Place | Beam, s: Any, part: str | None) -> None:
@@ -292,7 +292,7 @@ def _along(static: Mapping[str, Array], x: Array, beam: Beam, s: Any, part: str 
     nodal = x[:, columns].reshape(len(x), *columns.shape[:2], 4, 3).copy()
     nodal[..., 1:, :] = beam.rotations[elements] @ nodal[..., 1:, :]
     rows = np.einsum("ka,nkaic->nkic", beam.basis.shape(xi).T, nodal)
-    return np.asarray(rows if lengths.ndim else rows[:, 0])
+    return rows if lengths.ndim else rows[:, 0]
 
 
 def _offsets(static: Mapping[str, Array], name: str | None, label: str) -> IndexArray:
@@ -433,8 +433,8 @@ class History(Shown):
         systems: Sequence[Any] | bytes = (),
         kind: Kind = dict,
     ) -> None:
-        self.meta: dict[str, Any] = plain(meta, "meta")
-        self.static: dict[str, Array] = {
+        self.meta = plain(meta, "meta")
+        self.static = {
             name: series_numbers(value, f"static array {name!r}") for name, value in static.items()
         }
         check_basic(series, "series")
@@ -444,7 +444,7 @@ class History(Shown):
             self._series = series
         for name, value in () if self._series else series.items():
             self._put(name, value)
-        self._sensors: Mapping[str, Array] = sensors or {}
+        self._sensors = sensors or {}
         if not isinstance(sensors, StoredArrays):
             self._sensors = {
                 name: series_numbers(value, f"sensor array {name!r}")

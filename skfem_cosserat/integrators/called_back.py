@@ -94,7 +94,7 @@ class Called:
     def __init__(
         self, function: Callable[[int], object], failed: Callable[[], None] | None = None
     ) -> None:
-        self.error: BaseException | None = None
+        self.error = None
 
         def called(stage: int) -> float:
             try:

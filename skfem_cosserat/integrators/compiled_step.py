@@ -200,7 +200,7 @@ class CompiledScene:
         self.plan = plan_of(coordinates, solver is not None) if plan is None else plan
         self.factorisations = 0
         self._drag_factor = 0.0
-        self._factors: list[float] | None = None
+        self._factors = None
         self._solver = solver
         self._rest: Rest | None = None
         self._beams: list[dict[str, Any]] = []
@@ -556,7 +556,7 @@ class CompiledStep(CompiledScene):
         self._others = system.plane is not None or others
         self._record = np.zeros(len(RECORD))
         self._failed: tuple[float, Exception] | None = None  # a function, in a step to come
-        self._nearest: NearestVelocity | None = None
+        self._nearest = None
         if scheme.moved and system.m and NearestVelocity.serves(system):
             self._nearest = NearestVelocity(system, settings, source)
         self._viscous = [fields for fields in self._beams if "viscosity" in fields]

@@ -175,7 +175,7 @@ class Joints:
 
         def impulses(rates: Floats) -> Floats:
             try:
-                return np.asarray(np.linalg.solve(S, rates))
+                return np.linalg.solve(S, rates)
             except np.linalg.LinAlgError as error:
                 raise Unclosed("joints have come to a dead point", np.inf) from error
 
@@ -485,7 +485,7 @@ def _by_twist(group: BeamGroup, y: Array) -> tuple[BeamElements, Floats, Floats,
 def _reduced(weighted: Floats, B: Floats, root: Floats) -> Floats:
     """``L^-1 (int B^T D B ds) L^-T`` (ne, k, k)."""
     half = np.linalg.solve(root, bilinear(weighted, B, B))
-    return np.asarray(np.linalg.solve(root, half.transpose(0, 2, 1)), dtype=float)
+    return np.linalg.solve(root, half.transpose(0, 2, 1))
 
 
 def _rates(group: BeamGroup, y: Array) -> Floats:

@@ -289,7 +289,7 @@ class StepBalance:
         """
         s, system, e = self.scheme, self.system, evaluation
         material, geometric = s.force * self._share, s.force * s.at
-        parts: list[Parts] = []
+        parts = []
         for k, g in enumerate(system.beam_groups):
             D = self.moduli(step, e, k)
             beam = g.parts(e.Bs[k], e.B1s[k], e.stresses[k], material, geometric, D)
@@ -517,7 +517,7 @@ class StepBalance:
             v = rates[self.scheme.found_with]
         ydot = np.concatenate([v, system.ground_rate(t)])
         R = balance(system, y, amplitudes_at(system, t), turns=state.turns, ydot=ydot).R
-        return np.asarray(-(system.mass @ rates[1] + R)).reshape(-1)
+        return (-(system.mass @ rates[1] + R)).reshape(-1)
 
 
 def decay_stress(group: BeamGroup, chi: float, change: Array) -> Array:

@@ -198,7 +198,7 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
         x = np.where(abs(x - end) <= TOLERANCE, end, x)
     x = np.clip(x, 0.0, 1.0)
     here = mesh.mapping().F(x.reshape(1, -1, 1), e.ravel())[:, :, 0]
-    there = np.asarray(other.mapping().F(xi[None])).reshape(3, -1)
+    there = other.mapping().F(xi[None]).reshape(3, -1)
     gaps = np.linalg.norm(here - there, axis=0)
     if gaps.max() > POSITION_TOLERANCE * mesh.size:
         k = int(gaps.argmax()) // len(xi)

@@ -63,7 +63,7 @@ class Spin(Frozen):
 
     def centrifugal(self, system: System, y: Array) -> Array:
         """Generalised centrifugal force (rows, 3)."""
-        return -cross(self.velocity, np.asarray(system.mass @ self.rates(system, y)))
+        return -cross(self.velocity, system.mass @ self.rates(system, y))
 
 
 @dataclass(frozen=True, eq=False)

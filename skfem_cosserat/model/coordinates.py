@@ -148,7 +148,7 @@ class Joined(Kind):
         self.invariants = sum(kind.invariants for kind in kinds)
         self.period = np.concatenate([np.full(kind.size, kind.period) for kind in kinds])
         # each with its places among the coordinates and among the invariants
-        self._each: list[tuple[Kind, slice, slice]] = []
+        self._each = []
         m = k = 0
         for kind in kinds:
             self._each.append((kind, slice(m, m + kind.size), slice(k, k + kind.invariants)))

@@ -45,7 +45,7 @@ def fastest_turn(system: System, v: Floats) -> tuple[str, float]:
     >>> fastest_turn(system, system.v0)
     ("rigid body 'body'", 3.0)
     """
-    origins = np.asarray(system.origin_rows)[system.is_frame[: len(system.origin_rows)]]
+    origins = system.origin_rows[system.is_frame[: len(system.origin_rows)]]
     if not len(origins):
         return "", 0.0
     rates = v.reshape(-1, 3)[origins[:, None] + np.arange(1, 4)]

@@ -156,7 +156,7 @@ def closure_rows(system: System) -> Floats:
     y, length = system.spanned, system.length
     kin = system.kinematics
     rows = rows_by_tree(system, independent_rows(system, y), y, kin.fixed_axes(y))
-    return np.asarray(rows.toarray() / kin.scale(length))
+    return rows.toarray() / kin.scale(length)
 
 
 def loop_joints(system: System, rows: IndexArray) -> list[Item]:

@@ -84,7 +84,7 @@ class SeparateParts:
     def sum(self, values: Array) -> Array:
         """Sums (parts, ...) over the rows of each part."""
         flat = self._gather @ values.reshape(len(values), -1)
-        return np.asarray(flat).reshape(-1, *values.shape[1:])
+        return flat.reshape(-1, *values.shape[1:])
 
 
 @lru_cache(maxsize=4)

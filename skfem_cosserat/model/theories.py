@@ -201,7 +201,7 @@ class Spanning:
                 (self.joining if joins else self.closing).append((each, e))
                 for other in others if joins else ():
                     link(first, other, (each, e))
-        self._above: dict[int, tuple[int, Joint | RigidElement | HeldElement]] = {}
+        self._above = {}
         seen = set()
         for root in (self._ground, *links):
             waiting = [] if root in seen else [root]

@@ -269,7 +269,7 @@ def checked_events(
         return []
     if not isinstance(events, Sequence):
         raise InputError(item, f"{events!r}, expected a list of events")
-    names: set[str] = set()
+    names = set()
     for event in events:
         if not isinstance(event, Event):
             raise InputError(item, f"{event!r}, expected an Event")

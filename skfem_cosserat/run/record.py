@@ -118,7 +118,7 @@ class Works:
             changes[-1],
             steps.q[-1],
         )
-        return np.asarray(sums[::2])
+        return sums[::2]
 
     def finish(self, force: Floats | None = None) -> None:
         """End the work of the last step by the force of its end; by default its own force."""
@@ -428,7 +428,7 @@ class Record:
 
     def _happened(self) -> dict[str, Any]:
         """Events so far, and the systems that rows belong to, as meta data."""
-        meta: dict[str, Any] = {}
+        meta = {}
         if self.varying:
             meta["events"] = [event._asdict() for event in self.events]
         if len(self.segments) > 1:
@@ -458,7 +458,7 @@ class Record:
         """Close the file and give the history, with warnings of all that is doubtful about it."""
         self._status = status  # a full disk may be met from here on
         history = self.complete()
-        extra: dict[str, Any] = {
+        extra = {
             "factorisations": self.stepper.factorisations,
             "newton_iterations": self.iterations,
             **self._happened(),

@@ -118,7 +118,7 @@ class Schedule:
         self._loads = self._channels(loading.owners, loading.times)
         self._actuators = self._channels(couplings.owners, couplings.times)
         turning = (Constant(1.0), self._given.get("spin"), "spin")
-        self._spin: list[_Channel] = [] if spin is None else [turning]
+        self._spin = [] if spin is None else [turning]
         #: the load factor that was asked for last, and what is there: each iteration asks again
         self._known: tuple[float, Amplitudes] | None = None
 
@@ -318,7 +318,7 @@ class Problem:
         r_t, by_t = self.derivative()
         self.equations.evaluate(self.t)
         slope = self.equations.solve([r_t], mixed=False)[:, 0]
-        return np.asarray(self.equations.displacement(slope) + by_t, dtype=float)
+        return self.equations.displacement(slope) + by_t
 
 
 class PlainEquations:
@@ -463,9 +463,7 @@ class PlainEquations:
             return bound.pull(metric * self.displacement(u))
 
         operator = LinearOperator((size, size), matvec=project, dtype=float)
-        return np.asarray(
-            cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)[0]
-        )
+        return cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)[0]
 
 
 class Pivots(NamedTuple):
@@ -546,7 +544,7 @@ class CompiledEquations(CompiledScene):
         self._coupled = Coupled(
             system, system.couplings_of(system.couplings.items), self._a.coupled, REST, 1.0
         )
-        self._called: CalledAtRest | None = None
+        self._called = None
         self._taken: Amplitudes | None = None
         if system.couplings.functions or spin:
             self._called = CalledAtRest(system, spin, self.plan, self._a)
