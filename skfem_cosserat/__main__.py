@@ -16,8 +16,6 @@ from .version import VERSION
 if TYPE_CHECKING:
     from .model import Model
 
-__all__ = ["main"]
-
 
 def _changes(arguments: argparse.Namespace) -> str:
     """Changes that a user of an older version has to make."""

@@ -16,9 +16,6 @@ from ..model.loading import Followers
 from ..model.system import Coordinates
 from ..types import ArrayLike, IndexArray
 
-__all__ = ["Plan", "RowBlock", "following", "places_of", "plan_of", "row_blocks"]
-
-
 # -- the order in which vertices are eliminated, and where their blocks are: once for a system -----
 
 #: neighbours up to which a vertex is eliminated in blocks in any case: struts and what dangles
