@@ -10,7 +10,7 @@ import numpy as np
 
 from .arguments import checked
 from .errors import InputError
-from .export.table import abscissa, record_of
+from .export.table import record_of
 from .figures import PALETTE, legend, panels, write_figure
 from .history import History, SensorRecord
 from .history.container import BALANCE
@@ -119,7 +119,7 @@ def _energy_parts(history: History, names: Sequence[str] | None, since: float) -
     present = [name for name in _ENERGIES if name in history and name in wanted]
     if not present:
         raise InputError("history", f"has no energy series; expected some of {wanted}")
-    x = abscissa(history)
+    x = history.abscissa
     colours = dict(zip(_ENERGIES, PALETTE.values(), strict=False)) | {"energy": "black"}
     above = [name for name in present if name != BALANCE]
     below = [BALANCE] if BALANCE in present else [name for name in above if name in _TOTALS]

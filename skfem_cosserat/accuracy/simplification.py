@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arguments import checked
-from ..beam import Beam
 from ..constraints import NullSpace
 from ..diagnostics import section_strains
 from ..errors import CosseratError
@@ -146,8 +145,7 @@ def energies_of(run: Run, name: str) -> dict[str, Floats]:
 
     The energy of coupled strains counts half to each of them.
     """
-    beam = run.model[name]
-    assert isinstance(beam, Beam)
+    beam: Any = run.model[name]
     e, strains = beam.elements, section_strains(run.system, beam, run.history["q"])
     stress = np.array([beam_stress(e, each) for each in strains])
     weights = e.lengths[:, None] * e.weights

@@ -41,8 +41,6 @@ from .file import (
 )
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from matplotlib.figure import Figure
 
     from ..beam import Beam
@@ -241,8 +239,7 @@ def rows_at(
     if s is not None or part is not None:
         name, value = ("s", s) if s is not None else ("part", part)
         raise InputError(f"argument {name}", f"{value!r} is for beams, not for the {where.label}")
-    item = where.item
-    assert item is not None
+    item: Any = where.item
     offsets = np.ravel(_offsets(static, item.name, where.label))
     if where.vertex >= len(offsets):
         text = f"is vertex {where.vertex}, the history has {len(offsets)} of them: another mesh"
@@ -661,17 +658,19 @@ class History(Shown):
         return self._series["t"]
 
     @property
+    def abscissa(self) -> Floats:
+        """What states are drawn over: times (s), or the load factors of a path of equilibria."""
+        return self["load_factor" if "load_factor" in self else "t"]
+
+    @property
     def instants(self) -> Floats:
         """Times ``(N,)`` in s at which loads and motions are taken that are functions of time.
 
         On a path of :func:`skfem_cosserat.static` these are its load factors, or the one instant
         that it holds, ``meta["time"]``; of a mode that at which it was found.
         """
-        if "load_factor" not in self:
-            held = self.meta.get("instant")
-            return self.times if held is None else np.full(len(self), float(held))
-        held = self.meta.get("time")
-        return self["load_factor"] if held is None else np.full(len(self), float(held))
+        held = self.meta.get("time" if "load_factor" in self else "instant")
+        return self.abscissa if held is None else np.full(len(self), float(held))
 
     @property
     def status(self) -> str:
@@ -683,7 +682,7 @@ class History(Shown):
 
     def summary(self) -> dict[str, Any]:
         """What it is of, how it ended, what is doubtful, and what there is to be read."""
-        over, meta = "load_factor" if "load_factor" in self else "t", self.meta
+        meta, times = self.meta, self.abscissa[[0, -1][: len(self)]]
         names: dict[str, str] = {}
         for group, _, own in (name.rpartition("/") for name in self):
             names[group] = f"{names[group]}, {own}" if group in names else own
@@ -694,7 +693,7 @@ class History(Shown):
             "treatment": meta.get("treatment"),
             "step in s": meta.get("step") or None,
             "states": len(self),
-            "time in s" if over == "t" else "load factor": self._series[over][[0, -1][: len(self)]],
+            "load factor" if "load_factor" in self else "time in s": times,
             "status": self.status + ended * (self.status == "killed"),
             "energy lost in J": meta.get("energy_balance", {}).get("lost"),
             "largest balance of energy in J": np.nanmax(abs(known), initial=0.0) or None,
@@ -705,7 +704,9 @@ class History(Shown):
         }
 
     def __repr__(self) -> str:
-        span = f", t = {self.times[0]:g} ... {self.times[-1]:g} s" if len(self) else ""
+        before, unit = (", load factor", "") if "load_factor" in self else (", t =", " s")
+        x = self.abscissa
+        span = f"{before} {x[0]:g} ... {x[-1]:g}{unit}" if len(self) else ""
         count = len(self.events)
         what = f", {count} event{'s' * (count > 1)}" if count else ""
         doubt = counted(self.meta.get("warnings", ()))
