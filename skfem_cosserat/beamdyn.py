@@ -211,7 +211,7 @@ def _station(rows: Floats, mu: Floats) -> Section:
     for matrix, expected, what in ((D, D.T, "symmetric"), (M, flat, "that of a flat section")):
         off = abs(matrix - expected) / np.sqrt(abs(np.outer(np.diag(expected), np.diag(expected))))
         if not off.max() < WRONG:
-            i, j = np.unravel_index(int(off.argmax()), (6, 6))
+            i, j = np.unravel_index(off.argmax(), (6, 6))
             text = f"entry {i + 1}, {j + 1} is {matrix[i, j]:.6g}, not {expected[i, j]:.6g}"
             raise InputError("a matrix", f"is not {what}: {text}")
     D = 0.5 * (D + D.T)

@@ -557,7 +557,7 @@ class MotionShake(Motion):
         if not (np.isfinite(t).all() and np.isfinite(a).all()):
             raise InputError(item, "times or accelerations are not finite")
         if (np.diff(t) <= 0).any():
-            bad = int(np.argmax(np.diff(t) <= 0))
+            bad = np.argmax(np.diff(t) <= 0)
             raise InputError(item, f"times do not increase: {t[bad]} is followed by {t[bad + 1]}")
         if switch(item, baseline, "baseline"):
             path = _integrated(t, a)

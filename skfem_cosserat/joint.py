@@ -143,7 +143,7 @@ class Joint(Item):
         rest = self.gap(x_b - x_a)
         gap = float(np.linalg.norm(rest))
         # coordinates far from the origin are known to their own rounding only
-        rounding = 1e-15 * float(abs(x_a).max() + abs(x_b).max())
+        rounding = 1e-15 * (abs(x_a).max() + abs(x_b).max())
         if gap > TOLERANCE * length + rounding:
             raise InputError(
                 self.label,

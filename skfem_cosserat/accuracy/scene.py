@@ -138,7 +138,7 @@ class Maximum(_Sampled):
         """The largest value of the run."""
         every = super().values(name, run)
         y, t = _column(name, every, self.component), every.times
-        k = int(np.argmax(y))
+        k = np.argmax(y)
         if t is None or not 0 < k < len(y) - 1:
             return Reading(np.asarray(y[k]))
         near = slice(k - 1, k + 2)

@@ -64,7 +64,7 @@ def _with_joint_rates(
     scale = 1 / np.where(size > 1e-12 * size.max(initial=1e-300), size, 1.0)
     weights = np.linalg.lstsq(scale[:, None] * gram * scale, scale * given, rcond=1e-10)[0]
     miss = given - gram @ (scale * weights)
-    worst = int(abs(miss).argmax())
+    worst = abs(miss).argmax()
     if abs(miss[worst]) > 1e-8 * max(1.0, largest(wanted)):
         raise InputError(
             "initial state",
@@ -130,7 +130,7 @@ def _least_strained(
     rows, values = rows / size[:, None], values / size
     _, R, order = qr(rows.T, pivoting=True, mode="economic")
     diagonal = abs(np.diag(R))
-    chosen = order[: int((diagonal > TOLERANCE * diagonal.max(initial=0.0)).sum())]
+    chosen = order[: (diagonal > TOLERANCE * diagonal.max(initial=0.0)).sum()]
     K = P.T @ S @ P
     scale = largest(K.data) or 1.0
     B = csr_matrix(scale * rows[chosen])
@@ -352,7 +352,7 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
     rounding = 1e-13 * system.constraints.magnitudes(y, most)
     excess = hidden - tolerance * system.constraints.magnitudes(y, rates) - floor - rounding
     if excess.max(initial=0.0) > 0:
-        row = int(excess.argmax())
+        row = excess.argmax()
         raise InputError(
             "initial state",
             f"the velocity violates the hidden constraint of {constraint_owner(system, row)} at"

@@ -27,7 +27,7 @@ def inside_out(result: Recorded) -> Iterator[Doubt]:
         stretch = group_stretches(group, history["q"]).min(axis=2)
         rows = np.flatnonzero((stretch <= 0).any(axis=1))
         for row in rows[:1]:
-            worst = int(stretch[row].argmin())
+            worst = stretch[row].argmin()
             beam, e = beam_of(system, group, worst)
             yield Doubt(
                 beam.label,
@@ -90,7 +90,7 @@ def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
 
 def _coarse(system: System, of: str, told: str, energies: Floats, off: float) -> Doubt:
     """Doubt about the beam that lacks most of some energies (beams, 2)."""
-    beam = system.beams[int(abs(energies[:, 0]).argmax())]
+    beam = system.beams[abs(energies[:, 0]).argmax()]
     order = beam.basis.order
     return Doubt(
         beam.label,

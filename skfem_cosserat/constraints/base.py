@@ -306,7 +306,7 @@ class BoundTreatment(ABC):
         T = system.kinematics.values_at(y)
         again = system.closure.again(self._taken, y, T)
         pivots = np.array([s.pivots.min(initial=1.0) for s in again])
-        self.clearance = CLEAR * float(pivots.min())
+        self.clearance = CLEAR * pivots.min()
         return bool((pivots > self._least / 2).all())  # else others may do better
 
     def _choose_rows(self, y0: Array, T: Floats, momentum: Floats | None) -> list[Selected]:
@@ -340,7 +340,7 @@ def half_turn(system: System, y0: Array, y1: Array) -> str | None:
     wrong = np.flatnonzero(traces < SMALLEST)
     if not len(wrong):
         return None
-    return f"{system.owner[int(system.kinematics.frames[wrong[0]])].label} by half a turn"
+    return f"{system.owner[system.kinematics.frames[wrong[0]]].label} by half a turn"
 
 
 def relative_size(size: float, term: float) -> float:

@@ -127,7 +127,7 @@ def free_motion(system: System, tangent: ReducedTangent) -> tuple[str, str] | No
     twist = np.linalg.solve(twists[chosen].T, twists.T)[0].reshape(-1, 2, 3)
     twist = np.where(abs(twist) < 1e-7, 0.0, twist)
     sizes = np.linalg.norm(twist, axis=(1, 2))
-    k = int(sizes.argmax())
+    k = sizes.argmax()
     v, w = twist[k]
     turn = np.linalg.norm(w)
     main = w / turn if turn else v / sizes[k]

@@ -427,5 +427,5 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     K = bsr_matrix((blocks, np.arange(len(rows)), np.arange(len(rows) + 1)), 2 * T.shape[1:])
     M = congruent(T, full_mass(system))
     value, shape = _largest(K, M)
-    most = int(np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax())
+    most = np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax()
     return float(np.sqrt(max(value, 0.0))), int(rows[most, 0]) - 1

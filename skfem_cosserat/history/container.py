@@ -315,7 +315,7 @@ def _check_reference(
     size = frames[0].size
     there = np.array([reference[k : k + size] for k in offsets if k + size <= len(reference)])
     here = frames.reshape(len(frames), size)
-    scale = 1.0 + float(abs(reference).max(initial=0.0))
+    scale = 1.0 + abs(reference).max(initial=0.0)
     if there.shape != here.shape or abs(there - here).max() > TOLERANCE * scale:
         raise InputError(
             label,

@@ -201,7 +201,7 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     there = other.mapping().F(xi[None]).reshape(3, -1)
     gaps = np.linalg.norm(here - there, axis=0)
     if gaps.max() > POSITION_TOLERANCE * mesh.size:
-        k = int(gaps.argmax()) // len(xi)
+        k = gaps.argmax() // len(xi)
         raise MeshError(
             f"element {k}",
             f"is {gaps.max():.3g} m away from the line of the mesh before: expected the same lines"

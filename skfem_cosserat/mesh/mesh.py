@@ -296,7 +296,7 @@ def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
     pairs = number[mesh.t]
     collapsed = (pairs[0] == pairs[1]) & (pairs[0] >= 0)
     if collapsed.any():
-        e = int(np.argmax(collapsed))
+        e = np.argmax(collapsed)
         a, b = mesh.p[:, mesh.t[:, e]].T.tolist()
         raise MeshError("argument tol", f"{tol:.3g} m would collapse the element from {a} to {b}")
     hit, times = np.unique(number[number >= 0], return_counts=True)

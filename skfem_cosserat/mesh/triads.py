@@ -126,7 +126,7 @@ def _check_parallel(mesh: MeshCurve, hints: Floats, tangents: Floats, along: Flo
     if parallel.any():
         order = mesh.chain_order.elements
         e = int(order[np.argmax(parallel[order].any(axis=1))])
-        a = int(np.argmax(parallel[e]))
+        a = np.argmax(parallel[e])
         raise MeshError(
             _owner_item("director", mesh, mesh.owners[e]),
             f"{hints[e].tolist()} is parallel to the tangent of element {e} at"
@@ -312,7 +312,7 @@ def check_bends(
     angle = turns(triads[:, :-1], triads[:, 1:]).round(9)  # of equal ones the first is named
     # at a quarter turn nothing is left of the stiffness of a linear element
     if angle.max() >= round(np.pi / 2, 9):
-        e, a = (int(i) for i in np.unravel_index(int(angle.argmax()), angle.shape))
+        e, a = np.unravel_index(angle.argmax(), angle.shape)
         twist = abs(float(_twists(triads[e, a], triads[e, a + 1])))
         where = f"between the nodes {nodes[e, a]} and {nodes[e, a + 1]} of element {e}"
         if twist > angle[e, a] / 2:
@@ -330,7 +330,7 @@ def check_bends(
     _check_folds(mesh, kind, nodes, places, triads, item)
     total = angle.sum(axis=1).round(8)
     if total.max() > round(kind.turn_limit, 8):
-        e = int(total.argmax())
+        e = total.argmax()
         warn(
             item,
             f"element {e} turns between its ends, the nodes {nodes[e, 0]} and {nodes[e, -1]}, by"
@@ -355,7 +355,7 @@ def _check_folds(
     d3 = np.einsum("ag,eac->ceg", at.values, triads[:, :, 2])
     cosine = np.minimum((exact * d3).sum(0), (slope * d3).sum(0))
     if cosine.min() <= 0:
-        e, g = (int(i) for i in np.unravel_index(int(cosine.argmin()), cosine.shape))
+        e, g = np.unravel_index(cosine.argmin(), cosine.shape)
         raise MeshError(
             item,
             f"the line folds back inside element {e}, between the nodes {nodes[e, 0]} and"

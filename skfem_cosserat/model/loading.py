@@ -462,7 +462,7 @@ class FunctionLoad:
 
     def _steps(self, x: Array, v: Array) -> tuple[float, float]:
         """Steps of differences by x and v: longer far from the origin, where rounding is larger."""
-        sizes = max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max()))
+        sizes = max(self.length, 1e-3 * abs(x).max()), max(1.0, abs(v).max())
         return SMALL * sizes[0], SMALL * sizes[1]
 
     def slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
@@ -527,7 +527,7 @@ class FunctionLoad:
                 moved[i] += sign * steps[i[0]]
                 ends.append(self.force(moved[0], moved[1], 0.0))
             other[(i[0], ..., *i[1:])] = (ends[0] - ends[1]) / (2 * steps[i[0]])
-        rounding = 1e-14 * float(abs(force).max()) / steps
+        rounding = 1e-14 * abs(force).max() / steps
         gap = (abs(slopes - other).max((1, 2, 3, 4)) - rounding).clip(0.0)
         # those by points and those by velocities have units of their own
         return float((gap / (abs(other).max((1, 2, 3, 4)) + rounding + 1e-300)).max())

@@ -234,7 +234,7 @@ def closed(
             gaps.append(float(abs(violation).max(initial=0.0)))
             part = s.correction(violation)
             step[s.component.columns] = part
-            size = max(size, float(abs(part / s.component.scale).max(initial=0.0)))
+            size = max(size, abs(part / s.component.scale).max(initial=0.0))
         worst = int(np.argmax(gaps))
         if gaps[worst] < CLOSED:
             return y, worst
@@ -762,4 +762,4 @@ def _pick(matrix: csr_matrix, rows: IndexArray) -> IndexArray:
     if not len(columns):
         return rows[:0]
     order, d = pivoted(part[:, columns].toarray(), 0)
-    return np.sort(rows[order[: int((d > TOLERANCE * max(1.0, d.max())).sum())]])
+    return np.sort(rows[order[: (d > TOLERANCE * max(1.0, d.max())).sum()]])

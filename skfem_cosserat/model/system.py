@@ -522,11 +522,11 @@ class System(Pictured):
         cosines = 1 + self.branch_cosines.values(y)
         if len(cosines) and cosines.min() < 0.5:  # -1 half a turn off, 0 a third
             turned = "half" if cosines.min() < -0.5 else "a third of"
-            return f"{self.of_cosine[int(cosines.argmin())].label} by {turned} a turn"
+            return f"{self.of_cosine[cosines.argmin()].label} by {turned} a turn"
         D = self.kinematics.directors(y)
         wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
         if len(wrong):
-            return f"triad of {self.owner[int(self.kinematics.frames[wrong[0]])].label}"
+            return f"triad of {self.owner[self.kinematics.frames[wrong[0]]].label}"
         return None
 
     def null_space(self, q: ArrayLike, t: float = 0.0) -> Floats:
