@@ -341,8 +341,7 @@ def _from_section(rotations: Floats, rows: Array) -> Array:
     """Rows (ne, r, 4 nn c) by section coordinates -> by nodal ones (chain rule); c = 1 or 3."""
     ne, r, k = rows.shape
     out = rows.reshape(ne, r, rotations.shape[1], 4, -1).copy()
-    back = rotations.transpose(0, 1, 3, 2)[:, None]
-    out[:, :, :, 1:] = back @ out[:, :, :, 1:]
+    out[:, :, :, 1:] = rotations.transpose(0, 1, 3, 2)[:, None] @ out[:, :, :, 1:]
     return out.reshape(ne, r, k)
 
 

@@ -37,8 +37,7 @@ def write_report(history: History, path: FilePath) -> Path:
         raise ImportError(text) from error
     if not len(history):
         raise InputError("history", "has no states")
-    most = min(max(_COORDINATES // history["q"].shape[1], 2), _STATES)
-    rows = spread(len(history), most)
+    rows = spread(len(history), min(max(_COORDINATES // history["q"].shape[1], 2), _STATES))
     data = {
         "over": "load factor" if "load_factor" in history else "time in s",
         "at": history.abscissa[rows].tolist(),

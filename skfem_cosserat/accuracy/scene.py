@@ -259,8 +259,7 @@ class Run:
         elif sensor.derivative:
             raise InputError(f"quantity {name!r}", f"{type(sensor).__name__} needs a motion")
         else:
-            window = Window(system, path.instants, path["q"], path["p"])
-            rows = seen(name, sensor, window)
+            rows = seen(name, sensor, Window(system, path.instants, path["q"], path["p"]))
         return Reading(rows, path["load_factor"]) if self.in_time else Reading(rows[-1])
 
     @cached_property

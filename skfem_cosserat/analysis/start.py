@@ -143,8 +143,7 @@ def _tell(system: System, q: Floats, change: Floats, names: list[str], why: str)
     """Say which beams cannot keep their strains, if that is more than what q is off its joints."""
     sizes = {}
     for beam in system.beams:
-        rates = section_strain_rates(system, beam, q, change)
-        sizes[beam.label] = largest(rates)
+        sizes[beam.label] = largest(section_strain_rates(system, beam, q, change))
     motion = abs(change.reshape(-1, 3))
     motion[system.origin_rows] /= system.length
     most = max(sizes.values())
@@ -508,8 +507,7 @@ def _settled(
     rows, y = new_rows(source, target), target.extend(q, t)
     rest = settled(target, y, amplitudes_at(target, t), rows, inertia)
     rates = v.reshape(-1, 3).copy()
-    spin = spins(y[rows], rates[rows])
-    rates[rows[:, 1:]] = np.cross(spin[:, None], rest[rows[:, 1:]])
+    rates[rows[:, 1:]] = np.cross(spins(y[rows], rates[rows])[:, None], rest[rows[:, 1:]])
     return rest[: target.rows].ravel(), rates.ravel()
 
 

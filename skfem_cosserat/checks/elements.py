@@ -79,8 +79,7 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
 def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
     """Modes that the mesh makes, or makes wrong."""
     lacking, stored = result.energies.sum(axis=1).T
-    energy = np.where(result.energy > 0, np.maximum(result.energy, stored), np.inf)
-    share = abs(lacking) / energy
+    share = abs(lacking) / np.where(result.energy > 0, np.maximum(result.energy, stored), np.inf)
     found, worst = np.flatnonzero(share > LACKING), int(share.argmax())
     if len(found):
         of, told = f"mode {', '.join(map(str, found))}", f"the {result.told} of mode {worst}"

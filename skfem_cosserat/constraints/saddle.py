@@ -222,5 +222,4 @@ def _ground_rates(system: System, t: float) -> tuple[Floats, Floats]:
     h = 1e-3 if t <= 0 else -min(1e-3, t / 4)
     f = [system.ground(t + k * h) for k in range(6)]
     weights = np.array([15 / 4, -77 / 6, 107 / 6, -13.0, 61 / 12, -5 / 6])
-    second = np.einsum("k,krc->rc", weights, np.array(f)) / h**2
-    return rate, second
+    return rate, np.einsum("k,krc->rc", weights, np.array(f)) / h**2

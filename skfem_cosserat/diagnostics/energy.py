@@ -598,8 +598,7 @@ def section_forces(
     out = resultants(system, beam, section_strains(system, beam, q), factors, multipliers)
     if v is not None and group.elements.viscosity is not None:
         rates = section_strain_rates(system, beam, q, v)
-        viscosity = group.elements.viscosity[group.slices[id(beam)]]
-        out = out + product(rates, viscosity)
+        out = out + product(rates, group.elements.viscosity[group.slices[id(beam)]])
     return out
 
 

@@ -110,14 +110,12 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
     for n in range(len(q) - 1):
         # with p = 0 the balance is -D_1 L_d - f^-, what is carried on D_2 L_d + f^+
         turned = None if turns is None else turns[n]
-        rest = State(float(times[n]), n, q[n], np.zeros(system.n), turns=turned)
-        step = balance.begin(rest)
+        step = balance.begin(State(float(times[n]), n, q[n], np.zeros(system.n), turns=turned))
         evaluation = balance.evaluate(step, system.extend(q[n + 1], float(times[n + 1])))
         minus[n] = evaluation.R.reshape(-1)
         plus[n + 1] = balance.finish(step, evaluation).momentum.reshape(-1)
         if history["fresh"][n]:
-            given = history["p"][n] - minus[n]
-            lam = balancing(system, step.y0, given)
+            lam = balancing(system, step.y0, history["p"][n] - minus[n])
             half[n] = system.constraints.jacobian(step.y0).T @ lam
     return minus + half, plus - half
 

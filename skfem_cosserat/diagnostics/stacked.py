@@ -239,8 +239,7 @@ def reduced_tangent(
     P = null_space_matrix(system, y)
     A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
     A = A + curvature_matrix(system, y, multipliers)
-    sum_of_nodes = len(system.origin_rows) * weights(system).repeat(3)
-    metric = congruent(P, diags(sum_of_nodes))
+    metric = congruent(P, diags(len(system.origin_rows) * weights(system).repeat(3)))
     return ReducedTangent(congruent(P, A), P, multipliers, at, metric)
 
 
@@ -343,8 +342,7 @@ def highest_frequency(system: System, q: ArrayLike | None = None) -> float:
     y = system.extend(where, 0.0)
     P = null_space_matrix(system, y)
     K = congruent(P, material_stiffness(system, y))
-    M = congruent(P, full_mass(system))
-    return float(np.sqrt(max(_largest(K, M)[0], 0.0)))
+    return float(np.sqrt(max(_largest(K, congruent(P, full_mass(system)))[0], 0.0)))
 
 
 def _largest(K: csr_matrix, M: csr_matrix) -> tuple[float, Floats]:

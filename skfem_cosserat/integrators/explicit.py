@@ -670,8 +670,7 @@ class Marching:
             last, kicks = self._kick(y, m, h, loads, start)
             elements, iterations = last.elements, max(iterations, drifts, kicks)
             moved = float(((first.loads + last.loads) * (y[:rows] - y0[:rows])).sum())
-            lost = 0.5 * h * (first.power + last.power)
-            works.append(StepWork(0.5 * moved, dissipated=lost))
+            works.append(StepWork(0.5 * moved, dissipated=0.5 * h * (first.power + last.power)))
             if start is not None and first.coupled is not None and last.coupled is not None:
                 forces = first.coupled, last.coupled
                 works.append(trapezoidal_work(couplings, (start, start), forces, y[:-1], rows))

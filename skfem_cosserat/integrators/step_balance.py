@@ -449,12 +449,10 @@ class StepBalance:
         at0 = amplitudes_at(system, t0)
         ydot = np.concatenate([step.rates0[0], system.ground_rate(t0)])
         start = balance(system, step.y0, at0, turns=turns, ydot=ydot)
-        change = e.y1 - step.y0
-        loads = 0.5 * float(((start.external + e.external) * change[:rows]).sum())
+        loads = 0.5 * float(((start.external + e.external) * (e.y1 - step.y0)[:rows]).sum())
         strained = [b - a for a, b in zip(start.strains, e.strains, strict=True)]
         began = self._damped_work(e, strained, start.Bs, ydot, start.coupled)
-        ended = self._damped_work(e, strained, e.Bs, e.velocity, e.coupled)
-        lost = 0.5 * (began + ended)
+        lost = 0.5 * (began + self._damped_work(e, strained, e.Bs, e.velocity, e.coupled))
         if step.couplings is None or e.coupled is None or start.coupled is None:
             return StepWork(loads, dissipated=lost)
         couplings = system.couplings

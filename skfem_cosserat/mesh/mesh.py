@@ -106,8 +106,7 @@ class MappingCurve(SkfemMapping):
         length = mesh.lengths[elements][:, None]
         grid = np.linspace(0.0, 1.0, 9)
         near = self.F(grid[None, :], elements)
-        gaps = np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0)
-        xi = grid[np.argmin(gaps, axis=-1)]
+        xi = grid[np.argmin(np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0), axis=-1)]
         for _ in range(50):
             ahead = x - self.F(xi[None], elements)
             step = (ahead * self.tangent(xi[None], elements)).sum(axis=0) / length

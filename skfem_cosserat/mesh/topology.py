@@ -160,8 +160,7 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     first = np.append(0, np.cumsum(count))
     every = every[np.repeat(starts[sort] - first[:-1], count) + np.arange(ne)]
     before = every[successor[every] >= 0]
-    after = successor[before]
-    out = ChainOrder(every, first, rings[sort], owner[heads][sort], before, after)
+    out = ChainOrder(every, first, rings[sort], owner[heads][sort], before, successor[before])
     lock_arrays(out)
     return out
 
@@ -529,8 +528,7 @@ def places_along(
         what = f"shape {at.shape}" if at.ndim != 1 else f"{at[wrong][0]} m"
         raise MeshError(item, f"arc length s: {what}, expected numbers in 0 .. {ends[-1]:.9g} m")
     k = np.minimum(np.searchsorted(ends, at + tol, side="right"), len(ids) - 1)
-    xi = 1.0 - (ends[k] - at) / mesh.lengths[ids[k]]
-    return ids[k], np.clip(xi, 0.0, 1.0)
+    return ids[k], np.clip(1.0 - (ends[k] - at) / mesh.lengths[ids[k]], 0.0, 1.0)
 
 
 def number_of_times(value: Any, count: int) -> int:

@@ -251,8 +251,7 @@ def turns(before: Floats, after: Floats) -> Floats:
 
     Exact also at small angles: ``|A - B|^2 = 8 sin^2(t/2)``.
     """
-    chord = np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8)
-    return 2 * np.arcsin(np.clip(chord, 0, 1))
+    return 2 * np.arcsin(np.clip(np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8), 0, 1))
 
 
 def _twists(before: Floats, after: Floats) -> Floats:

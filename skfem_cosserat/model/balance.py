@@ -173,8 +173,7 @@ def balance(
         internal = internal + coupled.force[: system.rows]
     external = external_force(system, y, amplitudes)
     size = max(float(abs(term).max(initial=0.0)) for term in (internal, external))
-    R = internal - external
-    return Balance(R, size, y, strains, Bs, stresses, coupled, external)
+    return Balance(internal - external, size, y, strains, Bs, stresses, coupled, external)
 
 
 def external_force(system: System, y: Array, amplitudes: Amplitudes) -> Array:

@@ -202,8 +202,7 @@ def _atan2(y: Array, x: Array) -> Array:
     """``atan2(y, x)``; with complex numbers to first order in their small imaginary parts."""
     out = np.arctan2(y.real, x.real)
     if np.iscomplexobj(y) or np.iscomplexobj(x):
-        slope = (x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2)
-        return out + 1j * slope
+        return out + 1j * ((x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2))
     return out
 
 

@@ -307,8 +307,7 @@ class Loading:
     def _moments(self, D: Array, amplitudes: Floats) -> Array:
         """``m x d^j/2`` (..., k, 3, 3) on directors D, with the reciprocal ones d^j."""
         value = amplitudes[self._moment_channel][:, None] * self._moment_value
-        spatial = (value[:, :, None] * D).sum(-2)
-        m = np.where(self._moment_follows[:, None], spatial, value)
+        m = np.where(self._moment_follows[:, None], (value[:, :, None] * D).sum(-2), value)
         return 0.5 * cross(m[..., None, :], np.linalg.inv(D).swapaxes(-1, -2))
 
     def add_tangent(self, blocks: list[Array], y: Array, amplitudes: Floats, factor: float) -> None:
@@ -501,8 +500,7 @@ class FunctionLoad:
         rng = np.random.default_rng(0)
         for _ in range(2):
             x = self.points(y) + 1e-2 * self.length * rng.standard_normal(self.points(y).shape)
-            v = rng.standard_normal(x.shape)
-            off = self._error(x, v)
+            off = self._error(x, rng.standard_normal(x.shape))
             if off <= 1e-3:
                 return
         remedy = "give the right ones"

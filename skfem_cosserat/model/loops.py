@@ -61,8 +61,7 @@ def independent_null_space(rows: csr_matrix) -> csr_matrix:
     order, L, _ = lu(rows.toarray().T, p_indices=True)  # overwriting is wrong in scipy 1.18.1
     first, rest = L[:count], L[count:]
     part = -solve_triangular(first, rest.T, trans="T", lower=True, unit_diagonal=True)
-    Z = vstack([csr_matrix(part), identity(size - count)]).tocsr()
-    return csr_matrix(Z[order])
+    return csr_matrix(vstack([csr_matrix(part), identity(size - count)]).tocsr()[order])
 
 
 def null_basis(system: System, y: Floats) -> csr_matrix:
@@ -667,8 +666,7 @@ def coordinates_in_plane(system: System) -> csr_matrix:
     plane = system.plane
     rows = plane.moving(system.q0.reshape(-1, 3), system.origin_rows)
     count = 2 * len(rows)
-    places = 3 * rows[:, None] + np.arange(3)
-    i = np.repeat(places[:, :, None], 2, axis=2).ravel()
+    i = np.repeat((3 * rows[:, None] + np.arange(3))[:, :, None], 2, axis=2).ravel()
     j = np.repeat(np.arange(count).reshape(-1, 1, 2), 3, axis=1).ravel()
     values = np.broadcast_to(plane.axes.T, (len(rows), 3, 2)).ravel()
     return csr_matrix((values, (i, j)), shape=(system.n, count))
@@ -688,14 +686,12 @@ def rows_in_plane(system: System) -> IndexArray:
     along = coordinates_in_plane(system)
     count = along.shape[1]
     y = system.extend(system.q0, 0.0)
-    G = (system.constraints.jacobian(y) @ along).tocsr()
-    kept = _of_triads(system, G, y)
+    kept = _of_triads(system, (system.constraints.jacobian(y) @ along).tocsr(), y)
     held = (system.constraints.jacobian(y) @ _rigid(system, y)).tocsr()
     loops = {id(joint) for joint in system.tree.loops}
     rows: dict[int, list[IndexArray]] = {}
     for jr in system.joint_rows:
-        numbers = np.arange(jr.rows.start, jr.rows.stop)
-        rows.setdefault(id(joint_of(jr)), []).append(numbers)
+        rows.setdefault(id(joint_of(jr)), []).append(np.arange(jr.rows.start, jr.rows.stop))
     for joint, own in rows.items():
         if joint not in loops:
             kept.append(_pick(held, np.concatenate(own)))

@@ -531,10 +531,8 @@ def _pushed(
     for t in instants:
         y, ydot = _motion(system, plane, rng), _motion(system, plane, rng)
         ydot = ydot - system.extend(system.q0, 0.0)
-        factors = alone.values(t)
-        start = alone.starting(system.extend(system.q0, 0.0), None, factors, 1.0, t)
-        force = alone.static(start, y, ydot).force[: system.rows]
-        twists = _twist_forces(system, y, force)
+        start = alone.starting(system.extend(system.q0, 0.0), None, alone.values(t), 1.0, t)
+        twists = _twist_forces(system, y, alone.static(start, y, ydot).force[: system.rows])
         off = _out_of_plane(twists, plane)
         worst, most = max(worst, off), max(most, abs(twists).max())
     if worst > TOLERANCE * most:
@@ -596,8 +594,7 @@ def _twist_forces(system: System, y: Floats, force: Floats) -> Floats:
 
 def _out_of_plane(twists: Floats, plane: Plane) -> float:
     n = plane.normal
-    moments = twists[1] - np.outer(twists[1] @ n, n)
-    return max(abs(twists[0] @ n).max(), abs(moments).max())
+    return max(abs(twists[0] @ n).max(), abs(twists[1] - np.outer(twists[1] @ n, n)).max())
 
 
 def _ground(system: System, plane: Plane) -> OutOfPlane:

@@ -394,8 +394,7 @@ class System(Pictured):
         close_loops(self)
         #: constraint rows that the tree's coordinates do not fulfil by themselves
         self.left_rows: IndexArray = np.union1d(self.closure.rows, self.held_rows)
-        left = self.closure.rank + len(self.held_rows)
-        self.unknowns = self.kinematics.unknowns - left
+        self.unknowns = self.kinematics.unknowns - (self.closure.rank + len(self.held_rows))
         self.rank = self.coordinates - self.unknowns
         check_mobility(self, almost_redundant(self))
         if self.plane is None:
@@ -674,8 +673,7 @@ class System(Pictured):
         self, items: Sequence[Coupling], functions: Sequence[FunctionLoad] = ()
     ) -> Couplings:
         """Some of its force elements, and of its loads that are functions, as arrays."""
-        start = self.extend(self.q0, 0.0)
-        return Couplings(items, self.row_of, start, self.rows, functions)
+        return Couplings(items, self.row_of, self.extend(self.q0, 0.0), self.rows, functions)
 
     @cached_property
     def length(self) -> float:

@@ -104,8 +104,7 @@ def add_theory_rows(
             else:
                 build.add(left, right, factor)
         shape = len(beam.elements.lengths), len(beam.elements.points), len(beam.theory.held)
-        rows = slice(start, build.size)
-        out.append(TheoryRows(beam, rows, beam.theory.held, shape, vertex))
+        out.append(TheoryRows(beam, slice(start, build.size), beam.theory.held, shape, vertex))
     return out
 
 

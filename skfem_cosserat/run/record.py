@@ -106,8 +106,7 @@ class Works:
         known = (
             steps.works[:, 3] - own * _along(forces, changes) - before * _along(earlier, changes)
         )
-        behind = np.concatenate([self._change[None], changes[:-1]])
-        ended = after * _along(forces, behind)
+        ended = after * _along(forces, np.concatenate([self._change[None], changes[:-1]]))
         # one after the other, whatever the length of blocks
         parts = np.column_stack([-ended, known]).ravel()
         sums = np.cumsum([self.drives, *parts])[1:]

@@ -317,8 +317,7 @@ class Problem:
         """Derivative (rows, 3) of the coordinates by the load factor, at a solution."""
         r_t, by_t = self.derivative()
         self.equations.evaluate(self.t)
-        slope = self.equations.solve([r_t], mixed=False)[:, 0]
-        return self.equations.displacement(slope) + by_t
+        return self.equations.displacement(self.equations.solve([r_t], mixed=False)[:, 0]) + by_t
 
 
 class PlainEquations:
@@ -683,8 +682,7 @@ class CompiledEquations(CompiledScene):
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """Size of an increment (relative to the scene, or rad), and of its largest rotation."""
         size = abs(increment[: self._units.size].reshape(-1, 6)) * self._units
-        turn = size[self._turning].max(initial=0.0)
-        return float(size.max(initial=0.0)), float(turn)
+        return float(size.max(initial=0.0)), float(size[self._turning].max(initial=0.0))
 
     def move(self, increment: Floats, change: Floats | None) -> None:
         """Move by an increment, which takes effect with the next evaluation.
