@@ -16,8 +16,6 @@ from .version import VERSION
 if TYPE_CHECKING:
     from .model import Model
 
-__all__ = ["main"]
-
 
 def _changes(arguments: argparse.Namespace) -> str:
     """Changes that a user of an older version has to make."""
@@ -169,7 +167,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     made["film"].add_argument("--speed", type=float, default=1.0, help="2: twice as fast as it was")
     made["paraview"].add_argument("--every", type=int, default=1, help="only every so many states")
     made["paraview"].add_argument("--surfaces", action="store_true", help="of beams, too")
-    own = parser.parse_args(arguments)
+    own, more = parser.parse_known_args(arguments)
+    if more:  # names may stand behind options, too
+        if own.verb != "plot" or any(word.startswith("-") for word in more):
+            parser.error(f"unrecognized arguments: {' '.join(more)}")
+        own.names += more
     try:
         text = VERBS[own.verb](own)
     except (CosseratError, ImportError) as error:

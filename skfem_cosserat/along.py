@@ -38,7 +38,7 @@ class Stations:
         if self.smooth:
             from scipy.interpolate import PchipInterpolator  # slow to import
 
-            return np.asarray(PchipInterpolator(self.s, self.values)(s.clip(*self.s[[0, -1]])))
+            return PchipInterpolator(self.s, self.values)(s.clip(*self.s[[0, -1]]))
         return np.stack([np.interp(s, self.s, column) for column in self.values.T], axis=-1)
 
 

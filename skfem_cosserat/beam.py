@@ -126,7 +126,7 @@ class Beam(LineItem):
             )
         self.theory = TheoryReissner() if theory is None else theory
         self.mesh = mesh
-        self._orientation: tuple[Any, ...] | None = (director, twist, strain)
+        self._orientation = (director, twist, strain)
         self.basis = DirectorBasis(mesh, order=order)
         self.lumped = switch(self.label, lumped, "lumped")
         if self.lumped and not isinstance(self.basis.interpolation, InterpolationLobatto):
@@ -612,7 +612,7 @@ class Beam(LineItem):
         own[:, :, 0, 0], own[:, :, 1:, 1:] = 1, self.rotations[:, :, :2]
         out = np.einsum("eaki,eabkl,eblj->eaibj", own, weighted, own, optimize=True)
         out = out.reshape(ne, 4 * nn, 4 * nn)
-        return np.asarray(0.5 * (out + out.transpose(0, 2, 1)))
+        return 0.5 * (out + out.transpose(0, 2, 1))
 
     def part(self, name: str | None = None) -> IndexArray:
         """Elements of a named part of the mesh, or all."""

@@ -39,9 +39,9 @@ class SectionPoints:
     """
 
     stiffness: Floats
-    viscosity: Floats | None = None
+    viscosity: Any = None
     laws: tuple[Law, ...] = ()
-    law_of: IndexArray | None = None
+    law_of: Any = None
     #: points of each of the laws
     stored: list[tuple[Any, Law]] = field(init=False, repr=False)
 
@@ -89,8 +89,8 @@ class BeamElements(SectionPoints):
     weighted_stiffness: Floats = field(init=False, repr=False)
     inverse_length: Floats = field(init=False, repr=False)
     measure: Floats = field(init=False, repr=False)
-    weighted_viscosity: Floats | None = field(init=False, repr=False, default=None)
-    viscosity_root: Floats | None = field(init=False, repr=False, default=None)
+    weighted_viscosity: Any = field(init=False, repr=False, default=None)
+    viscosity_root: Any = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -112,7 +112,7 @@ class BeamElements(SectionPoints):
 
     def taken(self, ids: IndexArray) -> BeamElements:
         """The elements of these numbers, each as often as it is there."""
-        own: dict[str, Any] = {
+        own = {
             name: array[ids]
             for name in ("lengths", "stiffness", "reference", "rotations", "viscosity", "law_of")
             if (array := getattr(self, name)) is not None
@@ -317,19 +317,16 @@ def beam_strain_rate(B: Array, velocity: Array) -> Array:
 
 def beam_viscous_stress(elements: BeamElements, rate: Array) -> Array:
     """Kelvin-Voigt part ``eta deps/dt`` (ne, ng, 6) of the resultants, for strain rates."""
-    assert elements.viscosity is not None
     return product(rate, elements.viscosity)
 
 
 def beam_dissipation(elements: BeamElements, rate: Array) -> Array:
     """Dissipated power ``int deps/dt . eta deps/dt ds`` (ne,), not negative (W)."""
-    assert elements.viscosity_root is not None
     return (product(rate, elements.viscosity_root) ** 2 * elements.measure).sum((1, 2))
 
 
 def beam_damping(elements: BeamElements, B_left: Array, B_right: Array) -> Array:
     """``int B_left^T eta B_right ds`` (ne, 12nn, 12nn): with ``B(q)`` twice the damping matrix."""
-    assert elements.weighted_viscosity is not None
     return bilinear(elements.weighted_viscosity, B_left, B_right)
 
 
@@ -344,8 +341,7 @@ def _from_section(rotations: Floats, rows: Array) -> Array:
     """Rows (ne, r, 4 nn c) by section coordinates -> by nodal ones (chain rule); c = 1 or 3."""
     ne, r, k = rows.shape
     out = rows.reshape(ne, r, rotations.shape[1], 4, -1).copy()
-    back = rotations.transpose(0, 1, 3, 2)[:, None]
-    out[:, :, :, 1:] = back @ out[:, :, :, 1:]
+    out[:, :, :, 1:] = rotations.transpose(0, 1, 3, 2)[:, None] @ out[:, :, :, 1:]
     return out.reshape(ne, r, k)
 
 
@@ -469,4 +465,4 @@ def rotation_matrix(quaternion: Array) -> Array:
 def nearest_rotations(triads: Array) -> Floats:
     """Rotations (..., 3, 3) nearest to matrices: their polar decomposition."""
     u, _, vt = np.linalg.svd(triads)
-    return np.asarray(u @ vt)
+    return u @ vt

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from html import escape
 from types import FunctionType, MethodType
@@ -53,11 +53,10 @@ def brief(value: Any) -> str:
     if isinstance(value, np.ndarray):
         if value.size > _SHOWN or value.dtype.kind not in "biuf":
             return f"array {value.shape}"
-        return _list(value.tolist())
-    if isinstance(value, list | tuple) and len(value) <= _SHOWN:
-        return _list(value)
+        return brief(value.tolist())
     if isinstance(value, list | tuple):
-        return f"{len(value)} entries"
+        few = len(value) <= _SHOWN
+        return f"[{', '.join(map(brief, value))}]" if few else f"{len(value)} entries"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key!r}: {brief(each)}" for key, each in value.items()) + "}"
     if isinstance(value, partial):
@@ -67,10 +66,6 @@ def brief(value: Any) -> str:
     if isinstance(value, Shown):
         return value._brief()
     return type(value).__name__
-
-
-def _list(values: Iterable[Any]) -> str:
-    return f"[{', '.join(map(brief, values))}]"
 
 
 def cell_text(value: Any, line: str = "; ") -> str:
@@ -104,7 +99,8 @@ def html_table(title: str, rows: Mapping[str, Any], drawing: str = "") -> str:
         f"<tr><th>{escape(name)}</th><td>{_PRE}{escape(text)}</pre></td></tr>"
         for name, text in table_rows(rows, "\n").items()
     )
-    return f"<b>{escape(title)}</b><table>{cells}</table>{drawing}"
+    table = f"<table>{cells}</table>" if cells else " (empty)"
+    return f"<b>{escape(title)}</b>{table}{drawing}"
 
 
 def outline_svg(loops: Sequence[Floats]) -> str:

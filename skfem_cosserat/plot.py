@@ -10,7 +10,7 @@ import numpy as np
 
 from .arguments import checked
 from .errors import InputError
-from .export.table import abscissa, record_of
+from .export.table import record_of
 from .figures import PALETTE, legend, panels, write_figure
 from .history import History, SensorRecord
 from .history.container import BALANCE
@@ -119,7 +119,7 @@ def _energy_parts(history: History, names: Sequence[str] | None, since: float) -
     present = [name for name in _ENERGIES if name in history and name in wanted]
     if not present:
         raise InputError("history", f"has no energy series; expected some of {wanted}")
-    x = abscissa(history)
+    x = history.abscissa
     colours = dict(zip(_ENERGIES, PALETTE.values(), strict=False)) | {"energy": "black"}
     above = [name for name in present if name != BALANCE]
     below = [BALANCE] if BALANCE in present else [name for name in above if name in _TOTALS]
@@ -162,7 +162,7 @@ def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> No
 def plot(history: History, names: Sequence[str] = (), path: FilePath | None = None) -> Figure:
     """Chart of energies, sensors and series, see :meth:`History.plot`."""
     energies = ["energy"] if "kinetic" in history or "strain_energy" in history else []
-    parts: list[_Part] = []
+    parts = []
     for name in names or energies + [*history.sensors] or ["work_loads"]:
         if name == "energy":
             parts += _energy_parts(history, None, -np.inf)

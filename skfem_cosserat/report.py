@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from base64 import b64encode
+from collections.abc import Iterator
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +16,6 @@ import numpy as np
 from .arguments import checked
 from .errors import InputError, writing
 from .export.geometry import beam_shapes, body_shapes
-from .export.table import abscissa
 from .figures import check_folder
 from .history import History
 from .notebook import html_table
@@ -37,12 +37,12 @@ def write_report(history: History, path: FilePath) -> Path:
         raise ImportError(text) from error
     if not len(history):
         raise InputError("history", "has no states")
-    most = min(max(_COORDINATES // history["q"].shape[1], 2), _STATES)
-    rows = spread(len(history), most)
+    rows = spread(len(history), min(max(_COORDINATES // history["q"].shape[1], 2), _STATES))
     data = {
         "over": "load factor" if "load_factor" in history else "time in s",
-        "at": abscissa(history)[rows].tolist(),
-        **{"items": _items(history, rows), "charts": _charts(history)},
+        "at": history.abscissa[rows].tolist(),
+        "items": list(_items(history, rows)),
+        "charts": list(_charts(history)),
     }
     template = files(__package__).joinpath("report.html").read_text(encoding="utf-8")
     page = Template(template).substitute(
@@ -62,37 +62,37 @@ def _packed(array: Array) -> dict[str, Any]:
     return {"shape": array.shape, "base64": b64encode(array.astype("<f4").tobytes()).decode()}
 
 
-def _items(history: History, rows: IndexArray) -> list[dict[str, Any]]:
+def _items(history: History, rows: IndexArray) -> Iterator[dict[str, Any]]:
     """Beams, bodies and mass points.
 
     Each has frames (states, places, 4, 3): placements and directors, of a beam at equidistant
     places of its elements.
     """
-    q, items = history["q"][rows], []
+    q = history["q"][rows]
     for beam in beam_shapes(history.meta, history.static):
         centre, axes = beam.axes(q)
         sections = beam.section.tolist()
         outlines = {k: beam.outline(k) for k in set(sections)}
-        item: dict[str, Any] = {
+        yield {
+            "name": beam.name,
+            "section": sections,
+            "places": beam.order + 1,
             "frames": _packed(np.concatenate([centre[..., None, :], axes], axis=-2)),
             "outlines": {k: _packed(each) for k, each in outlines.items() if each is not None},
         }
-        items.append({"name": beam.name, "section": sections, "places": beam.order + 1, **item})
     for body in body_shapes(history.meta, history.static):
         place = q[:, None, body.offset : body.offset + 3]
-        item = {
+        yield {
+            "name": body.name,
+            "faces": body.faces.tolist(),
             "frames": _packed(np.concatenate([place, body.directors(q)], axis=1)),
             "points": None if body.material is None else body.material.tolist(),
         }
-        items.append({"name": body.name, "faces": body.faces.tolist(), **item})
-    return items
 
 
-def _charts(history: History) -> list[dict[str, Any]]:
+def _charts(history: History) -> Iterator[dict[str, Any]]:
     """Curves of the energies and of the sensors, by panel."""
-    charts = []
     for axis in plot(history).axes:
         lines = {str(line.get_label()): np.array(line.get_data()) for line in axis.get_lines()}
         curves = {name: _packed(xy[:, spread(xy.shape[1], _POINTS)]) for name, xy in lines.items()}
-        charts.append({"label": axis.get_ylabel(), "curves": curves})
-    return charts
+        yield {"label": axis.get_ylabel(), "curves": curves}

@@ -329,7 +329,7 @@ class _Search:
     def rest(self) -> str:
         """Equilibria: order after order, until the difference of two is small enough, and fell."""
         case, before = Case(1, 2, 0), np.inf
-        coarse: Run | None = None
+        coarse = None
         while case.parts <= MOST_PARTS:
             fine = self.tried(case)
             if fine is None:

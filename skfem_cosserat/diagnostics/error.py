@@ -123,8 +123,7 @@ def new_rows(source: System, target: System) -> IndexArray:
         e, x = places_in(other.mesh, beam.mesh, basis.interpolation.nodes)
         met = np.zeros(basis.n_nodes, dtype=bool)
         met[basis.connectivity] = _met(other, e, x)[0]
-        nodes = np.flatnonzero(~met)
-        out.append(target.first[id(beam)][1] + 4 * nodes[:, None] + np.arange(4))
+        out.append(target.first[id(beam)][1] + 4 * np.flatnonzero(~met)[:, None] + np.arange(4))
     return np.concatenate(out)
 
 
@@ -170,8 +169,7 @@ def spins(now: Floats, rate: Floats) -> Floats:
     d, ddot = now[..., 1:, :], rate[..., 1:, :]
     squares = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3)
     inertia = squares - np.swapaxes(d, -1, -2) @ d
-    momentum = np.cross(d, ddot).sum(axis=-2)
-    return np.linalg.solve(inertia, momentum[..., None])[..., 0]
+    return np.linalg.solve(inertia, np.cross(d, ddot).sum(axis=-2)[..., None])[..., 0]
 
 
 def _moved(

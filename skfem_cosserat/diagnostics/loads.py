@@ -70,8 +70,7 @@ def _place_and_vector(system: System, term: Term, y: Floats) -> tuple[Floats, Fl
     if not term.follower:
         return place, np.broadcast_to(term.forces().sum(1), place.shape)
     factors = term.matrices().reshape(*rows.shape, 4, *rows.shape[1:], 4)[:, :, 0].sum(1)
-    nodal = y[:, rows[..., None] + np.arange(4)]
-    return place, np.einsum("eab,neabi->nei", factors, nodal)
+    return place, np.einsum("eab,neabi->nei", factors, y[:, rows[..., None] + np.arange(4)])
 
 
 def _of_functions(

@@ -36,13 +36,9 @@ def default_names(history: History) -> list[str]:
     names = [
         name
         for name, array in history.series.items()
-        if name not in ("t", "q", "p", "v") and (array.ndim == 1 or _columns(array) <= WIDE)
+        if name not in ("t", "q", "p", "v") and array.ndim <= 2 and np.prod(array.shape[1:]) <= WIDE
     ]
-    return ["t", *(name for name in names if history[name].ndim <= 2)]
-
-
-def _columns(array: np.ndarray) -> int:
-    return int(np.prod(array.shape[1:]))
+    return ["t", *names]
 
 
 def column_names(name: str, array: np.ndarray) -> list[str]:
@@ -53,13 +49,10 @@ def column_names(name: str, array: np.ndarray) -> list[str]:
     return [f"{name}_{end}" for end in ends]
 
 
-def abscissa(history: History) -> Floats:
-    """What states are drawn over: times (s), or the load factors of a path of equilibria."""
-    return history["load_factor" if "load_factor" in history else "t"]
-
-
 def record_of(history: History, name: str) -> SensorRecord:
     """Numbers or vectors that a sensor saw at every step, or else those of a series.
+
+    Series of one place ``(N, 1, k)``, as of a load, are vectors of it.
 
     Raises
     ------
@@ -68,7 +61,9 @@ def record_of(history: History, name: str) -> SensorRecord:
     """
     record = history.sensors.get(name)
     if record is None:
-        record = SensorRecord(abscissa(history), history[name])
+        values = history[name]
+        one = values.shape[1:-1] == (1,)
+        record = SensorRecord(history.abscissa, values[:, 0] if one else values)
     if record.values.ndim > 2:
         text = f"has shape {record.values.shape}, expected scalars and vectors: choose some of its"
         text += " numbers by history.add_series, or take sensors, as SensorForce(beam, s)"
@@ -78,8 +73,8 @@ def record_of(history: History, name: str) -> SensorRecord:
 
 def columns_of(history: History, names: Sequence[str]) -> tuple[Floats, dict[str, Array]]:
     """Instants of the rows of a table, and its columns by name: see :func:`write_csv`."""
-    sensors, times = history.sensors, abscissa(history)
-    columns: dict[str, Array] = {}
+    sensors, times = history.sensors, history.abscissa
+    columns = {}
     if names and set(names) <= sensors.keys():
         columns["t"] = times = sensors[names[0]].times
     for name in names:

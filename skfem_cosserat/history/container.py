@@ -41,8 +41,6 @@ from .file import (
 )
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from matplotlib.figure import Figure
 
     from ..beam import Beam
@@ -92,7 +90,7 @@ class Spectrum(NamedTuple):
         curvature = left - 2 * mid + right
         sound = np.isfinite(curvature) & (curvature < 0)
         shift = np.where(sound, (left - right) / np.where(sound, 2 * curvature, 1.0), 0.0)
-        return np.asarray((places + shift) * self.frequencies[1])
+        return (places + shift) * self.frequencies[1]
 
 
 @checked
@@ -241,8 +239,7 @@ def rows_at(
     if s is not None or part is not None:
         name, value = ("s", s) if s is not None else ("part", part)
         raise InputError(f"argument {name}", f"{value!r} is for beams, not for the {where.label}")
-    item = where.item
-    assert item is not None
+    item: Any = where.item
     offsets = np.ravel(_offsets(static, item.name, where.label))
     if where.vertex >= len(offsets):
         text = f"is vertex {where.vertex}, the history has {len(offsets)} of them: another mesh"
@@ -252,7 +249,7 @@ def rows_at(
     _check_reference(static, where.label, np.array([first]), frame[None])
     rows = x[:, first : first + frame.size].reshape(len(x), *frame.shape).copy()
     rows[:, 0] += np.einsum("i,nic->nc", where.offset[: len(frame) - 1], rows[:, 1:])
-    return np.asarray(rows)
+    return rows
 
 
 def checked_point(where: Place | Beam, s: Any, part: str | None) -> None:
@@ -292,7 +289,7 @@ def _along(static: Mapping[str, Array], x: Array, beam: Beam, s: Any, part: str 
     nodal = x[:, columns].reshape(len(x), *columns.shape[:2], 4, 3).copy()
     nodal[..., 1:, :] = beam.rotations[elements] @ nodal[..., 1:, :]
     rows = np.einsum("ka,nkaic->nkic", beam.basis.shape(xi).T, nodal)
-    return np.asarray(rows if lengths.ndim else rows[:, 0])
+    return rows if lengths.ndim else rows[:, 0]
 
 
 def _offsets(static: Mapping[str, Array], name: str | None, label: str) -> IndexArray:
@@ -318,7 +315,7 @@ def _check_reference(
     size = frames[0].size
     there = np.array([reference[k : k + size] for k in offsets if k + size <= len(reference)])
     here = frames.reshape(len(frames), size)
-    scale = 1.0 + float(abs(reference).max(initial=0.0))
+    scale = 1.0 + abs(reference).max(initial=0.0)
     if there.shape != here.shape or abs(there - here).max() > TOLERANCE * scale:
         raise InputError(
             label,
@@ -433,8 +430,8 @@ class History(Shown):
         systems: Sequence[Any] | bytes = (),
         kind: Kind = dict,
     ) -> None:
-        self.meta: dict[str, Any] = plain(meta, "meta")
-        self.static: dict[str, Array] = {
+        self.meta = plain(meta, "meta")
+        self.static = {
             name: series_numbers(value, f"static array {name!r}") for name, value in static.items()
         }
         check_basic(series, "series")
@@ -444,7 +441,7 @@ class History(Shown):
             self._series = series
         for name, value in () if self._series else series.items():
             self._put(name, value)
-        self._sensors: Mapping[str, Array] = sensors or {}
+        self._sensors = sensors or {}
         if not isinstance(sensors, StoredArrays):
             self._sensors = {
                 name: series_numbers(value, f"sensor array {name!r}")
@@ -661,17 +658,19 @@ class History(Shown):
         return self._series["t"]
 
     @property
+    def abscissa(self) -> Floats:
+        """What states are drawn over: times (s), or the load factors of a path of equilibria."""
+        return self["load_factor" if "load_factor" in self else "t"]
+
+    @property
     def instants(self) -> Floats:
         """Times ``(N,)`` in s at which loads and motions are taken that are functions of time.
 
         On a path of :func:`skfem_cosserat.static` these are its load factors, or the one instant
         that it holds, ``meta["time"]``; of a mode that at which it was found.
         """
-        if "load_factor" not in self:
-            held = self.meta.get("instant")
-            return self.times if held is None else np.full(len(self), float(held))
-        held = self.meta.get("time")
-        return self["load_factor"] if held is None else np.full(len(self), float(held))
+        held = self.meta.get("time" if "load_factor" in self else "instant")
+        return self.abscissa if held is None else np.full(len(self), float(held))
 
     @property
     def status(self) -> str:
@@ -683,7 +682,7 @@ class History(Shown):
 
     def summary(self) -> dict[str, Any]:
         """What it is of, how it ended, what is doubtful, and what there is to be read."""
-        over, meta = "load_factor" if "load_factor" in self else "t", self.meta
+        meta, times = self.meta, self.abscissa[[0, -1][: len(self)]]
         names: dict[str, str] = {}
         for group, _, own in (name.rpartition("/") for name in self):
             names[group] = f"{names[group]}, {own}" if group in names else own
@@ -694,7 +693,7 @@ class History(Shown):
             "treatment": meta.get("treatment"),
             "step in s": meta.get("step") or None,
             "states": len(self),
-            "time in s" if over == "t" else "load factor": self._series[over][[0, -1][: len(self)]],
+            "load factor" if "load_factor" in self else "time in s": times,
             "status": self.status + ended * (self.status == "killed"),
             "energy lost in J": meta.get("energy_balance", {}).get("lost"),
             "largest balance of energy in J": np.nanmax(abs(known), initial=0.0) or None,
@@ -705,7 +704,9 @@ class History(Shown):
         }
 
     def __repr__(self) -> str:
-        span = f", t = {self.times[0]:g} ... {self.times[-1]:g} s" if len(self) else ""
+        before, unit = (", load factor", "") if "load_factor" in self else (", t =", " s")
+        x = self.abscissa
+        span = f"{before} {x[0]:g} ... {x[-1]:g}{unit}" if len(self) else ""
         count = len(self.events)
         what = f", {count} event{'s' * (count > 1)}" if count else ""
         doubt = counted(self.meta.get("warnings", ()))

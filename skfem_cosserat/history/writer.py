@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -75,7 +74,7 @@ class HistoryWriter:
     ) -> None:
         if block < 1:
             raise InputError("argument block", f"got {block}, expected at least 1")
-        self._meta: dict[str, Any] = {**plain(meta, "meta"), "status": "running"}
+        self._meta = {**plain(meta, "meta"), "status": "running"}
         self._static = {k: series_numbers(v, f"static array {k!r}") for k, v in static.items()}
         self._block = block
         #: states and blocks of sensors that are not in the file
@@ -88,7 +87,7 @@ class HistoryWriter:
         self._closed = False
         #: the file as long as it takes blocks, its name, and why it takes no more
         self._file: FileWriter | None = None
-        self._path: Path | None = None
+        self._path: Any = None
         self._failure: OSError | None = None
         if path is not None:
             try:
@@ -262,7 +261,6 @@ class HistoryWriter:
         """Raise, once, that the file takes no more."""
         if self._failure is None:
             return
-        assert self._path is not None
         reason, self._failure = self._failure, None
         history = self.history()
         advice = (

@@ -94,7 +94,7 @@ class Called:
     def __init__(
         self, function: Callable[[int], object], failed: Callable[[], None] | None = None
     ) -> None:
-        self.error: BaseException | None = None
+        self.error = None
 
         def called(stage: int) -> float:
             try:
@@ -276,8 +276,7 @@ class CalledAtRest(Called):
         blocks, spin = self._functions.tangent(self._found, 1.0), self._amplitudes.spin
         if self._spin:
             square = np.zeros((3, 3)) if spin is None else spin.square
-            own = self._mass.data[:, None, None] * square
-            blocks = np.concatenate([blocks, own])
+            blocks = np.concatenate([blocks, self._mass.data[:, None, None] * square])
         self._blocks.add(blocks, self._arrays.y1)
 
 
@@ -305,7 +304,7 @@ class CalledBack(Called):
         self._couplings = system.couplings_of([], system.couplings.functions)
         self._blocks = RowBlocks(system, self._couplings.pairs, plan, arrays)
 
-    def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:
+    def begin(self, state: State, h: float, scheme: Scheme, rates0: Any) -> None:
         """Set the quantities that stay fixed in a step of size h (s) after a state."""
         system, couplings, end = self._system, self._couplings, state.time + h
         self._scheme, self.error, y0 = scheme, None, self._arrays.y0.copy()
@@ -317,7 +316,6 @@ class CalledBack(Called):
         self._drift = np.zeros_like(y0)
         self._drift[system.rows :] = system.ground_rate(end)
         if scheme.rates:
-            assert rates0 is not None
             self._drift[: system.rows] = np.tensordot(np.array(scheme.rates), rates0, 1)
 
     def _add_force(self) -> None:

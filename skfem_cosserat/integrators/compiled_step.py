@@ -200,7 +200,7 @@ class CompiledScene:
         self.plan = plan_of(coordinates, solver is not None) if plan is None else plan
         self.factorisations = 0
         self._drag_factor = 0.0
-        self._factors: list[float] | None = None
+        self._factors = None
         self._solver = solver
         self._rest: Rest | None = None
         self._beams: list[dict[str, Any]] = []
@@ -556,7 +556,7 @@ class CompiledStep(CompiledScene):
         self._others = system.plane is not None or others
         self._record = np.zeros(len(RECORD))
         self._failed: tuple[float, Exception] | None = None  # a function, in a step to come
-        self._nearest: NearestVelocity | None = None
+        self._nearest = None
         if scheme.moved and system.m and NearestVelocity.serves(system):
             self._nearest = NearestVelocity(system, settings, source)
         self._viscous = [fields for fields in self._beams if "viscosity" in fields]
@@ -648,8 +648,7 @@ class CompiledStep(CompiledScene):
 
     def resized(self, h: float) -> CompiledStep:
         """Take steps of another size (s) from now on; factors of matrices are not kept."""
-        scheme = self.integrator.scheme(h)
-        assert isinstance(scheme, Scheme)
+        scheme: Any = self.integrator.scheme(h)
         for name, number in self._numbers_of(scheme).items():
             self._all[-1][NUMBERS.index(name)] = number
         self._a.last *= h / self.h  # to begin with: impulses of rows, too
@@ -814,7 +813,6 @@ class CompiledStep(CompiledScene):
             balance = self.integrator.balance(self.system, self.h)
             instant = self._times[len(block) - 1] + self.h  # as plain numpy has it
             done = balance.handed_on(y1, dq, p, rates0, rates, work, instant)
-            assert done.rates is not None
             block.p[-1], block.rates[-1] = done.momentum.ravel(), done.rates.reshape(len(rates), -1)
             if done.impulse is not None:
                 block.impulse[-1] += done.impulse.ravel()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -210,8 +211,7 @@ class Flow:
         plain = self.A * ((1 + self.chi) * (1 + (s * s).sum(1)))[:, None, None]
         turned = (plain[part] @ self._rest[:, :, None])[:, :, 0]
         shift = self._free * parts.sum(parts.mu[:, None] * self.dq)
-        lever = self.mdq - self._lift * shift[part]
-        Q = -skew(turned) + skew(lever / self.h) @ plain[part]
+        Q = -skew(turned) + skew((self.mdq - self._lift * shift[part]) / self.h) @ plain[part]
         Q = -self._inverse[part] @ Q
         mine = 1.0 * (part == np.arange(len(s))[:, None])  # rows of each part
         free = mine * parts.free[:, None]
@@ -252,9 +252,8 @@ class DecayingBalance(StepBalance):
         own = vars(e) | {"R": e.R + (inertia - e.inertia), "inertia": inertia}
         return _WithFlow(**own, flow=flow)
 
-    def tangent(self, step: StepData, evaluation: Evaluation) -> list[Blocks]:
+    def tangent(self, step: StepData, evaluation: Any) -> list[Blocks]:
         """Blocks of the tangent, with ``2 A/h`` in place of ``2/h`` for the inertia."""
-        assert isinstance(evaluation, _WithFlow)
         blocks, flow = super().tangent(step, evaluation), evaluation.flow
         # 2 A/h takes the place of 2/h
         more = (2 / self.h) * (flow.A - np.eye(3))
@@ -267,22 +266,17 @@ class DecayingBalance(StepBalance):
             blocks[k] = full + product.reshape(full.shape)
         return blocks
 
-    def border(self, step: StepData, evaluation: Evaluation) -> tuple[Array, Array] | None:
+    def border(self, step: StepData, evaluation: Any) -> tuple[Array, Array] | None:
         """Low-rank part of the tangent, from the motion common to all velocities of a part."""
-        assert isinstance(evaluation, _WithFlow)
         return evaluation.flow.update()
 
-    def rates(self, step: StepData, evaluation: Evaluation) -> Floats | None:
+    def rates(self, step: StepData, evaluation: Any) -> Floats | None:
         """Velocity (1, rows, 3) at the end of the step, before it is moved."""
-        assert isinstance(evaluation, _WithFlow)
-        assert step.rates0 is not None
         v0 = step.rates0[0]
         return (2 * evaluation.flow.velocity(v0) - v0)[None]
 
-    def work(self, step: StepData, evaluation: Evaluation) -> StepWork:
+    def work(self, step: StepData, evaluation: Any) -> StepWork:
         """Work of a solved step, with the energy that the extra velocity takes."""
-        assert isinstance(evaluation, _WithFlow)
-        assert step.rates0 is not None
         done, flow = super().work(step, evaluation), evaluation.flow
         f = flow.dq / self.h - flow.velocity(step.rates0[0])
         lost = 2 * float((f * (flow.momentum - step.p0)).sum())

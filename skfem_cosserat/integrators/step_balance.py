@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class StepData:
     h: float
     y0: Floats
     p0: Floats
-    rates0: Floats | None
+    rates0: Any
     ground_rate: Floats
     amplitudes: Floats
     dead: Floats
@@ -115,7 +115,7 @@ class Evaluation:
     y: Array
     y1: Array
     dq: Array
-    velocity: Array | None
+    velocity: Any
     stresses: list[Array]
     Bs: list[Array]
     strains: list[Array]
@@ -140,7 +140,7 @@ class Finished(NamedTuple):
     """
 
     momentum: Floats
-    rates: Floats | None
+    rates: Any
     impulse: Floats | None
     work: StepWork
 
@@ -230,18 +230,16 @@ class StepBalance:
         Bs = [mean(B0, B1) for B0, B1 in zip(step.Bs0, B1s, strict=True)] if s.ends else B1s
         groups = enumerate(zip(system.beam_groups, strains, strict=True))
         stresses = [self._stress(step, k, g, eps) for k, (g, eps) in groups]
-        velocity: Array | None = None
+        velocity: Any = None
         rates: list[Array | None] = [None] * len(stresses)
         if system.damped or (step.couplings is not None and s.at_end):
             v = s.rate * dq
             if s.rates:
-                assert step.rates0 is not None
                 v = v + np.tensordot(s.rates, step.rates0, 1)
             velocity = np.concatenate([v, step.ground_rate])
             stresses, rates = self._viscous(Bs, stresses, velocity)
         forces = system.internal_force(Bs, stresses)
         if system.drag is not None:
-            assert velocity is not None
             forces = forces + system.drag @ velocity[:rows]
         coupled = None
         if step.couplings is not None:
@@ -289,7 +287,7 @@ class StepBalance:
         """
         s, system, e = self.scheme, self.system, evaluation
         material, geometric = s.force * self._share, s.force * s.at
-        parts: list[Parts] = []
+        parts = []
         for k, g in enumerate(system.beam_groups):
             D = self.moduli(step, e, k)
             beam = g.parts(e.Bs[k], e.B1s[k], e.stresses[k], material, geometric, D)
@@ -336,7 +334,6 @@ class StepBalance:
     def _rate_slope(self, e: Evaluation, k: int) -> Array:
         """Derivative of the strain rates ``B(y) v`` of beam group k: B is linear in y."""
         s, g = self.scheme, self.system.beam_groups[k]
-        assert e.velocity is not None
         return s.rate * e.Bs[k] + s.at * g.strain(e.velocity)[1]
 
     def border(self, step: StepData, evaluation: Evaluation) -> tuple[Array, Array] | None:
@@ -377,7 +374,6 @@ class StepBalance:
         """Rates (k, rows, 3) at the end of the step, before velocities are moved."""
         if not self.scheme.table:
             return None
-        assert step.rates0 is not None
         return np.tensordot(self.scheme.table, [evaluation.dq, *step.rates0], 1)
 
     def handed_on(
@@ -385,8 +381,8 @@ class StepBalance:
         y1: Floats,
         dq: Floats,
         p: Floats,
-        rates0: Floats | None,
-        rates: Floats | None,
+        rates0: Any,
+        rates: Any,
         work: StepWork,
         time: float,
     ) -> Finished:
@@ -403,7 +399,6 @@ class StepBalance:
         """
         s, system = self.scheme, self.system
         if s.before:
-            assert rates is not None
             p = system.inertia.dot(rates[0])
         if not self._moves:
             return Finished(p, rates, None, work)
@@ -412,7 +407,6 @@ class StepBalance:
         change = new - p
         if s.weight == 0:  # of the constraint force of this node, which the next step finds
             return Finished(new, -change[None], None if rates0 is None else rates0[0], work)
-        assert rates is not None
         move = v - rates[0]
         if not s.at_end:
             lost = 0.5 * float((rates[0] * p).sum() - (v * new).sum())
@@ -445,24 +439,20 @@ class StepBalance:
         pairs = zip(system.beam_groups, e.rates, strict=True)
         power = sum(g.dissipation(rate) for g, rate in pairs if rate is not None)
         if system.drag is not None:
-            assert e.velocity is not None
             v = e.velocity[: system.rows]
             power += max(0.0, float((v * (system.drag @ v)).sum()))  # of either sign at rounding
         return power
 
     def _trapezoidal_work(self, step: StepData, e: Evaluation) -> StepWork:
         """Work where forces are those at the ends of steps: by the trapezoidal rule."""
-        assert step.rates0 is not None
         system, rows, t0, turns = self.system, self.system.rows, step.state.time, step.state.turns
         at0 = amplitudes_at(system, t0)
         ydot = np.concatenate([step.rates0[0], system.ground_rate(t0)])
         start = balance(system, step.y0, at0, turns=turns, ydot=ydot)
-        change = e.y1 - step.y0
-        loads = 0.5 * float(((start.external + e.external) * change[:rows]).sum())
+        loads = 0.5 * float(((start.external + e.external) * (e.y1 - step.y0)[:rows]).sum())
         strained = [b - a for a, b in zip(start.strains, e.strains, strict=True)]
         began = self._damped_work(e, strained, start.Bs, ydot, start.coupled)
-        ended = self._damped_work(e, strained, e.Bs, e.velocity, e.coupled)
-        lost = 0.5 * (began + ended)
+        lost = 0.5 * (began + self._damped_work(e, strained, e.Bs, e.velocity, e.coupled))
         if step.couplings is None or e.coupled is None or start.coupled is None:
             return StepWork(loads, dissipated=lost)
         couplings = system.couplings
@@ -494,7 +484,6 @@ class StepBalance:
             work += float(((system.drag @ velocity[: system.rows]) * e.dq).sum())
         if coupled is not None and e.coupled is not None:
             for own, ended in zip(coupled.responses, e.coupled.responses, strict=True):
-                assert own.forces.damped is not None
                 work += float((own.forces.damped * ended.forces.travel).sum())
         return work
 
@@ -517,7 +506,7 @@ class StepBalance:
             v = rates[self.scheme.found_with]
         ydot = np.concatenate([v, system.ground_rate(t)])
         R = balance(system, y, amplitudes_at(system, t), turns=state.turns, ydot=ydot).R
-        return np.asarray(-(system.mass @ rates[1] + R)).reshape(-1)
+        return (-(system.mass @ rates[1] + R)).reshape(-1)
 
 
 def decay_stress(group: BeamGroup, chi: float, change: Array) -> Array:

@@ -106,8 +106,7 @@ class MappingCurve(SkfemMapping):
         length = mesh.lengths[elements][:, None]
         grid = np.linspace(0.0, 1.0, 9)
         near = self.F(grid[None, :], elements)
-        gaps = np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0)
-        xi = grid[np.argmin(gaps, axis=-1)]
+        xi = grid[np.argmin(np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0), axis=-1)]
         for _ in range(50):
             ahead = x - self.F(xi[None], elements)
             step = (ahead * self.tangent(xi[None], elements)).sum(axis=0) / length
@@ -296,7 +295,7 @@ def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
     pairs = number[mesh.t]
     collapsed = (pairs[0] == pairs[1]) & (pairs[0] >= 0)
     if collapsed.any():
-        e = int(np.argmax(collapsed))
+        e = np.argmax(collapsed)
         a, b = mesh.p[:, mesh.t[:, e]].T.tolist()
         raise MeshError("argument tol", f"{tol:.3g} m would collapse the element from {a} to {b}")
     hit, times = np.unique(number[number >= 0], return_counts=True)

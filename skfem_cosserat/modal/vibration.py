@@ -277,7 +277,8 @@ class Modes(Animated):
         found = ", ".join(f"{hertz:.6g}" for hertz in self.frequencies[:3])
         more = ", ..." * (len(self) > 3)
         doubt = counted(self.warnings)
-        return f"<Modes: {len(self)} about t = {self.t:g}, {found}{more} Hz{doubt}>"
+        about = self.summary()["about"]
+        return f"<Modes: {len(self)} about {about}, {found}{more} Hz{doubt}>"
 
     def __str__(self) -> str:
         """A table."""

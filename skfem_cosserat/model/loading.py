@@ -106,7 +106,7 @@ class Loading:
         mass: csr_matrix,
         origins: IndexArray,
         beam_groups: list[BeamGroup],
-        frame_group: Group | None,
+        frame_group: Any,
     ) -> None:
         self._rows = rows
         self._first, self._mass, self._origins = first, mass, origins
@@ -153,7 +153,6 @@ class Loading:
 
     def _block_of(self, place: Place) -> int:
         """Number of a place's frame in the group of single frames."""
-        assert self._frame_group is not None  # the system puts all such frames there
         vertex = self._first[id(place.item)][0] + place.vertex
         return int(np.searchsorted(self._frame_group.vertices[:, 0], vertex))
 
@@ -163,7 +162,6 @@ class Loading:
         self._moment_follows = np.array([m[2] for m in moments], dtype=bool)
         self._moment_value = np.array([m[3] for m in moments]).reshape(-1, 3)
         if moments:
-            assert self._frame_group is not None
             self._moment_rows = self._frame_group.rows[self._moment_block][:, 1:]
 
     def _dead(self, term: Term) -> tuple[IndexArray, Floats]:
@@ -226,7 +224,6 @@ class Loading:
     def _group(self, number: int) -> Group:
         if number >= 0:
             return self._beam_groups[number]
-        assert self._frame_group is not None
         return self._frame_group
 
     @property
@@ -310,8 +307,7 @@ class Loading:
     def _moments(self, D: Array, amplitudes: Floats) -> Array:
         """``m x d^j/2`` (..., k, 3, 3) on directors D, with the reciprocal ones d^j."""
         value = amplitudes[self._moment_channel][:, None] * self._moment_value
-        spatial = (value[:, :, None] * D).sum(-2)
-        m = np.where(self._moment_follows[:, None], spatial, value)
+        m = np.where(self._moment_follows[:, None], (value[:, :, None] * D).sum(-2), value)
         return 0.5 * cross(m[..., None, :], np.linalg.inv(D).swapaxes(-1, -2))
 
     def add_tangent(self, blocks: list[Array], y: Array, amplitudes: Floats, factor: float) -> None:
@@ -465,7 +461,7 @@ class FunctionLoad:
 
     def _steps(self, x: Array, v: Array) -> tuple[float, float]:
         """Steps of differences by x and v: longer far from the origin, where rounding is larger."""
-        sizes = max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max()))
+        sizes = max(self.length, 1e-3 * abs(x).max()), max(1.0, abs(v).max())
         return SMALL * sizes[0], SMALL * sizes[1]
 
     def slopes(self, x: Floats, v: Floats, t: float) -> tuple[Floats, Floats]:
@@ -504,8 +500,7 @@ class FunctionLoad:
         rng = np.random.default_rng(0)
         for _ in range(2):
             x = self.points(y) + 1e-2 * self.length * rng.standard_normal(self.points(y).shape)
-            v = rng.standard_normal(x.shape)
-            off = self._error(x, v)
+            off = self._error(x, rng.standard_normal(x.shape))
             if off <= 1e-3:
                 return
         remedy = "give the right ones"
@@ -530,7 +525,7 @@ class FunctionLoad:
                 moved[i] += sign * steps[i[0]]
                 ends.append(self.force(moved[0], moved[1], 0.0))
             other[(i[0], ..., *i[1:])] = (ends[0] - ends[1]) / (2 * steps[i[0]])
-        rounding = 1e-14 * float(abs(force).max()) / steps
+        rounding = 1e-14 * abs(force).max() / steps
         gap = (abs(slopes - other).max((1, 2, 3, 4)) - rounding).clip(0.0)
         # those by points and those by velocities have units of their own
         return float((gap / (abs(other).max((1, 2, 3, 4)) + rounding + 1e-300)).max())

@@ -147,8 +147,7 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
 def _changed(
     system: System, q: Floats, t: float, joints: Sequence[Joint], drives: Sequence[JointDrive]
 ) -> System:
-    placed = Placed(q.copy(), t, system.grounds)
-    return _anew(system, joints, system.loads, drives, placed)
+    return _anew(system, joints, system.loads, drives, Placed(q.copy(), t, system.grounds))
 
 
 def _checked(system: System) -> System:
@@ -444,8 +443,7 @@ def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planari
     >>> planarity(model).out_of_plane
     ("load 'side': [0.0, 3.0, 4.0] leaves the plane by 4",)
     """
-    wanted = Planar(normal).normal
-    return inspect(system_of(scene, "argument scene"), wanted)
+    return inspect(system_of(scene, "argument scene"), Planar(normal).normal)
 
 
 def system_of(scene: Model | System, item: str = "argument system") -> System:

@@ -221,7 +221,7 @@ class System(Pictured):
         for push in pushes:
             push.check(start)
         self.couplings = Couplings(couplings, self.row_of, start, self.rows, pushes)
-        self.plane: Plane | None = None
+        self.plane: Any = None
         self._build_tree()
         self._lock()
 
@@ -394,8 +394,7 @@ class System(Pictured):
         close_loops(self)
         #: constraint rows that the tree's coordinates do not fulfil by themselves
         self.left_rows: IndexArray = np.union1d(self.closure.rows, self.held_rows)
-        left = self.closure.rank + len(self.held_rows)
-        self.unknowns = self.kinematics.unknowns - left
+        self.unknowns = self.kinematics.unknowns - (self.closure.rank + len(self.held_rows))
         self.rank = self.coordinates - self.unknowns
         check_mobility(self, almost_redundant(self))
         if self.plane is None:
@@ -522,11 +521,11 @@ class System(Pictured):
         cosines = 1 + self.branch_cosines.values(y)
         if len(cosines) and cosines.min() < 0.5:  # -1 half a turn off, 0 a third
             turned = "half" if cosines.min() < -0.5 else "a third of"
-            return f"{self.of_cosine[int(cosines.argmin())].label} by {turned} a turn"
+            return f"{self.of_cosine[cosines.argmin()].label} by {turned} a turn"
         D = self.kinematics.directors(y)
         wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
         if len(wrong):
-            return f"triad of {self.owner[int(self.kinematics.frames[wrong[0]])].label}"
+            return f"triad of {self.owner[self.kinematics.frames[wrong[0]]].label}"
         return None
 
     def null_space(self, q: ArrayLike, t: float = 0.0) -> Floats:
@@ -674,8 +673,7 @@ class System(Pictured):
         self, items: Sequence[Coupling], functions: Sequence[FunctionLoad] = ()
     ) -> Couplings:
         """Some of its force elements, and of its loads that are functions, as arrays."""
-        start = self.extend(self.q0, 0.0)
-        return Couplings(items, self.row_of, start, self.rows, functions)
+        return Couplings(items, self.row_of, self.extend(self.q0, 0.0), self.rows, functions)
 
     @cached_property
     def length(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class RunLoop:
     callbacks: Sequence[Callback]
     show: Callable[[float], object]
     interrupt: Interrupt
-    watch: EventMonitor | None = None
+    watch: Any = None
 
     def go(self, state: State) -> tuple[str, Diverged | None]:
         """Go on from a state to the end; the status, and why a step could not be solved."""
@@ -102,7 +103,6 @@ class RunLoop:
 
     def _act(self, found: Found) -> bool:
         """Carry out what events do; true if the run ends with them."""
-        assert self.watch is not None
         start, system, stop = self.state, self.watch.system, False
         before, losses = system, 0.0
         for event, value in found.events:

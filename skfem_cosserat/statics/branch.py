@@ -122,9 +122,8 @@ def branch(
     if mode >= len(values):
         raise InputError("argument mode", f"{mode!r}: the scene has {len(values)} motion(s)")
     direction = stability.tangent.P @ modes[:, mode]
-    largest = direction[int(abs(direction).argmax())]  # so that the sign is no accident
-    along = np.sign(sign) * np.sign(largest) * direction.reshape(-1, 3)
-    return Branch(point, along, time)
+    largest = direction[abs(direction).argmax()]  # so that the sign is no accident
+    return Branch(point, np.sign(sign) * np.sign(largest) * direction.reshape(-1, 3), time)
 
 
 @checked

@@ -164,7 +164,7 @@ class Stability:
         try:
             values, vectors = solver(K.tocsc(), sigma=0.0, **options)
         except (RuntimeError, ArpackError):  # exactly singular: a shift that rounding sees
-            shift = -1e-10 * float(abs(K.diagonal()).max() / metric.diagonal().max())
+            shift = -1e-10 * (abs(K.diagonal()).max() / metric.diagonal().max())
             values, vectors = solver(K.tocsc(), sigma=shift, **options)
         order = np.argsort(abs(values))
         return values[order], vectors[:, order]

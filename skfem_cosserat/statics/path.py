@@ -144,8 +144,7 @@ class PathRecorder:
     ) -> None:
         self.solver, system = solver, solver.system
         described, static = describe(system)
-        held = solver.schedule.time
-        described |= {"integrator": "static", "step": 0.0, "time": held, **meta}
+        described |= {"integrator": "static", "step": 0.0, "time": solver.schedule.time, **meta}
         #: of each factor whose it is, and whether it is a function of time
         described["factors"] = {
             name: [

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg, splu
@@ -118,7 +118,7 @@ class Schedule:
         self._loads = self._channels(loading.owners, loading.times)
         self._actuators = self._channels(couplings.owners, couplings.times)
         turning = (Constant(1.0), self._given.get("spin"), "spin")
-        self._spin: list[_Channel] = [] if spin is None else [turning]
+        self._spin = [] if spin is None else [turning]
         #: the load factor that was asked for last, and what is there: each iteration asks again
         self._known: tuple[float, Amplitudes] | None = None
 
@@ -246,7 +246,7 @@ class Problem:
         self.start, self.target = start, target
         self.t = start.t
         equations.begin(start)
-        self.predicted: Array | None = None
+        self.predicted: Any = None
         #: derivatives of residual and coordinates by t; None: a given load factor is reached
         self._rates: tuple[Array, Array] | None = None
         self._mixed = False
@@ -317,8 +317,7 @@ class Problem:
         """Derivative (rows, 3) of the coordinates by the load factor, at a solution."""
         r_t, by_t = self.derivative()
         self.equations.evaluate(self.t)
-        slope = self.equations.solve([r_t], mixed=False)[:, 0]
-        return np.asarray(self.equations.displacement(slope) + by_t, dtype=float)
+        return self.equations.displacement(self.equations.solve([r_t], mixed=False)[:, 0]) + by_t
 
 
 class PlainEquations:
@@ -463,9 +462,7 @@ class PlainEquations:
             return bound.pull(metric * self.displacement(u))
 
         operator = LinearOperator((size, size), matvec=project, dtype=float)
-        return np.asarray(
-            cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)[0]
-        )
+        return cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)[0]
 
 
 class Pivots(NamedTuple):
@@ -546,7 +543,7 @@ class CompiledEquations(CompiledScene):
         self._coupled = Coupled(
             system, system.couplings_of(system.couplings.items), self._a.coupled, REST, 1.0
         )
-        self._called: CalledAtRest | None = None
+        self._called = None
         self._taken: Amplitudes | None = None
         if system.couplings.functions or spin:
             self._called = CalledAtRest(system, spin, self.plan, self._a)
@@ -685,8 +682,7 @@ class CompiledEquations(CompiledScene):
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """Size of an increment (relative to the scene, or rad), and of its largest rotation."""
         size = abs(increment[: self._units.size].reshape(-1, 6)) * self._units
-        turn = size[self._turning].max(initial=0.0)
-        return float(size.max(initial=0.0)), float(turn)
+        return float(size.max(initial=0.0)), float(size[self._turning].max(initial=0.0))
 
     def move(self, increment: Floats, change: Floats | None) -> None:
         """Move by an increment, which takes effect with the next evaluation.
@@ -817,7 +813,6 @@ class PathSolver:
             report.reason += f": {self.bound.trouble}" if self.bound.trouble is not None else ""
             report.reason += f"; {found}" if found is not None else ""
             return None, report
-        assert problem.predicted is not None  # there is always one iteration
         force = np.array(problem.equations.constraint_force()).reshape(-1)
         point, couplings = self.ended, self.system.couplings
         if couplings.count:

@@ -11,6 +11,7 @@ import pytest
 import skfem_cosserat as sc
 from skfem_cosserat.export import write_csv
 from skfem_cosserat.plot import plot_orbit
+from skfem_cosserat.run import derive_series
 
 pytest.importorskip("matplotlib")
 SECTION = sc.SectionCircle(0.01, sc.Material(5e6, 0.5, 1100))
@@ -63,9 +64,14 @@ def test_a_path_has_its_load_factor_below(tmp_path):
     (axis,) = path.plot().axes  # the work of the loads, without energies
     assert axis.get_xlabel() == "load factor" and axis.get_ylabel() == "work_loads in J"
     np.testing.assert_array_equal(axis.get_lines()[0].get_xdata(), path["load_factor"])
-    frame = pytest.importorskip("pandas") and path.to_pandas("work_loads")
+    derive_series(model, path)
+    (axis,) = path.plot("load/push/force").axes  # of a load of one place: a vector
+    np.testing.assert_allclose(axis.get_lines()[1].get_ydata(), 1e-3 * path["load_factor"])
+    assert ", load factor 0 ... " in repr(path)
+    frame = pytest.importorskip("pandas") and path.to_pandas("work_loads", "load/push/force")
     assert frame.index.name == "load_factor"
     np.testing.assert_array_equal(frame["work_loads"], path["work_loads"])
+    np.testing.assert_allclose(frame["load/push/force_y"], 1e-3 * path["load_factor"])
 
 
 def test_tables_of_sensors_and_series(run, tmp_path):

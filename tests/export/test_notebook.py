@@ -72,6 +72,7 @@ def test_scenes_and_what_varies(scene):
     assert Table(model).rows["beam '<i>'"].startswith("elements=4, order=2, ")
     assert float(Table(model.freeze()).rows["mass in kg"]) == pytest.approx(mass, rel=1e-5)
     assert Table(rod.mesh).rows["beams"] == "<b>rod</b>"
+    assert sc.Model()._repr_html_() == "<b>Model</b> (empty)"
 
 
 def test_results(scene):
@@ -81,7 +82,7 @@ def test_results(scene):
     assert rows["load factor"] == "[0, 1]" and not any("time" in name for name in rows)
     modes = sc.modes(model, path, 2)
     rows = Table(modes).rows
-    assert rows["about"] == "load factor 1"
+    assert rows["about"] == "load factor 1" and "about load factor 1, " in repr(modes)
     assert rows["modes"] == str(modes) and f"{modes.frequencies[0]:.7g}" in rows["modes"]
     assert Table(sc.modes(model, None, 1)).rows["about"] == "t = 0 s"
     seen = {"tip": sc.SensorPosition(rod.node("tip"))}

@@ -529,7 +529,7 @@ def test_modes_are_shown_in_one_line():
     """Printed, they gave all their arrays."""
     system = straight(8, 2, "CF", square(0.05))
     found = sc.modes(system, count=4)
-    assert repr(found) == "<Modes: 4 about t = 0, {:.6g}, {:.6g}, {:.6g}, ... Hz>".format(
+    assert repr(found) == "<Modes: 4 about t = 0 s, {:.6g}, {:.6g}, {:.6g}, ... Hz>".format(
         *found.frequencies[:3]
     )
     assert len(str(found).splitlines()) == 5

@@ -46,7 +46,7 @@ def test_info(file, capsys, tmp_path):
 
 def test_files_are_written(file, capsys, tmp_path):
     pytest.importorskip("matplotlib")
-    assert said(capsys, "plot", file, "energy", "where", "-o", "a.png") == "a.png\n"
+    assert said(capsys, "plot", file, "energy", "-o", "a.png", "where") == "a.png\n"
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
     index = said(capsys, "paraview", file, "-o", "seen", "--every", "2").splitlines()
     times = re.findall(r'timestep="([0-9.]+)"', Path(index[0]).read_text())
@@ -81,6 +81,7 @@ def test_a_film_and_the_picture_of_a_mesh(file, capsys, tmp_path):
         (["plot", "run.history", "were", "-o", "a.png"], "did you mean 'where'"),
         (["plot", "run.history", "-o", "no/a.png"], "folder 'no'"),
         (["plot", MESH, "tip", "-o", "a.png"], "is a mesh"),
+        (["plot", MESH, "-o", "a.png", "tip"], "is a mesh"),
         (["film", MESH, "-o", "a.gif"], "is a mesh"),
         (["report", MESH, "-o", "a.html"], "is a mesh"),
         (["paraview", "run.history", "-o", "a", "--every", "0"], "every"),
