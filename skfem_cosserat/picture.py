@@ -404,6 +404,8 @@ class Stage:
         size = [self.finer * each for each in look.window]
         self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=size)
         self.plotter.set_background("white")
+        # room for what comes to the front: in front of the near plane all would be at one depth
+        self.plotter.renderer.SetClippingRangeExpansion(0.5)
         if off_screen:
             self.plotter.disable_anti_aliasing()
         self.font = max(11 * self.finer, size[0] // 70)
@@ -438,7 +440,7 @@ class Stage:
             if strength == 1.0:
                 self.shown.append((mesh, own))
             # towards the back: pale ones; to the front: what would be inside of thick beams
-            fronts = {"joint": -1e6, **dict.fromkeys(("force", "moment", "d1", "d2"), -5e6)}
+            fronts = {"joint": -4e3, **dict.fromkeys(("force", "moment", "d1", "d2"), -12e3)}
             front = fronts.get(kind, 8.0 * (1.0 - strength))
             mapper.SetResolveCoincidentTopologyToPolygonOffset()
             mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(front > 0, front)
