@@ -165,20 +165,20 @@ def _axes(vectors: Floats) -> Floats:
     return np.asarray(np.eye(3) - outer / np.maximum(1.0 - unit[..., 2:, None], 1e-12))
 
 
-#: shapes of joints and couplings; others, as own ones, are balls, or lines if they have two ends
+#: shapes of joints and couplings; others are balls, or lines if they have two ends
 _LINKS = {
-    "revolute": ["pin"],
-    "universal": ["ball", "pin"],
-    "cylindrical": ["pin", "slide"],
-    "prismatic": ["box", "slide"],
-    "point-on-line": ["ball", "slide"],
-    "planar": ["disc"],
-    "fixed": ["box"],
-    "locked": ["box"],
-    "joint spring": ["ring"],
-    "joint actuator": ["ring"],
-    "bushing": ["ring"],
-    "foundation": [],
+    "revolute": "pin",
+    "universal": "ball pin",
+    "cylindrical": "pin slide",
+    "prismatic": "box slide",
+    "point-on-line": "ball slide",
+    "planar": "disc",
+    "fixed": "box",
+    "locked": "box",
+    "joint spring": "ring",
+    "joint actuator": "ring",
+    "bushing": "ring",
+    "foundation": "",
 }
 
 
@@ -297,16 +297,16 @@ class Scene:
 
     def _link(self, entry: Any, key: str) -> Iterator[Piece]:
         """What is between two places, and pyramids under those that belong to the ground."""
-        meta, static = self.history.meta, self.history.static
-        name, *node = entry["name"].split("/")
-        unit = 0.7 * self.unit if node else self.unit  # of a foundation's many nodes
-        place = f"{key}/ends" if f"{key}/ends" in self.history else f"{key}/position"
+        static, ends = self.history.static, f"{key}/ends"
+        place, usual = (ends, "line") if ends in self.history else (f"{key}/position", "ball")
         if place not in self.history:
             return
+        name, *node = entry["name"].split("/")
+        unit = 0.7 * self.unit if node else self.unit  # of a foundation's many nodes
         # a spring on a joint is about the joint's axis
         sides = entry["a"], entry["b"]
-        same = [each["name"] for each in meta["joints"] if (each["a"], each["b"]) == sides]
-        owner = f"joint/{same[0]}" if same else key
+        same = [each for each in self.history.meta["joints"] if (each["a"], each["b"]) == sides]
+        owner = f"joint/{same[0]['name']}" if same else key
 
         def placed(row: Row) -> Any:
             axes = unit * static.get(f"{owner}/axes", np.eye(3))
@@ -315,13 +315,11 @@ class Scene:
             return np.atleast_2d(row[place])[0], axes
 
         kind = "joint" if key.startswith("joint") else _LINES
-        forms = _LINKS.get(entry["type"], ["ball"] if place == f"{key}/position" else None)
-        if forms is None:
-            yield self._line(entry, place)
-        yield from (_copies(kind, form, placed, name) for form in forms or ())
+        for form in _LINKS.get(entry["type"], usual).split():
+            yield _copies(kind, form, placed, name) if form != "line" else self._line(entry, ends)
         axes = unit * _axes(self.gravity if self.gravity.any() else -np.eye(3)[2])
-        for k, side in enumerate("ab"):
-            if entry[side].startswith("ground"):
+        for k, side in enumerate(sides):
+            if side.startswith("ground"):
                 at = lambda row, k=k: (np.atleast_2d(row[place])[-k], axes)  # noqa: E731
                 yield _copies("ground", "ground", at, name if node else "")
 
@@ -368,8 +366,8 @@ class Scene:
             stride = max(len(shape.connectivity) // 3, 1)
             x, d = (each[::stride].mean(axis=1) for each in shape.axes(self.rows[0]["q"]))
             for k in (0, 1):
-                at = x, 0.05 * self.size * _axes(d[:, k])
-                yield _copies(f"d{k + 1}", "arrow", _held(at), "", len(x))
+                at = _held((x, 0.05 * self.size * _axes(d[:, k])))
+                yield _copies(f"d{k + 1}", "arrow", at, "", len(x))
 
 
 def _held(values: Any) -> Callable[[Row], Any]:
@@ -392,12 +390,14 @@ class Stage:
     Parameters
     ----------
     look : Look
-    off_screen : bool
+    path : path-like or None
+        Where it will be written.
     limits : (2,) float
         Range of the colours.
     """
 
-    def __init__(self, look: Look, off_screen: bool, limits: tuple[float, float]) -> None:
+    def __init__(self, look: Look, path: FilePath | None, limits: tuple[float, float]) -> None:
+        off_screen = _off_screen(path)
         # drawn at twice the size: smooth edges in less time than OpenGL in software takes for them
         self.finer = 2 if off_screen else 1
         self.look, self.limits = look, limits
@@ -422,7 +422,6 @@ class Stage:
 
         table = ListedColormap(_faded(colormaps["viridis"](np.linspace(0, 1, 256)), strength))
         bar = {"title": self.title, "fmt": "%.3g", "color": "black", "n_labels": 2, "width": 0.3}
-        bar |= {"height": 0.07, "position_x": 0.35, "position_y": 0.02}
         bar |= dict.fromkeys(("title_font_size", "label_font_size"), self.font)
         for kind, colour in COLOURS.items():
             own = [piece for piece in pieces if piece.kind == kind]
@@ -589,12 +588,12 @@ def _staged(
     rows: Sequence[Row],
     behind: Sequence[Row],
     look: Look,
-    off_screen: bool = True,
+    path: FilePath | None,
     before: bool = False,
 ) -> Stage:
     """The last of some states, which all are in view, over paler ones."""
     scene = Scene(history, rows, look)
-    stage = Stage(look, off_screen, scene.limits)
+    stage = Stage(look, path, scene.limits)
     pieces = [*scene.pieces(), *(scene.directors() if before else ())]
     for k, row in enumerate(behind):
         pale = [each for each in pieces if each.kind in ("beam", "body", "mass point", _LINES)]
@@ -618,9 +617,8 @@ def picture(
     """See :meth:`History.picture`; `before` a run directors and a legend are drawn, too."""
     look.check(path, ".png")
     rows = _rows(history, frames)
-    off_screen = _off_screen(path)
     _pyvista()
-    return _staged(history, rows, rows[:-1], look, off_screen, before).show(path)
+    return _staged(history, rows, rows[:-1], look, path, before).show(path)
 
 
 def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
@@ -639,7 +637,7 @@ def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
 def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
     """See :meth:`MeshCurve.plot`."""
     look.check(path, ".png")
-    stage = Stage(look, _off_screen(path), (0.0, 1.0))
+    stage = Stage(look, path, (0.0, 1.0))
     import pyvista
 
     lines = np.moveaxis(mesh.mapping().F(np.linspace(0.0, 1.0, 9)[None]), 0, -1)
@@ -692,13 +690,13 @@ def film(
     # the codec takes even sizes only
     look = look._replace(window=(look.window[0] // 2 * 2, look.window[1] // 2 * 2))
     look.check(path, ".gif", ".mp4")
-    rate, loop = positive("argument fps", "fps", fps), Path(path).suffix.lower() == ".gif"
-    if loop and rate > _GIF:
+    rate = positive("argument fps", "fps", fps)
+    if rate > _GIF and Path(path).suffix.lower() == ".gif":
         text = f"got {fps:g}, expected at most {_GIF}: browsers show no more of a GIF, write .mp4"
         raise InputError("argument fps", text)
     _pyvista()
     some = spread(len(frames), 100)
-    stage = _staged(history, [history.row(frames[k][0]) for k in some], behind, look)
+    stage = _staged(history, [history.row(frames[k][0]) for k in some], behind, look, path)
     corner = tuple(np.multiply(stage.plotter.window_size, (0.03, 0.93)))
     clock = stage.plotter.add_text(" ", position=corner, font_size=0.75 * stage.font, color="black")
 
@@ -708,13 +706,22 @@ def film(
             yield stage.shot()
 
     with writing(path):
-        (_write_gif if loop else _write_mp4)(path, pictures(), rate)
+        _write(path, pictures(), rate)
     stage.plotter.close()
     return Path(path)
 
 
-def _write_mp4(path: FilePath, images: Iterable[Array], fps: float) -> None:
-    """H.264 in the colours that browsers play, as imageio has it by default."""
+def _write(path: FilePath, images: Iterable[Array], fps: float) -> None:
+    """A GIF that loops, or H.264 in the colours that browsers play, as imageio has it."""
+    from PIL import Image
+
+    if Path(path).suffix.lower() == ".gif":
+        method = Image.Quantize.MAXCOVERAGE  # white stays white
+        first, *others = (Image.fromarray(image).quantize(128, method) for image in images)
+        ends = np.round(100.0 * np.arange(len(others) + 2) / fps).astype(int)
+        durations = (10 * np.diff(ends)).tolist()
+        first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
+        return
     try:
         import imageio.v2
         import imageio_ffmpeg  # noqa: F401
@@ -724,14 +731,3 @@ def _write_mp4(path: FilePath, images: Iterable[Array], fps: float) -> None:
     with imageio.v2.get_writer(path, fps=fps, macro_block_size=2, quality=7) as writer:
         for image in images:
             writer.append_data(image)
-
-
-def _write_gif(path: FilePath, images: Iterable[Array], fps: float) -> None:
-    """A loop."""
-    from PIL import Image
-
-    method = Image.Quantize.MAXCOVERAGE  # white stays white
-    first, *others = (Image.fromarray(image).quantize(128, method) for image in images)
-    ends = np.round(100.0 * np.arange(len(others) + 2) / fps)
-    durations = (10 * np.diff(ends)).astype(int).tolist()
-    first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
