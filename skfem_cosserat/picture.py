@@ -271,10 +271,10 @@ class Scene:
         import pyvista
 
         turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
-        tube = (self.look.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
-        sections = np.unique(shape.section)
-        skins = {int(k): [] if self.look.radius else shape.skin(k) for k in sections}
-        sweep = shape.surface({k: loops or tube for k, loops in skins.items()})
+        radius = self.look.radius
+        tube = (radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
+        sections = map(int, np.unique(shape.section))
+        sweep = shape.surface({k: (not radius and shape.skin(k)) or tube for k in sections})
         own = sweep.element * shape.pieces + sweep.piece
         ends = [own[(sweep.quads == cap[0]).any(axis=1)][:1] for cap in sweep.caps]
         points = sweep.points(self.rows[0]["q"])
@@ -577,7 +577,7 @@ def _rows(history: History, frames: int | Sequence[int]) -> list[Row]:
     numbers, times = frames, _times(history)
     if isinstance(numbers, int):
         numbers = sorted(set(_nearest(times, np.linspace(times[0], times[-1], max(numbers, 0)))))
-    if not numbers or not all(-len(times) <= i < len(times) for i in numbers):
+    if len(numbers) == 0 or not all(-len(times) <= i < len(times) for i in numbers):
         text = f"got {frames}, expected at least 1, or numbers of states: there are {len(times)}"
         raise InputError("argument frames", text)
     return [history.row(i) for i in numbers]
@@ -675,18 +675,19 @@ def animate(history: History, path: FilePath, fps: float, speed: float, look: Lo
     texts = [f"t = {t:.{digits}f} s" for t in asked]
     if "load_factor" in history:
         texts = [f"load factor {factor:.3f}" for factor in history["load_factor"][near]]
-    return film(history, path, list(zip(near, texts, strict=True)), (), fps, look)
+    return film(history, path, near, texts, (), fps, look)
 
 
 def film(
     history: History,
     path: FilePath,
-    frames: Sequence[tuple[int, str]],
+    numbers: Sequence[int],
+    texts: Sequence[str],
     behind: Sequence[Row],
     fps: float,
     look: Look,
 ) -> Path:
-    """Film of states, by numbers and texts, over a pale one."""
+    """Film of states, by numbers, with texts, over a pale one."""
     # the codec takes even sizes only
     look = look._replace(window=(look.window[0] // 2 * 2, look.window[1] // 2 * 2))
     look.check(path, ".gif", ".mp4")
@@ -695,13 +696,13 @@ def film(
         text = f"got {fps:g}, expected at most {_GIF}: browsers show no more of a GIF, write .mp4"
         raise InputError("argument fps", text)
     _pyvista()
-    some = spread(len(frames), 100)
-    stage = _staged(history, [history.row(frames[k][0]) for k in some], behind, look, path)
+    rows = [history.row(numbers[k]) for k in spread(len(numbers), 100)]
+    stage = _staged(history, rows, behind, look, path)
     corner = tuple(np.multiply(stage.plotter.window_size, (0.03, 0.93)))
     clock = stage.plotter.add_text(" ", position=corner, font_size=0.75 * stage.font, color="black")
 
     def pictures() -> Iterator[Array]:
-        for number, clock.input in frames:
+        for number, clock.input in zip(numbers, texts, strict=True):
             stage.move(history.row(number))
             yield stage.shot()
 
