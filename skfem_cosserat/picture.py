@@ -11,7 +11,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from io import BytesIO
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -430,12 +429,12 @@ class Stage:
             mesh = own[0].form.append_polydata(*(piece.form for piece in own[1:])).copy()
             mesh.clear_data()  # normals would stay as they are
             self._place(mesh, own, row)
-            style: dict[str, Any] = {"color": _faded(colour, strength)[0], "label": kind}
+            style: dict[str, Any] = {"ambient": 0.25, "line_width": self.font / 6, "label": kind}
+            style |= {"color": _faded(colour, strength)[0], "reset_camera": False, "render": False}
             if self.title in mesh.cell_data:
                 style |= {"scalars": self.title, "cmap": table, "clim": self.limits}
                 style |= {"scalar_bar_args": bar, "show_scalar_bar": strength == 1.0}
-            style |= {"ambient": 0.25, "line_width": self.font / 6}
-            mapper = self.plotter.add_mesh(mesh, reset_camera=False, render=False, **style).mapper
+            mapper = self.plotter.add_mesh(mesh, **style).mapper
             if strength == 1.0:
                 self.shown.append((mesh, own))
             # towards the back: pale ones; to the front: what would be inside of thick beams
@@ -497,14 +496,18 @@ class Stage:
         from scipy.ndimage import uniform_filter
 
         # upwards and to the right from the middle, in letters
-        across, height = self.plane[1::-1], self.plotter.window_size[1]
-        letter = 2.0 * self.plotter.camera.parallel_scale * self.font / height
+        across = self.plane[1::-1]
+        width, height = (size // self.finer for size in self.plotter.window_size)
+        letter = 2.0 * self.plotter.camera.parallel_scale * self.font / (self.finer * height)
         groups: dict[Any, tuple[Floats, list[Piece]]] = {}
         named = {each.name: each for _, own in self.shown for each in own if each.name}
         for piece in named.values():
             at = np.nan_to_num(across @ (piece.anchor(row) - self.focus) / letter)
             groups.setdefault(tuple(at.round()), (at, []))[1].append(piece)
-        drawn = (self.shot()[::-3, ::3].min(axis=2) < 250).astype(float)
+        drawn = np.zeros((height, width))
+        if self.plotter.off_screen:  # a window is still empty
+            drawn += np.asarray(self.shot())[::-1].min(axis=2) < 250
+        drawn = drawn[::3, ::3].copy()
         pitch = 3 * self.finer / self.font
         grid = pitch * (np.argwhere(drawn >= 0.0) - 0.5 * np.array(drawn.shape))
         for at, pieces in groups.values():
@@ -520,30 +523,25 @@ class Stage:
             self.plotter.add_actor(label, reset_camera=False, render=False)
             self.labels.append((label, pieces[0], letter * (best - at) @ across))
 
-    def shot(self) -> Array:
-        """The picture (height, width, 3)."""
+    def shot(self) -> Any:
+        """The picture, as Pillow has it, which notebooks show."""
         from PIL import Image
 
         self.plotter.renderer.ResetCameraClippingRange()
         self.plotter.render()
         image = self.plotter.screenshot(return_img=True)
-        return np.asarray(Image.fromarray(image[..., :3]).reduce(self.finer))
+        return Image.fromarray(image[..., :3]).reduce(self.finer)
 
     def show(self, path: FilePath | None) -> Any:
         """Write it, or show it in a notebook or a window."""
         if not self.plotter.off_screen:
             return self.plotter.show()
-        from PIL import Image
-
-        data = BytesIO()
-        Image.fromarray(self.shot()).save(data, "PNG")
+        image = self.shot()
         self.plotter.close()
         if path is None:
-            import IPython.display
-
-            return IPython.display.Image(data.getvalue())
+            return image
         with writing(path):
-            Path(path).write_bytes(data.getvalue())
+            image.save(path, "PNG")
         return Path(path)
 
 
@@ -701,7 +699,7 @@ def film(
     corner = tuple(np.multiply(stage.plotter.window_size, (0.03, 0.93)))
     clock = stage.plotter.add_text(" ", position=corner, font_size=0.75 * stage.font, color="black")
 
-    def pictures() -> Iterator[Array]:
+    def pictures() -> Iterator[Any]:
         for number, clock.input in zip(numbers, texts, strict=True):
             stage.move(history.row(number))
             yield stage.shot()
@@ -712,13 +710,13 @@ def film(
     return Path(path)
 
 
-def _write(path: FilePath, images: Iterable[Array], fps: float) -> None:
+def _write(path: FilePath, images: Iterable[Any], fps: float) -> None:
     """A GIF that loops, or H.264 in the colours that browsers play, as imageio has it."""
     from PIL import Image
 
     if Path(path).suffix.lower() == ".gif":
         method = Image.Quantize.MAXCOVERAGE  # white stays white
-        first, *others = (Image.fromarray(image).quantize(128, method) for image in images)
+        first, *others = (image.quantize(128, method) for image in images)
         ends = np.round(100.0 * np.arange(len(others) + 2) / fps).astype(int)
         durations = (10 * np.diff(ends)).tolist()
         first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
@@ -731,4 +729,4 @@ def _write(path: FilePath, images: Iterable[Array], fps: float) -> None:
         raise ImportError(f"{text}; .gif needs neither") from error
     with imageio.v2.get_writer(path, fps=fps, macro_block_size=2, quality=7) as writer:
         for image in images:
-            writer.append_data(image)
+            writer.append_data(np.asarray(image))
