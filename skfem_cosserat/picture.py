@@ -192,7 +192,8 @@ def _shapes() -> dict[str, Any]:
     down = {"center": (0, 0, 1.3), "direction": (0, 0, -1), "height": 2.6, "radius": 1.7}
     return {
         "arrow": arrow,
-        "double": arrow.append_polydata(head),
+        "force": arrow,
+        "moment": arrow.append_polydata(head),
         "ball": pyvista.Sphere(radius=1.0),
         "ground": pyvista.Cone(**down, resolution=4).rotate_z(45.0),
         "ring": pyvista.ParametricTorus(ringradius=2.0, crosssectionradius=0.1, u_res=40, v_res=9),
@@ -339,25 +340,25 @@ class Scene:
 
     def _load(self, entry: Any, key: str) -> Iterator[Piece]:
         """Arrows, the longest for what is largest."""
-        for what, form in (("force", "arrow"), ("moment", "double")):
-            series = f"{key}/{what}"
+        for kind in ("force", "moment"):
+            series = f"{key}/{kind}"
             vectors = np.nan_to_num([row[series] for row in self.rows if series in row])
             if vectors.any():
-                yield self._arrows(form, f"{key}/position", series, vectors, entry["name"])
+                yield self._arrows(kind, f"{key}/position", series, vectors, entry["name"])
 
-    def _arrows(self, form: str, place: str, series: str, vectors: Floats, name: str) -> Piece:
+    def _arrows(self, kind: str, place: str, series: str, vectors: Floats, name: str) -> Piece:
         """They end at their places, or begin there: inwards they would be hidden by the scene."""
         some = spread(vectors.shape[1], _ARROWS)
         scale = 0.15 * self.size / np.linalg.norm(vectors, axis=-1).max()
         arms = [row[place] - self.middle for row in self.rows]
-        inward = form == "arrow" and scale * np.nansum(vectors * arms) < -0.01 * self.size**2
+        inward = kind == "force" and scale * np.nansum(vectors * arms) < -0.01 * self.size**2
 
         def placed(row: Row) -> Any:
             ways = scale * np.nan_to_num(row[series])[some]
             length = np.linalg.norm(ways, axis=-1)[:, None, None]
             return row[place][some] - inward * ways, length * _axes(ways)
 
-        return _copies("force" if form == "arrow" else "moment", form, placed, name, len(some))
+        return _copies(kind, kind, placed, name, len(some))
 
     def directors(self) -> Iterator[Piece]:
         """Arrows of section directors at some places of each beam."""
@@ -623,8 +624,8 @@ def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
     """See :meth:`Model.plot`: a history of one state, the reference; no load is zero."""
     system = system_of(scene, "model")
     meta, static = describe(system)
-    series: dict[str, Any] = {"t": [0.0], "step": [0], "load_factor": [0.0]}
-    series |= {"q": system.q0[None], "p": 0 * system.q0[None]}
+    rest = system.q0[None]
+    series: dict[str, Any] = {"t": [0], "step": [0], "load_factor": [0], "q": rest, "p": 0 * rest}
     for name, channels in (("loads", system.loading), ("actuators", system.couplings)):
         factors = np.array(channels.values(0.0))
         series[f"amplitudes/{name}"] = np.where(factors == 0, 1.0, factors)[None]
