@@ -301,12 +301,15 @@ class Scene:
         place, usual = (ends, "line") if ends in self.history else (f"{key}/position", "ball")
         if place not in self.history:
             return
-        name, *node = entry["name"].split("/")
-        unit = 0.7 * self.unit if node else self.unit  # of a foundation's many nodes
+        name, unit = entry["name"], self.unit
+        bed = entry["type"] == "foundation"
+        if bed:  # it has many nodes
+            name, unit = name.rpartition("/")[0], 0.7 * unit
+        kind = "joint" if key.startswith("joint") else _LINES
         # a spring on a joint is about the joint's axis
         sides = entry["a"], entry["b"]
         same = [each for each in self.history.meta["joints"] if (each["a"], each["b"]) == sides]
-        owner = f"joint/{same[0]['name']}" if same else key
+        owner = f"joint/{same[0]['name']}" if same and kind == _LINES else key
 
         def placed(row: Row) -> Any:
             axes = unit * static.get(f"{owner}/axes", np.eye(3))
@@ -314,14 +317,13 @@ class Scene:
                 axes = axes @ frames(row["q"], [static[f"{owner}/frame"]])[1][0]
             return np.atleast_2d(row[place])[0], axes
 
-        kind = "joint" if key.startswith("joint") else _LINES
         for form in _LINKS.get(entry["type"], usual).split():
             yield _copies(kind, form, placed, name) if form != "line" else self._line(entry, ends)
         axes = unit * _axes(self.gravity if self.gravity.any() else -np.eye(3)[2])
         for k, side in enumerate(sides):
             if side.startswith("ground"):
                 at = lambda row, k=k: (np.atleast_2d(row[place])[-k], axes)  # noqa: E731
-                yield _copies("ground", "ground", at, name if node else "")
+                yield _copies("ground", "ground", at, name if bed else "")
 
     def _line(self, entry: Any, ends: str) -> Piece:
         """A spring as a coil, cables and rods straight."""
