@@ -10,8 +10,8 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache, partial
-from io import BytesIO
+from functools import cache
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -19,11 +19,11 @@ import numpy as np
 
 from .analysis.describe import describe, path_formulas
 from .errors import CosseratError, InputError, writing
-from .export.geometry import BeamShape, beam_shapes, body_shapes, frames
+from .export.geometry import BeamShape, BodyShape, beam_shapes, body_shapes, frames
 from .figures import MISSING, PALETTE, check_folder
 from .history import History
 from .model import system_of
-from .types import Array, FilePath, Floats, IndexArray, positive
+from .types import Array, FilePath, Floats, positive, spread
 
 if TYPE_CHECKING:
     from .mesh import MeshCurve
@@ -62,8 +62,7 @@ class Look(NamedTuple):
 
     def check(self, path: FilePath | None, *endings: str) -> None:
         """Refuse what cannot be drawn, or not be written, before anything is drawn."""
-        named = isinstance(self.camera, str)
-        known = self.camera in _VIEWS if named else np.shape(self.camera) == (3, 3)
+        known = str(self.camera) in _VIEWS or np.shape(self.camera) == (3, 3)
         for name, right, expected in (
             ("colour", self.colour in ("", "M", "N"), "'M', 'N' or ''"),
             ("camera", known, f"one of {_VIEWS}, or position, focal point, up direction"),
@@ -92,27 +91,24 @@ window.Render()
 """
 
 
-def _opens(**more: str) -> bool:
-    """True if another process can draw: VTK without OpenGL ends its process."""
-    command = [sys.executable, "-c", _PROBE]
-    try:
-        return not subprocess.run(
-            command, env=os.environ | more, capture_output=True, timeout=60, check=False
-        ).returncode
-    except subprocess.TimeoutExpired:
-        return False
+def _headless() -> bool:
+    return sys.platform == "linux" and not os.environ.get("DISPLAY")
 
 
 @cache
 def _driver() -> bool:
-    """True if pictures can be drawn here; looked for once in a process."""
-    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-        # said at once: VTK warns if it has to look for a display
-        direct = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"}
-        if _opens(**direct):
-            os.environ |= direct
-            return True
-    return _opens()
+    """True if another process can draw: VTK without OpenGL ends its process."""
+    # VTK warns if it has to look for a display
+    direct = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"} if _headless() else {}
+    for more in (direct, {}):
+        environment, command = os.environ | more, [sys.executable, "-c", _PROBE]
+        try:
+            subprocess.run(command, env=environment, capture_output=True, timeout=60, check=True)
+        except subprocess.SubprocessError:
+            continue
+        os.environ |= more
+        return True
+    return False
 
 
 def _pyvista() -> Any:
@@ -131,15 +127,16 @@ def _pyvista() -> Any:
 
 
 class Piece(NamedTuple):
-    """Faces (or lines) that follow the state, by name of its colour.
+    """Faces or lines that follow the state, by name of its colour.
 
     Attributes
     ----------
     kind : str
         One of `COLOURS`.
-    cells : sequence of (m, k) or (k,) int array
-        Points of faces, or of a line.
+    form : pyvista.PolyData
+        Faces, or lines.
     points : callable
+        Where its points are.
     name : str
         Of the item; "" for what has none.
     values : callable, optional
@@ -147,7 +144,7 @@ class Piece(NamedTuple):
     """
 
     kind: str
-    cells: Sequence[IndexArray]
+    form: Any
     points: Points
     name: str = ""
     values: Points | None = None
@@ -155,82 +152,70 @@ class Piece(NamedTuple):
     def anchor(self, row: Row) -> Floats:
         """Point (3,) that its name stands beside."""
         points = self.points(row)
-        long = self.kind == "beam" or np.ndim(self.cells[0]) == 1
+        long = self.kind == "beam" or self.form.n_lines
         return np.asarray(points[len(points) // 2] if long else points.mean(axis=0))
 
 
-def _frames(vectors: Floats, width: float | None = None) -> Floats:
-    """Rows e1, e2 across vectors (..., 3), and the vectors; e1, e2 as long as they, or so."""
-    size = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    unit = np.where(size > 0, vectors / np.maximum(size, 1e-300), np.eye(3)[2])
-    e1 = np.cross(unit, np.eye(3)[np.argmin(abs(unit), axis=-1)])
-    e1 /= np.linalg.norm(e1, axis=-1, keepdims=True)
-    across = size if width is None else width
-    return np.stack([across * e1, across * np.cross(unit, e1), vectors], axis=-2)
+def _axes(vectors: Floats) -> Floats:
+    """Three orthonormal axes, the last along vectors (..., 3): e3 is mirrored."""
+    unit = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
+    normal = unit - np.eye(3)[2]
+    outer = normal[..., None] * normal[..., None, :]
+    return np.asarray(np.eye(3) - outer / np.maximum(1.0 - unit[..., 2:, None], 1e-12))
 
 
-#: profiles (r, z) of shapes of revolution
-_SHAPES = {
-    "arrow": [(0, 0), (0.025, 0), (0.025, 0.72), (0.09, 0.72), (0, 1)],
-    "double": [
-        (0, 0),
-        (0.025, 0),
-        (0.025, 0.45),
-        (0.09, 0.45),
-        (0.025, 0.72),
-        (0.09, 0.72),
-        (0, 1),
-    ],
-    "ball": [(np.sin(a), np.cos(a)) for a in np.linspace(np.pi, 0, 13)],
-    "ground": [(0, 0), (1.7, 2.6), (0, 2.6)],
-    **{
-        name: [(0, -z), (r, -z), (r, z), (0, z)]
-        for name, r, z in (
-            ("box", 1.2, 0.85),
-            ("pin", 0.8, 1.7),
-            ("slide", 0.3, 4),
-            ("disc", 2.6, 0.2),
-        )
-    },
-}
-#: shapes of joints; others, as own ones, are balls
-_JOINTS = {
-    "revolute": ["pin"],
-    "universal": ["ball", "pin"],
-    "cylindrical": ["pin", "slide"],
-    "prismatic": ["box", "slide"],
-    "point-on-line": ["ball", "slide"],
-    "planar": ["disc"],
-    "fixed": ["box"],
-    "locked": ["box"],
-    "distance": [],
+#: shapes of joints and couplings; others are balls, or lines if they have two ends
+_LINKS = {
+    "revolute": "pin",
+    "universal": "ball pin",
+    "cylindrical": "pin slide",
+    "prismatic": "box slide",
+    "point-on-line": "ball slide",
+    "planar": "disc",
+    "fixed": "box",
+    "locked": "box",
+    "joint spring": "ring",
+    "joint actuator": "ring",
+    "bushing": "ring",
+    "foundation": "",
 }
 
 
 @cache
-def _shape(kind: str) -> tuple[Floats, IndexArray]:
-    """Points and quads of a shape along the third axis."""
-    r, z = np.array(_SHAPES[kind], dtype=float).T
-    count = 4 if kind in ("box", "ground") else 20
-    ring = np.outer(r, np.exp(2j * np.pi / count * (np.arange(count) + 0.5)))
-    points = np.stack([ring.real, ring.imag, z[:, None] + 0 * ring.real], axis=-1)
-    number = np.arange(ring.size).reshape(ring.shape)
-    after = np.roll(number, -1, axis=1)
-    quads = np.stack([number[:-1], after[:-1], after[1:], number[1:]], axis=-1)
-    return points.reshape(-1, 3), quads.reshape(-1, 4)
+def _shapes() -> dict[str, Any]:
+    """Shapes along the third axis; those of joints for a unit of one."""
+    import pyvista
+
+    up = {"direction": (0, 0, 1)}
+    arrow = pyvista.Arrow(**up, tip_length=0.28, tip_radius=0.09, shaft_radius=0.025)
+    head = pyvista.Cone(**up, center=(0, 0, 0.585), height=0.27, radius=0.09, resolution=20)
+    down = {"center": (0, 0, 1.3), "direction": (0, 0, -1), "height": 2.6, "radius": 1.7}
+    return {
+        "arrow": arrow,
+        "force": arrow,
+        "moment": arrow.append_polydata(head),
+        "ball": pyvista.Sphere(radius=1.0),
+        "ground": pyvista.Cone(**down, resolution=4).rotate_z(45.0),
+        "ring": pyvista.ParametricTorus(ringradius=2.0, crosssectionradius=0.1, u_res=40, v_res=9),
+        "box": pyvista.Cube(x_length=1.7, y_length=1.7, z_length=1.7),
+        "pin": pyvista.Cylinder(**up, radius=0.8, height=3.4, resolution=20),
+        "slide": pyvista.Cylinder(**up, radius=0.3, height=8.0, resolution=20),
+        "disc": pyvista.Cylinder(**up, radius=2.6, height=0.4),
+    }
 
 
 def _copies(
     kind: str, shape: str, placed: Callable[[Row], Any], name: str = "", count: int = 1
 ) -> Piece:
     """Shapes at places; `placed` gives the places (k, 3), and the axes there (k, 3, 3)."""
-    points, quads = _shape(shape)
+    form = _shapes()[shape]
+    corners = np.array(form.points)
 
     def moved(row: Row) -> Floats:
         x, axes = placed(row)
-        return np.reshape(np.reshape(x, (-1, 1, 3)) + points @ axes, (-1, 3))
+        return np.reshape(np.reshape(x, (-1, 1, 3)) + corners @ axes, (-1, 3))
 
-    return Piece(kind, [quads + k * len(points) for k in range(count)], moved, name)
+    return Piece(kind, form.append_polydata(*[form] * (count - 1)), moved, name)
 
 
 class Scene:
@@ -241,7 +226,7 @@ class Scene:
     size : float
         Extent of all that is shown (m).
     unit : float
-        Size of joints (m).
+        Size of joints (m), smaller if they are many.
     gravity : (3,) array
         Acceleration (m/s^2).
     limits : (2,) float
@@ -249,7 +234,7 @@ class Scene:
     """
 
     def __init__(self, history: History, rows: Sequence[Row], look: Look) -> None:
-        self.history, self.rows, self.colour = history, rows, look.colour
+        self.history, self.rows, self.look = history, rows, look
         self.shapes = beam_shapes(history.meta, history.static)
         self.bodies = list(body_shapes(history.meta, history.static))
         shapes: list[Any] = [*self.shapes, *self.bodies]
@@ -258,122 +243,124 @@ class Scene:
         points = np.concatenate([each.points(row["q"]) for row in rows for each in shapes])
         self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
         self.middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        self.radius = look.radius
-        self.unit = 0.018 * self.size
-        pulls = [load.get("acceleration", (0, 0, 0)) for load in history.meta.get("loads", ())]
-        self.gravity = np.sum([(0.0, 0.0, 0.0), *pulls], axis=0)
-        tops = [self._forces(shape, row).max() for shape in self.shapes for row in rows]
+        joints = len(history.meta.get("joints", ()))
+        self.unit = 0.018 * self.size * (12 / max(joints, 12)) ** 0.5
+        loads = history.meta.get("loads", ())
+        self.gravity = np.sum([load.get("acceleration", (0, 0, 0)) for load in loads], axis=0)
+        tops = (self._forces(shape, row).max() for shape in self.shapes for row in rows)
         self.limits = 0.0, float(max(tops, default=0.0))
 
     def _forces(self, shape: BeamShape, row: Row) -> Floats:
         """Norm of the resultant on the pieces of a beam's elements; zero if it is not known."""
         key = f"beam/{shape.name}/resultant"
-        if not self.colour or key not in row:
+        if not self.look.colour or key not in row:
             return np.zeros(len(shape.connectivity) * shape.pieces)
-        three = row[key][..., :3] if self.colour == "N" else row[key][..., 3:]
+        three = row[key][..., :3] if self.look.colour == "N" else row[key][..., 3:]
         mean = shape.average(three[..., None, :], shape.pieces)
         return np.nan_to_num(np.linalg.norm(mean[:, 0], axis=1))
-
-    def _series(self, kind: str, what: str) -> Iterator[tuple[Any, Points]]:
-        """Items that have a series, and that."""
-        for entry in self.history.meta.get(f"{kind}s", ()):
-            key = f"{kind}/{entry['name']}/{what}"
-            if key in self.history:
-                yield entry, partial(lambda key, row: row[key], key)
 
     def pieces(self) -> Iterator[Piece]:
         """Pieces of all items."""
         yield from map(self._beam, self.shapes)
-        for body in self.bodies:
-            at = partial(lambda body, row: body.points(row["q"]), body)
-            if body.material is None:
-                ball = partial(lambda at, row: (at(row), 0.014 * self.size * np.eye(3)), at)
-                yield _copies("mass point", "ball", ball, body.name)
-            else:
-                yield Piece("body", [body.faces], at, body.name)
-        for kind in ("coupling", "joint"):
-            for entry, ends in self._series(kind, "ends"):
-                yield self._line(entry, ends)
-                yield from self._ground(entry, ends)
-        for entry, place in self._series("joint", "position"):
-            forms = _JOINTS.get(entry["type"], ["ball"])
-            joint = partial(self._joint, entry["name"], place)
-            yield from (_copies("joint", form, joint, entry["name"]) for form in forms)
-            yield from self._ground(entry, place) if forms else ()
-        for what, form in (("force", "arrow"), ("moment", "double")):
-            for entry, vectors in self._series("load", what):
-                yield from self._load(entry["name"], what, form, vectors)
+        yield from map(self._body, self.bodies)
+        for kind, drawn in (("coupling", self._link), ("joint", self._link), ("load", self._load)):
+            for entry in self.history.meta.get(f"{kind}s", ()):
+                yield from drawn(entry, f"{kind}/{entry['name']}")
 
     def _beam(self, shape: BeamShape) -> Piece:
+        import pyvista
+
         turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False))
-        tube = (self.radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
-        skins = {int(k): [] if self.radius else shape.skin(k) for k in np.unique(shape.section)}
-        sweep = shape.surface({k: loops or tube for k, loops in skins.items()})
+        radius = self.look.radius
+        tube = (radius or 0.006 * self.size) * np.column_stack([turn.real, turn.imag])
+        sections = map(int, np.unique(shape.section))
+        sweep = shape.surface({k: (not radius and shape.skin(k)) or tube for k in sections})
         own = sweep.element * shape.pieces + sweep.piece
+        ends = [own[(sweep.quads == cap[0]).any(axis=1)][:1] for cap in sweep.caps]
         points = sweep.points(self.rows[0]["q"])
-        caps = [ring[_triangles(points[ring])] for ring in sweep.caps]
-        ends = [
-            np.repeat(own[(sweep.quads == cap[0, 0]).any(axis=1)][:1], len(cap)) for cap in caps
-        ]
-        cells = np.concatenate([own, *ends])
-        return Piece(
-            "beam",
-            [sweep.quads, *caps],
-            lambda row: sweep.points(row["q"]),
-            shape.name,
-            (lambda row: self._forces(shape, row)[cells]) if self.limits[1] else None,
-        )
+        form = pyvista.PolyData.from_irregular_faces(points, [*sweep.quads, *sweep.caps])
+        form["piece"] = np.concatenate([own, *ends])
+        form = form.triangulate()  # OpenGL would fill the corners of caps that point inwards
+        values = lambda row: self._forces(shape, row)[form["piece"]]  # noqa: E731
+        at = lambda row: sweep.points(row["q"])  # noqa: E731
+        return Piece("beam", form, at, shape.name, values if self.limits[1] else None)
 
-    def _line(self, entry: Any, ends: Points) -> Piece:
-        """A spring as a coil, cables and rods straight; a ring where both ends are one point."""
-        s = np.linspace(0.0, 1.0, 121)
-        out = self.unit * (entry["type"] == "spring") * ((s > 0.15) & (s < 0.85))
-        if np.linalg.norm(np.ptp(ends(self.rows[0]), axis=0)) < 0.01 * self.size:
-            out = 2 * self.unit + 0 * s
-        turn = out * np.exp(20j * np.pi * s)
-        form = np.column_stack([turn.real, turn.imag, s])
+    def _body(self, body: BodyShape) -> Piece:
+        import pyvista
 
-        def points(row: Row) -> Floats:
-            a, b = ends(row)
-            return np.asarray(a + form @ _frames(b - a, 1.0))
+        at = lambda row: body.points(row["q"])  # noqa: E731
+        if body.material is None:
+            axes = 0.014 * self.size * np.eye(3)
+            return _copies("mass point", "ball", lambda row: (at(row), axes), body.name)
+        form = pyvista.PolyData.from_regular_faces(body.material, body.faces)
+        return Piece("body", form, at, body.name)
 
-        return Piece(_LINES, [np.arange(len(s))], points, entry["name"])
-
-    def _joint(self, name: str, place: Points, row: Row) -> Any:
-        static = self.history.static
-        axes = self.unit * static.get(f"joint/{name}/axes", np.eye(3))
-        if f"joint/{name}/frame" in static:
-            axes = axes @ frames(row["q"], [static[f"joint/{name}/frame"]])[1][0]
-        return place(row), axes
-
-    def _ground(self, entry: Any, places: Points) -> Iterator[Piece]:
-        """Pyramids under the sides that belong to the ground."""
-        down = self.gravity if self.gravity.any() else np.array([0.0, 0.0, -1.0])
-        axes = self.unit * _frames(_unit(down))
-        for k in (0, 1):
-            if entry["ab"[k]].startswith("ground"):
-                at = partial(lambda k, row: (places(row).reshape(-1, 3)[-k], axes), k)
-                yield _copies("ground", "ground", at)
-
-    def _load(self, name: str, what: str, form: str, vectors: Points) -> Iterator[Piece]:
-        """Arrows, the longest for what is largest; they end at their places, or begin there."""
-        place, given = f"load/{name}/position", vectors
-        vectors = lambda row: np.nan_to_num(given(row))  # noqa: E731
-        top = max(self.rows, key=lambda row: float(abs(vectors(row)).max(initial=0.0)))
-        if not vectors(top).any():
+    def _link(self, entry: Any, key: str) -> Iterator[Piece]:
+        """What is between two places, and pyramids under those that belong to the ground."""
+        static, ends = self.history.static, f"{key}/ends"
+        place, usual = (ends, "line") if ends in self.history else (f"{key}/position", "ball")
+        if place not in self.history:
             return
-        scale = 0.15 * self.size / np.linalg.norm(vectors(top), axis=-1).max()
-        stride = -(-len(vectors(top)) // _ARROWS)
-        some = slice((len(vectors(top)) - 1) % stride // 2, None, stride)
-        # towards the middle it would be hidden by the scene
-        inward = scale * np.sum(vectors(top) * (top[place] - self.middle)) < -0.01 * self.size**2
-        back = scale * (inward and what == "force")
+        name, unit = entry["name"], self.unit
+        bed = entry["type"] == "foundation"
+        if bed:  # it has many nodes
+            name, unit = name.rpartition("/")[0], 0.7 * unit
+        kind = "joint" if key.startswith("joint") else _LINES
+        # a spring on a joint is about the joint's axis
+        sides = entry["a"], entry["b"]
+        same = [each for each in self.history.meta["joints"] if (each["a"], each["b"]) == sides]
+        owner = f"joint/{same[0]['name']}" if same and kind == _LINES else key
 
         def placed(row: Row) -> Any:
-            ways = vectors(row)[some]
-            return row[place][some] - back * ways, _frames(scale * ways)
+            axes = unit * static.get(f"{owner}/axes", np.eye(3))
+            if f"{owner}/frame" in static:
+                axes = axes @ frames(row["q"], [static[f"{owner}/frame"]])[1][0]
+            return np.atleast_2d(row[place])[0], axes
 
-        yield _copies(what, form, placed, name, len(vectors(top)[some]))
+        for form in _LINKS.get(entry["type"], usual).split():
+            yield _copies(kind, form, placed, name) if form != "line" else self._line(entry, ends)
+        axes = unit * _axes(self.gravity if self.gravity.any() else -np.eye(3)[2])
+        for k, side in enumerate(sides):
+            if side.startswith("ground"):
+                at = lambda row, k=k: (np.atleast_2d(row[place])[-k], axes)  # noqa: E731
+                yield _copies("ground", "ground", at, name if bed else "")
+
+    def _line(self, entry: Any, ends: str) -> Piece:
+        """A spring as a coil, cables and rods straight."""
+        import pyvista
+
+        s = np.linspace(0.0, 1.0, 121)[:, None]
+        out = self.unit * (entry["type"] == "spring") * ((s > 0.15) & (s < 0.85))
+        turn = out * np.exp(20j * np.pi * s)
+        coil = np.hstack([turn.real, turn.imag, 0 * s])
+
+        def points(row: Row) -> Floats:
+            a, b = row[ends]
+            return np.asarray(a + s * (b - a) + coil @ _axes(b - a))
+
+        return Piece(_LINES, pyvista.MultipleLines(coil), points, entry["name"])
+
+    def _load(self, entry: Any, key: str) -> Iterator[Piece]:
+        """Arrows, the longest for what is largest."""
+        for kind in ("force", "moment"):
+            series = f"{key}/{kind}"
+            vectors = np.nan_to_num([row[series] for row in self.rows if series in row])
+            if vectors.any():
+                yield self._arrows(kind, f"{key}/position", series, vectors, entry["name"])
+
+    def _arrows(self, kind: str, place: str, series: str, vectors: Floats, name: str) -> Piece:
+        """They end at their places, or begin there: inwards they would be hidden by the scene."""
+        some = spread(vectors.shape[1], _ARROWS)
+        scale = 0.15 * self.size / np.linalg.norm(vectors, axis=-1).max()
+        arms = [row[place] - self.middle for row in self.rows]
+        inward = kind == "force" and scale * np.nansum(vectors * arms) < -0.01 * self.size**2
+
+        def placed(row: Row) -> Any:
+            ways = scale * np.nan_to_num(row[series])[some]
+            length = np.linalg.norm(ways, axis=-1)[:, None, None]
+            return row[place][some] - inward * ways, length * _axes(ways)
+
+        return _copies(kind, kind, placed, name, len(some))
 
     def directors(self) -> Iterator[Piece]:
         """Arrows of section directors at some places of each beam."""
@@ -381,16 +368,8 @@ class Scene:
             stride = max(len(shape.connectivity) // 3, 1)
             x, d = (each[::stride].mean(axis=1) for each in shape.axes(self.rows[0]["q"]))
             for k in (0, 1):
-                at = x, _frames(0.05 * self.size * d[:, k])
-                yield _copies(f"d{k + 1}", "arrow", _held(at), "", len(x))
-
-
-def _triangles(points: Floats) -> IndexArray:
-    """Triangles (m, 3) of a polygon; OpenGL would fill the corners that point inwards."""
-    import pyvista
-
-    polygon = pyvista.PolyData(points, faces=[len(points), *range(len(points))])
-    return np.asarray(polygon.triangulate().regular_faces)
+                at = _held((x, 0.05 * self.size * _axes(d[:, k])))
+                yield _copies(f"d{k + 1}", "arrow", at, "", len(x))
 
 
 def _held(values: Any) -> Callable[[Row], Any]:
@@ -413,180 +392,160 @@ class Stage:
     Parameters
     ----------
     look : Look
-    off_screen : bool
+    path : path-like or None
+        Where it will be written.
     limits : (2,) float
         Range of the colours.
     """
 
-    def __init__(self, look: Look, off_screen: bool, limits: tuple[float, float]) -> None:
+    def __init__(self, look: Look, path: FilePath | None, limits: tuple[float, float]) -> None:
+        off_screen = _off_screen(path)
         # drawn at twice the size: smooth edges in less time than OpenGL in software takes for them
         self.finer = 2 if off_screen else 1
         self.look, self.limits = look, limits
-        self.size = self.finer * np.array(look.window)
-        self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=self.size.tolist())
+        size = [self.finer * each for each in look.window]
+        self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=size)
         self.plotter.set_background("white")
+        # room for what comes to the front: in front of the near plane all would be at one depth
+        self.plotter.renderer.SetClippingRangeExpansion(0.5)
         if off_screen:
             self.plotter.disable_anti_aliasing()
-        self.font = int(max(11 * self.finer, self.size[0] // 70))
+        self.font = max(11 * self.finer, size[0] // 70)
+        self.wide = size[0] / size[1]
         self.title = f"norm of {look.colour} in {'N m' if look.colour == 'M' else 'N'}"
+        self.focus = np.zeros(3)
         self.shown: list[tuple[Any, list[Piece]]] = []
         self.labels: list[tuple[Any, Piece, Floats]] = []
 
     def add(self, pieces: Sequence[Piece], row: Row, strength: float = 1.0) -> None:
         """Show pieces at a state; pale ones stay there, and give way to others at the place."""
-        import pyvista
         from matplotlib import colormaps
         from matplotlib.colors import ListedColormap
 
-        sorted_ = {kind: [p for p in pieces if p.kind == kind] for kind in COLOURS}
         table = ListedColormap(_faded(colormaps["viridis"](np.linspace(0, 1, 256)), strength))
         bar = {"title": self.title, "fmt": "%.3g", "color": "black", "n_labels": 2, "width": 0.3}
-        bar |= {"height": 0.07, "position_x": 0.35, "position_y": 0.02}
         bar |= dict.fromkeys(("title_font_size", "label_font_size"), self.font)
-        for kind, own in sorted_.items():
+        for kind, colour in COLOURS.items():
+            own = [piece for piece in pieces if piece.kind == kind]
             if not own:
                 continue
-            parts = [piece.points(row) for piece in own]
-            starts = np.cumsum([0, *map(len, parts)])
-            cells = [
-                np.insert(np.atleast_2d(each) + start, 0, np.shape(each)[-1], axis=1).ravel()
-                for piece, start in zip(own, starts, strict=False)
-                for each in piece.cells
-            ]
-            form = {"lines" if np.ndim(own[0].cells[0]) == 1 else "faces": np.concatenate(cells)}
-            mesh = pyvista.PolyData(np.nan_to_num(np.concatenate(parts)), **form)
-            style: dict[str, Any] = {"color": _faded(COLOURS[kind], strength)[0]}
-            if self._colour(mesh, own, row):
-                style = {"cmap": table, "clim": self.limits, "scalar_bar_args": bar}
-                style["show_scalar_bar"] = strength == 1.0
-            style |= {
-                "ambient": 0.25,
-                "line_width": self.size[0] / 450,
-                "reset_camera": False,
-                "render": False,
-            }
-            actor = self.plotter.add_mesh(mesh, **style)
+            mesh = own[0].form.append_polydata(*(piece.form for piece in own[1:])).copy()
+            mesh.clear_data()  # normals would stay as they are
+            self._place(mesh, own, row)
+            style: dict[str, Any] = {"ambient": 0.25, "line_width": self.font / 6, "label": kind}
+            style |= {"color": _faded(colour, strength)[0], "reset_camera": False, "render": False}
+            if self.title in mesh.cell_data:
+                style |= {"scalars": self.title, "cmap": table, "clim": self.limits}
+                style |= {"scalar_bar_args": bar, "show_scalar_bar": strength == 1.0}
+            mapper = self.plotter.add_mesh(mesh, **style).mapper
             if strength == 1.0:
                 self.shown.append((mesh, own))
             # towards the back: pale ones; to the front: what would be inside of thick beams
-            fronts = {"joint": -1e6, **dict.fromkeys(("force", "moment", "d1", "d2"), -5e6)}
+            fronts = {"joint": -4e3, **dict.fromkeys(("force", "moment", "d1", "d2"), -12e3)}
             front = fronts.get(kind, 8.0 * (1.0 - strength))
-            mapper = actor.mapper
             mapper.SetResolveCoincidentTopologyToPolygonOffset()
             mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(front > 0, front)
+
+    def _place(self, mesh: Any, own: Sequence[Piece], row: Row) -> None:
+        """Where the points of pieces are, and the numbers of their faces."""
+        points = np.concatenate([piece.points(row) for piece in own])
+        # what is not there at this state, as a joint that was released, has no size
+        mesh.points = np.where(np.isfinite(points), points, self.focus)
+        found = [piece.values(row) for piece in own if piece.values is not None]
+        if found:
+            mesh.cell_data[self.title] = np.concatenate(found)
 
     def move(self, row: Row) -> None:
         """Show the pieces and names at another state."""
         for mesh, own in self.shown:
-            points = np.concatenate([piece.points(row) for piece in own])
-            # what is not there at this state, as a joint that was released, has no size
-            mesh.points = np.where(np.isfinite(points), points, self.focus)
-            self._colour(mesh, own, row)
+            self._place(mesh, own, row)
         for label, piece, shift in self.labels:
             at = piece.anchor(row) + shift
             label.SetVisibility(bool(np.isfinite(at).all()))
             label.position = tuple(np.nan_to_num(at))
 
-    def _colour(self, mesh: Any, own: Sequence[Piece], row: Row) -> bool:
-        """Give the faces numbers, if they have some."""
-        found = [piece.values(row) for piece in own if piece.values is not None]
-        if found:
-            mesh.cell_data[self.title] = np.concatenate(found)
-        return bool(found)
-
-    def aim(self, points: Sequence[Floats], gravity: Floats) -> None:
+    def aim(self, row: Row, points: Sequence[Floats], gravity: Floats) -> None:
         """Look at points (k, 3) of pieces, along parallel lines; axes and gravity are in a corner.
 
         The points are above the scale and the axes, if the camera has a name.
         """
+        import pyvista
+
         self.plotter.camera_position = self.look.camera
         camera = self.plotter.camera
-        out = -np.array(camera.direction)
-        right = _unit(np.cross(camera.up, out))
-        self.plane = np.array([right, np.cross(out, right), out])
+        camera.enable_parallel_projection()
+        self.plane = pyvista.array_from_vtkmatrix(camera.GetViewTransformMatrix())[:3, :3]
         self.focus, scale = np.array(camera.focal_point), 0.27 * camera.distance
         if isinstance(self.look.camera, str):
             ends = np.concatenate(points) @ self.plane.T
-            ends = ends[np.isfinite(ends[:, 0])]
-            extent = np.ptp(ends, axis=0)
-            scale = 0.5 * max(*extent[:2] / (0.8 * self.size[0] / self.size[1], 0.68), 1e-9)
-            middle = 0.5 * (ends.min(axis=0) + ends.max(axis=0))
-            self.focus = (middle - (0, 0.16 * scale, 0)) @ self.plane
+            low, high = np.nanmin(ends, axis=0), np.nanmax(ends, axis=0)
+            scale = 0.5 * max(*(high - low)[:2] / (0.8 * self.wide, 0.68), 1e-9)
+            self.focus = (0.5 * (low + high) - (0, 0.16 * scale, 0)) @ self.plane
             camera.focal_point = self.focus
-            camera.position = self.focus + 2 * (extent.sum() + scale) * out
-        camera.enable_parallel_projection()
-        camera.parallel_scale, self.pixel = scale, 2 * scale / self.size[1]
+            camera.position = self.focus + 2 * (np.sum(high - low) + scale) * self.plane[2]
+        camera.parallel_scale = scale
         self.plotter.add_axes(color="black", viewport=(0, 0, 0.16, 0.28))
         if gravity.any():
-            aside = scale * np.array([-0.56 * self.size[0] / self.size[1], -0.75, 0.0])
-            at = self.focus + aside @ self.plane, 0.2 * scale * _frames(_unit(gravity))
-            self.add([_copies("ground", "arrow", _held(at), "gravity")], {})
+            corner = self.focus + scale * np.array([-0.56 * self.wide, -0.75]) @ self.plane[:2]
+            at = _held((corner, 0.2 * scale * _axes(gravity)))
+            self.add([_copies("ground", "arrow", at, "gravity")], {})
+        if self.look.names:
+            self._name(row)
+        self.move(row)
 
-    def name(self, row: Row) -> None:
-        """Names beside things; several at one place are one text."""
+    def _name(self, row: Row) -> None:
+        """Names beside things, where little is drawn; several at one place are one text."""
         import pyvista
+        from scipy.ndimage import uniform_filter
 
+        # upwards and to the right from the middle, in letters
+        across = self.plane[1::-1]
+        width, height = (size // self.finer for size in self.plotter.window_size)
+        letter = 2.0 * self.plotter.camera.parallel_scale * self.font / (self.finer * height)
         groups: dict[Any, tuple[Floats, list[Piece]]] = {}
-        for piece in (piece for _, own in self.shown for piece in own if piece.name):
-            at = self.plane[:2] @ (piece.anchor(row) - self.focus) / self.pixel + 0.5 * self.size
-            at = np.nan_to_num(at)
-            groups.setdefault(tuple(at // self.font), (at, []))[1].append(piece)
-        shot = self.shot() if self.plotter.off_screen else np.full((*self.size[::-1], 3), 255)
-        drawn = (shot[::-1].min(axis=2) < 250).astype(float)
-        ways = np.exp(0.25j * np.pi * np.arange(32)) * np.repeat([1.0, 2.0, 3.2, 5.0], 8)
-        sides = np.column_stack([ways.real, ways.imag])
+        named = {each.name: each for _, own in self.shown for each in own if each.name}
+        for piece in named.values():
+            at = np.nan_to_num(across @ (piece.anchor(row) - self.focus) / letter)
+            groups.setdefault(tuple(at.round()), (at, []))[1].append(piece)
+        drawn = np.zeros((height, width))
+        if self.plotter.off_screen:  # a window is still empty
+            drawn += np.asarray(self.shot())[::-1].min(axis=2) < 250
+        drawn = drawn[::3, ::3].copy()
+        pitch = 3 * self.finer / self.font
+        grid = pitch * (np.argwhere(drawn >= 0.0) - 0.5 * np.array(drawn.shape))
         for at, pieces in groups.values():
-            text = ", ".join(dict.fromkeys(piece.name for piece in pieces))
-            box = self.font * np.array([0.56 * len(text), 1.25])
-            corners = at + self.font * sides + 0.5 * box * (np.sign(sides.round(3)) - 1)
-            corners = np.clip(corners, 10, self.size - 10 - box)
-            ends = [(each // self.finer).astype(int) for each in (corners, corners + box)]
-            places = [(slice(y, v), slice(x, u)) for (x, y), (u, v) in zip(*ends, strict=True)]
-            best = int(np.argmin([drawn[place].sum() for place in places]))
-            drawn[places[best]] = 10
+            text = ", ".join(piece.name for piece in pieces)
+            box = np.array([1.7, 0.56 * len(text) + 0.5])
+            filled = uniform_filter(drawn, (box / pitch).astype(int), mode="constant", cval=1.0)
+            away = np.linalg.norm(np.maximum(abs(grid - at) - 0.5 * box, 0.0), axis=1)
+            best = grid[np.argmin(20.0 * filled.ravel() + away)]
+            drawn.ravel()[(abs(grid - best) < 0.5 * box).all(axis=1)] = 10.0
             label = pyvista.Label(text.replace("$", r"\$"), size=self.font)
             label.prop.color = "black"
+            label.prop.justification_horizontal = label.prop.justification_vertical = "center"
             self.plotter.add_actor(label, reset_camera=False, render=False)
-            shift = self.pixel * (corners[best] - at) @ self.plane[:2]
-            self.labels.append((label, pieces[0], shift))
+            self.labels.append((label, pieces[0], letter * (best - at) @ across))
 
-    def legend(self) -> None:
-        """What the colours mean, at the lower right."""
-        kinds = dict.fromkeys(own[0].kind for _, own in self.shown)
-        entries = [[kind, _faded(COLOURS[kind], 1.0)[0]] for kind in kinds]
-        size = 0.12, 1.3 * self.font * len(entries) / self.size[1]
-        box = self.plotter.add_legend(entries, bcolor=None, face="rectangle", size=size)
-        box.SetPosition(0.87, 0.05)
-
-    def shot(self) -> Array:
-        """The picture (height, width, 3)."""
+    def shot(self) -> Any:
+        """The picture, as Pillow has it, which notebooks show."""
         from PIL import Image
 
         self.plotter.renderer.ResetCameraClippingRange()
         self.plotter.render()
         image = self.plotter.screenshot(return_img=True)
-        return np.asarray(Image.fromarray(image[..., :3]).reduce(self.finer))
+        return Image.fromarray(image[..., :3]).reduce(self.finer)
 
     def show(self, path: FilePath | None) -> Any:
         """Write it, or show it in a notebook or a window."""
         if not self.plotter.off_screen:
             return self.plotter.show()
-        from PIL import Image
-
-        data = BytesIO()
-        Image.fromarray(self.shot()).save(data, "PNG")
+        image = self.shot()
         self.plotter.close()
         if path is None:
-            import IPython.display
-
-            return IPython.display.Image(data.getvalue())
+            return image
         with writing(path):
-            Path(path).write_bytes(data.getvalue())
+            image.save(path, "PNG")
         return Path(path)
-
-
-def _unit(vector: Floats) -> Floats:
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 # -- pictures --------------------------------------------------------------------------------------
@@ -597,22 +556,32 @@ def _off_screen(path: FilePath | None) -> bool:
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if path is not None or hasattr(shell, "kernel"):
         return True
-    if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+    if _headless():
         text = "is missing, and there is no display to open a window on: give the name of a picture"
         raise InputError("argument path", text)
     return False
 
 
-def _instants(history: History, frames: int | Sequence[int]) -> Sequence[int]:
-    """Numbers of the states in a picture."""
+def _times(history: History) -> Floats:
     if not len(history):
         raise InputError("history", "has no states")
-    if not isinstance(frames, int):
-        return frames
-    if frames < 1:
-        raise InputError("argument frames", f"got {frames}, expected at least 1")
-    times = np.linspace(history.times[0], history.times[-1], frames)
-    return sorted({int(np.argmin(abs(history.times - t))) for t in times})
+    return history.times
+
+
+def _nearest(times: Floats, asked: Floats) -> list[int]:
+    """Numbers of the states nearest to instants."""
+    return [int(np.argmin(abs(times - t))) for t in asked]
+
+
+def _rows(history: History, frames: int | Sequence[int]) -> list[Row]:
+    """States in a picture."""
+    numbers, times = frames, _times(history)
+    if isinstance(numbers, int):
+        numbers = sorted(set(_nearest(times, np.linspace(times[0], times[-1], max(numbers, 0)))))
+    if len(numbers) == 0 or not all(-len(times) <= i < len(times) for i in numbers):
+        text = f"got {frames}, expected at least 1, or numbers of states: there are {len(times)}"
+        raise InputError("argument frames", text)
+    return [history.row(i) for i in numbers]
 
 
 def _staged(
@@ -620,23 +589,22 @@ def _staged(
     rows: Sequence[Row],
     behind: Sequence[Row],
     look: Look,
-    off_screen: bool = True,
+    path: FilePath | None,
     before: bool = False,
 ) -> Stage:
     """The last of some states, which all are in view, over paler ones."""
     scene = Scene(history, rows, look)
-    stage = Stage(look, off_screen, scene.limits)
+    stage = Stage(look, path, scene.limits)
     pieces = [*scene.pieces(), *(scene.directors() if before else ())]
     for k, row in enumerate(behind):
         pale = [each for each in pieces if each.kind in ("beam", "body", "mass point", _LINES)]
         stage.add(pale, row, 0.4 + 0.5 * k / len(behind))
     stage.add(pieces, rows[-1])
-    stage.aim([piece.points(row) for row in rows for piece in pieces], scene.gravity)
     if before:
-        stage.legend()
-    if look.names:
-        stage.name(rows[-1])
-    stage.move(rows[-1])
+        size = 0.12, 1.3 * stage.font * len(stage.shown) / stage.plotter.window_size[1]
+        legend = stage.plotter.add_legend(bcolor=None, face="rectangle", size=size)
+        legend.SetPosition(0.87, 0.05)
+    stage.aim(rows[-1], [piece.points(row) for row in rows for piece in pieces], scene.gravity)
     return stage
 
 
@@ -649,18 +617,17 @@ def picture(
 ) -> Any:
     """See :meth:`History.picture`; `before` a run directors and a legend are drawn, too."""
     look.check(path, ".png")
-    rows = [history.row(i) for i in _instants(history, frames)]
-    off_screen = _off_screen(path)
+    rows = _rows(history, frames)
     _pyvista()
-    return _staged(history, rows, rows[:-1], look, off_screen, before).show(path)
+    return _staged(history, rows, rows[:-1], look, path, before).show(path)
 
 
 def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
     """See :meth:`Model.plot`: a history of one state, the reference; no load is zero."""
     system = system_of(scene, "model")
     meta, static = describe(system)
-    series: dict[str, Any] = {"t": [0.0], "step": [0], "load_factor": [0.0]}
-    series |= {"q": system.q0[None], "p": 0 * system.q0[None]}
+    rest = system.q0[None]
+    series: dict[str, Any] = {"t": [0], "step": [0], "load_factor": [0], "q": rest, "p": 0 * rest}
     for name, channels in (("loads", system.loading), ("actuators", system.couplings)):
         factors = np.array(channels.values(0.0))
         series[f"amplitudes/{name}"] = np.where(factors == 0, 1.0, factors)[None]
@@ -671,21 +638,24 @@ def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
 def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
     """See :meth:`MeshCurve.plot`."""
     look.check(path, ".png")
-    stage = Stage(look, _off_screen(path), (0.0, 1.0))
+    stage = Stage(look, path, (0.0, 1.0))
+    import pyvista
+
     lines = np.moveaxis(mesh.mapping().F(np.linspace(0.0, 1.0, 9)[None]), 0, -1)
     parts = {"": mesh.unnamed_elements(), **mesh.beams}
-    for kind, name in zip(("beam", "force", _LINES, "moment") * len(parts), parts, strict=False):
-        own = lines[parts[name]].reshape(-1, 3)
-        cells = list(np.arange(len(own)).reshape(-1, 9))
-        stage.add([Piece(kind, cells, _held(own), name)] if len(own) else [], {})
-    balls = [("ground", "", x, 0.004) for x in mesh.p.T]
-    balls += [("joint", name, mesh.p[:, own[0]], 0.007) for name, own in mesh.nodes.items()]
-    axes = np.linalg.norm(np.ptp(mesh.p, axis=1)) * np.eye(3)
-    stage.add([_copies(k, "ball", _held((x, r * axes)), name) for k, name, x, r in balls], {})
-    stage.aim([mesh.p.T, *lines], np.zeros(3))
-    if look.names:
-        stage.name({})
-    stage.move({})
+    pieces = []
+    for kind, (name, part) in zip(cycle(("beam", "force", _LINES, "moment")), parts.items()):
+        own = lines[part].reshape(-1, 3)
+        cells = np.insert(np.arange(len(own)).reshape(-1, 9), 0, 9, axis=1)
+        if len(own):
+            pieces.append(Piece(kind, pyvista.PolyData(own, lines=cells), _held(own), name))
+    axes = mesh.size * np.eye(3)
+    at = _held((mesh.p.T, 0.004 * axes))
+    pieces.append(_copies("ground", "ball", at, "", mesh.p.shape[1]))
+    for name, node in mesh.nodes.items():
+        pieces.append(_copies("joint", "ball", _held((mesh.p[:, node[0]], 0.007 * axes)), name))
+    stage.add(pieces, {})
+    stage.aim({}, [mesh.p.T, *lines], np.zeros(3))
     return stage.show(path)
 
 
@@ -695,78 +665,71 @@ def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
 def animate(history: History, path: FilePath, fps: float, speed: float, look: Look) -> Path:
     """See :meth:`History.animate`."""
     rate, pace = positive("argument fps", "fps", fps), positive("argument speed", "speed", speed)
-    if not len(history):
-        raise InputError("history", "has no states")
-    times = history.times
-    count = int((times[-1] - times[0]) * rate / pace * (1 + 1e-9)) + 1
+    times = _times(history)
+    count = int(np.ptp(times) * rate / pace * (1 + 1e-9)) + 1
     if count > _FRAMES:
-        text = (
-            f"makes {count} frames, expected at most {_FRAMES}: take a larger one, or a lower fps"
-        )
-        raise InputError("argument speed", f"got {speed:g}, which {text}")
+        text = f"makes {count} frames, expected at most {_FRAMES}: take a larger one"
+        raise InputError("argument speed", f"got {speed:g}, which {text}, or a lower fps")
     asked = times[0] + pace / rate * np.arange(count)
-    near = [int(np.argmin(abs(times - t))) for t in asked]
-    digits = int(np.clip(np.ceil(np.log10(rate / pace)), 0, 6))
+    near = _nearest(times, asked)
+    digits = max(int(np.ceil(np.log10(rate / pace))), 0)
     texts = [f"t = {t:.{digits}f} s" for t in asked]
     if "load_factor" in history:
         texts = [f"load factor {factor:.3f}" for factor in history["load_factor"][near]]
-    return film(history, path, list(zip(near, texts, strict=True)), (), fps, look)
+    return film(history, path, near, texts, (), fps, look)
 
 
 def film(
     history: History,
     path: FilePath,
-    frames: Sequence[tuple[int, str]],
+    numbers: Sequence[int],
+    texts: Sequence[str],
     behind: Sequence[Row],
     fps: float,
     look: Look,
 ) -> Path:
-    """Film of states, by numbers and texts, over a pale one."""
+    """Film of states, by numbers, with texts, over a pale one."""
     # the codec takes even sizes only
     look = look._replace(window=(look.window[0] // 2 * 2, look.window[1] // 2 * 2))
     look.check(path, ".gif", ".mp4")
-    rate, loop = positive("argument fps", "fps", fps), Path(path).suffix.lower() == ".gif"
-    if loop and rate > _GIF:
+    rate = positive("argument fps", "fps", fps)
+    if rate > _GIF and Path(path).suffix.lower() == ".gif":
         text = f"got {fps:g}, expected at most {_GIF}: browsers show no more of a GIF, write .mp4"
         raise InputError("argument fps", text)
     _pyvista()
-    some = np.linspace(0, len(frames) - 1, min(len(frames), 100)).astype(int)
-    stage = _staged(history, [history.row(frames[k][0]) for k in some], behind, look)
-    corner = tuple((0.03, 0.93) * stage.size)
+    rows = [history.row(numbers[k]) for k in spread(len(numbers), 100)]
+    stage = _staged(history, rows, behind, look, path)
+    corner = tuple(np.multiply(stage.plotter.window_size, (0.03, 0.93)))
     clock = stage.plotter.add_text(" ", position=corner, font_size=0.75 * stage.font, color="black")
 
-    def pictures() -> Iterator[Array]:
-        for number, clock.input in frames:
+    def pictures() -> Iterator[Any]:
+        for number, clock.input in zip(numbers, texts, strict=True):
             stage.move(history.row(number))
             yield stage.shot()
 
     with writing(path):
-        (_write_gif if loop else _write_mp4)(path, pictures(), rate)
+        _write(path, pictures(), rate)
     stage.plotter.close()
     return Path(path)
 
 
-def _write_mp4(path: FilePath, images: Iterable[Array], fps: float) -> None:
-    """H.264 in the colours that browsers play."""
+def _write(path: FilePath, images: Iterable[Any], fps: float) -> None:
+    """A GIF that loops, or H.264 in the colours that browsers play, as imageio has it."""
+    from PIL import Image
+
+    if Path(path).suffix.lower() == ".gif":
+        method = Image.Quantize.MAXCOVERAGE  # white stays white
+        first, *others = (image.quantize(128, method) for image in images)
+        ends = np.round(100.0 * np.arange(len(others) + 2) / fps).astype(int)
+        durations = (10 * np.diff(ends)).tolist()
+        first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
+        return
     try:
         import imageio.v2
         import imageio_ffmpeg  # noqa: F401
     except ImportError as error:
         text = "imageio and imageio-ffmpeg are needed for .mp4: pip install skfem-cosserat[film]"
         raise ImportError(f"{text}; .gif needs neither") from error
-    options = {"codec": "libx264", "pixelformat": "yuv420p", "macro_block_size": 2, "quality": 7}
-    options["output_params"] = ["-movflags", "+faststart"]
-    with imageio.v2.get_writer(path, fps=fps, **options) as writer:
+    with imageio.v2.get_writer(path, fps=fps, macro_block_size=2, quality=7) as writer:
         for image in images:
-            writer.append_data(image)
-
-
-def _write_gif(path: FilePath, images: Iterable[Array], fps: float) -> None:
-    """A loop."""
-    from PIL import Image
-
-    method = Image.Quantize.MAXCOVERAGE  # white stays white
-    first, *others = (Image.fromarray(image).quantize(128, method) for image in images)
-    ends = np.round(100.0 * np.arange(len(others) + 2) / fps)
-    durations = (10 * np.diff(ends)).astype(int).tolist()
-    first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
+            writer.append_data(np.asarray(image))

@@ -936,7 +936,7 @@ class History(Shown):
             Simulated seconds in a second of the film; of a path the control's parameter: load
             factor, displacement or arc length. The text shows the load factor then.
         colour, camera, radius, names, window
-            As for :meth:`picture`; an odd size grows by a pixel.
+            As for :meth:`picture`; an odd size is one pixel smaller.
 
         Returns
         -------

@@ -116,7 +116,6 @@ class Animated(Shown):
         *,
         amplitude: float = 0.1,
         fps: float = 25,
-        window: tuple[int, int] = (960, 540),
         **look: Any,
     ) -> Path:
         """Film of one cycle of a mode in 28 frames, over the pale state that it is a mode of.
@@ -129,10 +128,11 @@ class Animated(Shown):
             ``.gif``, which loops, or ``.mp4`` (extra ``film``).
         amplitude : float
             As for :meth:`animation`: relative to the extent of the scene.
-        fps, window
+        fps
             As for :meth:`History.animate`.
         **look
-            ``colour``, ``camera``, ``radius``, ``names`` as there; by default one colour.
+            ``colour``, ``camera``, ``radius``, ``names``, ``window`` as there; by default one
+            colour.
 
         Returns
         -------
@@ -155,8 +155,9 @@ class Animated(Shown):
         from ..picture import Look, film
 
         history, rest = self.animation(index, amplitude, FRAMES), self.animation(index, 1e-9, 1)
-        frames = [(k, self.called(index)) for k in range(FRAMES)]
-        return film(history, path, frames, [rest.row(0)], fps, Look(window=window, **look))
+        texts = FRAMES * [self.called(index)]
+        how = Look(**{"window": (960, 540)} | look)
+        return film(history, path, range(FRAMES), texts, [rest.row(0)], fps, how)
 
 
 def _extent(system: System, y: Floats, dq: Array) -> float:

@@ -125,12 +125,13 @@ def test_a_film_moves_as_the_scene_does(tmp_path, ending):
 
 
 def test_states_and_clock_of_a_film(monkeypatch):
-    monkeypatch.setattr(picture, "film", lambda history, path, frames, *rest: frames)
-    frames = moving().animate("film.gif", fps=10, speed=0.8)
-    assert [number for number, _ in frames] == [0, 2, 3, 5, 6, 8, 10, 11, 13, 14, 16, 18, 19]
-    assert [text for _, text in frames][:3] == ["t = 0.00 s", "t = 0.08 s", "t = 0.16 s"]
+    monkeypatch.setattr(picture, "film", lambda history, path, *frames: frames[:2])
+    numbers, texts = moving().animate("film.gif", fps=10, speed=0.8)
+    assert numbers == [0, 2, 3, 5, 6, 8, 10, 11, 13, 14, 16, 18, 19]
+    assert texts[:3] == ["t = 0.00 s", "t = 0.08 s", "t = 0.16 s"]
     path = sc.static(cantilever(), control=sc.LoadControl(steps=4))
-    assert path.animate("film.gif", fps=2)[-1] == (4, "load factor 1.000")
+    numbers, texts = path.animate("film.gif", fps=2)
+    assert (numbers[-1], texts[-1]) == (4, "load factor 1.000")
     with pytest.raises(InputError, match=r"speed.*10001 frames"):
         moving().animate("film.gif", speed=25e-4)
 
@@ -197,7 +198,7 @@ def test_without_a_driver_there_is_an_error(make_scene, tmp_path, monkeypatch):
         (lambda h, p: h.picture(p / "no" / "a.png"), "no"),
         (lambda h, p: h.picture(p / "a.jpg"), "'.png'"),
         (lambda h, p: h.picture(p / "a.png", frames=0), "frames"),
-        (lambda h, p: h.picture(p / "a.png", frames=[0, 3]), "state 3"),
+        (lambda h, p: h.picture(p / "a.png", frames=[0, 3]), "frames: got .0, 3., .* are 3"),
         (lambda h, p: h.picture(p / "a.png", camera="up"), "camera"),
         (lambda h, p: h.picture(p / "a.png", camera=[(0, 0, 1)]), "camera"),
         (lambda h, p: h.picture(p / "a.png", colour="Q"), "colour"),
