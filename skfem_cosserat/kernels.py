@@ -39,9 +39,9 @@ class SectionPoints:
     """
 
     stiffness: Floats
-    viscosity: Any = None
+    viscosity: Floats | None = None
     laws: tuple[Law, ...] = ()
-    law_of: Any = None
+    law_of: IndexArray | None = None
     #: points of each of the laws
     stored: list[tuple[Any, Law]] = field(init=False, repr=False)
 
@@ -89,8 +89,8 @@ class BeamElements(SectionPoints):
     weighted_stiffness: Floats = field(init=False, repr=False)
     inverse_length: Floats = field(init=False, repr=False)
     measure: Floats = field(init=False, repr=False)
-    weighted_viscosity: Any = field(init=False, repr=False, default=None)
-    viscosity_root: Any = field(init=False, repr=False, default=None)
+    weighted_viscosity: Floats | None = field(init=False, repr=False, default=None)
+    viscosity_root: Floats | None = field(init=False, repr=False, default=None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -317,16 +317,19 @@ def beam_strain_rate(B: Array, velocity: Array) -> Array:
 
 def beam_viscous_stress(elements: BeamElements, rate: Array) -> Array:
     """Kelvin-Voigt part ``eta deps/dt`` (ne, ng, 6) of the resultants, for strain rates."""
+    assert elements.viscosity is not None
     return product(rate, elements.viscosity)
 
 
 def beam_dissipation(elements: BeamElements, rate: Array) -> Array:
     """Dissipated power ``int deps/dt . eta deps/dt ds`` (ne,), not negative (W)."""
+    assert elements.viscosity_root is not None
     return (product(rate, elements.viscosity_root) ** 2 * elements.measure).sum((1, 2))
 
 
 def beam_damping(elements: BeamElements, B_left: Array, B_right: Array) -> Array:
     """``int B_left^T eta B_right ds`` (ne, 12nn, 12nn): with ``B(q)`` twice the damping matrix."""
+    assert elements.weighted_viscosity is not None
     return bilinear(elements.weighted_viscosity, B_left, B_right)
 
 

@@ -205,8 +205,8 @@ class Reading(NamedTuple):
 
     def at(self, t: Floats) -> Array:
         """Values at instants (k,): its own, or between them by cubic splines."""
-        own: Any = self.times
-        times, first = np.unique(own, return_index=True)
+        assert self.times is not None
+        times, first = np.unique(self.times, return_index=True)
         values = np.asarray(self.values)[first]
         nearest = rows_at(times, t)
         if abs(times[nearest] - t).max(initial=0.0) <= TOLERANCE * abs(times).max():

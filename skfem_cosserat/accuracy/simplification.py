@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arguments import checked
+from ..beam import Beam
 from ..constraints import NullSpace
 from ..diagnostics import section_strains
 from ..errors import CosseratError
@@ -145,7 +146,8 @@ def energies_of(run: Run, name: str) -> dict[str, Floats]:
 
     The energy of coupled strains counts half to each of them.
     """
-    beam: Any = run.model[name]
+    beam = run.model[name]
+    assert isinstance(beam, Beam)
     e, strains = beam.elements, section_strains(run.system, beam, run.history["q"])
     stress = np.array([beam_stress(e, each) for each in strains])
     parts = 0.5 * np.einsum("tegk,tegk,eg->tk", strains, stress, e.lengths[:, None] * e.weights)

@@ -405,6 +405,7 @@ def _law_points(group: BeamGroup, fields: dict[str, Any]) -> dict[str, Any]:
     """Gauss points of elements of which some have a stored energy, and their laws."""
     ne, ng, _ = fields["S"].shape
     count, each = ne * ng, group.elements.laws
+    assert group.elements.law_of is not None
     stiffness = np.ascontiguousarray(group.elements.stiffness).reshape(count, 6, 6)
     scales = [law.law.scale if isinstance(law, LawHeld) else law.scale for law in each]
     return {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,7 @@ class HistoryWriter:
         self._closed = False
         #: the file as long as it takes blocks, its name, and why it takes no more
         self._file: FileWriter | None = None
-        self._path: Any = None
+        self._path: Path | None = None
         self._failure: OSError | None = None
         if path is not None:
             try:
@@ -261,6 +262,7 @@ class HistoryWriter:
         """Raise, once, that the file takes no more."""
         if self._failure is None:
             return
+        assert self._path is not None
         reason, self._failure = self._failure, None
         history = self.history()
         advice = (

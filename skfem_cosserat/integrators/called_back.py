@@ -304,7 +304,7 @@ class CalledBack(Called):
         self._couplings = system.couplings_of([], system.couplings.functions)
         self._blocks = RowBlocks(system, self._couplings.pairs, plan, arrays)
 
-    def begin(self, state: State, h: float, scheme: Scheme, rates0: Any) -> None:
+    def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:
         """Set the quantities that stay fixed in a step of size h (s) after a state."""
         system, couplings, end = self._system, self._couplings, state.time + h
         self._scheme, self.error, y0 = scheme, None, self._arrays.y0.copy()
@@ -316,6 +316,7 @@ class CalledBack(Called):
         self._drift = np.zeros_like(y0)
         self._drift[system.rows :] = system.ground_rate(end)
         if scheme.rates:
+            assert rates0 is not None
             self._drift[: system.rows] = np.tensordot(np.array(scheme.rates), rates0, 1)
 
     def _add_force(self) -> None:

@@ -648,7 +648,8 @@ class CompiledStep(CompiledScene):
 
     def resized(self, h: float) -> CompiledStep:
         """Take steps of another size (s) from now on; factors of matrices are not kept."""
-        scheme: Any = self.integrator.scheme(h)
+        scheme = self.integrator.scheme(h)
+        assert isinstance(scheme, Scheme)
         for name, number in self._numbers_of(scheme).items():
             self._all[-1][NUMBERS.index(name)] = number
         self._a.last *= h / self.h  # to begin with: impulses of rows, too
@@ -813,6 +814,7 @@ class CompiledStep(CompiledScene):
             balance = self.integrator.balance(self.system, self.h)
             instant = self._times[len(block) - 1] + self.h  # as plain numpy has it
             done = balance.handed_on(y1, dq, p, rates0, rates, work, instant)
+            assert done.rates is not None
             block.p[-1], block.rates[-1] = done.momentum.ravel(), done.rates.reshape(len(rates), -1)
             if done.impulse is not None:
                 block.impulse[-1] += done.impulse.ravel()

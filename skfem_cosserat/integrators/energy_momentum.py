@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -252,8 +251,9 @@ class DecayingBalance(StepBalance):
         own = vars(e) | {"R": e.R + (inertia - e.inertia), "inertia": inertia}
         return _WithFlow(**own, flow=flow)
 
-    def tangent(self, step: StepData, evaluation: Any) -> list[Blocks]:
+    def tangent(self, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """Blocks of the tangent, with ``2 A/h`` in place of ``2/h`` for the inertia."""
+        assert isinstance(evaluation, _WithFlow)
         blocks, flow = super().tangent(step, evaluation), evaluation.flow
         # 2 A/h takes the place of 2/h
         more = (2 / self.h) * (flow.A - np.eye(3))
@@ -266,17 +266,22 @@ class DecayingBalance(StepBalance):
             blocks[k] = full + product.reshape(full.shape)
         return blocks
 
-    def border(self, step: StepData, evaluation: Any) -> tuple[Array, Array] | None:
+    def border(self, step: StepData, evaluation: Evaluation) -> tuple[Array, Array] | None:
         """Low-rank part of the tangent, from the motion common to all velocities of a part."""
+        assert isinstance(evaluation, _WithFlow)
         return evaluation.flow.update()
 
-    def rates(self, step: StepData, evaluation: Any) -> Floats | None:
+    def rates(self, step: StepData, evaluation: Evaluation) -> Floats | None:
         """Velocity (1, rows, 3) at the end of the step, before it is moved."""
+        assert isinstance(evaluation, _WithFlow)
+        assert step.rates0 is not None
         v0 = step.rates0[0]
         return (2 * evaluation.flow.velocity(v0) - v0)[None]
 
-    def work(self, step: StepData, evaluation: Any) -> StepWork:
+    def work(self, step: StepData, evaluation: Evaluation) -> StepWork:
         """Work of a solved step, with the energy that the extra velocity takes."""
+        assert isinstance(evaluation, _WithFlow)
+        assert step.rates0 is not None
         done, flow = super().work(step, evaluation), evaluation.flow
         f = flow.dq / self.h - flow.velocity(step.rates0[0])
         lost = 2 * float((f * (flow.momentum - step.p0)).sum())

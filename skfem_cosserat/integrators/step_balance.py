@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -64,7 +64,7 @@ class StepData:
     h: float
     y0: Floats
     p0: Floats
-    rates0: Any
+    rates0: Floats | None
     ground_rate: Floats
     amplitudes: Floats
     dead: Floats
@@ -115,7 +115,7 @@ class Evaluation:
     y: Array
     y1: Array
     dq: Array
-    velocity: Any
+    velocity: Array | None
     stresses: list[Array]
     Bs: list[Array]
     strains: list[Array]
@@ -140,7 +140,7 @@ class Finished(NamedTuple):
     """
 
     momentum: Floats
-    rates: Any
+    rates: Floats | None
     impulse: Floats | None
     work: StepWork
 
@@ -230,16 +230,18 @@ class StepBalance:
         Bs = [mean(B0, B1) for B0, B1 in zip(step.Bs0, B1s, strict=True)] if s.ends else B1s
         groups = enumerate(zip(system.beam_groups, strains, strict=True))
         stresses = [self._stress(step, k, g, eps) for k, (g, eps) in groups]
-        velocity: Any = None
+        velocity: Array | None = None
         rates: list[Array | None] = [None] * len(stresses)
         if system.damped or (step.couplings is not None and s.at_end):
             v = s.rate * dq
             if s.rates:
+                assert step.rates0 is not None
                 v = v + np.tensordot(s.rates, step.rates0, 1)
             velocity = np.concatenate([v, step.ground_rate])
             stresses, rates = self._viscous(Bs, stresses, velocity)
         forces = system.internal_force(Bs, stresses)
         if system.drag is not None:
+            assert velocity is not None
             forces = forces + system.drag @ velocity[:rows]
         coupled = None
         if step.couplings is not None:
@@ -334,6 +336,7 @@ class StepBalance:
     def _rate_slope(self, e: Evaluation, k: int) -> Array:
         """Derivative of the strain rates ``B(y) v`` of beam group k: B is linear in y."""
         s, g = self.scheme, self.system.beam_groups[k]
+        assert e.velocity is not None
         return s.rate * e.Bs[k] + s.at * g.strain(e.velocity)[1]
 
     def border(self, step: StepData, evaluation: Evaluation) -> tuple[Array, Array] | None:
@@ -374,6 +377,7 @@ class StepBalance:
         """Rates (k, rows, 3) at the end of the step, before velocities are moved."""
         if not self.scheme.table:
             return None
+        assert step.rates0 is not None
         return np.tensordot(self.scheme.table, [evaluation.dq, *step.rates0], 1)
 
     def handed_on(
@@ -381,8 +385,8 @@ class StepBalance:
         y1: Floats,
         dq: Floats,
         p: Floats,
-        rates0: Any,
-        rates: Any,
+        rates0: Floats | None,
+        rates: Floats | None,
         work: StepWork,
         time: float,
     ) -> Finished:
@@ -399,6 +403,7 @@ class StepBalance:
         """
         s, system = self.scheme, self.system
         if s.before:
+            assert rates is not None
             p = system.inertia.dot(rates[0])
         if not self._moves:
             return Finished(p, rates, None, work)
@@ -407,6 +412,7 @@ class StepBalance:
         change = new - p
         if s.weight == 0:  # of the constraint force of this node, which the next step finds
             return Finished(new, -change[None], None if rates0 is None else rates0[0], work)
+        assert rates is not None
         move = v - rates[0]
         if not s.at_end:
             lost = 0.5 * float((rates[0] * p).sum() - (v * new).sum())
@@ -439,12 +445,14 @@ class StepBalance:
         pairs = zip(system.beam_groups, e.rates, strict=True)
         power = sum(g.dissipation(rate) for g, rate in pairs if rate is not None)
         if system.drag is not None:
+            assert e.velocity is not None
             v = e.velocity[: system.rows]
             power += max(0.0, float((v * (system.drag @ v)).sum()))  # of either sign at rounding
         return power
 
     def _trapezoidal_work(self, step: StepData, e: Evaluation) -> StepWork:
         """Work where forces are those at the ends of steps: by the trapezoidal rule."""
+        assert step.rates0 is not None
         system, rows, t0, turns = self.system, self.system.rows, step.state.time, step.state.turns
         at0 = amplitudes_at(system, t0)
         ydot = np.concatenate([step.rates0[0], system.ground_rate(t0)])
@@ -484,6 +492,7 @@ class StepBalance:
             work += float(((system.drag @ velocity[: system.rows]) * e.dq).sum())
         if coupled is not None and e.coupled is not None:
             for own, ended in zip(coupled.responses, e.coupled.responses, strict=True):
+                assert own.forces.damped is not None
                 work += float((own.forces.damped * ended.forces.travel).sum())
         return work
 

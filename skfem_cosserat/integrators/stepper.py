@@ -49,7 +49,7 @@ class StepProblem:
     ) -> None:
         self.balance, self.system = balance, balance.system
         self.treatment, self.step = treatment, step
-        self.evaluation: Any = None
+        self.evaluation: Evaluation | None = None
         self._mixed = mixed
         self._stresses: list[Array] | None = None
         self._sized: tuple[Floats | None, tuple[float, float]] = None, (0.0, 0.0)
@@ -64,6 +64,7 @@ class StepProblem:
 
     def direction(self) -> Floats:
         """Newton increment at the configuration evaluated last."""
+        assert self.evaluation is not None
         e, _ = self._from = self.evaluation, self.y1
         if self._stresses is not None:
             e = self.balance.with_stresses(e, self._stresses)
@@ -518,7 +519,7 @@ class Stepper:
         step = self._begin(state, of, time) if step is None else step
         self._recall(of)
         total = 0
-        best: Any = None
+        best = None
         residuals = []
         for attempt, (extrapolate, damped) in enumerate(ATTEMPTS, 1):
             self.bound.guess(extrapolate)
@@ -541,6 +542,7 @@ class Stepper:
                 "step %d from t = %.6g s, attempt %d of %d: %s",
                 *(state.index + 1, state.time, attempt, len(ATTEMPTS), report.reason),
             )
+        assert best is not None
         effort = f"{len(ATTEMPTS)} attempts with {total} Newton iterations"
         code, reason, advice = self._explained(step, best.reason, problem.y1, origin)
         return Failure(code, state, best.residual, reason, advice, effort, residuals)
@@ -675,6 +677,7 @@ class Stepper:
         report: NewtonReport,
     ) -> Block:
         step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
+        assert evaluation is not None
         finished, state = of.balance.finish(step, evaluation), step.state
         of.last = of.h, self.bound.moved
         if of.fast is not None:
@@ -742,6 +745,7 @@ class Stepper:
         step, bound = of.balance.begin(state), self.bound
         problem = self.problem(step)
         problem.residual()
+        assert problem.evaluation is not None
         blocks = of.balance.tangent(step, problem.evaluation)
         data = bound.matrix(blocks, problem.evaluation.R, problem.y1, scaled)
         matrix = bound.solver.full(data)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class Ground:
         self._rates: dict[float, tuple[Floats, float]] = {}
         #: the last instant, with its rows: a step begins where the one before ended
         self._last = np.nan, _REST
-        self._plane: Any = None
+        self._plane: Plane | None = None
         self._watched: list[Place] = []
 
     def number(self, place: Place) -> int:
@@ -90,6 +90,7 @@ class Ground:
         if t == last:
             return rows
         for place in self._watched:
+            assert self._plane is not None
             self._plane.check_ground(place, t)
         frames = [p.motion.frame(p, t) for p in self.moving if p.motion is not None]
         rows = np.concatenate([_REST, *frames])

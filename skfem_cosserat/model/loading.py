@@ -106,7 +106,7 @@ class Loading:
         mass: csr_matrix,
         origins: IndexArray,
         beam_groups: list[BeamGroup],
-        frame_group: Any,
+        frame_group: Group | None,
     ) -> None:
         self._rows = rows
         self._first, self._mass, self._origins = first, mass, origins
@@ -153,6 +153,7 @@ class Loading:
 
     def _block_of(self, place: Place) -> int:
         """Number of a place's frame in the group of single frames."""
+        assert self._frame_group is not None  # the system puts all such frames there
         vertex = self._first[id(place.item)][0] + place.vertex
         return int(np.searchsorted(self._frame_group.vertices[:, 0], vertex))
 
@@ -162,6 +163,7 @@ class Loading:
         self._moment_follows = np.array([m[2] for m in moments], dtype=bool)
         self._moment_value = np.array([m[3] for m in moments]).reshape(-1, 3)
         if moments:
+            assert self._frame_group is not None
             self._moment_rows = self._frame_group.rows[self._moment_block][:, 1:]
 
     def _dead(self, term: Term) -> tuple[IndexArray, Floats]:
@@ -224,6 +226,7 @@ class Loading:
     def _group(self, number: int) -> Group:
         if number >= 0:
             return self._beam_groups[number]
+        assert self._frame_group is not None
         return self._frame_group
 
     @property

@@ -664,6 +664,7 @@ _WITHOUT = np.array([[1, 2, 5], [0, 2, 4], [0, 1, 3]])
 def coordinates_in_plane(system: System) -> csr_matrix:
     """Matrix (n, count): all coordinates by those that change in the plane, two for a row of y."""
     plane = system.plane
+    assert plane is not None
     rows = plane.moving(system.q0.reshape(-1, 3), system.origin_rows)
     count = 2 * len(rows)
     i = np.repeat((3 * rows[:, None] + np.arange(3))[:, :, None], 2, axis=2).ravel()
@@ -723,6 +724,7 @@ def acting(system: System, elements: Sequence[HeldElement]) -> IndexArray:
 def _of_triads(system: System, G: csr_matrix, y: Floats) -> list[IndexArray]:
     """Rows of triads: those without the director along the normal, if one is."""
     kin, plane = system.kinematics, system.plane
+    assert plane is not None
     still = np.linalg.norm(kin.directors(y) @ plane.axes.T, axis=2) <= TOLERANCE
     first = 6 * np.arange(len(still))
     kept = [(first[still[:, k]][:, None] + others).ravel() for k, others in enumerate(_WITHOUT)]
@@ -733,6 +735,7 @@ def _of_triads(system: System, G: csr_matrix, y: Floats) -> list[IndexArray]:
 def _rigid(system: System, y: Floats) -> csr_matrix:
     """Rates (n, 3 a frame or 2 a point) of each vertex by itself, rotations by length."""
     kin, plane = system.kinematics, system.plane
+    assert plane is not None
     first = 3 * np.arange(len(system.origin_rows))
     rows, cols, values = [], [], []
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -309,7 +309,8 @@ def _inertia(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
     if is_beam(item) or len(M) == 1:
         return
     host = lumped(item).on
-    triad: Any = host.triad if host is not None else item.vertices().triads[0]  # type: ignore[union-attr,index]
+    triad = host.triad if host is not None else item.vertices().triads[0]  # type: ignore[union-attr,index]
+    assert triad is not None
     if found := _masses(M, triad @ plane.normal, TOLERANCE * plane.length):
         yield item.label, f"its {found}"
 
@@ -647,7 +648,7 @@ class Planarity:
 def inspect(system: System, normal: Floats | None = None) -> Planarity:
     """Look for the plane of a scene, or at that with a given normal; see :func:`planarity`."""
     normals = _candidates(system) if normal is None else [normal]
-    best: Any = None
+    best = None
     for n in normals:
         plane = Plane(n, system.q0.reshape(-1, 3)[system.origin_rows].mean(axis=0), system.length)
         found = Planarity(
@@ -657,6 +658,7 @@ def inspect(system: System, normal: Floats | None = None) -> Planarity:
             return found
         if best is None or len(found.out_of_plane) < len(best.out_of_plane):
             best = found
+    assert best is not None
     return best
 
 

@@ -221,7 +221,7 @@ class System(Pictured):
         for push in pushes:
             push.check(start)
         self.couplings = Couplings(couplings, self.row_of, start, self.rows, pushes)
-        self.plane: Any = None
+        self.plane: Plane | None = None
         self._build_tree()
         self._lock()
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -58,7 +57,7 @@ class RunLoop:
     callbacks: Sequence[Callback]
     show: Callable[[float], object]
     interrupt: Interrupt
-    watch: Any = None
+    watch: EventMonitor | None = None
 
     def go(self, state: State) -> tuple[str, Diverged | None]:
         """Go on from a state to the end; the status, and why a step could not be solved."""
@@ -103,6 +102,7 @@ class RunLoop:
 
     def _act(self, found: Found) -> bool:
         """Carry out what events do; true if the run ends with them."""
+        assert self.watch is not None
         start, system, stop = self.state, self.watch.system, False
         before, losses = system, 0.0
         for event, value in found.events:

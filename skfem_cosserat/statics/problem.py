@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg, splu
@@ -246,7 +246,7 @@ class Problem:
         self.start, self.target = start, target
         self.t = start.t
         equations.begin(start)
-        self.predicted: Any = None
+        self.predicted: Array | None = None
         #: derivatives of residual and coordinates by t; None: a given load factor is reached
         self._rates: tuple[Array, Array] | None = None
         self._mixed = False
@@ -813,6 +813,7 @@ class PathSolver:
             report.reason += f": {self.bound.trouble}" if self.bound.trouble is not None else ""
             report.reason += f"; {found}" if found is not None else ""
             return None, report
+        assert problem.predicted is not None  # there is always one iteration
         force = np.array(problem.equations.constraint_force()).reshape(-1)
         point, couplings = self.ended, self.system.couplings
         if couplings.count:
