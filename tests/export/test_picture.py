@@ -95,6 +95,9 @@ def test_a_scene_before_its_run(tmp_path):
 
 @pytest.mark.render
 @pytest.mark.usefixtures("renderer")
+# imageio, which reads the film, leaves a pipe open
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.filterwarnings("ignore:unclosed file:ResourceWarning")
 @pytest.mark.parametrize("ending", ["gif", "mp4"])
 def test_a_film_moves_as_the_scene_does(tmp_path, ending):
     imageio = pytest.importorskip("imageio.v2")
