@@ -4,8 +4,7 @@ A rubber rod with a ball at its end swings down from its hinge, in each run half
 The last rod is hit by a blow that the step cannot resolve. That run fails on purpose: a failure is
 an outcome like the others, with the history up to the blow.
 
-Run ``python examples/parallel_runs.py``. With ``--executor dask`` the runs go to a Dask cluster
-(``pip install 'skfem-cosserat[cluster]'``).
+Run ``python examples/parallel_runs.py``; ``--executor dask`` takes Dask (extra ``cluster``).
 """
 
 from __future__ import annotations
@@ -13,15 +12,16 @@ from __future__ import annotations
 import argparse
 import time
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import skfem_cosserat as sc
 
-SOFTEST = 1e7  # Young's modulus of the softest rod (Pa)
+PICTURE = Path(__file__).with_name("pictures") / "parallel_runs.png"
+SOFTEST, STEP = 1e7, 1e-3  # Young's modulus of the softest rod (Pa), step (s)
 BLOW, BLOW_AT = 1e12, 0.5  # the blow that is too hard (N), and when, as a share of the run
-STEP = 1e-3
 
 
 def build(modulus: float, elements: int, until: float, blow: float = 0.0) -> sc.System:
@@ -76,6 +76,7 @@ def main(
     count: int = 8,
     elements: int = 20,
     until: float = 1.5,
+    out: str | Path | None = None,
 ) -> dict[str, Any]:
     """Run the batch in this process, and through an executor with so many workers.
 
@@ -96,6 +97,8 @@ def main(
         lowest = int(height.argmin())
         failure = None if outcome.ok else str(outcome.error)
         rows.append((outcome.name, float(height[lowest]), float(history.times[lowest]), failure))
+    if out is not None:  # the softest rod
+        history_of(found[0][0]).picture(out, frames=7, camera="xy", window=(960, 540))
     pairs = [[history_of(outcome)["q"] for outcome in pair] for pair in zip(*found, strict=True)]
     return {
         "rows": rows,
@@ -110,8 +113,8 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--executor", choices=("serial", "processes", "dask"), default="processes")
     parser.add_argument("--workers", type=int, default=2)
-    result = main(**vars(parser.parse_args()))
+    result = main(**vars(parser.parse_args()), out=PICTURE)
     for name, height, when, failure in result["rows"]:
         print(f"{name:12s} lowest {height:8.4f} m at {when:.3f} s  {(failure or '').split(';')[0]}")
     print(f"one after the other {result['serial']:.1f} s, side by side {result['parallel']:.1f} s")
-    print(f"identical: {result['identical']}")
+    print(f"identical: {result['identical']}\npicture: {PICTURE}")

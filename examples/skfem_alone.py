@@ -9,16 +9,20 @@ Timoshenko has it; the foundation then holds it back.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from skfem import BilinearForm, asm, condense, solve
 
 import skfem_cosserat as sc
 
+PICTURE = Path(__file__).with_name("pictures") / "skfem_alone.png"
 FORCE = 100.0  # N
 
 
-def main(elements: int = 8, order: int = 2, foundation: float = 0.0) -> dict[str, float]:
+def main(
+    elements: int = 8, order: int = 2, foundation: float = 0.0, out: str | Path | None = None
+) -> dict[str, float]:
     """Displacement of the tip (m) with a foundation (N/m^2), and by closed form without one."""
     section = sc.SectionCircle(0.01, sc.Material(E=210e9, nu=0.3, rho=7850.0))
     mesh = sc.MeshCurve.init_line((0, 0, 0), (1, 0, 0), elements, name="boom")
@@ -34,10 +38,15 @@ def main(elements: int = 8, order: int = 2, foundation: float = 0.0) -> dict[str
     f[tip] = FORCE
     u = solve(*condense(K + asm(winkler, basis), f, D=basis.get_dofs("boom.start")))
     EI, GA = section.stiffness[3, 3], section.stiffness[0, 0]
+    if out is not None:
+        figure, (axes,) = sc.figures.panels(6.5, 3)
+        axes.plot(beam.basis.nodes[:, 0], 1e3 * u[basis.nodal_dofs[1]], "o")
+        axes.set(xlabel="x in m", ylabel="deflection in mm")
+        sc.figures.write_figure(figure, out)
     return {"tip": float(u[tip][0]), "theory": FORCE / (3 * EI) + FORCE / GA}
 
 
 if __name__ == "__main__":
     result = main()
     print(f"tip {result['tip']:.9f} m, Timoshenko's theory {result['theory']:.9f} m")
-    print(f"with a foundation of 10 kN/m^2: {main(elements=16, foundation=1e4)['tip']:.9f} m")
+    print(f"with a foundation of 10 kN/m^2: {main(16, foundation=1e4, out=PICTURE)['tip']:.9f} m")

@@ -285,4 +285,6 @@ from .accuracy import (
     work_precision as work_precision,
 )
 
+from .version import citation as citation
+
 __version__: str

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .errors import InputError, failed
-from .frozen import Frozen, brief
+from .frozen import Frozen
+from .notebook import brief
 from .types import ArrayLike, Floats, IndexArray, numbers, shaped
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ class Stations:
         if self.smooth:
             from scipy.interpolate import PchipInterpolator  # slow to import
 
-            return np.asarray(PchipInterpolator(self.s, self.values)(s.clip(*self.s[[0, -1]])))
+            return PchipInterpolator(self.s, self.values)(s.clip(*self.s[[0, -1]]))
         return np.stack([np.interp(s, self.s, column) for column in self.values.T], axis=-1)
 
 

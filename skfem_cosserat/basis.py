@@ -161,8 +161,7 @@ class DirectorBasis(CellBasis):
     @property
     def arc_lengths(self) -> Floats:
         """Arc length (ne, p + 1) of nodes from the start of their beam (m)."""
-        along = self.lengths[:, None] * self.interpolation.nodes
-        return self.mesh.arc_starts[:, None] + along
+        return self.mesh.arc_starts[:, None] + (self.lengths[:, None] * self.interpolation.nodes)
 
     def shape(self, xi: ArrayLike) -> Array:
         """Shape functions (p + 1, ...) at reference coordinates xi (...)."""
@@ -397,8 +396,7 @@ class DirectorBasis(CellBasis):
             Lambda with ``section d_i = sum_j Lambda[i, j] * nodal d_j``; exactly the identity
             where the two agree to 1e-12.
         """
-        nodal = self.nodal_triads(triads)[self.connectivity]
-        out = np.einsum("eaik,eajk->eaij", triads, nodal)
+        out = np.einsum("eaik,eajk->eaij", triads, self.nodal_triads(triads)[self.connectivity])
         same = np.abs(out - np.eye(3)).max(axis=(-2, -1)) < SAME
         out[same] = np.eye(3)
         return out
@@ -602,8 +600,7 @@ def error_norms(
     if by == "arc":
         where = basis.mesh.arc_starts[:, None] + basis.lengths[:, None] * scalar.X[0]
     local = values[basis.connectivity]
-    found = np.einsum("aq,eak->keq", basis.shape(scalar.X[0]), local)
-    l2 = _norm(scalar, found, exact(where))
+    l2 = _norm(scalar, np.einsum("aq,eak->keq", basis.shape(scalar.X[0]), local), exact(where))
     if derivative is None:
         return l2, None
     slope = np.einsum("aq,eak,e->keq", basis.dshape(scalar.X[0]), local, 1.0 / basis.lengths)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
 from types import MappingProxyType
@@ -130,7 +130,7 @@ class Beam(LineItem):
             )
         self.theory = TheoryReissner() if theory is None else theory
         self.mesh = mesh
-        self._orientation: tuple[Any, ...] | None = (director, twist, strain)
+        self._orientation = (director, twist, strain)
         self.basis = DirectorBasis(mesh, order=order)
         self.lumped = switch(self.label, lumped, "lumped")
         if self.lumped and not isinstance(self.basis.interpolation, InterpolationLobatto):
@@ -178,6 +178,22 @@ class Beam(LineItem):
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from (("elements", self.mesh.nelements), ("order", self.basis.order))
         yield from (("sections", self.sections), ("theory", self.theory))
+
+    def summary(self) -> dict[str, Any]:
+        """Length, mesh, mass and sections, those that vary at both ends of their elements."""
+        rows = dict(self._parts()) | {"length in m": float(self.basis.lengths.sum())}
+        rows["mass in kg"] = float(self.scalar_mass()[:, ::4, ::4].sum())
+        starts, _ = self._part_lengths()
+        for k, name in enumerate(rows.pop("sections")):
+            own = np.flatnonzero(self.section_id == k)
+            ends = own[np.argsort(starts[own])][[0, -1]]
+            first, last = np.diagonal(self.sections_at(ends, np.array([0.0, 1.0])))
+            both = {"start": first.summary(), "end": last.summary()}
+            rows[name] = both if first is not last else first.summary()
+        return rows
+
+    def _loops(self) -> Sequence[Floats]:
+        return next(iter(self.sections.values()))._loops()
 
     def _lock(self) -> None:
         lock_arrays(self.elements)
@@ -714,7 +730,7 @@ class Beam(LineItem):
         own[:, :, 0, 0], own[:, :, 1:, 1:] = 1, self.rotations[:, :, :2]
         out = np.einsum("eaki,eabkl,eblj->eaibj", own, weighted, own, optimize=True)
         out = out.reshape(ne, 4 * nn, 4 * nn)
-        return np.asarray(0.5 * (out + out.transpose(0, 2, 1)))
+        return 0.5 * (out + out.transpose(0, 2, 1))
 
     def part(self, name: str | None = None) -> IndexArray:
         """Elements of a named part of the mesh, or all."""

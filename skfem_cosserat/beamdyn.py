@@ -119,7 +119,7 @@ class _Lines:
             raise MeshError(f"file '{path}'", f"cannot be read: {error.strerror}") from error
         #: numbers of the lines of entries by name, and their values without quotes
         self.entries: dict[str, int] = {}
-        self.texts: dict[str, str] = {}
+        self.texts = {}
         for k, line in enumerate(self.lines):
             found = re.match(r'\s*("[^"]*"|\S+)\s+([A-Za-z_]\w*)\s+-', line)
             if found and found[2] not in self.entries:
@@ -211,7 +211,7 @@ def _station(rows: Floats, mu: Floats) -> Section:
     for matrix, expected, what in ((D, D.T, "symmetric"), (M, flat, "that of a flat section")):
         off = abs(matrix - expected) / np.sqrt(abs(np.outer(np.diag(expected), np.diag(expected))))
         if not off.max() < WRONG:
-            i, j = np.unravel_index(int(off.argmax()), (6, 6))
+            i, j = np.unravel_index(off.argmax(), (6, 6))
             text = f"entry {i + 1}, {j + 1} is {matrix[i, j]:.6g}, not {expected[i, j]:.6g}"
             raise InputError("a matrix", f"is not {what}: {text}")
     D = 0.5 * (D + D.T)

@@ -104,8 +104,7 @@ class MassPoint(_Lump):
         """One point, unless attached."""
         if self.on is not None:
             return None
-        zero = np.zeros((1, 3))
-        return Vertices(self.position[None], None, self.velocity[None], zero)
+        return Vertices(self.position[None], None, self.velocity[None], np.zeros((1, 3)))
 
     def place(self) -> Place:
         """The point itself (where it is attached, if it is), for joints and loads.
@@ -429,8 +428,7 @@ class RigidBody(_Lump):
         >>> body.local((0.5, 0, 0)).position.tolist()
         [2.5, 0.0, 0.0]
         """
-        offset = vector(self.label, "X", X)
-        return self.at(self.position + offset @ self.triad)
+        return self.at(self.position + vector(self.label, "X", X) @ self.triad)
 
     def counterpart(self, place: Place) -> Place:
         """Place on this body at the same position, also for a node of a beam that it replaces."""

@@ -312,10 +312,12 @@ class SpringDamper(_BetweenPlaces):
         length: float | None = None,
     ) -> None:
         super().__init__(a, b)
+        if self.slack:
+            positive(self.label, "stiffness", stiffness, " (N/m)")
         self._set_law(stiffness, damping, self._along_line(length))
 
 
-class Cable(_BetweenPlaces):
+class Cable(SpringDamper):
     """Cable between two points: tension ``k (l - length) + c dl/dt`` (N) while it is longer.
 
     It never pushes: shorter than `length` it is slack, and the damper does not push either. Where
@@ -344,18 +346,6 @@ class Cable(_BetweenPlaces):
 
     kind = "cable"
     slack = True
-
-    def __init__(
-        self,
-        a: Place,
-        b: Place,
-        stiffness: float,
-        damping: float = 0.0,
-        length: float | None = None,
-    ) -> None:
-        super().__init__(a, b)
-        positive(self.label, "stiffness", stiffness, " (N/m)")
-        self._set_law(stiffness, damping, self._along_line(length))
 
 
 class Bushing(_BetweenPlaces):

@@ -9,6 +9,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -145,7 +147,15 @@ def new_figure(width: float, height: float) -> Figure:
         raise ImportError(f"matplotlib {MISSING}") from error
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
+    vars(figure)["_repr_png_"] = partial(_png, figure)  # pyplot alone would have notebooks show it
     return figure
+
+
+def _png(figure: Figure) -> bytes:
+    """The picture that a notebook shows."""
+    stream = BytesIO()
+    figure.savefig(stream, dpi=100)
+    return stream.getvalue()
 
 
 def chart_style() -> AbstractContextManager[None]:

@@ -557,7 +557,7 @@ class MotionShake(Motion):
         if not (np.isfinite(t).all() and np.isfinite(a).all()):
             raise InputError(item, "times or accelerations are not finite")
         if (np.diff(t) <= 0).any():
-            bad = int(np.argmax(np.diff(t) <= 0))
+            bad = np.argmax(np.diff(t) <= 0)
             raise InputError(item, f"times do not increase: {t[bad]} is followed by {t[bad + 1]}")
         if switch(item, baseline, "baseline"):
             path = _integrated(t, a)
@@ -585,5 +585,4 @@ def _drift(t: Floats, x: Floats, v: Floats) -> Floats:
     T, s = t[-1] - t[0], (t - t[0])[:, None]
     # c + d s: velocity c T + d T^2/2, displacement c T^2/2 + d T^3/6
     c = 6 * x / T**2 - 2 * v / T
-    d = 6 * v / T**2 - 12 * x / T**3
-    return c + d * s
+    return c + (6 * v / T**2 - 12 * x / T**3) * s

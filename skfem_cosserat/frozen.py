@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from copy import copy
-from functools import partial, wraps
-from types import FunctionType, MethodType
+from functools import wraps
+from types import MethodType
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
 from .arguments import checked
 from .errors import FrozenError
+from .notebook import Shown, brief
 
 T = TypeVar("T")
-
-#: arrays of more numbers are shown by their shape, sequences of more entries by their length
-_SHOWN = 9
 
 
 def _sealing(make: Callable[..., None]) -> Callable[..., None]:
@@ -32,7 +30,7 @@ def _sealing(make: Callable[..., None]) -> Callable[..., None]:
     return making
 
 
-class Frozen:
+class Frozen(Shown):
     """Base of what does not change once it is built.
 
     A constructor sets attributes as it likes, before and after that of its base class. Then no
@@ -104,16 +102,23 @@ class Frozen:
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self._shown()})"
 
-    def _brief(self) -> str:
-        """Description where it is part of another object."""
-        return repr(self)
-
     def _parts(self) -> Iterator[tuple[str, Any]]:
         """Arguments given to the constructor, as far as they are known and not the default."""
         for name, parameter in inspect.signature(type(self)).parameters.items():
             value = getattr(self, name, parameter.default)
             if not (isinstance(value, MethodType) or _same(value, parameter.default)):
                 yield name, value
+
+    #: of what :meth:`_parts` gives
+    _units: ClassVar[dict[str, str]] = {
+        **{"length": "m", "radius": "m", "position": "m", "E": "N/m²", "rho": "kg/m³"},
+        **{"velocity": "m/s", "angular_velocity": "rad/s", "mass": "kg", "inertia": "kg m²"},
+    }
+
+    def summary(self) -> dict[str, Any]:
+        """What it was made of, as far as it is known and not the default, with units."""
+        parts = dict(self._parts())
+        return {f"{n} in {self._units[n]}" if n in self._units else n: parts[n] for n in parts}
 
     def _shown(self) -> str:
         return ", ".join(f"{name}={brief(value)}" for name, value in self._parts())
@@ -126,35 +131,6 @@ def _same(value: Any, default: Any) -> bool:
         return default is not None and np.array_equal(value, default)
     plain = (bool, int, float, str, tuple)
     return isinstance(value, plain) and isinstance(default, plain) and value == default
-
-
-def brief(value: Any) -> str:
-    """A value in some words: of arrays the numbers if they are few, of functions their names."""
-    if isinstance(value, str | bool | int | None):
-        return repr(value)
-    if isinstance(value, float | np.number):
-        return f"{value:.6g}"
-    if isinstance(value, np.ndarray):
-        if value.size > _SHOWN or value.dtype.kind not in "biuf":
-            return f"array {value.shape}"
-        return _list(value.tolist())
-    if isinstance(value, list | tuple) and len(value) <= _SHOWN:
-        return _list(value)
-    if isinstance(value, list | tuple):
-        return f"{len(value)} entries"
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key!r}: {brief(each)}" for key, each in value.items()) + "}"
-    if isinstance(value, partial):
-        return f"partial({brief(value.func)})"
-    if isinstance(value, FunctionType | MethodType | type):
-        return value.__name__
-    if isinstance(value, Frozen):
-        return value._brief()
-    return type(value).__name__
-
-
-def _list(values: Iterable[Any]) -> str:
-    return f"[{', '.join(map(brief, values))}]"
 
 
 def _read_only(value: Any) -> Any:

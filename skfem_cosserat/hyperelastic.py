@@ -143,7 +143,7 @@ def stored_law(
     if abs(rest) > AT_REST * axial:
         raise InputError(ITEM, f"energy at zero strain is {rest:g}, expected 0: take it off")
     if (abs(stress) > AT_REST * sizes).any():
-        i = int(np.argmax(abs(stress) / sizes))
+        i = np.argmax(abs(stress) / sizes)
         raise InputError(
             ITEM,
             f"{STRESSES[i]} = {stress[i]:g} at zero strain: strains count from the reference, which"

@@ -143,7 +143,7 @@ class Joint(Item):
         rest = self.gap(x_b - x_a)
         gap = float(np.linalg.norm(rest))
         # coordinates far from the origin are known to their own rounding only
-        rounding = 1e-15 * float(abs(x_a).max() + abs(x_b).max())
+        rounding = 1e-15 * (abs(x_a).max() + abs(x_b).max())
         if gap > TOLERANCE * length + rounding:
             raise InputError(
                 self.label,
@@ -600,8 +600,7 @@ class JointUniversal(Joint):
     def coordinates(self) -> tuple[RelativeCoordinate, ...]:
         """Angles of each axis seen from the side that carries the other one."""
         first = angle("angle_a", self.a, self.b, self.axis_a, across=self.axis_b)
-        second = angle("angle_b", self.a, self.b, self.axis_b, "b", across=self.axis_a)
-        return first, second
+        return first, angle("angle_b", self.a, self.b, self.axis_b, "b", across=self.axis_a)
 
 
 class JointFixed(Joint):
@@ -783,8 +782,7 @@ class JointDrive(Item):
         forms = self.coordinate.forms
         if self.coordinate.kind == "displacement":
             number = Expression(((self.place, 0, 1.0),))
-            third = Expression(((ORIGIN, 3, 1.0),))
-            return [(*forms[0], Product(number, third, -1.0))]
+            return [(*forms[0], Product(number, Expression(((ORIGIN, 3, 1.0),)), -1.0))]
         cosine, sine = forms
         return [(*self._times(sine, 0), *self._times(cosine, 1, -1.0))]
 

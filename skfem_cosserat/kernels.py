@@ -112,7 +112,7 @@ class BeamElements(SectionPoints):
 
     def taken(self, ids: IndexArray) -> BeamElements:
         """The elements of these numbers, each as often as it is there."""
-        own: dict[str, Any] = {
+        own = {
             name: array[ids]
             for name in ("lengths", "stiffness", "reference", "rotations", "viscosity", "law_of")
             if (array := getattr(self, name)) is not None
@@ -344,8 +344,7 @@ def _from_section(rotations: Floats, rows: Array) -> Array:
     """Rows (ne, r, 4 nn c) by section coordinates -> by nodal ones (chain rule); c = 1 or 3."""
     ne, r, k = rows.shape
     out = rows.reshape(ne, r, rotations.shape[1], 4, -1).copy()
-    back = rotations.transpose(0, 1, 3, 2)[:, None]
-    out[:, :, :, 1:] = back @ out[:, :, :, 1:]
+    out[:, :, :, 1:] = rotations.transpose(0, 1, 3, 2)[:, None] @ out[:, :, :, 1:]
     return out.reshape(ne, r, k)
 
 
@@ -469,4 +468,4 @@ def rotation_matrix(quaternion: Array) -> Array:
 def nearest_rotations(triads: Array) -> Floats:
     """Rotations (..., 3, 3) nearest to matrices: their polar decomposition."""
     u, _, vt = np.linalg.svd(triads)
-    return np.asarray(u @ vt)
+    return u @ vt

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import weakref
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any
@@ -274,7 +273,7 @@ class _SuperLU(Factors):
     def __init__(self, pattern: FrozenPattern, symmetric: bool) -> None:
         self._pattern, self.pivoting = pattern, not symmetric
         self.name = "superlu-symmetric" if symmetric else "superlu"
-        self._options: dict[str, Any] = {}
+        self._options = {}
         if symmetric:  # pivots on the diagonal down to a hundredth of their column's largest entry
             self._options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.01}
             self._options["options"] = {"SymmetricMode": True}
@@ -372,7 +371,7 @@ class Factorised:
         straight = bool((lu.perm_r == lu.perm_c).all())
         self.negative = int((pivots < 0).sum()) if straight else -1
         self.smallest = float(abs(pivots).min())
-        self.solve: Callable[[Array], Array] = lu.solve
+        self.solve = lu.solve
 
 
 def negative_pivots(K: csr_matrix) -> tuple[int, float]:

@@ -805,8 +805,7 @@ class LoadStrain(LoadLine):
 
     def terms(self) -> Sequence[Term]:
         """Strains along the elements: those of the line, and those of its triads."""
-        points = self.beam.elements.points
-        strains = self.value.on(self.beam, self.elements, self.part, points)
+        strains = self.value.on(self.beam, self.elements, self.part, self.beam.elements.points)
         return [
             TermStrain(self.beam, own, self.time, self.elements, axial)
             for axial, own in zip((False, True), np.split(strains, 2, axis=-1), strict=True)

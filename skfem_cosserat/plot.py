@@ -1,23 +1,23 @@
-"""Charts (matplotlib) and pictures (pyvista) of a history; both packages are optional."""
+"""Charts of a history (matplotlib, optional)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .arguments import checked
 from .errors import InputError
-from .export.geometry import BeamShape, beam_shapes, body_shapes
-from .figures import MISSING, PALETTE, check_folder, legend, panels, write_figure
-from .history import History
-from .types import Array, ArrayLike, FilePath, Floats, names_known
+from .export.table import record_of
+from .figures import PALETTE, legend, panels, write_figure
+from .history import History, SensorRecord
+from .history.container import BALANCE
+from .types import FilePath, Floats, IndexArray, names_known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from pyvista import Plotter, PolyData
 
 _ENERGIES = {
     "kinetic": "kinetic",
@@ -26,8 +26,9 @@ _ENERGIES = {
     "external": "external",
     "energy": "total",
     "energy_midpoint": "total (midpoint)",
-    "energy_balance": "balance",
+    BALANCE: "balance",
 }
+_TOTALS = ("energy", "energy_midpoint")
 #: by the last part of a series' name
 _UNITS = {
     **dict.fromkeys((*_ENERGIES, "dissipated"), "J"),
@@ -37,8 +38,7 @@ _UNITS = {
     **{"linear_momentum": "kg m/s", "angular_momentum": "kg m²/s"},
 }
 #: what is drawn unless names are given: of springs if there are some
-_USUAL = ("kinetic", "strain_energy", "coupling_energy", "energy", "energy_midpoint")
-_CAMERAS = ("xy", "xz", "yz", "iso")
+_USUAL = ("kinetic", "strain_energy", "coupling_energy", *_TOTALS)
 
 
 @checked
@@ -46,7 +46,7 @@ def plot_energy(
     history: History,
     path: FilePath | None = None,
     names: Sequence[str] | None = None,
-    since: float = 0.0,
+    since: float = -np.inf,
 ) -> Figure:
     """Chart of the energies over time, and below it of what is wrong with their sum.
 
@@ -65,11 +65,12 @@ def plot_energy(
         since that of a strong pulse would hide all others.
     since : float
         Time in s from which the balance, or the change of the total, counts, such as the end of a
-        pulse.
+        pulse. Default: from the start.
 
     Returns
     -------
     matplotlib.figure.Figure
+        Over the load factor, of a path of equilibria.
 
     Raises
     ------
@@ -86,95 +87,88 @@ def plot_energy(
     >>> len(plot_energy(History({}, {}, series)).axes)
     2
     """
+    return _chart(history, _energy_parts(history, names, since), path)
+
+
+#: a panel of a chart: its height, and what draws into its axes
+_Part = tuple[float, Callable[[Any], None]]
+
+
+def _chart(history: History, parts: Sequence[_Part], path: FilePath | None) -> Figure:
+    """Panels below each other over the same times."""
+    heights = [height for height, _ in parts]
+    size = 1.0 + sum(heights) * 4 / 3
+    figure, axes = panels(7.5, size, len(parts), sharex=True, height_ratios=heights)
+    for axis, (_, draw) in zip(axes, parts, strict=True):
+        draw(axis)
+        for line in axis.get_lines():  # of a single state
+            line.set_marker("o" if len(line.get_xdata()) == 1 else "")
+    axes[-1].set_xlabel("load factor" if "load_factor" in history else "time in s")
+    return write_figure(figure, path)
+
+
+def _energy_parts(history: History, names: Sequence[str] | None, since: float) -> list[_Part]:
+    """Panels of the energies and of their balance."""
     for name in names or ():
         if name not in _ENERGIES:
             text = f"got {name!r}, expected some of them; {names_known(name, _ENERGIES)}"
             raise InputError("argument names", text)
     springs = "coupling_energy" in history and bool(np.any(history["coupling_energy"]))
     usual = [name for name in _USUAL if name != "coupling_energy" or springs]
-    wanted = [*usual, "energy_balance"] if names is None else list(names)
+    wanted = [*usual, BALANCE] if names is None else list(names)
     present = [name for name in _ENERGIES if name in history and name in wanted]
     if not present:
         raise InputError("history", f"has no energy series; expected some of {wanted}")
-    balanced = "energy_balance" in present
-    drawn = [name for name in present if name != "energy_balance"]
-    totals = [name for name in drawn if _ENERGIES[name].startswith("total")]
-    below = ["energy_balance"] if balanced else totals
-    sizes = [name for name in usual if name in history] if balanced else []
-    scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in present + sizes)
+    x = history.abscissa
+    colours = dict(zip(_ENERGIES, PALETTE.values(), strict=False)) | {"energy": "black"}
+    above = [name for name in present if name != BALANCE]
+    below = [BALANCE] if BALANCE in present else [name for name in above if name in _TOTALS]
+    known = {*present, *(name for name in usual if name in history)}
+    scale = max(float(np.nanmax(abs(history[name]), initial=0.0)) for name in known)
 
-    ratios = [2] * bool(drawn) + [1] * bool(below)
-    rows = len(ratios)
-    figure, axes = panels(7.5, 5.0 if rows > 1 else 3.2, rows, sharex=True, height_ratios=ratios)
-    colours = dict(zip(_ENERGIES, PALETTE.values(), strict=False))
-    for name in drawn:
-        style = {"color": "black"} if name == "energy" else {"color": colours[name], "lw": 1.0}
-        axes[0].plot(history.times, history[name], label=_ENERGIES[name], **style)
-    if drawn:
-        axes[0].set_ylabel("energy in J")
-        legend(axes[0])
-    for name in below:
-        valid = np.flatnonzero(np.isfinite(history[name]) & (history.times >= since))
-        if len(valid) and scale > 0.0:
-            first = valid[0]  # later gaps stay gaps
-            drift = (history[name][first:] - history[name][first]) / scale
-            style = {"color": "black" if name == "energy" else colours[name], "lw": 1.0}
-            axes[-1].plot(history.times[first:], drift, label=_ENERGIES[name], **style)
-    if below:
-        what = "balance of energy" if balanced else "change of total"
-        axes[-1].set_ylabel(f"{what}\n/ largest energy")
-        axes[-1].axhline(0.0, color="grey", linewidth=0.5, zorder=1)
-    axes[-1].set_xlabel("time in s")
-    return write_figure(figure, path)
+    def draw(axis: Any, name: str, values: Floats) -> None:
+        axis.plot(x, values, color=colours[name], label=_ENERGIES[name], linewidth=1.0)
+
+    def energies(axis: Any) -> None:
+        for name in above:
+            draw(axis, name, history[name])
+        axis.set_ylabel("energy in J")
+        legend(axis)
+
+    def balance(axis: Any) -> None:
+        for name in below:
+            values = np.where(x >= since, history[name], np.nan)
+            valid = values[np.isfinite(values)]
+            if len(valid) and scale > 0.0:
+                draw(axis, name, (values - valid[0]) / scale)
+        what = "balance of energy" if BALANCE in below else "change of total"
+        axis.set_ylabel(f"{what}\n/ largest energy")
+        axis.axhline(0.0, color="grey", linewidth=0.5, zorder=1, label="_zero")
+
+    return [(2.0, energies)] * bool(above) + [(1.0, balance)] * bool(below)
+
+
+def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> None:
+    """The numbers of a sensor or series."""
+    lines = axis.plot(record.times, record.values, linewidth=1.0)
+    axis.set_ylabel(f"{name} in {record.unit}" if record.unit else _with_unit(history, name))
+    if 1 < len(lines) <= 6:
+        for line, label in zip(lines, "xyz" if len(lines) == 3 else "012345", strict=False):
+            line.set_label(label)
+        legend(axis)
 
 
 @checked
-def plot_series(history: History, names: Sequence[str], path: FilePath | None = None) -> Figure:
-    """Chart of scalar or vector series over time, one panel for each.
-
-    Parameters
-    ----------
-    history : History
-        Recorded states.
-    names : sequence of str
-        Series of shape ``(N,)`` or ``(N, k)``.
-    path : path-like, optional
-        Write the chart here.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-
-    Raises
-    ------
-    InputError
-        If a series does not exist or is no scalar or vector.
-    ImportError
-        Without matplotlib.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> zeros = np.zeros((2, 3))
-    >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": zeros, "p": zeros}
-    >>> len(plot_series(History({}, {}, series), ["q", "p"]).axes)
-    2
-    """
-    if not names:
-        raise InputError("argument names", "is empty, expected at least one series")
-    for name in names:
-        if history[name].ndim > 2:
-            raise InputError(f"series {name!r}", f"has shape {history[name].shape}")
-    figure, axes = panels(7.5, 1.0 + 2.0 * len(names), len(names), sharex=True)
-    for axis, name in zip(axes, names, strict=True):
-        lines = axis.plot(history.times, history[name], linewidth=1.0)
-        axis.set_ylabel(_with_unit(history, name))
-        if 1 < len(lines) <= 6:
-            for line, label in zip(lines, "xyz" if len(lines) == 3 else "012345", strict=False):
-                line.set_label(label)
-            legend(axis)
-    axes[-1].set_xlabel("time in s")
-    return write_figure(figure, path)
+def plot(history: History, names: Sequence[str] = (), path: FilePath | None = None) -> Figure:
+    """Chart of energies, sensors and series, see :meth:`History.plot`."""
+    energies = ["energy"] if "kinetic" in history or "strain_energy" in history else []
+    parts = []
+    for name in names or energies + [*history.sensors] or ["work_loads"]:
+        if name == "energy":
+            parts += _energy_parts(history, None, -np.inf)
+        else:
+            parts.append((1.5, partial(_numbers, history, name, record_of(history, name))))
+    return _chart(history, parts, path)
 
 
 def _with_unit(history: History, name: str) -> str:
@@ -189,24 +183,29 @@ def _with_unit(history: History, name: str) -> str:
 
 def _path_of(history: History, what: str) -> Floats:
     """Places ``(N, 3)`` of a body, mass point, beam node or joint."""
-    kind, _, rest = what.partition("/")
-    name, _, node = rest.rpartition("/")
-    if kind == "joint" and f"{what}/position" in history:
+    static, (item, _, node) = history.static, what.rpartition("/")
+    if what.startswith("joint/") and f"{what}/position" in history:
         return history[f"{what}/position"]
-    if kind in ("body", "point") and f"{what}/offset" in history.static:
-        start = int(history.static[f"{what}/offset"])
-        return history["q"][:, start : start + 3]
-    if kind == "beam" and f"beam/{name}/offsets" in history.static:
-        offsets = history.static[f"beam/{name}/offsets"]
-        digits = node.removeprefix("-")
-        if digits.isdigit() and -len(offsets) <= int(node) < len(offsets):
-            start = int(offsets[int(node)])
-            return history["q"][:, start : start + 3]
-        raise InputError("argument what", f"got {what!r}, beam {name!r} has {len(offsets)} nodes")
-    raise InputError(
-        "argument what",
-        f"got {what!r}, expected 'body/NAME', 'point/NAME', 'joint/NAME' or 'beam/NAME/NODE'",
-    )
+    if f"{what}/offset" in static:
+        start = int(static[f"{what}/offset"])
+    elif f"{item}/offsets" in static:
+        vertices = _vertices(static[f"{item}/connectivity"])
+        try:
+            start = int(static[f"{item}/offsets"][vertices[int(node)]])
+        except (ValueError, IndexError):
+            text = f"got {what!r}, the mesh of {item} has {len(vertices)} vertices"
+            raise InputError("argument what", text) from None
+    else:
+        kinds = "'body/NAME', 'point/NAME', 'joint/NAME' or 'beam/NAME/NODE'"
+        raise InputError("argument what", f"got {what!r}, expected {kinds}")
+    return history["q"][:, start : start + 3]
+
+
+def _vertices(connectivity: IndexArray) -> IndexArray:
+    """Nodes at vertices of a beam's mesh: where lines start, inner ones, where lines end."""
+    starts, ends = connectivity[:, 0], connectivity[:, -1]
+    outer = np.setdiff1d(starts, ends), np.setdiff1d(ends, starts)
+    return np.concatenate([outer[0], np.intersect1d(starts, ends), outer[1]])
 
 
 @checked
@@ -223,8 +222,8 @@ def plot_orbit(
     history : History
         Recorded states.
     what : str or sequence of str
-        ``"body/NAME"``, ``"point/NAME"``, ``"joint/NAME"`` or ``"beam/NAME/NODE"`` (negative nodes
-        count from the end).
+        ``"body/NAME"``, ``"point/NAME"``, ``"joint/NAME"`` or ``"beam/NAME/NODE"``: vertices of the
+        mesh by their numbers, but 0 where the beam starts and -1 where it ends.
     path : path-like, optional
         Write the chart here.
     axes : str
@@ -264,209 +263,3 @@ def plot_orbit(
     axis.set_ylabel(f"{axes[1]} in m")
     legend(axis)
     return write_figure(figure, path)
-
-
-def _instants(history: History, frames: int | Sequence[int]) -> list[int]:
-    """Numbers of the states in a picture."""
-    if not len(history):
-        raise InputError("history", "has no states")
-    if isinstance(frames, int):
-        if frames < 1:
-            raise InputError("argument frames", f"got {frames}, expected at least 1")
-        times = np.linspace(history.times[0], history.times[-1], frames)
-        return sorted({int(np.argmin(abs(history.times - t))) for t in times})
-    for i in frames:
-        if not -len(history) <= i < len(history):
-            raise InputError("argument frames", f"got state {i}, there are {len(history)}")
-    return [int(i) % len(history) for i in frames]
-
-
-def _circle(radius: float) -> Floats:
-    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _outlines(shape: BeamShape, radius: float | None, size: float) -> dict[int, Floats]:
-    """Outline by section; a circle where there is none or a radius is given."""
-    round_one = _circle(0.006 * size if radius is None else radius)
-    found = {}
-    for section in np.unique(shape.section):
-        own = shape.outline(section) if radius is None else None
-        found[int(section)] = round_one if own is None else own
-    return found
-
-
-def _three(resultants: Array, color: str) -> Array:
-    """Forces ``N`` or moments ``M`` of resultants ``(..., 6)``."""
-    return resultants[..., :3] if color == "N" else resultants[..., 3:]
-
-
-def _beam_surface(
-    shape: BeamShape, row: Mapping[str, Array], outlines: dict[int, Floats], color: str
-) -> PolyData:
-    """Swept beam with the norm of a resultant at its faces, if recorded."""
-    import pyvista
-
-    sweep = shape.surface(outlines)
-    faces = [np.insert(sweep.quads, 0, 4, axis=1).ravel()]
-    faces += [np.insert(ring, 0, len(ring)) for ring in sweep.caps]
-    surface = pyvista.PolyData(sweep.points(row["q"]), np.concatenate(faces))
-    key = f"beam/{shape.name}/resultant"
-    if key in row and color:
-        part = shape.average(_three(row[key], color)[..., None, :], shape.pieces)
-        norm = np.linalg.norm(part[:, 0], axis=1)
-        values = norm[sweep.element * shape.pieces + sweep.piece]
-        ends = np.array([values[(sweep.quads == ring[0]).any(1)][0] for ring in sweep.caps])
-        surface.cell_data[color] = np.concatenate([values, ends])
-    return surface
-
-
-def _places(history: History, instants: list[int]) -> Floats:
-    """Points ``(k, 3)`` of everything at the instants, in m."""
-    parts = []
-    for i in instants:
-        q = history["q"][i]
-        parts += [s.points(q) for s in beam_shapes(history.meta, history.static)]
-        parts += [s.points(q) for s in body_shapes(history.meta, history.static)]
-    if not parts:
-        raise InputError("history", "has no beams, bodies or mass points to be drawn")
-    return np.concatenate(parts)
-
-
-def _limits(history: History, instants: list[int], color: str) -> tuple[float, float]:
-    """Common range of the colours over all instants."""
-    top = 0.0
-    for shape in beam_shapes(history.meta, history.static):
-        key = f"beam/{shape.name}/resultant"
-        if key in history and color:
-            values = _three(history[key][instants], color)
-            top = max(top, float(np.linalg.norm(values, axis=-1).max(initial=0.0)))
-    return 0.0, top or 1.0
-
-
-def _faded(colors: ArrayLike, strength: float) -> Floats:
-    """Mix colours ``(..., 3)`` with white; opaque, as transparency needs sorted faces."""
-    return 1.0 - strength * (1.0 - np.asarray(colors, dtype=float))
-
-
-def _look(surface: PolyData, strength: float, style: Mapping[str, Any]) -> dict[str, Any]:
-    """Colours of a beam; the full ones come with a scale."""
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap, to_rgb
-
-    color = style["color"]
-    if color not in surface.cell_data:
-        return {"color": _faded(to_rgb("steelblue"), strength)}
-    colors = colormaps["viridis"](np.linspace(0.0, 1.0, 256))[:, :3]
-    table = ListedColormap(_faded(colors, strength))
-    unit = {"N": "N", "M": "N m"}[color]
-    bar = {"title": f"norm of {color} in {unit}", "fmt": "%.3g", "color": "black", "n_labels": 2}
-    bar |= {"width": 0.3, "height": 0.06, "position_x": 0.35, "position_y": 0.03}
-    look = {"scalars": color, "cmap": table, "clim": style["limits"], "scalar_bar_args": bar}
-    return {**look, "show_scalar_bar": strength == 1.0}
-
-
-def _draw(
-    plotter: Plotter, history: History, i: int, strength: float, style: Mapping[str, Any]
-) -> None:
-    """Add one instant to a picture."""
-    import pyvista
-    from matplotlib.colors import to_rgb
-
-    row = history.row(i)
-    size = style["size"]
-    for shape in beam_shapes(history.meta, history.static):
-        outlines = _outlines(shape, style["radius"], size)
-        surface = _beam_surface(shape, row, outlines, style["color"])
-        plotter.add_mesh(surface.clean(), **_look(surface, strength, style), ambient=0.25)
-    for body in body_shapes(history.meta, history.static):
-        x = body.points(row["q"])
-        if body.material is None:
-            ball = pyvista.Sphere(radius=0.012 * size, center=x[0])
-            color = _faded(to_rgb("firebrick"), strength)
-            plotter.add_mesh(ball, color=color, smooth_shading=True, ambient=0.25)
-        else:
-            faces = np.insert(body.faces, 0, 3, axis=1).ravel()
-            surface = pyvista.PolyData(x, faces)
-            plotter.add_mesh(surface, color=_faded(to_rgb("#99a8bf"), strength), ambient=0.25)
-
-
-@checked
-def render(
-    history: History,
-    path: FilePath,
-    frames: int | Sequence[int] = 5,
-    camera: str | Sequence[Sequence[float]] = "iso",
-    color: str = "M",
-    radius: float | None = None,
-    window: tuple[int, int] = (1600, 900),
-) -> Path:
-    """Picture of the scene at several instants in one image, without opening a window.
-
-    Beams are swept sections coloured by the norm of a resultant (the outline of the section, or a
-    tube without one), bodies surfaces, mass points balls. Earlier instants are paler.
-
-    Parameters
-    ----------
-    history : History
-        Recorded states.
-    path : path-like
-        Image file (``.png``).
-    frames : int or sequence of int
-        Number of instants, equally spaced in time, or numbers of the states.
-    camera : str or three points
-        ``"xy"``, ``"xz"``, ``"yz"``, ``"iso"``, or position, focal point and up direction.
-    color : str
-        ``"M"`` or ``"N"``: moment or force resultant; ``""``: one colour.
-    radius : float, optional
-        Draw all beams as tubes of this radius in m.
-    window : (2,) int
-        Width and height in pixels.
-
-    Returns
-    -------
-    Path
-        The image file.
-
-    Raises
-    ------
-    InputError
-        If there is nothing to draw, the folder is missing or an argument is out of range.
-    ImportError
-        Without pyvista.
-
-    Notes
-    -----
-    VTK needs OpenGL (a display, or Mesa for off-screen use); without any it ends the whole process.
-
-    Examples
-    --------
-    >>> render(history, "swing.png", frames=8, camera="xz")  # doctest: +SKIP
-    """
-    if color not in ("", "M", "N"):
-        raise InputError("argument color", f"got {color!r}, expected 'M', 'N' or ''")
-    if isinstance(camera, str) and camera not in _CAMERAS:
-        raise InputError("argument camera", f"got {camera!r}, expected one of {_CAMERAS} or points")
-    instants = _instants(history, frames)
-    check_folder(path)
-    points = _places(history, instants)
-    size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
-    try:
-        import pyvista
-    except ImportError as error:
-        raise ImportError(f"pyvista {MISSING}") from error
-    limits = _limits(history, instants, color)
-    style = {"size": size, "radius": radius, "color": color, "limits": limits}
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(window))
-    plotter.set_background("white")
-    plotter.enable_anti_aliasing("ssaa")
-    for k, i in enumerate(instants):
-        _draw(plotter, history, i, 1.0 - 0.75 * (len(instants) - 1 - k) / len(instants), style)
-    plotter.camera_position = camera
-    if isinstance(camera, str):
-        plotter.enable_parallel_projection()
-        plotter.renderer.ResetCameraScreenSpace(0.72)
-        plotter.camera.SetWindowCenter(0.0, -0.18)  # room for the scale of colours below
-    plotter.screenshot(str(path))
-    plotter.close()
-    return Path(path)

@@ -16,14 +16,26 @@ import numpy as np
 from .errors import InputError, ModelWarning
 from .frozen import Frozen, loosened, seal
 from .law import Law, LawQuadratic
-from .types import ArrayLike, Floats, not_negative, numbers, positive, real, shaped, symmetric
+from .types import (
+    Array,
+    ArrayLike,
+    Floats,
+    check_kind,
+    not_negative,
+    numbers,
+    positive,
+    real,
+    shaped,
+    symmetric,
+)
 from .warn import warn
 
 #: relative error of constants that were typed in
 TYPED = 0.01
 
 
-def _positive(item: str, **values: float) -> None:
+def all_positive(item: str, **values: float) -> None:
+    """Check positive finite numbers, named."""
     for name, value in values.items():
         positive(item, name, value)
 
@@ -52,7 +64,7 @@ class Material(Frozen):
     rho: float
 
     def __post_init__(self) -> None:
-        _positive("material", E=self.E, rho=self.rho)
+        all_positive("material", E=self.E, rho=self.rho)
         if not -1 < real("material", "nu", self.nu, "-1 < nu <= 0.5") <= 0.5:
             raise InputError("material", f"nu = {self.nu!r}, expected -1 < nu <= 0.5")
         super().__post_init__()
@@ -109,10 +121,7 @@ def _viscosity(value: ArrayLike, D: Floats) -> Floats:
 def _inertia(item: str, value: ArrayLike, mass: float, centre: Floats) -> Floats:
     """(2,) or symmetric (2, 2), positive semidefinite about the centre of mass."""
     out = shaped(item, "inertia", value, (2,), (2, 2))
-    if (np.diag(out) if out.ndim == 2 else out).min() < 0:
-        raise InputError(item, f"inertia = {out.tolist()}: negative")
-    if out.ndim == 2:
-        out = symmetric(item, "inertia", out)
+    out = symmetric(item, "inertia", out) if out.ndim == 2 else out
     moments = np.diag(out) if out.ndim == 1 else out
     steiner = mass * np.outer(centre, centre)
     own, scale = moments - steiner, max(abs(moments).max(), abs(steiner).max())
@@ -186,16 +195,13 @@ class Section(Frozen):
     ) -> None:
         item = "section"
         D = check_stiffness(item, stiffness)
-        _positive(item, mass=mass)
-        offset = numbers(item, "centre", centre)
-        if offset.shape != (2,) or not np.isfinite(offset).all():
-            raise InputError(item, f"centre = {centre!r}, expected two finite numbers")
+        all_positive(item, mass=mass)
+        offset = shaped(item, "centre", centre, (2,))
         moments = _inertia(item, inertia, float(mass), offset)
-        shape = None if outline is None else numbers(item, "outline", outline)
-        if shape is not None and (shape.ndim != 2 or shape.shape[1] != 2):
-            raise InputError(item, f"outline has shape {shape.shape}, expected (k, 2)")
-        if shape is not None and not np.isfinite(shape).all():
-            raise InputError(item, f"outline is not finite: {shape.tolist()}")
+        shape = None
+        if outline is not None:
+            shape = numbers(item, "outline", outline)
+            shape = shaped(item, "outline", shape, (*shape.shape[:1], 2))
         self.stiffness, self.mass, self.inertia = D, float(mass), moments
         self.outline, self.centre = shape, offset
         self.viscosity = np.zeros((6, 6)) if viscosity is None else _viscosity(viscosity, D)
@@ -230,6 +236,22 @@ class Section(Frozen):
         yield from (("GA", constants[:2]), ("EA", constants[2]), ("EI", constants[3:5]))
         yield from (("GJ", constants[5]), ("mass", self.mass))
 
+    _units: ClassVar[dict[str, str]] = {
+        "GA": "N",
+        "EA": "N",
+        "EI": "N m²",
+        "GJ": "N m²",
+        "mass": "kg/m",
+    }
+
+    def summary(self) -> dict[str, Any]:
+        """Stiffnesses, mass, damping."""
+        times = np.diag(self.viscosity) / np.diag(self.stiffness)
+        return super().summary() | {"retardation times in s": times if times.any() else None}
+
+    def _loops(self) -> list[Floats]:
+        return self.skin
+
     @property
     def density(self) -> Floats:
         """Mass (3, 3) per length of ``(phi, d1, d2)``, without the factor I_3 (kg/m, kg, kg m)."""
@@ -246,6 +268,38 @@ class Section(Frozen):
     def law(self) -> Law:
         """Energy per length, resultants and their derivative as functions of strains."""
         return LawQuadratic(self.stiffness)
+
+    #: closed polygons (k, 2) around the holes of a hollow section (m)
+    holes: tuple[Floats, ...] = ()
+
+    @property
+    def skin(self) -> list[Floats]:
+        """Closed polygons (k, 2) of its surface (m): outline and holes; none without an outline.
+
+        With points between the corners, if there are few.
+        """
+        loops = () if self.outline is None else (self.outline, *self.holes)
+        return [_with_midpoints(loop) for loop in loops]
+
+    def skin_stresses(self) -> Floats | None:
+        """Stresses at the points of the :attr:`skin`, for resultants of one.
+
+        Returns
+        -------
+        (k, 3, 6) array or None
+            ``(sigma_33, tau_13, tau_23)`` by ``(N_1, N_2, N_3, M_1, M_2, M_3)``
+            (1/m^2, 1/m^3). Those of Saint-Venant's solutions: by closed forms and series of
+            rectangles, circles and tubes, by the warping of a profile. None for sections that are
+            given by numbers.
+
+        Examples
+        --------
+        >>> bar = SectionRectangle(0.1, 0.2, Material(1.0, 0.3, 1.0))
+        >>> sigma = bar.skin_stresses()[:, 0] @ [0, 0, 1.0, 0, 0, 0]
+        >>> bool(np.allclose(sigma, 1 / 0.02))
+        True
+        """
+        return None
 
     def damped(self, time: float | None = None, viscosity: ArrayLike | None = None) -> Self:
         """A copy with Kelvin-Voigt damping, in place of any it had.
@@ -319,12 +373,9 @@ class Section(Frozen):
         >>> s.stiffness.diagonal().tolist()
         [5000.0, 5000.0, 10000.0, 2.0, 3.0, 1.0]
         """
-        pairs = {"GA": (GA, GA) if np.ndim(GA) == 0 else GA, "EI": EI}
-        for name, pair in pairs.items():
-            if np.shape(pair) != (2,):
-                raise InputError("section", f"{name} = {pair!r}, expected two numbers")
-        (GA_1, GA_2), (EI_1, EI_2) = numbers("section", "GA and EI", list(pairs.values()))
-        return Section([GA_1, GA_2, EA, EI_1, EI_2, GJ], mass, inertia, outline, viscosity, centre)
+        shear = np.broadcast_to(shaped("section", "GA", GA, (), (2,)), 2)
+        D = [*shear, EA, *shaped("section", "EI", EI, (2,)), GJ]
+        return Section(D, mass, inertia, outline, viscosity, centre)
 
 
 def _solid(
@@ -347,9 +398,59 @@ def _solid(
     )
 
 
-def _check_material(item: str, material: Material) -> None:
-    if not isinstance(material, Material):
-        raise InputError(item, f"material = {material!r}, expected a Material")
+#: points of an outline of few corners, for stresses between them
+AROUND = 16
+
+
+def _with_midpoints(loop: Floats) -> Floats:
+    """A closed polygon (k, 2) with points between its corners, if it has few."""
+    ends = loop, np.roll(loop, -1, axis=0)
+    between = np.linspace(*ends, -(-AROUND // len(loop)), endpoint=False, axis=1)
+    return np.asarray(between.reshape(-1, 2))
+
+
+def _stresses(section: Section, E: float) -> tuple[Floats, Floats]:
+    """Points (k, 2) of the skin, and stresses (k, 3, 6) of axial force and bending there."""
+    x, (_, _, EA, *EI, _) = np.concatenate(section.skin), np.diag(section.stiffness)
+    out = np.zeros((len(x), 3, 6))
+    out[:, 0, 2] = E / EA
+    out[:, 0, 3:5] = E * x[:, ::-1] / EI * (1, -1)
+    return x, out
+
+
+#: terms of series, whose rest is about 1/TERMS of the largest stress, and less off the corners
+TERMS = 4000
+
+
+def _series(n: Array, z: Array, end: float) -> Array:
+    """Sum of ``cosh(n z) / (n^2 cosh(n end))`` over n (m,) at points z = x + i y (k,)."""
+    n = n[:, None]
+    falling = np.exp(n * (z - end)) + np.exp(-n * (z + end))
+    return np.asarray((falling / (1 + np.exp(-2 * n * end)) / n**2).sum(0))
+
+
+def _twist(at: Floats, A: float, B: float) -> Floats:
+    """Stress (k,) along x by twist and shear modulus of one, at points (2, k).
+
+    In the rectangle |x| <= A, |y| <= B.
+
+    Timoshenko & Goodier, Theory of Elasticity, section 109, with the series that falls off from
+    the edges |x| = A.
+    """
+    (x, y), n = at, np.arange(1, 2 * TERMS, 2) * np.pi / (2 * B)
+    return np.asarray(4 / B * _series(n, x + 1j * (y - B), A).real - 2 * y)
+
+
+def _flexure(at: Floats, A: float, B: float, nu: float) -> Floats:
+    """Stresses (k, 2) along x and y by a shear force of one along x, in the same rectangle.
+
+    Timoshenko & Goodier, section 124.
+    """
+    x, y = at
+    rest = _series(np.arange(1, TERMS) * np.pi / B, x + 1j * (y - B), A)
+    warped = (3 * y**2 - B**2) / 6 - 2 * rest.real + 2j * rest.imag
+    both = (A**2 - x**2) / 2 + nu / (1 + nu) * warped
+    return np.column_stack([both.real, both.imag]) * 3 / (4 * A**3 * B)
 
 
 class SectionRectangle(Section):
@@ -376,8 +477,8 @@ class SectionRectangle(Section):
     """
 
     def __init__(self, a: float, b: float, material: Material, shear_factor: float = 5 / 6):
-        _positive("rectangle", a=a, b=b, shear_factor=shear_factor)
-        _check_material("rectangle", material)
+        all_positive("rectangle", a=a, b=b, shear_factor=shear_factor)
+        check_kind("rectangle", material, Material)
         short, long = min(a, b), max(a, b)
         k = np.arange(1, 400, 2)
         series = (np.tanh(k * np.pi * long / (2 * short)) / k**5.0).sum()
@@ -388,6 +489,16 @@ class SectionRectangle(Section):
         super().__init__(*_solid(material, area, moments, float(J), shear_factor), corners)
         self.dimensions = ("a", a), ("b", b)
         self.others = ("material", material), ("shear_factor", shear_factor)
+
+    def skin_stresses(self) -> Floats:
+        """See :meth:`Section.skin_stresses`."""
+        ((_, a), (_, b)), ((_, material), _) = self.dimensions, self.others
+        x, out = _stresses(self, material.E)
+        rate = material.G / self.stiffness[5, 5]
+        for k, one, A, B in (0, x.T, a / 2, b / 2), (1, x.T[::-1], b / 2, a / 2):
+            out[:, 1 + k, 5] = (-1) ** k * rate * _twist(one, A, B)
+            out[:, [1 + k, 2 - k], k] = _flexure(one, A, B, material.nu)
+        return out
 
 
 class SectionTube(Section):
@@ -413,15 +524,15 @@ class SectionTube(Section):
         self, outer: float, inner: float, material: Material, shear_factor: float | None = None
     ):
         others = ("material", material), ("shear_factor", shear_factor)
-        _positive("tube", outer=outer)
-        _check_material("tube", material)
+        all_positive("tube", outer=outer)
+        check_kind("tube", material, Material)
         if not 0 <= inner < outer:
             raise InputError("tube", f"inner = {inner!r}, expected 0 <= inner < outer = {outer!r}")
         if shear_factor is None:
             nu, m2 = material.nu, (inner / outer) ** 2
             square = (1 + m2) ** 2
             shear_factor = 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m2)
-        _positive("tube", shear_factor=shear_factor)
+        all_positive("tube", shear_factor=shear_factor)
         area = np.pi * (outer**2 - inner**2)
         moments = np.pi / 4 * (outer**4 - inner**4)
         angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
@@ -429,6 +540,23 @@ class SectionTube(Section):
         constants = _solid(material, area, (moments, moments), 2 * moments, shear_factor)
         super().__init__(*constants, circle)
         self.dimensions, self.others = (("outer", outer), ("inner", inner)), others
+
+        self.holes = (circle[::-1] * (inner / outer),) if inner else ()
+        self._radii = outer, inner
+
+    def skin_stresses(self) -> Floats:
+        """See :meth:`Section.skin_stresses`."""
+        material, (a, b) = dict(self.others)["material"], self._radii
+        x, out = _stresses(self, material.E)
+        twice, nu = 2 * self.stiffness[3, 3] / material.E, material.nu
+        out[:, 1:, 5] = x[:, ::-1] / twice * (-1, 1)
+        # Love, Mathematical Theory of Elasticity, chapter 15
+        square, size = (x**2).sum(1)[:, None, None], (3 + 2 * nu) / 4
+        hole = size * (a * b) ** 2 / square
+        even = size * (a**2 + b**2 + square) - square + hole
+        pairs = (1 - 2 * size - 2 * hole / square) * x[:, :, None] * x[:, None]
+        out[:, 1:, :2] = (even * np.eye(2) + pairs) / (twice * (1 + nu))
+        return out
 
 
 class SectionCircle(SectionTube):
@@ -449,9 +577,9 @@ class SectionCircle(SectionTube):
     """
 
     def __init__(self, radius: float, material: Material, shear_factor: float | None = None):
-        _positive("circle", radius=radius)
-        _check_material("circle", material)
+        all_positive("circle", radius=radius)
+        check_kind("circle", material, Material)
         if shear_factor is not None:
-            _positive("circle", shear_factor=shear_factor)
+            all_positive("circle", shear_factor=shear_factor)
         super().__init__(radius, 0.0, material, shear_factor)
         self.dimensions = (("radius", radius),)

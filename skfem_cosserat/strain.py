@@ -114,5 +114,4 @@ def strain_factors(table: Floats) -> tuple[Floats, Floats]:
     # Gamma_1 = d1 . phi': products N_a dN_b, and the N_a add up to one
     product = table.reshape(ng, 6, nn, 4, 3, nn, 4, 3)[:, 0, :, 1, 0, :, 0, 0]
     slope = product.sum(1)
-    shape = np.einsum("gab,gb->ga", product, slope) / (slope**2).sum(1)[:, None]
-    return shape, slope
+    return np.einsum("gab,gb->ga", product, slope) / (slope**2).sum(1)[:, None], slope

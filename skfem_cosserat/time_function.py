@@ -15,7 +15,8 @@ import numpy as np
 
 from .errors import InputError, failed
 from .frames import Item, vector
-from .frozen import Frozen, brief
+from .frozen import Frozen
+from .notebook import brief
 from .types import ArrayLike, Floats, finite, numbers
 
 
@@ -279,8 +280,7 @@ class Table(Frozen):
     def average(self, t0: float, t1: float) -> float:
         """Exact mean: the trapezoidal rule between all kinks."""
         t0, t1 = min(t0, t1), max(t0, t1)
-        inside = self.times[(t0 < self.times) & (self.times < t1)]
-        t = np.concatenate([[t0], inside, [t1]])
+        t = np.concatenate([[t0], self.times[(t0 < self.times) & (self.times < t1)], [t1]])
         f = np.interp(t, self.times, self.values)
         return float(((f[1:] + f[:-1]) / 2 * np.diff(t)).sum() / (t1 - t0))
 

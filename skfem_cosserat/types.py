@@ -73,7 +73,7 @@ def shaped(item: str, name: str, value: Any, *shapes: tuple[int, ...]) -> Floats
 def symmetric(item: str, name: str, value: Floats) -> Floats:
     """The mean of a matrix and its transpose, or an error if they differ by more than rounding."""
     skewed = float(abs(value - value.T).max())
-    if skewed > SAME * float(abs(value).max()):
+    if skewed > SAME * abs(value).max():
         text = f"{name} is not symmetric by {skewed:.6g}: {value.tolist()}"
         raise InputError(item, text)
     return 0.5 * (value + value.T)
@@ -159,6 +159,13 @@ def whole(item: str, value: Any, least: int | None, name: str = "") -> int:
         expected = "an integer" if least is None else f"an integer from {least} on"
         raise InputError(item, f"{given}, expected {expected}")
     return int(value)
+
+
+def numbered(item: str, value: Any, count: int, what: str) -> int:
+    """Number of one of so many items, from 0 on; negative numbers count from the end."""
+    if not is_whole(value) or not -count <= value < count:
+        raise InputError(item, f"{value!r}, expected an integer: there are {count} {what}")
+    return int(value) % count
 
 
 def check_kind(item: str, value: object, kind: type, more: str = "") -> None:

@@ -217,6 +217,9 @@ class Scene:
         for name in self.nodes:
             row[f"beam/{name}/resultant"] = values + t
             row[f"beam/{name}/strain"] = 0.001 * values + t
+            ends = np.array([[0, 1], [1, 2]])[..., None] * np.arange(1.0, 7.0)
+            row[f"beam/{name}/nodal_resultant"] = ends + t
+            row[f"beam/{name}/nodal_strain"] = 0.001 * ends
         return row
 
     def history(self, states: int = 5) -> Any:

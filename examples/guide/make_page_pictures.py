@@ -1,14 +1,16 @@
 """Pictures of the guide's pages 08 and 11; ``python examples/guide/make_page_pictures.py``.
 
-Page 08 shows its own scene: the first blocks of the page are run, its files read back, and shown
-with the filters that the page names. Page 11 shows the signs of a beam's resultants. Needs the
-extra ``view`` and, for page 08, an OpenGL library.
+Page 08 shows its own scene: the first blocks of the page are run, and ParaView shows the files by
+the script beside them, where it is installed. Page 11 shows the signs of a beam's resultants. Needs
+the extra ``view`` and, for page 08, an OpenGL library.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import shutil
+import subprocess
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -41,38 +43,16 @@ def shrunk(path: Path, width: int) -> None:
         small.quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
-def paraview(folder: Path, frame: int, path: Path) -> None:
-    """What ParaView shows of one state after the steps of page 08."""
-    import pyvista
-
-    def layer(name: str) -> Any:
-        return pyvista.read(folder / name / f"{frame:06d}.vtu")
-
-    plotter = pyvista.Plotter(off_screen=True, window_size=[1400, 1000])
-    plotter.set_background("white")
-    plotter.enable_anti_aliasing("ssaa")
-    bar = {"color": "black", "fmt": "%.2g", "n_labels": 2, "width": 0.35, "height": 0.08}
-    strip = layer("beam_surfaces")
-    scale = {**bar, "title": "M about d2 (N m)", "position_x": 0.08, "position_y": 0.03}
-    plotter.add_mesh(strip, scalars="M", component=1, cmap="coolwarm", scalar_bar_args=scale)
-    plotter.add_mesh(layer("bodies"), color="#e09040", smooth_shading=True)
-    plotter.add_mesh(layer("joints"), color="black", point_size=18, render_points_as_spheres=True)
-    spring = layer("couplings")
-    scale = {**bar, "title": "force of the spring (N)", "position_x": 0.57, "position_y": 0.03}
-    tube = spring.extract_surface(algorithm="dataset_surface").tube(radius=0.006)
-    plotter.add_mesh(tube, scalars="force", cmap="viridis", clim=(0, 15), scalar_bar_args=scale)
-    plotter.camera_position = [(1.9, 1.5, 2.6), (0.5, -0.06, 0.0), (0, 1, 0)]
-    plotter.camera.view_angle = 20.0
-    plotter.screenshot(str(path))
-    plotter.close()
-    shrunk(path, 700)
+def paraview(folder: Path, path: Path) -> None:
+    """What ParaView shows of the last state; without ``pvpython`` the picture stays as it is."""
+    if (program := shutil.which("pvpython")) is not None:
+        subprocess.run([program, str(folder / "paraview.py"), str(path)], check=True)
+        shrunk(path, 700)
 
 
 def page_08(out: Path) -> list[Path]:
-    """Steps in ParaView, a chart, and a picture of several instants."""
-    from skfem_cosserat import plot
-
-    paths = [out / f"08_{name}.png" for name in ("paraview", "series", "render")]
+    """Steps in ParaView, a chart, the scene, several instants of its motion, and a film."""
+    paths = [out / f"08_{name}.png" for name in ("paraview", "series", "render", "scene")]
     home = Path.cwd()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
@@ -81,12 +61,15 @@ def page_08(out: Path) -> list[Path]:
         finally:
             os.chdir(home)
         history = names["history"]
-        paraview(Path(folder) / "swing", 30, paths[0])
-    plot.plot_series(history, ["joint/hinge/angle", "coupling/spring/force"], paths[1])
+        paraview(Path(folder) / "swing", paths[0])
+    history.plot("joint/hinge/angle", "coupling/spring/force", path=paths[1])
     shrunk(paths[1], 700)
-    plot.render(history, paths[2], frames=5, camera="xy", window=(1400, 900))
+    history.picture(paths[2], frames=5, camera="xy", window=(1400, 900))
+    names["model"].plot(paths[3], names=True, camera="xy", window=(1400, 800))
     shrunk(paths[2], 700)
-    return paths
+    shrunk(paths[3], 900)
+    film = history.animate(out / "08_film.gif", speed=0.25, camera="xy", window=(480, 300))
+    return [*paths, film]
 
 
 def _arrow(axis: Any, start: Any, way: Any, text: str, color: str, double: bool = False) -> None:

@@ -320,11 +320,11 @@ def write(system: sc.System, history: sc.History, folder: Path) -> list[Path]:
     history.add_series("joint_angles", joint_angles(system, history))
     history.save(folder / "six_body_linkage.history")
     try:
-        from skfem_cosserat.plot import plot_energy, plot_orbit, plot_series
+        from skfem_cosserat.plot import plot_energy, plot_orbit
 
         plot_energy(history, folder / "energy.png", names=("kinetic", "external", "energy"))
         plot_orbit(history, "joint/P3", folder / "orbit.png", axes="yz")
-        plot_series(history, ["joint_angles"], folder / "angles.png")
+        history.plot("joint_angles", path=folder / "angles.png")
     except ImportError:
         pass  # charts come with the extra "view"
     return paths

@@ -127,8 +127,7 @@ def _draw(axis: Any, line: Line, style: Style) -> None:
 
 def _slope(axis: Any, found: Convergence, shown: Array, color: str) -> None:
     """A triangle below the two finest levels that the order rests on."""
-    good = np.flatnonzero(shown & np.isfinite(found.observed))
-    fine = good[-1]
+    fine = np.flatnonzero(shown & np.isfinite(found.observed))[-1]
     coarse = max(k for k in np.flatnonzero(shown) if k < fine)
     x1, x2 = found.sizes[[coarse, fine]]
     y1 = 0.4 * found.errors[coarse]

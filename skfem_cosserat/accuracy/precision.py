@@ -768,7 +768,7 @@ class _PrecisionStudy:
         if state[0] != "ok":
             self.failed[label] = state
             return None
-        sample: dict[str, Reading] = {}
+        sample = {}
         reading = Caught()
         with reading:
             sample = self.wanted.sample(outcome.value.result, label)
@@ -828,7 +828,7 @@ class _PrecisionStudy:
         outcome = self.outcomes[setup.label]
         measured = outcome.value if outcome.ok else Measured(None, ())
         state, reason = self.failed.get(setup.label, ("ok", ""))
-        row: dict[str, Any] = {"label": setup.label, "cost_s": min(measured.costs, default=None)}
+        row = {"label": setup.label, "cost_s": min(measured.costs, default=None)}
         counts = {name: told_of(measured.result).get(name) for name in COUNTS}
         row |= {name: each if isinstance(each, Real) else None for name, each in counts.items()}
         row |= {f"error_{name}": errors.get(name) if state == "ok" else None for name in names}

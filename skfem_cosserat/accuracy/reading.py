@@ -144,7 +144,7 @@ def rows_at(times: Floats, instants: Floats) -> Array:
 def _rows(difference: Array) -> Floats:
     """Euclidean norm of each row."""
     flat = difference.reshape(len(difference), int(np.prod(difference.shape[1:])))
-    return np.asarray(np.linalg.norm(flat, axis=1))
+    return np.linalg.norm(flat, axis=1)
 
 
 # -- what is looked at in the results of a study, level by level -----------------------------------
@@ -210,8 +210,8 @@ class Reading(NamedTuple):
         values = np.asarray(self.values)[first]
         nearest = rows_at(times, t)
         if abs(times[nearest] - t).max(initial=0.0) <= TOLERANCE * abs(times).max():
-            return np.asarray(values[nearest])
-        return np.asarray(CubicSpline(times, values)(t))
+            return values[nearest]
+        return CubicSpline(times, values)(t)
 
 
 #: readings of runs by the names of runs and quantities
@@ -239,7 +239,7 @@ class Quantities:
         if over is not None:
             check_kind("argument norm", over, OverTime, ", such as MaximumOverTime()")
         self.over = over
-        self.given: dict[str, Any] = {}
+        self.given = {}
         if given is None:
             return
         if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:

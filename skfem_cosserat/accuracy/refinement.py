@@ -370,7 +370,7 @@ class Refinement(Report):
     @property
     def table(self) -> ResultTable:
         """The rows, with verdicts, versions, machine and commit."""
-        notes: dict[str, Any] = {"refinement": self.title, **self.notes, "verdicts": self.verdicts}
+        notes = {"refinement": self.title, **self.notes, "verdicts": self.verdicts}
         notes["extrapolated"] = {
             name: value.tolist()
             for name, value in self.extrapolated.items()

@@ -723,7 +723,7 @@ def run_all(
     [11, 11, 11]
     """
     switch("argument retry", retry)
-    by_name: dict[str, Job] = {}
+    by_name = {}
     for job in jobs:
         if job.name in by_name:
             raise InputError("argument jobs", f"two jobs are called {job.name!r}")
@@ -734,7 +734,7 @@ def run_all(
             f"{executor!r}, expected None or an object with submit(), such as Processes(2)",
         )
     outcomes = {name: Outcome(name, error=JobError(name, CANCELLED)) for name in by_name}
-    paths: dict[str, Path] = {}
+    paths = {}
     missing = by_name
     if folder is not None:
         prepare_folder(Path(folder))

@@ -138,7 +138,7 @@ class Maximum(_Sampled):
         """The largest value of the run."""
         every = super().values(name, run)
         y, t = _column(name, every, self.component), every.times
-        k = int(np.argmax(y))
+        k = np.argmax(y)
         if t is None or not 0 < k < len(y) - 1:
             return Reading(np.asarray(y[k]))
         near = slice(k - 1, k + 2)
@@ -151,7 +151,7 @@ def _column(name: str, whole: Reading, component: int | None) -> Floats:
     rows = np.asarray(whole.values)
     rows = rows.reshape(1 if whole.times is None else len(rows), -1)
     if component is None:
-        return np.asarray(np.linalg.norm(rows, axis=1))
+        return np.linalg.norm(rows, axis=1)
     if component >= rows.shape[1]:
         text = f"component = {component}, of a sensor that sees {rows.shape[1]} numbers"
         raise InputError(f"quantity {name!r}", text)
@@ -259,8 +259,7 @@ class Run:
         elif sensor.derivative:
             raise InputError(f"quantity {name!r}", f"{type(sensor).__name__} needs a motion")
         else:
-            window = Window(system, path.instants, path["q"], path["p"])
-            rows = seen(name, sensor, window)
+            rows = seen(name, sensor, Window(system, path.instants, path["q"], path["p"]))
         return Reading(rows, path["load_factor"]) if self.in_time else Reading(rows[-1])
 
     @cached_property
@@ -306,7 +305,7 @@ class Asked:
         item = "argument quantities"
         if not isinstance(quantities, Mapping) or not quantities:
             raise InputError(item, f"{quantities!r}, expected a dict of names and quantities")
-        self.wanted: dict[str, Quantity] = {}
+        self.wanted = {}
         for name, given in quantities.items():
             if not isinstance(name, str) or not name or "/" in name:
                 raise InputError(item, f"{name!r}, expected a name without slashes")
@@ -551,7 +550,7 @@ class Scene:
         if not nudge:
             return state
         nu = np.cos(1.0 + np.arange(system.unknowns) ** 1.5)  # without a pattern, always the same
-        v = np.asarray(system.null_space(state.q, state.time) @ nu)
+        v = system.null_space(state.q, state.time) @ nu
         v *= nudge / self.span / max(abs(v).max(), 1e-300)
         p = state.p + momentum(system, v)
         return State(state.time, state.index, state.q, p, state.fresh, state.turns, state.carried)

@@ -150,8 +150,7 @@ def energies_of(run: Run, name: str) -> dict[str, Floats]:
     assert isinstance(beam, Beam)
     e, strains = beam.elements, section_strains(run.system, beam, run.history["q"])
     stress = np.array([beam_stress(e, each) for each in strains])
-    weights = e.lengths[:, None] * e.weights
-    parts = 0.5 * np.einsum("tegk,tegk,eg->tk", strains, stress, weights)
+    parts = 0.5 * np.einsum("tegk,tegk,eg->tk", strains, stress, e.lengths[:, None] * e.weights)
     return {kind: parts[:, list(k)].sum(axis=1) for kind, k in KINDS.items()}
 
 
@@ -269,6 +268,5 @@ def _at_rest(scene: Scene, run: Run, built: Any) -> Run:
     end = len(run.history) - 1
     # 16 equilibria along the time of the run
     at = run.history.times[np.unique(np.linspace(0, end, 17).round().astype(int))[1:]]
-    control = LoadControl(at=at.tolist())
-    path = static(system, NullSpace(), control, factors=held, watch=False)
+    path = static(system, NullSpace(), LoadControl(at=at.tolist()), factors=held, watch=False)
     return scene.read(Run(model, system, path), copies, begun)

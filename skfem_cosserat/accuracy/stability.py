@@ -301,7 +301,7 @@ class JudgeEnergy:
                 "the history has no series 'energy' and 'external': run it without derive=False,"
                 " or give energy=, a function of it",
             )
-        return np.asarray(history["energy"] + history["external"])
+        return history["energy"] + history["external"]
 
 
 NOT_FULL = "(not the full retry protocol: run it with settings=FULL_PROTOCOL) "

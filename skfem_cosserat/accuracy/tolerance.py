@@ -17,6 +17,7 @@ from ..errors import CosseratError, Diverged, InputError, MeshError, ModelWarnin
 from ..history import History
 from ..integrators import Integrator, State
 from ..model import Model, System, model_of
+from ..notebook import Shown
 from ..statics import Control
 from ..types import TOLERANCE, Array, Floats, positive
 from ..warn import Notices, counted, repeat
@@ -48,7 +49,7 @@ class Band(float):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Answer:
+class Answer(Shown):
     """Result of :func:`answer`.
 
     Attributes
@@ -107,6 +108,10 @@ class Answer:
         if not self.reached:
             raise InputError("answer", "is not within its tolerance: nothing of it may be left out")
         return simplified(*self._of, self.band)
+
+    def summary(self) -> dict[str, Any]:
+        """What it says as text."""
+        return {"answer": str(self)}
 
     def __repr__(self) -> str:
         return f"<Answer: {'reached' if self.reached else 'not reached'}, {self.runs} runs>"
@@ -324,7 +329,7 @@ class _Search:
     def rest(self) -> str:
         """Equilibria: order after order, until the difference of two is small enough, and fell."""
         case, before = Case(1, 2, 0), np.inf
-        coarse: Run | None = None
+        coarse = None
         while case.parts <= MOST_PARTS:
             fine = self.tried(case)
             if fine is None:

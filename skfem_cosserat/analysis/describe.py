@@ -22,6 +22,7 @@ from ..diagnostics import (
     constraint_violation,
     coupling_energy,
     doubtful_steps,
+    end_forces,
     external_energy,
     hidden_violation,
     kinetic_energy,
@@ -39,20 +40,22 @@ from ..diagnostics.loads import acting, load_wrenches, whole_of
 from ..diagnostics.stacked import all_rows, at_place
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..force import Force
-from ..frames import is_beam
+from ..frames import is_beam, triad
 from ..history import History
-from ..history.container import BALANCE, Formula, Formulas, Kind
+from ..history.container import BALANCE, Formulas, Kind
+from ..joint import Joint, JointDistance
 from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
 from ..model.groups import lumped
 from ..model.theories import theory_of
 from ..time_function import of_the_user
-from ..types import FilePath, Floats, IndexArray, names_known
+from ..types import Array, FilePath, Floats, IndexArray, names_known
 from ..version import VERSION
 from ..warn import Notices, warn
 
 if TYPE_CHECKING:
     from ..beam import Beam
+    from ..section import Section
 
 #: version of a package, whose metadata it takes a millisecond to read
 _installed = cache(version)
@@ -74,10 +77,13 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         "beams": [],
         "bodies": [],
         "points": [],
-        "joints": [],
-        "couplings": [],
+        "joints": [_tied(joint, joint.type) for joint in system.joints],
+        "couplings": [_tied(each, each.kind) for each in system.couplings.items],
         "loads": [],
-        "drives": [],
+        "drives": [
+            {"name": each.name, "type": each.coordinate.kind, "joint": each.joint.name}
+            for each in system.drives
+        ],
         #: force elements whose angles the series "turns" counts
         "turns": system.couplings.turning,
     }
@@ -87,21 +93,19 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
             meta["beams"].append(_describe_beam(system, item, static))
         else:
             _describe_lump(system, lumped(item), meta, static)
+    carried = [int(array) for key, array in static.items() if key.endswith("/offset")]
+    acted = [*_acted_on(system), *carried]
+    for beam in system.beams:
+        offsets = static[f"beam/{beam.name}/offsets"]
+        static[f"beam/{beam.name}/acted"] = np.flatnonzero(np.isin(offsets, acted))
     for joint in system.joints:
-        ends = {"a": joint.a.label, "b": joint.b.label}
-        meta["joints"].append({"name": joint.name, "type": joint.type, **ends})
-    for coupling in shown(system):
-        ends = {"a": coupling.a.label, "b": coupling.b.label}
-        meta["couplings"].append({"name": coupling.name, "type": coupling.kind, **ends})
+        _describe_joint(joint, system, static)
     for load in system.loads:
         gravity = np.sum([term.acceleration() for term in load.made_of], axis=0)
         own = {"acceleration": gravity.tolist()} if gravity.any() else {}
         meta["loads"].append({"name": load.name, "type": type(load).__name__, **own})
     forces = (each for each in acting(system) if isinstance(each, Force))
     meta["loads"] += [{"name": each.name, "type": "Force"} for each in forces]
-    for drive in system.drives:
-        kind = drive.coordinate.kind
-        meta["drives"].append({"name": drive.name, "type": kind, "joint": drive.joint.name})
     return meta, static
 
 
@@ -109,6 +113,25 @@ def shown(system: System) -> list[Coupling]:
     """Force elements between two places: those of own laws at places are listed as loads."""
     own = [c for c in system.couplings.own if not whole_of(c).points]
     return [*system.couplings.items, *own]
+
+
+def _tied(item: Any, kind: str) -> dict[str, Any]:
+    """A joint or coupling, and what it ties."""
+    return {"name": item.name, "type": kind, "a": item.a.label, "b": item.b.label}
+
+
+def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> None:
+    """Axes (3, 3) of what a joint leaves free, the first last, in the frame of side a."""
+    key, a = f"joint/{joint.name}/", joint.a
+    with suppress(NotImplementedError, InputError):  # own joints for multipliers have no freedom
+        free = joint.freedom()
+        slides = [np.cross(slide.left, slide.right) for slide in free.slides]
+        ways = [turn.axis for turn in free.turns or ()] or slides or [np.eye(3)[2]]
+        axes = triad(*ways[:2])
+        if a.item is not None and a.triad is not None:
+            axes = axes @ a.triad.T
+            static[key + "frame"] = np.array(system.offset(a))
+        static[key + "axes"] = axes
 
 
 def recorded_turns(system: System, history: History, index: int = -1) -> IndexArray | None:
@@ -149,18 +172,18 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     part = np.full(len(beam.section_id), -1, dtype=np.int64)
     for k, name in enumerate(names):
         part[beam.mesh.elements_of(name)] = k
-    static[key + "offsets"] = 3 * (row + 4 * np.arange(nodes, dtype=np.int64))
-    static[key + "connectivity"] = np.asarray(beam.basis.connectivity, dtype=np.int64)
-    static[key + "lengths"] = beam.elements.lengths
-    static[key + "rotations"] = beam.rotations
-    static[key + "part"] = part
-    static[key + "section"] = beam.section_id
-    static[key + "gauss"] = beam.elements.points
-    static[key + "nodes"] = beam.basis.interpolation.nodes
-    for k in range(len(beam.sections)):
-        found = _outline(beam, np.flatnonzero(beam.section_id == k))
-        if found is not None:
-            static[key + f"outline/{k}"] = found
+    own = {
+        "offsets": 3 * (row + 4 * np.arange(nodes, dtype=np.int64)),
+        "connectivity": np.asarray(beam.basis.connectivity, dtype=np.int64),
+        "lengths": beam.elements.lengths,
+        "rotations": beam.rotations,
+        "part": part,
+        "section": beam.section_id,
+        "gauss": beam.elements.points,
+        "nodes": beam.basis.interpolation.nodes,
+        **_described_sections(beam),
+    }
+    static.update({key + name: value for name, value in own.items()})
     return {
         "name": beam.name,
         "order": beam.basis.order,
@@ -169,21 +192,58 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     }
 
 
-def _outline(beam: Beam, elements: IndexArray) -> Floats | None:
-    """Outline of elements (m, 2), or of their nodes (k, p + 1, m, 2); None: there is none."""
+def _acted_on(system: System) -> list[int]:
+    """Numbers in q of the frames on which joints, loads and couplings act."""
+    places = [end for joint in system.joints for end in (joint.a, joint.b)]
+    places += [place for each in shown(system) for place in each.places()]
+    places += [place for load in system.loads for place in load.places()]
+    return [system.offset(place) for place in places if place.item is not None]
+
+
+def _described_sections(beam: Beam) -> dict[str, Array]:
+    """Radii (ne, 2) at the ends of elements; of each section its shapes, or those of the nodes."""
     from ..section_field import distinct
 
-    with suppress(InputError):  # as at the point of a cone, which is drawn as a line
-        at = np.linspace(0.0, 1.0, beam.basis.order + 1)
-        sections, number = distinct(beam.sections_at(elements, at))
-        found = [each.outline for each in sections if each.outline is not None]
-        if len(found) == len(sections) and len({each.shape for each in found}) == 1:
-            return found[0] if len(found) == 1 else np.array(found)[number]
-    return None
+    radius, at = np.zeros((len(beam.section_id), 2)), np.linspace(0.0, 1.0, beam.basis.order + 1)
+    found: dict[str, Array] = {"radius": radius}
+    for k in range(len(beam.sections)):
+        own = np.flatnonzero(beam.section_id == k)
+        with suppress(InputError):  # as at the point of a cone, which is drawn as a line
+            sections, number = distinct(beam.sections_at(own, at))
+            radius[own] = np.array([*map(_radius, sections)])[number[:, [0, -1]]]
+            for name, each in _shapes(sections).items():
+                found[f"{name}/{k}"] = each[0] if len(each) == 1 else each[number]
+    return found
+
+
+def _radius(section: Section) -> float:
+    """That of a beam drawn as a tube: to the farthest point of the outline.
+
+    Without one that of a circle that bends as softly.
+    """
+    _, _, EA, *EI, _ = np.diag(section.stiffness)
+    own = 2 * np.sqrt(min(EI) / EA) if section.outline is None else section.outline
+    return float(np.linalg.norm(np.atleast_2d(own), axis=-1).max())
+
+
+def _shapes(sections: Sequence[Section]) -> dict[str, Array]:
+    """Outlines (k, m, 2), skins and their stresses likewise, as far as all of them have alike."""
+    outlines = [each.outline for each in sections if each.outline is not None]
+    if len(outlines) < len(sections):
+        return {}
+    found = {"outline": np.array(outlines)} if len(set(map(len, outlines))) == 1 else {}
+    loops = {tuple(map(len, each.skin)) for each in sections}
+    stresses = [each.skin_stresses() for each in sections]
+    if len(loops) == 1 and not any(each is None for each in stresses):
+        found["skin"] = np.array([np.concatenate(each.skin) for each in sections])
+        found |= {"loops": np.array([*loops]), "stress": np.array(stresses)}
+    return found
 
 
 # -- series that follow from the states: energies, velocities, momenta, forces, reactions ----------
 
+#: what is known at the ends of elements
+NODAL = "resultant", "strain"
 #: works since the start of a run, which explain changes of its energy
 WORKS = "work_loads", "work_actuators", "work_drives"
 
@@ -199,7 +259,8 @@ def derive_series(system: System, history: History) -> None:
     Of a run: ``v, Qp`` (projected on the hidden constraints), ``kinetic, strain_energy, external,
     coupling_energy, energy`` (kinetic + strain + coupling at (q, p)), ``energy_projected``,
     ``energy_balance``, ``linear_momentum``, ``angular_momentum``, ``constraint_violation``, for
-    each beam ``strain`` and ``resultant`` (its elastic part: that of damped sections is left to
+    each beam ``strain`` and ``resultant`` at Gauss points, ``nodal_strain`` and ``nodal_resultant``
+    at both ends of each element (the elastic part: that of damped sections is left to
     ``diagnostics.section_forces``), for each joint ``position``, ``force`` and ``moment``, its
     relative coordinates and their rates, for each spring, damper, cable and bushing
     ``coordinate``, ``force`` and ``ends``, for each load that acts at places ``position``,
@@ -334,28 +395,20 @@ def take_along(
 
 def run_formulas(system: System) -> Formulas:
     """Formulas of a run, which has recorded works."""
-    own = _momenta_formulas(system) | {
+    return state_formulas(system) | {
         (BALANCE,): _balance,
         ("at_jump",): lambda h: [at_jumps(system, h)],
         ("doubtful_step",): lambda h: [doubtful_steps(system, h).astype(float)],
     }
-    return own | configuration_formulas(system)
 
 
 def state_formulas(system: System) -> Formulas:
     """Formulas that take configurations, momenta and constraint forces."""
-    return _momenta_formulas(system) | configuration_formulas(system)
-
-
-def _momenta_formulas(system: System) -> Formulas:
-    """Formulas that take configurations and momenta."""
-    return {
+    return _stored_formulas(system) | {
         ("v",): lambda h: [Projection(system).velocities(h["q"], h["p"], h.times)],
         ("Qp",): lambda h: [np.where(np.isnan(h["v"]), np.nan, momentum(system, h["v"]))],
         ("kinetic",): lambda h: [kinetic_energy(system, h["p"])],
-        ("strain_energy",): _strain_energy(system),
         ("external",): lambda h: [external_energy(system, h["q"], h.times)],
-        ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["kinetic"] + h["strain_energy"] + h["coupling_energy"]],
         ("energy_projected",): lambda h: [
             0.5 * (h["v"] * h["Qp"]).sum(1) + h["strain_energy"] + h["coupling_energy"]
@@ -364,15 +417,14 @@ def _momenta_formulas(system: System) -> Formulas:
         ("angular_momentum",): lambda h: [angular_momentum(system, h["q"], h["p"])],
         ("angular_momentum_projected",): lambda h: [angular_momentum(system, h["q"], h["Qp"])],
         ("hidden_violation",): lambda h: [hidden_violation(system, h["q"], h["v"], h.times)],
+        **configuration_formulas(system),
     }
 
 
 def path_formulas(system: System) -> Formulas:
     """Formulas of the equilibria along a path."""
-    return {
+    return _stored_formulas(system) | {
         ("v",): lambda h: [np.zeros_like(h["q"])],
-        ("strain_energy",): _strain_energy(system),
-        ("coupling_energy",): _coupling_energy(system),
         ("energy",): lambda h: [h["strain_energy"] + h["coupling_energy"]],
         ("external",): lambda h: [potential(system, h["q"], h["amplitudes/loads"])],
         **configuration_formulas(system),
@@ -383,6 +435,8 @@ def configuration_formulas(system: System) -> Formulas:
     """Formulas that take configurations, constraint forces and the velocities "v"."""
     items = [jr.joint for jr in system.joint_rows]
     couplings = shown(system)
+    rods = [item for item in items if isinstance(item, JointDistance)]
+    tied: list[Any] = [*couplings, *rods]
 
     def coordinates(h: History) -> list[Floats]:
         given = h["q"], h["v"], h.instants, h.series.get("turns")
@@ -394,8 +448,12 @@ def configuration_formulas(system: System) -> Formulas:
 
     def places(h: History) -> list[Floats]:
         y = all_rows(system, h["q"], h.instants)
-        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in couplings]
+        ends = [[at_place(system, y, end) for end in (item.a, item.b)] for item in tied]
         return [*(at_place(system, y, item.a) for item in items), *(np.stack(e, 1) for e in ends)]
+
+    def ends(h: History) -> list[Floats]:
+        found = end_forces(system, h)
+        return [each for beam in system.beams for each in found[str(beam.name)]]
 
     formulas: Formulas = {
         ("constraint_violation",): lambda h: [constraint_violation(system, h["q"], h.instants)],
@@ -406,12 +464,16 @@ def configuration_formulas(system: System) -> Formulas:
     }
     for beam in system.beams:
         formulas |= _beam_formulas(system, beam)
+    if system.beams:
+        both = [f"beam/{b.name}/nodal_{each}" for b in system.beams for each in NODAL]
+        formulas[tuple(both)] = ends
     wrench_names = [f"joint/{item.name}/{each}" for item in items for each in ("force", "moment")]
     for load in acting(system):
         names = tuple(f"load/{load.name}/{each}" for each in ("position", "force", "moment"))
         formulas[names] = partial(load_wrenches, system, load)
     place_names = [f"joint/{item.name}/position" for item in items]
     end_names = [f"coupling/{item.name}/ends" for item in couplings]
+    end_names += [f"joint/{item.name}/ends" for item in rods]
     return formulas | {tuple(wrench_names): wrenches, (*place_names, *end_names): places}
 
 
@@ -430,14 +492,16 @@ def _beam_formulas(system: System, beam: Beam) -> Formulas:
     }
 
 
-def _strain_energy(system: System) -> Formula:
-    """Formula of the energy of all beams together."""
-    return lambda h: [strain_energy(system, h["q"], amplitudes=recorded_factors(system, h))]
-
-
-def _coupling_energy(system: System) -> Formula:
-    """Formula of the energy of all springs together."""
-    return lambda h: [coupling_energy(system, h["q"], h.instants, h.series.get("turns"))]
+def _stored_formulas(system: System) -> Formulas:
+    """Formulas of the energies of all beams and of all springs."""
+    return {
+        ("strain_energy",): lambda h: [
+            strain_energy(system, h["q"], amplitudes=recorded_factors(system, h))
+        ],
+        ("coupling_energy",): lambda h: [
+            coupling_energy(system, h["q"], h.instants, h.series.get("turns"))
+        ],
+    }
 
 
 def _balance(history: History) -> list[Floats]:

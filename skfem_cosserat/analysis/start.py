@@ -64,14 +64,14 @@ def _with_joint_rates(
     scale = 1 / np.where(size > 1e-12 * size.max(initial=1e-300), size, 1.0)
     weights = np.linalg.lstsq(scale[:, None] * gram * scale, scale * given, rcond=1e-10)[0]
     miss = given - gram @ (scale * weights)
-    worst = int(abs(miss).argmax())
+    worst = abs(miss).argmax()
     if abs(miss[worst]) > 1e-8 * max(1.0, largest(wanted)):
         raise InputError(
             "initial state",
             f"rates: {list(rates)[worst]!r} cannot have the rate {wanted[worst]:.6g} together with"
             f" the joints and the other rates (off by {miss[worst]:.6g})",
         )
-    lightest = np.asarray(nearest + (scale * weights) @ answers)
+    lightest = nearest + (scale * weights) @ answers
     if not system.beam_groups:
         return lightest
     # a scene at rest is to have no strain rates at all, what moves already those that it has
@@ -122,7 +122,7 @@ def _least_strained(
     values = np.append(wanted @ start, np.zeros(len(out_of)))
     u = lstsq(asked, values, cond=TOLERANCE, lapack_driver="gelsy")[0]
     if abs(asked @ u - values).max() <= COMPATIBLE * abs(values).max():
-        return np.asarray(E @ u)
+        return E @ u
     idle = E @ null_space(asked, rcond=TOLERANCE)
     rows = np.vstack([slopes @ P, (M @ idle).T @ P])
     values = np.concatenate([np.zeros(len(slopes)), -(idle.T @ (M @ start))])
@@ -130,21 +130,20 @@ def _least_strained(
     rows, values = rows / size[:, None], values / size
     _, R, order = qr(rows.T, pivoting=True, mode="economic")
     diagonal = abs(np.diag(R))
-    chosen = order[: int((diagonal > TOLERANCE * diagonal.max(initial=0.0)).sum())]
+    chosen = order[: (diagonal > TOLERANCE * diagonal.max(initial=0.0)).sum()]
     K = P.T @ S @ P
     scale = largest(K.data) or 1.0
     B = csr_matrix(scale * rows[chosen])
     solve = splu(bmat([[K, B.T], [B, None]], format="csc")).solve
     rhs = np.concatenate([-(P.T @ (S @ start)), scale * values[chosen]])
-    return np.asarray(start + P @ solve(rhs)[: P.shape[1]])
+    return start + P @ solve(rhs)[: P.shape[1]]
 
 
 def _tell(system: System, q: Floats, change: Floats, names: list[str], why: str) -> None:
     """Say which beams cannot keep their strains, if that is more than what q is off its joints."""
     sizes = {}
     for beam in system.beams:
-        rates = section_strain_rates(system, beam, q, change)
-        sizes[beam.label] = largest(rates)
+        sizes[beam.label] = largest(section_strain_rates(system, beam, q, change))
     motion = abs(change.reshape(-1, 3))
     motion[system.origin_rows] /= system.length
     most = max(sizes.values())
@@ -352,7 +351,7 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
     rounding = 1e-13 * system.constraints.magnitudes(y, most)
     excess = hidden - tolerance * system.constraints.magnitudes(y, rates) - floor - rounding
     if excess.max(initial=0.0) > 0:
-        row = int(excess.argmax())
+        row = excess.argmax()
         raise InputError(
             "initial state",
             f"the velocity violates the hidden constraint of {constraint_owner(system, row)} at"
@@ -508,8 +507,7 @@ def _settled(
     rows, y = new_rows(source, target), target.extend(q, t)
     rest = settled(target, y, amplitudes_at(target, t), rows, inertia)
     rates = v.reshape(-1, 3).copy()
-    spin = spins(y[rows], rates[rows])
-    rates[rows[:, 1:]] = np.cross(spin[:, None], rest[rows[:, 1:]])
+    rates[rows[:, 1:]] = np.cross(spins(y[rows], rates[rows])[:, None], rest[rows[:, 1:]])
     return rest[: target.rows].ravel(), rates.ravel()
 
 

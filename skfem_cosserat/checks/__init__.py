@@ -24,10 +24,8 @@ from ..model import Model, System, system_of
 from ..model.fingerprint import other_model
 from ..warn import CLOCK_OF_PATHS, CLOCK_OF_RUNS, Notice, Notices, warn
 from . import elements, motion, scene
-from .motion import Run
-from .result import Doubt, Path, Recorded, Shapes
-
-__all__ = ["CHECKS", "Check", "Doubt", "Path", "Recorded", "Run", "Shapes", "apply", "check"]
+from .motion import Run as Run
+from .result import Doubt as Doubt, Path as Path, Recorded as Recorded, Shapes as Shapes
 
 
 class Check(NamedTuple):

@@ -27,7 +27,7 @@ def inside_out(result: Recorded) -> Iterator[Doubt]:
         stretch = group_stretches(group, history["q"]).min(axis=2)
         rows = np.flatnonzero((stretch <= 0).any(axis=1))
         for row in rows[:1]:
-            worst = int(stretch[row].argmin())
+            worst = stretch[row].argmin()
             beam, e = beam_of(system, group, worst)
             yield Doubt(
                 beam.label,
@@ -79,8 +79,7 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
 def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
     """Modes that the mesh makes, or makes wrong."""
     lacking, stored = result.energies.sum(axis=1).T
-    energy = np.where(result.energy > 0, np.maximum(result.energy, stored), np.inf)
-    share = abs(lacking) / energy
+    share = abs(lacking) / np.where(result.energy > 0, np.maximum(result.energy, stored), np.inf)
     found, worst = np.flatnonzero(share > LACKING), int(share.argmax())
     if len(found):
         of, told = f"mode {', '.join(map(str, found))}", f"the {result.told} of mode {worst}"
@@ -90,7 +89,7 @@ def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
 
 def _coarse(system: System, of: str, told: str, energies: Floats, off: float) -> Doubt:
     """Doubt about the beam that lacks most of some energies (beams, 2)."""
-    beam = system.beams[int(abs(energies[:, 0]).argmax())]
+    beam = system.beams[abs(energies[:, 0]).argmax()]
     order = beam.basis.order
     return Doubt(
         beam.label,

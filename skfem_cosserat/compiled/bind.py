@@ -237,7 +237,7 @@ def addresses(
     source : Source
         See :func:`.kept.address`.
     """
-    found: dict[str, int] = {}
+    found = {}
     for name, keys in keys_of(names, structures).items():
         own = [address(*key, source) for key in keys]
         found[name] = structures[3].place(name, own) if name in BEAM_PARTS else own[0]
@@ -439,7 +439,7 @@ def bound_plan(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
     edge, parent = _parents(coordinates)
     count, own = len(edge), coordinates.tree.own
     above = integers([e.parent if e.parent < count else -1 for e in coordinates.tree.edges])
-    fields: dict[str, Any] = {
+    fields = {
         **{name: getattr(plan, name) for name in _PLANNED},
         "edge": integers([*edge, *([-1] * len(plan.rows))]),
         "parent": integers([*parent, *([-1] * len(plan.rows))]),
@@ -458,7 +458,7 @@ def bound_tree(
     system = coordinates.system
     kin, tree = coordinates.kinematics, coordinates.tree
     count = len(system.origin_rows)
-    fields: dict[str, Any] = {
+    fields = {
         "row": np.ascontiguousarray(kin.row[:count]),
         "framed": np.array(system.is_frame, dtype=bool),
         "free": integers(tree.free),
@@ -630,7 +630,7 @@ def bound_work(
     system = coordinates.system
     total, rows, edges = system.total, system.rows, len(coordinates.tree.edges)
     count, each = len(system.origin_rows), len(plan.diag)
-    shapes: dict[str, tuple[int, ...]] = {
+    shapes = {
         **dict.fromkeys(("y0", "y1", "mid"), (total, 3)),
         **dict.fromkeys(("p0", "external", "R", "momentum", "internal", "carried"), (rows, 3)),
         **dict.fromkeys(("R_mixed", "change"), (rows, 3)),
@@ -653,7 +653,7 @@ def bound_work(
         "coupled": (system.couplings.count, COUPLED),
     }
     shapes |= dict.fromkeys(("earlier", "later", "drift"), shapes["y0"] if late else (0, 3))
-    arrays: dict[str, Any] = {name: np.zeros(shape) for name, shape in shapes.items()}
+    arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
     if not late:
         arrays["earlier"], arrays["later"] = arrays["y0"], arrays["y1"]
     flow, own = bound_flow(plan, separate)
@@ -672,7 +672,7 @@ def bound_flow(plan: Plan, separate: SeparateParts | None) -> tuple[Any, dict[st
     if separate is not None:
         system, owner, free = separate.system, separate.part, separate.free
         total, lift, mu, ones = separate.total, separate.lift, separate.mu, separate.ones
-        mass, first = system.mass.tocsr(), np.asarray(system.origin_rows)
+        mass, first = system.mass.tocsr(), system.origin_rows
         each, count = len(plan.diag), len(first)
         vertex, local = (each[: len(owner)] for each in places_of(system))
         of_row = vertex[np.repeat(np.arange(len(owner)), np.diff(mass.indptr))]
@@ -682,7 +682,7 @@ def bound_flow(plan: Plan, separate: SeparateParts | None) -> tuple[Any, dict[st
         rows, held = plan.ends[(plan.ends[:, 0] >= count) & (plan.ends[:, 1] < count)].T
         holder[rows] = holder[held]  # blocks of constraint rows go with what they hold
     rows, parts = len(owner), len(free)
-    shapes: dict[str, tuple[int, ...]] = {
+    shapes = {
         "scheme": (2,),
         "sums": (parts * SUMS, 3),
         "turn": (parts * TURNED, 3),
@@ -692,7 +692,7 @@ def bound_flow(plan: Plan, separate: SeparateParts | None) -> tuple[Any, dict[st
         **dict.fromkeys(("motion", "twists"), (BORDER, each, 6)),
         "schur": (parts, BORDER, BORDER + 1),
     }
-    fields: dict[str, Any] = {
+    fields = {
         "owner": owner,
         "runs": integers([0, *(np.flatnonzero(np.diff(owner)) + 1).tolist(), rows]),
         "holder": holder,

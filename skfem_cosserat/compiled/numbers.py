@@ -1,7 +1,5 @@
 """Numbers of a step, its parts, and what its loop leaves behind: places in arrays."""
 
-from __future__ import annotations
-
 from ..newton import FACTORED, FIRST, ITERATIONS, KEPT, RATE, RESIDUAL
 from ..newton import RECORD as LOOP
 from .tables import MOST_PI, MOST_XI

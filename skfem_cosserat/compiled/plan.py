@@ -16,9 +16,6 @@ from ..model.loading import Followers
 from ..model.system import Coordinates
 from ..types import ArrayLike, IndexArray
 
-__all__ = ["Plan", "RowBlock", "following", "places_of", "plan_of", "row_blocks"]
-
-
 # -- the order in which vertices are eliminated, and where their blocks are: once for a system -----
 
 #: neighbours up to which a vertex is eliminated in blocks in any case: struts and what dangles
@@ -280,8 +277,8 @@ def _between(
     vertices: Collection[int], parent: Mapping[int, int], depth: Mapping[int, int], count: int
 ) -> tuple[int, ...]:
     """Vertices on the way from one to the other, without the one at which all ways meet."""
-    ends: set[int] = {min(v, count) for v in vertices}
-    found: set[int] = set()
+    ends = {min(v, count) for v in vertices}
+    found = set()
     while len(ends) > 1:
         deepest = max(ends, key=lambda v: (depth.get(v, 0), -v))  # the ground comes last
         found.add(deepest)
@@ -321,7 +318,7 @@ def plan_of(coordinates: Coordinates, thin: bool = False) -> Plan:
 
 def places_of(system: System) -> tuple[IndexArray, IndexArray]:
     """Vertex of each row of y, those of the ground included, and the row's place in it."""
-    first = np.asarray(system.vertex_rows)
+    first = system.vertex_rows
     order = np.argsort(first)
     vertex = np.repeat(order, np.diff(first[order], append=system.total))
     return vertex, np.arange(system.total) - first[vertex]

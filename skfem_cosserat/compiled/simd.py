@@ -366,7 +366,7 @@ def _product(add: bool) -> Any:
                 for n, size in ((0, SIDE * SIDE), (2, SIDE), (5, SIDE))
             )
             target = builder.bitcast(target, ROW.as_pointer())
-            sums: list[Any] = [None, None]
+            sums = [None, None]
             for r in range(SIDE):
                 entry = builder.load(builder.gep(given, [ir.Constant(_INDEX, r)]))
                 entry = _spread(builder, builder.fmul(entry, values[4]), ROW)
@@ -408,7 +408,7 @@ def _multiply(sign: int, crossed: bool, turned: bool = False) -> Any:
             rows = _load_rows(builder, right)
             if turned:
                 rows = _turned(builder, rows)
-            sums: list[Any] = _load_rows(builder, target) if sign else [None] * SIDE
+            sums = _load_rows(builder, target) if sign else [None] * SIDE
             for r in range(SIDE):
                 for t, row in enumerate(rows):
                     place = ir.Constant(_INDEX, SIDE * t + r if crossed else SIDE * r + t)

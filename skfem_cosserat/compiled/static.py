@@ -19,8 +19,6 @@ from .rows import add_weighted
 from .simd import clear, local
 from .step import ask, ask_beams, evaluate, given, matrix, start
 
-__all__ = ["along", "begin", "change", "hold", "move", "nearest", "pivots", "predict", "solve"]
-
 #: stiffness of what is held against the largest number in the matrix
 HELD = 10.0
 

@@ -1,7 +1,5 @@
 """Columns of the tables that bind modules make and kernels read; numba is not imported here."""
 
-from __future__ import annotations
-
 # -- force elements, see :mod:`.forces` ---------------------------------------------------------
 
 #: kinds of the last coordinate

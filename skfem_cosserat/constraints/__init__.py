@@ -1,7 +1,5 @@
 """The two treatments of the constraints, interchangeable for every integrator."""
 
-from .base import BoundTreatment, Treatment
-from .multipliers import Multipliers
-from .null_space import BoundNullSpace, NullSpace
-
-__all__ = ["BoundNullSpace", "BoundTreatment", "Multipliers", "NullSpace", "Treatment"]
+from .base import BoundTreatment as BoundTreatment, Treatment as Treatment
+from .multipliers import Multipliers as Multipliers
+from .null_space import BoundNullSpace as BoundNullSpace, NullSpace as NullSpace

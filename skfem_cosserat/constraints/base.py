@@ -37,8 +37,7 @@ def rows_touching(system: System, coordinates: Array) -> Array:
     y = np.random.default_rng(1).uniform(0.5, 1.5, (system.total, 3))
     G = abs(system.constraints.jacobian(y)).tocsr()
     largest = np.asarray(G.max(axis=1).todense()).ravel()
-    part = np.asarray(G[:, np.flatnonzero(coordinates)].sum(axis=1)).ravel()
-    return part > 1e-12 * largest
+    return np.asarray(G[:, np.flatnonzero(coordinates)].sum(axis=1)).ravel() > 1e-12 * largest
 
 
 def dependent_rows(system: System, y: Floats) -> IndexArray:
@@ -76,8 +75,7 @@ class RowSpace:
         out[self._kept] = self._gram.solve(self._G @ force)
         if len(self._dropped):
             C = self._C
-            inner = C.T @ C + np.eye(len(self._dropped))
-            weight = np.linalg.solve(inner, C.T @ out[self._kept])
+            weight = np.linalg.solve(C.T @ C + np.eye(len(self._dropped)), C.T @ out[self._kept])
             out[self._kept] -= C @ weight
             out[self._dropped] = weight
         return out
@@ -303,10 +301,9 @@ class BoundTreatment(ABC):
     def clear(self, y: Floats) -> bool:
         """True if the rows that close loops are far from dependent at y; sets `clearance` there."""
         system = self.system
-        T = system.kinematics.values_at(y)
-        again = system.closure.again(self._taken, y, T)
+        again = system.closure.again(self._taken, y, system.kinematics.values_at(y))
         pivots = np.array([s.pivots.min(initial=1.0) for s in again])
-        self.clearance = CLEAR * float(pivots.min())
+        self.clearance = CLEAR * pivots.min()
         return bool((pivots > self._least / 2).all())  # else others may do better
 
     def _choose_rows(self, y0: Array, T: Floats, momentum: Floats | None) -> list[Selected]:
@@ -336,11 +333,10 @@ def half_turn(system: System, y0: Array, y1: Array) -> str | None:
     for: forces without bound solve such a step, and its energy may be anything.
     """
     directors = system.kinematics.directors
-    traces = (directors(y0) * directors(y1)).reshape(-1, 9) @ _ONES
-    wrong = np.flatnonzero(traces < SMALLEST)
+    wrong = np.flatnonzero((directors(y0) * directors(y1)).reshape(-1, 9) @ _ONES < SMALLEST)
     if not len(wrong):
         return None
-    return f"{system.owner[int(system.kinematics.frames[wrong[0]])].label} by half a turn"
+    return f"{system.owner[system.kinematics.frames[wrong[0]]].label} by half a turn"
 
 
 def relative_size(size: float, term: float) -> float:

@@ -296,8 +296,7 @@ class BoundMultipliers(BoundTreatment):
 
     def pull(self, gradient: Array) -> Array:
         """Derivative by the unknowns of what has this `gradient` by q_1; zero by multipliers."""
-        full = np.concatenate([gradient.reshape(-1), np.zeros(self.system.m)])
-        return self._restricted(full)
+        return self._restricted(np.concatenate([gradient.reshape(-1), np.zeros(self.system.m)]))
 
     def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """Entries of the iteration matrix, as solved (rows and columns scaled), or unscaled."""

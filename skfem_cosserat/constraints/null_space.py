@@ -425,13 +425,11 @@ class BoundNullSpace(BoundTreatment):
         if not self._loops:
             return tree_force
         rows, cols = self._Z
-        count = self.unknowns - len(self._held)
-        return sum_at(cols, self._Z_left * tree_force[rows], count)
+        return sum_at(cols, self._Z_left * tree_force[rows], self.unknowns - len(self._held))
 
     def _by_tree_transposed(self, force: Array) -> Array:
         """``T^T P_int^T f`` (K,) of forces (rows, 3)."""
-        twist_force = self.kin.twist_force(self._left.y, force)
-        return self.kin.recursion.reduce(self._T_left, twist_force)
+        return self.kin.recursion.reduce(self._T_left, self.kin.twist_force(self._left.y, force))
 
     def _all_multipliers(self) -> Array:
         """Multipliers of all constraint rows (m,): zero of those that have none."""

@@ -105,7 +105,7 @@ def nearest_velocity(system: System, y: Floats, p: Floats, t: float | None) -> F
 def nearest_momentum(system: System, y: Floats, p: Floats, t: float | None) -> Floats:
     """``Q p = M v`` (n,) of the :func:`nearest_velocity`."""
     v = nearest_velocity(system, y, p, t)
-    return np.asarray(system.mass @ v.reshape(-1, 3)).reshape(-1)
+    return (system.mass @ v.reshape(-1, 3)).reshape(-1)
 
 
 def balancing(system: System, y: Floats, force: Floats) -> Floats:
@@ -222,5 +222,4 @@ def _ground_rates(system: System, t: float) -> tuple[Floats, Floats]:
     h = 1e-3 if t <= 0 else -min(1e-3, t / 4)
     f = [system.ground(t + k * h) for k in range(6)]
     weights = np.array([15 / 4, -77 / 6, 107 / 6, -13.0, 61 / 12, -5 / 6])
-    second = np.einsum("k,krc->rc", weights, np.array(f)) / h**2
-    return rate, second
+    return rate, np.einsum("k,krc->rc", weights, np.array(f)) / h**2

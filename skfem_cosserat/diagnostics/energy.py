@@ -99,7 +99,7 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
     def energies(some: Floats) -> Floats:
         rows = in_rows(system, some)
         products = (rows * solve(rows)).sum(0)
-        return np.asarray(0.5 * products.reshape(-1, 3).sum(1))
+        return 0.5 * products.reshape(-1, 3).sum(1)
 
     return _in_parts(energies, system.n, np.asarray(p))
 
@@ -177,7 +177,7 @@ def kinetic_energy_of_velocity(system: System, v: ArrayLike) -> Floats:
     >>> kinetic_energy_of_velocity(model, [[0, 0, 0], [3.0, 0, 0]]).tolist()
     [0.0, 9.0]
     """
-    return np.asarray(0.5 * (np.asarray(v) * momentum(system, v)).sum(-1))
+    return 0.5 * (np.asarray(v) * momentum(system, v)).sum(-1)
 
 
 @takes_scene
@@ -228,7 +228,7 @@ def strain_energy(
 
 def stored_energy(e: BeamElements, strains: Floats) -> Floats:
     """Energy (N,) stored in elements (J), of their strains (N, ne, ng, 6)."""
-    return np.asarray(np.einsum("neg,g,e->n", beam_energy(e, strains), e.weights, e.lengths))
+    return np.einsum("neg,g,e->n", beam_energy(e, strains), e.weights, e.lengths)
 
 
 def group_energy(group: BeamGroup, Q: Floats, free: Floats) -> Floats:
@@ -238,10 +238,9 @@ def group_energy(group: BeamGroup, Q: Floats, free: Floats) -> Floats:
     """
     e, rows = group.elements, group.rows
 
-    def energies(some: Floats, less: Floats) -> Floats:
-        return stored_energy(e, _strains(e, rows, some) - less)
-
-    return _in_parts(energies, 3 * rows.size, Q, free)
+    return _in_parts(
+        lambda some, less: stored_energy(e, _strains(e, rows, some) - less), 3 * rows.size, Q, free
+    )
 
 
 def strain_excess(
@@ -260,7 +259,7 @@ def strain_excess(
 
 def recorded_factors(system: System, history: History) -> Floats:
     """Factors (N, k) of loads at the states of a run, or a path, as far as strains need them."""
-    given = history["amplitudes/loads"] if "load_factor" in history else None
+    given = history.series.get("amplitudes/loads")
     times = history.instants if system.loading.strained else 0.0
     return load_factors(system, times, given, len(history))
 
@@ -297,7 +296,7 @@ def group_stretches(group: BeamGroup, Q: Floats) -> Floats:
     """
     e, rows = group.elements, group.rows
     axial = _in_parts(lambda some: _strains(e, rows, some, which=[2]), 3 * rows.size, Q)
-    return np.asarray(axial[..., 0] + e.reference[..., 2])
+    return axial[..., 0] + e.reference[..., 2]
 
 
 @takes_scene
@@ -384,9 +383,8 @@ def external_energy(system: System, q: ArrayLike, t: ArrayLike) -> Floats:
 
 def potential(system: System, q: Floats, amplitudes: Floats) -> Floats:
     """``-f . q`` (N,) of the dead loads (J), for amplitudes (N, k) of all channels."""
-    each = [system.loading.dead_force(unit).ravel() for unit in np.eye(amplitudes.shape[1])]
-    unit = np.array(each).reshape(amplitudes.shape[1], system.n)
-    return np.asarray(((-q @ unit.T) * amplitudes).sum(1))
+    each = [system.loading.dead_force(unit) for unit in np.eye(amplitudes.shape[1])]
+    return ((-q @ np.reshape(each, (-1, system.n)).T) * amplitudes).sum(1)
 
 
 @takes_scene
@@ -598,8 +596,7 @@ def section_forces(
     out = resultants(system, beam, section_strains(system, beam, q), factors, multipliers)
     if v is not None and group.elements.viscosity is not None:
         rates = section_strain_rates(system, beam, q, v)
-        viscosity = group.elements.viscosity[group.slices[id(beam)]]
-        out = out + product(rates, viscosity)
+        out = out + product(rates, group.elements.viscosity[group.slices[id(beam)]])
     return out
 
 

@@ -12,11 +12,10 @@ from ..frames import is_beam
 from ..history import History
 from ..kernels import beam_stress, nearest_rotations
 from ..model import Model, System, system_of, takes_scene
-from ..model.balance import Spin
 from ..strain import strain_measures
 from ..types import SAME, TOLERANCE, ArrayLike, Floats, IndexArray, check_kind, numbers, switch
 from .energy import free_strains, group_of, held_forces, load_factors, section_strains
-from .forces import accelerations, element_balances, part_resultants
+from .forces import element_balances, motion_of, part_resultants
 from .stacked import as_stack, of_states
 
 if TYPE_CHECKING:
@@ -124,8 +123,7 @@ def new_rows(source: System, target: System) -> IndexArray:
         e, x = places_in(other.mesh, beam.mesh, basis.interpolation.nodes)
         met = np.zeros(basis.n_nodes, dtype=bool)
         met[basis.connectivity] = _met(other, e, x)[0]
-        nodes = np.flatnonzero(~met)
-        out.append(target.first[id(beam)][1] + 4 * nodes[:, None] + np.arange(4))
+        out.append(target.first[id(beam)][1] + 4 * np.flatnonzero(~met)[:, None] + np.arange(4))
     return np.concatenate(out)
 
 
@@ -171,8 +169,7 @@ def spins(now: Floats, rate: Floats) -> Floats:
     d, ddot = now[..., 1:, :], rate[..., 1:, :]
     squares = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3)
     inertia = squares - np.swapaxes(d, -1, -2) @ d
-    momentum = np.cross(d, ddot).sum(axis=-2)
-    return np.linalg.solve(inertia, momentum[..., None])[..., 0]
+    return np.linalg.solve(inertia, np.cross(d, ddot).sum(axis=-2)[..., None])[..., 0]
 
 
 def _moved(
@@ -351,18 +348,7 @@ def forces_along(
     history.check_one_system()
     q, _ = as_stack(system, "history", history["q"])
     places = SectionPlaces(beam, *beam.along(np.atleast_1d(s), part))
-    if "load_factor" not in history:
-        given = system, q, history["v"], history.times, history.series.get("turns")
-        return places.resultants(
-            system, q, history.times, None, history["v"], *accelerations(*given)
-        )
-    a = np.zeros_like(q)
-    for row, y, spin in zip(a, q, history["amplitudes/spin"], strict=True):
-        if spin.any():
-            turned = Spin(*spin).rates(system, y.reshape(-1, 3))
-            row[:] = np.cross(spin[0], turned).ravel()
-    loads, lam = history["amplitudes/loads"], history["multipliers"]
-    return places.resultants(system, q, 0.0, loads, None, a, lam)
+    return places.resultants(system, q, *motion_of(system, history))
 
 
 class SectionPlaces:
@@ -433,7 +419,7 @@ class SectionPlaces:
         `motion`: as for :func:`element_balances`.
         """
         beam, (t, amplitudes, *_) = self.beam, motion
-        found = element_balances(system, beam, q, *motion, viscous=False)
+        (found,) = element_balances(system, [beam], q, *motion, viscous=False)
         factors = load_factors(system, t, amplitudes, len(found.force))
         strains, free = section_strains(system, beam, q), free_strains(system, beam, factors)
         return part_resultants(beam, self._e, self._x, found, strains, free)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,10 +17,11 @@ from ..integrators import Integrator, State, Stepper
 from ..kernels import beam_stress, cross, section_moduli
 from ..linear import SingularMatrixError
 from ..model import System, takes_scene
+from ..model.balance import Spin
 from ..model.limits import overstretched_beam
 from ..model.system import JointRows
 from ..types import Array, ArrayLike, Floats, IndexArray, switch
-from .energy import group_of, held_forces, load_factors
+from .energy import free_strains, group_of, held_forces, load_factors, section_strains
 from .stacked import all_rows, as_array, as_stack, of_states
 
 if TYPE_CHECKING:
@@ -94,12 +96,123 @@ def nodal_resultants(
     >>> (nodal_resultants(model, rod, q)[0, :, :3].round(6) + 0.0).tolist()
     [[0.0, 0.0, 100.0], [0.0, 0.0, 100.0]]
     """
-    nodal, _, force = element_balances(system, beam, q, t, amplitudes, v, a, multipliers)
-    out = np.empty((*force.shape[:2], 2, 6))
-    for end in (0, -1):
-        triad = beam.rotations[:, end] @ nodal[:, :, end, 1:]
-        out[:, :, end] = components(triad, *_passed_on(force, nodal, end))
+    (found,) = element_balances(system, [beam], q, t, amplitudes, v, a, multipliers)
+    return _at_ends(beam, found)
+
+
+def _at_ends(beam: Beam, found: Balances) -> Floats:
+    """Forces and moments (N, ne, 2, 6) in section triads at both ends of each element."""
+    nodal, _, force = found
+    turned = beam.rotations @ nodal[..., 1:, :]
+    ends = (components(turned[:, :, k], *_passed_on(force, nodal, k)) for k in (0, -1))
+    return np.stack([*ends], axis=2)
+
+
+@takes_scene
+def end_forces(system: System, history: History) -> dict[str, tuple[Floats, Floats]]:
+    """Forces and strains at both ends of each element, of all beams and states of a history.
+
+    They are the series ``beam/NAME/nodal_resultant`` and ``beam/NAME/nodal_strain``.
+
+    Parameters
+    ----------
+    history : History
+        Of a run of this system, of a path of equilibria or of a mode.
+
+    Returns
+    -------
+    dict of str to (resultants, strains)
+        By the names of beams, (N, ne, 2, 6) each. Resultants are those of
+        :func:`nodal_resultants`, in motion with :func:`accelerations` (N, N m). Strains are those
+        that the sections have under them (-, 1/m), so that they converge as fast.
+
+    Examples
+    --------
+    A rod of 2 m that hangs from one end and weighs 10 N/m:
+
+    >>> import skfem_cosserat as sc
+    >>> model, mesh = sc.Model(), sc.MeshCurve.init_line((0, 0, 0), (0, 0, -2), 1, name="rod")
+    >>> section = sc.Section([1e6] * 6, 1.0, (0.1, 0.1))
+    >>> rod = model.add("rod", sc.Beam(mesh, section, director=(1, 0, 0)))
+    >>> clamp = model.add("clamp", sc.JointFixed(sc.ground((0, 0, 0)), rod.node("rod.start")))
+    >>> weight = model.add("weight", sc.LoadGravity((0, 0, -10.0)))
+    >>> forces, strains = end_forces(model, sc.static(model))["rod"]
+    >>> (forces[-1, 0, :, 2].round(6) + 0).tolist(), float(strains[-1, 0, 0, 2].round(9))
+    ([20.0, 0.0], 2e-05)
+    """
+    out: dict[str, tuple[Floats, Floats]] = {}
+    if "increment" in history:  # a mode is linear in its motion, of which a small one is taken
+        one, two = (end_forces(system, _shrunk(history, size)) for size in (-SMALL, SMALL))
+        for name, both in one.items():
+            pairs = zip(both, two[name], strict=True)
+            force, strain = ((a + b) / 2 + (b - a) / (2 * SMALL) for a, b in pairs)
+            out[name] = force, strain
+        return out
+    q, motion = history["q"], motion_of(system, history)
+    factors = load_factors(system, motion[0], motion[1], len(history))
+    for group in system.beam_groups:
+        beams = [beam for beam in system.beams if id(beam) in group.slices]
+        balances = element_balances(system, beams, q, *motion, viscous=False)
+        for beam, found in zip(beams, balances, strict=True):
+            forces, free = _at_ends(beam, found), free_strains(system, beam, factors)
+            strains = _strains_under(beam, section_strains(system, beam, q), free, forces)
+            out[str(beam.name)] = forces, strains
     return out
+
+
+def _shrunk(history: History, size: float) -> History:
+    """The motion of a mode, of another size."""
+    names = "t", "step", "p", "multipliers", "amplitudes/loads", "amplitudes/spin"
+    series = {name: history[name] for name in names}
+    series |= {name: size * history[name] for name in ("v", "acceleration")}
+    series["q"] = history.static["equilibrium"] + size * history["increment"]
+    return History(history.meta, history.static, series)
+
+
+def motion_of(system: System, history: History) -> tuple[Any, ...]:
+    """Times, factors of loads, velocities, accelerations and multipliers of a history's states.
+
+    As :func:`element_balances` takes them; of equilibria and of modes there are no velocities.
+    """
+    q = history["q"]
+    if "amplitudes/loads" not in history:
+        v, t = history["v"], history.times
+        return t, None, v, *accelerations(system, q, v, t, history.series.get("turns"))
+    a = np.array(history["acceleration"]) if "acceleration" in history else np.zeros_like(q)
+    for row, y, v, spin in zip(a, q, history["v"], history["amplitudes/spin"], strict=True):
+        if spin.any():
+            turned = Spin(*spin).rates(system, y.reshape(-1, 3)) + 2 * v.reshape(-1, 3)
+            row += np.cross(spin[0], turned).ravel()
+    return 0.0, history["amplitudes/loads"], None, a, history["multipliers"]
+
+
+def _strains_under(beam: Beam, strains: Floats, free: Floats, forces: Floats) -> Floats:
+    """Strains (N, ne, 2, 6) of the sections at both ends of each element under forces there.
+
+    Newton's method, one step for a constant stiffness, begins with what the strains (N, ne, ng, 6)
+    at Gauss points, and those of loads (`free`), would be at the ends.
+    """
+    from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
+
+    ends = np.array([0.0, 1.0])
+    sections = beam.section_points(np.arange(len(beam.section_id)), ends)
+    weights = lagrange(beam.elements.points, ends).T
+    elastic, unloaded, held = weights @ (strains - free), weights @ free, list(beam.theory.held)
+    elastic[..., held] = 0.0
+    for _ in range(4 if sections.laws else 1):
+        gap = forces - beam_stress(sections, elastic)
+        elastic += _strained(section_moduli(sections, elastic), gap, held)
+    return np.asarray(elastic + unloaded)
+
+
+def _strained(moduli: Array, gap: Array, held: list[int]) -> Array:
+    """Strains (..., 6) by forces and moments that are missing, none of those that are held."""
+    moduli[..., held, held], gap[..., held] = 1.0, 0.0
+    return np.linalg.solve(moduli, gap[..., None])[..., 0]
+
+
+#: part of the motion of a mode that is small
+SMALL = 1e-6
 
 
 class Balances(NamedTuple):
@@ -122,7 +235,7 @@ class Balances(NamedTuple):
 
 def element_balances(
     system: System,
-    beam: Beam,
+    beams: Sequence[Beam],
     q: ArrayLike,
     t: ArrayLike,
     amplitudes: ArrayLike | None,
@@ -131,31 +244,30 @@ def element_balances(
     multipliers: ArrayLike | None,
     *,
     viscous: bool = True,
-) -> Balances:
-    """Balances at some states; arguments of :func:`nodal_resultants`.
+) -> list[Balances]:
+    """Balances of beams of one group at some states; arguments of :func:`nodal_resultants`.
 
     With or without the viscous forces of sections.
     """
-    group, Q = group_of(system, beam), np.reshape(q, (-1, system.rows, 3))
+    group, Q = group_of(system, beams[0]), np.reshape(q, (-1, system.rows, 3))
     factors = load_factors(system, t, amplitudes, len(Q))
     free = system.loading.strains(group, factors)
     rates = [None if rate is None else np.reshape(rate, Q.shape) for rate in (v, a)]
-    elements = group.slices[id(beam)]
-    own = group.rows[elements]
-    nodal = Q[:, own].reshape(len(Q), len(own), -1, 4, 3)
-    spread, force = np.empty_like(nodal), np.empty_like(nodal)
-    held = np.asarray(held_forces(system, beam, multipliers, len(Q)))
-    held = np.broadcast_to(held, (len(Q), *held.shape[-3:]))
+    nodal = Q[:, group.rows].reshape(len(Q), len(group.rows), -1, 4, 3)
+    spread, force, held = np.zeros_like(nodal), np.empty_like(nodal), np.zeros_like(free)
+    of = [(beam, group.slices[id(beam)]) for beam in beams]
+    for beam, own in of:
+        held[:, own] = held_forces(system, beam, multipliers, len(Q))
     for k, y in enumerate(Q):
         velocity, acceleration = (None if rate is None else rate[k] for rate in rates)
-        spread[k] = spread_over(system, beam, y, factors[k], velocity, acceleration)
+        for beam, own in of:
+            spread[k, own] = spread_over(system, beam, y, factors[k], velocity, acceleration)
         eps, B = group.strain(y)
-        stress = group.stress(eps - free[k])
-        stress[elements] += held[k]
+        stress = group.stress(eps - free[k]) + held[k]
         if viscous and velocity is not None and group.viscous:
             stress = stress + group.viscous_stress(group.strain_rate(B, velocity))
-        force[k] = group.force(B, stress)[elements].reshape(spread[k].shape) - spread[k]
-    return Balances(nodal, spread, force)
+        force[k] = group.force(B, stress).reshape(spread[k].shape) - spread[k]
+    return [Balances(nodal[:, own], spread[:, own], force[:, own]) for _, own in of]
 
 
 def _passed_on(F: Array, nodal: Array, end: int) -> tuple[Array, Array]:
@@ -280,12 +392,10 @@ def _from_end(
     sections = beam.section_points(e, inner)
     stress, moduli = beam_stress(sections, elastic), section_moduli(sections, elastic)
     held = list(beam.theory.held)
-    moduli[..., held, held] += 1.0
     for _ in range(kind.order):
         own = d[:, :, :-1]
         gap = components(own, statics.n[:, :, :-1], m[:, :, :-1]) - stress
-        gap[..., held] = 0.0
-        eps = strain + np.linalg.solve(moduli, gap[..., None])[..., 0]
+        eps = strain + _strained(moduli, gap, held)
         line = eps.reshape(*eps.shape[:-1], 2, 3) @ own  # slope of the line, and turn of triads
         turned = cross(line[..., 1:, :], own).reshape(*eps.shape[:-1], 9)
         d = first + (over @ turned).reshape(d.shape)

@@ -30,12 +30,12 @@ class Reading:
 
     def values(self, y: Floats) -> Floats:
         """Its components (N, size) for rows (N, total, 3)."""
-        return np.asarray(self.kind.value(self._invariants.values(y))[..., 0, :] - self._start)
+        return self.kind.value(self._invariants.values(y))[..., 0, :] - self._start
 
     def rates(self, y: Floats, ydot: Floats) -> Floats:
         """Their rates (N, size)."""
         slope = self.kind.slope(self._invariants.values(y))
-        return np.asarray((slope @ self._invariants.rates(y, ydot)[..., None])[..., 0, :, 0])
+        return (slope @ self._invariants.rates(y, ydot)[..., None])[..., 0, :, 0]
 
     def gradient(self, y: Floats) -> Floats:
         """Derivatives (total, 3) of one component by all rows y (total, 3)."""

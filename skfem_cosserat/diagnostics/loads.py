@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..coupling import Coupling
-from ..element import lagrange
 from ..force import Force
 from ..history import History
 from ..load import Load, Term, TermForce, TermLine, TermStrain
@@ -63,7 +62,7 @@ def _of_channels(
     system: System, load: Load, history: History, y: Floats
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
     """Places, forces and moments of the terms whose vectors are constant but for a factor."""
-    given = history["amplitudes/loads"] if "load_factor" in history else None
+    given = history.series.get("amplitudes/loads")
     factors = load_factors(system, history.instants, given, len(y))
     loading = system.loading
     for k, (owner, term) in enumerate(zip(loading.owners, loading.terms, strict=True)):
@@ -84,6 +83,8 @@ def _place_and_vector(system: System, term: Term, y: Floats) -> tuple[Floats, Fl
         return place, np.broadcast_to(value, place.shape)
     if not isinstance(term, TermLine) or isinstance(term, TermStrain):
         return None
+    from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
+
     beam = term.beam
     rows = system.first[id(beam)][1] + 4 * beam.basis.connectivity[term.elements]
     middle = lagrange(beam.basis.interpolation.nodes, np.array([0.5]))[:, 0]
@@ -91,5 +92,4 @@ def _place_and_vector(system: System, term: Term, y: Floats) -> tuple[Floats, Fl
     if not term.follower:
         return place, np.broadcast_to(term.forces().sum(1), place.shape)
     factors = term.matrices().reshape(*rows.shape, 4, *rows.shape[1:], 4)[:, :, 0].sum(1)
-    nodal = y[:, rows[..., None] + np.arange(4)]
-    return place, np.einsum("eab,neabi->nei", factors, nodal)
+    return place, np.einsum("eab,neabi->nei", factors, y[:, rows[..., None] + np.arange(4)])

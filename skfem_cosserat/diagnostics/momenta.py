@@ -110,14 +110,12 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
     for n in range(len(q) - 1):
         # with p = 0 the balance is -D_1 L_d - f^-, what is carried on D_2 L_d + f^+
         turned = None if turns is None else turns[n]
-        rest = State(float(times[n]), n, q[n], np.zeros(system.n), turns=turned)
-        step = balance.begin(rest)
+        step = balance.begin(State(float(times[n]), n, q[n], np.zeros(system.n), turns=turned))
         evaluation = balance.evaluate(step, system.extend(q[n + 1], float(times[n + 1])))
         minus[n] = evaluation.R.reshape(-1)
         plus[n + 1] = balance.finish(step, evaluation).momentum.reshape(-1)
         if history["fresh"][n]:
-            given = history["p"][n] - minus[n]
-            lam = balancing(system, step.y0, given)
+            lam = balancing(system, step.y0, history["p"][n] - minus[n])
             half[n] = system.constraints.jacobian(step.y0).T @ lam
     return minus + half, plus - half
 
@@ -279,7 +277,7 @@ def constraint_violation(system: System, q: ArrayLike, t: ArrayLike = 0.0) -> Fl
     [0.0, 1.5]
     """
     y = all_rows(system, q, t)
-    return np.asarray(abs(system.constraints.stacked_values(y)).max(axis=1, initial=0.0))
+    return abs(system.constraints.stacked_values(y)).max(axis=1, initial=0.0)
 
 
 @takes_scene
@@ -316,7 +314,7 @@ def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 
     3.0
     """
     found = system.constraints.stacked_values(all_rows(system, q, t), rates(system, v, t))
-    return np.asarray(abs(found).max(axis=1, initial=0.0))
+    return abs(found).max(axis=1, initial=0.0)
 
 
 @takes_scene
@@ -359,7 +357,7 @@ def momentum_violation(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike 
     v = mass_solver(system)(in_rows(system, np.asarray(p))).reshape(system.rows, -1, 3)
     ydot = rates(system, v.transpose(1, 0, 2), t)
     hidden = system.constraints.stacked_values(all_rows(system, q, t), ydot)[:, kept]
-    return np.asarray(abs(hidden).max(axis=1, initial=0.0))
+    return abs(hidden).max(axis=1, initial=0.0)
 
 
 @takes_scene
@@ -508,7 +506,7 @@ class Projection:
         """Velocities (N, n) of :meth:`stack` alone."""
         q, _ = as_stack(self.system, "q", q)
         p, _ = as_stack(self.system, "p", p, q)
-        v, known = np.full(p.shape, np.nan), np.asarray(np.isfinite(p).all(axis=1))
+        v, known = np.full(p.shape, np.nan), np.isfinite(p).all(axis=1)
         some = slice(None) if known.all() else known
         v[some] = self._rule(q[some], p[some], as_times(t, len(q))[some])
         return v

@@ -98,8 +98,7 @@ def free_motion(system: System, tangent: ReducedTangent) -> tuple[str, str] | No
     K, P, metric, y = tangent.K, tangent.P, tangent.metric, tangent.balance.y
     scale = largest(K.diagonal() / metric.diagonal())
     factors = splu((K + (FREE * scale or 1.0) * metric).tocsc())
-    count = min(MOST, K.shape[0])
-    modes = np.random.default_rng(0).standard_normal((K.shape[0], count))
+    modes = np.random.default_rng(0).standard_normal((K.shape[0], min(MOST, K.shape[0])))
     for _ in range(5):  # inverse iteration: what nothing holds is all that is left
         modes = np.linalg.qr(factors.solve(metric @ modes))[0]
     modes = modes @ np.linalg.svd(modes.T @ (K @ modes))[2].T
@@ -117,8 +116,7 @@ def free_motion(system: System, tangent: ReducedTangent) -> tuple[str, str] | No
     gram += SAME * largest(gram.data) * identity(gram.shape[0], format="csc")
     twists = splu(gram).solve(weighted.T @ moved)
     _, strained, mix = np.linalg.svd(moved - weighted @ twists, full_matrices=False)
-    lengths = np.linalg.norm(moved, axis=0).max(initial=0.0)
-    twists = twists @ mix[strained <= RIGID * lengths].T
+    twists = twists @ mix[strained <= RIGID * np.linalg.norm(moved, axis=0).max(initial=0.0)].T
     found = twists.shape[1]
     if not found:
         return None
@@ -127,7 +125,7 @@ def free_motion(system: System, tangent: ReducedTangent) -> tuple[str, str] | No
     twist = np.linalg.solve(twists[chosen].T, twists.T)[0].reshape(-1, 2, 3)
     twist = np.where(abs(twist) < 1e-7, 0.0, twist)
     sizes = np.linalg.norm(twist, axis=(1, 2))
-    k = int(sizes.argmax())
+    k = sizes.argmax()
     v, w = twist[k]
     turn = np.linalg.norm(w)
     main = w / turn if turn else v / sizes[k]
@@ -181,7 +179,7 @@ def settled(
 
     def missing(tangent: ReducedTangent) -> Floats:
         """Residual along the constraints."""
-        return np.asarray(tangent.P.T @ (tangent.balance.R.ravel() + inertia))
+        return tangent.P.T @ (tangent.balance.R.ravel() + inertia)
 
     tangent = reduced_tangent(system, y, amplitudes)
     while len(rows):
@@ -275,7 +273,7 @@ def _increment(system: System, y: Floats, g: Floats) -> Floats:
             change = change - P @ splu((P.T @ W @ P).tocsc()).solve(P.T @ (W @ change))
         except RuntimeError as error:  # SuperLU: exactly singular
             raise SingularMatrixError("P^T M P is singular: a motion has no inertia") from error
-    return np.asarray(change).reshape(-1, 3)
+    return change.reshape(-1, 3)
 
 
 def _metric(system: System, y: Floats) -> csr_matrix:
@@ -285,8 +283,7 @@ def _metric(system: System, y: Floats) -> csr_matrix:
     if not size > 0:
         return M
     shifted = float(system.mass.diagonal()[system.origin_rows].sum()) * system.length**2
-    count = len(system.origin_rows)
-    return csr_matrix(M + (STIFF * shifted * count**2 / size) * K)
+    return csr_matrix(M + (STIFF * shifted * len(system.origin_rows) ** 2 / size) * K)
 
 
 def _moved(system: System, y: Floats, change: Floats) -> Floats:

@@ -117,10 +117,10 @@ def resolution(system: System, history: History) -> Resolution | None:
     parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
     lost = min(STEPS, np.ptp(history["step"])) * abs(angle - 2 * np.arctan(parts / 2).sum(axis=0))
     off = np.minimum(share * np.minimum(lost, 2.0), lost / 2)  # of what vibrates few cover less
-    w, v = np.unravel_index(int(off.argmax()), off.shape)
+    w, v = np.unravel_index(off.argmax(), off.shape)
     turning = ""
     if turns.size:
-        turning = system.owner[system.kinematics.frames[int(turns.argmax())]].label
+        turning = system.owner[system.kinematics.frames[turns.argmax()]].label
     return Resolution(
         float(off[w, v]),
         largest(turns),

@@ -177,7 +177,7 @@ class ReducedTangent:
     @property
     def residual(self) -> Floats:
         """``P^T R`` (unknowns,): zero at an equilibrium."""
-        return np.asarray(self.P.T @ self.balance.R.ravel())
+        return self.P.T @ self.balance.R.ravel()
 
 
 def weights(system: System) -> Floats:
@@ -239,8 +239,7 @@ def reduced_tangent(
     P = null_space_matrix(system, y)
     A = blocks_matrix(system, balance_tangent(system, at, amplitudes))
     A = A + curvature_matrix(system, y, multipliers)
-    sum_of_nodes = len(system.origin_rows) * weights(system).repeat(3)
-    metric = congruent(P, diags(sum_of_nodes))
+    metric = congruent(P, diags(len(system.origin_rows) * weights(system).repeat(3)))
     return ReducedTangent(congruent(P, A), P, multipliers, at, metric)
 
 
@@ -255,7 +254,7 @@ def balancing_multipliers(system: System, y: Floats, R: Floats) -> Floats:
         return np.zeros(0)
     rows, G = RowSpace(system, y), system.constraints.jacobian(y)
     out = rows.multipliers(-R)
-    return np.asarray(out + rows.multipliers(-R - G.T @ out))
+    return out + rows.multipliers(-R - G.T @ out)
 
 
 def congruent(P: csr_matrix, A: spmatrix) -> csr_matrix:
@@ -343,8 +342,7 @@ def highest_frequency(system: System, q: ArrayLike | None = None) -> float:
     y = system.extend(where, 0.0)
     P = null_space_matrix(system, y)
     K = congruent(P, material_stiffness(system, y))
-    M = congruent(P, full_mass(system))
-    return float(np.sqrt(max(_largest(K, M)[0], 0.0)))
+    return float(np.sqrt(max(_largest(K, congruent(P, full_mass(system)))[0], 0.0)))
 
 
 def _largest(K: csr_matrix, M: csr_matrix) -> tuple[float, Floats]:
@@ -427,5 +425,5 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     K = bsr_matrix((blocks, np.arange(len(rows)), np.arange(len(rows) + 1)), 2 * T.shape[1:])
     M = congruent(T, full_mass(system))
     value, shape = _largest(K, M)
-    most = int(np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax())
+    most = np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax()
     return float(np.sqrt(max(value, 0.0))), int(rows[most, 0]) - 1

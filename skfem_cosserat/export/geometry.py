@@ -8,7 +8,7 @@ same axes in front.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from ..element import lagrange, lobatto_nodes
 from ..errors import InputError
+from ..kernels import nearest_rotations
 from ..types import Array, ArrayLike, Floats, IndexArray
 
 
@@ -44,7 +45,12 @@ def frames(q: ArrayLike, offsets: ArrayLike) -> tuple[Floats, Floats]:
     """
     start = np.asarray(offsets, dtype=np.int64).reshape(-1, 1)
     values = np.asarray(q, dtype=float)[..., start + np.arange(12)]
-    return values[..., :3], values[..., 3:].reshape(*values.shape[:-1], 3, 3)
+    return values[..., :3], _triads(values[..., 3:])
+
+
+def _triads(values: Floats) -> Floats:
+    """Directors (..., 3, 3) of their numbers (..., 9)."""
+    return values.reshape(*values.shape[:-1], 3, 3)
 
 
 def quaternions(directors: ArrayLike) -> Floats:
@@ -69,10 +75,8 @@ def quaternions(directors: ArrayLike) -> Floats:
     from scipy.spatial.transform import Rotation  # slow to import, seldom needed
 
     d = np.asarray(directors, dtype=float)
-    u, _, vt = np.linalg.svd(np.swapaxes(d.reshape(-1, 3, 3), 1, 2))
-    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-    turned = Rotation.from_matrix(u @ vt).as_quat(canonical=True, scalar_first=True)
-    return np.asarray(turned).reshape(*d.shape[:-2], 4)
+    turned = Rotation.from_matrix(nearest_rotations(d.reshape(-1, 3, 3))).inv()
+    return np.asarray(turned.as_quat(True, scalar_first=True)).reshape(*d.shape[:-2], 4)
 
 
 def piece_weights(gauss: Floats, pieces: int) -> Floats:
@@ -80,14 +84,9 @@ def piece_weights(gauss: Floats, pieces: int) -> Floats:
 
     A piece without a Gauss point takes the value of the point closest to its middle.
     """
-    weights = np.zeros((pieces, len(gauss)))
-    owner = np.clip((gauss * pieces).astype(int), 0, pieces - 1)
-    for k in range(pieces):
-        inside = np.flatnonzero(owner == k)
-        if not len(inside):
-            inside = np.array([np.argmin(abs(gauss - (k + 0.5) / pieces))])
-        weights[k, inside] = 1.0 / len(inside)
-    return weights
+    away = abs(gauss - (np.arange(pieces)[:, None] + 0.5) / pieces)
+    own = away <= np.maximum(away.min(axis=1, keepdims=True), 0.5 / pieces)
+    return np.asarray(own / own.sum(axis=1, keepdims=True))
 
 
 class BeamShape:
@@ -118,6 +117,9 @@ class BeamShape:
         Node of each point, -1 between nodes.
     pieces : int
         Pieces of an element in a swept surface.
+    ends, origin : (ne, 2) and (m,) array
+        Points at the ends of elements, doubled where section forces may jump; the points, then
+        those of which these are copies.
     """
 
     def __init__(self, name: str, static: Mapping[str, Array]) -> None:
@@ -131,8 +133,8 @@ class BeamShape:
         self.section = self._get("section").astype(np.int64)
         self.order = self.connectivity.shape[1] - 1
         self.pieces = self.order
-        self._node_rotation = self._common_rotations()
         stations = np.arange(self.order + 1) / self.order
+        self.linear = np.column_stack([1 - stations, stations])
         nodes = static.get(f"beam/{name}/nodes", lobatto_nodes(self.order))
         self._stations = lagrange(nodes, stations).T
         self._at_gauss = lagrange(nodes, self.gauss).T
@@ -145,42 +147,47 @@ class BeamShape:
             raise InputError(f"beam {self.name!r}", f"the history has no static array {full!r}")
         return self._static[full]
 
-    def _common_rotations(self) -> Floats:
-        """Section rotation of each node, or the identity where sections differ (own triad)."""
-        flat = self.connectivity.ravel()
-        rotations = self.rotations.reshape(-1, 3, 3)
-        common = np.tile(np.eye(3), (len(self.offsets), 1, 1))
-        common[flat] = rotations
-        differs = abs(rotations - common[flat]).max(axis=(1, 2)) > 1e-12
-        common[flat[differs]] = np.eye(3)
-        return common
-
     def _number_points(self) -> None:
-        conn, ne = self.connectivity, len(self.connectivity)
-        self._inner: IndexArray | None = None
-        if self.order <= 2:
-            self.node_id = np.arange(len(self.offsets))
-            self.cells = conn if self.order == 1 else conn[:, [0, 2, 1]]
-            self.cell_pieces = 1
-        else:
-            corners, ends = np.unique(conn[:, [0, -1]], return_inverse=True)
-            ends = ends.reshape(-1, 2)
-            inner = len(corners) + np.arange(ne * (self.order - 1)).reshape(ne, -1)
-            chain = np.hstack([ends[:, :1], inner, ends[:, 1:]])
+        """Find the `ends`, with points of their own where forces may jump, and their `origin`."""
+        conn, p = self.connectivity, self.order
+        flat, self._inner = conn[:, [0, -1]].ravel(), conn[:, 1:-1]
+        self.node_id = np.arange(len(self.offsets))
+        section, own = np.repeat(self.section, 2), self.rotations[:, [0, -1]].reshape(-1, 3, 3)
+        other = np.zeros(len(self.node_id), dtype=np.int64)
+        other[flat] = np.arange(len(flat))
+        last = other[flat]
+        differs = abs(own - own[last]).max(axis=(1, 2)) > 1e-12
+        # of the section, or the triad of the node itself where those of sections differ
+        self._node_rotation = np.empty((len(other), 3, 3))
+        self._node_rotation[conn] = self.rotations
+        self._node_rotation[flat[differs]] = np.eye(3)
+        apart = np.bincount(flat, minlength=len(other)) > 2
+        apart[flat[differs | (section != section[last])]] = True
+        apart[self._static.get(f"beam/{self.name}/acted", [])] = True
+        copied = apart[flat] & (np.arange(len(flat)) != last)
+        self.origin = np.concatenate([np.arange(len(other)), flat[copied]])
+        ends = flat.copy()
+        ends[copied] = len(other) + np.arange(copied.sum())
+        self.ends = ends.reshape(-1, 2)
+        self.cells = np.hstack([self.ends, self._inner])  # of VTK's lines of order 1 and 2
+        if p > 2:
+            self.node_id[self._inner] = -1
+            chain = self.cells[:, [0, *range(2, p + 1), 1]]
             self.cells = np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2)
-            self.node_id = np.concatenate([corners, np.full(inner.size, -1)])
-            self._inner = inner
-            self.cell_pieces = self.order
-        self.cell_element = np.repeat(np.arange(ne), self.cell_pieces)
+        self.cell_pieces = len(self.cells) // len(conn)
+        self.cell_element = np.repeat(np.arange(len(conn)), self.cell_pieces)
+
+    def spread(self, values: Floats) -> Floats:
+        """Values (k, ne, 2, c) at ends as those of the points (k, m, c), linear between."""
+        out = np.empty((len(values), len(self.origin), values.shape[-1]))
+        out[:, self._inner], out[:, self.ends] = self.linear[1:-1] @ values, values
+        return out
 
     def _evaluate(self, nodal: Floats, local: Floats) -> Floats:
         """Values at the points: ``nodal (..., Nb, c)`` at nodes, ``local (..., ne, p+1, c)``."""
-        if self._inner is None:
-            return nodal
-        inner = self._stations[1:-1] @ local
-        corners = nodal[..., self.node_id[self.node_id >= 0], :]
-        inner = inner.reshape(*inner.shape[:-3], -1, inner.shape[-1])
-        return np.concatenate([corners, inner], axis=-2)
+        out = nodal.copy()
+        out[..., self._inner, :] = self._stations[1:-1] @ local
+        return out
 
     def points(self, q: ArrayLike) -> Floats:
         """Placements (or velocities, for rates of q) of the points ``(..., np, 3)``."""
@@ -190,28 +197,25 @@ class BeamShape:
     def directors(self, q: ArrayLike) -> Floats:
         """Section directors ``(..., np, 3, 3)``; where several sections meet the node's triad."""
         _, d = frames(q, self.offsets)
-        nodal, local = self._node_rotation @ d, self._local(d)
-        found = self._evaluate(*(x.reshape(*x.shape[:-2], 9) for x in (nodal, local)))
-        return found.reshape(*found.shape[:-1], 3, 3)
+        nodal = (self._node_rotation @ d).reshape(*d.shape[:-2], 9)
+        return _triads(self._evaluate(nodal, self._local(d)))
 
     def _local(self, d: Floats) -> Floats:
-        """Directors of the sections at the nodes of the elements ``(..., ne, p+1, 3, 3)``."""
-        return self.rotations @ d[..., self.connectivity, :, :]
+        """Directors of the sections at the nodes of the elements ``(..., ne, p+1, 9)``."""
+        own = self.rotations @ d[..., self.connectivity, :, :]
+        return own.reshape(*own.shape[:-2], 9)
 
     def to_space(self, q: ArrayLike, values: Floats) -> Floats:
         """Turn components in the section frame at Gauss points ``(..., ne, ng, c, 3)`` into space.
 
         ``c``: several vectors at each Gauss point.
         """
-        local = self._local(frames(q, self.offsets)[1])
-        at_gauss = self._at_gauss @ local.reshape(*local.shape[:-2], 9)
-        return values @ at_gauss.reshape(*at_gauss.shape[:-1], 3, 3)
+        return values @ _triads(self._at_gauss @ self._local(frames(q, self.offsets)[1]))
 
     def average(self, values: Floats, pieces: int) -> Floats:
         """Average Gauss point values ``(..., ne, ng, c, 3)`` over the pieces of all elements."""
-        front, (_, ng, *shape) = values.shape[:-4], values.shape[-4:]
-        mean = self._weights[pieces] @ values.reshape(*front, -1, ng, int(np.prod(shape)))
-        return mean.reshape(*front, -1, *shape)
+        mean = np.einsum("pg,...egci->...epci", self._weights[pieces], values)
+        return mean.reshape(*values.shape[:-4], -1, *values.shape[-2:])
 
     def outline(self, section: int) -> Floats | None:
         """Closed outline ``(k, 2)`` of a section in m, without the first point repeated.
@@ -224,13 +228,25 @@ class BeamShape:
         closed = np.array_equal(outline[..., 0, :], outline[..., -1, :])
         return outline[..., :-1, :] if closed else outline
 
-    def surface(self, outlines: Mapping[int, Floats] | None = None) -> Surface:
+    def skin(self, section: int) -> list[Floats]:
+        """Outline, then holes, with points for stresses between the corners; none without one."""
+        outline, key = self.outline(section), f"beam/{self.name}/{{}}/{section}"
+        skin = self._static.get(key.format("skin"))
+        if outline is None or skin is None:
+            return [] if outline is None else [outline]
+        return np.split(skin, np.cumsum(self._static[key.format("loops")])[:-1], axis=-2)
+
+    def stress(self, section: int) -> Floats | None:
+        """Stresses (..., k, 3, 6) at the points of the skin for resultants of one, if known."""
+        return self._static.get(f"beam/{self.name}/stress/{section}")
+
+    def surface(self, outlines: Mapping[int, Floats | Sequence[Floats]] | None = None) -> Surface:
         """Swept surface of all elements whose section has an outline.
 
         Parameters
         ----------
-        outlines : mapping of int to (k, 2) array, optional
-            Outline by section, instead of those of the history.
+        outlines : mapping of int to (k, 2) array or list of them, optional
+            Outline by section, or with holes behind it, instead of those of the history.
 
         Returns
         -------
@@ -238,16 +254,14 @@ class BeamShape:
             Empty if no section has an outline.
         """
         if outlines is None:
-            own = ((int(k), self.outline(int(k))) for k in np.unique(self.section))
-            outlines = {k: shape for k, shape in own if shape is not None}
+            outlines = {int(k): self.skin(k) for k in np.unique(self.section)}
         return Surface(self, outlines)
 
     def axes(self, q: ArrayLike) -> tuple[Floats, Floats]:
         """Placements ``(..., ne, p+1, 3)`` and section directors at equidistant stations."""
         phi, d = frames(q, self.offsets)
-        local = self._local(d)
-        turned = self._stations @ local.reshape(*local.shape[:-2], 9)
-        return self._stations @ phi[..., self.connectivity, :], turned.reshape(local.shape)
+        turned = _triads(self._stations @ self._local(d))
+        return self._stations @ phi[..., self.connectivity, :], turned
 
 
 class Surface:
@@ -256,9 +270,9 @@ class Surface:
     Parameters
     ----------
     shape : BeamShape
-    outlines : mapping of int to (k, 2) or (elements, p + 1, k, 2) array
-        Closed outlines in m by section, or of its elements; elements of other sections have no
-        surface.
+    outlines : mapping of int to array (k, 2) or (elements, p + 1, k, 2), or to a list of such
+        Closed outlines in m by section, or of its elements, and its holes; elements of other
+        sections have no surface.
 
     Attributes
     ----------
@@ -266,36 +280,64 @@ class Surface:
         Corners, outward orientation for counter-clockwise outlines.
     element, piece : (m,)
         Element, and piece of the element, of each quad.
+    cap_element : (c,)
+        Element of each cap.
     caps : list of (k,) arrays
-        Closed outlines at free ends.
+        Polygons that close free ends: outlines, or quads around a hole of as many points. Sections
+        with other holes stay open.
+    swept : list of (elements, points)
+        Elements of each section, and the points of their outlines as they were given, together.
     size : int
         Number of points.
     """
 
-    def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats]) -> None:
-        self._shape, self._swept, self.size = shape, [], 0
-        none, p = np.zeros(0, dtype=np.int64), shape.order
+    def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats | Sequence[Floats]]) -> None:
+        self._shape, self.size, p = shape, 0, shape.order
+        self.swept: list[tuple[IndexArray, Floats]] = []
+        self.caps: list[IndexArray] = []
         uses = np.bincount(shape.connectivity.ravel(), minlength=len(shape.offsets))
-        quads, owner, piece, caps = [none.reshape(0, 4)], [none], [none], []
-        for section in (int(number) for number in np.unique(shape.section)):
-            if section not in outlines:
+        quads, places = [np.zeros((0, 4), dtype=np.int64)], [np.zeros((3, 0), dtype=np.int64)]
+        for section, given in outlines.items():
+            if not len(given):
                 continue
-            own, k = np.flatnonzero(shape.section == section), outlines[section].shape[-2]
-            self._swept.append((own, outlines[section]))
-            grid = self.size + np.arange(len(own) * (p + 1) * k).reshape(len(own), p + 1, k)
-            after = np.roll(grid, -1, axis=2)
-            quad = np.stack([grid[:, :-1], after[:, :-1], after[:, 1:], grid[:, 1:]], axis=-1)
-            quads.append(quad.reshape(-1, 4))
-            owner.append(np.repeat(own, p * k))
-            piece.append(np.tile(np.repeat(np.arange(p), k), len(own)))
+            loops = [given] if isinstance(given, np.ndarray) else given
+            own, skin = np.flatnonzero(shape.section == section), np.concatenate(loops, axis=-2)
+            self.swept.append((own, skin))
+            element, *rest = np.indices((len(own), p + 1, skin.shape[-2]))
+            places.append(np.reshape([own[element], *rest], (3, -1)))
+            grid = self.size + np.arange(element.size).reshape(element.shape)
+            rings = np.split(grid, np.cumsum([loop.shape[-2] for loop in loops])[:-1], axis=-1)
+            quads += [_quads(ring[:, :-1], ring[:, 1:]) for ring in rings]
             conn = shape.connectivity[own]
-            caps += [ring[::-1] for ring in grid[uses[conn[:, 0]] == 1, 0]]
-            caps += list(grid[uses[conn[:, -1]] == 1, -1])
+            for end in (0, -1):
+                self._close(loops, [ring[uses[conn[:, end]] == 1, end] for ring in rings], end)
             self.size += grid.size
         self.quads = np.concatenate(quads)
-        self.element = np.concatenate(owner)
-        self.piece = np.concatenate(piece)
-        self.caps = caps
+        #: element, station and number on the outline of each point
+        self._places = np.concatenate(places, axis=1)
+        self.element, self.piece = self._places[:2, self.quads[:, 0]]
+        self.cap_element = self._places[0, [int(cap[0]) for cap in self.caps]]
+
+    def _close(self, loops: Sequence[Floats], rims: list[IndexArray], end: int) -> None:
+        """Caps at the start (0) or end (-1) of some elements."""
+        outer, *holes = rims
+        step = 1 if end else -1
+        if not holes:
+            self.caps += list(outer[:, ::step])
+        elif len(holes) == 1 and holes[0].shape == outer.shape:
+            first, hole = (loop.reshape(-1, outer.shape[1], 2)[0] for loop in loops)
+            near = np.linalg.norm(hole[::-1] - first[0], axis=1).argmin()
+            inner = np.roll(holes[0][:, ::-1], -near, axis=1)
+            self.caps += list(_quads(outer, inner)[:, ::step])
+
+    def shared(self) -> tuple[IndexArray, IndexArray]:
+        """Points that stay, and the number of each point among them, if elements share `ends`."""
+        ends, (element, station, number) = self._shape.ends, self._places
+        count = self._shape.order + 1
+        rings = ends.max() + 1 + np.arange(len(ends) * count).reshape(-1, count)
+        rings[:, [0, -1]] = ends
+        keys = rings[element, station] * self.size + number
+        return np.unique(keys, return_index=True, return_inverse=True)[1:]
 
     def points(self, q: ArrayLike) -> Floats:
         """Corners in space ``(..., size, 3)``."""
@@ -303,11 +345,17 @@ class Surface:
         front = center.shape[:-3]
         parts = [
             center[..., own, :, None, :] + outline @ axes[..., own, :, :2, :]
-            for own, outline in self._swept
+            for own, outline in self.swept
         ]
         return np.concatenate(
             [np.zeros((*front, 0, 3)), *(part.reshape(*front, -1, 3) for part in parts)], axis=-2
         )
+
+
+def _quads(one: IndexArray, two: IndexArray) -> IndexArray:
+    """Quads (m, 4) between closed rings of points (..., k)."""
+    after = np.roll(one, -1, axis=-1), np.roll(two, -1, axis=-1)
+    return np.stack([one, *after, two], axis=-1).reshape(-1, 4)
 
 
 @dataclass(frozen=True)

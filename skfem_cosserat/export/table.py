@@ -21,9 +21,9 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import InputError, writing
-from ..history import History
+from ..history import History, SensorRecord
 from ..history.file import plain
-from ..types import FilePath
+from ..types import Array, FilePath, Floats
 from ..version import VERSION
 
 #: numbers per state above which a quantity is not in a table unless named
@@ -31,18 +31,14 @@ WIDE = 6
 _PROVENANCE = ("integrator", "treatment", "step", "kernels", "versions", "status")
 
 
-def _default_names(history: History) -> list[str]:
+def default_names(history: History) -> list[str]:
     """Time first, then all series of few numbers that are no coordinates."""
     names = [
         name
         for name, array in history.series.items()
-        if name not in ("t", "q", "p", "v") and (array.ndim == 1 or _columns(array) <= WIDE)
+        if name not in ("t", "q", "p", "v") and array.ndim <= 2 and np.prod(array.shape[1:]) <= WIDE
     ]
-    return ["t", *(name for name in names if history[name].ndim <= 2)]
-
-
-def _columns(array: np.ndarray) -> int:
-    return int(np.prod(array.shape[1:]))
+    return ["t", *names]
 
 
 def column_names(name: str, array: np.ndarray) -> list[str]:
@@ -53,9 +49,46 @@ def column_names(name: str, array: np.ndarray) -> list[str]:
     return [f"{name}_{end}" for end in ends]
 
 
+def record_of(history: History, name: str) -> SensorRecord:
+    """Numbers or vectors that a sensor saw at every step, or else those of a series.
+
+    Series of one place ``(N, 1, k)``, as of a load, are vectors of it.
+
+    Raises
+    ------
+    InputError
+        If there is no such sensor or series, or it has more axes.
+    """
+    record = history.sensors.get(name)
+    if record is None:
+        values = history[name]
+        one = values.shape[1:-1] == (1,)
+        record = SensorRecord(history.abscissa, values[:, 0] if one else values)
+    if record.values.ndim > 2:
+        text = f"has shape {record.values.shape}, expected scalars and vectors: choose some of its"
+        text += " numbers by history.add_series, or take sensors, as SensorForce(beam, s)"
+        raise InputError(f"series {name!r}", text)
+    return record
+
+
+def columns_of(history: History, names: Sequence[str]) -> tuple[Floats, dict[str, Array]]:
+    """Instants of the rows of a table, and its columns by name: see :func:`write_csv`."""
+    sensors, times = history.sensors, history.abscissa
+    columns = {}
+    if names and set(names) <= sensors.keys():
+        columns["t"] = times = sensors[names[0]].times
+    for name in names:
+        record = record_of(history, name)
+        rows = np.atleast_2d(record.values.T)
+        for column, row in zip(column_names(name, record.values), rows, strict=True):
+            # states are among the instants of sensors
+            columns[column] = np.interp(times, record.times, row) if name in sensors else row
+    return times, columns
+
+
 @checked
 def write_csv(history: History, path: FilePath, names: Sequence[str] | None = None) -> Path:
-    """Write scalar and vector series, one line a state, all digits kept.
+    """Write scalar and vector series, and what sensors saw, one line a state, all digits kept.
 
     Lines in front of the table start with ``#`` and say which versions and methods made the
     numbers. Vectors of three numbers become columns ``name_x, name_y, name_z``.
@@ -67,7 +100,9 @@ def write_csv(history: History, path: FilePath, names: Sequence[str] | None = No
     path : path-like
         Name of the file; an older one is replaced.
     names : sequence of str, optional
-        Series to be written. Default: ``t`` and all series with at most six numbers per state.
+        Series and sensors to be written. Of sensors, which see every step, the lines have what they
+        saw at the recorded states; sensors alone have one line a step, with its time in front.
+        Default: ``t`` and all series with at most six numbers per state.
 
     Returns
     -------
@@ -77,7 +112,8 @@ def write_csv(history: History, path: FilePath, names: Sequence[str] | None = No
     Raises
     ------
     InputError
-        If a series does not exist or is no scalar or vector, or the file cannot be written.
+        If there is no such series or sensor, it is no scalar or vector, or the file cannot be
+        written.
 
     Examples
     --------
@@ -91,19 +127,18 @@ def write_csv(history: History, path: FilePath, names: Sequence[str] | None = No
     ...     path.read_text().splitlines()[-3:]
     ['t,step,energy', '0.0,0,2.0', '0.1,1,2.5']
     """
-    chosen = _default_names(history) if names is None else list(names)
-    header = []
-    columns = []
-    for name in chosen:
-        array = history[name]
-        if array.ndim > 2:
-            raise InputError(
-                f"series {name!r}", f"has shape {array.shape}, a table takes scalars and vectors"
-            )
-        header += column_names(name, array)
-        columns += (array[:, None] if array.ndim == 1 else array).T.tolist()
+    _, columns = columns_of(history, default_names(history) if names is None else names)
+    rows = zip(*(each.tolist() for each in columns.values()), strict=True)
     notes = {key: history.meta[key] for key in _PROVENANCE if key in history.meta}
-    return write_rows(path, notes, header, zip(*columns, strict=True), "skfem-cosserat history")
+    return write_rows(path, notes, list(columns), rows, "skfem-cosserat history")
+
+
+def to_pandas(history: History, names: Sequence[str] = ()) -> Any:
+    """Series and sensors as a ``pandas.DataFrame``, see :meth:`History.to_pandas`."""
+    times, columns = columns_of(history, names or default_names(history)[1:])
+    columns.pop("t", None)
+    frame = data_frame(columns, {}, index=times)
+    return frame.rename_axis("load_factor" if "load_factor" in history else "t")
 
 
 @checked
@@ -205,6 +240,17 @@ def _processor() -> str:
         return platform.processor() or "unknown processor"
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else "unknown processor"
+
+
+def data_frame(data: Any, notes: Mapping[str, Any], **options: Any) -> Any:
+    """A ``pandas.DataFrame`` with notes as its ``attrs``."""
+    try:
+        from pandas import DataFrame
+    except ImportError as error:
+        raise ImportError("pandas is needed here: pip install skfem-cosserat[pandas]") from error
+    frame = DataFrame(data, **options)
+    frame.attrs |= notes
+    return frame
 
 
 # -- rows with names, and where they come from -----------------------------------------------------
@@ -311,13 +357,7 @@ class ResultTable:
         ImportError
             Without pandas.
         """
-        try:
-            from pandas import DataFrame
-        except ImportError as error:
-            raise ImportError("pandas is needed here: pip install pandas") from error
-        frame = DataFrame(self.cells, columns=self.columns)
-        frame.attrs |= self.notes
-        return frame
+        return data_frame(self.cells, self.notes, columns=self.columns)
 
 
 def _cell(text: str) -> Any:

@@ -6,18 +6,11 @@ derived by formulas that a run gives to its history, when they are first asked f
 Where a point is, a history says of places that it is given, by the names of their items.
 """
 
-from __future__ import annotations
-
-from .container import History, SensorRecord, Spectrum, spectrum
-from .file import EventRecord, read_meta
-from .writer import HistoryWriter
-
-__all__ = [
-    "EventRecord",
-    "History",
-    "HistoryWriter",
-    "SensorRecord",
-    "Spectrum",
-    "read_meta",
-    "spectrum",
-]
+from .container import (
+    History as History,
+    SensorRecord as SensorRecord,
+    Spectrum as Spectrum,
+    spectrum as spectrum,
+)
+from .file import EventRecord as EventRecord, read_meta as read_meta
+from .writer import HistoryWriter as HistoryWriter

@@ -6,6 +6,7 @@ import pickle
 from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..arguments import checked
 from ..errors import CosseratError, HistoryError, IncompleteWarning, InputError, StorageError
 from ..frames import Place, is_beam
 from ..kernels import nearest_rotations
+from ..notebook import Shown
 from ..types import (
     TOLERANCE,
     Array,
@@ -25,7 +27,7 @@ from ..types import (
     numbers,
     whole,
 )
-from ..warn import Notices, counted, listed, logger, warn
+from ..warn import Notices, counted, listed, logger, told, warn
 from .file import (
     BASIC,
     ORIGINS,
@@ -39,6 +41,8 @@ from .file import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ..beam import Beam
 
 # -- what a sensor has recorded: a number or vector at every step, with its spectrum ---------------
@@ -86,7 +90,7 @@ class Spectrum(NamedTuple):
         curvature = left - 2 * mid + right
         sound = np.isfinite(curvature) & (curvature < 0)
         shift = np.where(sound, (left - right) / np.where(sound, 2 * curvature, 1.0), 0.0)
-        return np.asarray((places + shift) * self.frequencies[1])
+        return (places + shift) * self.frequencies[1]
 
 
 @checked
@@ -235,8 +239,7 @@ def rows_at(
     if s is not None or part is not None:
         name, value = ("s", s) if s is not None else ("part", part)
         raise InputError(f"argument {name}", f"{value!r} is for beams, not for the {where.label}")
-    item = where.item
-    assert item is not None
+    item: Any = where.item
     offsets = np.ravel(_offsets(static, item.name, where.label))
     if where.vertex >= len(offsets):
         text = f"is vertex {where.vertex}, the history has {len(offsets)} of them: another mesh"
@@ -246,7 +249,7 @@ def rows_at(
     _check_reference(static, where.label, np.array([first]), frame[None])
     rows = x[:, first : first + frame.size].reshape(len(x), *frame.shape).copy()
     rows[:, 0] += np.einsum("i,nic->nc", where.offset[: len(frame) - 1], rows[:, 1:])
-    return np.asarray(rows)
+    return rows
 
 
 def checked_point(where: Place | Beam, s: Any, part: str | None) -> None:
@@ -286,7 +289,7 @@ def _along(static: Mapping[str, Array], x: Array, beam: Beam, s: Any, part: str 
     nodal = x[:, columns].reshape(len(x), *columns.shape[:2], 4, 3).copy()
     nodal[..., 1:, :] = beam.rotations[elements] @ nodal[..., 1:, :]
     rows = np.einsum("ka,nkaic->nkic", beam.basis.shape(xi).T, nodal)
-    return np.asarray(rows if lengths.ndim else rows[:, 0])
+    return rows if lengths.ndim else rows[:, 0]
 
 
 def _offsets(static: Mapping[str, Array], name: str | None, label: str) -> IndexArray:
@@ -312,7 +315,7 @@ def _check_reference(
     size = frames[0].size
     there = np.array([reference[k : k + size] for k in offsets if k + size <= len(reference)])
     here = frames.reshape(len(frames), size)
-    scale = 1.0 + float(abs(reference).max(initial=0.0))
+    scale = 1.0 + abs(reference).max(initial=0.0)
     if there.shape != here.shape or abs(there - here).max() > TOLERANCE * scale:
         raise InputError(
             label,
@@ -373,7 +376,7 @@ class _Available(Mapping[str, Array]):
 
 
 @checked
-class History:
+class History(Shown):
     """Recorded states of a run.
 
     What was not recorded but follows from the states (energies, forces, velocities ...) is derived
@@ -427,8 +430,8 @@ class History:
         systems: Sequence[Any] | bytes = (),
         kind: Kind = dict,
     ) -> None:
-        self.meta: dict[str, Any] = plain(meta, "meta")
-        self.static: dict[str, Array] = {
+        self.meta = plain(meta, "meta")
+        self.static = {
             name: series_numbers(value, f"static array {name!r}") for name, value in static.items()
         }
         check_basic(series, "series")
@@ -438,7 +441,7 @@ class History:
             self._series = series
         for name, value in () if self._series else series.items():
             self._put(name, value)
-        self._sensors: Mapping[str, Array] = sensors or {}
+        self._sensors = sensors or {}
         if not isinstance(sensors, StoredArrays):
             self._sensors = {
                 name: series_numbers(value, f"sensor array {name!r}")
@@ -621,6 +624,22 @@ class History:
             self._segments[k] = History(meta, self.static, part, None, systems, self._kind)
         return self._segments[k]
 
+    def states(self, chosen: Sequence[int]) -> History:
+        """Some of the states, increasing, as a history of its own: derives series of these alone.
+
+        Parameters
+        ----------
+        chosen : sequence of int
+            Their numbers.
+        """
+        rows = np.asarray(chosen, dtype=np.int64)
+        series = {name: values[rows] for name, values in self._series.items()}
+        about = self.meta.get("segments", [])
+        starts = [int(np.searchsorted(rows, min(s["row"], len(self)))) for s in about]
+        moved = [each | {"row": row} for each, row in zip(about, starts, strict=True)]
+        meta = self.meta | ({"segments": moved} if about else {})
+        return History(meta, self.static, series, None, self._systems, self._kind)
+
     def check_one_system(self) -> None:
         """Refuse what takes one system where events changed the scene.
 
@@ -639,17 +658,19 @@ class History:
         return self._series["t"]
 
     @property
+    def abscissa(self) -> Floats:
+        """What states are drawn over: times (s), or the load factors of a path of equilibria."""
+        return self["load_factor" if "load_factor" in self else "t"]
+
+    @property
     def instants(self) -> Floats:
         """Times ``(N,)`` in s at which loads and motions are taken that are functions of time.
 
         On a path of :func:`skfem_cosserat.static` these are its load factors, or the one instant
         that it holds, ``meta["time"]``; of a mode that at which it was found.
         """
-        if "load_factor" not in self:
-            held = self.meta.get("instant")
-            return self.times if held is None else np.full(len(self), float(held))
-        held = self.meta.get("time")
-        return self["load_factor"] if held is None else np.full(len(self), float(held))
+        held = self.meta.get("time" if "load_factor" in self else "instant")
+        return self.abscissa if held is None else np.full(len(self), float(held))
 
     @property
     def status(self) -> str:
@@ -659,8 +680,33 @@ class History:
     def __len__(self) -> int:
         return self._length
 
+    def summary(self) -> dict[str, Any]:
+        """What it is of, how it ended, what is doubtful, and what there is to be read."""
+        meta, times = self.meta, self.abscissa[[0, -1][: len(self)]]
+        names: dict[str, str] = {}
+        for group, _, own in (name.rpartition("/") for name in self):
+            names[group] = f"{names[group]}, {own}" if group in names else own
+        known = np.array(self._series.get(BALANCE, 0.0))
+        ended = ": the run did not end; series that follow are had by derive_series(model, history)"
+        return {
+            "scheme": meta.get("integrator"),
+            "treatment": meta.get("treatment"),
+            "step in s": meta.get("step") or None,
+            "states": len(self),
+            "load factor" if "load_factor" in self else "time in s": times,
+            "status": self.status + ended * (self.status == "killed"),
+            "energy lost in J": meta.get("energy_balance", {}).get("lost"),
+            "largest balance of energy in J": np.nanmax(abs(known), initial=0.0) or None,
+            "warnings": told(meta.get("warnings", ())) or "none",
+            "sensors": {name: about["unit"] for name, about in meta.get("sensors", {}).items()},
+            "series": names.pop("", ""),
+            **names,
+        }
+
     def __repr__(self) -> str:
-        span = f", t = {self.times[0]:g} ... {self.times[-1]:g} s" if len(self) else ""
+        before, unit = (", load factor", "") if "load_factor" in self else (", t =", " s")
+        x = self.abscissa
+        span = f"{before} {x[0]:g} ... {x[-1]:g}{unit}" if len(self) else ""
         count = len(self.events)
         what = f", {count} event{'s' * (count > 1)}" if count else ""
         doubt = counted(self.meta.get("warnings", ()))
@@ -692,7 +738,8 @@ class History:
         """
         if name not in self._series:
             if name not in self:
-                text = names_known(name, list(self), "recorded", "list(history)")
+                others = self.meta.get("sensors", {}).keys() - {name}  # charts and tables have both
+                text = names_known(name, [*self, *others], "recorded", "list(history)")
                 more = "" if self._systems else f"; {ADVICE}"
                 raise InputError(f"series {name!r}", f"not recorded; {text}{more}")
             self._derive(name)
@@ -842,6 +889,112 @@ class History:
             raise InputError("series 'v'", f"not recorded, as with derive=False; {ADVICE}")
         return rows_at(self.static, self["v" if rates else "q"], place, s, part)
 
+    def picture(
+        self,
+        path: FilePath | None = None,
+        frames: int | Sequence[int] = 5,
+        *,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        colour: str = "M",
+        radius: float | None = None,
+        names: bool = False,
+        window: tuple[int, int] = (1600, 900),
+    ) -> Any:
+        """Picture of the scene at several instants, earlier ones paler.
+
+        Beams have their sections, or are tubes without an outline. Joints are drawn by what they
+        leave free, at the last instant; so are the ground, forces (red) and moments (two heads).
+        The longest arrow of a load shows the largest it has at the instants shown. Gravity is an
+        arrow beside the axes.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Image file (``.png``). Default: shown in the notebook, or in a window.
+        frames : int or sequence of int
+            Number of instants, equally spaced in time, or numbers of the states.
+        camera : str or three points
+            ``"xy"``, ``"xz"``, ``"yz"``, ``"iso"``, or position, focal point and up direction.
+        colour : str
+            Of beams: ``"M"`` or ``"N"``, the norm of the moment or force; ``""``: one colour.
+        radius : float, optional
+            Draw all beams as tubes of this radius (m).
+        names : bool
+            Write the names of items beside them.
+        window : (2,) int
+            Width and height in pixels.
+
+        Returns
+        -------
+        Path
+            The image file; without one what a notebook shows.
+
+        Raises
+        ------
+        InputError
+            If there is nothing to draw, the folder is missing or an argument is out of range.
+        ImportError
+            Without pyvista (extra ``view``).
+        CosseratError
+            Without OpenGL.
+
+        Examples
+        --------
+        >>> history.picture("swing.png", frames=8, camera="xz")  # doctest: +SKIP
+        """
+        from ..picture import Look, picture
+
+        return picture(self, path, frames, Look(camera, colour, radius, names, window))
+
+    def animate(
+        self,
+        path: FilePath,
+        *,
+        colour: str = "M",
+        fps: float = 25,
+        speed: float = 1.0,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        radius: float | None = None,
+        names: bool = False,
+        window: tuple[int, int] = (960, 540),
+    ) -> Path:
+        """Film of the scene, with a clock.
+
+        Frames are equally spaced in time; each shows the recorded state nearest to its instant.
+        Camera, colours and the lengths of arrows mean the same in all frames.
+
+        Parameters
+        ----------
+        path : path-like
+            ``.gif``, which loops, or ``.mp4`` (H.264; extra ``film``).
+        fps : float
+            Frames per second, of a GIF at most 50.
+        speed : float
+            Simulated seconds in a second of the film; of a path the control's parameter: load
+            factor, displacement or arc length. The text shows the load factor then.
+        colour, camera, radius, names, window
+            As for :meth:`picture`; an odd size is one pixel smaller.
+
+        Returns
+        -------
+        Path
+            The film.
+
+        Raises
+        ------
+        InputError
+            For more than 5000 frames, another ending, and as :meth:`picture`.
+        ImportError, CosseratError
+            As :meth:`picture`.
+
+        Examples
+        --------
+        >>> history.animate("swing.gif", speed=0.5, camera="xy")  # doctest: +SKIP
+        """
+        from ..picture import Look, animate
+
+        return animate(self, path, fps, speed, Look(camera, colour, radius, names, window))
+
     def add_series(self, name: str, array: Any) -> None:
         """Add a derived series, or replace one that was added before.
 
@@ -912,6 +1065,106 @@ class History:
         }
         return History(self.meta, self.static, cut, seen, self._systems, self._kind)
 
+    def plot(self, *names: str, path: FilePath | None = None) -> Figure:
+        """Chart over time, or over the load factor of a path of equilibria.
+
+        Parameters
+        ----------
+        *names : str
+            Each gets a panel: sensors, or else series of shape ``(N,)`` or ``(N, k)``.
+            ``"energy"`` is always the chart of all energies, with their balance in a panel below.
+            Default: the energies and the sensors; without any the work of the loads.
+        path : path-like, optional
+            Write the chart here (``.png``, ``.svg``, ``.pdf``).
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A notebook shows it.
+
+        Raises
+        ------
+        InputError
+            If there is no such sensor or series, or it has more axes.
+        ImportError
+            Without matplotlib.
+
+        Examples
+        --------
+        >>> from skfem_cosserat import EnergyMomentum, LoadGravity, MassPoint, Model, NullSpace
+        >>> from skfem_cosserat import simulate
+        >>> model = Model()
+        >>> ball = model.add("ball", MassPoint(2.0, velocity=(1.0, 0, 3.0)))
+        >>> gravity = model.add("gravity", LoadGravity((0, 0, -9.81)))
+        >>> history = simulate(model, EnergyMomentum(), NullSpace(), 0.1, until=0.5)
+        >>> energies, balance, momentum = history.plot("energy", "linear_momentum").axes
+        >>> energies.get_ylabel(), momentum.get_ylabel()
+        ('energy in J', 'linear_momentum in kg m/s')
+        """
+        from ..plot import plot  # a history does without charts
+
+        return plot(self, names, path)
+
+    def report(self, path: FilePath) -> Path:
+        """Page about the run in one file (HTML), which any browser shows without a network.
+
+        It has the scene, to be turned and moved through time by a slider, energies with their
+        balance, sensors, warnings, settings and versions; of a path load factors in place of times.
+        It is at most 10 MB large: of long runs or large scenes it shows fewer states, and says so.
+
+        Parameters
+        ----------
+        path : path-like
+            Name of the file; an older one is replaced.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        InputError
+            If there are no states, or the file cannot be written.
+        ImportError
+            Without plotly or matplotlib.
+
+        Examples
+        --------
+        >>> history.report("run.html")  # doctest: +SKIP
+        """
+        from ..report import write_report  # a history does without pages
+
+        return write_report(self, path)
+
+    def to_pandas(self, *names: str) -> Any:
+        """Table of its states as a ``pandas.DataFrame``, its index the times (s).
+
+        Parameters
+        ----------
+        *names : str
+            Series and sensors, in columns as :func:`skfem_cosserat.write_csv` has them; the index
+            is the load factor of a path of equilibria.
+
+        Raises
+        ------
+        InputError
+            As there.
+        ImportError
+            Without pandas.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> series = {"t": [0.0, 0.1], "step": [0, 1], "q": np.eye(2, 3), "p": np.zeros((2, 3))}
+        >>> frame = History({}, {}, series).to_pandas("q")
+        >>> list(frame.columns), frame["q_x"].tolist()
+        (['q_x', 'q_y', 'q_z'], [1.0, 0.0])
+        """
+        from ..export.table import to_pandas  # a history does without other formats
+
+        return to_pandas(self, names)
+
     def save(self, path: FilePath) -> None:
         """Write it to one file; an older file is replaced only when the new is complete.
 
@@ -931,7 +1184,7 @@ class History:
         StorageError
             If the disk is full, say.
         """
-        items = ("beam/", "joint/", "coupling/")
+        items = ("beam/", "joint/", "coupling/", "load/")
         self.derive([n for n in self._names() if n in SAVED or n.startswith(items)])
         meta = plain(self.meta, "meta")
         try:

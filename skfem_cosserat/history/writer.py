@@ -75,7 +75,7 @@ class HistoryWriter:
     ) -> None:
         if block < 1:
             raise InputError("argument block", f"got {block}, expected at least 1")
-        self._meta: dict[str, Any] = {**plain(meta, "meta"), "status": "running"}
+        self._meta = {**plain(meta, "meta"), "status": "running"}
         self._static = {k: series_numbers(v, f"static array {k!r}") for k, v in static.items()}
         self._block = block
         #: states and blocks of sensors that are not in the file

@@ -18,9 +18,6 @@ from ..types import Floats, IndexArray
 from .base import Integrator
 from .scheme import State, StepOrigin, StepWork, carried_rates
 
-__all__ = ["Block", "Code", "Failure", "StepReport"]
-__all__ += ["OF_USERS", "composed", "force_at", "forces_between"]
-
 # -- steps that are not solved ---------------------------------------------------------------------
 
 

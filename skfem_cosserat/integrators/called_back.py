@@ -94,7 +94,7 @@ class Called:
     def __init__(
         self, function: Callable[[int], object], failed: Callable[[], None] | None = None
     ) -> None:
-        self.error: BaseException | None = None
+        self.error = None
 
         def called(stage: int) -> float:
             try:
@@ -282,8 +282,7 @@ class CalledAtRest(Called):
         blocks, spin = self._functions.tangent(self._found, 1.0), self._amplitudes.spin
         if self._spin:
             square = np.zeros((3, 3)) if spin is None else spin.square
-            own = self._mass.data[:, None, None] * square
-            blocks = np.concatenate([blocks, own])
+            blocks = np.concatenate([blocks, self._mass.data[:, None, None] * square])
         self._blocks.add(blocks, self._arrays.y1)
 
 

@@ -181,6 +181,8 @@ class CompiledScene:
         So far.
     """
 
+    _arrays: dict[str, Any]
+
     def __init__(
         self,
         coordinates: Coordinates,
@@ -198,7 +200,7 @@ class CompiledScene:
         self.plan = plan_of(coordinates, solver is not None) if plan is None else plan
         self.factorisations = 0
         self._drag_factor = 0.0
-        self._factors: list[float] | None = None
+        self._factors = None
         self._solver = solver
         self._rest: Rest | None = None
         self._beams: list[dict[str, Any]] = []
@@ -556,7 +558,7 @@ class CompiledStep(CompiledScene):
         self._others = system.plane is not None or others
         self._record = np.zeros(len(RECORD))
         self._failed: tuple[float, Exception] | None = None  # a function, in a step to come
-        self._nearest: NearestVelocity | None = None
+        self._nearest = None
         if scheme.moved and system.m and NearestVelocity.serves(system):
             self._nearest = NearestVelocity(system, settings, source)
         self._viscous = [fields for fields in self._beams if "viscosity" in fields]
@@ -619,7 +621,7 @@ class CompiledStep(CompiledScene):
         """Force elements; those of own laws are called back."""
         system, own = self.system, self.system.couplings.own
         inside = system.couplings_of(system.couplings.items) if own else system.couplings
-        self._coupled = Coupled(system, inside, self._a.coupled, scheme, h)
+        self._coupled: Coupled = Coupled(system, inside, self._a.coupled, scheme, h)
         self._next = Called(lambda k: self._load_at(*self._times[k : k + 2]))
         self._all[0][NEXT_LOADS] = self._next.address
         self._called_back: CalledBack | None = None

@@ -210,8 +210,7 @@ class Flow:
         plain = self.A * ((1 + self.chi) * (1 + (s * s).sum(1)))[:, None, None]
         turned = (plain[part] @ self._rest[:, :, None])[:, :, 0]
         shift = self._free * parts.sum(parts.mu[:, None] * self.dq)
-        lever = self.mdq - self._lift * shift[part]
-        Q = -skew(turned) + skew(lever / self.h) @ plain[part]
+        Q = -skew(turned) + skew((self.mdq - self._lift * shift[part]) / self.h) @ plain[part]
         Q = -self._inverse[part] @ Q
         mine = 1.0 * (part == np.arange(len(s))[:, None])  # rows of each part
         free = mine * parts.free[:, None]

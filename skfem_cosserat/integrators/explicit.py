@@ -175,7 +175,7 @@ class Joints:
 
         def impulses(rates: Floats) -> Floats:
             try:
-                return np.asarray(np.linalg.solve(S, rates))
+                return np.linalg.solve(S, rates)
             except np.linalg.LinAlgError as error:
                 raise Unclosed("joints have come to a dead point", np.inf) from error
 
@@ -296,7 +296,7 @@ def checked_nodes(name: str, system: System) -> Nodes:
     slim = np.flatnonzero(nodes.slimness < 1e-12)
     if len(slim):
         reason = "drifts need inertia about all axes"
-        raise IncompatibleError(f"{name} with {system.owner[int(slim[0])].label}", reason)
+        raise IncompatibleError(f"{name} with {system.owner[slim[0]].label}", reason)
     return nodes
 
 
@@ -416,7 +416,7 @@ class LimitWatch:
         turned = [_turns(group, y) for group in self.system.beam_groups]
         moved = abs(y[self._places] - self._seen[self._places]) / self._scale
         grown = [float((b - a).max()) for a, b in zip(self._turned, turned, strict=True)]
-        if not max(*grown, float(moved.max(initial=0.0)), 0.0) > GROWN:
+        if not max(*grown, moved.max(initial=0.0), 0.0) > GROWN:
             return False
         self._seen, new = y.copy(), self._looked_at(y)
         self._turned = [np.maximum(*both) for both in zip(self._turned, turned, strict=True)]
@@ -432,8 +432,8 @@ class LimitWatch:
         every = [*(rates + attached[:, g.vertices].max(2) for g, rates in pairs), attached]
         with np.errstate(divide="ignore"):
             seconds = [np.minimum(2 / np.sqrt(square), 2 / gamma) for square, gamma in every]
-        number = int(np.argmin([each.min() for each in seconds]))
-        e = int(seconds[number].argmin())
+        number = np.argmin([each.min() for each in seconds])
+        e = seconds[number].argmin()
         (square, gamma), least = every[number][:, e], float(seconds[number][e])
         if np.isinf(least):
             return StepLimit(least)
@@ -450,7 +450,7 @@ class LimitWatch:
         x = np.linalg.eigh(_reduced(weighted, B, root)[e])[1][:, -1]
         eps = (B[e] @ np.linalg.solve(root[e].T, x)).reshape(eps[e].shape)
         shares = (eps * (weighted[e] @ eps[..., None])[..., 0]).sum(0)
-        kind = KINDS[int((shares @ SAME_KIND).argmax())]
+        kind = KINDS[(shares @ SAME_KIND).argmax()]
         turning = float((x.reshape(-1, 2, 3)[:, 1] ** 2).sum())  # x has length one
         return "shear with rotary inertia" if kind == "shear" and turning > 0.5 else kind
 
@@ -485,7 +485,7 @@ def _by_twist(group: BeamGroup, y: Array) -> tuple[BeamElements, Floats, Floats,
 def _reduced(weighted: Floats, B: Floats, root: Floats) -> Floats:
     """``L^-1 (int B^T D B ds) L^-T`` (ne, k, k)."""
     half = np.linalg.solve(root, bilinear(weighted, B, B))
-    return np.asarray(np.linalg.solve(root, half.transpose(0, 2, 1)), dtype=float)
+    return np.linalg.solve(root, half.transpose(0, 2, 1))
 
 
 def _rates(group: BeamGroup, y: Array) -> Floats:
@@ -670,8 +670,7 @@ class Marching:
             last, kicks = self._kick(y, m, h, loads, start)
             elements, iterations = last.elements, max(iterations, drifts, kicks)
             moved = float(((first.loads + last.loads) * (y[:rows] - y0[:rows])).sum())
-            lost = 0.5 * h * (first.power + last.power)
-            works.append(StepWork(0.5 * moved, dissipated=lost))
+            works.append(StepWork(0.5 * moved, dissipated=0.5 * h * (first.power + last.power)))
             if start is not None and first.coupled is not None and last.coupled is not None:
                 forces = first.coupled, last.coupled
                 works.append(trapezoidal_work(couplings, (start, start), forces, y[:-1], rows))

@@ -151,7 +151,7 @@ class GeneralizedAlpha(Integrator):
             change = change * (there / (h**2 * more))
         early = self.alpha_m - self.alpha_f
         if not self.stabilized and system.m:
-            p = np.asarray(system.mass @ change.reshape(-1, 3)).reshape(-1)
+            p = (system.mass @ change.reshape(-1, 3)).reshape(-1)
             across = change - nearest_velocity(system, y, p, None)
             v = v + (1 / 6 - self.beta - early / 2) * h**2 * across
         return np.array([v, a, a + early * h * change])

@@ -289,7 +289,7 @@ class StepBalance:
         """
         s, system, e = self.scheme, self.system, evaluation
         material, geometric = s.force * self._share, s.force * s.at
-        parts: list[Parts] = []
+        parts = []
         for k, g in enumerate(system.beam_groups):
             D = self.moduli(step, e, k)
             beam = g.parts(e.Bs[k], e.B1s[k], e.stresses[k], material, geometric, D)
@@ -457,12 +457,10 @@ class StepBalance:
         at0 = amplitudes_at(system, t0)
         ydot = np.concatenate([step.rates0[0], system.ground_rate(t0)])
         start = balance(system, step.y0, at0, turns=turns, ydot=ydot)
-        change = e.y1 - step.y0
-        loads = 0.5 * float(((start.external + e.external) * change[:rows]).sum())
+        loads = 0.5 * float(((start.external + e.external) * (e.y1 - step.y0)[:rows]).sum())
         strained = [b - a for a, b in zip(start.strains, e.strains, strict=True)]
         began = self._damped_work(e, strained, start.Bs, ydot, start.coupled)
-        ended = self._damped_work(e, strained, e.Bs, e.velocity, e.coupled)
-        lost = 0.5 * (began + ended)
+        lost = 0.5 * (began + self._damped_work(e, strained, e.Bs, e.velocity, e.coupled))
         if step.couplings is None or e.coupled is None or start.coupled is None:
             return StepWork(loads, dissipated=lost)
         couplings = system.couplings
@@ -517,7 +515,7 @@ class StepBalance:
             v = rates[self.scheme.found_with]
         ydot = np.concatenate([v, system.ground_rate(t)])
         R = balance(system, y, amplitudes_at(system, t), turns=state.turns, ydot=ydot).R
-        return np.asarray(-(system.mass @ rates[1] + R)).reshape(-1)
+        return (-(system.mass @ rates[1] + R)).reshape(-1)
 
 
 def decay_stress(group: BeamGroup, chi: float, change: Array) -> Array:

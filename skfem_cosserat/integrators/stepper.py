@@ -69,8 +69,7 @@ class StepProblem:
         if self._stresses is not None:
             e = self.balance.with_stresses(e, self._stresses)
             self.treatment.reduce(e.R, self.y1)
-        blocks = self.balance.tangent(self.step, e)
-        data = self.treatment.matrix(blocks, e.R, self.y1)
+        data = self.treatment.matrix(self.balance.tangent(self.step, e), e.R, self.y1)
         direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
         more = self.balance.border(self.step, e)
         return direction if more is None else self._updated(direction, *more)

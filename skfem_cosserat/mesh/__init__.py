@@ -1,21 +1,17 @@
 """Meshes of space curves for scikit-fem."""
 
-from __future__ import annotations
-
-from .curves import Curve, CurveArc, CurveHelix, CurveLine, CurveMoved, CurveSpline
-from .divide import divided
-from .mesh import MappingCurve, MeshCurve, read_mesh, write_mesh
-
-__all__ = [
-    "Curve",
-    "CurveArc",
-    "CurveHelix",
-    "CurveLine",
-    "CurveMoved",
-    "CurveSpline",
-    "MappingCurve",
-    "MeshCurve",
-    "divided",
-    "read_mesh",
-    "write_mesh",
-]
+from .curves import (
+    Curve as Curve,
+    CurveArc as CurveArc,
+    CurveHelix as CurveHelix,
+    CurveLine as CurveLine,
+    CurveMoved as CurveMoved,
+    CurveSpline as CurveSpline,
+)
+from .divide import divided as divided
+from .mesh import (
+    MappingCurve as MappingCurve,
+    MeshCurve as MeshCurve,
+    read_mesh as read_mesh,
+    write_mesh as write_mesh,
+)

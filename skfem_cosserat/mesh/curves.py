@@ -333,12 +333,12 @@ class CurveSpline(Frozen):
                 "spline points", f"got shape {points.shape}, expected ({2 + closed} or more, 3)"
             )
         if not np.isfinite(points).all():
-            row = int(np.argmin(np.isfinite(points).all(axis=1)))
+            row = np.argmin(np.isfinite(points).all(axis=1))
             raise MeshError("spline points", f"point {row} is {points[row].tolist()}: not finite")
         path = np.vstack([points, points[:1]]) if closed else points
         chords = np.linalg.norm(np.diff(path, axis=0), axis=1)
         if (chords == 0).any():
-            row = int(np.argmax(chords == 0))
+            row = np.argmax(chords == 0)
             raise MeshError("spline points", f"points {row} and {row + 1} are the same")
         u = np.concatenate([[0.0], np.cumsum(chords)])
         self._spline = CubicSpline(u, path, bc_type="periodic" if closed else "not-a-knot")

@@ -123,8 +123,7 @@ def _runs(mesh: MeshCurve) -> list[IndexArray]:
     ne, t = mesh.nelements, mesh.t
     first, second = np.arange(ne - 1), np.arange(1, ne)
     joined = t[1, :-1] == t[0, 1:]
-    meeting = np.bincount(t.ravel(), minlength=mesh.p.shape[1])
-    joined &= meeting[t[1, :-1]] == 2
+    joined &= np.bincount(t.ravel(), minlength=mesh.p.shape[1])[t[1, :-1]] == 2
     named = np.zeros(mesh.p.shape[1], dtype=bool)
     for vertices in mesh.nodes.values():
         named[vertices] = True
@@ -190,18 +189,16 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
             "mesh", f"its lines are {starts[-1]:.9g} m long, of the mesh before {total:.9g} m"
         )
     s = starts[:-1, None] + other.lengths[:, None] * xi
-    middle = starts[:-1, None] + 0.5 * other.lengths[:, None]
-    inside = s + 1e-6 * (middle - s)
+    inside = s + 1e-6 * ((starts[:-1, None] + 0.5 * other.lengths[:, None]) - s)
     e = np.clip(np.searchsorted(ends, inside, side="right") - 1, 0, mesh.nelements - 1)
     x = (s - ends[e]) / mesh.lengths[e]
     for end in (0.0, 1.0):
         x = np.where(abs(x - end) <= TOLERANCE, end, x)
     x = np.clip(x, 0.0, 1.0)
     here = mesh.mapping().F(x.reshape(1, -1, 1), e.ravel())[:, :, 0]
-    there = np.asarray(other.mapping().F(xi[None])).reshape(3, -1)
-    gaps = np.linalg.norm(here - there, axis=0)
+    gaps = np.linalg.norm(here - other.mapping().F(xi[None]).reshape(3, -1), axis=0)
     if gaps.max() > POSITION_TOLERANCE * mesh.size:
-        k = int(gaps.argmax()) // len(xi)
+        k = gaps.argmax() // len(xi)
         raise MeshError(
             f"element {k}",
             f"is {gaps.max():.3g} m away from the line of the mesh before: expected the same lines"

@@ -158,8 +158,7 @@ def read_gmsh41(content: bytes) -> Groups:
             raise ValueError("is cut short in section $Elements")
         width = {VERTEX: 2, LINE: 3}.get(kind, -1)
         each = np.array(" ".join(part).split(), dtype=np.int64).reshape(size, width)[:, 1:]
-        place = np.minimum(np.searchsorted(known, each, sorter=order), count - 1)
-        nodes = order[place]
+        nodes = order[np.minimum(np.searchsorted(known, each, sorter=order), count - 1)]
         if (known[nodes] != each).any():
             raise KeyError(f"node {each[known[nodes] != each][0]}")
         sets, members = out.nodes, nodes[:, 0]

@@ -111,8 +111,7 @@ class MappingCurve(SkfemMapping):
         length = mesh.lengths[elements][:, None]
         grid = np.linspace(0.0, 1.0, 9)
         near = self.F(grid[None, :], elements)
-        gaps = np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0)
-        xi = grid[np.argmin(gaps, axis=-1)]
+        xi = grid[np.argmin(np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0), axis=-1)]
         for _ in range(50):
             ahead = x - self.F(xi[None], elements)
             step = (ahead * self.tangent(xi[None], elements)).sum(axis=0) / length
@@ -312,7 +311,7 @@ def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
     pairs = number[mesh.t]
     collapsed = (pairs[0] == pairs[1]) & (pairs[0] >= 0)
     if collapsed.any():
-        e = int(np.argmax(collapsed))
+        e = np.argmax(collapsed)
         a, b = mesh.p[:, mesh.t[:, e]].T.tolist()
         raise MeshError("argument tol", f"{tol:.3g} m would collapse the element from {a} to {b}")
     hit, times = np.unique(number[number >= 0], return_counts=True)
@@ -403,6 +402,12 @@ class MeshCurve(Frozen, MeshLine1):
         return (
             f"{type(self).__name__}({self.nelements} elements, {self.p.shape[1]} vertices{names})"
         )
+
+    def summary(self) -> dict[str, Any]:
+        """Size, beams and named nodes."""
+        size = {"length in m": self.lengths.sum(), "elements": self.nelements}
+        names = {"beams": ", ".join(self.beams), "nodes": ", ".join(self.nodes)}
+        return {**size, "vertices": self.p.shape[1], **names}
 
     # ------------------------------------------------------------------ factories
     @classmethod
@@ -645,6 +650,41 @@ class MeshCurve(Frozen, MeshLine1):
 
         lines = files.LineData(self.p, self.t, self.beams, self.nodes)
         files.write_lines(filename, lines, point_data, cell_data, **kwargs)
+
+    def plot(
+        self,
+        path: FilePath | None = None,
+        *,
+        names: bool = True,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        window: tuple[int, int] = (1600, 900),
+    ) -> Any:
+        """Picture of its lines, each named beam in a colour, its vertices and its named nodes.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Image file (``.png``). Default: shown in the notebook, or in a window.
+        names, camera, window
+            As for :meth:`skfem_cosserat.History.picture`.
+
+        Returns
+        -------
+        Path
+            The image file; without one what a notebook shows.
+
+        Raises
+        ------
+        InputError, ImportError, CosseratError
+            As :meth:`skfem_cosserat.History.picture`.
+
+        Examples
+        --------
+        >>> mesh.plot("mesh.png")  # doctest: +SKIP
+        """
+        from ..picture import Look, picture_of_mesh
+
+        return picture_of_mesh(self, path, Look(camera, names=names, window=window))
 
     # ------------------------------------------------------------------ geometry
     def _mapping(self) -> MappingCurve:

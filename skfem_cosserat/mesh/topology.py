@@ -160,8 +160,7 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     first = np.append(0, np.cumsum(count))
     every = every[np.repeat(starts[sort] - first[:-1], count) + np.arange(ne)]
     before = every[successor[every] >= 0]
-    after = successor[before]
-    out = ChainOrder(every, first, rings[sort], owner[heads][sort], before, after)
+    out = ChainOrder(every, first, rings[sort], owner[heads][sort], before, successor[before])
     lock_arrays(out)
     return out
 
@@ -224,17 +223,17 @@ def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
     if not np.issubdtype(lines.dtype, np.integer):
         raise MeshError("mesh connectivity", f"has type {lines.dtype}, expected integers")
     if not np.isfinite(points).all():
-        node = int(np.argmin(np.isfinite(points).all(axis=0)))
+        node = np.argmin(np.isfinite(points).all(axis=0))
         raise MeshError(f"node {node}", f"coordinates {points[:, node].tolist()} are not finite")
     nv = points.shape[1]
     wrong = ((lines < 0) | (lines >= nv)).any(axis=0)
     if wrong.any():
-        e = int(np.argmax(wrong))
+        e = np.argmax(wrong)
         raise MeshError(f"element {e}", f"has nodes {lines[:, e].tolist()}, the mesh has {nv}")
     used = np.zeros(nv, dtype=bool)
     used[lines] = True
     if not used.all():
-        node = int(np.argmin(used))
+        node = np.argmin(used)
         raise MeshError(f"node {node}", f"at {points[:, node].tolist()} belongs to no element")
     return np.ascontiguousarray(points), np.ascontiguousarray(lines)
 
@@ -259,7 +258,7 @@ def check_geometry(mesh: MeshCurve) -> None:
     size = mesh.size
     degenerate = (mesh.lengths <= 1e-14 * size) | (mesh.t[0] == mesh.t[1])
     if degenerate.any():
-        e = int(np.argmax(degenerate))
+        e = np.argmax(degenerate)
         raise MeshError(
             f"element {e}",
             f"between nodes {mesh.t[0, e]} and {mesh.t[1, e]} has zero length or one node only",
@@ -283,7 +282,7 @@ def _check_curves(mesh: MeshCurve, size: float) -> None:
     limit = np.array([curve.length for curve in mesh.curves])[mesh.curve_ids[on_curve]]
     outside = ~((spans >= -1e-9 * limit) & (spans <= (1 + 1e-9) * limit)).all(axis=0)
     if outside.any():
-        k = int(np.argmax(outside))
+        k = np.argmax(outside)
         raise MeshError(
             f"element {on_curve[k]}",
             f"span {spans[:, k].tolist()} m leaves its curve of length {limit[k]} m",
@@ -291,7 +290,7 @@ def _check_curves(mesh: MeshCurve, size: float) -> None:
     ends = mesh.mapping().F(np.array([[0.0, 1.0]]), on_curve)
     gap = np.linalg.norm(ends - mesh.p[:, mesh.t[:, on_curve].T], axis=0)
     if gap.max() > 1e-6 * size:
-        k, end = divmod(int(np.argmax(gap)), 2)
+        k, end = divmod(np.argmax(gap), 2)
         e = on_curve[k]
         raise MeshError(
             f"element {e}",
@@ -433,7 +432,7 @@ def beam_nodes(
         place = relative_length(key, given)
         if key in named:
             raise MeshError(f"node '{key}'", f"the name is given to an end of beam '{name}'")
-        k = int(np.argmin(np.abs(places - place)))
+        k = np.argmin(np.abs(places - place))
         if not abs(places[k] - place) <= 1e-9:
             close = ", ".join(f"{x:.6g}" for x in np.sort(places[max(k - 1, 0) : k + 2]))
             raise MeshError(
@@ -500,7 +499,7 @@ def find_node(mesh: MeshCurve, points: Floats, which: str | int | VectorLike) ->
     hits = np.flatnonzero(gaps <= POSITION_TOLERANCE * mesh.size)
     spot = f"node at {place.tolist()}"
     if hits.size == 0:
-        k = int(np.argmin(gaps))
+        k = np.argmin(gaps)
         raise MeshError(spot, f"no node there; node {k} is nearest, {gaps[k]:.3g} m away")
     if hits.size > 1:
         raise MeshError(spot, f"several nodes there: {hits.tolist()}; give the number or a name")
@@ -529,8 +528,7 @@ def places_along(
         what = f"shape {at.shape}" if at.ndim != 1 else f"{at[wrong][0]} m"
         raise MeshError(item, f"arc length s: {what}, expected numbers in 0 .. {ends[-1]:.9g} m")
     k = np.minimum(np.searchsorted(ends, at + tol, side="right"), len(ids) - 1)
-    xi = 1.0 - (ends[k] - at) / mesh.lengths[ids[k]]
-    return ids[k], np.clip(xi, 0.0, 1.0)
+    return ids[k], np.clip(1.0 - (ends[k] - at) / mesh.lengths[ids[k]], 0.0, 1.0)
 
 
 def number_of_times(value: Any, count: int) -> int:

@@ -126,7 +126,7 @@ def _check_parallel(mesh: MeshCurve, hints: Floats, tangents: Floats, along: Flo
     if parallel.any():
         order = mesh.chain_order.elements
         e = int(order[np.argmax(parallel[order].any(axis=1))])
-        a = int(np.argmax(parallel[e]))
+        a = np.argmax(parallel[e])
         raise MeshError(
             _owner_item("director", mesh, mesh.owners[e]),
             f"{hints[e].tolist()} is parallel to the tangent of element {e} at"
@@ -251,8 +251,7 @@ def turns(before: Floats, after: Floats) -> Floats:
 
     Exact also at small angles: ``|A - B|^2 = 8 sin^2(t/2)``.
     """
-    chord = np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8)
-    return 2 * np.arcsin(np.clip(chord, 0, 1))
+    return 2 * np.arcsin(np.clip(np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8), 0, 1))
 
 
 def _twists(before: Floats, after: Floats) -> Floats:
@@ -312,7 +311,7 @@ def check_bends(
     angle = turns(triads[:, :-1], triads[:, 1:]).round(9)  # of equal ones the first is named
     # at a quarter turn nothing is left of the stiffness of a linear element
     if angle.max() >= round(np.pi / 2, 9):
-        e, a = (int(i) for i in np.unravel_index(int(angle.argmax()), angle.shape))
+        e, a = np.unravel_index(angle.argmax(), angle.shape)
         twist = abs(float(_twists(triads[e, a], triads[e, a + 1])))
         where = f"between the nodes {nodes[e, a]} and {nodes[e, a + 1]} of element {e}"
         if twist > angle[e, a] / 2:
@@ -330,7 +329,7 @@ def check_bends(
     _check_folds(mesh, kind, nodes, places, triads, item)
     total = angle.sum(axis=1).round(8)
     if total.max() > round(kind.turn_limit, 8):
-        e = int(total.argmax())
+        e = total.argmax()
         warn(
             item,
             f"element {e} turns between its ends, the nodes {nodes[e, 0]} and {nodes[e, -1]}, by"
@@ -355,7 +354,7 @@ def _check_folds(
     d3 = np.einsum("ag,eac->ceg", at.values, triads[:, :, 2])
     cosine = np.minimum((exact * d3).sum(0), (slope * d3).sum(0))
     if cosine.min() <= 0:
-        e, g = (int(i) for i in np.unravel_index(int(cosine.argmin()), cosine.shape))
+        e, g = np.unravel_index(cosine.argmin(), cosine.shape)
         raise MeshError(
             item,
             f"the line folds back inside element {e}, between the nodes {nodes[e, 0]} and"

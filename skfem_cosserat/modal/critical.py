@@ -15,18 +15,17 @@ from ..arguments import checked
 from ..checks.coarseness import energies_of_motion
 from ..diagnostics.stacked import balancing_multipliers, blocks_matrix, congruent, curvature_matrix
 from ..errors import CosseratError, InputError
-from ..history import History
 from ..law import STEP
 from ..linear import EIGENVALUES, Factorised
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..model.force_elements import CoupledForce
 from ..model.limits import owner
-from ..types import SAME, Floats, finite
-from ..warn import Notices, counted
+from ..types import SAME, Floats, finite, numbered
+from ..warn import Notices, counted, told
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
-from .vibration import animation, checked_count, checked_index
+from .vibration import Animated, checked_count, led
 
 Sign = Literal["positive", "negative", "both"]
 #: which eigenvalues 1/factor are sought first, by Lanczos' method
@@ -39,7 +38,7 @@ REAL = 1e-6
 
 @checked
 @dataclass(eq=False, repr=False)
-class Buckling:
+class Buckling(Animated):
     """Critical load factors and buckling modes.
 
     Attributes
@@ -72,6 +71,10 @@ class Buckling:
     def __len__(self) -> int:
         return len(self.factors)
 
+    def summary(self) -> dict[str, Any]:
+        """Critical factors."""
+        return {"modes": str(self), "warnings": told(self.warnings)}
+
     def __repr__(self) -> str:
         found = ", ".join(f"{factor:.6g}" for factor in self.factors[:3])
         more = ", ..." * (len(self) > 3)
@@ -82,12 +85,10 @@ class Buckling:
         rows = (f"{k:4d} {factor:15.7g}" for k, factor in enumerate(self.factors))
         return "\n".join(["mode critical factor", *rows])
 
-    def animation(
-        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
-    ) -> History:
-        """A buckling mode as a time series, see :meth:`Modes.animation`."""
-        k = checked_index(index, len(self))
-        return animation(self._at, 0j, self.reduced[k], amplitude, frames, periods, k)
+    def called(self, index: int) -> str:
+        """Its number and critical factor."""
+        k = numbered("argument index", index, len(self), "modes")
+        return f"mode {k}: factor {self.factors[k]:.4g}"
 
 
 @takes_scene
@@ -181,9 +182,7 @@ def buckling(
         u = _solve(pencil, factors, force)
         K1, stresses, multipliers = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
         values, X = _critical(pencil, K1, factors, count, sign)
-        X = X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X))
-        lead = np.argmax(abs(X) * np.sqrt(tangent.metric.diagonal())[:, None], axis=0)
-        X = X * np.sign(X[lead, np.arange(X.shape[1])])
+        X = led(X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X)), tangent.metric)
         made = still.factorisations + 1
         if system.beam_groups:
             checks.apply(_shapes(pencil, stresses, multipliers, loads, values, X))

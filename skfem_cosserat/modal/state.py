@@ -23,7 +23,7 @@ from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint, overstretched_beam, owner
 from ..model.loops import names_of
 from ..statics.problem import Schedule
-from ..types import Array, ArrayLike, Floats, finite, largest, whole
+from ..types import Array, ArrayLike, Floats, check_kind, finite, largest, shaped, whole
 from ..warn import warn
 
 #: what may be given as a state
@@ -50,6 +50,8 @@ class Equilibrium:
         missing in the balance, as a moment (N m).
     drawn : bool
         Whether a beam is drawn more than its elements can tell, of which there was a warning.
+    load_factor : float or None
+        Of a state of a path.
     """
 
     system: System
@@ -59,6 +61,7 @@ class Equilibrium:
     tangent: ReducedTangent
     error: float
     drawn: bool
+    load_factor: float | None = None
 
     @cached_property
     def moduli(self) -> list[Array]:
@@ -104,8 +107,7 @@ def resting(
         amplitudes = found
     check_amplitudes(system, amplitudes)
     if spin is not None:
-        if not isinstance(spin, Spin):
-            raise InputError("argument spin", f"{type(spin).__name__}, expected a Spin")
+        check_kind("argument spin", spin, Spin)
         amplitudes = replace(amplitudes, spin=spin)
     if system.plane is not None and amplitudes.spin is not None:
         system.plane.check_spin(amplitudes.spin.velocity)
@@ -130,7 +132,8 @@ def resting(
     tangent, error = _at_rest(system, tangent, amplitudes, tolerance)
     if drawn := overstretched_beam(system, y, tangent.multipliers, amplitudes.loads):
         warn(*drawn, AccuracyWarning, start.time)
-    return Equilibrium(system, y, start.time, amplitudes, tangent, error, bool(drawn))
+    state_of_rest = system, y, start.time, amplitudes, tangent, error, bool(drawn)
+    return Equilibrium(*state_of_rest, start.load_factor)
 
 
 def _read(system: System, state: StateLike | None, t: float | None) -> tuple[State, Amplitudes]:
@@ -163,7 +166,8 @@ def _from_history(
         loads = recorded_amplitudes(history, index)
     else:
         loads = Schedule(system).at(time) if path else amplitudes_at(system, time)
-    return State(time, 0, row["q"], np.zeros(system.n), turns=turns), loads
+    factor = (float(row["load_factor"]) if t is None else t) if path else None
+    return State(time, 0, row["q"], np.zeros(system.n), turns=turns, load_factor=factor), loads
 
 
 def _unloaded(system: System) -> Amplitudes:
@@ -180,16 +184,10 @@ def check_amplitudes(system: System, amplitudes: Amplitudes) -> None:
     InputError
         If not.
     """
-    if not isinstance(amplitudes, Amplitudes):
-        kind = type(amplitudes).__name__
-        raise InputError("argument amplitudes", f"{kind}, expected Amplitudes of all loads")
-    wanted = _unloaded(system)
-    for name in ("loads", "actuators"):
-        shape, own = np.shape(getattr(amplitudes, name)), getattr(wanted, name).shape
-        if shape != own:
-            raise InputError("argument amplitudes", f"{name} have shape {shape}, expected {own}")
-        if not np.isfinite(getattr(amplitudes, name)).all():
-            raise InputError("argument amplitudes", f"{name} are not finite numbers")
+    item, wanted = "argument amplitudes", _unloaded(system)
+    check_kind(item, amplitudes, Amplitudes, " of all loads")
+    shaped(item, "loads", amplitudes.loads, wanted.loads.shape)
+    shaped(item, "actuators", amplitudes.actuators, wanted.actuators.shape)
 
 
 def _at_rest(

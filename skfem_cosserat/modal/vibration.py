@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from .. import checks
 from ..analysis.describe import configuration_formulas, describe
@@ -16,64 +18,146 @@ from ..history import History
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
-from ..types import Array, Floats, is_whole, largest, positive, whole
-from ..warn import Notices, counted
+from ..notebook import Shown
+from ..types import Array, FilePath, Floats, is_whole, largest, numbered, positive, whole
+from ..warn import Notices, counted, told
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
 # -- A mode as a history: finite motions along its shape -------------------------------------------
 
-
-def animation(
-    at: Equilibrium, s: complex, x: Array, amplitude: float, frames: int, periods: int, number: int
-) -> History:
-    """History of :meth:`Modes.animation`; x (unknowns,) is the shape, s its eigenvalue."""
-    size = positive("argument amplitude", "amplitude", amplitude)
-    whole("argument frames", frames, 1)
-    whole("argument periods", periods, 1)
-    system, P = at.system, at.tangent.P
-    x = size / _extent(system, at.y, P @ x) * x
-    omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
-    phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
-    waves = np.exp(1j * phases)[:, None] * x
-    q = np.array([_moved(at, wave) for wave in waves.real])
-    v = (P @ (1j * omega * waves).real.T).T
-    p = np.array([(system.mass @ row.reshape(-1, 3)).reshape(-1) for row in v])
-    meta, static = describe(system)
-    meta |= {
-        "status": "completed",
-        "integrator": "mode",
-        "mode": number,
-        "eigenvalue": [s.real, s.imag],
-        "amplitude": size,
-        #: functions of time are taken at this one (s)
-        "instant": at.t,
-    }
-    count = len(phases)
-    series = {
-        "t": phases / omega,
-        "step": np.arange(count),
-        "q": q,
-        "p": p,
-        "v": v,
-        "constraint_force": np.full((count, system.n), np.nan),
-    }
-    return History(meta, static, series, None, [system], configuration_formulas)
+#: of a film of a mode
+FRAMES = 28
 
 
-def checked_index(index: int, count: int) -> int:
-    """Number of one of `count` modes, from 0 on; negative numbers count from the end.
+class Animated(Shown):
+    """Modes that can be shown as films."""
 
-    Raises
-    ------
-    InputError
-        If there is no such mode.
-    """
-    if not is_whole(index) or not -count <= index < count:
-        raise InputError(
-            "argument index", f"{index!r}, expected an integer: there are {count} modes"
-        )
-    return int(index) % count
+    reduced: Array
+    called: Any
+    _at: Equilibrium
+
+    def _eigenvalue(self, k: int) -> complex:
+        return 0j
+
+    def animation(
+        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
+    ) -> History:
+        """A mode as a time series, to be shown and exported like any other history.
+
+        Parameters
+        ----------
+        index : int
+            Which mode.
+        amplitude : float
+            Largest displacement relative to the extent of the scene, or largest rotation in full
+            turns: whichever is reached first.
+        frames : int
+            Frames of a period; one more is given, so that the last is the first again.
+        periods : int
+            How many; a mode that does not oscillate is shown as if it did, in 1 s.
+
+        Returns
+        -------
+        History
+            Finite rotations are composed along the motion, so that triads stay orthonormal and
+            joints closed. Damping and growth are not shown. Velocities are those of the shape.
+
+        Raises
+        ------
+        InputError
+            For a mode that is not there, for numbers that are not positive, or if a closed loop
+            cannot follow so far.
+        """
+        k, at = numbered("argument index", index, len(self.reduced), "modes"), self._at
+        s, x = self._eigenvalue(k), self.reduced[k]
+        size = positive("argument amplitude", "amplitude", amplitude)
+        whole("argument frames", frames, 1)
+        whole("argument periods", periods, 1)
+        system, P = at.system, at.tangent.P
+        x = size / _extent(system, at.y, P @ x) * x
+        omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
+        phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
+        waves = np.exp(1j * phases)[:, None] * x
+        q = np.array([_moved(at, wave) for wave in waves.real])
+        v = (P @ (1j * omega * waves).real.T).T
+        increment = (P @ waves.real.T).T
+        p = np.array([(system.mass @ row.reshape(-1, 3)).reshape(-1) for row in v])
+        meta, static = describe(system)
+        meta |= {
+            "status": "completed",
+            "integrator": "mode",
+            "mode": k,
+            "eigenvalue": [s.real, s.imag],
+            "amplitude": size,
+            #: functions of time are taken at this one (s)
+            "instant": at.t,
+        }
+        static["equilibrium"] = at.y[: system.rows].reshape(-1)
+        count = len(phases)
+        series = {
+            "t": phases / omega,
+            "step": np.arange(count),
+            "q": q,
+            "p": p,
+            "v": v,
+            "constraint_force": np.full((count, system.n), np.nan),
+            "increment": increment,
+            "acceleration": np.real(s**2) * increment,
+            "amplitudes/loads": np.tile(at.amplitudes.loads, (count, 1)),
+            "amplitudes/spin": np.tile(at.amplitudes.turning, (count, 1, 1)),
+        }
+        return History(meta, static, series, None, [system], configuration_formulas)
+
+    def animate(
+        self,
+        index: int,
+        path: FilePath,
+        *,
+        amplitude: float = 0.1,
+        fps: float = 25,
+        **look: Any,
+    ) -> Path:
+        """Film of one cycle of a mode in 28 frames, over the pale state that it is a mode of.
+
+        Parameters
+        ----------
+        index : int
+            Which mode.
+        path : path-like
+            ``.gif``, which loops, or ``.mp4`` (extra ``film``).
+        amplitude : float
+            As for :meth:`animation`: relative to the extent of the scene.
+        fps
+            As for :meth:`History.animate`.
+        **look
+            ``colour``, ``camera``, ``radius``, ``names``, ``window`` as there; by default one
+            colour.
+
+        Returns
+        -------
+        Path
+            The film.
+
+        Raises
+        ------
+        InputError
+            As :meth:`animation` and :meth:`History.animate`.
+        ImportError
+            Without pyvista (extra ``view``).
+        CosseratError
+            Without OpenGL.
+
+        Examples
+        --------
+        >>> modes(model).animate(0, "mode.gif")  # doctest: +SKIP
+        """
+        from ..picture import Look, film
+
+        history, rest = self.animation(index, amplitude, FRAMES), self.animation(index, 1e-9, 1)
+        texts = FRAMES * [self.called(index)]
+        how = Look(**{"window": (960, 540)} | look)
+        return film(history, path, range(FRAMES), texts, [rest.row(0)], fps, how)
 
 
 def _extent(system: System, y: Floats, dq: Array) -> float:
@@ -104,7 +188,7 @@ GROWTH = 1e-9
 
 @checked
 @dataclass(eq=False, repr=False)
-class Modes:
+class Modes(Animated):
     """Modes ``dq = Re(shape exp(s t))``, the slowest first.
 
     Attributes
@@ -142,6 +226,14 @@ class Modes:
     _at: Equilibrium
     warnings: list[dict[str, Any]] = field(default_factory=list)
 
+    def called(self, index: int) -> str:
+        """Its number and frequency."""
+        k = numbered("argument index", index, len(self), "modes")
+        return f"mode {k}: {self.frequencies[k]:.4g} Hz"
+
+    def _eigenvalue(self, k: int) -> complex:
+        return complex(self.eigenvalues[k])
+
     @property
     def omega(self) -> Floats:
         """Angular frequencies ``Im s`` (count,) (rad/s); zero where nothing oscillates."""
@@ -176,11 +268,18 @@ class Modes:
     def __len__(self) -> int:
         return len(self.eigenvalues)
 
+    def summary(self) -> dict[str, Any]:
+        """State, frequencies and damping ratios."""
+        factor = self._at.load_factor
+        about = f"t = {self.t:g} s" if factor is None else f"load factor {factor:g}"
+        return {"about": about, "modes": str(self), "warnings": told(self.warnings)}
+
     def __repr__(self) -> str:
         found = ", ".join(f"{hertz:.6g}" for hertz in self.frequencies[:3])
         more = ", ..." * (len(self) > 3)
         doubt = counted(self.warnings)
-        return f"<Modes: {len(self)} about t = {self.t:g}, {found}{more} Hz{doubt}>"
+        about = self.summary()["about"]
+        return f"<Modes: {len(self)} about {about}, {found}{more} Hz{doubt}>"
 
     def __str__(self) -> str:
         """A table."""
@@ -195,39 +294,6 @@ class Modes:
                 note = f"  decays with {-self.growth[k]:.4g} 1/s"
             lines.append(f"{k:4d} {omega:14.7g} {hertz:14.7g} {ratio:15.6g}{note}")
         return "\n".join(lines)
-
-    def animation(
-        self, index: int, amplitude: float = 0.1, frames: int = 24, periods: int = 1
-    ) -> History:
-        """A mode as a time series, to be shown and exported like any other history.
-
-        Parameters
-        ----------
-        index : int
-            Which mode.
-        amplitude : float
-            Largest displacement relative to the extent of the scene, or largest rotation in full
-            turns: whichever is reached first.
-        frames : int
-            Frames of a period; one more is given, so that the last is the first again.
-        periods : int
-            How many; a mode that does not oscillate is shown as if it did, in 1 s.
-
-        Returns
-        -------
-        History
-            Finite rotations are composed along the motion, so that triads stay orthonormal and
-            joints closed. Damping and growth are not shown. Velocities are those of the shape.
-
-        Raises
-        ------
-        InputError
-            For a mode that is not there, for numbers that are not positive, or if a closed loop
-            cannot follow so far.
-        """
-        k = checked_index(index, len(self))
-        s, x = complex(self.eigenvalues[k]), self.reduced[k]
-        return animation(self._at, s, x, amplitude, frames, periods, k)
 
 
 @takes_scene
@@ -324,9 +390,14 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
     else:
         found = spectrum(pencil, count)
         s, X = found.values, found.vectors
-    top = np.argmax(abs(X) * np.sqrt(pencil.M.diagonal())[:, None], axis=0)
-    lead = X[top, np.arange(len(s))]
-    return s, X * (abs(lead) / lead), int(found.zero.sum()), found.factorisations
+    return s, led(X, pencil.M), int(found.zero.sum()), found.factorisations
+
+
+def led(X: Array, metric: csr_matrix) -> Array:
+    """Shapes (unknowns, count) whose largest entries, by a metric, are positive."""
+    top = np.argmax(abs(X) * np.sqrt(metric.diagonal())[:, None], axis=0)
+    lead = X[top, np.arange(X.shape[1])]
+    return X * (abs(lead) / lead)
 
 
 def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:

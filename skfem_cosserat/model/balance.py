@@ -63,7 +63,7 @@ class Spin(Frozen):
 
     def centrifugal(self, system: System, y: Array) -> Array:
         """Generalised centrifugal force (rows, 3)."""
-        return -cross(self.velocity, np.asarray(system.mass @ self.rates(system, y)))
+        return -cross(self.velocity, system.mass @ self.rates(system, y))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +86,12 @@ class Amplitudes:
     actuators: Floats
     spin: Spin | None = None
     time: float = 0.0
+
+    @property
+    def turning(self) -> Floats:
+        """Velocity and point (2, 3) of the spin, zeros without one."""
+        spin = Spin(np.zeros(3)) if self.spin is None else self.spin
+        return np.array([spin.velocity, spin.point])
 
 
 @dataclass(eq=False)
@@ -173,8 +179,7 @@ def balance(
         internal = internal + coupled.force[: system.rows]
     external = external_force(system, y, amplitudes)
     size = max(float(abs(term).max(initial=0.0)) for term in (internal, external))
-    R = internal - external
-    return Balance(R, size, y, strains, Bs, stresses, coupled, external)
+    return Balance(internal - external, size, y, strains, Bs, stresses, coupled, external)
 
 
 def external_force(system: System, y: Array, amplitudes: Amplitudes) -> Array:

@@ -86,8 +86,7 @@ def check_inertia(system: System, y: Floats, closure: Callable[[], Floats]) -> N
             size = 6 if vertices is kin.frames else 3
             worst, number = _weakest(inertia[free, :size, :size])
             if worst >= 0:
-                own = tree.own[int(free[worst])]
-                _report(system, own[number], y, fixed)
+                _report(system, tree.own[free[worst]][number], y, fixed)
     if not any(tree.own[v] for v in linked if v < len(tree.own)):
         return
     if _clearly_inert(kin, inertia, y, fixed):

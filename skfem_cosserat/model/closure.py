@@ -236,8 +236,7 @@ class Closure:
     @property
     def _twist(self) -> IndexArray:
         """Twist of each entry of ``G_loop P_int``."""
-        indptr = self._by_twists.pattern.indptr
-        return np.repeat(np.arange(self.kin.n_twist), np.diff(indptr))
+        return np.repeat(np.arange(self.kin.n_twist), np.diff(self._by_twists.pattern.indptr))
 
     def _entries(self, y: Array) -> Array:
         return self._by_twists.pattern.data(self._by_twists.values(y))
@@ -246,8 +245,7 @@ class Closure:
         """C (rows, columns) of each component at y, columns scaled; T are the tree's values."""
         if not self.components:
             return []
-        products = self._entries(y)[self._of_G] * T[self._of_T]
-        every = sum_at(self._where, products, self._ends[-1])
+        every = sum_at(self._where, self._entries(y)[self._of_G] * T[self._of_T], self._ends[-1])
         return [
             part.reshape(len(c.rows), -1) * c.scale / self.magnitude[c.rows][:, None]
             for c, part in zip(self.components, np.split(every, self._ends[:-1]), strict=True)
@@ -361,5 +359,4 @@ def directed(selected: Selected, Q2: Floats) -> Selected:
     """Factors of selected rows with other null directions (columns, free), orthonormal."""
     c = selected.component
     Q1 = np.linalg.qr(np.column_stack([Q2, selected.Q1]), mode="complete")[0][:, c.free :]
-    R = Q1.T @ selected.Q1 @ selected.R
-    return Selected(c, selected.local, selected.rows, R, Q1, Q2)
+    return Selected(c, selected.local, selected.rows, Q1.T @ selected.Q1 @ selected.R, Q1, Q2)

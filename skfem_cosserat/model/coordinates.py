@@ -148,7 +148,7 @@ class Joined(Kind):
         self.invariants = sum(kind.invariants for kind in kinds)
         self.period = np.concatenate([np.full(kind.size, kind.period) for kind in kinds])
         # each with its places among the coordinates and among the invariants
-        self._each: list[tuple[Kind, slice, slice]] = []
+        self._each = []
         m = k = 0
         for kind in kinds:
             self._each.append((kind, slice(m, m + kind.size), slice(k, k + kind.invariants)))
@@ -203,8 +203,7 @@ def _atan2(y: Array, x: Array) -> Array:
     """``atan2(y, x)``; with complex numbers to first order in their small imaginary parts."""
     out = np.arctan2(y.real, x.real)
     if np.iscomplexobj(y) or np.iscomplexobj(x):
-        slope = (x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2)
-        return out + 1j * slope
+        return out + 1j * ((x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2))
     return out
 
 

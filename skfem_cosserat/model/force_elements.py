@@ -128,8 +128,7 @@ class SlackLaw(LinearLaw):
         c = self.c + own
         sigma = _positive(spring + c * (up1 - up0) / h)
         lost = (sigma - spring) * (e1 - e0)
-        numerical = (lost * own / np.where(c > 0, c, 1.0)).sum(-1)
-        return sigma, lost.sum(-1), numerical
+        return sigma, lost.sum(-1), (lost * own / np.where(c > 0, c, 1.0)).sum(-1)
 
     def midpoint(
         self, e: Array, rate: Array, e0: Array, e1: Array, h: float, t: float
@@ -469,8 +468,7 @@ class _Group:
         J, gradients = self.kind.slope(self.invariants.values(y)), self.invariants.gradients(y)
         c, k, R, _ = gradients.shape
         B = J @ gradients.reshape(c, k, 3 * R)
-        K = (B.swapaxes(1, 2) @ matrices @ B).reshape(c, R, 3, R, 3).swapaxes(2, 3)
-        return K[self.kept]
+        return (B.swapaxes(1, 2) @ matrices @ B).reshape(c, R, 3, R, 3).swapaxes(2, 3)[self.kept]
 
     def tangent(self, response: _Response) -> Array:
         """Derivative of the force on row a by row b of y_1, at :attr:`pairs`; (k, 3, 3)."""

@@ -123,7 +123,7 @@ class Ground:
             change = np.inf if before is None else float(abs(rate - before).max())
             if change < error:
                 best, error = rate, change
-            if change <= 1e-12 * float(abs(rate).max()):
+            if change <= 1e-12 * abs(rate).max():
                 break
             before, width = rate, width / 4
         return best, error

@@ -456,8 +456,7 @@ class Recursion:
         self.child = np.array([e.child for e in edges], dtype=np.int64)
         self.parent = np.array([e.parent for e in edges], dtype=np.int64)
         self.held = self.parent < nv
-        free = np.array(tree.free, dtype=np.int64)
-        self.roots = np.intersect1d(free, self.parent)
+        self.roots = np.intersect1d(np.array(tree.free, dtype=np.int64), self.parent)
         depth = np.array([tree.depth[e.child] for e in edges], dtype=np.int64)
         order = np.argsort(depth, kind="stable")
         self.levels = np.split(order, np.flatnonzero(np.diff(depth[order])) + 1)

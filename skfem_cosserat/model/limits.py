@@ -45,13 +45,13 @@ def fastest_turn(system: System, v: Floats) -> tuple[str, float]:
     >>> fastest_turn(system, system.v0)
     ("rigid body 'body'", 3.0)
     """
-    origins = np.asarray(system.origin_rows)[system.is_frame[: len(system.origin_rows)]]
+    origins = system.origin_rows[system.is_frame[: len(system.origin_rows)]]
     if not len(origins):
         return "", 0.0
     rates = v.reshape(-1, 3)[origins[:, None] + np.arange(1, 4)]
     # directors are orthonormal: each component of the angular velocity moves two of them
     speeds = np.sqrt(0.5 * (rates**2).sum((-1, -2)))
-    fastest = int(speeds.argmax())
+    fastest = speeds.argmax()
     return owner(system, int(origins[fastest])).label, float(speeds[fastest])
 
 
@@ -76,7 +76,7 @@ def broken_constraint(system: System, y: Floats, tolerance: float = BROKEN) -> s
     if not excess.max(initial=0.0) > 0:
         wrong = system.wrong_branch(y)
         return wrong and f"is on another branch, to which no motion leads: {wrong}"
-    row = int(excess.argmax())
+    row = excess.argmax()
     return f"violates the constraint of the {constraint_owner(system, row)} by {g[row]:.6g}"
 
 
@@ -213,7 +213,7 @@ def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
         angle = _rotated(beam, _nodal(system, beam, y))
         ratio = float(angle.max()) / basis.interpolation.turn_limit
         if ratio > worst:
-            a, b = basis.connectivity[int(angle.argmax())][[0, -1]]
+            a, b = basis.connectivity[angle.argmax()][[0, -1]]
             worst = ratio
             found = (
                 beam.label,
@@ -260,7 +260,7 @@ def limp(beam: Beam) -> str:
     """That a beam is too soft by far to carry its own weight, as with E in MPa; else empty."""
     soft = float(_bending(beam.elements.stiffness, beam.theory.held).min())
     length = float(beam.elements.lengths.sum())
-    weight = 9.81 * float(beam.scalar_mass()[:, ::4, ::4].sum())
+    weight = 9.81 * beam.scalar_mass()[:, ::4, ::4].sum()
     # such a stiffness looks wrong
     if not soft * 1e4 < weight * length**2:
         return ""

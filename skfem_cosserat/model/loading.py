@@ -302,8 +302,7 @@ class Loading:
     def _moments(self, D: Array, amplitudes: Floats) -> Array:
         """``m x d^j/2`` (..., k, 3, 3) on directors D, with the reciprocal ones d^j."""
         value = amplitudes[self._moment_channel][:, None] * self._moment_value
-        spatial = (value[:, :, None] * D).sum(-2)
-        m = np.where(self._moment_follows[:, None], spatial, value)
+        m = np.where(self._moment_follows[:, None], (value[:, :, None] * D).sum(-2), value)
         return 0.5 * cross(m[..., None, :], np.linalg.inv(D).swapaxes(-1, -2))
 
     def add_tangent(self, blocks: list[Array], y: Array, amplitudes: Floats, factor: float) -> None:

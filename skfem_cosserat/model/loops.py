@@ -61,8 +61,7 @@ def independent_null_space(rows: csr_matrix) -> csr_matrix:
     order, L, _ = lu(rows.toarray().T, p_indices=True)  # overwriting is wrong in scipy 1.18.1
     first, rest = L[:count], L[count:]
     part = -solve_triangular(first, rest.T, trans="T", lower=True, unit_diagonal=True)
-    Z = vstack([csr_matrix(part), identity(size - count)]).tocsr()
-    return csr_matrix(Z[order])
+    return csr_matrix(vstack([csr_matrix(part), identity(size - count)]).tocsr()[order])
 
 
 def null_basis(system: System, y: Floats) -> csr_matrix:
@@ -156,7 +155,7 @@ def closure_rows(system: System) -> Floats:
     y, length = system.spanned, system.length
     kin = system.kinematics
     rows = rows_by_tree(system, independent_rows(system, y), y, kin.fixed_axes(y))
-    return np.asarray(rows.toarray() / kin.scale(length))
+    return rows.toarray() / kin.scale(length)
 
 
 def loop_joints(system: System, rows: IndexArray) -> list[Item]:
@@ -234,7 +233,7 @@ def closed(
             gaps.append(float(abs(violation).max(initial=0.0)))
             part = s.correction(violation)
             step[s.component.columns] = part
-            size = max(size, float(abs(part / s.component.scale).max(initial=0.0)))
+            size = max(size, abs(part / s.component.scale).max(initial=0.0))
         worst = int(np.argmax(gaps))
         if gaps[worst] < CLOSED:
             return y, worst
@@ -668,8 +667,7 @@ def coordinates_in_plane(system: System) -> csr_matrix:
     assert plane is not None
     rows = plane.moving(system.q0.reshape(-1, 3), system.origin_rows)
     count = 2 * len(rows)
-    places = 3 * rows[:, None] + np.arange(3)
-    i = np.repeat(places[:, :, None], 2, axis=2).ravel()
+    i = np.repeat((3 * rows[:, None] + np.arange(3))[:, :, None], 2, axis=2).ravel()
     j = np.repeat(np.arange(count).reshape(-1, 1, 2), 3, axis=1).ravel()
     values = np.broadcast_to(plane.axes.T, (len(rows), 3, 2)).ravel()
     return csr_matrix((values, (i, j)), shape=(system.n, count))
@@ -689,14 +687,12 @@ def rows_in_plane(system: System) -> IndexArray:
     along = coordinates_in_plane(system)
     count = along.shape[1]
     y = system.extend(system.q0, 0.0)
-    G = (system.constraints.jacobian(y) @ along).tocsr()
-    kept = _of_triads(system, G, y)
+    kept = _of_triads(system, (system.constraints.jacobian(y) @ along).tocsr(), y)
     held = (system.constraints.jacobian(y) @ _rigid(system, y)).tocsr()
     loops = {id(joint) for joint in system.tree.loops}
     rows: dict[int, list[IndexArray]] = {}
     for jr in system.joint_rows:
-        numbers = np.arange(jr.rows.start, jr.rows.stop)
-        rows.setdefault(id(joint_of(jr)), []).append(numbers)
+        rows.setdefault(id(joint_of(jr)), []).append(np.arange(jr.rows.start, jr.rows.stop))
     for joint, own in rows.items():
         if joint not in loops:
             kept.append(_pick(held, np.concatenate(own)))
@@ -765,4 +761,4 @@ def _pick(matrix: csr_matrix, rows: IndexArray) -> IndexArray:
     if not len(columns):
         return rows[:0]
     order, d = pivoted(part[:, columns].toarray(), 0)
-    return np.sort(rows[order[: int((d > TOLERANCE * max(1.0, d.max())).sum())]])
+    return np.sort(rows[order[: (d > TOLERANCE * max(1.0, d.max())).sum()]])

@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from ..body import MassPoint
-from ..coupling import Cable, SpringDamper
+from ..coupling import SpringDamper
 from ..errors import ModelWarning
 from ..frames import is_beam
 from ..frozen import lock_arrays
@@ -22,9 +22,6 @@ from ..warn import warn
 if TYPE_CHECKING:
     from .groups import Structure
     from .system import System
-
-#: force elements that act along a line; three of them count as meant to hold a part
-LINES = (SpringDamper, Cable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +82,7 @@ class SeparateParts:
     def sum(self, values: Array) -> Array:
         """Sums (parts, ...) over the rows of each part."""
         flat = self._gather @ values.reshape(len(values), -1)
-        return np.asarray(flat).reshape(-1, *values.shape[1:])
+        return flat.reshape(-1, *values.shape[1:])
 
 
 @lru_cache(maxsize=4)
@@ -114,7 +111,8 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     links = [_first_to_all(group.rows) for group in system.groups]
     own = g.inside
     links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
-    joining = [c for c in system.couplings.items if lines or not isinstance(c, LINES)]
+    items = system.couplings.items
+    joining = [c for c in items if lines or not isinstance(c, SpringDamper)]
     joining += system.couplings.own
     sides = [[system.row_of(side) for side in c.sides()] for c in joining]
     ends = [pair for each in sides for pair in pairwise(each)]
@@ -147,7 +145,7 @@ def warn_of_loose_parts(system: System) -> None:
     They may be meant to fly: what starts with a velocity is left out, of those on nothing also what
     has a load of its own, and scenes of which nothing is tied.
     """
-    springs = [c for c in system.couplings.items if isinstance(c, LINES)]
+    springs = [c for c in system.couplings.items if isinstance(c, SpringDamper)]
     found = connected_parts(system)
     firm = connected_parts(system, lines=False) if springs else found
     loaded = {id(item) for load in system.loads for item in load.references()}

@@ -150,8 +150,8 @@ class Plane:
         if place.motion is None:
             return 0.0
         frame = place.motion.frame(place, t)
-        rise = abs(float((frame[0] - place.position) @ self.normal)) / self.length
-        return max(rise, float(abs(frame[1:] @ self.normal - self.normal).max()))
+        rise = abs((frame[0] - place.position) @ self.normal) / self.length
+        return max(rise, abs(frame[1:] @ self.normal - self.normal).max())
 
     def check_ground(self, place: Place, t: float) -> None:
         """Raise InputError if a ground place in prescribed motion is out of the plane."""
@@ -197,13 +197,13 @@ class Plane:
         rise = (rows if start is None else rows - start.reshape(-1, 3)) @ self.normal
         scale = np.ones(len(rows))
         scale[origins] = self.length**power
-        worst = int(np.argmax(scale * abs(rise)))
+        worst = np.argmax(scale * abs(rise))
         size = float((scale[:, None] * abs(rows)).max()) if start is None else 1.0
         if scale[worst] * abs(rise[worst]) > OFF_PLANE * size:
             raise InputError(
                 item,
                 f"{what} leaves the plane normal to {self.normal.tolist()} that the scene is"
-                f" confined to, by {float(rise[worst]):.6g} in numbers {3 * worst} to"
+                f" confined to, by {rise[worst]:.6g} in numbers {3 * worst} to"
                 f" {3 * worst + 2}: {rows[worst].tolist()}",
             )
 
@@ -234,7 +234,7 @@ class Plane:
     def check_spin(self, velocity: Floats) -> None:
         """Raise InputError if the axis of a turning frame is not the normal."""
         across = float(np.linalg.norm(np.cross(velocity, self.normal)))
-        if across > TOLERANCE * float(np.linalg.norm(velocity)):
+        if across > TOLERANCE * np.linalg.norm(velocity):
             raise InputError(
                 "spin",
                 f"velocity = {velocity.tolist()} is off the normal {self.normal.tolist()} of the"
@@ -337,15 +337,15 @@ def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
         return
     n = plane.normal
     out = vertices.velocities @ n
-    worst = int(np.argmax(abs(out)))
-    if abs(out[worst]) > TOLERANCE * float(np.linalg.norm(vertices.velocities, axis=1).max()):
-        yield item.label, f"its initial velocity leaves the plane by {float(out[worst]):.6g} m/s"
+    worst = np.argmax(abs(out))
+    if abs(out[worst]) > TOLERANCE * np.linalg.norm(vertices.velocities, axis=1).max():
+        yield item.label, f"its initial velocity leaves the plane by {out[worst]:.6g} m/s"
     omega = vertices.angular_velocities
     across = np.linalg.norm(omega - np.outer(omega @ n, n), axis=1)
-    if across.max() > TOLERANCE * float(np.linalg.norm(omega, axis=1).max()):
+    if across.max() > TOLERANCE * np.linalg.norm(omega, axis=1).max():
         yield (
             item.label,
-            f"its initial angular velocity is off the normal by {float(across.max()):.6g} rad/s",
+            f"its initial angular velocity is off the normal by {across.max():.6g} rad/s",
         )
 
 
@@ -413,13 +413,13 @@ def _matrix(D: Floats, nu: Floats, what: str) -> str:
     i, j = np.unravel_index(np.argmax(share), share.shape)
     if share[i, j] <= TOLERANCE:
         return ""
-    axis = float(np.degrees(np.arccos(min(1.0, float(abs(nu).max())))))
+    axis = np.degrees(np.arccos(min(1.0, abs(nu).max())))
     turned = f"the plane's normal is {axis:.6g} degrees off d1 and d2 of the section, "
     turned = turned if axis > SHARE else ""
     names = f"{RESULTANTS[i]} with {RESULTANTS[j]}" if i != j else f"{RESULTANTS[i]}"
     return (
         f"the {what} couples motion in the plane with motion out of it: {turned}entry {names}"
-        f" = {float(odd[i, j]):.6g} (share {float(share[i, j]):.3g})"
+        f" = {odd[i, j]:.6g} (share {share[i, j]:.3g})"
     )
 
 
@@ -476,7 +476,7 @@ def _loads(loading: Loading, plane: Plane) -> OutOfPlane:
             if not single:
                 value = np.asarray(sum(term.value * term.time.value(t) for term in terms))
             off = _stray(terms[0], value, plane)
-            if off > TOLERANCE * float(np.linalg.norm(value)):
+            if off > TOLERANCE * np.linalg.norm(value):
                 when = "" if single else f" at t = {t:g} s"
                 where = "is off the normal" if terms[0].axial else "leaves the plane"
                 text = f"{shown(value.round(9).tolist())}{when} {where} by {off:.6g}"
@@ -496,7 +496,7 @@ def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None] 
         for site in watched:
             value = np.asarray(sum(factors[k] * loading.terms[k].value for k in site))
             off = _stray(loading.terms[site[0]], value, plane)
-            if off > SHARE * float(np.linalg.norm(value)):
+            if off > SHARE * np.linalg.norm(value):
                 raise InputError(
                     loading.owners[site[0]].label,
                     f"leaves the plane normal to {plane.normal.tolist()} that the scene is confined"
@@ -529,12 +529,10 @@ def _pushed(
     for t in instants:
         y, ydot = _motion(system, plane, rng), _motion(system, plane, rng)
         ydot = ydot - system.extend(system.q0, 0.0)
-        factors = alone.values(t)
-        start = alone.starting(system.extend(system.q0, 0.0), None, factors, 1.0, t)
-        force = alone.static(start, y, ydot).force[: system.rows]
-        twists = _twist_forces(system, y, force)
+        start = alone.starting(system.extend(system.q0, 0.0), None, alone.values(t), 1.0, t)
+        twists = _twist_forces(system, y, alone.static(start, y, ydot).force[: system.rows])
         off = _out_of_plane(twists, plane)
-        worst, most = max(worst, off), max(most, float(abs(twists).max()))
+        worst, most = max(worst, off), max(most, abs(twists).max())
     if worst > TOLERANCE * most:
         yield (
             label,
@@ -575,7 +573,7 @@ def functions_off_plane(
             twists = _twist_forces(system, y, force[: system.rows])
             off = _out_of_plane(twists, plane)
             worst, when = (off, t) if off > worst else (worst, when)
-            most = max(most, float(abs(twists).max()))
+            most = max(most, abs(twists).max())
         if worst > SHARE * most:
             share = f"by a share of {worst / most:.3g}, which the run left out"
             text = f"pushed out of the plane that the scene is confined to, {share}"
@@ -594,8 +592,7 @@ def _twist_forces(system: System, y: Floats, force: Floats) -> Floats:
 
 def _out_of_plane(twists: Floats, plane: Plane) -> float:
     n = plane.normal
-    moments = twists[1] - np.outer(twists[1] @ n, n)
-    return max(float(abs(twists[0] @ n).max()), float(abs(moments).max()))
+    return max(abs(twists[0] @ n).max(), abs(twists[1] - np.outer(twists[1] @ n, n)).max())
 
 
 def _ground(system: System, plane: Plane) -> OutOfPlane:

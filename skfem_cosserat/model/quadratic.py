@@ -176,8 +176,7 @@ class QuadraticConstraints:
         """All terms, for loops over them."""
         row, component = np.full((2, len(self._pk)), -1)
         row[self._driven], component[self._driven] = self._drive_row, self._drive_component
-        factor = self._pc[:, 0].copy()
-        products = self._pk, self._pa, self._pb, factor, row, component
+        products = self._pk, self._pa, self._pb, self._pc[:, 0].copy(), row, component
         linear = self._lk[::3].copy(), self._la, self._lc[:, 0].copy()
         return Terms._make((*products, *linear, self._constant))
 

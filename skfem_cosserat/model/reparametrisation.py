@@ -64,8 +64,7 @@ class Reparametrisation:
     def __init__(self, kinematics: Kinematics) -> None:
         self.kin = kinematics
         tree = kinematics.tree
-        nv = len(kinematics.twist_of)
-        self._grounds = np.arange(nv, len(kinematics.row))
+        self._grounds = np.arange(len(kinematics.twist_of), len(kinematics.row))
 
         def pick(kind: str, size: int) -> tuple[IndexArray, IndexArray]:
             numbers = kinematics.numbers[kind].reshape(-1, size)
@@ -189,8 +188,7 @@ class Reparametrisation:
         """The ground's rows at the end of the step, and what drives move by then."""
         self._ground1 = ground1
         a, b = self._hinges.ends(self.y0, ground1, self.kin.total)
-        sine = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-        angle = np.arctan2(sine, (a[:, :2] * b[:, :2]).sum(1))
+        angle = np.arctan2(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], (a[:, :2] * b[:, :2]).sum(1))
         self._driven_turns = exp_quaternion(-angle[:, None] * self._hinge_axis[self._hinges.where])
         a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
         self._driven_track = b[:, 2] - a[:, 2]
@@ -258,8 +256,7 @@ class Reparametrisation:
         R = all_of_them.take(self._of_vertex, axis=0)
         relative = self._relative_rotations(all_of_them)
         for level in self._turning:
-            parents = R.take(level.parent, axis=0)
-            R[level.child] = relative.take(level.relative, axis=0) @ parents
+            R[level.child] = relative.take(level.relative, axis=0) @ R.take(level.parent, axis=0)
         directors = (self._triads0 @ R.take(kin.frames, axis=0)).reshape(-1, 3)
         parts = [self._shifted0 + self._shift, directors, self._ground1]
         y = np.concatenate(parts).take(self._of_row, axis=0)

@@ -35,7 +35,7 @@ from .groups import Structure
 from .loops import closure_rows
 from .parts import warn_of_loose_parts
 from .plane import Planar, Planarity, confine, inspect
-from .system import System, listed
+from .system import Pictured, System, listed
 
 ItemT = TypeVar("ItemT", bound=Item)
 
@@ -148,8 +148,7 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
 def _changed(
     system: System, q: Floats, t: float, joints: Sequence[Joint], drives: Sequence[JointDrive]
 ) -> System:
-    placed = Placed(q.copy(), t, system.grounds)
-    return _anew(system, joints, system.loads, drives, placed)
+    return _anew(system, joints, system.loads, drives, Placed(q.copy(), t, system.grounds))
 
 
 def _checked(system: System) -> System:
@@ -214,7 +213,7 @@ ReturnT = TypeVar("ReturnT")
 
 
 @checked
-class Model:
+class Model(Pictured):
     """A scene: beams, bodies, mass points; joints, drives; loads, force elements, damping.
 
     Add items with names, then :meth:`freeze` to arrays. Numbering follows the order of adding.
@@ -238,6 +237,10 @@ class Model:
     def __getstate__(self) -> dict[str, Any]:
         """Without the system that was frozen last: it is the same anew."""
         return {**self.__dict__, "_system": None}
+
+    def summary(self) -> dict[str, Any]:
+        """Its items by name, each in a line."""
+        return {item.label: item._shown() for item in self._items.values()}
 
     def __repr__(self) -> str:
         return f"<Model of {listed([i.label for i in self._items.values()])}>"
@@ -448,8 +451,7 @@ def planarity(scene: Model | System, normal: ArrayLike | None = None) -> Planari
     >>> planarity(model).out_of_plane
     ("load 'side': [0.0, 3.0, 4.0] leaves the plane by 4",)
     """
-    wanted = Planar(normal).normal
-    return inspect(system_of(scene, "argument scene"), wanted)
+    return inspect(system_of(scene, "argument scene"), Planar(normal).normal)
 
 
 def system_of(scene: Model | System, item: str = "argument system") -> System:

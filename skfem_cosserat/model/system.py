@@ -26,9 +26,20 @@ from ..frozen import Replacements, lock_arrays
 from ..joint import Joint, JointDrive
 from ..kernels import cross
 from ..load import Load
+from ..notebook import Shown
 from ..pattern import product_form, sum_at
 from ..relative import Expression, Form, Product, Zero
-from ..types import Array, ArrayLike, Floats, IndexArray, check_kind, names_known, numbers, real
+from ..types import (
+    Array,
+    ArrayLike,
+    FilePath,
+    Floats,
+    IndexArray,
+    check_kind,
+    names_known,
+    numbers,
+    real,
+)
 from ..warn import Notices
 from .checks import (
     JointRows,
@@ -86,8 +97,51 @@ class Coordinates:
     closure: Closure
 
 
+class Pictured(Shown):
+    """A scene that can be looked at before it runs."""
+
+    def plot(
+        self,
+        path: FilePath | None = None,
+        *,
+        names: bool = False,
+        camera: str | Sequence[Sequence[float]] = "iso",
+        window: tuple[int, int] = (1600, 900),
+    ) -> Any:
+        """Picture of the scene in its reference, before a run.
+
+        Beams with their sections and section directors d1 and d2, bodies, joints by what they
+        leave free, the ground, springs and cables as lines. Forces and moments are arrows, as they
+        are at the start; those that are zero then are shown for a factor of one.
+
+        Parameters
+        ----------
+        path : path-like, optional
+            Image file (``.png``). Default: shown in the notebook, or in a window.
+        names, camera, window
+            As for :meth:`History.picture`.
+
+        Returns
+        -------
+        Path
+            The image file; without one what a notebook shows.
+
+        Raises
+        ------
+        InputError, ImportError, CosseratError
+            As :meth:`History.picture`.
+
+        Examples
+        --------
+        >>> model.plot("scene.png", names=True)  # doctest: +SKIP
+        """
+        from ..picture import Look, picture_of_scene
+
+        return picture_of_scene(self, path, Look(camera, names=names, window=window))
+
+
 @checked
-class System:
+class System(Pictured):
     """Arrays of a frozen scene; made by :meth:`Model.freeze`.
 
     A frame is ``(phi, d1, d2, d3)``, 12 coordinates (55); a mass point has 3.
@@ -345,8 +399,7 @@ class System:
         close_loops(self)
         #: constraint rows that the tree's coordinates do not fulfil by themselves
         self.left_rows: IndexArray = np.union1d(self.closure.rows, self.held_rows)
-        left = self.closure.rank + len(self.held_rows)
-        self.unknowns = self.kinematics.unknowns - left
+        self.unknowns = self.kinematics.unknowns - (self.closure.rank + len(self.held_rows))
         self.rank = self.coordinates - self.unknowns
         check_mobility(self, almost_redundant(self))
         if self.plane is None:
@@ -393,6 +446,13 @@ class System:
         {'n': 12, 'm': 6, 'rank': 6, 'unknowns': 6}
         """
         return {"n": self.n, "m": self.m, "rank": self.rank, "unknowns": self.unknowns}
+
+    def summary(self) -> dict[str, Any]:
+        """Its items, motions that are free, and mass."""
+        items = [item.label for item in (*self.structures, *self.joints, *self.couplings.items)]
+        mass = float(self.mass[self.origin_rows][:, self.origin_rows].sum())
+        about = {"items": ", ".join(items), "parts": str(connected_parts(self))}
+        return about | {"degrees of freedom": self.unknowns, "mass in kg": mass}
 
     def __repr__(self) -> str:
         names, c = listed([i.label for i in self.structures]), self.counts()
@@ -466,11 +526,11 @@ class System:
         cosines = 1 + self.branch_cosines.values(y)
         if len(cosines) and cosines.min() < 0.5:  # -1 half a turn off, 0 a third
             turned = "half" if cosines.min() < -0.5 else "a third of"
-            return f"{self.of_cosine[int(cosines.argmin())].label} by {turned} a turn"
+            return f"{self.of_cosine[cosines.argmin()].label} by {turned} a turn"
         D = self.kinematics.directors(y)
         wrong = np.flatnonzero((cross(D[:, 0], D[:, 1]) * D[:, 2]).sum(1) < 0)
         if len(wrong):
-            return f"triad of {self.owner[int(self.kinematics.frames[wrong[0]])].label}"
+            return f"triad of {self.owner[self.kinematics.frames[wrong[0]]].label}"
         return None
 
     def null_space(self, q: ArrayLike, t: float = 0.0) -> Floats:

@@ -104,8 +104,7 @@ def add_theory_rows(
             else:
                 build.add(left, right, factor)
         shape = len(beam.elements.lengths), len(beam.elements.points), len(beam.theory.held)
-        rows = slice(start, build.size)
-        out.append(TheoryRows(beam, rows, beam.theory.held, shape, vertex))
+        out.append(TheoryRows(beam, slice(start, build.size), beam.theory.held, shape, vertex))
     return out
 
 
@@ -201,7 +200,7 @@ class Spanning:
                 (self.joining if joins else self.closing).append((each, e))
                 for other in others if joins else ():
                     link(first, other, (each, e))
-        self._above: dict[int, tuple[int, Joint | RigidElement | HeldElement]] = {}
+        self._above = {}
         seen = set()
         for root in (self._ground, *links):
             waiting = [] if root in seen else [root]

@@ -209,6 +209,14 @@ class Profile(Frozen):
             f" {len(self.materials)} materials, {len(self.holes)} holes)"
         )
 
+    def summary(self) -> dict[str, Any]:
+        """Elements, area, materials."""
+        area = sum(map(signed_area, self._loops()))
+        return {"elements": self.mesh.nelements, "area in m²": area, "materials": self.materials}
+
+    def _loops(self) -> list[Floats]:
+        return boundary_loops(self.mesh)
+
     def constants(self, tolerance: float = 1e-4, max_elements: int = 20_000) -> ProfileConstants:
         """Solve Saint-Venant's problems, with the mesh refined where they need it.
 
@@ -295,6 +303,7 @@ class Profile(Frozen):
             elements=warping.basis.mesh.nelements,
             unknowns=3 * warping.basis.N,
             outline=self.outline - _centroid(self.mesh),
+            holes=tuple(hole - _centroid(self.mesh) for hole in self.holes),
             warping=warping,
         )
 

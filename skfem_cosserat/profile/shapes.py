@@ -9,6 +9,7 @@ import numpy as np
 from skfem import Mesh, MeshTri1, MeshTri2
 
 from ..errors import InputError
+from ..section import all_positive
 from ..types import Floats, IndexArray, positive, shaped
 from .profile import AnyMaterial, Profile
 
@@ -104,11 +105,6 @@ def _grid(x: Floats, y: Floats, owner: IndexArray, size: float) -> tuple[Mesh, l
     return mesh, names
 
 
-def _sizes(item: str, **values: float) -> None:
-    for name, value in values.items():
-        positive(item, name, value)
-
-
 class ProfileRectangle(ProfileRectangles):
     """Solid rectangle.
 
@@ -127,7 +123,7 @@ class ProfileRectangle(ProfileRectangles):
 
     def __init__(self, a: float, b: float, material: AnyMaterial) -> None:
         self.item = "rectangle"
-        _sizes(self.item, a=a, b=b)
+        all_positive(self.item, a=a, b=b)
         # two parts along the shorter edge, so that both axes are axes of symmetry of the mesh
         x, y = (a / 2, b / 2)
         mesh, names = _grid(
@@ -174,7 +170,7 @@ class ProfileI(ProfileRectangles):
     ) -> None:
         self.item = "I"
         (low, high), (t_low, t_high) = _pair("width", width), _pair("flange", flange)
-        _sizes(self.item, height=height, web=web)
+        all_positive(self.item, height=height, web=web)
         if t_low + t_high >= height or web > min(low, high):
             raise InputError(
                 self.item,
@@ -192,11 +188,8 @@ class ProfileI(ProfileRectangles):
 
 
 def _pair(name: str, value: float | tuple[float, float]) -> tuple[float, float]:
-    given = (value, value) if np.ndim(value) == 0 else value
-    if np.shape(given) != (2,):
-        raise InputError("I", f"{name} = {value!r}, expected one number or two")
-    low, high = (positive("I", name, each) for each in given)  # type: ignore[union-attr]
-    return low, high
+    low, high = np.broadcast_to(shaped("I", name, value, (), (2,)), 2).tolist()
+    return positive("I", name, low), positive("I", name, high)
 
 
 class ProfileChannel(ProfileRectangles):
@@ -227,7 +220,7 @@ class ProfileChannel(ProfileRectangles):
         self, height: float, width: float, flange: float, web: float, material: AnyMaterial
     ) -> None:
         self.item = "channel"
-        _sizes(self.item, height=height, width=width, flange=flange, web=web)
+        all_positive(self.item, height=height, width=width, flange=flange, web=web)
         if 2 * flange >= height or web >= width:
             raise InputError(
                 self.item,
@@ -271,7 +264,7 @@ class ProfileBox(ProfileRectangles):
         material: AnyMaterial,
     ) -> None:
         self.item = "box"
-        _sizes(self.item, width=width, height=height)
+        all_positive(self.item, width=width, height=height)
         sides, ends = _pair("thickness", thickness)
         x, y = width / 2, height / 2
         if sides >= x or ends >= y:
@@ -417,7 +410,7 @@ class ProfileTube(ProfileRings):
 
     def __init__(self, outer: float, inner: float, material: AnyMaterial) -> None:
         self.item = "tube"
-        _sizes(self.item, outer=outer, inner=inner)
+        all_positive(self.item, outer=outer, inner=inner)
         if inner >= outer:
             raise InputError(self.item, f"inner = {inner!r}, expected inner < outer = {outer!r}")
         super().__init__((inner, outer), (material,))
@@ -441,5 +434,5 @@ class ProfileCircle(ProfileRings):
 
     def __init__(self, radius: float, material: AnyMaterial) -> None:
         self.item = "circle"
-        _sizes(self.item, radius=radius)
+        all_positive(self.item, radius=radius)
         super().__init__((0.0, radius), (material,))

@@ -8,13 +8,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, kron
+from scipy.sparse import csc_matrix, kron
 from scipy.sparse.linalg import splu
+from scipy.spatial import cKDTree
 from skfem import Basis, BilinearForm, Mesh
 from skfem.element import Element, ElementQuad2, ElementQuadP, ElementTriP2, ElementTriP3
 
 from ..errors import InputError
 from ..frozen import Frozen
+from ..kernels import skew
 from ..section import Material, Section
 from ..types import Array, ArrayLike, Floats, IndexArray, finite, positive, shaped, symmetric
 
@@ -22,17 +24,6 @@ from ..types import Array, ArrayLike, Floats, IndexArray, finite, positive, shap
 
 #: Pairs of axes in Voigt's order (11, 22, 33, 23, 13, 12).
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-
-
-def _checked(item: str, value: ArrayLike) -> Floats:
-    """Finite, symmetric, positive definite (6, 6)."""
-    C = symmetric(item, "elasticity", shaped(item, "elasticity", value, (6, 6)))
-    lowest, highest = np.linalg.eigvalsh(C)[[0, -1]]
-    if lowest <= 1e-12 * highest:
-        raise InputError(
-            item, f"elasticity is not positive definite: its lowest eigenvalue is {lowest:.3g}"
-        )
-    return C
 
 
 class MaterialAnisotropic(Frozen):
@@ -58,8 +49,14 @@ class MaterialAnisotropic(Frozen):
     """
 
     def __init__(self, elasticity: ArrayLike, rho: float) -> None:
-        self.elasticity = _checked("material", elasticity)
-        self.rho = positive("material", "rho", rho)
+        item, name = "material", "elasticity"
+        C = self.elasticity = symmetric(item, name, shaped(item, name, elasticity, (6, 6)))
+        lowest, highest = np.linalg.eigvalsh(C)[[0, -1]]
+        if lowest <= 1e-12 * highest:
+            raise InputError(
+                item, f"{name} is not positive definite: its lowest eigenvalue is {lowest:.3g}"
+            )
+        self.rho = positive(item, "rho", rho)
 
     @classmethod
     def orthotropic(
@@ -125,10 +122,9 @@ class MaterialAnisotropic(Frozen):
         Q = shaped("material", "rotation", rotation, (3, 3))
         if not np.allclose(Q.T @ Q, np.eye(3), atol=1e-9):
             raise InputError("material", f"rotation = {Q.tolist()} is no (3, 3) rotation")
-        T = np.empty((6, 6))  # stress_new = T stress_old
-        for row, (i, j) in enumerate(VOIGT):
-            for column, (k, m) in enumerate(VOIGT):
-                T[row, column] = Q[i, k] * Q[j, m] + (Q[i, m] * Q[j, k] if k != m else 0.0)
+        i, j = np.transpose(VOIGT)
+        mixed = Q[np.ix_(i, j)] * Q[np.ix_(j, i)] * (i != j)
+        T = Q[np.ix_(i, i)] * Q[np.ix_(j, j)] + mixed  # stress_new = T stress_old
         return MaterialAnisotropic(T @ self.elasticity @ T.T, self.rho)
 
 
@@ -197,24 +193,6 @@ def element_of(mesh: Mesh, order: int) -> Element:
     return ElementQuad2() if order == 2 else ElementQuadP(3)
 
 
-def _part(function: Any, a: int) -> Array:
-    return function if a == 0 else function.grad[a - 1]
-
-
-def _scalar_matrices(basis: Basis) -> dict[tuple[int, int], csr_matrix]:
-    """``int u,a v,b dA`` for a <= b, where index 0 is the value itself."""
-    found = {}
-    for a in range(3):
-        for b in range(a, 3):
-
-            def form(u: Any, v: Any, _: Any, a: int = a, b: int = b) -> Array:
-                return _part(u, b) * _part(v, a)
-
-            found[a, b] = BilinearForm(form).assemble(basis)
-            found[b, a] = found[a, b].T
-    return found
-
-
 def _matrices(
     mesh: Mesh, order: int, index: IndexArray, elasticities: Floats, intorder: int
 ) -> tuple[csc_matrix, csc_matrix, csc_matrix]:
@@ -223,13 +201,12 @@ def _matrices(
     for k, D in enumerate(elasticities):
         elements = np.flatnonzero(index == k)
         basis = Basis(mesh, element_of(mesh, order), elements=elements, intorder=intorder)
-        scalar = _scalar_matrices(basis)
-        for a in range(3):
-            for b in range(3):
-                if a == 0 and b > 0:
-                    continue  # the transpose of C
-                name = "M" if a == b == 0 else "C" if b == 0 else "E"
-                parts[name] = parts[name] + kron(scalar[a, b], H[a].T @ D @ H[b], format="csr")
+        for a, b in ((0, 0), (1, 0), (2, 0), (1, 1), (1, 2), (2, 1), (2, 2)):
+            name = "E" if b else "C" if a else "M"
+            # u,b v,a where index 0 is the value itself
+            form = BilinearForm(lambda u, v, _, a=a, b=b: (u, *u.grad)[b] * (v, *v.grad)[a])
+            scalar = form.assemble(basis)
+            parts[name] = parts[name] + kron(scalar, H[a].T @ D @ H[b], format="csr")
     return parts["E"].tocsc(), parts["C"].tocsc(), parts["M"].tocsc()
 
 
@@ -289,17 +266,31 @@ class Warping:
     @cached_property
     def strains(self) -> Floats:
         """(6 resultants, 6 strains, elements, quadrature points), for unit resultants."""
-        dofs = self.basis.element_dofs
+        return self._strains(self.basis.element_dofs, self.basis.basis, self.basis.dx.shape)
+
+    def _strains(self, dofs: Array, basis: Sequence[Any], full: tuple[int, ...]) -> Floats:
+        """(6 resultants, 6 strains, elements, points) by the shape functions of these elements."""
         w, v = (x.T.reshape(6, -1, 3)[:, dofs] for x in (self.w, self.v))
-        shapes = [self.basis.basis[i][0] for i in range(len(dofs))]
-        full = (*self.basis.dx.shape,)
         out = np.zeros((6, 6, *full))
-        for i, shape in enumerate(shapes):
+        for i, (shape,) in enumerate(basis):
             local = (np.asarray(shape), shape.grad[0], shape.grad[1])
             for a, x in enumerate((v, w, w)):
                 strain = np.einsum("ic,rec->rie", H[a], x[:, i])
                 out += strain[..., None] * np.broadcast_to(local[a], full)
         return out
+
+    def stresses_at(self, x: Floats) -> Floats:
+        """(k, 6 stresses, 6 unit resultants) at points (k, 2) in the section (N/m^2)."""
+        basis, mapping = self.basis, self.basis.mapping
+        known = np.reshape(basis.global_coordinates(), (2, -1)).T
+        tind = cKDTree(known).query(x)[1] // basis.dx.shape[1]  # whose quadrature point is nearest
+        local = np.full((2, len(x), 1), 1 / 3)
+        for _ in range(10):  # Newton's method; elements are hardly curved
+            gap = x.T[..., None] - mapping.F(local, tind=tind)
+            local = local + np.einsum("ijkl,jkl->ikl", mapping.invDF(local, tind=tind), gap)
+        shapes = [basis.elem.gbasis(mapping, local, i, tind=tind) for i in range(basis.Nbfun)]
+        strains = self._strains(basis.element_dofs[:, tind], shapes, (len(x), 1))[..., 0]
+        return np.einsum("kij,rjk->kir", self.elasticities[self.index[tind]], strains)
 
     def energies(self, strains: Floats) -> Floats:
         """(6, elements): elastic energy times two of six strain fields."""
@@ -360,9 +351,28 @@ def solve_warping(mesh: Mesh, order: int, index: IndexArray, elasticities: Float
 # -- what a section is to a beam: stiffness and mass, and the classical numbers read from them -----
 
 
-def _spin(x: Floats) -> Floats:
-    """``(x_1, x_2, 0) x``."""
-    return np.array([[0, 0, x[1]], [0, 0, -x[0]], [-x[1], x[0], 0]])
+#: how far inside of a boundary its stresses are taken, as part of the section's size
+INSIDE = 1e-7
+
+
+class SectionOfProfile(Section):
+    """Section that knows the stresses of its profile's skin."""
+
+    def __init__(self, constants: ProfileConstants, *given: Any, **more: Any) -> None:
+        super().__init__(*given, **more)
+        self.holes = constants.holes
+        self._stresses = constants.skin_stresses(self.skin)
+
+    def skin_stresses(self) -> Floats:
+        """See :meth:`Section.skin_stresses`."""
+        return self._stresses
+
+
+def _turned(angle: float, x: Floats) -> tuple[Floats, Floats]:
+    """To turned axes (3, 3), and of six resultants there (6, 6) about the point x (2,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    return R, np.block([[R, np.zeros((3, 3))], [-R @ skew(np.append(x, 0.0)), R]])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -392,6 +402,8 @@ class ProfileConstants(Frozen):
         Of the last mesh.
     outline : (k, 2) array
         Outer boundary (m).
+    holes : tuple of (k, 2) array
+        Boundaries of the holes (m).
     warping : Warping
         The six central solutions; resultants about ``origin``, axes turned by ``angle``.
     origin : (2,) array
@@ -427,6 +439,7 @@ class ProfileConstants(Frozen):
     unknowns: int
     outline: Floats = field(repr=False)
     warping: Warping = field(repr=False)
+    holes: tuple[Floats, ...] = field(repr=False, default=())
     origin: Floats = field(repr=False, default_factory=lambda: np.zeros(2))
     angle: float = field(repr=False, default=0.0)
 
@@ -513,21 +526,14 @@ class ProfileConstants(Frozen):
         """
         item = "profile"
         o, turn = shaped(item, "origin", origin, (2,)), finite(item, "angle", angle)
-        c, s = np.cos(turn), np.sin(turn)
-        R = np.array([[c, s], [-s, c]])
-        R3 = np.eye(3)
-        R3[:2, :2] = R
-        P = np.zeros((6, 6))
-        P[:3, :3] = P[3:, 3:] = R3
-        P[3:, :3] = -R3 @ _spin(o)
-        D = P @ self.stiffness @ P.T
+        R3, P = _turned(turn, o)
+        R, D = R3[:2, :2], P @ self.stiffness @ P.T
 
         def about(moments: Floats, weight: float, centre: Floats) -> Floats:
             mixed = weight * np.outer(o, centre)
             out = R @ (moments - mixed - mixed.T + weight * np.outer(o, o)) @ R.T
             return (out + out.T) / 2
 
-        c, s = np.cos(self.angle), np.sin(self.angle)
         return replace(
             self,
             stiffness=(D + D.T) / 2,
@@ -537,7 +543,8 @@ class ProfileConstants(Frozen):
             inertia=about(self.inertia, self.mass, self.centre),
             shear_moduli=R @ self.shear_moduli @ R.T,
             outline=(self.outline - o) @ R.T,
-            origin=self.origin + np.array([[c, -s], [s, c]]) @ o,
+            holes=tuple((hole - o) @ R.T for hole in self.holes),
+            origin=self.origin + o @ self._axes[0][:2, :2],
             angle=self.angle + turn,
         )
 
@@ -559,7 +566,26 @@ class ProfileConstants(Frozen):
         if abs(inertia[0, 1]) < 1e-11 * np.sqrt(inertia[0, 0] * inertia[1, 1]):
             inertia = inertia.diagonal()
         more = {"centre": centre} if centre.any() else {}
-        return Section(D, self.mass, inertia, self.outline, viscosity, **more)
+        return SectionOfProfile(self, D, self.mass, inertia, self.outline, viscosity, **more)
+
+    @property
+    def _axes(self) -> tuple[Floats, Floats]:
+        """To these axes (3, 3) from those of the warping; to its resultants (6, 6) from these."""
+        R, P = _turned(self.angle, self.origin)
+        return R, np.asarray(np.linalg.inv(P))
+
+    def skin_stresses(self, skin: Sequence[Floats]) -> Floats:
+        """(k, 3, 6) at points of closed polygons, for unit resultants: just inside of these."""
+        places = []
+        for loop in skin:
+            before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
+            along = sum(each / np.linalg.norm(each, axis=1)[:, None] for each in (before, after))
+            inward = along @ [[0, 1], [-1, 0]]  # the material is on the left
+            places.append(loop + INSIDE * np.sqrt(self.area) * inward)
+        R, to = self._axes
+        x = np.concatenate(places) @ R[:2, :2] + self.origin
+        own = self.warping.stresses_at(x)[:, [4, 3, 2]]
+        return np.asarray((R @ own @ to)[:, [2, 0, 1]])
 
     def stresses(self, resultants: ArrayLike) -> tuple[Floats, Floats]:
         """Stresses in the material under the six resultants of the beam.
@@ -588,11 +614,8 @@ class ProfileConstants(Frozen):
         True
         """
         given = shaped("profile", "resultants", resultants, (6,))
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-        N = R.T @ given[:3]
-        M = R.T @ given[3:] + _spin(self.origin) @ N
-        stress = self.warping.stresses(np.concatenate([N, M])).reshape(6, -1)
+        R, to = self._axes
+        stress = self.warping.stresses(to @ given).reshape(6, -1)
         tensor = stress[[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
         tensor = np.einsum("ia,abk,jb->ijk", R, tensor, R)
         points = np.reshape(self.warping.basis.global_coordinates(), (2, -1))

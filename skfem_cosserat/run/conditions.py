@@ -11,12 +11,13 @@ import numpy as np
 
 from ..analysis.start import consistent_start
 from ..errors import InputError, failed
-from ..frozen import Attached, brief
+from ..frozen import Attached
 from ..integrators import State
 from ..joint import Joint
 from ..load import Load
 from ..model import Model, System, system_of
 from ..model.scene import joint_of, load_of, locked, released, unlocked, with_amplitude
+from ..notebook import brief
 from ..time_function import (
     Amplitude,
     time_function,

@@ -269,7 +269,7 @@ def checked_events(
         return []
     if not isinstance(events, Sequence):
         raise InputError(item, f"{events!r}, expected a list of events")
-    names: set[str] = set()
+    names = set()
     for event in events:
         if not isinstance(event, Event):
             raise InputError(item, f"{event!r}, expected an Event")
@@ -472,8 +472,7 @@ class EventMonitor:
         trials = _Trials(self, block, k)
         found = [self._bracket(j, trials, value) for j, value in enumerate(values)]
         if not any(found):
-            times = np.append(self._last, view.time)
-            self._pass(times, np.vstack([self._numbers, values]))
+            self._pass(np.append(self._last, view.time), np.vstack([self._numbers, values]))
             return None
         where = [
             located(each, trials.of(event, each.side), self._width(event, trials))

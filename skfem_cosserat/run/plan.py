@@ -361,8 +361,7 @@ class ControlledSteps(Plan):
                 logger.info("%s: a smaller one is tried", failure)
                 self._wanted, self._held = max(pair / 8, self.smallest), True
                 continue
-            allowed = self.control.tolerance * pair / self.span
-            ratio = error / allowed
+            ratio = error / (self.control.tolerance * pair / self.span)
             if ratio <= 1:
                 self._accept(pair, ratio)
                 return block
@@ -381,8 +380,7 @@ class ControlledSteps(Plan):
         whole = self._coarse.advance(state, end, pair)
         self.h = pair / 2
         first = self.stepper.advance_block(state, 1, state.time + self.h, self.h)
-        second = self.stepper.advance_block(first.state, 1, end, self.h)
-        block = Block.joined([first, second])
+        block = Block.joined([first, self.stepper.advance_block(first.state, 1, end, self.h)])
         self._counts["iterations"] += whole.iterations + int(block.iterations.sum())
         halves = state.q, *block.q
         chosen = self.stepper.system, state.time, pair, whole.state.q, halves

@@ -106,8 +106,7 @@ class Works:
         known = (
             steps.works[:, 3] - own * _along(forces, changes) - before * _along(earlier, changes)
         )
-        behind = np.concatenate([self._change[None], changes[:-1]])
-        ended = after * _along(forces, behind)
+        ended = after * _along(forces, np.concatenate([self._change[None], changes[:-1]]))
         # one after the other, whatever the length of blocks
         parts = np.column_stack([-ended, known]).ravel()
         sums = np.cumsum([self.drives, *parts])[1:]
@@ -118,7 +117,7 @@ class Works:
             changes[-1],
             steps.q[-1],
         )
-        return np.asarray(sums[::2])
+        return sums[::2]
 
     def finish(self, force: Floats | None = None) -> None:
         """End the work of the last step by the force of its end; by default its own force."""
@@ -428,7 +427,7 @@ class Record:
 
     def _happened(self) -> dict[str, Any]:
         """Events so far, and the systems that rows belong to, as meta data."""
-        meta: dict[str, Any] = {}
+        meta = {}
         if self.varying:
             meta["events"] = [event._asdict() for event in self.events]
         if len(self.segments) > 1:
@@ -458,7 +457,7 @@ class Record:
         """Close the file and give the history, with warnings of all that is doubtful about it."""
         self._status = status  # a full disk may be met from here on
         history = self.complete()
-        extra: dict[str, Any] = {
+        extra = {
             "factorisations": self.stepper.factorisations,
             "newton_iterations": self.iterations,
             **self._happened(),

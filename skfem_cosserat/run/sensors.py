@@ -184,7 +184,7 @@ class Window:
             raise InputError(type(sensor).__name__, text)
         before, after = np.split(values, 2)
         over = ends[len(t) :] - ends[: len(t)]
-        return np.asarray((after - before) / over.reshape(-1, *[1] * (after.ndim - 1)))
+        return (after - before) / over.reshape(-1, *[1] * (after.ndim - 1))
 
 
 @checked
@@ -292,7 +292,7 @@ class View:
             For accelerations and reactions: see :meth:`reaction`.
         """
         check_kind("argument sensor", sensor, Sensor)
-        return np.asarray(self._states.sensor(sensor)[0])
+        return self._states.sensor(sensor)[0]
 
 
 # -- sensors: what is recorded at every step while whole states are recorded now and then ----------

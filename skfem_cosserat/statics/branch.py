@@ -19,7 +19,7 @@ from ..model.balance import Amplitudes, Spin, amplitudes_at, balance
 from ..model.fingerprint import other_model
 from ..model.limits import broken_constraint
 from ..time_function import Amplitude
-from ..types import Floats, finite, is_whole, largest
+from ..types import Floats, finite, largest, numbered, whole
 from .control import ArcLength, Control, DisplacementControl, Point, Stage
 from .critical import inspect
 from .problem import Schedule
@@ -111,11 +111,10 @@ def branch(
     system = system_of(model, "argument model")
     _check_path(system, history)
     rows = np.flatnonzero(history["critical"] != CODES["regular"])
-    _check_number("argument which", which, len(rows), "critical point(s)")
+    numbered("argument which", which, len(rows), "critical point(s) on the path")
     if finite("argument sign", "sign", sign, "1 or -1") == 0:
         raise InputError("argument sign", f"{sign!r}, expected 1 or -1")
-    if not is_whole(mode) or mode < 0:
-        raise InputError("argument mode", f"{mode!r}, expected a number from 0 on")
+    whole("argument mode", mode, 0)
     point = _point(system, history, int(rows[which]))
     time = history.meta.get("time")
     stability = inspect(system, point, Schedule(system, factors, spin, time).at(point.t))
@@ -123,9 +122,8 @@ def branch(
     if mode >= len(values):
         raise InputError("argument mode", f"{mode!r}: the scene has {len(values)} motion(s)")
     direction = stability.tangent.P @ modes[:, mode]
-    largest = direction[int(abs(direction).argmax())]  # so that the sign is no accident
-    along = np.sign(sign) * np.sign(largest) * direction.reshape(-1, 3)
-    return Branch(point, along, time)
+    largest = direction[abs(direction).argmax()]  # so that the sign is no accident
+    return Branch(point, np.sign(sign) * np.sign(largest) * direction.reshape(-1, 3), time)
 
 
 @checked
@@ -184,7 +182,7 @@ def equilibrium(
     """
     system = system_of(model, "argument model")
     _check_path(system, history)
-    _check_number("argument index", index, len(history), "points")
+    numbered("argument index", index, len(history), "points on the path")
     time, point = finite("argument time", "time", time), _point(system, history, index)
     _check_instant(system, history, index, point, time)
     q = point.y[: system.rows].reshape(-1)
@@ -253,11 +251,6 @@ def _moved(
 
 def _same(a: Floats, b: Floats) -> bool:
     return bool(abs(a - b).max() <= SAME * max(abs(a).max(), abs(b).max()))
-
-
-def _check_number(item: str, value: int, count: int, what: str) -> None:
-    if not is_whole(value) or not -count <= value < count:
-        raise InputError(item, f"{value!r}: the path has {count} {what}")
 
 
 def _check_path(system: System, history: History) -> None:

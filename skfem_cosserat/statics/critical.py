@@ -159,18 +159,15 @@ class Stability:
             return values[keep], vectors[:, keep]
         solver = eigsh if self.symmetric else eigs
         # the same start each time: modes of equal eigenvalues would be others each time
-        options = {"k": count, "M": metric.tocsc(), "which": "LM", "v0": _start(n)}
+        start = np.random.default_rng(0).standard_normal(n)
+        options = {"k": count, "M": metric.tocsc(), "which": "LM", "v0": start}
         try:
             values, vectors = solver(K.tocsc(), sigma=0.0, **options)
         except (RuntimeError, ArpackError):  # exactly singular: a shift that rounding sees
-            shift = -1e-10 * float(abs(K.diagonal()).max() / metric.diagonal().max())
+            shift = -1e-10 * (abs(K.diagonal()).max() / metric.diagonal().max())
             values, vectors = solver(K.tocsc(), sigma=shift, **options)
         order = np.argsort(abs(values))
         return values[order], vectors[:, order]
-
-
-def _start(n: int) -> Floats:
-    return np.random.default_rng(0).standard_normal(n)
 
 
 def _tangent(system: System, point: Point, amplitudes: Amplitudes) -> ReducedTangent:

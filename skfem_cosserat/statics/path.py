@@ -144,8 +144,7 @@ class PathRecorder:
     ) -> None:
         self.solver, system = solver, solver.system
         described, static = describe(system)
-        held = solver.schedule.time
-        described |= {"integrator": "static", "step": 0.0, "time": held, **meta}
+        described |= {"integrator": "static", "step": 0.0, "time": solver.schedule.time, **meta}
         #: of each factor whose it is, and whether it is a function of time
         described["factors"] = {
             name: [
@@ -184,9 +183,8 @@ class PathRecorder:
         if self._before is not None:  # work by the trapezoidal rule between the points
             q0, before = self._before
             self._work += float((before + loads) @ (q - q0)) / 2
-        self._before, spin = (q, loads), amplitudes.spin
+        self._before = q, loads
         excess = float(strain_excess(system, q[None], amplitudes=amplitudes.loads)[0])
-        turning = np.zeros((2, 3)) if spin is None else np.array([spin.velocity, spin.point])
         row = {
             "t": float(parameter),
             "step": self.count,
@@ -204,7 +202,7 @@ class PathRecorder:
             "work_loads": self._work + excess,
             "amplitudes/loads": amplitudes.loads,
             "amplitudes/actuators": amplitudes.actuators,
-            "amplitudes/spin": turning,
+            "amplitudes/spin": amplitudes.turning,
         }
         if system.couplings.angles:
             none = np.zeros(len(system.couplings.angles), dtype=np.int64)

@@ -118,7 +118,7 @@ class Schedule:
         self._loads = self._channels(loading.owners, loading.times)
         self._actuators = self._channels(couplings.owners, couplings.times)
         turning = (Constant(1.0), self._given.get("spin"), "spin")
-        self._spin: list[_Channel] = [] if spin is None else [turning]
+        self._spin = [] if spin is None else [turning]
         #: the load factor that was asked for last, and what is there: each iteration asks again
         self._known: tuple[float, Amplitudes] | None = None
 
@@ -318,8 +318,7 @@ class Problem:
         """Derivative (rows, 3) of the coordinates by the load factor, at a solution."""
         r_t, by_t = self.derivative()
         self.equations.evaluate(self.t)
-        slope = self.equations.solve([r_t], mixed=False)[:, 0]
-        return np.asarray(self.equations.displacement(slope) + by_t, dtype=float)
+        return self.equations.displacement(self.equations.solve([r_t], mixed=False)[:, 0]) + by_t
 
 
 class PlainEquations:
@@ -464,9 +463,7 @@ class PlainEquations:
             return bound.pull(metric * self.displacement(u))
 
         operator = LinearOperator((size, size), matvec=project, dtype=float)
-        return np.asarray(
-            cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)[0]
-        )
+        return cg(operator, bound.pull(metric * change), rtol=1e-10, maxiter=10 * size)[0]
 
 
 class Pivots(NamedTuple):
@@ -688,8 +685,7 @@ class CompiledEquations(CompiledScene):
     def sizes(self, increment: Floats) -> tuple[float, float]:
         """Size of an increment (relative to the scene, or rad), and of its largest rotation."""
         size = abs(increment[: self._units.size].reshape(-1, 6)) * self._units
-        turn = size[self._turning].max(initial=0.0)
-        return float(size.max(initial=0.0)), float(turn)
+        return float(size.max(initial=0.0)), float(size[self._turning].max(initial=0.0))
 
     def move(self, increment: Floats, change: Floats | None) -> None:
         """Move by an increment, which takes effect with the next evaluation.

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
-from scipy.special import ellipk
+from scipy.special import ellipk, spherical_jn
 
 import skfem_cosserat as sc
 
@@ -42,13 +42,14 @@ def test_import_has_no_side_effects(path, tmp_path, monkeypatch, capfd):
 
 
 def test_the_table_of_learning_examples():
-    assert len(LEARNING) == 15 and set(LEARNING) <= set(EXAMPLES)
+    assert len(LEARNING) == 21 and set(LEARNING) <= set(EXAMPLES)
     for path in LEARNING:
         assert 40 <= path.read_text(encoding="utf-8").count("\n") <= 120
-    pictures = re.findall(r"\]\((pictures/\w+\.png)\)", TABLE)
-    assert len(pictures) == 15
+    pictures = re.findall(r"\]\((pictures/\w+\.(?:png|gif))\)", TABLE)
+    assert len(pictures) == 23
     for name in pictures:
-        assert (FOLDER / name).stat().st_size < 150_000
+        limit = 150_000 if name.endswith(".png") else 1_200_000
+        assert (FOLDER / name).stat().st_size < limit
 
 
 def test_learning_examples_use_public_names():
@@ -71,11 +72,9 @@ def drawn(path):
 
 @pytest.mark.slow
 def test_rod_with_ball_keeps_its_energy(tmp_path):
-    example = load("rod_with_ball")
-    result = example.main(10, 5e-3, 0.5, out=tmp_path / "a.png", paraview=tmp_path / "rod")
+    result = load("rod_with_ball").main(10, 5e-3, 0.5, paraview=tmp_path / "rod")
     assert result["drift"] < 1e-9
     assert -1.1 < result["height"][-1] < -0.9
-    assert drawn(tmp_path / "a.png")
     assert {"beams.pvd", "bodies.pvd"} <= {path.name for path in (tmp_path / "rod").iterdir()}
 
 
@@ -251,6 +250,98 @@ def test_rope_hangs_in_a_catenary_and_turns_in_the_wind(tmp_path):
     arc = quad(lambda x: np.cosh((x - 0.5) / a), 0, 1)[0]
     assert arc == pytest.approx(1.3, rel=1e-9)
     assert drawn(tmp_path / "a.png")
+
+
+# -- gallery ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_driven_arm_swings_on_unless_its_turn_takes_the_right_time():
+    """One vibration of a cantilever with a ball at its end, by Euler-Bernoulli's equation."""
+    EI, mass, ball, L = 70e9 * 0.04 * 0.003**3 / 12, 2700 * 0.04 * 0.003, 0.2, 1.2
+    x, weights = (np.polynomial.legendre.leggauss(30) + np.array([[1], [0]])) / 2 * L
+
+    def shape(k, x):
+        kL = k * L
+        ratio = (np.cos(kL) + np.cosh(kL)) / (np.sin(kL) + np.sinh(kL))
+        return np.cosh(k * x) - np.cos(k * x) - ratio * (np.sinh(k * x) - np.sin(k * x))
+
+    def shear(kL):
+        both = 1 + np.cos(kL) * np.cosh(kL)
+        return both - ball / (mass * L) * kL * (np.sin(kL) * np.cosh(kL) - np.cos(kL) * np.sinh(kL))
+
+    k = brentq(shear, 0.5, 1.875) / L
+    omega = k**2 * np.sqrt(EI / mass)
+    w, tip = shape(k, x), shape(k, L)
+    moved = mass * (weights @ (x * w)) + ball * L * tip
+    swing = tip * moved / (mass * (weights @ w**2) + ball * tip**2)
+    result = load("driven_arm").main(angle=0.1)
+    assert result["omega"] == pytest.approx(omega, rel=2e-3)
+    z = omega * result["durations"]["hasty"] / 2
+    left = 0.1 * swing * 15 * spherical_jn(2, z) / z**2
+    assert result["hasty"] == pytest.approx(abs(left), rel=0.02)
+    assert result["tuned"] < 0.02 * result["hasty"]
+
+
+@pytest.mark.slow
+def test_load_of_the_crane_is_a_pendulum():
+    result = load("slewing_crane").main(angle=0.1, until=12.0)
+    assert result["tension"] == pytest.approx(400 * 9.81, rel=1e-9)
+    assert result["length"] == pytest.approx(4.0 + 400 * 9.81 / 5e5, rel=1e-9)
+    period = 2 * np.pi * np.sqrt(result["length"] / 9.81)
+    assert result["period"] == pytest.approx(period, rel=0.01)  # the jib gives way a little
+
+
+@pytest.mark.slow
+def test_rotor_pulls_its_blades_straight():
+    """Droop at rest of a clamped beam, centrifugal force, and the spin of hub and blades."""
+    result = load("spinning_rotor").main()
+    mass, a, R, speed = 2700 * 0.25 * 0.016, 0.3, 4.0, 6.0
+    sag = mass * 9.81 * (R - a) ** 4 / (8 * 70e9 * 0.25 * 0.016**3 / 12)
+    assert result["droop"][0] == pytest.approx(sag, rel=0.01)
+    assert result["droop"][1] < 0.5 * sag
+    pull = mass * speed**2 * (R**2 - a**2) / 2
+    assert result["pull"] == pytest.approx(pull, rel=5e-3)
+    inertia = 60 * a**2 / 2 + mass * (R**3 - a**3 + (R - a) * 0.25**2 / 4)
+    assert result["momentum"] == pytest.approx(inertia * speed, rel=2e-3)
+    assert result["balance"] < 1e-9
+
+
+@pytest.mark.slow
+def test_supports_carry_the_bridge_and_its_truck(renderer, tmp_path):
+    result = load("stayed_bridge").main(positions=9, out=tmp_path / "a.gif")
+    assert (tmp_path / "a.gif").read_bytes()[:4] == b"GIF8"
+    assert result["up"] == pytest.approx(result["dead"] + 4e5, rel=1e-9)
+    lever = 60 * result["dead"] + 4e5 * result["place"]
+    assert result["lever"] == pytest.approx(lever, rel=1e-4)  # what stands moves by millimetres
+    assert result["sag"] == pytest.approx(result["sag"][::-1], abs=1e-3 * result["sag"].max())
+    assert result["slackest"] > 0
+
+
+@pytest.mark.slow
+def test_ring_unfolds_as_its_geometry_has_it():
+    result = load("deployable_ring").main(step=4e-2, until=2.0)
+    assert result["radius"] == pytest.approx(result["theory"], rel=3e-3)
+    assert np.ptp(result["radius"]) > 0.7 and result["off_ray"] < 1e-5
+    assert result["momentum"] < 1e-10
+    assert result["dissipated"] == pytest.approx(result["released"], rel=1e-9)
+
+
+@pytest.mark.slow
+def test_fishing_rod_droops_as_a_tapered_cantilever():
+    """Its own weight and that of the lure, by the principle of virtual work."""
+    result = load("fishing_rod").main(lure=1e-3, rising=0.0, until=0.2)
+    L = 2.4
+
+    def area(s):
+        return np.pi * (8e-3 - 6e-3 * s / L) ** 2
+
+    def bent(s):
+        M = quad(lambda x: 700 * 9.81 * area(x) * (x - s), s, L)[0] + 1e-3 * 9.81 * (L - s)
+        return M * (L - s) / (15e9 * area(s) ** 2 / (4 * np.pi))
+
+    assert result["droop"] == pytest.approx(quad(bent, 0, L)[0], rel=5e-3)
+    assert result["balance"] < 1e-9
 
 
 # -- scikit-fem, studies, batches ------------------------------------------------------------------

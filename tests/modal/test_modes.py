@@ -514,7 +514,7 @@ def test_bad_counts_and_models():
     bad(lambda: sc.modes("scene"), "str", "Model")
     bad(lambda: sc.modes(system, count=1, tolerance=0.0), "tolerance", "0.0")
     bad(lambda: sc.modes(system, count=1, t=np.nan), "argument t", "nan")
-    bad(lambda: sc.modes(system, count=1, spin=(0, 0, 1.0)), "spin", "tuple")
+    bad(lambda: sc.modes(system, count=1, spin=(0, 0, 1.0)), "spin", "Spin")
     found = sc.modes(system, system.q0, 1)
     for index in (1, True, 0.0):
         bad(lambda index=index: found.animation(index), "index", repr(index))
@@ -529,7 +529,7 @@ def test_modes_are_shown_in_one_line():
     """Printed, they gave all their arrays."""
     system = straight(8, 2, "CF", square(0.05))
     found = sc.modes(system, count=4)
-    assert repr(found) == "<Modes: 4 about t = 0, {:.6g}, {:.6g}, {:.6g}, ... Hz>".format(
+    assert repr(found) == "<Modes: 4 about t = 0 s, {:.6g}, {:.6g}, {:.6g}, ... Hz>".format(
         *found.frequencies[:3]
     )
     assert len(str(found).splitlines()) == 5

@@ -20,6 +20,7 @@ MODULES = sorted(
 NEEDS = {
     "compiled": "numba",
     "figures": "matplotlib",
+    "history.container": "pandas",
     "plot": "pyvista",
     "profile.polygon": "shapely",
     "study.charts": "matplotlib",

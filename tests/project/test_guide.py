@@ -7,7 +7,9 @@ block right under one shows what it prints: the words have to be the same, numbe
 
 from __future__ import annotations
 
+import base64
 import re
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +51,10 @@ def test_code_runs_and_prints_what_is_shown(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
 ) -> None:
+    if ".animate(" in "".join(source for _, source, _ in blocks(page.read_text("utf-8"))):
+        request.getfixturevalue("renderer")
     monkeypatch.chdir(tmp_path)
     names = {"__name__": "__main__"}
     for line, source, shown in blocks(page.read_text(encoding="utf-8")):
@@ -65,6 +70,39 @@ def test_links_and_commands_lead_somewhere(page: Path) -> None:
     missing = [target for target in relative_targets(text) if not (GUIDE / target).exists()]
     missing += [path for path in _COMMAND.findall(text) if not (ROOT / path).is_file()]
     assert not missing
+
+
+@pytest.mark.slow
+def test_notebook_runs_and_shows_what_it_says(renderer: None, tmp_path: Path) -> None:
+    """Pictures are not blank, the film has its frames; a frequency is that of Rayleigh."""
+    nbclient = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    from PIL import Image
+
+    book = nbformat.read(GUIDE / "15_notebook.ipynb", 4)
+    cells = [cell for cell in book.cells if cell.cell_type == "code"]
+    assert not any(cell.outputs or cell.execution_count for cell in cells)
+    where = {"metadata": {"path": str(tmp_path)}}
+    nbclient.NotebookClient(book, timeout=300, kernel_name="python3", resources=where).execute()
+    written = [output.text for cell in cells for output in cell.outputs if "text" in output]
+    assert not [text for text in written if "PyVista" not in text]
+    shown = {}
+    for cell in cells:
+        (data,) = (output.data for output in cell.outputs if "data" in output)
+        shown[cell.source.splitlines()[-1].split("(window")[0].split("  #")[0]] = data
+    for name in ("strip", "model", "history", "modes", "table.describe()"):
+        assert "<table" in shown[name]["text/html"]
+    for name in ("model.plot", "history.picture", "history.plot"):
+        for data in (each for last, each in shown.items() if last.startswith(name)):
+            picture = Image.open(BytesIO(base64.b64decode(data["image/png"])))
+            assert np.asarray(picture.convert("L")).std() > 8
+    film = Image.open(tmp_path / "swing.gif")
+    assert (film.n_frames, film.size) == (31, (480, 270))
+    mass = 0.1 + 33 / 140 * 1100 * 0.02 * 0.06
+    rayleigh = np.sqrt(3 * 2e8 * 0.06 * 0.02**3 / 12 / mass) / (2 * np.pi)
+    numbers = np.array(re.findall(r"\d+\.\d+", shown["modes"]["text/html"]), dtype=float)
+    assert abs(numbers / rayleigh - 1).min() < 0.04  # bent by its weight
+    assert (tmp_path / "swing" / "beams.pvd").is_file() and (tmp_path / "swing.html").is_file()
 
 
 def test_outputs_are_compared():
