@@ -478,7 +478,7 @@ class SectionRectangle(Section):
 
     def __init__(self, a: float, b: float, material: Material, shear_factor: float = 5 / 6):
         all_positive("rectangle", a=a, b=b, shear_factor=shear_factor)
-        check_kind("rectangle", material, Material)
+        check_kind("rectangle, material", material, Material)
         short, long = min(a, b), max(a, b)
         k = np.arange(1, 400, 2)
         series = (np.tanh(k * np.pi * long / (2 * short)) / k**5.0).sum()
@@ -525,7 +525,7 @@ class SectionTube(Section):
     ):
         others = ("material", material), ("shear_factor", shear_factor)
         all_positive("tube", outer=outer)
-        check_kind("tube", material, Material)
+        check_kind("tube, material", material, Material)
         if not 0 <= inner < outer:
             raise InputError("tube", f"inner = {inner!r}, expected 0 <= inner < outer = {outer!r}")
         if shear_factor is None:
@@ -578,7 +578,7 @@ class SectionCircle(SectionTube):
 
     def __init__(self, radius: float, material: Material, shear_factor: float | None = None):
         all_positive("circle", radius=radius)
-        check_kind("circle", material, Material)
+        check_kind("circle, material", material, Material)
         if shear_factor is not None:
             all_positive("circle", shear_factor=shear_factor)
         super().__init__(radius, 0.0, material, shear_factor)

@@ -88,8 +88,11 @@ def cases(*rows):
     (lambda: Section(np.ones(6), 1.0, (1, -1)), r"inertia = \[1.0, -1.0\]"),
     (lambda: Section(np.ones(6), 1.0, (1, 1, 1)), r"inertia.*\(3,\).*\(2,\)"),
     (lambda: Section(np.ones(6), 1.0, (1, 1), [1, 2]), r"outline.*\(2,\)"),
-    (lambda: Section.from_constants(**{**CONSTANTS, "EI": (1.0,)}), r"EI = \(1.0,\)"),
-    (lambda: Section.from_constants(**{**CONSTANTS, "GA": (1, 2, 3)}), r"GA = \(1, 2, 3\)"),
+    (
+        lambda: Section.from_constants(**{**CONSTANTS, "EI": (1.0,)}),
+        r"EI has shape \(1,\), expected \(2,\)",
+    ),
+    (lambda: Section.from_constants(**{**CONSTANTS, "GA": (1, 2, 3)}), r"GA has shape \(3,\)"),
 )
 def test_sections(call, text):
     with pytest.raises(InputError, match=text):
