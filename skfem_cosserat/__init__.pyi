@@ -41,6 +41,7 @@ from .coupling import (
     Cable as Cable,
     Foundation as Foundation,
     JointActuator as JointActuator,
+    JointLimits as JointLimits,
     JointSpringDamper as JointSpringDamper,
     SpringDamper as SpringDamper,
 )

@@ -21,7 +21,7 @@ from .time_function import (
     TimeFunction,
     time_function,
 )
-from .types import ArrayLike, Floats, numbers, positive, shaped, symmetric
+from .types import ArrayLike, Floats, finite, numbers, positive, shaped, symmetric
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -55,6 +55,8 @@ class Coupling(Item):
 
     kind = "coupling"
     slack = False
+    #: -1 if it acts where its coordinate is smaller than the neutral one, not larger
+    sign = 1.0
     channels: tuple[TimeFunction, ...] = ()
     #: whether its law is a user's own: compiled steps call it back
     own_law = False
@@ -82,6 +84,10 @@ class Coupling(Item):
         forms = [form for coordinate in self.coordinates for form in coordinate.forms]
         ends = [end for form in forms for product in form for end in (product.left, product.right)]
         return [place for end in ends for place, _, _ in end.terms]
+
+    def pieces(self) -> Sequence[Coupling]:
+        """Force elements that it is made of."""
+        return [self]
 
     def sides(self) -> Sequence[Place]:
         """The places that it connects."""
@@ -193,6 +199,87 @@ class JointSpringDamper(_OnJoint):
     ) -> None:
         super().__init__(joint, coordinate)
         self._set_law(stiffness, damping, neutral)
+
+
+class _Stop(JointSpringDamper):
+    kind = "joint limit"
+    slack = True
+
+    def __init__(
+        self, joint: Joint, sign: float, end: float, k: float, c: float, coordinate: str | None
+    ) -> None:
+        super().__init__(joint, k, c, coordinate, end)
+        self.sign = sign
+        if self.size > 1:
+            raise InputError(self.label, "limits a rotation vector, expected an angle or a length")
+
+
+class JointLimits(Item):
+    """End stops of a joint: springs and dampers beyond the ends of its range.
+
+    Below `lower` and above `upper` a stop pushes back with ``k e + c de/dt``, e being how far the
+    coordinate is beyond, and never pulls. In histories the stops are ``coupling/NAME/lower`` and
+    ``coupling/NAME/upper``.
+
+    Parameters
+    ----------
+    joint : Joint
+        Of the same model.
+    lower, upper : float or None
+        Ends of the range (rad or m); None: there is no end.
+    stiffness, damping : float
+        k (N/m or N m/rad), positive, and c (the same times s).
+    coordinate : str, optional
+        Its name, see :meth:`Joint.coordinates`; needed if the joint has several.
+
+    Raises
+    ------
+    InputError
+        If there is no end, the lower one is above the upper one, a number is negative or not
+        finite, or the coordinate is a rotation vector.
+
+    Examples
+    --------
+    >>> from skfem_cosserat import JointRevolute, RigidBody, ground
+    >>> body = RigidBody.box(1.0, (1, 1, 1))
+    >>> hinge = JointRevolute(ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0))
+    >>> [stop.neutral.tolist() for stop in JointLimits(hinge, -0.5, 0.5, 1e4).pieces()]
+    [[-0.5], [0.5]]
+    """
+
+    kind = "joint limits"
+
+    def __init__(
+        self,
+        joint: Joint,
+        lower: float | None,
+        upper: float | None,
+        stiffness: float,
+        damping: float = 0.0,
+        coordinate: str | None = None,
+    ) -> None:
+        ends = {"lower": (-1.0, lower), "upper": (1.0, upper)}
+        given = {name: pair for name, pair in ends.items() if pair[1] is not None}
+        if not given:
+            raise InputError(self.label, "has no end: give lower, upper or both")
+        if lower is not None and upper is not None and not lower < upper:
+            raise InputError(self.label, f"lower = {lower}, expected less than upper = {upper}")
+        positive(self.label, "stiffness", stiffness, " (N/m or N m/rad)")
+        self.joint = joint
+        self.stops = {
+            name: _Stop(joint, sign, finite(self.label, name, end), stiffness, damping, coordinate)
+            for name, (sign, end) in given.items()
+        }
+
+    def pieces(self) -> list[Coupling]:
+        """Its stops, named after it."""
+        for end, stop in self.stops.items():
+            vars(stop)["name"] = f"{self.name}/{end}"
+        return list(self.stops.values())
+
+    def references(self) -> Sequence[Item]:
+        """The joint."""
+        return [self.joint]
 
 
 class JointActuator(_OnJoint):
@@ -502,7 +589,7 @@ class Foundation(Item):
         other._supports = other._on_nodes()
         return other
 
-    def supports(self) -> list[Coupling]:
+    def pieces(self) -> list[Coupling]:
         """Its springs, named after it and the beam's nodes."""
         for node, support in self._supports.items():
             vars(support)["name"] = f"{self.name}/{node}"

@@ -103,7 +103,7 @@ def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
         origin[shifts] = values[shifts]
         m = slice(item.size)
         laws[c, STIFFNESS, m, m], laws[c, DAMPING, m, m] = item.stiffness, item.damping
-        laws[c, NEUTRAL, 0, m] = item.neutral + origin
+        laws[c, NEUTRAL, 0, m], laws[c, NEUTRAL, 1, 0] = item.neutral + origin, item.sign
     return {
         "coupling": places,
         "coupling_law": laws,

@@ -311,8 +311,8 @@ def linear(
 def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats) -> Factors:
     """Forces of a cable by the velocity at the end of a step, in V."""
     found = linear(laws, state, c, 1, V, False, 0.0)
-    slack = -state[c, AMPLITUDE]
-    if V[XI, 0] > laws[c, NEUTRAL, 0, 0] and V[SIGMA, 0] > slack:
+    slack, sign = -state[c, AMPLITUDE], laws[c, NEUTRAL, 1, 0]
+    if sign * (V[XI, 0] - laws[c, NEUTRAL, 0, 0]) > 0.0 and sign * (V[SIGMA, 0] - slack) > 0.0:
         return found
     V[SIGMA, 0] = slack
     return 0.0, 0.0, 0.0, 0.0
@@ -322,16 +322,16 @@ def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats) -> Factors:
 def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: float) -> Factors:
     """Forces of a cable into V, dissipated energy into the state; factors of the derivatives."""
     K, C, h = laws[c, STIFFNESS, 0, 0], laws[c, DAMPING, 0, 0], state[c, STEP]
-    neutral = laws[c, NEUTRAL, 0, 0]
-    e0, e1 = state[c, XI0] - neutral, V[XI1, 0] - neutral
-    spring, by_e, by_end = slack_law(K, V[XI, 0] - neutral, e0, e1, ends)
+    neutral, sign = laws[c, NEUTRAL, 0, 0], laws[c, NEUTRAL, 1, 0]
+    e0, e1 = sign * (state[c, XI0] - neutral), sign * (V[XI1, 0] - neutral)
+    spring, by_e, by_end = slack_law(K, sign * (V[XI, 0] - neutral), e0, e1, ends)
     own = 0.5 * h * decay * K
     sigma = spring + (C + own) * (max(e1, 0.0) - max(e0, 0.0)) / h
     pulls, taut = sigma > 0.0, 1.0 if e1 > 0.0 else 0.0
     if not pulls:
         sigma, by_e, by_end, taut = 0.0, 0.0, 0.0, 0.0
-    change = V[CHANGE, 0]
-    V[SIGMA, 0] = sigma - state[c, AMPLITUDE]
+    change = sign * V[CHANGE, 0]
+    V[SIGMA, 0] = sign * sigma - state[c, AMPLITUDE]
     lost = (sigma - spring) * change
     state[c, LOST] = lost
     state[c, NUMERICAL] = lost * own / (C + own) if C + own > 0.0 else 0.0

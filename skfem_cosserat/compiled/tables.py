@@ -15,7 +15,7 @@ ROWS = 2 * SIDE
 #: an invariant, a row and a column of its matrix
 KIND, LEADING, SLACK, FIRST, LAST, SLOTS = range(6)
 ROW = SLOTS + 4
-#: ``s.coupling_law``: matrices, and the row of the neutral coordinates
+#: ``s.coupling_law``: matrices, and the row of the neutral coordinates; below it the sign
 STIFFNESS, DAMPING, NEUTRAL = range(3)
 
 # -- damped relative velocities, see :mod:`.flow` --------------------------------------------------

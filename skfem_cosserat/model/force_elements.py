@@ -364,6 +364,8 @@ class _Group:
         else:
             self.law = SlackLaw(members) if members[0].slack else LinearLaw(members)
         self.neutral = np.array([m.neutral for m in members])
+        #: of the law's stretch: -1 where it grows with a smaller coordinate
+        self.sign = np.array([[m.sign] for m in members])
         kinds = np.array([c.kind for c in members[0].coordinates for _ in range(c.size)])
         #: components that are angles, whose full turns count, and those of rotation vectors
         self.angles, self.vectors = (np.flatnonzero(kinds == k) for k in ("angle", "rotation"))
@@ -382,7 +384,7 @@ class _Group:
         self.pairs = np.stack([a[self.kept], a.swapaxes(1, 2)[self.kept]], axis=-1)
 
     def stretch(self, xi: Array) -> Array:
-        return xi - self.neutral
+        return self.sign * (xi - self.neutral)
 
     def rate(self, y: Array, ydot: Array, pi: Array) -> Array:
         return apply(self.kind.slope(pi), self.invariants.rates(y, ydot))
@@ -395,7 +397,7 @@ class _Group:
             Psi = self.kind.discrete(start.pi, start.xi, pi1, xi1)
             ends = self.stretch(start.xi), self.stretch(xi1)
             law, dissipated, numerical = self.law.discrete(*ends, h, start.time, decay)
-            s = apply(Psi.swapaxes(-1, -2), law - start.amplitude)
+            s = apply(Psi.swapaxes(-1, -2), self.sign * law - start.amplitude)
             return _Forces(s, xi1 - start.xi, dissipated, numerical)
 
         gradients, by_end = (self.invariants.gradients(y) for y in (mid, y1))
@@ -411,9 +413,10 @@ class _Group:
             J = self.kind.slope(pi)
             travel = apply(J, pi1 - start.pi)
             ends = self.stretch(start.xi), self.stretch(xi1)
-            now = self.stretch(xi), travel / h
+            now = self.stretch(xi), self.sign * travel / h
             law, dissipated = self.law.midpoint(*now, *ends, h, start.time)
-            return _Forces(apply(J.swapaxes(-1, -2), law - start.amplitude), travel, dissipated)
+            sigma = self.sign * law - start.amplitude
+            return _Forces(apply(J.swapaxes(-1, -2), sigma), travel, dissipated)
 
         both = np.concatenate([self.invariants.values(y) for y in (mid, y1)], axis=-1)
         gradients = self.invariants.gradients(mid)
@@ -427,12 +430,13 @@ class _Group:
         def forces(both: Array) -> _Forces:
             pi, flow = both[..., :count], both[..., count:]
             xi, J = self.kind.continued(pi, start.xi), self.kind.slope(pi)
-            e, rate = self.stretch(xi), apply(J, flow)
+            e, rate = self.stretch(xi), self.sign * apply(J, flow)
             law = self.law.force(e, rate, start.time)
             rest = law if self.law.force_of_load else self.law.force(e, 0 * rate, start.time)
             damped = law - rest
-            s = apply(J.swapaxes(-1, -2), law - start.amplitude)
-            return _Forces(s, xi - start.xi, (damped * rate).sum(-1), damped=damped)
+            s = apply(J.swapaxes(-1, -2), self.sign * law - start.amplitude)
+            lost = (damped * rate).sum(-1)
+            return _Forces(s, xi - start.xi, lost, damped=self.sign * damped)
 
         values = self.invariants.values(y), self.invariants.rates(y, ydot)
         gradients = self.invariants.gradients(y)
@@ -446,7 +450,7 @@ class _Group:
         """Forces of the law at coordinates (..., c, m) of states at times (...), or at one time."""
         if not times.ndim or not isinstance(self.law, OwnLaw):
             t = 0.0 if times.ndim else float(times)
-            return self.law.force(self.stretch(xi), rate, t)
+            return self.sign * self.law.force(self.stretch(xi), self.sign * rate, t)
         states = zip(self.stretch(xi), rate, times.tolist(), strict=True)
         return np.array([self.law.force(e, v, t) for e, v, t in states])
 

@@ -13,10 +13,9 @@ import numpy as np
 
 from ..arguments import checked
 from ..body import MassPoint, RigidBody
-from ..coupling import Coupling, Foundation
+from ..coupling import Coupling, Foundation, JointLimits
 from ..damping import RayleighDamping
 from ..errors import IncompatibleError, InputError, ModelWarning
-from ..force import Force
 from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
 from ..joint import Joint, JointDrive, JointLocked
@@ -38,6 +37,9 @@ from .plane import Planar, Planarity, confine, inspect
 from .system import Pictured, System, listed
 
 ItemT = TypeVar("ItemT", bound=Item)
+
+#: single ones, and items that are composed of them
+FORCE_ELEMENTS = Coupling, Foundation, JointLimits
 
 # -- scenes that change while they move: joints locked, freed or taken away, loads switched --------
 #
@@ -275,7 +277,14 @@ class Model(Pictured):
             )
         if not isinstance(
             item,
-            StructuralItem | Joint | JointDrive | Load | Coupling | Foundation | RayleighDamping,
+            StructuralItem
+            | Joint
+            | JointDrive
+            | Load
+            | Coupling
+            | Foundation
+            | JointLimits
+            | RayleighDamping,
         ):
             raise InputError(
                 f"model, item {name!r}",
@@ -573,13 +582,9 @@ def _check_kind(name: str, item: Item) -> None:
 
 
 def _couplings(items: Sequence[Item]) -> list[Coupling]:
-    """Force elements, those of foundations included."""
-    out = []
+    """Force elements, those that items are composed of included."""
+    out: list[Coupling] = []
     for item in items:
-        if isinstance(item, Force):
+        if isinstance(item, FORCE_ELEMENTS):
             out += item.pieces()
-        elif isinstance(item, Coupling):
-            out.append(item)
-        elif isinstance(item, Foundation):
-            out += item.supports()
     return out

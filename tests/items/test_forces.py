@@ -147,3 +147,40 @@ def test_a_stiff_potential_is_no_spring_apart(scheme, treatment):
     # the energy-decaying scheme damps springs, not potentials of one's own
     loose = isinstance(scheme, sc.EnergyDecaying)
     assert_allclose(own["q"], spring["q"], atol=2e-2 if loose else 1e-8)
+
+
+@treatments
+@pytest.mark.parametrize("kernels", KERNELS)
+def test_a_pendulum_between_two_stops(treatment, kernels):
+    """The energy is kept by stops without dampers, whichever is hit, and they never pull."""
+    model = sc.Model()
+    arm = model.add("arm", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1)))
+    place = arm.at((-0.5, 0, 0))
+    hinge = model.add("hinge", sc.JointRevolute(sc.ground((-0.5, 0, 0)), place, axis=(0, 0, 1)))
+    model.add("gravity", sc.LoadGravity((0, -9.81, 0)))
+    model.add("stops", sc.JointLimits(hinge, -2.0, 0.3, 2e3))
+    run = sc.simulate(model, sc.EnergyMomentum(), treatment, 2e-3, until=4.0, kernels=kernels)
+    total = run["energy"] + run["external"]
+    assert np.ptp(total) < 1e-9
+    angle = run["joint/hinge/angle"]
+    assert angle.min() < -2.01
+    lower, upper = (run[f"coupling/stops/{end}/force"] for end in ("lower", "upper"))
+    assert lower.max() <= 0 <= upper.min()
+    assert lower.min() < -10
+    assert_allclose(lower, np.minimum(2e3 * (angle + 2.0), 0.0), atol=1e-8)
+
+
+def test_limits_are_checked():
+    model, hinge = sc.Model(), None
+    body = model.add("body", sc.RigidBody.box(1.0, (1, 1, 1)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), body.at((0, 0, 0)), axis=(1, 0, 0))
+    ball = sc.JointSpherical(sc.ground((0, 0, 0)), body.at((0, 0, 0)))
+    for make, text in (
+        (lambda: sc.JointLimits(hinge, None, None, 1.0), "no end"),
+        (lambda: sc.JointLimits(hinge, 1.0, 0.5, 1.0), "lower"),
+        (lambda: sc.JointLimits(hinge, 0.0, 0.5, 0.0), "stiffness"),
+        (lambda: sc.JointLimits(hinge, 0.0, np.inf, 1.0), "upper"),
+        (lambda: sc.JointLimits(ball, 0.0, 0.5, 1.0), "rotation"),
+    ):
+        with pytest.raises(sc.InputError, match=text):
+            make()

@@ -183,8 +183,8 @@ def test_foundation_of_a_part():
     mesh = first.joined(sc.MeshCurve.init_line((1, 0, 0), (1, 1, 0), 2, name="b"))
     beam = sc.Beam(mesh, SECTION, order=2, director=(0, 0, 1))
     bed = sc.Foundation(beam, 3.0, part="b")
-    total = sum(s.stiffness[0, 0] for s in bed.supports())
-    assert total == pytest.approx(3.0) and len(bed.supports()) == 5
+    total = sum(s.stiffness[0, 0] for s in bed.pieces())
+    assert total == pytest.approx(3.0) and len(bed.pieces()) == 5
 
 
 def test_bad_foundations():
