@@ -135,10 +135,10 @@ def test_a_wrong_derivative_is_named():
     def law(v, w):
         return -2.0 * w.phi[1] * v[1]
 
-    wrong, right = (
-        scene(lambda b: sc.LoadForm(b, law, derivative=lambda u, v, w: -k * u[1] * v[1]))[0]  # noqa: B023
-        for k in (1.0, 2.0)
-    )
+    def made(k):
+        return scene(lambda b: sc.LoadForm(b, law, lambda u, v, w: -k * u[1] * v[1]))[0]
+
+    wrong, right = made(1.0), made(2.0)
     with pytest.raises(sc.InputError, match="form 'load': its derivatives differ"):
         wrong.freeze()
     right.freeze()
