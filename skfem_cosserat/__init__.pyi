@@ -77,6 +77,7 @@ from .export import (
     write_paraview as write_paraview,
 )
 from .force import (
+    Controller as Controller,
     Force as Force,
 )
 from .frames import (

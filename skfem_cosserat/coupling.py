@@ -68,6 +68,8 @@ class Coupling(Item):
     stiffness: Floats
     damping: Floats
     neutral: Floats
+    #: numbers that a law remembers, at first
+    memory: Floats = np.zeros(0)
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from super()._parts()

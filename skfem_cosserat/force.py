@@ -12,16 +12,61 @@ from .arguments import checked
 from .coupling import Coupling
 from .errors import InputError
 from .frames import Item, Place, no_place
-from .frozen import Replacements, loosened
+from .frozen import Frozen, Replacements, loosened
 from .joint import Joint
 from .relative import ORIGIN, Expression, RelativeCoordinate, position
-from .types import ArrayLike, switch
+from .types import ArrayLike, numbers, positive, switch
 
-#: ``(x, v, t)`` to forces of the shape of x
-ForceFunction: TypeAlias = Callable[[Any, Any, float], ArrayLike]
+#: ``(x, v, t)``, and a memory if there is one, to forces of the shape of x, and its rate
+ForceFunction: TypeAlias = Callable[..., Any]
 #: ``x`` to a potential in J
 EnergyFunction: TypeAlias = Callable[[Any], ArrayLike]
 Where: TypeAlias = Place | Expression | Joint | RelativeCoordinate
+
+
+class Controller(Frozen):
+    """A law that is sampled: its forces are held from one instant to the next.
+
+    For the argument `law` of :class:`Force`. The instants are the multiples of a period, and the
+    start of a run; :func:`simulate` cuts steps there. In loops of your own, as with :func:`steps`,
+    a law is sampled at the first step that begins then or later. At rest the forces are those
+    that are held: zero at first.
+
+    Parameters
+    ----------
+    period : float
+        Time (s) between two instants.
+    function : callable
+        ``function(x, v, t)`` gives the forces, as a law of :class:`Force`; if that has a memory z,
+        ``function(x, v, t, z)`` gives them and the memory up to the next instant.
+
+    Raises
+    ------
+    InputError
+        If the period is not positive, or the function cannot be called.
+
+    Examples
+    --------
+    >>> import skfem_cosserat as sc
+    >>> model = sc.Model()
+    >>> arm = model.add("arm", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(0.5, 0, 0)))
+    >>> hinge = model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), arm.at((0, 0, 0)), (0, 0, 1)))
+    >>> control = sc.Controller(0.01, lambda x, v, t: 50.0 * (0.5 - x) - 8.0 * v)
+    >>> motor = model.add("motor", sc.Force(hinge, control))
+    >>> history = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.005, until=2.0)
+    >>> round(float(history["joint/hinge/angle"][-1]), 3)
+    0.5
+    """
+
+    def __init__(self, period: float, function: ForceFunction) -> None:
+        self.period = positive("controller", "period", period, " of seconds")
+        if not callable(function):
+            raise InputError("controller", f"function = {function!r}, expected a function")
+        self.function = function
+
+    def __call__(self, x: Any, v: Any, t: float, z: Any) -> tuple[Any, Any]:
+        """The forces that are held, and rates of the memory, which stays."""
+        return z[..., : x.size // z[..., 0].size].reshape(x.shape), np.zeros_like(z)
 
 
 @checked
@@ -52,6 +97,11 @@ class Force(Coupling):
         x twice, as (k, 3, k, 3). Of a potential ``derivative(x)``: its gradient, of the shape of x.
         By default they come from complex steps: the functions must be made of what can be
         differentiated, ``np.sqrt((v * v).sum())`` instead of ``abs`` or ``np.linalg.norm``.
+    memory : float or array, optional
+        Of a law, at first: integral terms, hysteresis. ``law(x, v, t, z)`` then gives the forces
+        and the rate of the memory z, an array of its shape; with `each` one for each place, (n,
+        ...). Steps take its mean, it is part of states and histories (``history["turns"]``), and
+        stays as it is in equilibria.
     each : bool
         The functions are for one place, or coordinate, but take many at once along a leading axis:
         x (n, 3), or (n,) of joints. All are evaluated together.
@@ -90,6 +140,7 @@ class Force(Coupling):
         energy: EnergyFunction | None = None,
         derivative: Callable[..., Any] | None = None,
         each: bool = False,
+        memory: float | ArrayLike | None = None,
     ) -> None:
         alone = isinstance(at, Place | Expression | Joint | RelativeCoordinate)
         if not alone and not isinstance(at, Iterable):
@@ -103,6 +154,9 @@ class Force(Coupling):
         if (law is None) == (energy is None):
             raise InputError(self.label, "takes either law or energy")
         self.law, self.energy, self.derivative = law, energy, derivative
+        sampled = isinstance(law, Controller)
+        if (sampled or memory is not None) and not (energy is None and derivative is None):
+            raise InputError(self.label, "has a memory: it takes a law without derivative")
         self.each = switch(self.label, each, "each")
         self.points = tuple(p for p in where if isinstance(p, Place | Expression))
         if self.points and len(self.points) < len(where):
@@ -117,6 +171,15 @@ class Force(Coupling):
         self.shape = inner if alone or self.each else (len(where), *inner)
         if self.together > 1:
             self.shape = self.together, *inner
+        self._own_memory = memory is not None
+        self.memory = numbers(self.label, "memory", () if memory is None else memory)
+        if not np.isfinite(self.memory).all():
+            raise InputError(self.label, f"memory = {memory!r}, expected finite numbers")
+        #: shape of the user's memory in one call
+        self._kept = self.memory.shape
+        if sampled:  # its memory is forces, next instant, and what the user's function keeps
+            size = int(np.prod(self.shape, dtype=int))
+            self.memory = np.concatenate([np.zeros(size), [-np.inf], self.memory.ravel()])
         self.a, self.b = self.sides()[0], self.sides()[-1]
         if self.joints:
             self.a, self.b = self.joints[0].a, self.joints[0].b
@@ -143,6 +206,19 @@ class Force(Coupling):
         other = super().with_replacements(replacements)
         other._parts_of_it = []
         return other
+
+    def sampled(self, x: Any, v: Any, t: float, z: Any) -> Any:
+        """Memory of a :class:`Controller` after it was sampled."""
+        assert isinstance(self.law, Controller)
+        out, size, function = z.copy(), x.size // z[..., 0].size, self.law.function
+        if not self._own_memory:
+            out[..., :size] = np.reshape(function(x, v, t), (*z.shape[:-1], size))
+            return out
+        kept = z[..., size + 1 :].reshape(*z.shape[:-1], *self._kept)
+        forces, kept = function(x, v, t, kept)
+        out[..., :size] = np.reshape(forces, (*z.shape[:-1], size))
+        out[..., size + 1 :] = np.reshape(kept, (*z.shape[:-1], -1))
+        return out
 
     def sides(self) -> Sequence[Place]:
         """All places of its coordinates, each once, but for the axes of space."""

@@ -135,12 +135,13 @@ def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> Non
 
 
 def recorded_turns(system: System, history: History, index: int = -1) -> IndexArray | None:
-    """Full turns of the system's angles at a state; zero for those not recorded."""
-    angles = system.couplings.turning
-    if not angles or "turns" not in history:
+    """Full turns and memories of a system at a state; as at first if they are not recorded."""
+    names, first = system.couplings.turning, system.couplings.untouched
+    if not names or "turns" not in history:
         return None
     known = dict(zip(history.meta.get("turns", []), history["turns"][index], strict=True))
-    return np.array([known.get(name, 0) for name in angles], dtype=np.int64)
+    own = [known.get(name, value) for name, value in zip(names, first, strict=True)]
+    return np.array(own, dtype=first.dtype)
 
 
 def _describe_lump(

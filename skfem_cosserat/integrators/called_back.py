@@ -318,7 +318,8 @@ class CalledBack(Called):
         if not scheme.at_end:
             self._start = couplings.begin(y0, turns, state.time, h)
             return
-        self._start = couplings.starting(y0, turns, couplings.values(end), 1.0, end)
+        own = couplings.values(end), 1.0, end, 0.5 * h, True
+        self._start = couplings.starting(y0, turns, *own)
         #: what is known of the velocity at the end
         self._drift = np.zeros_like(y0)
         self._drift[system.rows :] = system.ground_rate(end)

@@ -209,7 +209,8 @@ class StepBalance:
             at_end = amplitudes_at(system, t1)
             own = None
             if elements is not None:
-                own = elements.starting(y0, state.turns, at_end.actuators, 1.0, t1)
+                end = t1, 0.5 * self.h, True
+                own = elements.starting(y0, state.turns, at_end.actuators, 1.0, *end)
             return at_end.loads, system.ground_rate(t1), own
         own = None if elements is None else elements.begin(y0, state.turns, t0, self.h)
         rate = (system.grounds.at(t1) - y0[system.rows :]) / self.h

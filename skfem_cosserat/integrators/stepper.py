@@ -425,7 +425,8 @@ class Stepper:
         [0.5, 0.0, 0.0]
         """
         whole("argument steps", steps, 1)
-        state, size, allowed = self.own(state, h is not None), self.h, "a time (s) other than zero"
+        state = self.sampled(self.own(state, h is not None))
+        size, allowed = self.h, "a time (s) other than zero"
         if h is not None:
             size = real("argument h", "h", h, allowed)
             if not (size and isfinite(size)):
@@ -462,6 +463,16 @@ class Stepper:
                     return block
                 state = replace(state, plain=True)
         return self._step(state, float(ends(state.index + 1)), h)
+
+    def sampled(self, state: State) -> State:
+        """A state after laws that are due were sampled: they stay so in the step that begins."""
+        couplings = self.system.couplings
+        if couplings.due(state.turns) > state.time + 1e-9 * self.h:
+            return state
+        y = self.system.extend(state.q, state.time)
+        v = nearest_velocity(self.system, y, state.p, state.time).reshape(-1, 3)
+        ydot = np.concatenate([v, self.system.ground_rate(state.time)])
+        return replace(state, turns=couplings.sampled(y, ydot, state.turns, state.time))
 
     def _ends_block(self, t0: float, t1: float) -> bool:
         """True if a step has prescribed motion that jumps or fails, which :meth:`advance` tells."""

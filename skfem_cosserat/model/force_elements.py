@@ -49,7 +49,7 @@ class LinearLaw:
         """Stored energy (..., c)."""
         return 0.5 * (e * apply(self.K, e)).sum(-1)
 
-    force_of_load = False
+    force_of_load, period, due = False, 0.0, 0
 
     def force(self, e: Array, rate: Array, t: float = 0.0) -> Array:
         """Force (..., c, m) against a larger stretch: tension is positive."""
@@ -292,8 +292,11 @@ class _Start:
     amplitude: Array
     #: at which laws are taken (s)
     time: float
+    law: LinearLaw | OwnLaw
 
 
+#: share of a period by which an instant is known
+INSTANT = 1e-9
 #: of the complex steps that give slopes: without differences, any that is small enough
 TINY = 1e-40
 
@@ -364,6 +367,8 @@ class _Group:
         else:
             self.law = SlackLaw(members) if members[0].slack else LinearLaw(members)
         self.neutral = np.array([m.neutral for m in members])
+        #: of each member at first
+        self.memory = np.array([m.memory.ravel() for m in members])
         #: of the law's stretch: -1 where it grows with a smaller coordinate
         self.sign = np.array([[m.sign] for m in members])
         kinds = np.array([c.kind for c in members[0].coordinates for _ in range(c.size)])
@@ -396,7 +401,7 @@ class _Group:
             xi1 = self.kind.continued(pi1, start.xi)
             Psi = self.kind.discrete(start.pi, start.xi, pi1, xi1)
             ends = self.stretch(start.xi), self.stretch(xi1)
-            law, dissipated, numerical = self.law.discrete(*ends, h, start.time, decay)
+            law, dissipated, numerical = start.law.discrete(*ends, h, start.time, decay)
             s = apply(Psi.swapaxes(-1, -2), self.sign * law - start.amplitude)
             return _Forces(s, xi1 - start.xi, dissipated, numerical)
 
@@ -414,7 +419,7 @@ class _Group:
             travel = apply(J, pi1 - start.pi)
             ends = self.stretch(start.xi), self.stretch(xi1)
             now = self.stretch(xi), self.sign * travel / h
-            law, dissipated = self.law.midpoint(*now, *ends, h, start.time)
+            law, dissipated = start.law.midpoint(*now, *ends, h, start.time)
             sigma = self.sign * law - start.amplitude
             return _Forces(apply(J.swapaxes(-1, -2), sigma), travel, dissipated)
 
@@ -431,8 +436,8 @@ class _Group:
             pi, flow = both[..., :count], both[..., count:]
             xi, J = self.kind.continued(pi, start.xi), self.kind.slope(pi)
             e, rate = self.stretch(xi), self.sign * apply(J, flow)
-            law = self.law.force(e, rate, start.time)
-            rest = law if self.law.force_of_load else self.law.force(e, 0 * rate, start.time)
+            law = start.law.force(e, rate, start.time)
+            rest = law if self.law.force_of_load else start.law.force(e, 0 * rate, start.time)
             damped = law - rest
             s = apply(J.swapaxes(-1, -2), self.sign * law - start.amplitude)
             lost = (damped * rate).sum(-1)
@@ -446,13 +451,22 @@ class _Group:
         by_end = np.concatenate([gradients, faster], axis=1)
         return _Response(self, forces, np.concatenate(values, axis=-1), gradients, by_end, 1.0)
 
-    def forces(self, xi: Array, rate: Array, times: Floats) -> Array:
+    def forces(self, xi: Array, rate: Array, memory: Array, times: Floats) -> Array:
         """Forces of the law at coordinates (..., c, m) of states at times (...), or at one time."""
-        if not times.ndim or not isinstance(self.law, OwnLaw):
-            t = 0.0 if times.ndim else float(times)
-            return self.sign * self.law.force(self.stretch(xi), self.sign * rate, t)
-        states = zip(self.stretch(xi), rate, times.tolist(), strict=True)
-        return np.array([self.law.force(e, v, t) for e, v, t in states])
+        e, law = self.stretch(xi), self.law
+        if not isinstance(law, OwnLaw):
+            return self.sign * law.force(e, self.sign * rate)
+        if not times.ndim:
+            return law.within(memory).force(e, rate, float(times))
+        memories = np.broadcast_to(memory, (*xi.shape[:-1], memory.shape[-1]))
+        states = zip(e, rate, memories, times.tolist(), strict=True)
+        return np.array([law.within(z).force(x, v, t) for x, v, z, t in states])
+
+    def within(self, xi: Floats, memory: Floats, half: float, ends: bool) -> LinearLaw | OwnLaw:
+        """The law in a step that starts with coordinates and memories (c, m or k)."""
+        if not (memory.size and isinstance(self.law, OwnLaw)):
+            return self.law
+        return self.law.within(memory, half, self.stretch(xi) if ends else None)
 
     def check(self, y: Floats) -> None:
         """Check the derivatives of an own law near a configuration."""
@@ -566,10 +580,12 @@ class Couplings:
         Number of all.
     pairs : (k, 2) int array
         Rows (a, b) of y, both unknowns, at which :meth:`tangent` has blocks.
-    angles : list of Coupling
-        Those on an angle, whose full turns are part of the state: once for each angle.
+    angles : list of Coupling or None
+        Those on an angle, whose full turns are part of the state: once for each angle; None for
+        each number of a memory.
     turning : list of str
-        Names of the angles: that of the force element, with the angle's where there are several.
+        Names of the angles: that of the force element, with the angle's where there are several;
+        and of the numbers of memories.
     """
 
     def __init__(
@@ -602,8 +618,21 @@ class Couplings:
         self.constant = all(isinstance(time, Constant) for time in self.times)
         none = np.zeros((0, 2), dtype=np.int64)
         self.pairs = np.concatenate([none, *(g.pairs for g in self._groups)])
-        self.angles = [m for g in self._groups for m in g.members for _ in g.angles]
-        self.turning = [name for item in dict.fromkeys(self.angles) for name in angle_names(item)]
+        self.angles: list[Coupling | None] = []
+        self.turning: list[str] = []
+        first = [np.zeros(0, dtype=np.int64)]
+        for g in self._groups:
+            for m in g.members if len(g.angles) else ():
+                self.turning += angle_names(m)
+                self.angles += [m] * len(g.angles)
+            self.turning += [
+                f"{m.name}/memory/{k}" for m in g.members for k in range(m.memory.size)
+            ]
+            first.append(np.zeros(len(g.members) * len(g.angles), dtype=np.int64))
+            first += [g.memory.ravel()] * bool(g.memory.size)
+            self.angles += [None] * g.memory.size
+        #: full turns and memories of a state that has none
+        self.untouched = np.concatenate(first)
         self._total = len(reference)
 
     @cached_property
@@ -629,18 +658,27 @@ class Couplings:
 
     def begin(self, y0: Floats, turns: IndexArray | None, t0: float, h: float) -> CoupledStart:
         """Couplings at the start of a step; `turns` as in a state."""
-        return self.starting(y0, turns, self.averages(t0, t0 + h), h, t0 + 0.5 * h)
+        middle = t0 + 0.5 * h, 0.5 * h
+        return self.starting(y0, turns, self.averages(t0, t0 + h), h, *middle)
 
     def starting(
-        self, y0: Floats, turns: IndexArray | None, amplitudes: Array, h: float, time: float
+        self,
+        y0: Floats,
+        turns: Array | None,
+        amplitudes: Array,
+        h: float,
+        time: float,
+        half: float = 0.0,
+        ends: bool = False,
     ) -> CoupledStart:
         """Couplings at the start of a step with given amplitudes of actuators, and a zero.
 
-        Laws are taken at a time (s).
+        Laws are taken at a time (s). Memories go on over a step of twice `half` (s), at whose end
+        the forces are, if `ends`, else in its middle.
         """
         starts = [
-            _Start(pi, xi, amplitudes[g.channels], time)
-            for g, (pi, xi) in zip(self._groups, self._values(y0, turns), strict=True)
+            _Start(pi, xi, amplitudes[g.channels], time, g.within(xi, memory, half, ends))
+            for g, (pi, xi, memory) in zip(self._groups, self._values(y0, turns), strict=True)
         ]
         return CoupledStart(h, y0, starts)
 
@@ -675,7 +713,7 @@ class Couplings:
         laws = [g for g in self._groups if g.law.force_of_load]
         out = np.zeros_like(y)
         for g in laws:
-            start = _Start(*self._at(g, y), np.zeros(g.channels.shape), time)
+            start = _Start(*self._at(g, y), np.zeros(g.channels.shape), time, g.law)
             found = g.static(start, y, np.zeros_like(y), 0.0)
             nodal = (found.forces.s[:, :, None, None] * found.gradients).sum(1)
             np.subtract.at(out, g.invariants.rows, nodal)
@@ -728,6 +766,9 @@ class Couplings:
             xi = g.kind.value(pi)
             turned = (g.kind.continued(pi, s.xi) - xi)[:, g.angles] / (2 * np.pi)
             out.append(np.rint(turned).astype(np.int64).ravel())
+            if g.memory.size and isinstance(s.law, OwnLaw):
+                ends = g.stretch(s.xi), g.stretch(g.kind.continued(pi, s.xi))
+                out.append(s.law.remembered(*ends, s.time).ravel())
             jump = (abs(xi - s.xi)[:, g.vectors] > np.pi).any(1)
             for i in np.flatnonzero(jump):
                 warn_of_jump(g.members[i], time)
@@ -738,7 +779,7 @@ class Couplings:
     def energy(self, y: Floats, turns: IndexArray | None = None) -> Floats:
         """Stored energy (...) of states y (..., total, 3) with `turns` (..., angles)."""
         out = np.zeros(y.shape[:-2])
-        for g, (_, xi) in zip(self._groups, self._values(y, turns), strict=True):
+        for g, (_, xi, _) in zip(self._groups, self._values(y, turns), strict=True):
             out += g.law.energy(g.stretch(xi)).sum(-1)
         return out
 
@@ -769,9 +810,9 @@ class Couplings:
         The force is that of spring and damper; where it is positive it pulls the coordinate back.
         """
         out = []
-        for g, (pi, xi) in zip(self._groups, self._values(y, turns), strict=True):
+        for g, (pi, xi, memory) in zip(self._groups, self._values(y, turns), strict=True):
             rate = g.rate(y, ydot, pi)
-            force = g.forces(xi, rate, np.asarray(times))
+            force = g.forces(xi, rate, memory, np.asarray(times))
             shown = xi - g.origin
             out += [
                 (m, shown[..., i, :], force[..., i, :])
@@ -786,19 +827,53 @@ class Couplings:
         if turns is not None and np.shape(turns)[-1:] != (count,):
             raise InputError("turns of angles", f"shape {np.shape(turns)}, expected (..., {count})")
 
-    def _values(self, y: Floats, turns: IndexArray | None) -> list[tuple[Floats, Floats]]:
-        """(pi, xi) of each group."""
-        self.check_turns(turns)
+    def due(self, turns: Array | None) -> float:
+        """Instant (s) at which a law is sampled next; infinite if none is."""
+        if not any(g.law.period for g in self._groups):
+            return float(np.inf)
+        kept = zip(self._groups, self._kept(turns), strict=True)
+        found = [float(z[:, g.law.due].min()) for g, (_, z) in kept if g.law.period]
+        return min(found, default=np.inf)
+
+    def sampled(self, y: Floats, ydot: Floats, turns: Array | None, t: float) -> Array:
+        """Full turns and memories of a state at a time (s), at which laws are sampled that are due.
+
+        Parameters
+        ----------
+        y, ydot : (total, 3) array
+            All rows and their rates.
+        """
+        out = np.array(self.untouched if turns is None else turns)
+        kept = zip(self._groups, self._values(y, turns), self._kept(out), strict=True)
+        for g, (pi, xi, z), (_, memory) in kept:
+            if g.law.period and z[:, g.law.due].min() <= t + INSTANT * g.law.period:
+                memory[:] = g.law.sampled(g.stretch(xi), g.rate(y, ydot, pi), z, t)
+        return out
+
+    def _kept(self, turns: Array | None) -> list[tuple[Array, Array]]:
+        """Full turns (..., c, angles) and memories (..., c, k) of each group: views."""
         out, first = [], 0
+        every = self.untouched if turns is None else np.asarray(turns)
         for g in self._groups:
+            both = []
+            for count in (len(g.angles), g.memory.shape[1]):
+                shape = len(g.members), count
+                own = every[..., first : first + len(g.members) * count]
+                both.append(own.reshape(*own.shape[:-1], *shape))
+                first += own.shape[-1]
+            out.append((both[0], both[1]))
+        return out
+
+    def _values(self, y: Floats, turns: Array | None) -> list[tuple[Floats, Floats, Floats]]:
+        """(pi, xi, memory) of each group."""
+        self.check_turns(turns)
+        out = []
+        for g, (own, memory) in zip(self._groups, self._kept(turns), strict=True):
             pi = g.invariants.values(y)
             xi = g.kind.value(pi)
-            if len(g.angles) and turns is not None:
-                shape = len(g.members), len(g.angles)
-                own = np.asarray(turns)[..., first : first + np.prod(shape)]
-                xi[..., g.angles] += 2 * np.pi * own.reshape(*own.shape[:-1], *shape)
-                first += own.shape[-1]
-            out.append((pi, xi))
+            if own.size:
+                xi[..., g.angles] += 2 * np.pi * own
+            out.append((pi, xi, memory))
         return out
 
     def averages(self, t0: float, t1: float) -> Floats:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
 from ..coupling import Coupling
 from ..errors import InputError, failed
-from ..force import Force
+from ..force import Controller, Force
 from ..law import LawStored
 from ..types import Array, Floats
 
@@ -17,6 +18,8 @@ from ..types import Array, Floats
 TINY = 1e-20
 #: of differences, relative to the extent of the scene
 SMALL = 1e-6
+#: most iterations for a memory
+MOST = 30
 
 
 class OwnLaw:
@@ -44,22 +47,89 @@ class OwnLaw:
         self.own, self.length, self.m = own, length, own.size
         self.label = getattr(own, "whole", own).label
         self.force_of_load = own.energy is None
+        self._half, self._before = 0.0, None
+        #: of a law that is sampled: its period (s), and where its memory has the next instant
+        self.period, self.due = (
+            (own.law.period, self.m) if isinstance(own.law, Controller) else (0.0, 0)
+        )
+        self._memory: Floats = np.array([each.memory.ravel() for each in members])
         if own.energy is not None:
             gradient = None if own.derivative is None else self._gradients
             given = self._energies, gradient, None, np.eye(self.m)
             self._stored = LawStored(*given, size=length)
 
+    # -- memory ------------------------------------------------------------------------------------
+
+    def within(self, memory: Floats, half: float = 0.0, before: Floats | None = None) -> OwnLaw:
+        """The law in a step that starts with a memory.
+
+        Parameters
+        ----------
+        memory : (c, k) array
+        half : float
+            Half of the step (s); 0: at rest, the memory stays.
+        before : (c, m) array, optional
+            Coordinates at its start; forces are those of its end then, else of its middle.
+        """
+        other = copy(self)
+        other._memory, other._half, other._before = memory, half, before
+        return other
+
+    def remembered(self, e0: Floats, e1: Floats, t: float) -> Floats:
+        """Memory (c, k) at the end of a step from e0 to e1, at whose time t the law is taken."""
+        if not self._half:
+            return self._memory
+        at = 0.5 * (e0 + e1), (e1 - e0) / (2 * self._half)
+        middle = t if self._before is None else t - self._half
+        return 2 * self._middle(*at, middle) - self._memory
+
+    def _middle(self, x: Array, v: Array, t: float) -> Array:
+        """Memory (n, k) in the middle of a step, by the midpoint rule, for rows (n, m) there."""
+        (n, m), k = x.shape, self._memory.shape[1]
+        z = start = np.repeat(self._memory, n // len(self._memory), axis=0)
+        if not self._half or self.period:
+            return z
+        given = [np.repeat(each[:, None], 1 + k, axis=1) for each in (x, v)]
+        for each in given:
+            each[:, 1:] = each[:, 1:].real
+        for _ in range(MOST):
+            moved = z[:, None] + np.zeros((1 + k, 1), dtype=complex)
+            moved[:, 1:] = z[:, None].real + 1j * TINY * np.eye(k)
+            rows = [*(each.reshape(-1, m) for each in given), moved.reshape(-1, k)]
+            rate = self._with_memory(rows, t)[1].reshape(n, 1 + k, k)
+            by_z = np.eye(k) - self._half * rate[:, 1:].imag.swapaxes(1, 2) / TINY
+            gap = start + self._half * rate[:, 0] - z
+            change = np.linalg.solve(by_z, gap[..., None])[..., 0]
+            z = z + change
+            if abs(change).max() <= 1e-12 * (abs(z).max() + abs(start).max()):
+                return z if np.iscomplexobj(x) or np.iscomplexobj(v) else z.real
+        text = f"its memory has no value at the end of a step of {2 * self._half:g} s"
+        raise InputError(self.label, f"{text} at t = {t:.9g} s: take a shorter one")
+
+    def _with_memory(self, rows: Sequence[Array], t: float) -> list[Array]:
+        """Forces and rates of the memory at rows of coordinates, rates and memories."""
+        return self._rows("law", [self.own.shape, self.own.memory.shape], rows, t)
+
+    def sampled(self, x: Floats, v: Floats, memory: Floats, t: float) -> Floats:
+        """Memory (c, k) after the law was sampled."""
+        found = self._rows("sampled", [self.own.memory.shape], [x, v, memory], t)[0]
+        found[:, self.due] = (np.floor(t / self.period + INSTANT) + 1) * self.period
+        return found
+
     # -- the user's functions ----------------------------------------------------------------------
 
     def _called(
-        self, name: str, rows: Sequence[Array], t: float | None, count: int = 1
+        self, name: str, rows: Sequence[Array], t: float | None, count: int
     ) -> list[list[Array]]:
         """Values of a function at rows (n, m) of each given array, `count` of each call."""
         function, last = getattr(self.own, name), () if t is None else (t,)
-        shaped = [each.reshape(len(each), *self.own.shape).copy() for each in rows]
+        shapes = self.own.shape, self.own.shape, self.own.memory.shape
+        pairs = zip(rows, shapes, strict=False)
+        shaped = [each.reshape(len(each), *shape).copy() for each, shape in pairs]
         calls = [shaped] if self.own.each else list(zip(*shaped, strict=True))
         try:
-            found = (function(*call, *last) for call in calls)  # may give one array again
+            # may give one array again
+            found = (function(*call[:2], *last, *call[2:]) for call in calls)
             return [[np.array(each) for each in (one if count > 1 else (one,))] for one in found]
         except Exception as error:
             real = not any(map(np.iscomplexobj, rows))
@@ -69,17 +139,19 @@ class OwnLaw:
     def _rows(
         self,
         name: str,
-        shape: tuple[int, ...],
+        shapes: Sequence[tuple[int, ...]],
         rows: Sequence[Array],
         t: float | None,
-        count: int = 1,
     ) -> list[Array]:
-        """Values (n, *shape) of a function, checked; `count` of them."""
-        n, real = len(rows[0]), not any(map(np.iscomplexobj, rows))
-        wanted = (n, *shape) if self.own.each else shape
+        """Values (n, *shape) of a function, checked; one for each shape."""
+        n, real, count = len(rows[0]), not any(map(np.iscomplexobj, rows)), len(shapes)
         at = "" if t is None else f", at t = {t:.9g} s"
         found = self._called(name, rows, t, count)
-        for each in (value for one in found for value in one):
+        if any(len(one) != count for one in found):
+            text = f"{name} gives {len(found[0])} arrays, expected {count}{at}"
+            raise InputError(self.label, text)
+        for each, shape in (pair for one in found for pair in zip(one, shapes, strict=True)):
+            wanted = (n, *shape) if self.own.each else shape
             if each.shape != wanted or each.dtype.kind not in ("iuf" if real else "iufc"):
                 kind = f"{name} gives an array {each.shape} of {each.dtype}"
                 text = f"{kind}, expected {wanted} {'real ' * real}numbers{at}"
@@ -88,32 +160,38 @@ class OwnLaw:
             if not (cmath.isfinite(np.add.reduce(each, None)) or np.isfinite(each).all()):
                 k = int(np.argmin(np.isfinite(each.reshape(n, -1)).all(1))) if self.own.each else 0
                 value, own = each[k] if self.own.each else each, self.own.where(k)
-                given = (f"{v} = {x[k].tolist()}" for v, x in zip("xv", rows, strict=False))
+                given = (f"{v} = {x[k].tolist()}" for v, x in zip("xvz", rows, strict=False))
                 text = f"{name}{own} is {value.tolist()}, not finite{at}: {', '.join(given)}"
                 raise InputError(self.label, text)
-        if any(len(one) != count for one in found):
-            raise InputError(
-                self.label, f"{name} gives {len(found[0])} arrays, expected {count}{at}"
-            )
-        return [np.array([one[k] for one in found]).reshape(n, *shape) for k in range(count)]
+        pairs = enumerate(shapes)
+        return [np.array([one[k] for one in found]).reshape(n, *shape) for k, shape in pairs]
 
     def _energies(self, e: Array) -> Array:
-        (found,) = self._rows("energy", (), [e.reshape(-1, self.m)], None)
+        (found,) = self._rows("energy", [()], [e.reshape(-1, self.m)], None)
         return found.reshape(e.shape[:-1])
 
     def _gradients(self, e: Array) -> Array:
-        (found,) = self._rows("derivative", self.own.shape, [e.reshape(-1, self.m)], None)
+        (found,) = self._rows("derivative", [self.own.shape], [e.reshape(-1, self.m)], None)
         return found.reshape(e.shape)
 
     def _law(self, e: Array, rate: Array, t: float) -> Array:
         """Forces (n, m) of the law at rows (n, m)."""
-        return self._rows("law", self.own.shape, [e, rate], t)[0].reshape(e.shape)
+        rows, before = [e, rate], self._before
+        if not self.own.memory.size:
+            return self._rows("law", [self.own.shape], rows, t)[0].reshape(e.shape)
+        if before is None:
+            z = self._middle(e, rate, t)
+        else:
+            before = np.repeat(before, len(e) // len(before), axis=0)
+            middle = 0.5 * (before + e), (e - before) / (2 * self._half), t - self._half
+            z = 2 * self._middle(*middle) - np.repeat(self._memory, len(e) // len(self._memory), 0)
+        return self._with_memory([*rows, z], t)[0].reshape(e.shape)
 
     def slopes(self, e: Floats, rate: Floats, t: float) -> tuple[Floats, Floats]:
         """Derivatives (c, m, m) of the law by e and rate, both (c, m)."""
         c, m = e.shape
         if self.own.derivative is not None:
-            by_x, by_v = self._rows("derivative", 2 * self.own.shape, [e, rate], t, 2)
+            by_x, by_v = self._rows("derivative", [2 * self.own.shape] * 2, [e, rate], t)
             return by_x.reshape(c, m, m), by_v.reshape(c, m, m)
         moved = np.concatenate([e, rate], axis=1)[:, None] + 1j * TINY * np.eye(2 * m)
         rows = moved.reshape(-1, 2 * m)

@@ -342,7 +342,8 @@ def simulate(
         show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
         state = _first(system, start)
         left = _checked_run(state, until, every, callbacks, path)
-        controlled, eventful = isinstance(step, StepControl), events is not None
+        controlled, sampled = isinstance(step, StepControl), system.couplings.due(None) < np.inf
+        eventful = events is not None or sampled
         h = step.sizes(integrator, left)[0] if isinstance(step, StepControl) else step
         h = positive("argument step", "step", h, " of seconds")
 

@@ -61,7 +61,8 @@ class FixedSteps(Plan):
     until : float
         Its end (s); the last step ends there or before.
     eventful : bool
-        Steps end exactly there, of the stepper's size or less, with events between them: as many
+        Steps end exactly there, of the stepper's size or less, with events between them, or
+        instants at which laws are sampled: as many
         in one go as there have been since the last event, so that few are solved in vain.
     alone : bool
         True if each step is taken alone.
@@ -81,6 +82,10 @@ class FixedSteps(Plan):
 
     def advance(self, state: State) -> Block | None:
         """Steps as far as they are taken in one go."""
+        sampled = self.stepper.sampled(state)
+        if sampled is not state:
+            self.begin(self.stepper, sampled)
+            state = sampled
         done = state.index - self._first
         left = self._count - done
         if left <= 0:
@@ -95,8 +100,12 @@ class FixedSteps(Plan):
         return self._origin + (index - self._first) * self.h
 
     def begin(self, stepper: Stepper, state: State) -> None:
-        """Equal steps to the same end, of the size asked for or, with events, less."""
-        left = self._end - state.time
+        """Equal steps to the same end, of the size asked for or, with events, less.
+
+        Before it they end where a law is to be sampled.
+        """
+        due = stepper.system.couplings.due(state.turns)
+        left = (due if state.time < due < self._end else self._end) - state.time
         steps = left / self._size
         self.stepper, self._origin, self._first = stepper, state.time, state.index
         if not self._eventful:
@@ -346,12 +355,17 @@ class ControlledSteps(Plan):
 
     def advance(self, state: State) -> Block | None:
         """A pair of steps."""
+        sampled = self.stepper.sampled(state)
+        if sampled is not state:
+            self._estimate.begin()
+            state = sampled
         while self._targets and self._targets[0] - state.time <= 1e-12 * self.span:
             self._targets.pop(0)
         if not self._targets:
             return None
+        due = self.stepper.system.couplings.due(state.turns)
         while True:
-            pair, end = self._pair(state.time)
+            pair, end = self._pair(state.time, due)
             try:
                 block, error = self._try(state, pair, end)
             except Diverged as failure:
@@ -367,11 +381,12 @@ class ControlledSteps(Plan):
                 return block
             self._reject(state, pair, ratio)
 
-    def _pair(self, time: float) -> tuple[float, float]:
+    def _pair(self, time: float, due: float) -> tuple[float, float]:
         """Size of a pair of steps, and its end: no step is left that is much smaller."""
-        left = self._targets[0] - time
+        target = min(self._targets[0], due)
+        left = target - time
         if 2 * self._wanted >= left * (1 - 1e-9):
-            return left, self._targets[0]
+            return left, target
         pair = min(2 * self._wanted, left / 2)
         return pair, time + pair
 

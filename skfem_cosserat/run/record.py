@@ -236,7 +236,6 @@ class Record:
         #: the first and the last three steps since then
         self._early: list[StepReport] = []
         self._late: list[StepReport] = []
-        turns = len(system.couplings.angles)
         none = np.full((integrator.remembered, system.n), np.nan)
         size = np.nan if state.made_by is None else state.made_by.step
         self._end = state
@@ -247,7 +246,7 @@ class Record:
             np.array([state.index]),
             state.q[None],
             state.p[None],
-            (np.zeros(turns, dtype=np.int64) if state.turns is None else state.turns)[None],
+            (system.couplings.untouched if state.turns is None else state.turns)[None],
             (none if state.rates is None else state.rates)[None],
             np.array([size]),
             np.array([[0, 1]]),

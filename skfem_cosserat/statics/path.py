@@ -85,7 +85,7 @@ def first_point(
             t = finite(item, "load_factor", start.load_factor)
         count = len(system.couplings.angles)
         if turns is not None and np.shape(turns) != (count,):
-            raise InputError(item, f"turns = {turns!r}, expected {count} whole numbers")
+            raise InputError(item, f"turns = {turns!r}, expected {count} numbers")
     y = system.extend(q, schedule.instant(t))
     wrong = None if start is None and held is None else broken_constraint(system, y, 1e-6)
     if wrong is not None:
@@ -205,8 +205,7 @@ class PathRecorder:
             "amplitudes/spin": amplitudes.turning,
         }
         if system.couplings.angles:
-            none = np.zeros(len(system.couplings.angles), dtype=np.int64)
-            row["turns"] = none if point.turns is None else point.turns
+            row["turns"] = system.couplings.untouched if point.turns is None else point.turns
         self.writer.append(row)
         self.count += 1
 
