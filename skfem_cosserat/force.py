@@ -21,6 +21,8 @@ from .types import ArrayLike, numbers, positive, switch
 ForceFunction: TypeAlias = Callable[..., Any]
 #: ``x`` to a potential in J
 EnergyFunction: TypeAlias = Callable[[Any], ArrayLike]
+#: share of a period by which an instant is known
+INSTANT = 1e-9
 Where: TypeAlias = Place | Expression | Joint | RelativeCoordinate
 
 
@@ -207,10 +209,11 @@ class Force(Coupling):
         other._parts_of_it = []
         return other
 
-    def sampled(self, x: Any, v: Any, t: float, z: Any) -> Any:
+    def controller(self, x: Any, v: Any, t: float, z: Any) -> Any:
         """Memory of a :class:`Controller` after it was sampled."""
         assert isinstance(self.law, Controller)
         out, size, function = z.copy(), x.size // z[..., 0].size, self.law.function
+        out[..., size] = (np.floor(t / self.law.period + INSTANT) + 1) * self.law.period
         if not self._own_memory:
             out[..., :size] = np.reshape(function(x, v, t), (*z.shape[:-1], size))
             return out

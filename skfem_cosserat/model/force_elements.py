@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 
 from ..coupling import Coupling
 from ..errors import AccuracyWarning, InputError
+from ..force import INSTANT
 from ..frames import Place
 from ..relative import Expression, Form, RelativeCoordinate
 from ..time_function import (
@@ -295,8 +296,6 @@ class _Start:
     law: LinearLaw | OwnLaw
 
 
-#: share of a period by which an instant is known
-INSTANT = 1e-9
 #: of the complex steps that give slopes: without differences, any that is small enough
 TINY = 1e-40
 
