@@ -252,6 +252,7 @@ from .theory import (
     TheoryRigid as TheoryRigid,
     TheoryKirchhoff as TheoryKirchhoff,
 )
+from .servo import JointServo as JointServo
 from .section import (
     Material as Material,
     Section as Section,

@@ -60,6 +60,8 @@ class Coupling(Item):
     channels: tuple[TimeFunction, ...] = ()
     #: whether its law is a user's own: compiled steps call it back
     own_law = False
+    #: whether it is nothing but a prescribed force
+    actuator = False
     #: at which it acts, if these are no sides of a coupling
     points: tuple[object, ...] = ()
     a: Place
@@ -316,6 +318,7 @@ class JointActuator(_OnJoint):
     """
 
     kind = "joint actuator"
+    actuator = True
 
     def __init__(
         self,

@@ -407,19 +407,19 @@ def of_the_user(function: object) -> bool:
     return type(function).__module__.partition(".")[0] != __name__.partition(".")[0]
 
 
-def time_function(item: str, value: Amplitude) -> TimeFunction:
+def time_function(item: str, value: Amplitude, name: str = "amplitude") -> TimeFunction:
     """A number, table or function of time as such; None: one."""
     if value is None:
         return Constant(1.0)
     if isinstance(value, int | float | np.number):
-        return Constant(finite(item, "amplitude", value))
+        return Constant(finite(item, name, value))
     if isinstance(value, TimeFunction):
         return value
     if not callable(value):
         raise InputError(
-            item, f"amplitude = {value!r}, expected a number, a Table or a function of time"
+            item, f"{name} = {value!r}, expected a number, a Table or a function of time"
         )
-    finite(item, "amplitude", value(0.0), "a number at t = 0.0")
+    finite(item, name, value(0.0), "a number at t = 0.0")
     return FunctionOfTime(value)
 
 

@@ -275,6 +275,12 @@ def angle_names(item: Coupling) -> list[str]:
     return [f"{item.name}/{name}" for name in names] if len(names) > 1 else [str(item.name)]
 
 
+def _prescribed(item: Coupling, times: Floats) -> Array:
+    """Forces (..., m) of the channels of a force element at times (...); 0 if it has none."""
+    own = [[time.value(t) for time in item.channels] for t in times.ravel().tolist()]
+    return np.reshape(own, (*times.shape, -1)) if item.channels else np.zeros(1)
+
+
 def kind_of(coordinates: Sequence[RelativeCoordinate]) -> Kind:
     """The kind of one coordinate, or of several side by side."""
     kinds = tuple(KINDS[c.kind] for c in coordinates)
@@ -799,7 +805,7 @@ class Couplings:
     @property
     def passive(self) -> list[Coupling]:
         """All but actuators and forces at places, in the order of :meth:`forces`."""
-        return [m for g in self._groups for m in g.members if not (m.channels or m.points)]
+        return [m for g in self._groups for m in g.members if not (m.actuator or m.points)]
 
     def forces(
         self, y: Floats, ydot: Floats, turns: IndexArray | None = None, times: ArrayLike = 0.0
@@ -814,9 +820,9 @@ class Couplings:
             force = g.forces(xi, rate, memory, np.asarray(times))
             shown = xi - g.origin
             out += [
-                (m, shown[..., i, :], force[..., i, :])
+                (m, shown[..., i, :], force[..., i, :] - _prescribed(m, np.asarray(times)))
                 for i, m in enumerate(g.members)
-                if not m.channels
+                if not m.actuator
             ]
         return out
 
