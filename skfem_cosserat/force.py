@@ -52,7 +52,8 @@ class Controller(Frozen):
     >>> import skfem_cosserat as sc
     >>> model = sc.Model()
     >>> arm = model.add("arm", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(0.5, 0, 0)))
-    >>> hinge = model.add("hinge", sc.JointRevolute(sc.ground((0, 0, 0)), arm.at((0, 0, 0)), (0, 0, 1)))
+    >>> foot = sc.ground((0, 0, 0)), arm.at((0, 0, 0))
+    >>> hinge = model.add("hinge", sc.JointRevolute(*foot, axis=(0, 0, 1)))
     >>> control = sc.Controller(0.01, lambda x, v, t: 50.0 * (0.5 - x) - 8.0 * v)
     >>> motor = model.add("motor", sc.Force(hinge, control))
     >>> history = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.005, until=2.0)

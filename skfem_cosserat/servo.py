@@ -122,8 +122,10 @@ class JointServo(JointSpringDamper):
             return [self]
         if not self._law:
             memory = 0.0 if self.ki else None
-            self._law = [Force(self.coordinates[0], self._force, memory=memory)]
-            vars(self._law[0])["name"] = self.name
+            whole = Force(self.coordinates, self._force, each=True, memory=memory)
+            self._law = whole.pieces()
+            for each in (whole, *self._law):
+                vars(each)["name"] = self.name
         return self._law
 
     def _force(self, x: Any, v: Any, t: float, z: Any = 0.0) -> Any:
@@ -132,4 +134,6 @@ class JointServo(JointSpringDamper):
         most = np.inf if self.limit is None else self.limit
         free = abs(asked.real) <= most
         force = np.where(free, asked, most * np.sign(asked.real))
-        return (force, np.where(free | (error.real * asked.real < 0), error, 0)) if self.ki else force
+        return (
+            (force, np.where(free | (error.real * asked.real < 0), error, 0)) if self.ki else force
+        )

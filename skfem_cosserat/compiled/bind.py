@@ -55,12 +55,14 @@ from .tables import (
     LEFT,
     MOST_XI,
     NEUTRAL,
+    OWN,
     RIGHT,
     ROTATION,
     ROW,
     ROWS,
     SHIFTS,
     SIDE,
+    SIGN,
     SLACK,
     SLIDE,
     SLOTS,
@@ -73,16 +75,16 @@ from .tables import (
 # -- from force elements to the arrays of the compiled kernels -------------------------------------
 
 COUPLING_KINDS = {
-    "displacement": DISPLACEMENT,
+    **dict.fromkeys(("displacement", "position"), DISPLACEMENT),
     "distance": DISTANCE,
     "angle": ANGLE,
     "rotation": ROTATION,
 }
 
 
-def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
-    """Force elements; see :mod:`.forces`."""
-    items = system.couplings.items
+def bound_couplings(system: System, plan: Plan, static: bool) -> dict[str, Any]:
+    """Force elements, but at rest those of own laws; see :mod:`.forces`."""
+    items = system.couplings.items + ([] if static else system.couplings.called)
     places = np.zeros((len(items), ROW + ROWS), dtype=np.int64)
     laws = np.zeros((len(items), 3, MOST_XI, MOST_XI))
     entries, factors = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0)]
@@ -93,7 +95,8 @@ def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
         invariants = Invariants([tuple(own)], system.row_of)
         vertices = _place(system, plan, invariants.rows[0], places[c])
         forms = _forms(system, invariants, vertices)
-        places[c, KIND], places[c, SLACK] = COUPLING_KINDS[kinds[-1]], item.slack
+        places[c, KIND] = COUPLING_KINDS[kinds[-1]]
+        places[c, SLACK] = OWN if item.own_law else item.slack
         places[c, LEADING], places[c, FIRST] = len(kinds) - 1, sum(map(len, factors))
         entries.append(np.argwhere(forms))
         factors.append(forms[forms != 0])
@@ -102,13 +105,16 @@ def bound_couplings(system: System, plan: Plan) -> dict[str, Any]:
         shifts = [k for k, kind in enumerate(kinds) if kind == "displacement"]
         origin[shifts] = values[shifts]
         m = slice(item.size)
-        laws[c, STIFFNESS, m, m], laws[c, DAMPING, m, m] = item.stiffness, item.damping
-        laws[c, NEUTRAL, 0, m], laws[c, NEUTRAL, 1, 0] = item.neutral + origin, item.sign
+        if not item.own_law:
+            laws[c, STIFFNESS, m, m], laws[c, DAMPING, m, m] = item.stiffness, item.damping
+        laws[c, NEUTRAL, 0, m], laws[c, NEUTRAL, SIGN, 0] = item.neutral + origin, item.sign
     return {
         "coupling": places,
         "coupling_law": laws,
         "coupling_entry": np.concatenate(entries),
         "coupling_factor": np.concatenate(factors),
+        # address of what finds forces of own laws
+        "called": np.zeros(1, dtype=np.int64),
     }
 
 
@@ -187,7 +193,7 @@ def parts_of(
         unused |= {*BEAM_PARTS, *(() if static else ("predict_changes",))}
     if not static and system.dead_only and system.drag is None:
         unused.add("load")
-    if not system.couplings.items:
+    if not (system.couplings.items or (system.couplings.called and not static)):
         unused.add("couple")
     return [name for name in (*TREE_PARTS, *BEAM_PARTS) if name not in unused]
 
@@ -452,7 +458,7 @@ def bound_plan(coordinates: Coordinates, plan: Plan) -> tuple[Any, dict[str, Any
 
 
 def bound_tree(
-    coordinates: Coordinates, plan: Plan, held: bool = False
+    coordinates: Coordinates, plan: Plan, held: bool = False, static: bool = False
 ) -> tuple[Any, dict[str, Any]]:
     """Vertices, edges and coordinates; the structure, and its arrays by name."""
     system = coordinates.system
@@ -472,7 +478,7 @@ def bound_tree(
         **bound_rows(coordinates, plan, held),
         **bound_nodal_masses(system.frame_group, system.point_group),
         **bound_following(system, plan),
-        **bound_couplings(system, plan),
+        **bound_couplings(system, plan, static),
         # normal of the plane in which a scene stays (zero: none), and the stiffness that holds it
         "hold": np.zeros(3),
         "held_by": np.zeros(1),

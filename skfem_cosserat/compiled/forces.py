@@ -15,18 +15,21 @@ import numpy as np
 from ..model.coordinates import NEAR_ONE, QUADRATURE, TURN_POWERS
 from ..types import Floats, IndexArray
 from .elements import pace, scalar_block
-from .jit import inlined, part, shared
+from .jit import call_back, inlined, part, shared
 from .numbers import (
     AMPLITUDE,
     END,
     ENDS,
     FORCE,
+    FORCES_OF_LAWS,
     GROUND,
     LOST,
     NUMERICAL,
     PI0,
+    PUSHED,
     REACH,
     SHARE,
+    SLOPES_OF_LAWS,
     START,
     STEP,
     TRAVEL,
@@ -56,16 +59,20 @@ from .tables import (
     DAMPING,
     DISTANCE,
     FIRST,
+    FORCES,
+    FOUND,
     KIND,
     LAST,
     LEADING,
     MOST_PI,
     MOST_XI,
     NEUTRAL,
+    OWN,
     ROTATION,
     ROW,
     ROWS,
     SIDE,
+    SIGN,
     SLACK,
     SLOTS,
     STIFFNESS,
@@ -311,7 +318,7 @@ def linear(
 def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats) -> Factors:
     """Forces of a cable by the velocity at the end of a step, in V."""
     found = linear(laws, state, c, 1, V, False, 0.0)
-    slack, sign = -state[c, AMPLITUDE], laws[c, NEUTRAL, 1, 0]
+    slack, sign = -state[c, AMPLITUDE], laws[c, NEUTRAL, SIGN, 0]
     if sign * (V[XI, 0] - laws[c, NEUTRAL, 0, 0]) > 0.0 and sign * (V[SIGMA, 0] - slack) > 0.0:
         return found
     V[SIGMA, 0] = slack
@@ -322,7 +329,7 @@ def slack_at_end(laws: Floats, state: Floats, c: int, V: Floats) -> Factors:
 def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: float) -> Factors:
     """Forces of a cable into V, dissipated energy into the state; factors of the derivatives."""
     K, C, h = laws[c, STIFFNESS, 0, 0], laws[c, DAMPING, 0, 0], state[c, STEP]
-    neutral, sign = laws[c, NEUTRAL, 0, 0], laws[c, NEUTRAL, 1, 0]
+    neutral, sign = laws[c, NEUTRAL, 0, 0], laws[c, NEUTRAL, SIGN, 0]
     e0, e1 = sign * (state[c, XI0] - neutral), sign * (V[XI1, 0] - neutral)
     spring, by_e, by_end = slack_law(K, sign * (V[XI, 0] - neutral), e0, e1, ends)
     own = 0.5 * h * decay * K
@@ -336,6 +343,21 @@ def slack(laws: Floats, state: Floats, c: int, V: Floats, ends: bool, decay: flo
     state[c, LOST] = lost
     state[c, NUMERICAL] = lost * own / (C + own) if C + own > 0.0 else 0.0
     return by_e, 0.0, by_end + 0.5 * decay * taut, taut / h
+
+
+@inlined
+def called(laws: Floats, state: Floats, c: int, m: int, V: Floats, ends: bool) -> Factors:
+    """Forces that a law of Python has left in the table, into V; what they follow from into it."""
+    work = 0.0
+    for i in range(m):
+        for r in range(SIGMA):
+            laws[c, NEUTRAL, FOUND + r, i] = V[r, i]
+        V[SIGMA, i] = laws[c, NEUTRAL, FORCES, i]
+        work -= V[SIGMA, i] * V[CHANGE, i]
+    state[c, PUSHED] = laws[c, NEUTRAL, SIGN, 1] * work
+    if ends:
+        return 0.0, 0.0, 1.0, 0.0
+    return 1.0, 1.0, 0.0, 0.0
 
 
 @shared
@@ -369,7 +391,9 @@ def respond(
                 V[CHANGE, i] += J[0, i, n] * (P[AT_END, n] - P[BEGIN, n])
     found = (0.0, 0.0, 0.0, 0.0)
     late = numbers[REACH] != 0.0
-    if places[c, SLACK] == 0:
+    if places[c, SLACK] == OWN:
+        found = called(laws, state, c, m, V, ends)
+    elif places[c, SLACK] == 0:
         found = linear(laws, state, c, m, V, ends, decay)
     elif late:
         found = slack_at_end(laws, state, c, V)
@@ -482,6 +506,22 @@ def gradients(s: Any, c: int, y: Floats, G: Floats, j: int, P: Floats, p: int) -
         P[p, k] = 0.5 * pi
 
 
+@shared
+def ask_laws(
+    s: Any, w: Any, numbers: Floats, stage: int, G: Floats, P: Floats, V: Floats, J: Floats
+) -> None:
+    """Let Python find the forces of its laws, for all at once, or their slopes."""
+    places = s.coupling
+    if s.called[0] == 0:
+        return
+    for c in range(len(places)):
+        if places[c, SLACK] == OWN:
+            gradients(s, c, w.later, G, 0, P, AT_END)
+            gradients(s, c, w.mid, G, 0, P, AT_MID)
+            respond(s, w.coupled, c, numbers, P, V, J)
+    call_back(s.called[0], stage)
+
+
 @inlined
 def force_on(state: Floats, c: int, count: int, G: Floats, a: int) -> Vector:
     """Force on row a, of the gradients of the invariants."""
@@ -504,6 +544,8 @@ def couple_force(
     if flag == 2:
         out = w.R_mixed
     rows = out.shape[0]
+    if flag == 0:
+        ask_laws(s, w, numbers, FORCES_OF_LAWS, G, P, V, J)
     for c in range(len(places)):
         kind, d = places[c, KIND], places[c, LEADING]
         m, count = numbers_of_kind(kind)
@@ -567,6 +609,7 @@ def couple(s: Any, m: Any, w: Any, numbers: Floats, flag: int) -> float:
     # H: derivatives of s by the invariants at the midpoint and at the end; sums of s_k A_k by sides
     X, H, by_sides = local((3, 4, 4)), local((2, MOST_PI, MOST_PI)), local((4, SIDE, SIDE))
     left, right, turned = local((MOST_PI, 12)), local((2 * MOST_PI, 12)), local(12)
+    ask_laws(s, w, numbers, SLOPES_OF_LAWS, G, P, V, J)
     for c in range(len(places)):
         gradients(s, c, w.mid, G, 0, P, AT_MID)
         gradients(s, c, w.later, G, MOST_PI, P, AT_END)

@@ -66,6 +66,9 @@ BEAM_START, BEAM_FORCE, BEAM_TANGENT, BEAM_PREDICTED, BEAM_ENERGY = range(30, 35
 CALLED_BACK, NEXT_LOADS = range(35, 37)
 AT_BEGIN, AT_FORCE, AT_PREDICTED, AT_MATRIX = range(4)
 
+#: what laws that Python knows are asked for: forces, or their slopes
+FORCES_OF_LAWS, SLOPES_OF_LAWS = range(2)
+
 #: what beams of a stored energy ask for: stresses by strains, their derivative, and the energy at
 #: the start of a step; functions of a law that users had compiled
 STRESSES_BY_LAW, MODULI_BY_LAW, ENERGY_BY_LAW = range(3)
@@ -75,13 +78,13 @@ ENERGY, COMPLEX_ENERGY, GRADIENT, COMPLEX_GRADIENT, HESSIAN = range(5)
 #: at the start and at the end, or how far a rotation vector went; what is dissipated, the part of
 #: the scheme in it, and what the ground does (J); forces of an actuator, invariants and coordinates
 #: at the start, forces by invariants, travel of the coordinates; whether full turns are counted on
-#: from step to step
+#: from step to step; work of a law without potential (J)
 STEP, TURNS, TURNED, LOST, NUMERICAL, GROUND, AMPLITUDE = range(7)
 PI0 = AMPLITUDE + MOST_XI
 XI0 = PI0 + MOST_PI
 S = XI0 + MOST_XI
 TRAVEL = S + MOST_PI
-WINDS, COUPLED = range(TRAVEL + MOST_XI, TRAVEL + MOST_XI + 2)
+WINDS, PUSHED, COUPLED = range(TRAVEL + MOST_XI, TRAVEL + MOST_XI + 3)
 
 #: of the extra velocity of energy-decaying steps, numpy's and compiled ones: what is added to the
 #: diagonal of a singular matrix, of its size (where all velocities are parallel); products with the

@@ -325,6 +325,7 @@ def keep(o: Any, coupled: Floats, numbers: Floats, record: Floats) -> None:
         record[n.DISSIPATED] += coupled[c, n.LOST]
         record[n.BY_SCHEME] += coupled[c, n.NUMERICAL]
         record[n.BY_GROUND] += coupled[c, n.GROUND]
+        record[n.WORK] += coupled[c, n.PUSHED]
         for i in range(MOST_XI):
             record[n.ACTUATORS] += coupled[c, n.AMPLITUDE + i] * coupled[c, n.TRAVEL + i]
     viscous = 0.0

@@ -1,11 +1,13 @@
 """Columns of the tables that bind modules make and kernels read; numba is not imported here."""
 
+from ..model.coordinates import MOST_XI
+
 # -- force elements, see :mod:`.forces` ---------------------------------------------------------
 
 #: kinds of the last coordinate
 DISPLACEMENT, DISTANCE, ANGLE, ROTATION = range(4)
-#: most components and invariants of an element
-MOST_XI, MOST_PI = 6, 7
+#: most invariants of an element
+MOST_PI = MOST_XI + 1
 #: rows of a side
 SIDE = 4
 ROWS = 2 * SIDE
@@ -15,8 +17,12 @@ ROWS = 2 * SIDE
 #: an invariant, a row and a column of its matrix
 KIND, LEADING, SLACK, FIRST, LAST, SLOTS = range(6)
 ROW = SLOTS + 4
-#: ``s.coupling_law``: matrices, and the row of the neutral coordinates; below it the sign
+#: ``s.coupling_law``: matrices, and rows: neutral coordinates, the sign. Of a law of Python, whose
+#: mark in the column SLACK is OWN, the matrices are slopes of its forces by the coordinates and by
+#: their rates; beside the sign is 1 if there is no potential, and rows are forces and what they
+#: follow from: coordinates at the end and at the midpoint, their change
 STIFFNESS, DAMPING, NEUTRAL = range(3)
+OWN, SIGN, FORCES, FOUND = 2, 1, 2, 3
 
 # -- damped relative velocities, see :mod:`.flow` --------------------------------------------------
 

@@ -18,6 +18,7 @@ from ..constraints.saddle import is_lattice
 from ..errors import InputError, PerformanceWarning
 from ..linear import Solver
 from ..model import System
+from ..model.force_elements import fits_kernels
 from ..model.system import Coordinates
 from ..newton import NewtonSettings
 from ..warn import warn
@@ -48,11 +49,7 @@ def static_refusal(system: System, treatment: Treatment) -> str | None:
     """Why equilibria cannot be found by compiled kernels; None: they can."""
     for item in system.couplings.items:
         kinds = [c.kind for c in item.coordinates]
-        if (
-            item.size > MOST_XI
-            or set(kinds[:-1]) - {"displacement"}
-            or len({system.row_of(place) for place in item.places()}) > 2
-        ):
+        if not fits_kernels(item, system.row_of):
             return (
                 f"there are no compiled kernels for {item.label}, whose coordinates are {kinds}:"
                 f" they take at most {MOST_XI} components, displacements before one coordinate of"

@@ -55,7 +55,7 @@ from ..pattern import FrozenPattern
 from ..types import Floats, IndexArray, largest
 from .base import Integrator
 from .block import Block
-from .called_back import Called, CalledBack, CalledLaws
+from .called_back import Called, CalledBack, CalledForces, CalledLaws
 from .scheme import Scheme, State, StepOrigin, StepWork
 from .step_balance import decay_work
 
@@ -266,7 +266,7 @@ class CompiledScene:
         system, viscous = self.system, not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
         with kept.BINDING:
-            s, self._tree = bind.bound_tree(self.coordinates, self.plan, "hold" in parts)
+            s, self._tree = bind.bound_tree(self.coordinates, self.plan, "hold" in parts, static)
             m, planned = bind.bound_plan(self.coordinates, self.plan)
             separate = separate_parts(system) if self.scheme.relative else None
             w, self._arrays = bind.bound_work(self.coordinates, self.plan, self.late, separate)
@@ -622,12 +622,22 @@ class CompiledStep(CompiledScene):
         system, own = self.system, self.system.couplings.own
         inside = system.couplings_of(system.couplings.items) if own else system.couplings
         self._coupled: Coupled = Coupled(system, inside, self._a.coupled, scheme, h)
-        self._next = Called(lambda k: self._load_at(*self._times[k : k + 2]))
+        self._next = Called(self._go_on)
         self._all[0][NEXT_LOADS] = self._next.address
+        called = len(system.couplings.called)
+        self._called_forces = None
+        if called:
+            self._called_forces = CalledForces(system, self._tree, self._a.coupled, scheme)
         self._called_back: CalledBack | None = None
-        if own:
+        if len(own) > called:
             self._called_back = CalledBack(system, self.plan, self._a)
             self._all[0][CALLED_BACK] = self._called_back.address
+
+    def _go_on(self, k: int) -> None:
+        """Start the k-th step after the first one that is solved in one go."""
+        if self._called_forces is not None:
+            self._called_forces.go_on(self._times[k])
+        self._load_at(*self._times[k : k + 2])
 
     def _resist(self, h: float) -> None:
         """Drag and viscous sections in steps of this size."""
@@ -730,6 +740,8 @@ class CompiledStep(CompiledScene):
         self._a.p0[:] = state.p.reshape(-1, 3)
         if self.rates0 is not None:
             self._o.rates[:] = self.rates0.reshape(-1, 3)
+        if self._called_forces is not None:
+            self._called_forces.begin(state.turns, t, self.h)
         if self._called_back is not None:
             self._called_back.begin(state, self.h, scheme, self.rates0)
 
@@ -770,7 +782,8 @@ class CompiledStep(CompiledScene):
         Fewer, where something has to be looked at; one, where no more are taken.
         """
         record, self._times = self._record, [state.time, *times.tolist()]
-        record[VARYING] = varies = self._varies(state.time)
+        varies = self._varies(state.time)
+        record[VARYING] = varies or self._called_forces is not None
         solved = self._solved(state, len(times))
         done, n = int(record[DONE]), self.system.n
         if not done:
@@ -803,10 +816,12 @@ class CompiledStep(CompiledScene):
         return block
 
     def _turns(self, done: int) -> IndexArray:
-        """Full turns (k, angles) of all angles, of k steps; with own laws of a single one."""
-        found = self._coupled.turns_of(self._o.log_turns[:done])
+        """Full turns and memories (k, numbers) of k steps; with laws called back of one."""
+        found = [self._coupled.turns_of(self._o.log_turns[:done])]
+        if self._called_forces is not None and self.system.couplings.angles:
+            found.append(self._called_forces.turns(done))
         own = None if self._called_back is None else self._called_back.turns()
-        return found if own is None else np.hstack([found, own[None]])
+        return np.hstack(found if own is None else [*found, own[None]])
 
     def _complete(self, block: Block, state: State, plain: bool) -> None:
         """Add what kernels leave of the last step: works, unless `plain`, and velocities."""
@@ -841,7 +856,9 @@ class CompiledStep(CompiledScene):
         if isinstance(self._next.error, Exception):  # kept for the step itself
             self._failed, solved = (self._times[int(record[DONE])], self._next.error), True
             self._next.error = None
-        for called in (self._next, self._called_back):
+        if self._called_forces is not None and isinstance(self._called_forces.error, Exception):
+            self._called_forces.error = None  # the step itself will tell it
+        for called in (self._next, self._called_forces, self._called_back):
             if called is not None:
                 called.complain()
         if self.looped:

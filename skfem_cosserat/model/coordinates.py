@@ -20,6 +20,9 @@ import numpy as np
 
 from ..types import Array, Floats
 
+#: most components of the coordinates of a force element in compiled steps
+MOST_XI = 6
+
 
 class Kind(ABC):
     """A kind of relative coordinate.

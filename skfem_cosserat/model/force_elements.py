@@ -22,7 +22,7 @@ from ..time_function import (
 )
 from ..types import Array, ArrayLike, Floats, IndexArray
 from ..warn import warn
-from .coordinates import KINDS, Joined, Kind
+from .coordinates import KINDS, MOST_XI, Joined, Kind
 from .own_law import OwnLaw, apply
 
 # -- laws of force elements: generalised force, stored energy, and what is dissipated in a step ----
@@ -279,6 +279,17 @@ def _prescribed(item: Coupling, times: Floats) -> Array:
     """Forces (..., m) of the channels of a force element at times (...); 0 if it has none."""
     own = [[time.value(t) for time in item.channels] for t in times.ravel().tolist()]
     return np.reshape(own, (*times.shape, -1)) if item.channels else np.zeros(1)
+
+
+def fits_kernels(item: Coupling, row_of: RowOf) -> bool:
+    """Whether kernels have its coordinates: displacements before one of any kind, on two sides."""
+    shifts = {c.kind for c in item.coordinates[:-1]} <= {"displacement", "position"}
+    return shifts and item.size <= MOST_XI and len({row_of(p) for p in item.places()}) <= 2
+
+
+def _whole(item: Coupling) -> object:
+    """What it is a piece of."""
+    return getattr(item, "whole", item)
 
 
 def kind_of(coordinates: Sequence[RelativeCoordinate]) -> Kind:
@@ -602,31 +613,36 @@ class Couplings:
         length: float,
     ) -> None:
         self.items = [item for item in items if not item.own_law]
-        self.own = [item for item in items if item.own_law]
+        #: own laws of which kernels have the coordinates
+        own = [item for item in items if item.own_law]
+        unfit = {id(_whole(item)) for item in own if not fits_kernels(item, row_of)}
+        self.called = [item for item in own if id(_whole(item)) not in unfit]
+        self.own = [*self.called, *(item for item in own if id(_whole(item)) in unfit)]
         self._free, self.count = free, len(items)
         families: dict[tuple[object, ...], list[Coupling]] = {}
         for item in [*self.items, *self.own]:
-            law = id(getattr(item, "whole", item)) if item.own_law else item.slack
+            law = id(_whole(item)) if item.own_law else item.slack
             key = (law, *(c.kind for c in item.coordinates))
             families.setdefault(key, []).append(item)
         self.times: list[TimeFunction] = []
         #: whose times they are
         self.owners: list[Coupling] = []
-        self._groups = []
+        #: those of one kind of coordinates and one law
+        self.groups: list[_Group] = []
         for members in families.values():
             given = reference, free, len(self.times), length
-            self._groups.append(_Group(members, row_of, *given))
+            self.groups.append(_Group(members, row_of, *given))
             for member in members:
                 self.times += member.channels
                 self.owners += [member] * len(member.channels)
         #: whether no actuator depends on time
         self.constant = all(isinstance(time, Constant) for time in self.times)
         none = np.zeros((0, 2), dtype=np.int64)
-        self.pairs = np.concatenate([none, *(g.pairs for g in self._groups)])
+        self.pairs = np.concatenate([none, *(g.pairs for g in self.groups)])
         self.angles: list[Coupling | None] = []
         self.turning: list[str] = []
         first = [np.zeros(0, dtype=np.int64)]
-        for g in self._groups:
+        for g in self.groups:
             for m in g.members if len(g.angles) else ():
                 self.turning += angle_names(m)
                 self.angles += [m] * len(g.angles)
@@ -644,7 +660,7 @@ class Couplings:
     def _scatter(self) -> csr_matrix:
         """From the rows of y that the invariants take to all of them."""
         none = np.zeros(0, dtype=np.int64)
-        rows = np.concatenate([none, *(g.invariants.rows.ravel() for g in self._groups)])
+        rows = np.concatenate([none, *(g.invariants.rows.ravel() for g in self.groups)])
         entries = np.ones(len(rows)), (rows, np.arange(len(rows)))
         return csr_matrix(entries, shape=(self._total, len(rows)))
 
@@ -656,7 +672,7 @@ class Couplings:
         InputError
             If they are wrong.
         """
-        for group in self._groups:
+        for group in self.groups:
             group.check(y)
 
     # -- a step ----------------------------------------------------------------------------------
@@ -683,7 +699,7 @@ class Couplings:
         """
         starts = [
             _Start(pi, xi, amplitudes[g.channels], time, g.within(xi, memory, half, ends))
-            for g, (pi, xi, memory) in zip(self._groups, self._values(y0, turns), strict=True)
+            for g, (pi, xi, memory) in zip(self.groups, self._values(y0, turns), strict=True)
         ]
         return CoupledStart(h, y0, starts)
 
@@ -691,13 +707,13 @@ class Couplings:
         self, start: CoupledStart, mid: Array, y1: Array, decay: float = 0.0
     ) -> CoupledForce:
         """Forces that do the work ``V_1 - V_0``, but for dampers, actuators and `decay`."""
-        pairs = zip(self._groups, start.groups, strict=True)
+        pairs = zip(self.groups, start.groups, strict=True)
         responses = [g.discrete(s, start.h, mid, y1, decay) for g, s in pairs]
         return self._assemble(responses)
 
     def midpoint(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
         """Forces of the midpoint configuration: springs have the potential ``V(y_mid)``."""
-        pairs = zip(self._groups, start.groups, strict=True)
+        pairs = zip(self.groups, start.groups, strict=True)
         responses = [g.midpoint(s, start.h, mid, y1) for g, s in pairs]
         return self._assemble(responses)
 
@@ -709,13 +725,13 @@ class Couplings:
         What is dissipated is a power then (W).
         """
         rates = np.zeros_like(y) if ydot is None else ydot
-        pairs = zip(self._groups, start.groups, strict=True)
+        pairs = zip(self.groups, start.groups, strict=True)
         responses = [g.static(s, y, rates, share) for g, s in pairs]
         return self._assemble(responses)
 
     def pushed(self, y: Array, time: float) -> Array:
         """Forces (free rows, 3) of laws without a potential, at rest at y."""
-        laws = [g for g in self._groups if g.law.force_of_load]
+        laws = [g for g in self.groups if g.law.force_of_load]
         out = np.zeros_like(y)
         for g in laws:
             start = _Start(*self._at(g, y), np.zeros(g.channels.shape), time, g.law)
@@ -743,7 +759,7 @@ class Couplings:
     def tangent(self, force: CoupledForce, factor: float) -> Array:
         """``factor`` times the derivative of the force on row a by row b of y_1, (k, 3, 3)."""
         blocks = [np.zeros((0, 3, 3))]  # there may be none
-        blocks += [g.tangent(r) for g, r in zip(self._groups, force.responses, strict=True)]
+        blocks += [g.tangent(r) for g, r in zip(self.groups, force.responses, strict=True)]
         return factor * np.concatenate(blocks)
 
     def work(self, start: CoupledStart, force: CoupledForce, y1: Floats) -> CouplingWork:
@@ -765,8 +781,8 @@ class Couplings:
 
         Warns of a rotation vector that passed a turn of pi, where it jumps.
         """
-        out = []
-        for g, s in zip(self._groups, start.groups, strict=True):
+        out: list[Array] = []
+        for g, s in zip(self.groups, start.groups, strict=True):
             pi = g.invariants.values(y1)
             xi = g.kind.value(pi)
             turned = (g.kind.continued(pi, s.xi) - xi)[:, g.angles] / (2 * np.pi)
@@ -784,7 +800,7 @@ class Couplings:
     def energy(self, y: Floats, turns: IndexArray | None = None) -> Floats:
         """Stored energy (...) of states y (..., total, 3) with `turns` (..., angles)."""
         out = np.zeros(y.shape[:-2])
-        for g, (_, xi, _) in zip(self._groups, self._values(y, turns), strict=True):
+        for g, (_, xi, _) in zip(self.groups, self._values(y, turns), strict=True):
             out += g.law.energy(g.stretch(xi)).sum(-1)
         return out
 
@@ -793,19 +809,19 @@ class Couplings:
 
         `taut`: also of cables that are slack at y.
         """
-        return np.concatenate([np.zeros((0, 3, 3)), *(g.stiffness(y, taut) for g in self._groups)])
+        return np.concatenate([np.zeros((0, 3, 3)), *(g.stiffness(y, taut) for g in self.groups)])
 
     def damping(self, y: Array, taut: bool = False) -> Array:
         """Damping of force elements by velocity b on row a, at :attr:`pairs`; (k, 3, 3).
 
         `taut`: also of cables that are slack at y.
         """
-        return np.concatenate([np.zeros((0, 3, 3)), *(g.damping(y, taut) for g in self._groups)])
+        return np.concatenate([np.zeros((0, 3, 3)), *(g.damping(y, taut) for g in self.groups)])
 
     @property
     def passive(self) -> list[Coupling]:
         """All but actuators and forces at places, in the order of :meth:`forces`."""
-        return [m for g in self._groups for m in g.members if not (m.actuator or m.points)]
+        return [m for g in self.groups for m in g.members if not (m.actuator or m.points)]
 
     def forces(
         self, y: Floats, ydot: Floats, turns: IndexArray | None = None, times: ArrayLike = 0.0
@@ -815,7 +831,7 @@ class Couplings:
         The force is that of spring and damper; where it is positive it pulls the coordinate back.
         """
         out = []
-        for g, (pi, xi, memory) in zip(self._groups, self._values(y, turns), strict=True):
+        for g, (pi, xi, memory) in zip(self.groups, self._values(y, turns), strict=True):
             rate = g.rate(y, ydot, pi)
             force = g.forces(xi, rate, memory, np.asarray(times))
             shown = xi - g.origin
@@ -834,9 +850,9 @@ class Couplings:
 
     def due(self, turns: Array | None) -> float:
         """Instant (s) at which a law is sampled next; infinite if none is."""
-        if not any(g.law.period for g in self._groups):
+        if not any(g.law.period for g in self.groups):
             return float(np.inf)
-        kept = zip(self._groups, self._kept(turns), strict=True)
+        kept = zip(self.groups, self.kept(turns), strict=True)
         found = [float(z[:, g.law.due].min()) for g, (_, z) in kept if g.law.period]
         return min(found, default=np.inf)
 
@@ -849,17 +865,18 @@ class Couplings:
             All rows and their rates.
         """
         out = np.array(self.untouched if turns is None else turns)
-        kept = zip(self._groups, self._values(y, turns), self._kept(out), strict=True)
+        kept = zip(self.groups, self._values(y, turns), self.kept(out), strict=True)
         for g, (pi, xi, z), (_, memory) in kept:
-            if g.law.period and z[:, g.law.due].min() <= t + INSTANT * g.law.period:
+            late = t + INSTANT * g.law.period
+            if isinstance(g.law, OwnLaw) and g.law.period and z[:, g.law.due].min() <= late:
                 memory[:] = g.law.sampled(g.stretch(xi), g.rate(y, ydot, pi), z, t)
         return out
 
-    def _kept(self, turns: Array | None) -> list[tuple[Array, Array]]:
+    def kept(self, turns: Array | None) -> list[tuple[Array, Array]]:
         """Full turns (..., c, angles) and memories (..., c, k) of each group: views."""
         out, first = [], 0
         every = self.untouched if turns is None else np.asarray(turns)
-        for g in self._groups:
+        for g in self.groups:
             both = []
             for count in (len(g.angles), g.memory.shape[1]):
                 shape = len(g.members), count
@@ -873,7 +890,7 @@ class Couplings:
         """(pi, xi, memory) of each group."""
         self.check_turns(turns)
         out = []
-        for g, (own, memory) in zip(self._groups, self._kept(turns), strict=True):
+        for g, (own, memory) in zip(self.groups, self.kept(turns), strict=True):
             pi = g.invariants.values(y)
             xi = g.kind.value(pi)
             if own.size:

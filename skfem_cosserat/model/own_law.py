@@ -47,7 +47,8 @@ class OwnLaw:
         self.own, self.length, self.m = own, length, own.size
         self.label = getattr(own, "whole", own).label
         self.force_of_load = own.energy is None
-        self._half, self._before = 0.0, None
+        self._half = 0.0
+        self._before: Floats | None = None
         #: of a law that is sampled: its period (s), and where its memory has the next instant
         self.period, self.due = (
             (own.law.period, self.m) if isinstance(own.law, Controller) else (0.0, 0)
@@ -97,11 +98,14 @@ class OwnLaw:
             moved[:, 1:] = z[:, None].real + 1j * TINY * np.eye(k)
             rows = [*(each.reshape(-1, m) for each in given), moved.reshape(-1, k)]
             rate = self._with_memory(rows, t)[1].reshape(n, 1 + k, k)
-            by_z = np.eye(k) - self._half * rate[:, 1:].imag.swapaxes(1, 2) / TINY
-            gap = start + self._half * rate[:, 0] - z
-            change = np.linalg.solve(by_z, gap[..., None])[..., 0]
+            by_z = self._half * rate[:, 1:].imag.swapaxes(1, 2) / TINY
+            change = start + self._half * rate[:, 0] - z
+            done = not by_z.any()
+            if not done:
+                change = np.linalg.solve(np.eye(k) - by_z, change[..., None])[..., 0]
+                done = abs(change).max() <= 1e-12 * (abs(z).max() + abs(start).max())
             z = z + change
-            if abs(change).max() <= 1e-12 * (abs(z).max() + abs(start).max()):
+            if done:
                 return z if np.iscomplexobj(x) or np.iscomplexobj(v) else z.real
         text = f"its memory has no value at the end of a step of {2 * self._half:g} s"
         raise InputError(self.label, f"{text} at t = {t:.9g} s: take a shorter one")
@@ -239,6 +243,28 @@ class OwnLaw:
     ) -> tuple[Array, Array]:
         """Force at the midpoint configuration; nothing is dissipated."""
         return self.force(e, rate, t), np.zeros(e.shape[:-1])
+
+    def tangents(
+        self,
+        ends: tuple[Floats, Floats],
+        at: tuple[Floats, Floats] | None,
+        h: float,
+        t: float,
+    ) -> tuple[Floats, Floats]:
+        """Derivatives (c, m, m) of the force by the coordinates and by their rate.
+
+        `at`: of the law, by these; None: of the discrete one, by the coordinates at the end.
+        """
+        if not self.force_of_load:
+            by_e = (
+                self._stored.discrete_tangent(*ends) if at is None else self._stored.tangent(at[0])
+            )
+            return by_e, np.zeros_like(by_e)
+        mean = 0.5 * (ends[0] + ends[1]), (ends[1] - ends[0]) / h
+        by_e, by_rate = self.slopes(*(mean if at is None else at), t)
+        if at is None:
+            return -(0.5 * by_e + by_rate / h), np.zeros_like(by_e)
+        return -by_e, -by_rate
 
     def stiffness(self, e: Array, taut: bool) -> Array:
         """Derivative (c, m, m) of the force by the coordinates, at rest at t = 0."""
