@@ -87,10 +87,11 @@ class OwnLaw:
     def _middle(self, x: Array, v: Array, t: float) -> Array:
         """Memory (n, k) in the middle of a step, by the midpoint rule, for rows (n, m) there."""
         (n, m), k = x.shape, self._memory.shape[1]
-        z = start = np.repeat(self._memory, n // len(self._memory), axis=0)
+        start = np.repeat(self._memory, n // len(self._memory), axis=0)
+        z: Array = start
         if not self._half or self.period:
             return z
-        given = [np.repeat(each[:, None], 1 + k, axis=1) for each in (x, v)]
+        given: list[Array] = [np.repeat(each[:, None], 1 + k, axis=1) for each in (x, v)]
         for each in given:
             each[:, 1:] = each[:, 1:].real
         for _ in range(MOST):
@@ -99,7 +100,7 @@ class OwnLaw:
             rows = [*(each.reshape(-1, m) for each in given), moved.reshape(-1, k)]
             rate = self._with_memory(rows, t)[1].reshape(n, 1 + k, k)
             by_z = self._half * rate[:, 1:].imag.swapaxes(1, 2) / TINY
-            change = start + self._half * rate[:, 0] - z
+            change: Array = start + self._half * rate[:, 0] - z
             done = not by_z.any()
             if not done:
                 change = np.linalg.solve(np.eye(k) - by_z, change[..., None])[..., 0]
