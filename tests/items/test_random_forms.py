@@ -56,7 +56,7 @@ def random_scene(seed):
 
 
 def check(seed):
-    """Twelve steps: the balance is closed, drag takes energy, all runs are one."""
+    """Twelve steps: the balance is closed, and all runs are one."""
     model, state, step = random_scene(seed)
     methods, until = (sc.EnergyMomentum(), sc.NullSpace(), step), 12 * step
     run = sc.simulate(model, *methods, until=until, start=state)
