@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from typing import TYPE_CHECKING, Any, Self
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 
@@ -18,10 +19,11 @@ from .time_function import (
     Component,
     Constant,
     FunctionOfTime,
+    Table,
     TimeFunction,
     time_function,
 )
-from .types import ArrayLike, Floats, finite, numbers, positive, shaped, symmetric
+from .types import ArrayLike, Floats, finite, numbers, positive, shaped, shown, symmetric
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -32,6 +34,10 @@ if TYPE_CHECKING:
 # Each acts on relative coordinates ``xi`` of two places with a generalised force: a spring and
 # damper ``K (xi - neutral) + C dxi/dt`` against the motion, an actuator with a prescribed one. All
 # are internal forces: what one side gets, the other loses.
+
+
+#: ``(e, v, t)`` to a tension, or a Table of stretches and tensions
+SpringForce: TypeAlias = Callable[[Any, Any, float], ArrayLike] | Table
 
 
 class Coupling(Item):
@@ -60,6 +66,14 @@ class Coupling(Item):
     channels: tuple[TimeFunction, ...] = ()
     #: whether its law is a user's own: compiled steps call it back
     own_law = False
+    #: its functions, and the shape of what they take, see :class:`Force`
+    law: Any = None
+    energy: Any = None
+    derivative: Any = None
+    shape: tuple[int, ...] = ()
+    each = False
+    #: of a spring, beside its stiffness and damping
+    force: SpringForce | None = None
     #: at which it acts, if these are no sides of a coupling
     points: tuple[object, ...] = ()
     a: Place
@@ -86,8 +100,17 @@ class Coupling(Item):
         return [place for end in ends for place, _, _ in end.terms]
 
     def pieces(self) -> Sequence[Coupling]:
-        """Force elements that it is made of."""
-        return [self]
+        """Force elements that it is made of: a force beside stiffness and damping is one more."""
+        if self.force is None or self.own_law:
+            return [self]
+        own: Any = loosened(copy(self))
+        own.own_law, own.whole = True, self
+        vars(own)["name"] = f"{self.name}/force"
+        return [self, own]
+
+    def where(self, piece: int) -> str:
+        """What an error says of one of the places of a law."""
+        return ""
 
     def sides(self) -> Sequence[Place]:
         """The places that it connects."""
@@ -101,12 +124,24 @@ class Coupling(Item):
         self.stiffness = self._matrix("stiffness", stiffness)
         self.damping = self._matrix("damping", damping)
         if not (self.stiffness.any() or self.damping.any()):
-            raise InputError(self.label, "stiffness and damping are both zero: it does nothing")
+            if self.force is None:
+                raise InputError(self.label, "stiffness and damping are both zero: it does nothing")
+            self.own_law = True
         value = numbers(self.label, "neutral", neutral)
         if value.shape not in ((), (self.size,)) or not np.isfinite(value).all():
             expected = "a finite number" if self.size == 1 else f"({self.size},) finite numbers"
             raise InputError(self.label, f"neutral = {value.tolist()}, expected {expected}")
         self.neutral = np.broadcast_to(value, (self.size,)).astype(float)
+
+    def _set_force(self, force: SpringForce | None) -> None:
+        self.force, self.shape = force, () if self.size == 1 else (3,)
+        if isinstance(force, Table) and not self.shape:
+            self.energy, self.derivative = force.integral, force.extended
+        elif callable(force) and not isinstance(force, TimeFunction):
+            self.law = partial(_against, force)
+        elif force is not None:
+            text = f"force = {shown(force)}, expected a function force(e, v, t)"
+            raise InputError(self.label, text + (not self.shape) * ", or a Table")
 
     def _matrix(self, name: str, value: Any) -> Floats:
         """(m, m) from a number for all components or a matrix."""
@@ -121,6 +156,11 @@ class Coupling(Item):
                 )
             return float(array) * np.eye(m)
         return semidefinite(self.label, name, array)
+
+
+def _against(force: Callable[..., Any], e: Any, v: Any, t: float) -> Any:
+    """A tension as a force along the coordinate."""
+    return np.negative(force(e, v, t))
 
 
 def semidefinite(item: str, name: str, array: Floats) -> Floats:
@@ -154,9 +194,10 @@ class _OnJoint(Coupling):
 
 
 class JointSpringDamper(_OnJoint):
-    """Linear spring and damper on a relative coordinate of a joint.
+    """Spring and damper on a relative coordinate of a joint.
 
-    Against the motion of side b it acts with ``K (xi - neutral) + C dxi/dt`` (N or N m).
+    Against the motion of side b it acts with ``K e + C de/dt + force(e, de/dt, t)`` (N or N m),
+    ``e = xi - neutral``.
 
     Parameters
     ----------
@@ -170,12 +211,14 @@ class JointSpringDamper(_OnJoint):
         Its name, see :meth:`Joint.coordinates`; needed if the joint has several.
     neutral : float, or (3,) array on a rotation vector
         Coordinate without spring force (m or rad). Angles are followed over several turns.
+    force : callable or Table, optional
+        See :class:`SpringDamper`. On a rotation vector a function, of e and v (3,).
 
     Raises
     ------
     InputError
-        If there is no such coordinate, both coefficients are zero, or one is negative, not
-        symmetric or not finite.
+        If there is no such coordinate, it has neither coefficients nor a force, or a coefficient is
+        negative, not symmetric or not finite; of a force see :class:`SpringDamper`.
 
     Examples
     --------
@@ -196,8 +239,10 @@ class JointSpringDamper(_OnJoint):
         damping: float | ArrayLike = 0.0,
         coordinate: str | None = None,
         neutral: float | ArrayLike = 0.0,
+        force: SpringForce | None = None,
     ) -> None:
         super().__init__(joint, coordinate)
+        self._set_force(force)
         self._set_law(stiffness, damping, neutral)
 
 
@@ -361,9 +406,10 @@ class _BetweenPlaces(Coupling):
 
 
 class SpringDamper(_BetweenPlaces):
-    """Linear spring and damper along the line between two points.
+    """Spring and damper along the line between two points.
 
-    Pulls both together with ``k (l - length) + c dl/dt`` (N), pushes if this is negative.
+    Pulls both together with ``k e + c de/dt + force(e, de/dt, t)`` (N), e being the stretch
+    ``l - length`` (m); pushes if this is negative.
 
     Parameters
     ----------
@@ -373,19 +419,33 @@ class SpringDamper(_BetweenPlaces):
         k (N/m) and c (N s/m), not negative.
     length : float, optional
         Unstressed length (m); default: the distance in the reference configuration.
+    force : callable or Table, optional
+        Tension (N) that comes on top: ``force(e, v, t)`` of the stretch, its rate v (m/s) and the
+        time t (s), or a table of it over the stretch. A table has a potential: with
+        :class:`EnergyMomentum` its work is its change of energy, exactly, and it counts as
+        ``coupling_energy``. The work of a function is part of ``work_loads``. Functions are
+        differentiated by complex steps, see :class:`Force`: ``np.where(e.real > 0, k * e, 0)``. With
+        stiffness or damping its results are those of ``NAME/force``.
 
     Raises
     ------
     InputError
-        If the points coincide in the reference configuration, are on the same body or node, or a
-        number is negative or not finite.
+        If the points coincide in the reference configuration, are on the same body or node, a
+        number is negative or not finite, there are no coefficients and no force, or this is no
+        function or Table; when a scene is frozen, if its values or derivatives are wrong.
 
     Examples
     --------
-    >>> from skfem_cosserat import MassPoint, ground
+    >>> from skfem_cosserat import MassPoint, Model, Table, ground, static
     >>> bob = MassPoint(1.0, position=(0, 0, -2))
     >>> SpringDamper(ground((0, 0, 0)), bob.place(), stiffness=50.0).neutral.tolist()
     [2.0]
+
+    One that gets stiffer, and one with a gap of 0.1 m on both sides:
+
+    >>> hard = SpringDamper(ground((0, 0, 0)), bob.place(), 50.0, force=lambda e, v, t: 900 * e**3)
+    >>> table = Table([-1, -0.1, 0.1, 1], [-900, 0, 0, 900])
+    >>> loose = SpringDamper(ground((0, 0, 0)), bob.place(), force=table)
     """
 
     kind = "spring"
@@ -394,14 +454,19 @@ class SpringDamper(_BetweenPlaces):
         self,
         a: Place,
         b: Place,
-        stiffness: float,
+        stiffness: float = 0.0,
         damping: float = 0.0,
         length: float | None = None,
+        force: SpringForce | None = None,
     ) -> None:
         super().__init__(a, b)
         if self.slack:
             positive(self.label, "stiffness", stiffness, " (N/m)")
-        self._set_law(stiffness, damping, self._along_line(length))
+            if force is not None:
+                raise InputError(self.label, f"force = {shown(force)}, expected None: it goes slack")
+        neutral = self._along_line(length)
+        self._set_force(force)
+        self._set_law(stiffness, damping, neutral)
 
 
 class Cable(SpringDamper):

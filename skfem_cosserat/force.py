@@ -49,7 +49,8 @@ class Force(Coupling):
         ``energy(x)`` gives a potential in J instead.
     derivative : callable, optional
         Of a law ``derivative(x, v, t)``: its derivatives by x and by v, two arrays of the shape of
-        x twice, as (k, 3, k, 3). Of a potential ``derivative(x)``: its gradient, of the shape of x.
+        x twice, as (k, 3, k, 3). Of a potential ``derivative(x)``: its gradient, of the shape of x;
+        where it takes no complex numbers, its slopes are differences.
         By default they come from complex steps: the functions must be made of what can be
         differentiated, ``np.sqrt((v * v).sum())`` instead of ``abs`` or ``np.linalg.norm``.
     each : bool

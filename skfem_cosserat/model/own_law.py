@@ -9,7 +9,6 @@ import numpy as np
 
 from ..coupling import Coupling
 from ..errors import InputError, failed
-from ..force import Force
 from ..law import LawStored
 from ..types import Array, Floats
 
@@ -27,7 +26,7 @@ class OwnLaw:
 
     Parameters
     ----------
-    members : sequence of Force
+    members : sequence of Coupling
         Of the same functions.
     length : float
         Extent of the scene (m).
@@ -40,7 +39,6 @@ class OwnLaw:
 
     def __init__(self, members: Sequence[Coupling], length: float) -> None:
         own = members[0]
-        assert isinstance(own, Force)
         self.own, self.length, self.m = own, length, own.size
         self.label = getattr(own, "whole", own).label
         self.force_of_load = own.energy is None
@@ -192,6 +190,12 @@ class OwnLaw:
         for _ in range(2):
             x = e + 1e-2 * self.length * rng.standard_normal(e.shape)
             off = min(off, self._error(x, rng.standard_normal(e.shape)))
+        if not self.force_of_load:
+            try:
+                self._stored.tangent(x)
+            except InputError:  # the derivative takes no complex numbers
+                given = *self._stored.functions, np.eye(self.m), False
+                self._stored = LawStored(*given, size=self.length)
         if off <= 1e-3:
             return
         remedy = "give the right one"
