@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 #: ``(e, v, t)`` to a tension, or a Table of stretches and tensions
-SpringForce: TypeAlias = Callable[[Any, Any, float], ArrayLike] | Table
+SpringForce: TypeAlias = Callable[[Any, Any, float], ArrayLike] | Table | None
 
 
 class Coupling(Item):
@@ -73,7 +73,7 @@ class Coupling(Item):
     shape: tuple[int, ...] = ()
     each = False
     #: of a spring, beside its stiffness and damping
-    force: SpringForce | None = None
+    force: SpringForce = None
     #: at which it acts, if these are no sides of a coupling
     points: tuple[object, ...] = ()
     a: Place
@@ -120,11 +120,21 @@ class Coupling(Item):
         """The items of both sides."""
         return [place.item for place in (self.a, self.b) if place.item is not None]
 
-    def _set_law(self, stiffness: Any, damping: Any, neutral: Any) -> None:
+    def _set_law(
+        self, stiffness: Any, damping: Any, neutral: Any, force: SpringForce = None
+    ) -> None:
+        self.force, self.shape = force, () if self.size == 1 else (self.size,)
+        if isinstance(force, Table) and self.size == 1:
+            self.energy, self.derivative = force.integral, force.extended
+        elif callable(force) and not isinstance(force, TimeFunction):
+            self.law = partial(_against, force)
+        elif force is not None:
+            text = f"force = {shown(force)}, expected a function force(e, v, t)"
+            raise InputError(self.label, text + (self.size == 1) * ", or a Table")
         self.stiffness = self._matrix("stiffness", stiffness)
         self.damping = self._matrix("damping", damping)
         if not (self.stiffness.any() or self.damping.any()):
-            if self.force is None:
+            if force is None:
                 raise InputError(self.label, "stiffness and damping are both zero: it does nothing")
             self.own_law = True
         value = numbers(self.label, "neutral", neutral)
@@ -132,16 +142,6 @@ class Coupling(Item):
             expected = "a finite number" if self.size == 1 else f"({self.size},) finite numbers"
             raise InputError(self.label, f"neutral = {value.tolist()}, expected {expected}")
         self.neutral = np.broadcast_to(value, (self.size,)).astype(float)
-
-    def _set_force(self, force: SpringForce | None) -> None:
-        self.force, self.shape = force, () if self.size == 1 else (3,)
-        if isinstance(force, Table) and not self.shape:
-            self.energy, self.derivative = force.integral, force.extended
-        elif callable(force) and not isinstance(force, TimeFunction):
-            self.law = partial(_against, force)
-        elif force is not None:
-            text = f"force = {shown(force)}, expected a function force(e, v, t)"
-            raise InputError(self.label, text + (not self.shape) * ", or a Table")
 
     def _matrix(self, name: str, value: Any) -> Floats:
         """(m, m) from a number for all components or a matrix."""
@@ -239,11 +239,10 @@ class JointSpringDamper(_OnJoint):
         damping: float | ArrayLike = 0.0,
         coordinate: str | None = None,
         neutral: float | ArrayLike = 0.0,
-        force: SpringForce | None = None,
+        force: SpringForce = None,
     ) -> None:
         super().__init__(joint, coordinate)
-        self._set_force(force)
-        self._set_law(stiffness, damping, neutral)
+        self._set_law(stiffness, damping, neutral, force)
 
 
 class _Stop(JointSpringDamper):
@@ -457,16 +456,14 @@ class SpringDamper(_BetweenPlaces):
         stiffness: float = 0.0,
         damping: float = 0.0,
         length: float | None = None,
-        force: SpringForce | None = None,
+        force: SpringForce = None,
     ) -> None:
         super().__init__(a, b)
         if self.slack:
             positive(self.label, "stiffness", stiffness, " (N/m)")
             if force is not None:
-                raise InputError(self.label, f"force = {shown(force)}, expected None: it goes slack")
-        neutral = self._along_line(length)
-        self._set_force(force)
-        self._set_law(stiffness, damping, neutral)
+                raise InputError(self.label, "takes no force, unlike a SpringDamper")
+        self._set_law(stiffness, damping, self._along_line(length), force)
 
 
 class Cable(SpringDamper):

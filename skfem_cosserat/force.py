@@ -121,7 +121,7 @@ class Force(Coupling):
         self.a, self.b = self.sides()[0], self.sides()[-1]
         if self.joints:
             self.a, self.b = self.joints[0].a, self.joints[0].b
-        self._set_law(0.0, 0.0, 0.0)
+        self._without_springs()
         #: of one place each, made when the scene is frozen
         self._parts_of_it: list[Coupling] = []
 
@@ -134,7 +134,7 @@ class Force(Coupling):
             why = str(error) if isinstance(error, InputError) else f"acts on {no_place(where)}"
             raise InputError(self.label, why) from error
 
-    def _set_law(self, stiffness: Any, damping: Any, neutral: Any) -> None:
+    def _without_springs(self) -> None:
         """Springs of force elements: it has none."""
         self.stiffness = self.damping = np.zeros((0, 0))
         self.neutral = np.zeros(self.size)
@@ -173,7 +173,7 @@ class Force(Coupling):
             for k in range(0, self.size, step):
                 piece = loosened(copy(self))
                 piece.coordinates, piece.whole = self.coordinates[k : k + step], self
-                piece._set_law(0.0, 0.0, 0.0)
+                piece._without_springs()
                 vars(piece)["name"] = f"{self.name}/{k // step}"
                 self._parts_of_it.append(piece)
         return self._parts_of_it

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from operator import mul
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -290,12 +290,11 @@ class Table(Frozen):
         """From zero to `x`: the potential (J) of a table of forces over a stretch."""
         return x * self.average(0.0, x) if x else 0.0
 
-    def extended(self, x: complex) -> complex:
+    def extended(self, x: Any) -> Any:
         """The value, also of complex numbers, with which complex steps find its slope."""
         steps = np.diff(self.times)
         rises = np.clip(x - self.times[:-1], 0.0, steps) @ (np.diff(self.values) / steps)
-        out: complex = self.values[0] + rises  # a real number of a real one
-        return out
+        return self.values[0] + rises
 
 
 def _clenshaw_curtis(n: int) -> tuple[Floats, Floats, Floats]:

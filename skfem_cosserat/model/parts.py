@@ -111,8 +111,9 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     links = [_first_to_all(group.rows) for group in system.groups]
     own = g.inside
     links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
-    every = *system.couplings.items, *system.couplings.own
-    joining = [c for c in every if lines or not isinstance(c, SpringDamper)]
+    items = system.couplings.items
+    joining = [c for c in items if lines or not isinstance(c, SpringDamper)]
+    joining += system.couplings.own
     sides = [[system.row_of(side) for side in c.sides()] for c in joining]
     ends = [pair for each in sides for pair in pairwise(each)]
     pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
@@ -144,9 +145,7 @@ def warn_of_loose_parts(system: System) -> None:
     They may be meant to fly: what starts with a velocity is left out, of those on nothing also what
     has a load of its own, and scenes of which nothing is tied.
     """
-    every = *system.couplings.items, *system.couplings.own
-    # with what it has beside it, a spring is one
-    springs = [c for c in every if isinstance(c, SpringDamper) and getattr(c, "whole", c) is c]
+    springs = [c for c in system.couplings.items if isinstance(c, SpringDamper)]
     found = connected_parts(system)
     firm = connected_parts(system, lines=False) if springs else found
     loaded = {id(item) for load in system.loads for item in load.references()}
