@@ -66,11 +66,10 @@ class Coupling(Item):
     channels: tuple[TimeFunction, ...] = ()
     #: whether its law is a user's own: compiled steps call it back
     own_law = False
-    #: its functions, and the shape of what they take, see :class:`Force`
+    #: its functions, see :class:`Force`
     law: Any = None
     energy: Any = None
     derivative: Any = None
-    shape: tuple[int, ...] = ()
     each = False
     #: of a spring, beside its stiffness and damping
     force: SpringForce = None
@@ -108,10 +107,6 @@ class Coupling(Item):
         vars(own)["name"] = f"{self.name}/force"
         return [self, own]
 
-    def where(self, piece: int) -> str:
-        """What an error says of one of the places of a law."""
-        return ""
-
     def sides(self) -> Sequence[Place]:
         """The places that it connects."""
         return self.a, self.b
@@ -123,14 +118,17 @@ class Coupling(Item):
     def _set_law(
         self, stiffness: Any, damping: Any, neutral: Any, force: SpringForce = None
     ) -> None:
-        self.force, self.shape = force, () if self.size == 1 else (self.size,)
+        self.force, self.shape = force, (self.size,) * (self.size > 1)
         if isinstance(force, Table) and self.size == 1:
             self.energy, self.derivative = force.integral, force.extended
         elif callable(force) and not isinstance(force, TimeFunction):
             self.law = partial(_against, force)
         elif force is not None:
-            text = f"force = {shown(force)}, expected a function force(e, v, t)"
-            raise InputError(self.label, text + (self.size == 1) * ", or a Table")
+            raise InputError(
+                self.label,
+                f"force = {shown(force)}, expected a function force(e, v, t) or, of a stretch that"
+                " is a number, a Table",
+            )
         self.stiffness = self._matrix("stiffness", stiffness)
         self.damping = self._matrix("damping", damping)
         if not (self.stiffness.any() or self.damping.any()):
@@ -158,9 +156,9 @@ class Coupling(Item):
         return semidefinite(self.label, name, array)
 
 
-def _against(force: Callable[..., Any], e: Any, v: Any, t: float) -> Any:
+def _against(force: Callable[..., Any], *motion: Any) -> Any:
     """A tension as a force along the coordinate."""
-    return np.negative(force(e, v, t))
+    return np.negative(force(*motion))
 
 
 def semidefinite(item: str, name: str, array: Floats) -> Floats:
@@ -422,9 +420,9 @@ class SpringDamper(_BetweenPlaces):
         Tension (N) that comes on top: ``force(e, v, t)`` of the stretch, its rate v (m/s) and the
         time t (s), or a table of it over the stretch. A table has a potential: with
         :class:`EnergyMomentum` its work is its change of energy, exactly, and it counts as
-        ``coupling_energy``. The work of a function is part of ``work_loads``. Functions are
-        differentiated by complex steps, see :class:`Force`: ``np.where(e.real > 0, k * e, 0)``. With
-        stiffness or damping its results are those of ``NAME/force``.
+        ``coupling_energy``. The work of a function is part of ``work_loads``; its slopes come from
+        complex steps: ``np.where(e.real > 0, k * e, 0)``, not ``k * abs(e)``. Beside stiffness or
+        damping it has results of its own, those of ``NAME/force``.
 
     Raises
     ------
@@ -435,7 +433,7 @@ class SpringDamper(_BetweenPlaces):
 
     Examples
     --------
-    >>> from skfem_cosserat import MassPoint, Model, Table, ground, static
+    >>> from skfem_cosserat import MassPoint, Table, ground
     >>> bob = MassPoint(1.0, position=(0, 0, -2))
     >>> SpringDamper(ground((0, 0, 0)), bob.place(), stiffness=50.0).neutral.tolist()
     [2.0]

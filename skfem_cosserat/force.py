@@ -39,8 +39,8 @@ class Force(Coupling):
     ----------
     at : Place, Joint, or a sequence of them
         Places, also of the ground; or joints, each for its only coordinate, which others name by
-        ``joint.coordinate("angle")``. Vectors such as :func:`direction` count as places; the force
-        does work on their change.
+        ``joint.coordinate("angle")``. Vectors such as :func:`direction`, or the difference of two
+        points (:class:`Expression`), count as places; the force does work on their change.
     law : callable, optional
         ``law(x, v, t)`` gives the forces for places x (k, 3) in m, their velocities v in m/s and
         the time t in s: (k, 3) in N. Of one place, not in a list, x has the shape (3,). Of joints
@@ -156,7 +156,7 @@ class Force(Coupling):
 
     def where(self, piece: int) -> str:
         """What an error says of one of its pieces."""
-        return f" of place {piece}" if self.each else ""
+        return f" of place {piece}"
 
     def references(self) -> Sequence[Item]:
         """The joints and items it acts on."""

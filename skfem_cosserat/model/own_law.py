@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ class OwnLaw:
     """
 
     def __init__(self, members: Sequence[Coupling], length: float) -> None:
-        own = members[0]
+        own: Any = members[0]
         self.own, self.length, self.m = own, length, own.size
         self.label = getattr(own, "whole", own).label
         self.force_of_load = own.energy is None
@@ -85,7 +86,7 @@ class OwnLaw:
             # the sum first: it takes a third of the time
             if not (cmath.isfinite(np.add.reduce(each, None)) or np.isfinite(each).all()):
                 k = int(np.argmin(np.isfinite(each.reshape(n, -1)).all(1))) if self.own.each else 0
-                value, own = each[k] if self.own.each else each, self.own.where(k)
+                value, own = (each[k], self.own.where(k)) if self.own.each else (each, "")
                 given = (f"{v} = {x[k].tolist()}" for v, x in zip("xv", rows, strict=False))
                 text = f"{name}{own} is {value.tolist()}, not finite{at}: {', '.join(given)}"
                 raise InputError(self.label, text)
