@@ -184,3 +184,215 @@ def test_limits_are_checked():
     ):
         with pytest.raises(sc.InputError, match=text):
             make()
+
+
+# -- springs with a force of their own, sums of vectors --------------------------------------------
+
+SCHEMES = sc.EnergyMomentum(), sc.Variational(), sc.GeneralizedAlpha(0.8)
+MASS, LENGTH = 1.5, 1.8
+
+
+def on_a_spring(**spring):
+    """A ball 0.2 m beyond the unstressed length of a spring to the origin, moving outwards."""
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(MASS, position=(2.0, 0, 0), velocity=(3.0, 0, 0)))
+    model.add("spring", sc.SpringDamper(sc.ground((0, 0, 0)), bob.place(), length=LENGTH, **spring))
+    return model, bob.place()
+
+
+def duffing(e, v, t):
+    return 40.0 * e + 900.0 * e**3 + 0.4 * v - 5.0 * np.sin(9.0 * t)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=lambda each: each.name)
+@pytest.mark.parametrize("beside", [0.0, 40.0])
+def test_a_spring_that_hardens_is_the_oscillator_of_duffing(scheme, beside):
+    """Of second order, alone and beside a linear spring, to the solution of scipy."""
+
+    def rates(t, y):
+        return [y[1], -duffing(y[0], y[1], t) / MASS]
+
+    end = LENGTH + exact(rates, [0.2, 3.0], 1.0)[0]
+    found = []
+    for step in (0.01, 0.005, 0.0025):
+        model, place = on_a_spring(
+            stiffness=beside, force=lambda e, v, t: duffing(e, v, t) - beside * e
+        )
+        run = sc.simulate(model, scheme, sc.NullSpace(), step, until=1.0)
+        found.append(run.position(place)[-1, 0])
+    assert_allclose(orders(abs(np.array(found) - end)), 2.0, atol=0.1)
+    assert found[2] + (found[2] - found[1]) / 3 == pytest.approx(end, abs=2e-5)
+    e, v = found[2] - LENGTH, run.velocity(place)[-1, 0]
+    name = "coupling/spring/force" + "/force" * (beside > 0)
+    assert run[name][-1, 0] == pytest.approx(duffing(e, v, 1.0) - beside * e, rel=1e-6)
+    assert abs(run["work_loads"]).max() > 1.0
+    if isinstance(scheme, sc.EnergyMomentum):
+        assert abs(run["energy_balance"]).max() < 1e-10
+
+
+def test_a_force_of_a_spring_is_that_of_a_potential():
+    """The limit of both is one; the potential is in exact balance."""
+
+    def stored(x):
+        e = np.sqrt((x * x).sum()) - LENGTH
+        return 20.0 * e**2 + 225.0 * e**4
+
+    ends = []
+    for step in (2e-3, 1e-3):
+        model, place = on_a_spring(force=lambda e, v, t: 40.0 * e + 900.0 * e**3)
+        run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), step, until=0.5)
+        other, at = on_a_spring(stiffness=1e-9)
+        other.add("own", sc.Force(at, energy=stored))
+        own = sc.simulate(other, sc.EnergyMomentum(), sc.NullSpace(), step, until=0.5)
+        assert abs(own["energy_balance"]).max() < 1e-11
+        ends.append(run.position(place)[-1, 0] - own.position(at)[-1, 0])
+    assert abs(ends[1]) < 1e-5
+    assert ends[0] / ends[1] == pytest.approx(4.0, rel=0.03)
+
+
+def play(slope, gap):
+    return sc.Table([-1.0, -gap, gap, 1.0], [slope * (gap - 1), 0, 0, slope * (1 - gap)])
+
+
+@pytest.mark.parametrize("kernels", KERNELS)
+@treatments
+def test_a_spring_with_a_gap_keeps_its_energy_and_has_its_period(treatment, kernels):
+    """Half periods of the spring on both sides, and flights through the gap between them."""
+    gap, speed = 0.2, 3.0  # it starts where the gap ends
+    period = 4 * gap / speed + 2 * np.pi * np.sqrt(MASS / 900.0)
+    model, place = on_a_spring(force=play(900.0, gap))
+    step = period / 400
+    run = sc.simulate(model, sc.EnergyMomentum(), treatment, step, steps=1200, kernels=kernels)
+    assert abs(run["energy_balance"]).max() < 1e-11
+    x, energy = run.position(place)[:, 0] - LENGTH, run["coupling_energy"]
+    assert_allclose(energy, 450.0 * np.maximum(abs(x) - gap, 0.0) ** 2, atol=1e-9)
+    assert abs(run["energy"] - 0.5 * MASS * speed**2).max() < 1e-11
+    assert energy.max() == pytest.approx(0.5 * MASS * speed**2, rel=1e-3)
+    assert_allclose(x[[400, 800, 1200]], 0.2, atol=4e-3)
+    assert_allclose(run.velocity(place)[400::400, 0], speed, rtol=1e-2)
+
+
+def hinged(**spring):
+    model = sc.Model()
+    arm = model.add("arm", sc.RigidBody.box(90.0, (1, 0.1, 0.1), angular_velocity=(0, 0, 9.0)))
+    hinge = sc.JointRevolute(sc.ground((0, 0, 0)), arm.at((0, 0, 0)), axis=(0, 0, 1))
+    model.add("hinge", hinge)
+    model.add("spring", sc.JointSpringDamper(hinge, **spring))
+    return model
+
+
+@pytest.mark.parametrize("scheme", KINDS, ids=lambda each: each.name)
+@treatments
+def test_springs_of_joints_are_the_same_in_both_kernels(scheme, treatment):
+    for spring in (
+        {"force": play(40.0, 0.1), "stiffness": 3.0, "damping": 0.1},
+        {"force": lambda e, v, t: 6.0 * e**3 + 0.5 * v + np.sin(t), "neutral": 0.3},
+    ):
+        runs = [
+            sc.simulate(hinged(**spring), scheme, treatment, 0.01, until=1.0, kernels=kernels)
+            for kernels in KERNELS
+        ]
+        angles = [run["joint/hinge/angle"] for run in runs]
+        assert angles[0].max() > 6  # full turns count
+        assert_allclose(*angles, atol=1e-9)
+        if isinstance(scheme, sc.EnergyMomentum):
+            assert abs(runs[0]["energy_balance"]).max() < 1e-9
+
+
+def test_equilibria_and_modes_with_forces_of_springs():
+    """3 e + e^3 = -1, with the slope there; a table has that of its piece."""
+    model = hinged(force=lambda e, v, t: 3.0 * e + e**3 + t)
+    angle = np.roots([1.0, 0.0, 3.0, 1.0])
+    angle = angle[abs(angle.imag) < 1e-9].real[0]
+    path = sc.static(model)
+    assert path["joint/hinge/angle"][-1] == pytest.approx(angle)
+    inertia = 90.0 * (1 + 0.1**2) / 12
+    frequency = np.sqrt((3 + 3 * angle**2) / inertia) / (2 * np.pi)
+    assert sc.modes(model, path, 1).frequencies[0] == pytest.approx(frequency)
+    model = hinged(force=sc.Table([-1.0, 0.0, 2.0], [-8.0, -2.0, 2.0]), neutral=-0.5)
+    path = sc.static(model)
+    assert path["joint/hinge/angle"][-1] == pytest.approx(0.5)
+    frequency = np.sqrt(2.0 / inertia) / (2 * np.pi)
+    assert sc.modes(model, path, 1).frequencies[0] == pytest.approx(frequency)
+
+
+def test_forces_on_rotation_vectors_take_three_numbers():
+    model = sc.Model()
+    body = model.add("body", sc.RigidBody.box(3.0, (1, 1, 1), angular_velocity=(0, 0, 1.0)))
+    ball = sc.JointSpherical(sc.ground((0, 0, 0)), body.at((0, 0, 0)))
+    model.add("ball", ball)
+    model.add("spring", sc.JointSpringDamper(ball, force=lambda e, v, t: 2.0 * e + 0 * v))
+    run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, until=0.5)
+    assert run["coupling/spring/coordinate"][-1, 2] == pytest.approx(np.sin(1.0) / 2, abs=1e-6)
+    with pytest.raises(sc.InputError, match="Table"):
+        sc.JointSpringDamper(ball, force=play(1.0, 0.1))
+
+
+@pytest.mark.parametrize("force", [3.0, "stiff", [(0, 1)], sc.RampLinear(0, 1)], ids=repr)
+def test_what_is_no_force_of_a_spring_is_refused(force):
+    with pytest.raises(sc.InputError, match=r"spring: force = .*, expected a function"):
+        on_a_spring(force=force)
+
+
+@pytest.mark.parametrize(
+    ("force", "text"),
+    [
+        (lambda e, v, t: 1j * e, "complex"),
+        (lambda e, v, t: None, "failed"),
+        (lambda e, v: e, "3 were given"),
+        (lambda e, v, t: np.nan, "not finite"),
+        (lambda e, v, t: [e, e], r"array \(2,\)"),
+        (lambda e, v, t: abs(e), "derivatives"),
+    ],
+)
+def test_wrong_functions_of_springs_are_named_before_a_run(force, text):
+    model, _ = on_a_spring(force=force)
+    with pytest.raises(sc.InputError, match=f"spring 'spring': .*{text}"):
+        model.freeze()
+
+
+def test_springs_need_something_and_cables_no_force():
+    with pytest.raises(sc.InputError, match="both zero"):
+        on_a_spring()
+    bob = sc.MassPoint(1.0, position=(1, 0, 0)).place()
+    with pytest.raises(sc.InputError, match="cable: takes no force"):
+        sc.Cable(sc.ground((0, 0, 0)), bob, 1.0, force=play(1.0, 0.1))
+
+
+@pytest.mark.parametrize(
+    "gradient",
+    [None, lambda x: 9.0 * np.real(x), lambda x: 9.0 * np.real(x) + 0 * x],
+    ids=["none", "real", "without slopes"],
+)
+def test_gradients_need_not_take_complex_numbers(gradient):
+    model = sc.Model()
+    bob = model.add("bob", sc.MassPoint(1.0, velocity=(1.0, 0, 0)))
+    model.add(
+        "well", sc.Force(bob.place(), energy=lambda x: 4.5 * (x * x).sum(), derivative=gradient)
+    )
+    assert_allclose(sc.modes(model, count=3).frequencies, 3 / (2 * np.pi), rtol=1e-9)
+
+
+def test_a_force_on_a_sum_of_vectors():
+    """A spring from the middle of two balls to a third, which moves as it does on its own."""
+    model = sc.Model()
+    balls = [
+        model.add(f"ball {k}", sc.MassPoint(1.0 + k, position=(k, k**2, 0), velocity=(0, 0, k)))
+        for k in range(3)
+    ]
+    a, b, c = (sc.point(ball.place()) for ball in balls)
+    r = (a + b) / 2 - c
+    same = (r, -(c - 0.5 * (a + b)), np.float64(0.5) * a - -b * 0.5 - c)
+    sets = [[(place.item, row, x) for place, row, x in each.terms] for each in same]
+    assert all(sorted(each, key=lambda one: one[0].name) == sets[0] for each in sets)
+    model.add("spring", sc.Force(r, energy=lambda r: 2.0 * (r * r).sum()))
+    run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 1e-3, until=1.0)
+    x = [run.position(ball.place()) for ball in balls]
+    rate = np.sqrt(4.0 * (0.25 / 1 + 0.25 / 2 + 1 / 3))
+    start, speed = np.array([-1.5, -3.5, 0]), np.array([0, 0, -1.5])
+    wanted = start * np.cos(rate) + speed * np.sin(rate) / rate
+    assert_allclose((x[0][-1] + x[1][-1]) / 2 - x[2][-1], wanted, atol=1e-5)
+    assert abs(run["energy_balance"]).max() < 1e-11
+    for wrong in (lambda: a + 1, lambda: a - balls[0].place(), lambda: a * b, lambda: a / "2"):
+        with pytest.raises(sc.InputError, match="expected"):
+            wrong()
