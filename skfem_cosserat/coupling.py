@@ -308,16 +308,16 @@ class JointLimits(Item):
             raise InputError(self.label, f"lower = {lower}, expected less than upper = {upper}")
         positive(self.label, "stiffness", stiffness, " (N/m or N m/rad)")
         self.joint = joint
-        self.stops = {
+        self._stops = {
             name: _Stop(joint, sign, finite(self.label, name, end), stiffness, damping, coordinate)
             for name, (sign, end) in given.items()
         }
 
     def pieces(self) -> list[Coupling]:
         """Its stops, named after it."""
-        for end, stop in self.stops.items():
+        for end, stop in self._stops.items():
             vars(stop)["name"] = f"{self.name}/{end}"
-        return list(self.stops.values())
+        return list(self._stops.values())
 
     def references(self) -> Sequence[Item]:
         """The joint."""
