@@ -205,6 +205,7 @@ from .profile import (
     Region as Region,
 )
 from .relative import (
+    Expression as Expression,
     Product as Product,
     Zero as Zero,
     direction as direction,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from typing import TYPE_CHECKING, Any, Self
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 
@@ -18,10 +19,11 @@ from .time_function import (
     Component,
     Constant,
     FunctionOfTime,
+    Table,
     TimeFunction,
     time_function,
 )
-from .types import ArrayLike, Floats, finite, numbers, positive, shaped, symmetric
+from .types import ArrayLike, Floats, finite, numbers, positive, shaped, shown, symmetric
 
 if TYPE_CHECKING:
     from .beam import Beam
@@ -32,6 +34,10 @@ if TYPE_CHECKING:
 # Each acts on relative coordinates ``xi`` of two places with a generalised force: a spring and
 # damper ``K (xi - neutral) + C dxi/dt`` against the motion, an actuator with a prescribed one. All
 # are internal forces: what one side gets, the other loses.
+
+
+#: ``(e, v, t)`` to a tension, or a Table of stretches and tensions
+SpringForce: TypeAlias = Callable[[Any, Any, float], ArrayLike] | Table | None
 
 
 class Coupling(Item):
@@ -62,6 +68,13 @@ class Coupling(Item):
     own_law = False
     #: whether it is nothing but a prescribed force
     actuator = False
+    #: its functions, see :class:`Force`
+    law: Any = None
+    energy: Any = None
+    derivative: Any = None
+    each = False
+    #: of a spring, beside its stiffness and damping
+    force: SpringForce = None
     #: at which it acts, if these are no sides of a coupling
     points: tuple[object, ...] = ()
     a: Place
@@ -90,8 +103,13 @@ class Coupling(Item):
         return [place for end in ends for place, _, _ in end.terms]
 
     def pieces(self) -> Sequence[Coupling]:
-        """Force elements that it is made of."""
-        return [self]
+        """Force elements that it is made of: a force beside stiffness and damping is one more."""
+        if self.force is None or self.own_law:
+            return [self]
+        own: Any = loosened(copy(self))
+        own.own_law, own.whole = True, self
+        vars(own)["name"] = f"{self.name}/force"
+        return [self, own]
 
     def sides(self) -> Sequence[Place]:
         """The places that it connects."""
@@ -101,11 +119,26 @@ class Coupling(Item):
         """The items of both sides."""
         return [place.item for place in (self.a, self.b) if place.item is not None]
 
-    def _set_law(self, stiffness: Any, damping: Any, neutral: Any) -> None:
+    def _set_law(
+        self, stiffness: Any, damping: Any, neutral: Any, force: SpringForce = None
+    ) -> None:
+        self.force, self.shape = force, (self.size,) * (self.size > 1)
+        if isinstance(force, Table) and self.size == 1:
+            self.energy, self.derivative = force.integral, force.extended
+        elif callable(force) and not isinstance(force, TimeFunction):
+            self.law = partial(_against, force)
+        elif force is not None:
+            raise InputError(
+                self.label,
+                f"force = {shown(force)}, expected a function force(e, v, t) or, of a stretch that"
+                " is a number, a Table",
+            )
         self.stiffness = self._matrix("stiffness", stiffness)
         self.damping = self._matrix("damping", damping)
         if not (self.stiffness.any() or self.damping.any()):
-            raise InputError(self.label, "stiffness and damping are both zero: it does nothing")
+            if force is None:
+                raise InputError(self.label, "stiffness and damping are both zero: it does nothing")
+            self.own_law = True
         value = numbers(self.label, "neutral", neutral)
         if value.shape not in ((), (self.size,)) or not np.isfinite(value).all():
             expected = "a finite number" if self.size == 1 else f"({self.size},) finite numbers"
@@ -125,6 +158,11 @@ class Coupling(Item):
                 )
             return float(array) * np.eye(m)
         return semidefinite(self.label, name, array)
+
+
+def _against(force: Callable[..., Any], *motion: Any) -> Any:
+    """A tension as a force along the coordinate."""
+    return np.negative(force(*motion))
 
 
 def semidefinite(item: str, name: str, array: Floats) -> Floats:
@@ -158,9 +196,10 @@ class _OnJoint(Coupling):
 
 
 class JointSpringDamper(_OnJoint):
-    """Linear spring and damper on a relative coordinate of a joint.
+    """Spring and damper on a relative coordinate of a joint.
 
-    Against the motion of side b it acts with ``K (xi - neutral) + C dxi/dt`` (N or N m).
+    Against the motion of side b it acts with ``K e + C de/dt + force(e, de/dt, t)`` (N or N m),
+    ``e = xi - neutral``.
 
     Parameters
     ----------
@@ -174,12 +213,14 @@ class JointSpringDamper(_OnJoint):
         Its name, see :meth:`Joint.coordinates`; needed if the joint has several.
     neutral : float, or (3,) array on a rotation vector
         Coordinate without spring force (m or rad). Angles are followed over several turns.
+    force : callable or Table, optional
+        See :class:`SpringDamper`. On a rotation vector a function, of e and v (3,).
 
     Raises
     ------
     InputError
-        If there is no such coordinate, both coefficients are zero, or one is negative, not
-        symmetric or not finite.
+        If there is no such coordinate, it has neither coefficients nor a force, or a coefficient is
+        negative, not symmetric or not finite; of a force see :class:`SpringDamper`.
 
     Examples
     --------
@@ -200,9 +241,10 @@ class JointSpringDamper(_OnJoint):
         damping: float | ArrayLike = 0.0,
         coordinate: str | None = None,
         neutral: float | ArrayLike = 0.0,
+        force: SpringForce = None,
     ) -> None:
         super().__init__(joint, coordinate)
-        self._set_law(stiffness, damping, neutral)
+        self._set_law(stiffness, damping, neutral, force)
 
 
 class _Stop(JointSpringDamper):
@@ -270,16 +312,16 @@ class JointLimits(Item):
             raise InputError(self.label, f"lower = {lower}, expected less than upper = {upper}")
         positive(self.label, "stiffness", stiffness, " (N/m or N m/rad)")
         self.joint = joint
-        self.stops = {
+        self._stops = {
             name: _Stop(joint, sign, finite(self.label, name, end), stiffness, damping, coordinate)
             for name, (sign, end) in given.items()
         }
 
     def pieces(self) -> list[Coupling]:
         """Its stops, named after it."""
-        for end, stop in self.stops.items():
+        for end, stop in self._stops.items():
             vars(stop)["name"] = f"{self.name}/{end}"
-        return list(self.stops.values())
+        return list(self._stops.values())
 
     def references(self) -> Sequence[Item]:
         """The joint."""
@@ -366,9 +408,10 @@ class _BetweenPlaces(Coupling):
 
 
 class SpringDamper(_BetweenPlaces):
-    """Linear spring and damper along the line between two points.
+    """Spring and damper along the line between two points.
 
-    Pulls both together with ``k (l - length) + c dl/dt`` (N), pushes if this is negative.
+    Pulls both together with ``k e + c de/dt + force(e, de/dt, t)`` (N), e being the stretch
+    ``l - length`` (m); pushes if this is negative.
 
     Parameters
     ----------
@@ -378,19 +421,33 @@ class SpringDamper(_BetweenPlaces):
         k (N/m) and c (N s/m), not negative.
     length : float, optional
         Unstressed length (m); default: the distance in the reference configuration.
+    force : callable or Table, optional
+        Tension (N) that comes on top: ``force(e, v, t)`` of the stretch, its rate v (m/s) and the
+        time t (s), or a table of it over the stretch. A table has a potential: with
+        :class:`EnergyMomentum` its work is its change of energy, exactly, and it counts as
+        ``coupling_energy``. The work of a function is part of ``work_loads``; its slopes come from
+        complex steps: ``np.where(e.real > 0, k * e, 0)``, not ``k * abs(e)``. Beside stiffness or
+        damping it has results of its own, those of ``NAME/force``.
 
     Raises
     ------
     InputError
-        If the points coincide in the reference configuration, are on the same body or node, or a
-        number is negative or not finite.
+        If the points coincide in the reference configuration, are on the same body or node, a
+        number is negative or not finite, there are no coefficients and no force, or this is no
+        function or Table; when a scene is frozen, if its values or derivatives are wrong.
 
     Examples
     --------
-    >>> from skfem_cosserat import MassPoint, ground
+    >>> from skfem_cosserat import MassPoint, Table, ground
     >>> bob = MassPoint(1.0, position=(0, 0, -2))
     >>> SpringDamper(ground((0, 0, 0)), bob.place(), stiffness=50.0).neutral.tolist()
     [2.0]
+
+    One that gets stiffer, and one with a gap of 0.1 m on both sides:
+
+    >>> hard = SpringDamper(ground((0, 0, 0)), bob.place(), 50.0, force=lambda e, v, t: 900 * e**3)
+    >>> table = Table([-1, -0.1, 0.1, 1], [-900, 0, 0, 900])
+    >>> loose = SpringDamper(ground((0, 0, 0)), bob.place(), force=table)
     """
 
     kind = "spring"
@@ -399,14 +456,17 @@ class SpringDamper(_BetweenPlaces):
         self,
         a: Place,
         b: Place,
-        stiffness: float,
+        stiffness: float = 0.0,
         damping: float = 0.0,
         length: float | None = None,
+        force: SpringForce = None,
     ) -> None:
         super().__init__(a, b)
         if self.slack:
             positive(self.label, "stiffness", stiffness, " (N/m)")
-        self._set_law(stiffness, damping, self._along_line(length))
+            if force is not None:
+                raise InputError(self.label, "takes no force, unlike a SpringDamper")
+        self._set_law(stiffness, damping, self._along_line(length), force)
 
 
 class Cable(SpringDamper):

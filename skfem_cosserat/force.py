@@ -8,7 +8,6 @@ from typing import Any, Self, TypeAlias
 
 import numpy as np
 
-from .arguments import checked
 from .coupling import Coupling
 from .errors import InputError
 from .frames import Item, Place, no_place
@@ -72,7 +71,6 @@ class Controller(Frozen):
         return z[..., : x.size // z[..., 0].size].reshape(x.shape), np.zeros_like(z)
 
 
-@checked
 class Force(Coupling):
     """Forces as a function of places, or of coordinates of joints, their rates and the time.
 
@@ -87,8 +85,8 @@ class Force(Coupling):
     ----------
     at : Place, Joint, or a sequence of them
         Places, also of the ground; or joints, each for its only coordinate, which others name by
-        ``joint.coordinate("angle")``. Vectors such as :func:`direction` count as places; the force
-        does work on their change.
+        ``joint.coordinate("angle")``. Vectors such as :func:`direction`, or the difference of two
+        points (:class:`Expression`), count as places; the force does work on their change.
     law : callable, optional
         ``law(x, v, t)`` gives the forces for places x (k, 3) in m, their velocities v in m/s and
         the time t in s: (k, 3) in N. Of one place, not in a list, x has the shape (3,). Of joints
@@ -97,7 +95,8 @@ class Force(Coupling):
         ``energy(x)`` gives a potential in J instead.
     derivative : callable, optional
         Of a law ``derivative(x, v, t)``: its derivatives by x and by v, two arrays of the shape of
-        x twice, as (k, 3, k, 3). Of a potential ``derivative(x)``: its gradient, of the shape of x.
+        x twice, as (k, 3, k, 3). Of a potential ``derivative(x)``: its gradient, of the shape of x;
+        where it takes no complex numbers, its slopes are differences.
         By default they come from complex steps: the functions must be made of what can be
         differentiated, ``np.sqrt((v * v).sum())`` instead of ``abs`` or ``np.linalg.norm``.
     memory : float or array, optional
@@ -186,7 +185,7 @@ class Force(Coupling):
         self.a, self.b = self.sides()[0], self.sides()[-1]
         if self.joints:
             self.a, self.b = self.joints[0].a, self.joints[0].b
-        self._set_law(0.0, 0.0, 0.0)
+        self._without_springs()
         #: of one place each, made when the scene is frozen
         self._parts_of_it: list[Coupling] = []
 
@@ -199,7 +198,7 @@ class Force(Coupling):
             why = str(error) if isinstance(error, InputError) else f"acts on {no_place(where)}"
             raise InputError(self.label, why) from error
 
-    def _set_law(self, stiffness: Any, damping: Any, neutral: Any) -> None:
+    def _without_springs(self) -> None:
         """Springs of force elements: it has none."""
         self.stiffness = self.damping = np.zeros((0, 0))
         self.neutral = np.zeros(self.size)
@@ -235,7 +234,7 @@ class Force(Coupling):
 
     def where(self, piece: int) -> str:
         """What an error says of one of its pieces."""
-        return f" of place {piece}" if self.each else ""
+        return f" of place {piece}"
 
     def references(self) -> Sequence[Item]:
         """The joints and items it acts on."""
@@ -252,7 +251,7 @@ class Force(Coupling):
             for k in range(0, self.size, step):
                 piece = loosened(copy(self))
                 piece.coordinates, piece.whole = self.coordinates[k : k + step], self
-                piece._set_law(0.0, 0.0, 0.0)
+                piece._without_springs()
                 vars(piece)["name"] = f"{self.name}/{k // step}"
                 self._parts_of_it.append(piece)
         return self._parts_of_it

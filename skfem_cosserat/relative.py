@@ -16,7 +16,7 @@ from .arguments import checked
 from .frames import Place, ground, vector
 from .frozen import Attached, Replacements
 from .kernels import cross
-from .types import Floats
+from .types import Floats, finite
 
 #: the ground at rest: its directors are the axes of space
 ORIGIN = ground((0.0, 0.0, 0.0))
@@ -24,15 +24,60 @@ ORIGIN = ground((0.0, 0.0, 0.0))
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Expression(Attached):
-    """Linear combination of coordinate vectors: terms ``(place, row, factor)``.
+    """A vector that is linear in the coordinates: sums and multiples of points and directions.
 
-    ``row`` 0 is phi of the place's vertex, 1 to 3 its directors.
+    For forces and joints of your own, made of :func:`point` and :func:`direction` by ``+``, ``-``,
+    ``*`` and ``/`` with numbers.
+
+    Attributes
+    ----------
+    terms : tuple of (Place, int, float)
+        Place, row and factor: row 0 is phi of the place's vertex, 1 to 3 its directors.
+
+    Raises
+    ------
+    InputError
+        If anything else is added or subtracted, or a factor is no finite number.
+
+    Examples
+    --------
+    A force on the difference of two points, a vector from one to the other:
+
+    >>> import skfem_cosserat as sc
+    >>> model = sc.Model()
+    >>> sun = model.add("sun", sc.MassPoint(8.0))
+    >>> moon = model.add("moon", sc.MassPoint(1.0, position=(2, 0, 0), velocity=(0, 1.5, 0)))
+    >>> r = sc.point(moon.place()) - sc.point(sun.place())
+    >>> pull = model.add("pull", sc.Force(r, energy=lambda r: -8 / np.sqrt((r * r).sum())))
+    >>> history = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 0.01, until=1.0)
+    >>> bool(abs(history["energy"] - history["energy"][0]).max() < 1e-9)
+    True
     """
 
     terms: tuple[tuple[Place, int, float], ...]
+    #: arrays of numpy leave products to it
+    __array_ufunc__ = None
 
+    @checked
+    def __add__(self, other: Expression) -> Expression:
+        return Expression(self.terms + other.terms)
+
+    @checked
     def __sub__(self, other: Expression) -> Expression:
-        return Expression(self.terms + tuple((p, r, -c) for p, r, c in other.terms))
+        return self + -other
+
+    def __neg__(self) -> Expression:
+        return -1.0 * self
+
+    def __mul__(self, factor: float) -> Expression:
+        by = finite("expression", "factor", factor)
+        return Expression(tuple((place, row, by * c) for place, row, c in self.terms))
+
+    __rmul__ = __mul__
+
+    @checked
+    def __truediv__(self, divisor: float) -> Expression:
+        return self * (1 / divisor)
 
     def with_replacements(self, replacements: Replacements) -> Expression:
         """Copy for other places: the same vector, by another frame fixed to the first one."""
@@ -55,7 +100,7 @@ class Expression(Attached):
 
 @checked
 def point(place: Place) -> Expression:
-    """``x = phi + X_i d_i`` of a place."""
+    """``x = phi + X_i d_i`` of a place, for :class:`Expression`."""
     terms = [(place, 0, 1.0)]
     terms += [(place, i + 1, float(X)) for i, X in enumerate(place.offset) if X != 0]
     return Expression(tuple(terms))

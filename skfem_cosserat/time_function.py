@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from operator import mul
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -240,10 +240,12 @@ class Constant(Frozen):
 class Table(Frozen):
     """Piecewise linear function of time, constant outside the table; averages are exact.
 
+    Of springs (:class:`SpringDamper`) one of their stretch.
+
     Parameters
     ----------
     times, values : (k,) array
-        Strictly increasing times (s) and the values there.
+        Strictly increasing times (s), or stretches (m), and the values there.
 
     Raises
     ------
@@ -283,6 +285,16 @@ class Table(Frozen):
         t = np.concatenate([[t0], self.times[(t0 < self.times) & (self.times < t1)], [t1]])
         f = np.interp(t, self.times, self.values)
         return float(((f[1:] + f[:-1]) / 2 * np.diff(t)).sum() / (t1 - t0))
+
+    def integral(self, x: float) -> float:
+        """From zero to `x`: the potential (J) of a table of forces over a stretch."""
+        return x * self.average(0.0, x) if x else 0.0
+
+    def extended(self, x: Any) -> Any:
+        """The value, also of complex numbers, with which complex steps find its slope."""
+        steps = np.diff(self.times)
+        rises = np.clip(x - self.times[:-1], 0.0, steps) @ (np.diff(self.values) / steps)
+        return self.values[0] + rises
 
 
 def _clenshaw_curtis(n: int) -> tuple[Floats, Floats, Floats]:

@@ -24,14 +24,12 @@ def acting(system: System) -> list[Load | Force]:
         if load.places() or any(not isinstance(each, TermStrain) for each in lines):
             out.append(load)
     own = {id(whole): whole for whole in map(whole_of, system.couplings.own)}
-    return out + [each for each in own.values() if each.points]
+    return out + [each for each in own.values() if isinstance(each, Force) and each.points]
 
 
-def whole_of(item: Coupling) -> Force:
-    """The force of own law that an element is, or is a piece of."""
-    found = getattr(item, "whole", item)
-    assert isinstance(found, Force)
-    return found
+def whole_of(item: Coupling) -> Coupling:
+    """The force or spring of own law that an element is, or is a piece of."""
+    return getattr(item, "whole", item)
 
 
 def load_wrenches(system: System, load: Load | Force, history: History) -> list[Floats]:

@@ -487,7 +487,7 @@ class _Group:
     def check(self, y: Floats) -> None:
         """Check the derivatives of an own law near a configuration."""
         if isinstance(self.law, OwnLaw):
-            self.law.check(self.kind.value(self.invariants.values(y)))
+            self.law.check(self.stretch(self.kind.value(self.invariants.values(y))))
 
     def stiffness(self, y: Array, taut: bool = False) -> Array:
         """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; of a cable while taut."""

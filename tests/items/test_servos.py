@@ -247,6 +247,6 @@ def test_arguments_are_checked():
     with pytest.raises(sc.InputError, match=r"law gives an array \(2,\) of float64"):
         run(wrong, 0.1)
     failing = slider(sc.Controller(0.1, lambda x, v, t: x * (np.nan if t > 0.25 else 0.0)))
-    with pytest.raises(sc.InputError, match="controller is .*not finite, at t = 0.3") as caught:
+    with pytest.raises(sc.InputError, match=r"controller is .*not finite, at t = 0\.3") as caught:
         run(failing, 0.1)
     assert len(caught.value.history) == 4

@@ -8,9 +8,11 @@ block right under one shows what it prints: the words have to be the same, numbe
 from __future__ import annotations
 
 import base64
+import json
 import re
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,18 +74,43 @@ def test_links_and_commands_lead_somewhere(page: Path) -> None:
     assert not missing
 
 
+def executed(name: str, folder: Path) -> list[Any]:
+    """Cells of code of a notebook, run in a folder; before it has no outputs."""
+    nbclient = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    book = nbformat.read(GUIDE / name, 4)
+    cells = [cell for cell in book.cells if cell.cell_type == "code"]
+    assert not any(cell.outputs or cell.execution_count for cell in cells)
+    where = {"metadata": {"path": str(folder)}}
+    nbclient.NotebookClient(book, timeout=300, kernel_name="python3", resources=where).execute()
+    return cells
+
+
+def test_page_09_as_a_notebook_and_as_a_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both are made of the page by a command, and show what it shows."""
+    monkeypatch.syspath_prepend(GUIDE)
+    import make_notebook
+
+    page, book = (GUIDE / f"09_inside_scikit_fem.{kind}" for kind in ("md", "ipynb"))
+    text, made = page.read_text("utf-8"), json.loads(book.read_text("utf-8"))
+    assert made == make_notebook.notebook(text), "python examples/guide/make_notebook.py makes it"
+    cells = executed(book.name, tmp_path)
+    for cell, (line, source, shown) in zip(cells, blocks(text), strict=True):
+        assert cell.source == source.rstrip("\n")
+        printed = "".join(output.text for output in cell.outputs if output.name == "stdout")
+        check_output(shown or "", printed, f"cell of line {line}")
+    sources = "".join(source for _, source, _ in blocks(text))
+    assert make_notebook.program(text).split() == sources.split()
+
+
 @pytest.mark.slow
 def test_notebook_runs_and_shows_what_it_says(renderer: None, tmp_path: Path) -> None:
     """Pictures are not blank, the film has its frames; a frequency is that of Rayleigh."""
-    nbclient = pytest.importorskip("nbclient")
-    nbformat = pytest.importorskip("nbformat")
+    cells = executed("15_notebook.ipynb", tmp_path)
     from PIL import Image
 
-    book = nbformat.read(GUIDE / "15_notebook.ipynb", 4)
-    cells = [cell for cell in book.cells if cell.cell_type == "code"]
-    assert not any(cell.outputs or cell.execution_count for cell in cells)
-    where = {"metadata": {"path": str(tmp_path)}}
-    nbclient.NotebookClient(book, timeout=300, kernel_name="python3", resources=where).execute()
     written = [output.text for cell in cells for output in cell.outputs if "text" in output]
     assert not [text for text in written if "PyVista" not in text]
     shown = {}
@@ -120,7 +147,7 @@ def test_blocks_are_found_with_their_output():
 
 def test_scripts_inside_scikit_fem_take_public_names_alone():
     """Page 09 and its programs import the package, nothing from inside it."""
-    pages = [GUIDE / "09_inside_scikit_fem.md"]
+    pages = [GUIDE / f"09_inside_scikit_fem.{kind}" for kind in ("md", "ipynb")]
     pages += [GUIDE.parent / name for name in ("skfem_alone.py", "own_loops.py")]
     for page in pages:
         text = page.read_text(encoding="utf-8")
