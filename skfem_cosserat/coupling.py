@@ -85,6 +85,8 @@ class Coupling(Item):
     neutral: Floats
     #: numbers that a law remembers, at first
     memory: Floats = np.zeros(0)
+    #: of a law that is sampled (s)
+    period = 0.0
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from super()._parts()

@@ -156,8 +156,7 @@ class Force(Coupling):
         if (law is None) == (energy is None):
             raise InputError(self.label, "takes either law or energy")
         self.law, self.energy, self.derivative = law, energy, derivative
-        sampled = isinstance(law, Controller)
-        if (sampled or memory is not None) and not (energy is None and derivative is None):
+        if (isinstance(law, Controller) or memory is not None) and not (energy is None and derivative is None):
             raise InputError(self.label, "has a memory: it takes a law without derivative")
         self.each = switch(self.label, each, "each")
         self.points = tuple(p for p in where if isinstance(p, Place | Expression))
@@ -179,8 +178,9 @@ class Force(Coupling):
             raise InputError(self.label, f"memory = {memory!r}, expected finite numbers")
         #: shape of the user's memory in one call
         self._kept = self.memory.shape
-        if sampled:  # its memory is forces, next instant, and what the user's function keeps
-            size = int(np.prod(self.shape, dtype=int))
+        if isinstance(law, Controller):
+            self.period, size = law.period, int(np.prod(self.shape, dtype=int))
+            # forces, the next instant, and what the user's function keeps
             self.memory = np.concatenate([np.zeros(size), [-np.inf], self.memory.ravel()])
         self.a, self.b = self.sides()[0], self.sides()[-1]
         if self.joints:
@@ -213,7 +213,7 @@ class Force(Coupling):
         """Memory of a :class:`Controller` after it was sampled."""
         assert isinstance(self.law, Controller)
         out, size, function = z.copy(), x.size // z[..., 0].size, self.law.function
-        out[..., size] = (np.floor(t / self.law.period + INSTANT) + 1) * self.law.period
+        out[..., size] = (np.floor(t / self.period + INSTANT) + 1) * self.period
         if not self._own_memory:
             out[..., :size] = np.reshape(function(x, v, t), (*z.shape[:-1], size))
             return out

@@ -50,7 +50,7 @@ class OwnLaw:
         self._half = 0.0
         self._before: Floats | None = None
         #: of a law that is sampled: its period (s), and where its memory has the next instant
-        self.period, self.due = float(getattr(own.law, "period", 0.0)), self.m
+        self.period, self.due = own.period, self.m
         self._memory: Floats = np.array([each.memory.ravel() for each in members])
         if own.energy is not None:
             gradient = None if own.derivative is None else self._gradients
