@@ -156,7 +156,8 @@ class Force(Coupling):
         if (law is None) == (energy is None):
             raise InputError(self.label, "takes either law or energy")
         self.law, self.energy, self.derivative = law, energy, derivative
-        if (isinstance(law, Controller) or memory is not None) and not (energy is None and derivative is None):
+        remembers = isinstance(law, Controller) or memory is not None
+        if remembers and not (energy is None and derivative is None):
             raise InputError(self.label, "has a memory: it takes a law without derivative")
         self.each = switch(self.label, each, "each")
         self.points = tuple(p for p in where if isinstance(p, Place | Expression))
