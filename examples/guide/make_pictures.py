@@ -460,6 +460,27 @@ def _actuator(s: Sketch) -> None:
     s.text((0.15, -0.4), "T(t)", LOAD)
 
 
+def _servo(s: Sketch) -> None:
+    _pin(s, 0.35)
+    s.line([(-0.75, 0), (1.1, 0)], AXIS, 1.2, dashes=(4, 2.5))
+    s.turn((0, -0.75, 0), TOWARDS, 1.0, (14, 2), LOAD)
+    s.text((0.85, -0.25), "r(t)", AXIS)
+
+
+def _limits(s: Sketch) -> None:
+    _pin(s, 0.35)
+    for sign in (1, -1):
+        a = 0.35 + 0.55 * sign
+        foot = np.array([-0.75 + 0.9 * np.cos(a), 0.9 * np.sin(a)])
+        s.ground(foot, (-sign * np.sin(a), sign * np.cos(a)), 0.5)
+
+
+def _obstacle(s: Sketch) -> None:
+    s.ground((0, -0.4), (0, -1), 2.2)
+    s.ball((-0.5, 0.0), 0.4)
+    s.arrow((-0.5, -0.4), (-0.5, 0.75), LOAD)
+
+
 def _drive(s: Sketch) -> None:
     _pin(s, 0.45)
     s.line([(-0.75, 0), (1.1, 0)], AXIS, 1.2, dashes=(4, 2.5))
@@ -614,6 +635,9 @@ JOINTS: dict[str, Draw] = {
     "foundation": _foundation,
     "joint_spring": _joint_spring,
     "joint_actuator": _actuator,
+    "joint_servo": _servo,
+    "joint_limits": _limits,
+    "obstacle": _obstacle,
 }
 
 PULSE, RAMP = sc.Table([0, 0.25, 0.6, 1], [0, 1, 0.3, 0.3]), sc.RampLinear(0.25, 0.65)
