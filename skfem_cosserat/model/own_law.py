@@ -162,10 +162,8 @@ class OwnLaw:
             # the sum first: it takes a third of the time
             if not (cmath.isfinite(np.add.reduce(each, None)) or np.isfinite(each).all()):
                 k = int(np.argmin(np.isfinite(each.reshape(n, -1)).all(1))) if self.own.each else 0
-                value, own = each[k] if self.own.each else each, self.own.where(k)
-                given = (f"{v} = {x[k].tolist()}" for v, x in zip("xvz", rows, strict=False))
                 value, own = (each[k], self.own.where(k)) if self.own.each else (each, "")
-                given = (f"{v} = {x[k].tolist()}" for v, x in zip("xv", rows, strict=False))
+                given = (f"{v} = {x[k].tolist()}" for v, x in zip("xvz", rows, strict=False))
                 text = f"{name}{own} is {value.tolist()}, not finite{at}: {', '.join(given)}"
                 raise InputError(self.label, text)
         pairs = enumerate(shapes)
