@@ -226,6 +226,29 @@ def test_a_spring_that_hardens_is_the_oscillator_of_duffing(scheme, beside):
         assert abs(run["energy_balance"]).max() < 1e-10
 
 
+def test_laws_have_the_solutions_of_scipy_to_nine_digits():
+    """A charged pendulum and Duffing's oscillator, by a composition of order 6."""
+
+    def falling(t, y):
+        x, v = y[:3], y[3:]
+        f = coulomb_force(x, v, t) / 1.5 + (0, 0, -9.81)
+        n = x / np.linalg.norm(x)
+        return [*v, *(f - (f @ n + v @ v) * n)]
+
+    def bounced(t, y):
+        return [y[1], -duffing(y[0], y[1], t) / MASS]
+
+    charged = exact(falling, [1.0, 0, 0, 0, 0, 0], 0.5)[:3]
+    pushed = LENGTH + exact(bounced, [0.2, 3.0], 0.5)[:1]
+    fine = sc.Composition(sc.Variational(), 6)
+    for (model, place), end in (
+        (pendulum(lambda p: sc.Force(p, coulomb_force)), charged),
+        (on_a_spring(force=duffing), pushed),
+    ):
+        run = sc.simulate(model, fine, sc.NullSpace(), 0.005, until=0.5)
+        assert_allclose(run.position(place)[-1, : len(end)], end, atol=1e-9)
+
+
 def test_a_force_of_a_spring_is_that_of_a_potential():
     """In the limit; the potential is in exact balance."""
     model, place = on_a_spring(stiffness=40.0, force=lambda e, v, t: 900.0 * e**3)
