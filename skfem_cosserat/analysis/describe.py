@@ -78,7 +78,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
         "bodies": [],
         "points": [],
         "joints": [_tied(joint, joint.type) for joint in system.joints],
-        "couplings": [_tied(each, each.kind) for each in system.couplings.items],
+        "couplings": [_tied(each, each.kind) for each in shown(system)],
         "loads": [],
         "drives": [
             {"name": each.name, "type": each.coordinate.kind, "joint": each.joint.name}
