@@ -589,6 +589,9 @@ def error_norms(
     """
     if by not in {"position", "arc"}:
         raise InputError("argument by", f"got {by!r}, expected 'position' or 'arc'")
+    for name, function in (("exact", exact), ("derivative", derivative or exact)):
+        if not callable(function):
+            raise InputError(f"argument {name}", f"{function!r}, expected a function")
     values = np.asarray(field, dtype=float)
     if values.shape == (basis.N,):
         values = values.reshape(-1, 12)

@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..frames import Motion
 from ..history import History
 from ..joint import JointDrive
-from ..model import System
+from ..model import System, takes_scene
 from ..model.limits import where_it_stays
 from ..time_function import Constant
 from ..types import ArrayLike, Floats, largest, spread
@@ -60,6 +60,7 @@ class _Input(NamedTuple):
     kinks: Sequence[float] = ()
 
 
+@takes_scene
 def unseen(system: System, history: History, at_ends: bool) -> tuple[str, str] | None:
     """Label of the load, drive or moving ground of which steps miss most, and what is said of it.
 
