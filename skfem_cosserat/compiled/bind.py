@@ -55,6 +55,7 @@ from .tables import (
     LEFT,
     MOST_XI,
     NEUTRAL,
+    RADIUS,
     RIGHT,
     ROTATION,
     ROW,
@@ -74,6 +75,8 @@ from .tables import (
 
 COUPLING_KINDS = {
     "displacement": DISPLACEMENT,
+    "height": DISPLACEMENT,
+    "radius": RADIUS,
     "distance": DISTANCE,
     "angle": ANGLE,
     "rotation": ROTATION,

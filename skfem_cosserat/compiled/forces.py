@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model.coordinates import NEAR_ONE, QUADRATURE, TURN_POWERS
+from ..model.coordinates import AXIS, NEAR_ONE, QUADRATURE, TURN_POWERS
 from ..types import Floats, IndexArray
 from .elements import pace, scalar_block
 from .jit import inlined, part, shared
@@ -62,6 +62,7 @@ from .tables import (
     MOST_PI,
     MOST_XI,
     NEUTRAL,
+    RADIUS,
     ROTATION,
     ROW,
     ROWS,
@@ -84,7 +85,7 @@ def numbers_of_kind(kind: int) -> tuple[int, int]:
     """Components and invariants of a coordinate."""
     if kind == ROTATION:
         return 3, 4
-    return 1, 2 if kind == ANGLE else 1
+    return 1, 2 if kind in (ANGLE, RADIUS) else 1
 
 
 @inlined
@@ -142,6 +143,8 @@ def value(kind: int, d: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
     a = pi[p, d]
     if kind == DISTANCE:
         xi[x, d] = np.sqrt(a)
+    elif kind == RADIUS:
+        xi[x, d] = np.hypot(a, pi[p, d + 1])
     elif kind == ANGLE:
         xi[x, d] = np.arctan2(pi[p, d + 1], a)
     elif kind == ROTATION:
@@ -184,6 +187,9 @@ def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     a = pi[p, d]
     if kind == DISTANCE:
         J[j, d, d] = 0.5 / np.sqrt(a)
+    elif kind == RADIUS:
+        r = np.hypot(a, pi[p, d + 1]) + AXIS
+        J[j, d, d], J[j, d, d + 1] = a / r, pi[p, d + 1] / r
     elif kind == ANGLE:
         b = pi[p, d + 1]
         J[j, d, d], J[j, d, d + 1] = -b / (a * a + b * b), a / (a * a + b * b)
@@ -200,6 +206,13 @@ def curvature(kind: int, d: int, pi: Floats, p: int, X: Floats) -> None:
     a = pi[p, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.25 / (a * np.sqrt(a))
+    elif kind == RADIUS:
+        b = pi[p, d + 1]
+        r = np.hypot(a, b) + AXIS
+        across = -b / r, a / r
+        for i in range(2):
+            for n in range(2):
+                X[0, i, n] = across[i] * across[n] / r
     elif kind == ANGLE:
         b = pi[p, d + 1]
         fourth = (a * a + b * b) ** 2
@@ -218,6 +231,9 @@ def discrete(kind: int, d: int, P: Floats, xi0: float, xi1: float, J: Floats) ->
     shifts(kind, d, J, 0)
     if kind == DISTANCE:
         J[0, d, d] = 1.0 / (xi0 + xi1)
+    elif kind == RADIUS:
+        for i in range(2):
+            J[0, d, d + i] = (P[BEGIN, d + i] + P[AT_END, d + i]) / (xi0 + xi1 + AXIS)
     elif kind == ANGLE:
         mean = 0.5 * (xi0 + xi1)
         factor = over_sine(0.5 * (xi1 - xi0))[0]
@@ -237,6 +253,13 @@ def discrete_slope(kind: int, d: int, P: Floats, xi0: float, xi1: float, X: Floa
     a = P[AT_END, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.5 / (xi1 * (xi0 + xi1) ** 2)
+    elif kind == RADIUS:
+        r = xi0 + xi1 + AXIS
+        for i in range(2):
+            mean = (P[BEGIN, d + i] + P[AT_END, d + i]) / r
+            for n in range(2):
+                away = mean * P[AT_END, d + n] / (xi1 + AXIS)
+                X[0, i, n] = ((1.0 if i == n else 0.0) - away) / r
     elif kind == ANGLE:
         b = P[AT_END, d + 1]
         mean = 0.5 * (xi0 + xi1)

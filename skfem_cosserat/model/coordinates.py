@@ -21,6 +21,10 @@ import numpy as np
 from ..types import Array, Floats
 
 
+#: added to distances that are divided by: what is on an axis has no direction from it
+AXIS = 1e-100
+
+
 class Kind(ABC):
     """A kind of relative coordinate.
 
@@ -86,6 +90,24 @@ class Distance(Kind):
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1/(xi_0 + xi_1)``."""
         return 1 / (xi0 + xi1)[..., None]
+
+
+class Radius(Kind):
+    """``xi = sqrt(pi_1^2 + pi_2^2)``; ``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)``, zero on the axis."""
+
+    invariants = 2
+
+    def value(self, pi: Array) -> Array:
+        """``xi = sqrt(pi_1^2 + pi_2^2)``."""
+        return np.sqrt((pi * pi).sum(-1, keepdims=True))
+
+    def slope(self, pi: Array) -> Array:
+        """``dxi/dpi = pi/xi`` (..., 1, 2)."""
+        return (pi / (self.value(pi) + AXIS))[..., None, :]
+
+    def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)`` (..., 1, 2)."""
+        return ((pi0 + pi1) / (xi0 + xi1 + AXIS))[..., None, :]
 
 
 class Angle(Kind):
@@ -184,7 +206,9 @@ class Joined(Kind):
 KINDS: dict[str, Kind] = {
     "displacement": Displacement(),
     "position": Displacement(),
+    "height": Displacement(),
     "distance": Distance(),
+    "radius": Radius(),
     "angle": Angle(),
     "rotation": Rotation(),
 }

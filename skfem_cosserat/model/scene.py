@@ -20,6 +20,7 @@ from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
 from ..joint import Joint, JointDrive, JointLocked
 from ..load import Load
+from ..obstacle import Obstacle
 from ..time_function import (
     Amplitude,
     Constant,
@@ -39,7 +40,7 @@ from .system import Pictured, System, listed
 ItemT = TypeVar("ItemT", bound=Item)
 
 #: single ones, and items that are composed of them
-FORCE_ELEMENTS = Coupling, Foundation, JointLimits
+FORCE_ELEMENTS = Coupling, Foundation, JointLimits, Obstacle
 
 # -- scenes that change while they move: joints locked, freed or taken away, loads switched --------
 #
@@ -277,14 +278,7 @@ class Model(Pictured):
             )
         if not isinstance(
             item,
-            StructuralItem
-            | Joint
-            | JointDrive
-            | Load
-            | Coupling
-            | Foundation
-            | JointLimits
-            | RayleighDamping,
+            (StructuralItem, Joint, JointDrive, Load, RayleighDamping, *FORCE_ELEMENTS),
         ):
             raise InputError(
                 f"model, item {name!r}",
