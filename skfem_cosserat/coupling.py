@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from copy import copy
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from .errors import InputError
 from .frames import Item, Place, check_beam, check_sides, ground, vector
-from .frozen import Replacements, loosened
+from .frozen import Replacements
 from .joint import Joint
 from .relative import RelativeCoordinate, displacement, distance, rotation
 from .time_function import (
@@ -123,6 +122,20 @@ class Coupling(Item):
         return semidefinite(self.label, name, array)
 
 
+class Composed(Item):
+    """Base of items that are made of force elements, kept by the ends of their names."""
+
+    _made: dict[str, Coupling]
+
+    def pieces(self) -> list[Coupling]:
+        """Its force elements, named after it."""
+        out: list[Coupling] = []
+        for end, piece in self._made.items():
+            vars(piece)["name"] = f"{self.name}{end}"
+            out += piece.pieces()
+        return out
+
+
 def semidefinite(item: str, name: str, array: Floats) -> Floats:
     """The array, if it is a finite, symmetric, positive semidefinite matrix."""
     if not np.isfinite(array).all():
@@ -214,7 +227,7 @@ class _Stop(JointSpringDamper):
             raise InputError(self.label, "limits a rotation vector, expected an angle or a length")
 
 
-class JointLimits(Item):
+class JointLimits(Composed):
     """End stops of a joint: springs and dampers beyond the ends of its range.
 
     Below `lower` and above `upper` a stop pushes back with ``k e + c de/dt``, e being how far the
@@ -266,16 +279,12 @@ class JointLimits(Item):
             raise InputError(self.label, f"lower = {lower}, expected less than upper = {upper}")
         positive(self.label, "stiffness", stiffness, " (N/m or N m/rad)")
         self.joint = joint
-        self.stops = {
-            name: _Stop(joint, sign, finite(self.label, name, end), stiffness, damping, coordinate)
+        self._made = {
+            f"/{name}": _Stop(
+                joint, sign, finite(self.label, name, end), stiffness, damping, coordinate
+            )
             for name, (sign, end) in given.items()
         }
-
-    def pieces(self) -> list[Coupling]:
-        """Its stops, named after it."""
-        for end, stop in self.stops.items():
-            vars(stop)["name"] = f"{self.name}/{end}"
-        return list(self.stops.values())
 
     def references(self) -> Sequence[Item]:
         """The joint."""
@@ -500,7 +509,7 @@ class _Support(Coupling):
         self._set_law(stiffness, damping, 0.0)
 
 
-class Foundation(Item):
+class Foundation(Composed):
     """Elastic (Winkler) foundation of a beam: it is held everywhere along its axis.
 
     A displacement u of the axis from its reference is resisted by ``k u + c du/dt`` per reference
@@ -559,20 +568,20 @@ class Foundation(Item):
             self._tensor(name, value)
             for name, value in (("stiffness", stiffness), ("damping", damping))
         )
-        self._supports = self._on_nodes()
+        self._made = self._on_nodes()
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from super()._parts()
         yield from zip(("stiffness", "damping"), self.tensors, strict=True)
 
-    def _on_nodes(self) -> dict[int, _Support]:
+    def _on_nodes(self) -> dict[str, Coupling]:
         """A spring on each node, in proportion to its length."""
         beam, (k, c) = self.beam, self.tensors
         elements = beam.part(self.part)
-        weights = np.zeros(len(beam.basis.nodes))
-        np.add.at(weights, beam.basis.connectivity[elements], beam.basis.elemental_load(elements))
+        nodes, lengths = beam.basis.connectivity[elements], beam.basis.elemental_load(elements)
+        weights = np.bincount(nodes.ravel(), lengths.ravel())
         return {
-            int(node): _Support(beam.node(int(node)), weights[node] * k, weights[node] * c)
+            f"/{node}": _Support(beam.node(int(node)), weights[node] * k, weights[node] * c)
             for node in np.flatnonzero(weights)
         }
 
@@ -583,17 +592,7 @@ class Foundation(Item):
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy for the beam that replaces its own, on the nodes of that beam."""
-        other = loosened(copy(self))
-        other.name, other.beam = None, replacements.of(self.beam)
-        check_beam(self.label, other.beam)
-        other._supports = other._on_nodes()
-        return other
-
-    def pieces(self) -> list[Coupling]:
-        """Its springs, named after it and the beam's nodes."""
-        for node, support in self._supports.items():
-            vars(support)["name"] = f"{self.name}/{node}"
-        return list(self._supports.values())
+        return type(self)(replacements.of(self.beam), *self.tensors, self.part)
 
     def references(self) -> Sequence[Item]:
         """The beam."""

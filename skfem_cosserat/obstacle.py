@@ -2,62 +2,63 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Self, TypeAlias
 
 import numpy as np
 
 from .body import MassPoint, RigidBody
-from .coupling import Coupling
-from .errors import InputError, failed
+from .coupling import Composed, Coupling
+from .errors import InputError
 from .force import Force
-from .frames import Item, Place, StructuralItem, ground, is_beam, no_place, vector
+from .frames import Item, Place, StructuralItem, ground, is_beam, no_place, unit_vector, vector
 from .frozen import Frozen, Replacements
 from .law import LawStored
-from .relative import (
-    ORIGIN,
-    Product,
-    RelativeCoordinate,
-    direction,
-    displacement,
-    distance,
-    normals,
-    point,
-)
+from .relative import ORIGIN, Product, RelativeCoordinate, direction, normals, point
 from .types import Array, ArrayLike, Floats, not_negative, positive, switch
 
 #: x (n, 3) to distances (n,) outside of a surface (m)
 GapFunction: TypeAlias = Callable[[Array], Array]
 
 
-class Surface(Frozen, ABC):
-    """Base of the surfaces of obstacles: a length less a radius is the gap, or minus the gap."""
+class Surface(Frozen):
+    """Base of the surfaces of obstacles: from a length and a radius to the gap.
 
-    point: Floats
-    radius = 0.0
-    #: -1 if what touches it is inside
-    side = 1.0
+    Parameters
+    ----------
+    point : (3,) array
+        At which lengths begin (m).
+    across : (k, 3) array
+        Unit vectors, along which they are measured: one, or the root of a sum of squares.
+    radius : float
+        At which the surface is (m).
+    inside : bool
+        What touches it is inside.
+    """
+
+    #: of the length, as a relative coordinate
+    kind: str
+
+    def __init__(self, point: ArrayLike, across: Floats, radius: float, inside: bool) -> None:
+        label = type(self).__name__.lower()
+        self.point, self.across, self.radius = vector(label, "point", point), across, radius
+        self.inside = switch(label, inside, "inside")
+        #: -1 if a larger length is a smaller gap
+        self.side = -1.0 if inside else 1.0
 
     def gap(self, x: Array) -> Array:
         """Distances (n,) outside of points x (n, 3) in m; they may be complex."""
-        return self.side * (self._length(x - self.point) - self.radius)
+        r = (x - self.point) @ self.across.T
+        length = r[:, 0] if len(self.across) == 1 else np.sqrt((r * r).sum(-1))
+        return self.side * (length - self.radius)
 
-    @abstractmethod
-    def _length(self, r: Array) -> Array:
-        """Lengths (n,) of vectors (n, 3) from the point."""
-
-    @abstractmethod
     def coordinate(self, place: Place) -> RelativeCoordinate:
-        """The same length of a place, as a coordinate of force elements."""
-
-
-def _unit(label: str, name: str, value: ArrayLike) -> Floats:
-    """Unit vector (3,) along another one."""
-    out = vector(label, name, value)
-    if not out.any():
-        raise InputError(label, f"{name} = {out.tolist()}, expected a vector that is not zero")
-    return out / np.linalg.norm(out)
+        """The length of a place."""
+        r = point(place) - point(ground(self.point))
+        forms = [(Product(direction(ORIGIN, n), r),) for n in self.across]
+        if self.kind == "distance":
+            forms = [(Product(r, r),)]
+        return RelativeCoordinate("gap", self.kind, tuple(forms))
 
 
 class Plane(Surface):
@@ -68,41 +69,27 @@ class Plane(Surface):
     point : (3,) array
         In the plane (m).
     normal : (3,) array
-        Out of the obstacle, of any length.
+        Unit vector out of the obstacle.
 
     Raises
     ------
     InputError
-        If the normal has no length, or a number is not finite.
+        If the normal is no unit vector, or a number is not finite.
 
     Examples
     --------
-    >>> Plane((0, 0, 1), normal=(0, 0, 2)).gap(np.array([[5.0, 0, 4.0]])).tolist()
+    >>> Plane((0, 0, 1), normal=(0, 0, 1)).gap(np.array([[5.0, 0, 4.0]])).tolist()
     [3.0]
     """
 
+    kind = "height"
+
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
-        self.point = vector("plane", "point", point)
-        self.normal = _unit("plane", "normal", normal)
-
-    def _length(self, r: Array) -> Array:
-        return r @ self.normal
-
-    def coordinate(self, place: Place) -> RelativeCoordinate:
-        """The height of a place."""
-        forms = displacement("gap", ground(self.point), place, self.normal).forms
-        return RelativeCoordinate("gap", "height", forms)
+        self.normal = unit_vector("plane", "normal", normal)
+        super().__init__(point, self.normal[None], 0.0, False)
 
 
-class _Round(Surface):
-    def __init__(self, radius: float, inside: bool) -> None:
-        label = type(self).__name__.lower()
-        self.radius = positive(label, "radius", radius, " (m)")
-        self.inside = switch(label, inside, "inside")
-        self.side = -1.0 if inside else 1.0
-
-
-class Sphere(_Round):
+class Sphere(Surface):
     """A ball that is an :class:`Obstacle`, or a hollow sphere around what touches it.
 
     Parameters
@@ -125,19 +112,14 @@ class Sphere(_Round):
     [1.0]
     """
 
+    kind = "distance"
+
     def __init__(self, centre: ArrayLike, radius: float, inside: bool = False) -> None:
-        super().__init__(radius, inside)
-        self.centre = self.point = vector("sphere", "centre", centre)
-
-    def _length(self, r: Array) -> Array:
-        return np.asarray(np.sqrt((r * r).sum(-1)))
-
-    def coordinate(self, place: Place) -> RelativeCoordinate:
-        """The distance of a place from the centre."""
-        return distance("gap", ground(self.point), place)
+        self.centre = vector("sphere", "centre", centre)
+        super().__init__(centre, np.eye(3), positive("sphere", "radius", radius), inside)
 
 
-class Cylinder(_Round):
+class Cylinder(Surface):
     """A bar without ends that is an :class:`Obstacle`, or a tube around what touches it.
 
     Parameters
@@ -145,7 +127,7 @@ class Cylinder(_Round):
     point : (3,) array
         On the axis (m).
     axis : (3,) array
-        Its direction, of any length.
+        Unit vector.
     radius : float
         (m)
     inside : bool
@@ -154,7 +136,7 @@ class Cylinder(_Round):
     Raises
     ------
     InputError
-        If the axis has no length, the radius is not positive, or a number is not finite.
+        If the axis is no unit vector, the radius is not positive, or a number is not finite.
 
     Examples
     --------
@@ -163,41 +145,29 @@ class Cylinder(_Round):
     [0.25]
     """
 
+    kind = "radius"
+
     def __init__(
         self, point: ArrayLike, axis: ArrayLike, radius: float, inside: bool = False
     ) -> None:
-        super().__init__(radius, inside)
-        self.point = vector("cylinder", "point", point)
-        self.axis = _unit("cylinder", "axis", axis)
-
-    def _length(self, r: Array) -> Array:
-        across = r @ normals(self.axis).T
-        return np.asarray(np.sqrt((across * across).sum(-1)))
-
-    def coordinate(self, place: Place) -> RelativeCoordinate:
-        """The distance of a place from the axis."""
-        r = point(place) - point(ground(self.point))
-        first, second = (direction(ORIGIN, m) for m in normals(self.axis))
-        return RelativeCoordinate("gap", "radius", ((Product(first, r),), (Product(second, r),)))
-
-
-#: a place, its share of stiffness and damping, and a radius about it (m)
-_Point = tuple[Place, float, float]
+        self.axis = unit_vector("cylinder", "axis", axis)
+        radius = positive("cylinder", "radius", radius)
+        super().__init__(point, normals(self.axis), radius, inside)
 
 
 class _Touch(Coupling):
-    """A place that touches a surface."""
+    """A place with a radius that touches a surface."""
 
     kind = "obstacle"
     slack = True
 
-    def __init__(self, surface: Surface, at: _Point, stiffness: float, damping: float) -> None:
-        self.a, (self.b, share, radius) = ground(surface.point), at
-        self.coordinates, self.sign = (surface.coordinate(self.b),), -surface.side
-        self._set_law(stiffness * share, damping * share, surface.radius + surface.side * radius)
+    def __init__(self, surface: Surface, place: Place, radius: float, *law: float) -> None:
+        self.a, self.b = ground(surface.point), place
+        self.coordinates, self.sign = (surface.coordinate(place),), -surface.side
+        self._set_law(*law, surface.radius + surface.side * radius)
 
 
-class Obstacle(Item):
+class Obstacle(Composed):
     """A rigid surface, fixed in space, that bodies and beams touch and do not pass.
 
     Points push back with the potential ``V = k d^2/2`` while they are deeper than d = 0 in the
@@ -272,98 +242,80 @@ class Obstacle(Item):
         slip_speed: float | None = None,
         radius: float = 0.0,
     ) -> None:
-        if isinstance(surface, type) or not (isinstance(surface, Surface) or callable(surface)):
-            text = f"surface = {surface!r}, expected a Plane, Sphere or Cylinder, or a function"
+        known = isinstance(surface, Surface)
+        if not (known or callable(surface)):
+            text = f"surface = {surface!r}, expected a Plane, Sphere, Cylinder or function"
             raise InputError(self.label, text)
         self.surface = surface
-        self.against = tuple(against) if isinstance(against, list | tuple) else against
+        self.against = tuple(against) if isinstance(against, Sequence) else (against,)
         self.stiffness = positive(self.label, "stiffness", stiffness, " (N/m; of beams N/m^2)")
         self.damping = not_negative(self.label, "damping", damping)
         self.friction = not_negative(self.label, "friction", friction)
         self.slip_speed = slip_speed
-        if friction or slip_speed is not None:
+        if friction:
             self.slip_speed = positive(self.label, "slip_speed", slip_speed, " (m/s)")
         self.radius = not_negative(self.label, "radius", radius)
-        items = self.against if isinstance(self.against, tuple) else (self.against,)
-        points = [each for item in items for each in self._points_of(item)]
+        points = [each for item in self.against for each in self._points_of(item)]
         if not points:
-            raise InputError(self.label, "against has no points, expected one or more")
-        places = [place for place, _, _ in points]
-        self._shares, self._radii = (np.array([at[k] for at in points]) for k in (1, 2))
-        self._gap: GapFunction = getattr(surface, "gap", surface)
-        size = getattr(surface, "radius", 0.0) or 1.0
+            raise InputError(self.label, "is against nothing, expected one place or more")
+        self._places = [place for place, _, _ in points]
+        self._radii, shares = np.array([each[1:] for each in points]).T
+        self._stiffness = self.stiffness * shares
+        self._gap: GapFunction = surface.gap if known else surface
         #: the gap with its derivatives, of complex numbers, too
-        self._stored = LawStored(self._gaps, None, None, np.eye(3), size=size)
-        self._touches: list[_Touch] = []
-        self._forces: dict[str, Force] = {}
-        if isinstance(surface, Surface):
-            numbers = self.stiffness, self.damping
-            self._touches = [_Touch(surface, at, *numbers) for at in points]
+        self._gaps = LawStored(self._gap_at, None, None, np.eye(3))
+        if known:
+            self._made = {
+                f"/{k}": _Touch(surface, place, radius, self.stiffness * share, damping * share)
+                for k, (place, radius, share) in enumerate(points)
+            }
         else:
-            x = np.array([place.position for place in places])
-            self._stored.energy(x), self._stored.stress(x)  # errors are told before a run
-            self._forces[""] = Force(
-                places, energy=self._energy, derivative=self._gradient, each=True
-            )
-        if friction or (damping and self._forces):
-            self._forces["/friction"] = Force(places, self._law, each=True)
+            if damping:
+                raise InputError(self.label, "has damping, which an own function does not take")
+            self._tried()
+            law = {"energy": self._energy, "derivative": self._gradient}
+            self._made = {"": Force(self._places, each=True, **law)}
+        if friction:
+            self._made["/friction"] = Force(self._places, self._law, each=True)
 
-    def _points_of(self, item: object) -> list[_Point]:
-        if isinstance(item, Place) and item.item is not None:
-            return [(item, 1.0, self.radius)]
-        if isinstance(item, MassPoint):
-            return [(item.place(), 1.0, self.radius)]
-        if isinstance(item, RigidBody) and item.ball:
-            return [(item.local((0, 0, 0)), 1.0, self.radius + item.ball)]
+    def _points_of(self, item: object) -> list[tuple[Place, float, float]]:
+        """Places, with the radius (m) and the share of the stiffness of each."""
+        if is_beam(item):
+            basis = item.basis
+            lengths = np.bincount(basis.connectivity.ravel(), basis.elemental_load().ravel())
+            return [(item.node(k), self.radius, s) for k, s in enumerate(lengths.tolist())]
         if isinstance(item, RigidBody) and item.surface is not None:
-            return [(item.local(X), 1.0, self.radius) for X in item.surface[0]]
-        if not is_beam(item):
-            raise InputError(self.label, f"acts on {no_place(item)}")
-        lengths = np.zeros(item.basis.n_nodes)
-        np.add.at(lengths, item.basis.connectivity, item.basis.elemental_load())
-        return [(item.node(k), length, self.radius) for k, length in enumerate(lengths.tolist())]
+            corners = np.zeros((1, 3)) if item.ball else item.surface[0]
+            return [(item.local(X), self.radius + item.ball, 1.0) for X in corners]
+        place = item.place() if isinstance(item, MassPoint) else item
+        if not isinstance(place, Place) or place.item is None:
+            raise InputError(self.label, f"is against {no_place(item)}")
+        return [(place, self.radius, 1.0)]
 
-    # -- the laws of all points together -----------------------------------------------------------
+    # -- laws of all points together ---------------------------------------------------------------
 
-    def _gaps(self, x: Array) -> Array:
-        """The gap (...) of points (..., 3)."""
-        rows = x.reshape(-1, 3)
-        try:
-            found = np.asarray(self._gap(rows))
-        except Exception as error:
-            raise failed(self.label, "its gap", error) from error
-        if found.shape != (len(rows),) or found.dtype.kind != x.dtype.kind:
-            given = f"gap gives an array {found.shape} of {found.dtype}"
-            text = f"{given} for {rows.shape} of {x.dtype}, expected ({len(rows)},) such numbers"
-            raise InputError(self.label, text)
-        return found.reshape(x.shape[:-1])
+    def _gap_at(self, x: Array) -> Array:
+        return self._gap(x.reshape(-1, 3)).reshape(x.shape[:-1])
 
-    def _pressed(self, x: Array) -> tuple[Array, Array]:
-        """Depths (n,) of places (n, 3) in the obstacle, and their shares of the stiffness."""
-        times = len(x) // len(self._shares)
-        depth = np.repeat(self._radii, times) - self._stored.energy(x)
-        return np.where(depth.real > 0, depth, 0.0), np.repeat(self._shares, times)
+    def _depth(self, x: Array) -> tuple[Array, Array]:
+        """Of places (n, 3): how deep they are in the obstacle, zero outside; pressing forces."""
+        times = len(x) // len(self._radii)
+        depth = np.repeat(self._radii, times) - self._gaps.energy(x)
+        depth = np.where(depth.real > 0, depth, 0.0)
+        return depth, np.repeat(self._stiffness, times) * depth
 
     def _energy(self, x: Array) -> Array:
-        depth, share = self._pressed(x)
-        return 0.5 * self.stiffness * share * depth**2
+        depth, force = self._depth(x)
+        return 0.5 * force * depth
 
     def _gradient(self, x: Array) -> Array:
-        depth, share = self._pressed(x)
-        return -(self.stiffness * share * depth)[:, None] * self._stored.stress(x)
+        return -self._depth(x)[1][:, None] * self._gaps.stress(x)
 
     def _law(self, x: Array, v: Array, t: float) -> Array:
-        """Friction (n, 3), and what a damper adds to an own function."""
-        (depth, share), normal = self._pressed(x), self._stored.stress(x)
-        pressing, speed = self.stiffness * share * depth, (v * normal).sum(-1)
-        slip = v - speed[:, None] * normal
-        rough = np.sqrt((slip * slip).sum(-1) + (self.slip_speed or 1.0) ** 2)
-        force = -(self.friction * pressing / rough)[:, None] * slip
-        if not self._touches:
-            push = np.where(depth.real > 0, -self.damping * share * speed, 0.0)
-            push = np.where(push.real < -pressing.real, -pressing, push)
-            force = force + push[:, None] * normal
-        return force
+        normal = self._gaps.stress(x)
+        slip = v - (v * normal).sum(-1, keepdims=True) * normal
+        speed = np.sqrt((slip * slip).sum(-1) + self.slip_speed**2)
+        return -(self.friction * self._depth(x)[1] / speed)[:, None] * slip
 
     # -- protocol ----------------------------------------------------------------------------------
 
@@ -372,16 +324,6 @@ class Obstacle(Item):
         numbers = self.stiffness, self.damping, self.friction, self.slip_speed, self.radius
         return type(self)(self.surface, replacements.of(self.against), *numbers)
 
-    def pieces(self) -> list[Coupling]:
-        """Force elements that it is made of, named after it."""
-        for k, touch in enumerate(self._touches):
-            vars(touch)["name"] = f"{self.name}/{k}"
-        out: list[Coupling] = list(self._touches)
-        for end, force in self._forces.items():
-            vars(force)["name"] = f"{self.name}{end}"
-            out += force.pieces()
-        return out
-
     def references(self) -> Sequence[Item]:
         """The items of its points."""
-        return list({id(item): item for p in self.pieces() for item in p.references()}.values())
+        return [place.item for place in self._places if place.item is not None]

@@ -180,6 +180,25 @@ def bordered(d: int, diagonal: float, column: Vector, J: Floats, j: int) -> None
         J[j, d + i, d + 3] = column[i]
 
 
+@inlined
+def outward(d: int, P: Floats, p: int, q: int, r0: float, r1: float, J: Floats, j: int) -> None:
+    """``J_j`` of a radius: the mean of ``P_p`` and ``P_q`` by that of their radii r0 and r1."""
+    for i in range(d, d + 2):
+        J[j, d, i] = (P[p, i] + P[q, i]) / (r0 + r1 + AXIS)
+
+
+@inlined
+def outward_slope(
+    d: int, P: Floats, p: int, q: int, r0: float, r1: float, factor: float, X: Floats
+) -> None:
+    """``X``: `factor` times its derivative by ``P_q``."""
+    r = r0 + r1 + AXIS
+    for i in range(2):
+        for n in range(2):
+            away = (P[p, d + i] + P[q, d + i]) / r * P[q, d + n] / (r1 + AXIS)
+            X[0, i, n] = factor * ((1.0 if i == n else 0.0) - away) / r
+
+
 @shared
 def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     """``J_j = dxi/dpi`` at ``pi_p``."""
@@ -188,8 +207,8 @@ def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     if kind == DISTANCE:
         J[j, d, d] = 0.5 / np.sqrt(a)
     elif kind == RADIUS:
-        r = np.hypot(a, pi[p, d + 1]) + AXIS
-        J[j, d, d], J[j, d, d + 1] = a / r, pi[p, d + 1] / r
+        r = np.hypot(a, pi[p, d + 1])
+        outward(d, pi, p, p, r, r, J, j)
     elif kind == ANGLE:
         b = pi[p, d + 1]
         J[j, d, d], J[j, d, d + 1] = -b / (a * a + b * b), a / (a * a + b * b)
@@ -207,12 +226,8 @@ def curvature(kind: int, d: int, pi: Floats, p: int, X: Floats) -> None:
     if kind == DISTANCE:
         X[0, 0, 0] = -0.25 / (a * np.sqrt(a))
     elif kind == RADIUS:
-        b = pi[p, d + 1]
-        r = np.hypot(a, b) + AXIS
-        across = -b / r, a / r
-        for i in range(2):
-            for n in range(2):
-                X[0, i, n] = across[i] * across[n] / r
+        r = np.hypot(a, pi[p, d + 1])
+        outward_slope(d, pi, p, p, r, r, 2.0, X)
     elif kind == ANGLE:
         b = pi[p, d + 1]
         fourth = (a * a + b * b) ** 2
@@ -232,8 +247,7 @@ def discrete(kind: int, d: int, P: Floats, xi0: float, xi1: float, J: Floats) ->
     if kind == DISTANCE:
         J[0, d, d] = 1.0 / (xi0 + xi1)
     elif kind == RADIUS:
-        for i in range(2):
-            J[0, d, d + i] = (P[BEGIN, d + i] + P[AT_END, d + i]) / (xi0 + xi1 + AXIS)
+        outward(d, P, BEGIN, AT_END, xi0, xi1, J, 0)
     elif kind == ANGLE:
         mean = 0.5 * (xi0 + xi1)
         factor = over_sine(0.5 * (xi1 - xi0))[0]
@@ -254,12 +268,7 @@ def discrete_slope(kind: int, d: int, P: Floats, xi0: float, xi1: float, X: Floa
     if kind == DISTANCE:
         X[0, 0, 0] = -0.5 / (xi1 * (xi0 + xi1) ** 2)
     elif kind == RADIUS:
-        r = xi0 + xi1 + AXIS
-        for i in range(2):
-            mean = (P[BEGIN, d + i] + P[AT_END, d + i]) / r
-            for n in range(2):
-                away = mean * P[AT_END, d + n] / (xi1 + AXIS)
-                X[0, i, n] = ((1.0 if i == n else 0.0) - away) / r
+        outward_slope(d, P, BEGIN, AT_END, xi0, xi1, 1.0, X)
     elif kind == ANGLE:
         b = P[AT_END, d + 1]
         mean = 0.5 * (xi0 + xi1)

@@ -20,7 +20,6 @@ import numpy as np
 
 from ..types import Array, Floats
 
-
 #: added to distances that are divided by: what is on an axis has no direction from it
 AXIS = 1e-100
 
@@ -103,7 +102,8 @@ class Radius(Kind):
 
     def slope(self, pi: Array) -> Array:
         """``dxi/dpi = pi/xi`` (..., 1, 2)."""
-        return (pi / (self.value(pi) + AXIS))[..., None, :]
+        xi = self.value(pi)
+        return self.discrete(pi, xi, pi, xi)
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)`` (..., 1, 2)."""

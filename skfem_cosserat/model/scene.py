@@ -13,14 +13,13 @@ import numpy as np
 
 from ..arguments import checked
 from ..body import MassPoint, RigidBody
-from ..coupling import Coupling, Foundation, JointLimits
+from ..coupling import Composed, Coupling
 from ..damping import RayleighDamping
 from ..errors import IncompatibleError, InputError, ModelWarning
 from ..frames import Item, Place, StructuralItem, is_beam
 from ..frozen import Replacements, loosened, seal
 from ..joint import Joint, JointDrive, JointLocked
 from ..load import Load
-from ..obstacle import Obstacle
 from ..time_function import (
     Amplitude,
     Constant,
@@ -40,7 +39,7 @@ from .system import Pictured, System, listed
 ItemT = TypeVar("ItemT", bound=Item)
 
 #: single ones, and items that are composed of them
-FORCE_ELEMENTS = Coupling, Foundation, JointLimits, Obstacle
+FORCE_ELEMENTS = Coupling, Composed
 
 # -- scenes that change while they move: joints locked, freed or taken away, loads switched --------
 #
