@@ -3,62 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Self, TypeAlias
+from typing import Self
 
 import numpy as np
 
 from .body import MassPoint, RigidBody
 from .coupling import Composed, Coupling
-from .errors import InputError
+from .errors import InputError, failed
 from .force import Force
 from .frames import Item, Place, StructuralItem, ground, is_beam, no_place, unit_vector, vector
 from .frozen import Frozen, Replacements
 from .law import LawStored
-from .relative import ORIGIN, Product, RelativeCoordinate, direction, normals, point
+from .relative import ORIGIN, Product, RelativeCoordinate, direction, point
 from .types import Array, ArrayLike, Floats, not_negative, positive, switch
-
-#: x (n, 3) to distances (n,) outside of a surface (m)
-GapFunction: TypeAlias = Callable[[Array], Array]
 
 
 class Surface(Frozen):
-    """Base of the surfaces of obstacles: from a length and a radius to the gap.
+    """Base of the surfaces of obstacles: where a height, or a distance, is that of a radius.
 
     Parameters
     ----------
     point : (3,) array
-        At which lengths begin (m).
-    across : (k, 3) array
-        Unit vectors, along which they are measured: one, or the root of a sum of squares.
+        From which on lengths count (m).
+    across : (1, 3) or (3, 3) array
+        The normal of a plane, or the projection of vectors whose length is the distance.
     radius : float
-        At which the surface is (m).
+        At which the surface is (m); zero of a plane.
     inside : bool
         What touches it is inside.
     """
 
-    #: of the length, as a relative coordinate
-    kind: str
-
-    def __init__(self, point: ArrayLike, across: Floats, radius: float, inside: bool) -> None:
+    def __init__(
+        self, point: ArrayLike, across: Floats, radius: float = 0.0, inside: bool = False
+    ) -> None:
         label = type(self).__name__.lower()
         self.point, self.across, self.radius = vector(label, "point", point), across, radius
         self.inside = switch(label, inside, "inside")
-        #: -1 if a larger length is a smaller gap
-        self.side = -1.0 if inside else 1.0
+
+    @property
+    def side(self) -> float:
+        """-1 if a larger length is a smaller gap, else 1."""
+        return -1.0 if self.inside else 1.0
 
     def gap(self, x: Array) -> Array:
         """Distances (n,) outside of points x (n, 3) in m; they may be complex."""
         r = (x - self.point) @ self.across.T
-        length = r[:, 0] if len(self.across) == 1 else np.sqrt((r * r).sum(-1))
-        return self.side * (length - self.radius)
+        return self.side * ((np.sqrt((r * r).sum(-1)) if self.radius else r[:, 0]) - self.radius)
 
     def coordinate(self, place: Place) -> RelativeCoordinate:
         """The length of a place."""
         r = point(place) - point(ground(self.point))
-        forms = [(Product(direction(ORIGIN, n), r),) for n in self.across]
-        if self.kind == "distance":
-            forms = [(Product(r, r),)]
-        return RelativeCoordinate("gap", self.kind, tuple(forms))
+        forms = tuple((Product(direction(ORIGIN, n), r),) for n in self.across)
+        return RelativeCoordinate("gap", "radius" if self.radius else "height", forms)
 
 
 class Plane(Surface):
@@ -82,11 +78,9 @@ class Plane(Surface):
     [3.0]
     """
 
-    kind = "height"
-
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
         self.normal = unit_vector("plane", "normal", normal)
-        super().__init__(point, self.normal[None], 0.0, False)
+        super().__init__(point, self.normal[None])
 
 
 class Sphere(Surface):
@@ -111,8 +105,6 @@ class Sphere(Surface):
     >>> Sphere((0, 0, 1), 2.0).gap(np.array([[0, 0, 4.0]])).tolist()
     [1.0]
     """
-
-    kind = "distance"
 
     def __init__(self, centre: ArrayLike, radius: float, inside: bool = False) -> None:
         self.centre = vector("sphere", "centre", centre)
@@ -145,14 +137,12 @@ class Cylinder(Surface):
     [0.25]
     """
 
-    kind = "radius"
-
     def __init__(
         self, point: ArrayLike, axis: ArrayLike, radius: float, inside: bool = False
     ) -> None:
         self.axis = unit_vector("cylinder", "axis", axis)
-        radius = positive("cylinder", "radius", radius)
-        super().__init__(point, normals(self.axis), radius, inside)
+        across = np.eye(3) - np.outer(self.axis, self.axis)
+        super().__init__(point, across, positive("cylinder", "radius", radius), inside)
 
 
 class _Touch(Coupling):
@@ -234,7 +224,7 @@ class Obstacle(Composed):
 
     def __init__(
         self,
-        surface: Surface | GapFunction,
+        surface: Surface | Callable[[Array], Array],
         against: StructuralItem | Place | Sequence[StructuralItem | Place],
         stiffness: float,
         damping: float = 0.0,
@@ -242,10 +232,6 @@ class Obstacle(Composed):
         slip_speed: float | None = None,
         radius: float = 0.0,
     ) -> None:
-        known = isinstance(surface, Surface)
-        if not (known or callable(surface)):
-            text = f"surface = {surface!r}, expected a Plane, Sphere, Cylinder or function"
-            raise InputError(self.label, text)
         self.surface = surface
         self.against = tuple(against) if isinstance(against, Sequence) else (against,)
         self.stiffness = positive(self.label, "stiffness", stiffness, " (N/m; of beams N/m^2)")
@@ -258,64 +244,67 @@ class Obstacle(Composed):
         points = [each for item in self.against for each in self._points_of(item)]
         if not points:
             raise InputError(self.label, "is against nothing, expected one place or more")
-        self._places = [place for place, _, _ in points]
-        self._radii, shares = np.array([each[1:] for each in points]).T
-        self._stiffness = self.stiffness * shares
-        self._gap: GapFunction = surface.gap if known else surface
+        self._places, radii, shares = zip(*points, strict=True)
+        self._radii = np.array(radii)[:, None] + radius
+        self._stiffness = np.array(shares)[:, None] * stiffness
         #: the gap with its derivatives, of complex numbers, too
-        self._gaps = LawStored(self._gap_at, None, None, np.eye(3))
-        if known:
-            self._made = {
-                f"/{k}": _Touch(surface, place, radius, self.stiffness * share, damping * share)
-                for k, (place, radius, share) in enumerate(points)
-            }
+        self._gap = LawStored(self._gap_of, None, None, np.eye(3))
+        self._made: dict[str, Coupling] = {}
+        if isinstance(surface, Surface):
+            for k, (place, more, share) in enumerate(points):
+                law = radius + more, stiffness * share, damping * share
+                self._made[f"/{k}"] = _Touch(surface, place, *law)
         else:
             if damping:
-                raise InputError(self.label, "has damping, which an own function does not take")
-            self._tried()
-            law = {"energy": self._energy, "derivative": self._gradient}
-            self._made = {"": Force(self._places, each=True, **law)}
+                raise InputError(self.label, "has damping, which functions do not take")
+            try:
+                self._gap_of(np.array([place.position for place in self._places]) + 0j)
+            except Exception as error:
+                raise failed(self.label, f"surface = {surface!r}", error) from error
+            self._made[""] = Force(
+                self._places, energy=self._energy, derivative=self._gradient, each=True
+            )
         if friction:
-            self._made["/friction"] = Force(self._places, self._law, each=True)
+            self._made["/friction"] = Force(self._places, self._slide, each=True)
 
     def _points_of(self, item: object) -> list[tuple[Place, float, float]]:
-        """Places, with the radius (m) and the share of the stiffness of each."""
+        """Places, with the radius (m) of a ball and the share of the stiffness of each."""
         if is_beam(item):
-            basis = item.basis
-            lengths = np.bincount(basis.connectivity.ravel(), basis.elemental_load().ravel())
-            return [(item.node(k), self.radius, s) for k, s in enumerate(lengths.tolist())]
+            nodes, lengths = item.basis.connectivity, item.basis.elemental_load()
+            each = enumerate(np.bincount(nodes.ravel(), lengths.ravel()).tolist())
+            return [(item.node(k), 0.0, length) for k, length in each]
         if isinstance(item, RigidBody) and item.surface is not None:
             corners = np.zeros((1, 3)) if item.ball else item.surface[0]
-            return [(item.local(X), self.radius + item.ball, 1.0) for X in corners]
+            return [(item.local(X), item.ball, 1.0) for X in corners]
         place = item.place() if isinstance(item, MassPoint) else item
         if not isinstance(place, Place) or place.item is None:
             raise InputError(self.label, f"is against {no_place(item)}")
-        return [(place, self.radius, 1.0)]
+        return [(place, 0.0, 1.0)]
 
-    # -- laws of all points together ---------------------------------------------------------------
+    # -- laws of all places (n, 3) together: points, then complex steps of each --------------------
 
-    def _gap_at(self, x: Array) -> Array:
-        return self._gap(x.reshape(-1, 3)).reshape(x.shape[:-1])
+    def _gap_of(self, x: Array) -> Array:
+        gap: Callable[[Array], Array] = getattr(self.surface, "gap", self.surface)
+        return gap(x.reshape(-1, 3)).reshape(x.shape[:-1])
 
-    def _depth(self, x: Array) -> tuple[Array, Array]:
-        """Of places (n, 3): how deep they are in the obstacle, zero outside; pressing forces."""
-        times = len(x) // len(self._radii)
-        depth = np.repeat(self._radii, times) - self._gaps.energy(x)
-        depth = np.where(depth.real > 0, depth, 0.0)
-        return depth, np.repeat(self._stiffness, times) * depth
+    def _pressed(self, x: Array) -> tuple[Array, Array]:
+        """How deep places are in the obstacle, zero outside, and the forces on them (n,)."""
+        depth = self._radii - self._gap.energy(x).reshape(len(self._radii), -1)
+        depth = depth * (depth.real > 0)
+        return depth.ravel(), (self._stiffness * depth).ravel()
 
     def _energy(self, x: Array) -> Array:
-        depth, force = self._depth(x)
+        depth, force = self._pressed(x)
         return 0.5 * force * depth
 
     def _gradient(self, x: Array) -> Array:
-        return -self._depth(x)[1][:, None] * self._gaps.stress(x)
+        return -self._pressed(x)[1][:, None] * self._gap.stress(x)
 
-    def _law(self, x: Array, v: Array, t: float) -> Array:
-        normal = self._gaps.stress(x)
+    def _slide(self, x: Array, v: Array, t: float) -> Array:
+        normal = self._gap.stress(x)
         slip = v - (v * normal).sum(-1, keepdims=True) * normal
         speed = np.sqrt((slip * slip).sum(-1) + self.slip_speed**2)
-        return -(self.friction * self._depth(x)[1] / speed)[:, None] * slip
+        return -(self.friction * self._pressed(x)[1] / speed)[:, None] * slip
 
     # -- protocol ----------------------------------------------------------------------------------
 

@@ -160,7 +160,7 @@ class RelativeCoordinate(Attached):
     kind : {"angle", "displacement", "distance", "rotation", "position", "height", "radius"}
         ``atan2(pi_2, pi_1)``; ``pi_1`` less its reference value; ``sqrt(pi_1)``; the rotation
         vector of which ``pi_1..3`` is the sine times the axis and ``pi_4`` the cosine; ``pi_1``;
-        ``pi_1``; ``sqrt(pi_1^2 + pi_2^2)``.
+        ``pi_1``; the root of ``pi_1^2 + pi_2^2 + pi_3^2``.
     forms : tuple of sums of products
         The invariants.
     """

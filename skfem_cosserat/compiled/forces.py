@@ -85,7 +85,9 @@ def numbers_of_kind(kind: int) -> tuple[int, int]:
     """Components and invariants of a coordinate."""
     if kind == ROTATION:
         return 3, 4
-    return 1, 2 if kind in (ANGLE, RADIUS) else 1
+    if kind == RADIUS:
+        return 1, 3
+    return 1, 2 if kind == ANGLE else 1
 
 
 @inlined
@@ -135,6 +137,12 @@ def turn_quotient(c0: float, c1: float) -> tuple[float, float]:
     return quotient, (one[1] - quotient) / step
 
 
+@inlined
+def radius(pi: Floats, p: int, d: int) -> float:
+    """Length of three invariants."""
+    return AXIS + np.sqrt(pi[p, d] ** 2 + pi[p, d + 1] ** 2 + pi[p, d + 2] ** 2)
+
+
 @shared
 def value(kind: int, d: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
     """``xi_x`` of ``pi_p``: an angle's principal value."""
@@ -144,7 +152,7 @@ def value(kind: int, d: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
     if kind == DISTANCE:
         xi[x, d] = np.sqrt(a)
     elif kind == RADIUS:
-        xi[x, d] = np.hypot(a, pi[p, d + 1])
+        xi[x, d] = radius(pi, p, d)
     elif kind == ANGLE:
         xi[x, d] = np.arctan2(pi[p, d + 1], a)
     elif kind == ROTATION:
@@ -180,25 +188,6 @@ def bordered(d: int, diagonal: float, column: Vector, J: Floats, j: int) -> None
         J[j, d + i, d + 3] = column[i]
 
 
-@inlined
-def outward(d: int, P: Floats, p: int, q: int, r0: float, r1: float, J: Floats, j: int) -> None:
-    """``J_j`` of a radius: the mean of ``P_p`` and ``P_q`` by that of their radii r0 and r1."""
-    for i in range(d, d + 2):
-        J[j, d, i] = (P[p, i] + P[q, i]) / (r0 + r1 + AXIS)
-
-
-@inlined
-def outward_slope(
-    d: int, P: Floats, p: int, q: int, r0: float, r1: float, factor: float, X: Floats
-) -> None:
-    """``X``: `factor` times its derivative by ``P_q``."""
-    r = r0 + r1 + AXIS
-    for i in range(2):
-        for n in range(2):
-            away = (P[p, d + i] + P[q, d + i]) / r * P[q, d + n] / (r1 + AXIS)
-            X[0, i, n] = factor * ((1.0 if i == n else 0.0) - away) / r
-
-
 @shared
 def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     """``J_j = dxi/dpi`` at ``pi_p``."""
@@ -207,8 +196,8 @@ def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     if kind == DISTANCE:
         J[j, d, d] = 0.5 / np.sqrt(a)
     elif kind == RADIUS:
-        r = np.hypot(a, pi[p, d + 1])
-        outward(d, pi, p, p, r, r, J, j)
+        for i in range(d, d + 3):
+            J[j, d, i] = pi[p, i] / radius(pi, p, d)
     elif kind == ANGLE:
         b = pi[p, d + 1]
         J[j, d, d], J[j, d, d + 1] = -b / (a * a + b * b), a / (a * a + b * b)
@@ -225,9 +214,6 @@ def curvature(kind: int, d: int, pi: Floats, p: int, X: Floats) -> None:
     a = pi[p, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.25 / (a * np.sqrt(a))
-    elif kind == RADIUS:
-        r = np.hypot(a, pi[p, d + 1])
-        outward_slope(d, pi, p, p, r, r, 2.0, X)
     elif kind == ANGLE:
         b = pi[p, d + 1]
         fourth = (a * a + b * b) ** 2
@@ -247,7 +233,8 @@ def discrete(kind: int, d: int, P: Floats, xi0: float, xi1: float, J: Floats) ->
     if kind == DISTANCE:
         J[0, d, d] = 1.0 / (xi0 + xi1)
     elif kind == RADIUS:
-        outward(d, P, BEGIN, AT_END, xi0, xi1, J, 0)
+        for i in range(d, d + 3):
+            J[0, d, i] = (P[BEGIN, i] + P[AT_END, i]) / (xi0 + xi1)
     elif kind == ANGLE:
         mean = 0.5 * (xi0 + xi1)
         factor = over_sine(0.5 * (xi1 - xi0))[0]
@@ -267,8 +254,6 @@ def discrete_slope(kind: int, d: int, P: Floats, xi0: float, xi1: float, X: Floa
     a = P[AT_END, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.5 / (xi1 * (xi0 + xi1) ** 2)
-    elif kind == RADIUS:
-        outward_slope(d, P, BEGIN, AT_END, xi0, xi1, 1.0, X)
     elif kind == ANGLE:
         b = P[AT_END, d + 1]
         mean = 0.5 * (xi0 + xi1)
@@ -454,6 +439,13 @@ def slopes(
     else:
         curvature(kind, d, P, AT_MID, X)
     slope(kind, d, P, AT_END, J, 1)
+    if kind == RADIUS:  # by its directions, which are known
+        r, j = V[XI, d], 0
+        if ends:
+            r, j = state[c, XI0 + d] + V[XI1, d], 1
+        for i in range(3):
+            for n in range(3):
+                X[0, i, n] = ((1.0 if i == n else 0.0) - J[0, d, d + i] * J[j, d, d + n]) / r
     clear(H)
     # J_2: derivatives of the force by invariants at the midpoint, then at the end
     for where in range(2):

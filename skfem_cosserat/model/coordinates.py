@@ -20,7 +20,7 @@ import numpy as np
 
 from ..types import Array, Floats
 
-#: added to distances that are divided by: what is on an axis has no direction from it
+#: added to radii, by which something is divided: on the axis there is no direction
 AXIS = 1e-100
 
 
@@ -43,9 +43,10 @@ class Kind(ABC):
     def value(self, pi: Array) -> Array:
         """``xi`` (..., m), the principal value of an angle."""
 
-    @abstractmethod
     def slope(self, pi: Array) -> Array:
-        """``dxi/dpi`` (..., m, k)."""
+        """``dxi/dpi`` (..., m, k), by default ``Psi(pi, pi)``."""
+        xi = self.value(pi)
+        return self.discrete(pi, xi, pi, xi)
 
     @abstractmethod
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
@@ -66,10 +67,6 @@ class Displacement(Kind):
         """``xi = pi``."""
         return pi
 
-    def slope(self, pi: Array) -> Array:
-        """``dxi/dpi = 1``."""
-        return np.ones((*pi.shape, 1))
-
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1``."""
         return np.ones((*pi1.shape, 1))
@@ -82,32 +79,23 @@ class Distance(Kind):
         """``xi = sqrt(pi)``."""
         return np.sqrt(pi)
 
-    def slope(self, pi: Array) -> Array:
-        """``dxi/dpi = 1/(2 sqrt(pi))``."""
-        return 0.5 / np.sqrt(pi)[..., None]
-
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1/(xi_0 + xi_1)``."""
         return 1 / (xi0 + xi1)[..., None]
 
 
 class Radius(Kind):
-    """``xi = sqrt(pi_1^2 + pi_2^2)``; ``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)``, zero on the axis."""
+    """``xi = |pi|``; ``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)``, both without a direction at zero."""
 
-    invariants = 2
+    invariants = 3
 
     def value(self, pi: Array) -> Array:
-        """``xi = sqrt(pi_1^2 + pi_2^2)``."""
-        return np.sqrt((pi * pi).sum(-1, keepdims=True))
-
-    def slope(self, pi: Array) -> Array:
-        """``dxi/dpi = pi/xi`` (..., 1, 2)."""
-        xi = self.value(pi)
-        return self.discrete(pi, xi, pi, xi)
+        """``xi = |pi|``."""
+        return np.asarray(np.sqrt((pi * pi).sum(-1, keepdims=True)) + AXIS)
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)`` (..., 1, 2)."""
-        return ((pi0 + pi1) / (xi0 + xi1 + AXIS))[..., None, :]
+        """``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)`` (..., 1, 3)."""
+        return ((pi0 + pi1) / (xi0 + xi1))[..., None, :]
 
 
 class Angle(Kind):
