@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from .force import Force
 from .frames import Item, Place, StructuralItem, ground, is_beam, no_place, unit_vector, vector
 from .frozen import Frozen, Replacements
 from .law import LawStored
-from .relative import ORIGIN, Product, RelativeCoordinate, direction, point
+from .relative import ORIGIN, Product, RelativeCoordinate, direction, distance, point
 from .types import Array, ArrayLike, Floats, not_negative, positive, switch
 
 
@@ -50,12 +50,6 @@ class Surface(Frozen):
         r = (x - self.point) @ self.across.T
         return self.side * ((np.sqrt((r * r).sum(-1)) if self.radius else r[:, 0]) - self.radius)
 
-    def coordinate(self, place: Place) -> RelativeCoordinate:
-        """The length of a place."""
-        r = point(place) - point(ground(self.point))
-        forms = tuple((Product(direction(ORIGIN, n), r),) for n in self.across)
-        return RelativeCoordinate("gap", "radius" if self.radius else "height", forms)
-
 
 class Plane(Surface):
     """A plane that is an :class:`Obstacle`: what touches it is on the side of its normal.
@@ -81,6 +75,11 @@ class Plane(Surface):
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
         self.normal = unit_vector("plane", "normal", normal)
         super().__init__(point, self.normal[None])
+
+    def coordinate(self, place: Place) -> RelativeCoordinate:
+        """The height of a place."""
+        r = point(place) - point(ground(self.point))
+        return RelativeCoordinate("gap", "height", ((Product(direction(ORIGIN, self.normal), r),),))
 
 
 class Sphere(Surface):
@@ -109,6 +108,10 @@ class Sphere(Surface):
     def __init__(self, centre: ArrayLike, radius: float, inside: bool = False) -> None:
         self.centre = vector("sphere", "centre", centre)
         super().__init__(centre, np.eye(3), positive("sphere", "radius", radius), inside)
+
+    def coordinate(self, place: Place) -> RelativeCoordinate:
+        """The distance of a place from the centre."""
+        return distance("gap", ground(self.centre), place)
 
 
 class Cylinder(Surface):
@@ -151,7 +154,7 @@ class _Touch(Coupling):
     kind = "obstacle"
     slack = True
 
-    def __init__(self, surface: Surface, place: Place, radius: float, *law: float) -> None:
+    def __init__(self, surface: Plane | Sphere, place: Place, radius: float, *law: float) -> None:
         self.a, self.b = ground(surface.point), place
         self.coordinates, self.sign = (surface.coordinate(place),), -surface.side
         self._set_law(*law, surface.radius + surface.side * radius)
@@ -246,17 +249,17 @@ class Obstacle(Composed):
             raise InputError(self.label, "is against nothing, expected one place or more")
         self._places, radii, shares = zip(*points, strict=True)
         self._radii = np.array(radii)[:, None] + radius
-        self._stiffness = np.array(shares)[:, None] * stiffness
+        self._shares = np.array(shares)[:, None]
         #: the gap with its derivatives, of complex numbers, too
         self._gap = LawStored(self._gap_of, None, None, np.eye(3))
         self._made: dict[str, Coupling] = {}
-        if isinstance(surface, Surface):
+        if isinstance(surface, Plane | Sphere):
             for k, (place, more, share) in enumerate(points):
-                law = radius + more, stiffness * share, damping * share
-                self._made[f"/{k}"] = _Touch(surface, place, *law)
+                self._made[f"/{k}"] = _Touch(
+                    surface, place, radius + more, stiffness * share, damping * share
+                )
+            damping = 0.0
         else:
-            if damping:
-                raise InputError(self.label, "has damping, which functions do not take")
             try:
                 self._gap_of(np.array([place.position for place in self._places]) + 0j)
             except Exception as error:
@@ -264,8 +267,9 @@ class Obstacle(Composed):
             self._made[""] = Force(
                 self._places, energy=self._energy, derivative=self._gradient, each=True
             )
-        if friction:
-            self._made["/friction"] = Force(self._places, self._slide, each=True)
+        self._damping = damping
+        if friction or damping:
+            self._made["/friction"] = Force(self._places, self._law, each=True)
 
     def _points_of(self, item: object) -> list[tuple[Place, float, float]]:
         """Places, with the radius (m) of a ball and the share of the stiffness of each."""
@@ -284,27 +288,31 @@ class Obstacle(Composed):
     # -- laws of all places (n, 3) together: points, then complex steps of each --------------------
 
     def _gap_of(self, x: Array) -> Array:
-        gap: Callable[[Array], Array] = getattr(self.surface, "gap", self.surface)
-        return gap(x.reshape(-1, 3)).reshape(x.shape[:-1])
+        gap: Any = getattr(self.surface, "gap", self.surface)
+        return np.asarray(gap(x.reshape(-1, 3)).reshape(x.shape[:-1]))
 
-    def _pressed(self, x: Array) -> tuple[Array, Array]:
-        """How deep places are in the obstacle, zero outside, and the forces on them (n,)."""
+    def _depth(self, x: Array) -> Array:
+        """How deep places are in the obstacle (points, steps), zero outside."""
         depth = self._radii - self._gap.energy(x).reshape(len(self._radii), -1)
-        depth = depth * (depth.real > 0)
-        return depth.ravel(), (self._stiffness * depth).ravel()
+        return depth * (depth.real > 0)
 
     def _energy(self, x: Array) -> Array:
-        depth, force = self._pressed(x)
-        return 0.5 * force * depth
+        return (0.5 * self.stiffness * self._shares * self._depth(x) ** 2).ravel()
 
     def _gradient(self, x: Array) -> Array:
-        return -self._pressed(x)[1][:, None] * self._gap.stress(x)
+        force = self.stiffness * self._shares * self._depth(x)
+        return -force.reshape(-1, 1) * self._gap.stress(x)
 
-    def _slide(self, x: Array, v: Array, t: float) -> Array:
-        normal = self._gap.stress(x)
-        slip = v - (v * normal).sum(-1, keepdims=True) * normal
-        speed = np.sqrt((slip * slip).sum(-1) + self.slip_speed**2)
-        return -(self.friction * self._pressed(x)[1] / speed)[:, None] * slip
+    def _law(self, x: Array, v: Array, t: float) -> Array:
+        """Friction, and dampers that no coupling has."""
+        depth, normal = self._depth(x), self._gap.stress(x)
+        speed = (v * normal).sum(-1, keepdims=True)
+        slip = v - speed * normal
+        press = (self.stiffness * self._shares * depth).reshape(-1, 1)
+        push = -speed * (self._damping * self._shares * (depth.real > 0)).reshape(-1, 1)
+        push = np.where(push.real < -press.real, -press, push)
+        rough = np.sqrt((slip * slip).sum(-1, keepdims=True) + (self.slip_speed or 1.0) ** 2)
+        return push * normal - self.friction * press / rough * slip
 
     # -- protocol ----------------------------------------------------------------------------------
 

@@ -157,10 +157,9 @@ class RelativeCoordinate(Attached):
     ----------
     name : str
         Such as "angle" or "displacement".
-    kind : {"angle", "displacement", "distance", "rotation", "position", "height", "radius"}
+    kind : {"angle", "displacement", "distance", "rotation", "position", "height"}
         ``atan2(pi_2, pi_1)``; ``pi_1`` less its reference value; ``sqrt(pi_1)``; the rotation
-        vector of which ``pi_1..3`` is the sine times the axis and ``pi_4`` the cosine; ``pi_1``;
-        ``pi_1``; the root of ``pi_1^2 + pi_2^2 + pi_3^2``.
+        vector of which ``pi_1..3`` is the sine times the axis and ``pi_4`` the cosine; both ``pi_1``.
     forms : tuple of sums of products
         The invariants.
     """

@@ -55,7 +55,6 @@ from .tables import (
     LEFT,
     MOST_XI,
     NEUTRAL,
-    RADIUS,
     RIGHT,
     ROTATION,
     ROW,
@@ -76,7 +75,6 @@ from .tables import (
 COUPLING_KINDS = {
     "displacement": DISPLACEMENT,
     "height": DISPLACEMENT,
-    "radius": RADIUS,
     "distance": DISTANCE,
     "angle": ANGLE,
     "rotation": ROTATION,

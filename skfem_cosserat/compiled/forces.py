@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model.coordinates import AXIS, NEAR_ONE, QUADRATURE, TURN_POWERS
+from ..model.coordinates import NEAR_ONE, QUADRATURE, TURN_POWERS
 from ..types import Floats, IndexArray
 from .elements import pace, scalar_block
 from .jit import inlined, part, shared
@@ -62,7 +62,6 @@ from .tables import (
     MOST_PI,
     MOST_XI,
     NEUTRAL,
-    RADIUS,
     ROTATION,
     ROW,
     ROWS,
@@ -85,8 +84,6 @@ def numbers_of_kind(kind: int) -> tuple[int, int]:
     """Components and invariants of a coordinate."""
     if kind == ROTATION:
         return 3, 4
-    if kind == RADIUS:
-        return 1, 3
     return 1, 2 if kind == ANGLE else 1
 
 
@@ -137,12 +134,6 @@ def turn_quotient(c0: float, c1: float) -> tuple[float, float]:
     return quotient, (one[1] - quotient) / step
 
 
-@inlined
-def radius(pi: Floats, p: int, d: int) -> float:
-    """Length of three invariants."""
-    return AXIS + np.sqrt(pi[p, d] ** 2 + pi[p, d + 1] ** 2 + pi[p, d + 2] ** 2)
-
-
 @shared
 def value(kind: int, d: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
     """``xi_x`` of ``pi_p``: an angle's principal value."""
@@ -151,8 +142,6 @@ def value(kind: int, d: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
     a = pi[p, d]
     if kind == DISTANCE:
         xi[x, d] = np.sqrt(a)
-    elif kind == RADIUS:
-        xi[x, d] = radius(pi, p, d)
     elif kind == ANGLE:
         xi[x, d] = np.arctan2(pi[p, d + 1], a)
     elif kind == ROTATION:
@@ -195,9 +184,6 @@ def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     a = pi[p, d]
     if kind == DISTANCE:
         J[j, d, d] = 0.5 / np.sqrt(a)
-    elif kind == RADIUS:
-        for i in range(d, d + 3):
-            J[j, d, i] = pi[p, i] / radius(pi, p, d)
     elif kind == ANGLE:
         b = pi[p, d + 1]
         J[j, d, d], J[j, d, d + 1] = -b / (a * a + b * b), a / (a * a + b * b)
@@ -232,9 +218,6 @@ def discrete(kind: int, d: int, P: Floats, xi0: float, xi1: float, J: Floats) ->
     shifts(kind, d, J, 0)
     if kind == DISTANCE:
         J[0, d, d] = 1.0 / (xi0 + xi1)
-    elif kind == RADIUS:
-        for i in range(d, d + 3):
-            J[0, d, i] = (P[BEGIN, i] + P[AT_END, i]) / (xi0 + xi1)
     elif kind == ANGLE:
         mean = 0.5 * (xi0 + xi1)
         factor = over_sine(0.5 * (xi1 - xi0))[0]
@@ -439,13 +422,6 @@ def slopes(
     else:
         curvature(kind, d, P, AT_MID, X)
     slope(kind, d, P, AT_END, J, 1)
-    if kind == RADIUS:  # by its directions, which are known
-        r, j = V[XI, d], 0
-        if ends:
-            r, j = state[c, XI0 + d] + V[XI1, d], 1
-        for i in range(3):
-            for n in range(3):
-                X[0, i, n] = ((1.0 if i == n else 0.0) - J[0, d, d + i] * J[j, d, d + n]) / r
     clear(H)
     # J_2: derivatives of the force by invariants at the midpoint, then at the end
     for where in range(2):

@@ -3,7 +3,7 @@
 # -- force elements, see :mod:`.forces` ---------------------------------------------------------
 
 #: kinds of the last coordinate
-DISPLACEMENT, DISTANCE, ANGLE, ROTATION, RADIUS = range(5)
+DISPLACEMENT, DISTANCE, ANGLE, ROTATION = range(4)
 #: most components and invariants of an element
 MOST_XI, MOST_PI = 6, 7
 #: rows of a side

@@ -20,9 +20,6 @@ import numpy as np
 
 from ..types import Array, Floats
 
-#: added to radii, by which something is divided: on the axis there is no direction
-AXIS = 1e-100
-
 
 class Kind(ABC):
     """A kind of relative coordinate.
@@ -82,20 +79,6 @@ class Distance(Kind):
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1/(xi_0 + xi_1)``."""
         return 1 / (xi0 + xi1)[..., None]
-
-
-class Radius(Kind):
-    """``xi = |pi|``; ``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)``, both without a direction at zero."""
-
-    invariants = 3
-
-    def value(self, pi: Array) -> Array:
-        """``xi = |pi|``."""
-        return np.asarray(np.sqrt((pi * pi).sum(-1, keepdims=True)) + AXIS)
-
-    def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
-        """``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)`` (..., 1, 3)."""
-        return ((pi0 + pi1) / (xi0 + xi1))[..., None, :]
 
 
 class Angle(Kind):
@@ -196,7 +179,6 @@ KINDS: dict[str, Kind] = {
     "position": Displacement(),
     "height": Displacement(),
     "distance": Distance(),
-    "radius": Radius(),
     "angle": Angle(),
     "rotation": Rotation(),
 }
