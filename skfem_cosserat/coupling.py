@@ -592,7 +592,8 @@ class Foundation(Composed):
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy for the beam that replaces its own, on the nodes of that beam."""
-        return type(self)(replacements.of(self.beam), *self.tensors, self.part)
+        stiffness, damping = self.tensors
+        return type(self)(replacements.of(self.beam), stiffness, damping, self.part)
 
     def references(self) -> Sequence[Item]:
         """The beam."""

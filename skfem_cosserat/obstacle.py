@@ -39,11 +39,8 @@ class Surface(Frozen):
         label = type(self).__name__.lower()
         self.point, self.across, self.radius = vector(label, "point", point), across, radius
         self.inside = switch(label, inside, "inside")
-
-    @property
-    def side(self) -> float:
-        """-1 if a larger length is a smaller gap, else 1."""
-        return -1.0 if self.inside else 1.0
+        #: -1 if a larger length is a smaller gap
+        self.side = -1.0 if inside else 1.0
 
     def gap(self, x: Array) -> Array:
         """Distances (n,) outside of points x (n, 3) in m; they may be complex."""
@@ -154,10 +151,12 @@ class _Touch(Coupling):
     kind = "obstacle"
     slack = True
 
-    def __init__(self, surface: Plane | Sphere, place: Place, radius: float, *law: float) -> None:
+    def __init__(
+        self, surface: Plane | Sphere, place: Place, radius: float, k: float, c: float
+    ) -> None:
         self.a, self.b = ground(surface.point), place
         self.coordinates, self.sign = (surface.coordinate(place),), -surface.side
-        self._set_law(*law, surface.radius + surface.side * radius)
+        self._set_law(k, c, surface.radius + surface.side * radius)
 
 
 class Obstacle(Composed):
@@ -249,9 +248,11 @@ class Obstacle(Composed):
             raise InputError(self.label, "is against nothing, expected one place or more")
         self._places, radii, shares = zip(*points, strict=True)
         self._radii = np.array(radii)[:, None] + radius
-        self._shares = np.array(shares)[:, None]
+        self._stiffness = np.array(shares)[:, None] * stiffness
         #: the gap with its derivatives, of complex numbers, too
-        self._gap = LawStored(self._gap_of, None, None, np.eye(3))
+        self._gap = LawStored(
+            self._gap_of, None, None, np.eye(3), size=getattr(surface, "radius", 0.0) or 1.0
+        )
         self._made: dict[str, Coupling] = {}
         if isinstance(surface, Plane | Sphere):
             for k, (place, more, share) in enumerate(points):
@@ -267,7 +268,8 @@ class Obstacle(Composed):
             self._made[""] = Force(
                 self._places, energy=self._energy, derivative=self._gradient, each=True
             )
-        self._damping = damping
+        #: times the stiffness: of dampers that no coupling has (s)
+        self._delay = damping / stiffness
         if friction or damping:
             self._made["/friction"] = Force(self._places, self._law, each=True)
 
@@ -297,19 +299,18 @@ class Obstacle(Composed):
         return depth * (depth.real > 0)
 
     def _energy(self, x: Array) -> Array:
-        return (0.5 * self.stiffness * self._shares * self._depth(x) ** 2).ravel()
+        return (0.5 * self._stiffness * self._depth(x) ** 2).ravel()
 
     def _gradient(self, x: Array) -> Array:
-        force = self.stiffness * self._shares * self._depth(x)
-        return -force.reshape(-1, 1) * self._gap.stress(x)
+        return -(self._stiffness * self._depth(x)).reshape(-1, 1) * self._gap.stress(x)
 
     def _law(self, x: Array, v: Array, t: float) -> Array:
         """Friction, and dampers that no coupling has."""
         depth, normal = self._depth(x), self._gap.stress(x)
         speed = (v * normal).sum(-1, keepdims=True)
         slip = v - speed * normal
-        press = (self.stiffness * self._shares * depth).reshape(-1, 1)
-        push = -speed * (self._damping * self._shares * (depth.real > 0)).reshape(-1, 1)
+        press = (self._stiffness * depth).reshape(-1, 1)
+        push = -speed * (self._delay * self._stiffness * (depth.real > 0)).reshape(-1, 1)
         push = np.where(push.real < -press.real, -press, push)
         rough = np.sqrt((slip * slip).sum(-1, keepdims=True) + (self.slip_speed or 1.0) ** 2)
         return push * normal - self.friction * press / rough * slip
