@@ -568,22 +568,19 @@ class Foundation(Composed):
             self._tensor(name, value)
             for name, value in (("stiffness", stiffness), ("damping", damping))
         )
-        self._made = self._on_nodes()
+        k, c = self.tensors
+        elements = beam.part(part)
+        nodes, lengths = beam.basis.connectivity[elements], beam.basis.elemental_load(elements)
+        weights = np.bincount(nodes.ravel(), lengths.ravel())
+        # springs on nodes, in proportion to their lengths
+        self._made = {
+            f"/{node}": _Support(beam.node(int(node)), weights[node] * k, weights[node] * c)
+            for node in np.flatnonzero(weights)
+        }
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from super()._parts()
         yield from zip(("stiffness", "damping"), self.tensors, strict=True)
-
-    def _on_nodes(self) -> dict[str, Coupling]:
-        """A spring on each node, in proportion to its length."""
-        beam, (k, c) = self.beam, self.tensors
-        elements = beam.part(self.part)
-        nodes, lengths = beam.basis.connectivity[elements], beam.basis.elemental_load(elements)
-        weights = np.bincount(nodes.ravel(), lengths.ravel())
-        return {
-            f"/{node}": _Support(beam.node(int(node)), weights[node] * k, weights[node] * c)
-            for node in np.flatnonzero(weights)
-        }
 
     def _tensor(self, name: str, value: float | ArrayLike) -> Floats:
         """(3, 3) of a number, three or nine."""

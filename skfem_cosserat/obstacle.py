@@ -14,7 +14,7 @@ from .force import Force
 from .frames import Item, Place, StructuralItem, ground, is_beam, no_place, unit_vector, vector
 from .frozen import Frozen, Replacements
 from .law import LawStored
-from .relative import ORIGIN, Product, RelativeCoordinate, direction, distance, point
+from .relative import RelativeCoordinate, displacement, distance
 from .types import Array, ArrayLike, Floats, not_negative, positive, switch
 
 
@@ -75,8 +75,8 @@ class Plane(Surface):
 
     def coordinate(self, place: Place) -> RelativeCoordinate:
         """The height of a place."""
-        r = point(place) - point(ground(self.point))
-        return RelativeCoordinate("gap", "height", ((Product(direction(ORIGIN, self.normal), r),),))
+        forms = displacement("gap", ground(self.point), place, self.normal).forms
+        return RelativeCoordinate("gap", "height", forms)
 
 
 class Sphere(Surface):
@@ -250,9 +250,8 @@ class Obstacle(Composed):
         self._radii = np.array(radii)[:, None] + radius
         self._stiffness = np.array(shares)[:, None] * stiffness
         #: the gap with its derivatives, of complex numbers, too
-        self._gap = LawStored(
-            self._gap_of, None, None, np.eye(3), size=getattr(surface, "radius", 0.0) or 1.0
-        )
+        size = getattr(surface, "radius", 0.0) or 1.0
+        self._gap = LawStored(self._gap_of, None, None, np.eye(3), size=size)
         self._made: dict[str, Coupling] = {}
         if isinstance(surface, Plane | Sphere):
             for k, (place, more, share) in enumerate(points):
@@ -324,4 +323,4 @@ class Obstacle(Composed):
 
     def references(self) -> Sequence[Item]:
         """The items of its points."""
-        return [place.item for place in self._places if place.item is not None]
+        return [place.item for place in self._places if place.item]
