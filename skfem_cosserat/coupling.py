@@ -135,6 +135,16 @@ class Composed(Item):
             out += piece.pieces()
         return out
 
+    def references(self) -> Sequence[Item]:
+        """The items that its force elements refer to."""
+        found = [item for piece in self._made.values() for item in piece.references()]
+        return list(dict.fromkeys(found))
+
+    def with_replacements(self, replacements: Replacements) -> Self:
+        """Made again, on the items that replace its own."""
+        parts = {name: replacements.of(value) for name, value in self._parts()}
+        return type(self)(**parts)
+
 
 def semidefinite(item: str, name: str, array: Floats) -> Floats:
     """The array, if it is a finite, symmetric, positive semidefinite matrix."""
@@ -278,17 +288,14 @@ class JointLimits(Composed):
         if lower is not None and upper is not None and not lower < upper:
             raise InputError(self.label, f"lower = {lower}, expected less than upper = {upper}")
         positive(self.label, "stiffness", stiffness, " (N/m or N m/rad)")
-        self.joint = joint
+        self.joint, self.lower, self.upper, self.coordinate = joint, lower, upper, coordinate
+        self.stiffness, self.damping = stiffness, damping
         self._made = {
             f"/{name}": _Stop(
                 joint, sign, finite(self.label, name, end), stiffness, damping, coordinate
             )
             for name, (sign, end) in given.items()
         }
-
-    def references(self) -> Sequence[Item]:
-        """The joint."""
-        return [self.joint]
 
 
 class JointActuator(_OnJoint):
@@ -586,12 +593,3 @@ class Foundation(Composed):
         """(3, 3) of a number, three or nine."""
         array = shaped(self.label, name, value, (), (3,), (3, 3))
         return semidefinite(self.label, name, array if array.ndim == 2 else array * np.eye(3))
-
-    def with_replacements(self, replacements: Replacements) -> Self:
-        """Copy for the beam that replaces its own, on the nodes of that beam."""
-        stiffness, damping = self.tensors
-        return type(self)(replacements.of(self.beam), stiffness, damping, self.part)
-
-    def references(self) -> Sequence[Item]:
-        """The beam."""
-        return [self.beam]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +11,8 @@ from .body import MassPoint, RigidBody
 from .coupling import Composed, Coupling
 from .errors import InputError, failed
 from .force import Force
-from .frames import Item, Place, StructuralItem, ground, is_beam, no_place, unit_vector, vector
-from .frozen import Frozen, Replacements
+from .frames import Place, StructuralItem, ground, is_beam, no_place, unit_vector, vector
+from .frozen import Frozen
 from .law import LawStored
 from .relative import RelativeCoordinate, displacement, distance
 from .types import Array, ArrayLike, Floats, not_negative, positive, switch
@@ -246,7 +246,7 @@ class Obstacle(Composed):
         points = [each for item in self.against for each in self._points_of(item)]
         if not points:
             raise InputError(self.label, "is against nothing, expected one place or more")
-        self._places, radii, shares = zip(*points, strict=True)
+        places, radii, shares = zip(*points, strict=True)
         self._radii = np.array(radii)[:, None] + radius
         self._stiffness = np.array(shares)[:, None] * stiffness
         #: the gap with its derivatives, of complex numbers, too
@@ -261,16 +261,16 @@ class Obstacle(Composed):
             damping = 0.0
         else:
             try:
-                self._gap_of(np.array([place.position for place in self._places]) + 0j)
+                self._gap_of(np.array([place.position for place in places]) + 0j)
             except Exception as error:
                 raise failed(self.label, f"surface = {surface!r}", error) from error
             self._made[""] = Force(
-                self._places, energy=self._energy, derivative=self._gradient, each=True
+                places, energy=self._energy, derivative=self._gradient, each=True
             )
         #: times the stiffness: of dampers that no coupling has (s)
         self._delay = damping / stiffness
         if friction or damping:
-            self._made["/friction"] = Force(self._places, self._law, each=True)
+            self._made["/friction"] = Force(places, self._law, each=True)
 
     def _points_of(self, item: object) -> list[tuple[Place, float, float]]:
         """Places, with the radius (m) of a ball and the share of the stiffness of each."""
@@ -313,14 +313,3 @@ class Obstacle(Composed):
         push = np.where(push.real < -press.real, -press, push)
         rough = np.sqrt((slip * slip).sum(-1, keepdims=True) + (self.slip_speed or 1.0) ** 2)
         return push * normal - self.friction * press / rough * slip
-
-    # -- protocol ----------------------------------------------------------------------------------
-
-    def with_replacements(self, replacements: Replacements) -> Self:
-        """The same obstacle for what replaces the items, on all of their points."""
-        numbers = self.stiffness, self.damping, self.friction, self.slip_speed, self.radius
-        return type(self)(self.surface, replacements.of(self.against), *numbers)
-
-    def references(self) -> Sequence[Item]:
-        """The items of its points."""
-        return [place.item for place in self._places if place.item]

@@ -20,6 +20,9 @@ import numpy as np
 
 from ..types import Array, Floats
 
+#: added to squares of distances, which are divided by: at a distance of zero there is no direction
+NEAR = 1e-200
+
 
 class Kind(ABC):
     """A kind of relative coordinate.
@@ -74,7 +77,7 @@ class Distance(Kind):
 
     def value(self, pi: Array) -> Array:
         """``xi = sqrt(pi)``."""
-        return np.sqrt(pi)
+        return np.asarray(np.sqrt(pi + NEAR))
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1/(xi_0 + xi_1)``."""
