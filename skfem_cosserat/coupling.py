@@ -137,13 +137,11 @@ class Composed(Item):
 
     def references(self) -> Sequence[Item]:
         """The items that its force elements refer to."""
-        found = [item for piece in self._made.values() for item in piece.references()]
-        return list(dict.fromkeys(found))
+        return [item for piece in self._made.values() for item in piece.references()]
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Made again, on the items that replace its own."""
-        parts = {name: replacements.of(value) for name, value in self._parts()}
-        return type(self)(**parts)
+        return type(self)(**{name: replacements.of(value) for name, value in self._parts()})
 
 
 def semidefinite(item: str, name: str, array: Floats) -> Floats:

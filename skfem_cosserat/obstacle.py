@@ -164,22 +164,24 @@ class Obstacle(Composed):
 
     Points push back with the potential ``V = k d^2/2`` while they are deeper than d = 0 in the
     obstacle, so they are in it by d = N/k where they press with N: a ball of m kg lies ``m g/k``
-    deep. Take k large enough for that to be little; steps must be short against
-    ``pi sqrt(m/k)``, the time of an impact. With :class:`EnergyMomentum` impacts keep the energy
-    exactly, all others have an error in each of them. Sliding friction of Coulomb is regularised:
-    ``-mu N v/sqrt(v^2 + v_eps^2)`` for a velocity v along the surface. So nothing sticks: what is
-    pushed with less than ``mu N`` creeps with less than about v_eps; at rest, in statics and modes,
-    there is no friction.
+    deep. Take k large enough for that to be little; an impact takes about ``pi sqrt(m/k)``, and
+    what is thinner than a step is long is passed. With :class:`EnergyMomentum` impacts keep the
+    energy exactly, other schemes make an error in each of them. Coulomb's sliding friction is
+    regularised: ``-mu N v/sqrt(v^2 + v_eps^2)``, for a velocity v along the surface and N = k d.
+    So nothing sticks: what is pushed with less than ``mu N`` creeps, slower than about v_eps; at
+    rest, in statics and modes, there is no friction.
 
     Points touch, not lines and faces: of a beam these are its nodes, which must be closer to each
     other than thin obstacles are wide. All forces act at the points: what has a radius is not
-    turned by friction, balls do not roll. Not there: beams that touch beams or bodies that touch
+    turned by friction, balls do not roll. Not there: beams that touch beams, bodies that touch
     bodies, friction in joints, a coefficient of restitution (there is `damping`), adhesion.
 
-    In histories point k is ``coupling/NAME/k``, its coordinate the height over the plane, or the
-    distance from the centre or the axis. The energy is in ``coupling_energy``. Friction is
-    ``load/NAME/friction``, its work in ``work_loads``. Of an own function all forces are
-    ``load/NAME``.
+    With planes and spheres point k is ``coupling/NAME/k`` in histories, its coordinate the height
+    over the plane, or the distance from the centre; friction is ``load/NAME/friction``. Cylinders
+    and own functions are called back from compiled steps, which takes longer; their forces are
+    ``load/NAME``, and dampers belong to ``load/NAME/friction``. When such a contact begins or ends,
+    :class:`EnergyMomentum` has a force along the surface that falls with the square of the step.
+    The energy is in ``coupling_energy``, the work of friction in ``work_loads``.
 
     Parameters
     ----------
@@ -192,8 +194,8 @@ class Obstacle(Composed):
     stiffness : float
         k (N/m), positive; of beams per length (N/m^2).
     damping : float
-        c (N s/m; of beams per length), not negative: ``c`` times the velocity into the obstacle is
-        added to ``k d`` while that is positive; it never pulls.
+        c (N s/m; of beams N s/m^2), not negative: ``c`` times the velocity into the obstacle is
+        added to ``k d`` in it, and never pulls.
     friction : float
         Coefficient mu, not negative.
     slip_speed : float, optional
@@ -239,9 +241,9 @@ class Obstacle(Composed):
         self.stiffness = positive(self.label, "stiffness", stiffness, " (N/m; of beams N/m^2)")
         self.damping = not_negative(self.label, "damping", damping)
         self.friction = not_negative(self.label, "friction", friction)
-        self.slip_speed = slip_speed
         if friction:
-            self.slip_speed = positive(self.label, "slip_speed", slip_speed, " (m/s)")
+            slip_speed = positive(self.label, "slip_speed", slip_speed, " (m/s)")
+        self.slip_speed = slip_speed
         self.radius = not_negative(self.label, "radius", radius)
         points = [each for item in self.against for each in self._points_of(item)]
         if not points:
@@ -289,8 +291,8 @@ class Obstacle(Composed):
     # -- laws of all places (n, 3) together: points, then complex steps of each --------------------
 
     def _gap_of(self, x: Array) -> Array:
-        gap: Any = getattr(self.surface, "gap", self.surface)
-        return np.asarray(gap(x.reshape(-1, 3)).reshape(x.shape[:-1]))
+        found: Array = getattr(self.surface, "gap", self.surface)(x.reshape(-1, 3))
+        return found.reshape(x.shape[:-1])
 
     def _depth(self, x: Array) -> Array:
         """How deep places are in the obstacle (points, steps), zero outside."""

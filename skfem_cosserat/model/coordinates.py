@@ -77,7 +77,7 @@ class Distance(Kind):
 
     def value(self, pi: Array) -> Array:
         """``xi = sqrt(pi)``."""
-        return np.asarray(np.sqrt(pi + NEAR))
+        return np.sqrt(pi + NEAR)
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1/(xi_0 + xi_1)``."""
